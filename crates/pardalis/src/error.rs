@@ -1,0 +1,73 @@
+//! The one error type of the library.
+
+/// What can be wrong with what the library is given.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A number lies outside what is allowed.
+    #[error("{name} is {value}; allowed: {allowed}")]
+    OutOfRange {
+        /// The parameter, named as in scene files.
+        name: String,
+        /// Its value, as given.
+        value: String,
+        /// What is allowed.
+        allowed: String,
+    },
+    /// An image is empty or too large.
+    #[error(
+        "the image is {width} x {height} pixels; allowed: 1 to {} a side",
+        crate::frame::MAX_IMAGE_SIDE_PX
+    )]
+    ImageSize {
+        /// Width in pixels.
+        width: usize,
+        /// Height in pixels.
+        height: usize,
+    },
+    /// An image has another number of bytes than its size and format ask for.
+    #[error("the image has {found} bytes where its size and format ask for {expected}")]
+    ImageBytes {
+        /// What size and format ask for.
+        expected: usize,
+        /// What was given.
+        found: usize,
+    },
+    /// Two images that belong together differ in size.
+    #[error("{what} is {} x {} pixels where {} x {} are expected", found.0, found.1, expected.0, expected.1)]
+    SizeMismatch {
+        /// Which image.
+        what: String,
+        /// Expected width and height in pixels.
+        expected: (usize, usize),
+        /// Found width and height in pixels.
+        found: (usize, usize),
+    },
+    /// Something that must hold at least one element is empty.
+    #[error("{what} is empty: {remedy}")]
+    Empty {
+        /// What is empty.
+        what: String,
+        /// What to do about it.
+        remedy: String,
+    },
+    /// A text file could not be understood.
+    #[error("line {line}: {message}")]
+    Parse {
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong and what is allowed.
+        message: String,
+    },
+}
+
+impl Error {
+    /// A number outside its allowed range.
+    pub fn out_of_range(name: &str, value: impl ToString, allowed: &str) -> Self {
+        Self::OutOfRange {
+            name: name.to_owned(),
+            value: value.to_string(),
+            allowed: allowed.to_owned(),
+        }
+    }
+}
