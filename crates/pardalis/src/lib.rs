@@ -3,6 +3,9 @@
 pub mod color;
 mod error;
 pub mod frame;
+pub mod real;
+pub mod rng;
+pub mod simd;
 
 pub use error::Error;
 pub use frame::{Frame, PixelFormat};

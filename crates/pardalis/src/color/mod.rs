@@ -1,5 +1,11 @@
 //! Colour: what pixels mean, bins, histograms, and colour models learnt from labelled pixels.
 
+mod histogram;
+mod model;
+mod palette;
 mod space;
 
+pub use histogram::Histogram;
+pub use model::{ColorLearner, ColorModel, Separation};
+pub use palette::{MAX_BINS, MAX_CHANNEL_BINS, Palette, PixelKind, PixelTable};
 pub use space::{YuvEncoding, YuvMatrix, YuvRange, hsi_from_rgb};

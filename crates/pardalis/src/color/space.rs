@@ -24,6 +24,26 @@ pub enum YuvRange {
     Limited,
 }
 
+impl YuvMatrix {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bt601 => "bt601",
+            Self::Bt709 => "bt709",
+        }
+    }
+}
+
+impl YuvRange {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::Limited => "limited",
+        }
+    }
+}
+
 /// Matrix and range together: what the numbers of a YUV pixel mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

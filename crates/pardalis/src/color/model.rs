@@ -1,0 +1,409 @@
+//! Colour models: learnt from labelled pixels, kept as small readable files.
+
+use std::fmt::Write as _;
+
+use serde::Deserialize;
+
+use super::histogram::Histogram;
+use super::palette::{Palette, PixelKind, PixelTable};
+use crate::{Error, Frame};
+
+/// What a target looks like: the histogram of its pixels in one palette.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColorModel {
+    palette: Palette,
+    histogram: Histogram,
+    pixel_count: u64,
+    image_count: u64,
+}
+
+/// The first line of every colour model file.
+const FORMAT: &str = "pardalis color model 1";
+
+/// The text form, as it stands in the file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ColorModelText {
+    format: String,
+    palette: Palette,
+    pixel_count: u64,
+    image_count: u64,
+    /// Channel indices of a bin and the number of the target's pixels in it.
+    bins: Vec<toml::Spanned<[u64; 4]>>,
+}
+
+impl ColorModel {
+    /// The division of colour space.
+    pub fn palette(&self) -> Palette {
+        self.palette
+    }
+
+    /// Shares of the target's pixels.
+    pub fn histogram(&self) -> &Histogram {
+        &self.histogram
+    }
+
+    /// How many pixels it was learnt from.
+    pub fn pixel_count(&self) -> u64 {
+        self.pixel_count
+    }
+
+    /// How many images it was learnt from.
+    pub fn image_count(&self) -> u64 {
+        self.image_count
+    }
+
+    /// The file's text: TOML, one line a bin, the most frequent first.
+    pub fn to_text(&self) -> String {
+        let [first, second, third] = self.palette.channel_names();
+        let mut text = format!(
+            "# The colours of a target, learnt by `pardalis learn`.\nformat = \"{FORMAT}\"\n\
+             pixel_count = {}\nimage_count = {}\n\n# bin of {first}, of {second}, of {third}; number of pixels\nbins = [\n",
+            self.pixel_count, self.image_count
+        );
+        let mut rows: Vec<(u64, u16)> = (0..self.palette.bin_count() as u16)
+            .map(|bin| (self.count_of(bin), bin))
+            .filter(|&(count, _)| count > 0)
+            .collect();
+        rows.sort_by_key(|&(count, bin)| (u64::MAX - count, bin));
+        for (count, bin) in rows {
+            let [a, b, c] = self.palette.channels_of_bin(bin);
+            let _ = writeln!(text, "    [{a}, {b}, {c}, {count}],");
+        }
+        text.push_str("]\n\n");
+        let bins = self.palette.channel_bins();
+        let _ = match self.palette {
+            Palette::Hsi { .. } => writeln!(
+                text,
+                "[palette.hsi]\nhue_bins = {}\nsaturation_bins = {}\nintensity_bins = {}",
+                bins[0], bins[1], bins[2]
+            ),
+            Palette::Yuv { encoding, .. } => writeln!(
+                text,
+                "[palette.yuv]\ny_bins = {}\nu_bins = {}\nv_bins = {}\nmatrix = \"{}\"\nrange = \"{}\"",
+                bins[0],
+                bins[1],
+                bins[2],
+                encoding.matrix.name(),
+                encoding.range.name()
+            ),
+            Palette::Rgb { channel_bins } => {
+                writeln!(text, "[palette.rgb]\nchannel_bins = {channel_bins}")
+            }
+        };
+        text
+    }
+
+    /// Reads a file's text.
+    pub fn from_text(text: &str) -> Result<Self, Error> {
+        let line_of = |offset: usize| text[..offset.min(text.len())].matches('\n').count() + 1;
+        let parsed: ColorModelText = toml::from_str(text).map_err(|e| Error::Parse {
+            line: line_of(e.span().map_or(0, |span| span.start)),
+            message: e.message().to_owned(),
+        })?;
+        let at = |line: usize, message: String| Error::Parse { line, message };
+        let line_with = |key: &str| {
+            text.lines()
+                .position(|l| l.starts_with(key))
+                .map_or(1, |i| i + 1)
+        };
+        if parsed.format != FORMAT {
+            let message = format!("format is \"{}\"; allowed: \"{FORMAT}\"", parsed.format);
+            return Err(at(line_with("format"), message));
+        }
+        parsed
+            .palette
+            .check()
+            .map_err(|e| at(line_with("[palette"), e.to_string()))?;
+        let mut counts = vec![0_u64; parsed.palette.bin_count()];
+        for row in &parsed.bins {
+            let line = line_of(row.span().start);
+            let [a, b, c, count] = *row.get_ref();
+            let channels = [a, b, c].map(|index| u16::try_from(index).unwrap_or(u16::MAX));
+            let Some(bin) = parsed.palette.bin_of_channels(channels) else {
+                let allowed = parsed.palette.channel_bins();
+                let message = format!(
+                    "bin {a}, {b}, {c} does not exist; the palette has {allowed:?} bins, counted from 0"
+                );
+                return Err(at(line, message));
+            };
+            let slot = &mut counts[usize::from(bin)];
+            if *slot > 0 {
+                return Err(at(line, format!("bin {a}, {b}, {c} stands there twice")));
+            }
+            if count == 0 || count > 1 << 40 {
+                return Err(at(
+                    line,
+                    format!("{count} pixels; allowed: 1 to 2^40 (leave out empty bins)"),
+                ));
+            }
+            *slot = count;
+        }
+        let total: u64 = counts.iter().sum();
+        if total != parsed.pixel_count {
+            let message = format!(
+                "pixel_count is {}, but the bins hold {total} pixels",
+                parsed.pixel_count
+            );
+            return Err(at(line_with("pixel_count"), message));
+        }
+        let histogram = Histogram::from_counts(&counts).ok_or_else(|| {
+            at(
+                line_with("bins"),
+                "bins holds no pixel; learn the model again".to_owned(),
+            )
+        })?;
+        Ok(Self {
+            palette: parsed.palette,
+            histogram,
+            pixel_count: parsed.pixel_count,
+            image_count: parsed.image_count,
+        })
+    }
+
+    /// The number of pixels of a bin that the model was learnt from.
+    pub fn count_of(&self, bin: u16) -> u64 {
+        (self.histogram.shares()[usize::from(bin)] * self.pixel_count as f64).round() as u64
+    }
+}
+
+/// Gathers labelled pixels of several images.
+#[derive(Debug, Clone)]
+pub struct ColorLearner {
+    palette: Palette,
+    table: Option<(PixelKind, PixelTable)>,
+    object_counts: Vec<u64>,
+    background_counts: Vec<u64>,
+    image_count: u64,
+}
+
+impl ColorLearner {
+    /// Learns in this palette.
+    pub fn new(palette: Palette) -> Result<Self, Error> {
+        palette.check()?;
+        let bins = palette.bin_count();
+        Ok(Self {
+            palette,
+            table: None,
+            object_counts: vec![0; bins],
+            background_counts: vec![0; bins],
+            image_count: 0,
+        })
+    }
+
+    /// The bins of all pixels of a frame, row by row.
+    pub fn bins_of(&mut self, frame: &Frame) -> Vec<u16> {
+        let kind = PixelKind::of(frame);
+        if self.table.as_ref().is_none_or(|(known, _)| *known != kind) {
+            self.table = Some((kind, PixelTable::new(self.palette, kind)));
+        }
+        let table = self.table.as_ref().map(|(_, table)| table);
+        let mut bins = Vec::with_capacity(frame.width() * frame.height());
+        for y in 0..frame.height() {
+            for x in 0..frame.width() {
+                bins.extend(table.map(|t| t.bin(frame.components(x, y))));
+            }
+        }
+        bins
+    }
+
+    /// Adds one image. `is_object` says of each pixel, row by row, whether it shows the target; it has one entry a pixel.
+    pub fn add(&mut self, frame: &Frame, is_object: &[bool]) -> Result<(), Error> {
+        let expected = frame.width() * frame.height();
+        if is_object.len() != expected {
+            return Err(Error::ImageBytes {
+                expected,
+                found: is_object.len(),
+            });
+        }
+        for (bin, &object) in self.bins_of(frame).into_iter().zip(is_object) {
+            let counts = if object {
+                &mut self.object_counts
+            } else {
+                &mut self.background_counts
+            };
+            counts[usize::from(bin)] += 1;
+        }
+        self.image_count += 1;
+        Ok(())
+    }
+
+    /// Pixels of the target and of the rest in each bin.
+    pub fn counts(&self) -> (&[u64], &[u64]) {
+        (&self.object_counts, &self.background_counts)
+    }
+
+    /// The model of what was labelled.
+    pub fn learn(&self) -> Result<ColorModel, Error> {
+        let histogram =
+            Histogram::from_counts(&self.object_counts).ok_or_else(|| Error::Empty {
+                what: "the set of labelled pixels".to_owned(),
+                remedy: "label at least one pixel of the target".to_owned(),
+            })?;
+        Ok(ColorModel {
+            palette: self.palette,
+            histogram,
+            pixel_count: self.object_counts.iter().sum(),
+            image_count: self.image_count,
+        })
+    }
+
+    /// How well the bins tell the target's pixels from the rest.
+    pub fn separation(&self) -> Separation {
+        Separation::of(&self.object_counts, &self.background_counts)
+    }
+}
+
+/// How well a palette tells a target's pixels from the rest of the images it was learnt from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Separation {
+    /// Log of object share over background share of each bin, with half a pixel added to every bin.
+    pub log_odds: Vec<f64>,
+    /// Bhattacharyya similarity of the two histograms: 0 when no bin is shared.
+    pub similarity: f64,
+    /// Share of the target's pixels whose log odds are above zero.
+    pub object_found: f64,
+    /// Share of the other pixels whose log odds are above zero.
+    pub background_mistaken: f64,
+    /// Chance that a pixel of the target scores above one of the background (area under the ROC curve).
+    pub area_under_curve: f64,
+}
+
+impl Separation {
+    fn of(object: &[u64], background: &[u64]) -> Self {
+        let total = |counts: &[u64]| counts.iter().sum::<u64>().max(1) as f64;
+        let (object_total, background_total) = (total(object), total(background));
+        let share =
+            |count: u64, total: f64| (count as f64 + 0.5) / (total + 0.5 * object.len() as f64);
+        let log_odds: Vec<f64> = object
+            .iter()
+            .zip(background)
+            .map(|(&o, &b)| (share(o, object_total) / share(b, background_total)).ln())
+            .collect();
+        let above_zero = |counts: &[u64], total: f64| {
+            counts
+                .iter()
+                .zip(&log_odds)
+                .filter(|&(_, &l)| l > 0.0)
+                .map(|(&n, _)| n)
+                .sum::<u64>() as f64
+                / total
+        };
+        let similarity = object
+            .iter()
+            .zip(background)
+            .map(|(&o, &b)| (o as f64 * b as f64).sqrt())
+            .sum::<f64>()
+            / (object_total * background_total).sqrt();
+        // Bins from the least to the most object-like; pixels of one score count half.
+        let mut order: Vec<usize> = (0..object.len()).collect();
+        order.sort_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b]).then(a.cmp(&b)));
+        let (mut below, mut area) = (0.0, 0.0);
+        for group in order.chunk_by(|&a, &b| log_odds[a] == log_odds[b]) {
+            let o = group.iter().map(|&bin| object[bin]).sum::<u64>() as f64;
+            let b = group.iter().map(|&bin| background[bin]).sum::<u64>() as f64;
+            area += o * (below + b / 2.0);
+            below += b;
+        }
+        Self {
+            similarity,
+            object_found: above_zero(object, object_total),
+            background_mistaken: above_zero(background, background_total),
+            area_under_curve: area / (object_total * background_total),
+            log_odds,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::PixelFormat;
+    use crate::color::YuvEncoding;
+
+    fn two_colours() -> (Frame, Vec<bool>) {
+        let mut bytes = Vec::new();
+        for i in 0..12 {
+            bytes.extend_from_slice(if i < 5 {
+                &[230, 110, 20]
+            } else {
+                &[40, 90, 40]
+            });
+        }
+        let frame =
+            Frame::new(PixelFormat::Rgb8, YuvEncoding::default(), 4, 3, bytes, 0.0).unwrap();
+        (frame, (0..12).map(|i| i < 5).collect())
+    }
+
+    #[test]
+    fn a_learnt_model_survives_its_file() {
+        let (frame, labels) = two_colours();
+        for palette in [Palette::HSI, Palette::YUV, Palette::Rgb { channel_bins: 8 }] {
+            let mut learner = ColorLearner::new(palette).unwrap();
+            learner.add(&frame, &labels).unwrap();
+            let model = learner.learn().unwrap();
+            assert_eq!(model.count_of(palette.bin_of_rgb([230.0, 110.0, 20.0])), 5);
+            assert_eq!(
+                ColorModel::from_text(&model.to_text()),
+                Ok(model.clone()),
+                "{}",
+                model.to_text()
+            );
+            let separation = learner.separation();
+            assert_eq!(
+                (
+                    separation.object_found,
+                    separation.background_mistaken,
+                    separation.area_under_curve
+                ),
+                (1.0, 0.0, 1.0)
+            );
+            assert_eq!(separation.similarity, 0.0);
+        }
+    }
+
+    #[test]
+    fn faulty_files_are_refused_with_the_line() {
+        let (frame, labels) = two_colours();
+        let mut learner = ColorLearner::new(Palette::HSI).unwrap();
+        learner.add(&frame, &labels).unwrap();
+        let text = learner.learn().unwrap().to_text();
+        for (from, to, line, word) in [
+            ("color model 1", "color model 9", 2, "format"),
+            ("hue_bins = 12", "hue_bins = 0", 11, "hue"),
+            ("hue_bins = 12", "hue_bins = 12\nhues = 3", 13, "hues"),
+            ("pixel_count = 5", "pixel_count = 6", 3, "pixel_count"),
+            (", 5],", ", 5],\n    [1, 200, 3, 5],", 9, "does not exist"),
+            (", 5],", ", -5],", 8, "-5"),
+            (", 5],", ", nan],", 8, "float"),
+        ] {
+            let broken = text.replacen(from, to, 1);
+            assert_ne!(broken, text);
+            match ColorModel::from_text(&broken) {
+                Err(Error::Parse {
+                    line: found,
+                    message,
+                }) => {
+                    assert!(message.contains(word), "{message}");
+                    assert!(
+                        found.abs_diff(line) <= 2,
+                        "line {found} for {message}\n{broken}"
+                    );
+                }
+                other => panic!("{other:?} for\n{broken}"),
+            }
+        }
+        for cut in 0..text.len() {
+            let _ = ColorModel::from_text(&text[..cut]); // must not panic
+        }
+    }
+
+    #[test]
+    fn nothing_labelled_is_no_model() {
+        let (frame, _) = two_colours();
+        let mut learner = ColorLearner::new(Palette::HSI).unwrap();
+        learner.add(&frame, &[false; 12]).unwrap();
+        assert!(learner.learn().is_err());
+        assert!(learner.add(&frame, &[true; 3]).is_err());
+    }
+}

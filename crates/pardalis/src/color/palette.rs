@@ -1,0 +1,322 @@
+//! Palettes: from the colour of a pixel to the number of its histogram bin, by table.
+
+use serde::{Deserialize, Serialize};
+
+use super::space::{YuvEncoding, hsi_from_rgb};
+use crate::frame::PixelFormat;
+use crate::{Error, Frame};
+
+/// A division of colour space into bins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum Palette {
+    /// Hue, saturation and intensity (Taiana 2007, section 4.3).
+    Hsi {
+        /// Bins of hue.
+        hue_bins: u16,
+        /// Bins of saturation.
+        saturation_bins: u16,
+        /// Bins of intensity.
+        intensity_bins: u16,
+    },
+    /// Luma and chroma, straight from a YUV camera's own pixels (Taiana 2007, section 4.3).
+    Yuv {
+        /// Bins of Y.
+        y_bins: u16,
+        /// Bins of U.
+        u_bins: u16,
+        /// Bins of V.
+        v_bins: u16,
+        /// Which YUV the bins divide.
+        #[serde(flatten)]
+        encoding: YuvEncoding,
+    },
+    /// Red, green and blue.
+    Rgb {
+        /// Bins of each channel.
+        channel_bins: u16,
+    },
+}
+
+/// The most bins that one channel may have: colours are told apart in 64 steps a channel.
+pub const MAX_CHANNEL_BINS: u16 = 64;
+
+/// The most bins a palette may have in all, so that bin numbers fit in 16 bits with one to spare.
+pub const MAX_BINS: usize = 65_535;
+
+impl Palette {
+    /// The bins of Taiana 2007 for offline use.
+    pub const HSI: Self = Self::Hsi {
+        hue_bins: 12,
+        saturation_bins: 12,
+        intensity_bins: 4,
+    };
+    /// The bins of Taiana 2007 for real time, in the YUV of JPEG files.
+    pub const YUV: Self = Self::Yuv {
+        y_bins: 4,
+        u_bins: 8,
+        v_bins: 8,
+        encoding: YuvEncoding {
+            matrix: super::YuvMatrix::Bt601,
+            range: super::YuvRange::Full,
+        },
+    };
+
+    /// The number of bins of each channel.
+    pub fn channel_bins(self) -> [u16; 3] {
+        match self {
+            Self::Hsi {
+                hue_bins,
+                saturation_bins,
+                intensity_bins,
+            } => [hue_bins, saturation_bins, intensity_bins],
+            Self::Yuv {
+                y_bins,
+                u_bins,
+                v_bins,
+                ..
+            } => [y_bins, u_bins, v_bins],
+            Self::Rgb { channel_bins } => [channel_bins; 3],
+        }
+    }
+
+    /// The names of the channels, as in files.
+    pub fn channel_names(self) -> [&'static str; 3] {
+        match self {
+            Self::Hsi { .. } => ["hue", "saturation", "intensity"],
+            Self::Yuv { .. } => ["y", "u", "v"],
+            Self::Rgb { .. } => ["red", "green", "blue"],
+        }
+    }
+
+    /// The number of bins in all.
+    pub fn bin_count(self) -> usize {
+        self.channel_bins()
+            .iter()
+            .map(|&n| usize::from(n))
+            .product()
+    }
+
+    /// Refuses bin counts that cannot be tabulated.
+    pub fn check(self) -> Result<(), Error> {
+        for (name, bins) in self.channel_names().iter().zip(self.channel_bins()) {
+            if !(1..=MAX_CHANNEL_BINS).contains(&bins) {
+                return Err(Error::out_of_range(
+                    &format!("bins of {name}"),
+                    bins,
+                    "1 to 64",
+                ));
+            }
+        }
+        if self.bin_count() > MAX_BINS {
+            return Err(Error::out_of_range(
+                "bins in all",
+                self.bin_count(),
+                "1 to 65535",
+            ));
+        }
+        Ok(())
+    }
+
+    /// The bin of a colour given as R, G, B in 0..=255.
+    pub fn bin_of_rgb(self, rgb: [f64; 3]) -> u16 {
+        match self {
+            Self::Hsi { .. } => self.bin_of_shares(hsi_from_rgb(rgb)),
+            Self::Yuv { encoding, .. } => self.bin_of_yuv(encoding.yuv_from_rgb(rgb)),
+            Self::Rgb { .. } => self.bin_of_shares(rgb.map(|c| c / 256.0)),
+        }
+    }
+
+    /// The bin of Y, U, V in 0..=255, of the palette's own encoding.
+    fn bin_of_yuv(self, yuv: [f64; 3]) -> u16 {
+        self.bin_of_shares(yuv.map(|c| c / 256.0))
+    }
+
+    /// The bin of three channels in `[0, 1]`, the first channel varying slowest.
+    fn bin_of_shares(self, channels: [f64; 3]) -> u16 {
+        let bins = self.channel_bins();
+        let mut bin = 0;
+        for (share, n) in channels.into_iter().zip(bins) {
+            let index = ((share * f64::from(n)) as u16).min(n - 1);
+            bin = bin * n + index;
+        }
+        bin
+    }
+
+    /// The three channel indices of a bin.
+    pub fn channels_of_bin(self, bin: u16) -> [u16; 3] {
+        let [_, second, third] = self.channel_bins();
+        [bin / third / second, bin / third % second, bin % third]
+    }
+
+    /// The bin with these channel indices, or `None` when one is out of range.
+    pub fn bin_of_channels(self, channels: [u16; 3]) -> Option<u16> {
+        let bins = self.channel_bins();
+        channels
+            .iter()
+            .zip(bins)
+            .all(|(&c, n)| c < n)
+            .then(|| (channels[0] * bins[1] + channels[1]) * bins[2] + channels[2])
+    }
+
+    /// A colour from the middle of a bin, as R, G, B bytes, to show the bin to people.
+    pub fn rgb_of_bin(self, bin: u16) -> [u8; 3] {
+        let bins = self.channel_bins();
+        let index = self.channels_of_bin(bin);
+        let middle = |c: usize| (f64::from(index[c]) + 0.5) / f64::from(bins[c]);
+        let rgb = match self {
+            Self::Hsi { .. } => rgb_from_hsi([middle(0), middle(1), middle(2)]),
+            Self::Yuv { encoding, .. } => {
+                encoding.rgb_from_yuv([256.0 * middle(0), 256.0 * middle(1), 256.0 * middle(2)])
+            }
+            Self::Rgb { .. } => [256.0 * middle(0), 256.0 * middle(1), 256.0 * middle(2)],
+        };
+        rgb.map(|c| c.round().clamp(0.0, 255.0) as u8)
+    }
+}
+
+/// R, G, B in 0..=255 from hue, saturation and intensity; clamped to the gamut.
+fn rgb_from_hsi([hue, saturation, intensity]: [f64; 3]) -> [f64; 3] {
+    // As HSV with value 1, then scaled so that the mean is the intensity.
+    let channel = |offset: f64| {
+        let k = (offset + hue * 6.0) % 6.0;
+        1.0 - saturation * k.min(4.0 - k).clamp(0.0, 1.0)
+    };
+    let rgb = [channel(5.0), channel(3.0), channel(1.0)];
+    let mean = (rgb[0] + rgb[1] + rgb[2]) / 3.0;
+    rgb.map(|c| (255.0 * c * intensity / mean).clamp(0.0, 255.0))
+}
+
+/// What the three bytes of a frame's pixels are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum PixelKind {
+    /// Red, green and blue.
+    Rgb,
+    /// Y, U and V of this encoding.
+    Yuv(YuvEncoding),
+}
+
+impl PixelKind {
+    /// The kind of this frame's pixels.
+    pub fn of(frame: &Frame) -> Self {
+        match frame.format() {
+            PixelFormat::Rgb8 => Self::Rgb,
+            _ => Self::Yuv(frame.encoding()),
+        }
+    }
+}
+
+/// Steps a channel in a [`PixelTable`].
+const STEPS: usize = 64;
+
+/// From the three raw bytes of a pixel to its bin. Bytes are told apart in steps of four, so that the table stays in the
+/// cache; bins whose borders are multiples of four (4, 8, 16, 32 or 64 bins of Y, U, V or R, G, B) are exact.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PixelTable {
+    bins: Box<[u16]>,
+}
+
+impl PixelTable {
+    /// Tabulates a palette over the pixels of one kind.
+    pub fn new(palette: Palette, kind: PixelKind) -> Self {
+        let mut bins = Vec::with_capacity(STEPS * STEPS * STEPS);
+        for a in 0..STEPS {
+            for b in 0..STEPS {
+                for c in 0..STEPS {
+                    bins.push(Self::bin_of_cell(palette, kind, [a, b, c]));
+                }
+            }
+        }
+        Self { bins: bins.into() }
+    }
+
+    /// The bin of the middle of a cell of the table.
+    fn bin_of_cell(palette: Palette, kind: PixelKind, cell: [usize; 3]) -> u16 {
+        let components = cell.map(|step| 4.0 * step as f64 + 1.5);
+        match (kind, palette) {
+            (PixelKind::Rgb, _) => palette.bin_of_rgb(components),
+            (PixelKind::Yuv(of_frame), Palette::Yuv { encoding, .. }) if encoding == of_frame => {
+                palette.bin_of_yuv(components)
+            }
+            (PixelKind::Yuv(of_frame), _) => palette.bin_of_rgb(of_frame.rgb_from_yuv(components)),
+        }
+    }
+
+    /// The bin of a pixel's three raw bytes.
+    #[inline(always)]
+    pub fn bin(&self, [a, b, c]: [u8; 3]) -> u16 {
+        let index = (usize::from(a >> 2) << 12) | (usize::from(b >> 2) << 6) | usize::from(c >> 2);
+        self.bins[index]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::color::{YuvMatrix, YuvRange};
+
+    const LIMITED_709: YuvEncoding = YuvEncoding {
+        matrix: YuvMatrix::Bt709,
+        range: YuvRange::Limited,
+    };
+
+    #[test]
+    fn a_table_of_aligned_bins_is_exact_for_every_byte() {
+        let palette = Palette::YUV;
+        let table = PixelTable::new(palette, PixelKind::Yuv(YuvEncoding::default()));
+        for y in 0..=255_u8 {
+            for (u, v) in [(0, 255), (31, 32), (128, 127), (y, 255 - y)] {
+                let expected = palette.bin_of_yuv([y, u, v].map(f64::from));
+                assert_eq!(table.bin([y, u, v]), expected);
+                assert_eq!(
+                    palette.channels_of_bin(expected),
+                    [u16::from(y / 64), u16::from(u / 32), u16::from(v / 32)]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn yuv_frames_and_rgb_frames_of_one_colour_share_their_bin() {
+        let orange = [230.0, 110.0, 20.0];
+        for palette in [Palette::HSI, Palette::YUV, Palette::Rgb { channel_bins: 8 }] {
+            let expected = palette.bin_of_rgb(orange);
+            let rgb_table = PixelTable::new(palette, PixelKind::Rgb);
+            assert_eq!(rgb_table.bin(orange.map(|c| c as u8)), expected);
+            let yuv = LIMITED_709.yuv_from_rgb(orange).map(|c| c.round() as u8);
+            let yuv_table = PixelTable::new(palette, PixelKind::Yuv(LIMITED_709));
+            assert_eq!(yuv_table.bin(yuv), expected, "{palette:?}");
+        }
+    }
+
+    #[test]
+    fn bins_and_channels_invert_each_other_and_the_shown_colour_lies_in_its_bin() {
+        for palette in [Palette::HSI, Palette::Rgb { channel_bins: 6 }] {
+            for bin in 0..palette.bin_count() as u16 {
+                assert_eq!(
+                    palette.bin_of_channels(palette.channels_of_bin(bin)),
+                    Some(bin)
+                );
+            }
+        }
+        let bin = Palette::HSI.bin_of_rgb([230.0, 110.0, 20.0]);
+        let shown = Palette::HSI.rgb_of_bin(bin);
+        assert_eq!(
+            Palette::HSI.bin_of_rgb(shown.map(f64::from)),
+            bin,
+            "{shown:?}"
+        );
+        assert_eq!(Palette::HSI.bin_of_channels([12, 0, 0]), None);
+    }
+
+    #[test]
+    fn bin_counts_are_checked() {
+        assert!(Palette::Rgb { channel_bins: 0 }.check().is_err());
+        assert!(
+            Palette::Rgb { channel_bins: 64 }.check().is_err(),
+            "64^3 bins do not fit"
+        );
+        assert!(Palette::Rgb { channel_bins: 40 }.check().is_ok());
+        assert!(Palette::HSI.check().is_ok());
+    }
+}

@@ -1,0 +1,192 @@
+//! Counter-based random numbers: every draw is a function of what it is for, never of what was drawn before.
+//!
+//! Philox4x32-10 of Salmon et al., "Parallel random numbers: as easy as 1, 2, 3" (SC 2011). The key is (seed, target), the
+//! counter (particle, observation, stage, draw), so that any thread may draw for any particle in any order.
+
+use crate::real::{ln_f32, sin_cos_turns_f32};
+use crate::simd::Level;
+
+/// Four random words of 32 bits from a counter and a key.
+#[inline(always)]
+pub fn philox4x32_10(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
+    for _ in 0..10 {
+        let a = u64::from(counter[0]) * 0xD251_1F53;
+        let b = u64::from(counter[2]) * 0xCD9E_8D57;
+        counter = [
+            (b >> 32) as u32 ^ counter[1] ^ key[0],
+            b as u32,
+            (a >> 32) as u32 ^ counter[3] ^ key[1],
+            a as u32,
+        ];
+        key = [
+            key[0].wrapping_add(0x9E37_79B9),
+            key[1].wrapping_add(0xBB67_AE85),
+        ];
+    }
+    counter
+}
+
+/// What a number is drawn for. The values are part of the counter: changing one changes every result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Stage {
+    /// Where the particles start.
+    Start = 0,
+    /// The noise of the motion model.
+    Motion = 1,
+    /// Which particles survive.
+    Resampling = 2,
+    /// Positions along the ray through a clicked pixel.
+    Ray = 3,
+}
+
+/// The random numbers of one target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Draws {
+    key: [u32; 2],
+}
+
+impl Draws {
+    /// The random numbers of the target with this index, under this seed.
+    pub fn new(seed: u32, target: u32) -> Self {
+        Self {
+            key: [seed, target],
+        }
+    }
+
+    /// A number in `[0, 1)` with 53 random bits.
+    pub fn uniform(self, particle: u32, observation: u32, stage: Stage) -> f64 {
+        let [a, b, ..] = philox4x32_10([particle, observation, stage as u32, 0], self.key);
+        ((u64::from(a) << 21) ^ (u64::from(b) >> 11)) as f64 * (1.0 / (1_u64 << 53) as f64)
+    }
+
+    /// Four independent standard normal numbers (Box and Muller 1958), the `draw`-th block of this particle.
+    #[inline(always)]
+    pub fn normals(self, particle: u32, observation: u32, stage: Stage, draw: u32) -> [f32; 4] {
+        let words = philox4x32_10([particle, observation, stage as u32, draw], self.key);
+        let (a, b) = box_muller(words[0], words[1]);
+        let (c, d) = box_muller(words[2], words[3]);
+        [a, b, c, d]
+    }
+
+    /// Standard normal numbers for a run of particles, the first being number `first`: `out[j][i]` is the j-th number of particle
+    /// `first + i`. All rows have one length.
+    pub fn fill_normals<const ROWS: usize>(
+        self,
+        level: Level,
+        first: u32,
+        observation: u32,
+        stage: Stage,
+        out: [&mut [f32]; ROWS],
+    ) {
+        level.run(
+            #[inline(always)]
+            || self.fill_normals_body(first, observation, stage, out),
+        );
+    }
+
+    #[inline(always)]
+    fn fill_normals_body<const ROWS: usize>(
+        self,
+        first: u32,
+        observation: u32,
+        stage: Stage,
+        mut out: [&mut [f32]; ROWS],
+    ) {
+        const LANES: usize = 16;
+        let count = out.first().map_or(0, |row| row.len());
+        for start in (0..count).step_by(LANES) {
+            let lanes = LANES.min(count - start);
+            for block in 0..ROWS.div_ceil(4) {
+                let mut normals = [[0_f32; LANES]; 4];
+                for lane in 0..LANES {
+                    let particle = first + (start + lane) as u32;
+                    let four = self.normals(particle, observation, stage, block as u32);
+                    for j in 0..4 {
+                        normals[j][lane] = four[j];
+                    }
+                }
+                for (j, row) in normals.iter().enumerate().take(ROWS - 4 * block) {
+                    out[4 * block + j][start..start + lanes].copy_from_slice(&row[..lanes]);
+                }
+            }
+        }
+    }
+}
+
+/// Two independent standard normal numbers from two random words.
+#[inline(always)]
+fn box_muller(a: u32, b: u32) -> (f32, f32) {
+    const UNIT: f32 = 1.0 / (1 << 24) as f32;
+    // In (0, 1): the logarithm is finite, the largest magnitude 5.8.
+    let radius_uniform = ((a >> 8) as f32 + 0.5) * UNIT;
+    let turns = (b >> 8) as f32 * UNIT;
+    let radius = (-2.0 * ln_f32(radius_uniform)).sqrt();
+    let (sin, cos) = sin_cos_turns_f32(turns);
+    (radius * cos, radius * sin)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The known answers that come with Random123.
+    #[test]
+    fn philox_known_answers() {
+        assert_eq!(
+            philox4x32_10([0; 4], [0; 2]),
+            [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]
+        );
+        assert_eq!(
+            philox4x32_10([u32::MAX; 4], [u32::MAX; 2]),
+            [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]
+        );
+        assert_eq!(
+            philox4x32_10(
+                [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344],
+                [0xa409_3822, 0x299f_31d0]
+            ),
+            [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]
+        );
+    }
+
+    #[test]
+    fn normals_have_the_moments_and_tails_of_a_normal_distribution() {
+        let draws = Draws::new(7, 0);
+        let count = 200_000;
+        let mut columns = [vec![0_f32; count], vec![0_f32; count]];
+        let [a, b] = &mut columns;
+        draws.fill_normals(Level::best(), 0, 3, Stage::Motion, [a, b]);
+        for column in &columns {
+            let moment =
+                |k: i32| column.iter().map(|&x| f64::from(x).powi(k)).sum::<f64>() / count as f64;
+            assert!(moment(1).abs() < 0.01);
+            assert!((moment(2) - 1.0).abs() < 0.015);
+            assert!(moment(3).abs() < 0.03);
+            assert!((moment(4) - 3.0).abs() < 0.1);
+            let beyond_two = column.iter().filter(|x| x.abs() > 2.0).count() as f64 / count as f64;
+            assert!((beyond_two - 0.0455).abs() < 0.0025, "{beyond_two}");
+        }
+        let covariance = columns[0]
+            .iter()
+            .zip(&columns[1])
+            .map(|(&x, &y)| f64::from(x * y))
+            .sum::<f64>()
+            / count as f64;
+        assert!(covariance.abs() < 0.01);
+    }
+
+    #[test]
+    fn filling_in_pieces_gives_the_same_numbers_at_every_level() {
+        let draws = Draws::new(1, 2);
+        let mut whole = vec![0_f32; 103];
+        draws.fill_normals(Level::BASELINE, 0, 5, Stage::Start, [&mut whole]);
+        for level in Level::available() {
+            let mut pieces = vec![0_f32; 103];
+            let (head, tail) = pieces.split_at_mut(37);
+            draws.fill_normals(level, 0, 5, Stage::Start, [head]);
+            draws.fill_normals(level, 37, 5, Stage::Start, [tail]);
+            assert_eq!(whole, pieces);
+        }
+    }
+}
