@@ -35,6 +35,60 @@ impl PixelFormat {
     }
 }
 
+/// Calls `$body` with `$components` bound to a closure from a pixel (x, y) of the frame to its three raw components, R, G, B or Y, U, V. The
+/// format is matched once, outside of whatever loop `$body` is.
+macro_rules! with_pixels {
+    ($frame:expr, $components:ident => $body:expr) => {{
+        let frame: &$crate::Frame = $frame;
+        let bytes = frame.bytes();
+        let (width, height) = (frame.width(), frame.height());
+        let chroma_width = width.div_ceil(2);
+        match frame.format() {
+            $crate::PixelFormat::Rgb8 => {
+                let $components = |x: usize, y: usize| {
+                    let i = 3 * (y * width + x);
+                    [bytes[i], bytes[i + 1], bytes[i + 2]]
+                };
+                $body
+            }
+            $crate::PixelFormat::Yuyv => {
+                let $components = |x: usize, y: usize| {
+                    let i = 4 * (y * chroma_width + x / 2);
+                    [bytes[i + 2 * (x % 2)], bytes[i + 1], bytes[i + 3]]
+                };
+                $body
+            }
+            $crate::PixelFormat::Uyvy => {
+                let $components = |x: usize, y: usize| {
+                    let i = 4 * (y * chroma_width + x / 2);
+                    [bytes[i + 1 + 2 * (x % 2)], bytes[i], bytes[i + 2]]
+                };
+                $body
+            }
+            $crate::PixelFormat::Nv12 => {
+                let $components = |x: usize, y: usize| {
+                    let c = width * height + 2 * ((y / 2) * chroma_width + x / 2);
+                    [bytes[y * width + x], bytes[c], bytes[c + 1]]
+                };
+                $body
+            }
+            $crate::PixelFormat::I420 => {
+                let v_plane = width * height + chroma_width * height.div_ceil(2);
+                let $components = |x: usize, y: usize| {
+                    let c = (y / 2) * chroma_width + x / 2;
+                    [
+                        bytes[y * width + x],
+                        bytes[width * height + c],
+                        bytes[v_plane + c],
+                    ]
+                };
+                $body
+            }
+        }
+    }};
+}
+pub(crate) use with_pixels;
+
 /// The largest image width or height that is taken, in pixels: image offsets then fit in 31 bits.
 pub const MAX_IMAGE_SIDE_PX: usize = 16_384;
 
@@ -129,31 +183,7 @@ impl Frame {
             x < self.width && y < self.height,
             "pixel ({x}, {y}) lies outside the image"
         );
-        let bytes = &*self.bytes;
-        let (w, h) = (self.width, self.height);
-        let cw = w.div_ceil(2);
-        match self.format {
-            PixelFormat::Rgb8 => {
-                let i = 3 * (y * w + x);
-                [bytes[i], bytes[i + 1], bytes[i + 2]]
-            }
-            PixelFormat::Yuyv => {
-                let i = 4 * (y * cw + x / 2);
-                [bytes[i + 2 * (x % 2)], bytes[i + 1], bytes[i + 3]]
-            }
-            PixelFormat::Uyvy => {
-                let i = 4 * (y * cw + x / 2);
-                [bytes[i + 1 + 2 * (x % 2)], bytes[i], bytes[i + 2]]
-            }
-            PixelFormat::Nv12 => {
-                let c = w * h + 2 * ((y / 2) * cw + x / 2);
-                [bytes[y * w + x], bytes[c], bytes[c + 1]]
-            }
-            PixelFormat::I420 => {
-                let c = w * h + (y / 2) * cw + x / 2;
-                [bytes[y * w + x], bytes[c], bytes[c + cw * h.div_ceil(2)]]
-            }
-        }
+        with_pixels!(self, components => components(x, y))
     }
 
     /// One pixel as red, green and blue, for pictures that people look at.
@@ -177,5 +207,72 @@ impl Frame {
             }
         }
         rgb
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The same 3 x 2 picture, odd in width, in every YUV format: chroma is shared by pairs or by squares.
+    #[test]
+    fn components_of_every_format() {
+        let y = [10, 20, 30, 40, 50, 60];
+        let frame = |format, bytes: &[u8]| {
+            Frame::new(format, YuvEncoding::default(), 3, 2, bytes, 0.0).unwrap()
+        };
+        let i420 = frame(PixelFormat::I420, &[&y[..], &[1, 2], &[3, 4]].concat());
+        let nv12 = frame(PixelFormat::Nv12, &[&y[..], &[1, 3, 2, 4]].concat());
+        let yuyv = frame(
+            PixelFormat::Yuyv,
+            &[10, 1, 20, 3, 30, 2, 0, 4, 40, 1, 50, 3, 60, 2, 0, 4],
+        );
+        let uyvy = frame(
+            PixelFormat::Uyvy,
+            &[1, 10, 3, 20, 2, 30, 4, 0, 1, 40, 3, 50, 2, 60, 4, 0],
+        );
+        for frame in [&i420, &nv12, &yuyv, &uyvy] {
+            for (i, luma) in y.into_iter().enumerate() {
+                let (column, row) = (i % 3, i / 3);
+                let expected = [luma, [1, 1, 2][column], [3, 3, 4][column]];
+                assert_eq!(
+                    frame.components(column, row),
+                    expected,
+                    "{:?}",
+                    frame.format()
+                );
+            }
+        }
+        let rgb = frame(PixelFormat::Rgb8, &(0..18).collect::<Vec<u8>>());
+        assert_eq!(rgb.components(2, 1), [15, 16, 17]);
+        assert_eq!(rgb.to_rgb8().len(), 18);
+        assert_eq!(
+            i420.to_rgb8()[..3],
+            YuvEncoding::default().rgb8_from_yuv([10, 1, 3])
+        );
+    }
+
+    #[test]
+    fn frames_that_cannot_be_are_refused() {
+        let new = |w, h, n, t| {
+            Frame::new(
+                PixelFormat::Rgb8,
+                YuvEncoding::default(),
+                w,
+                h,
+                vec![0; n],
+                t,
+            )
+        };
+        assert_eq!(
+            new(2, 2, 11, 0.0).unwrap_err(),
+            Error::ImageBytes {
+                expected: 12,
+                found: 11
+            }
+        );
+        assert!(new(0, 2, 0, 0.0).is_err());
+        assert!(new(60_000, 60_000, 3, 0.0).is_err());
+        assert!(new(1, 1, 3, f64::NAN).is_err());
     }
 }

@@ -91,7 +91,7 @@ impl Draws {
         first: u32,
         observation: u32,
         stage: Stage,
-        mut out: [&mut [f32]; ROWS],
+        out: [&mut [f32]; ROWS],
     ) {
         const LANES: usize = 16;
         let count = out.first().map_or(0, |row| row.len());

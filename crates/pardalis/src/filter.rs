@@ -1,0 +1,342 @@
+//! The particle filter: propose, reweight, estimate, resample. It knows nothing of images.
+
+use crate::Error;
+use crate::likelihood::Likelihood;
+use crate::motion::Motion;
+use crate::particles::Particles;
+use crate::resample::Resampling;
+use crate::rng::{Draws, Stage};
+use crate::simd::Level;
+
+/// The most particles a filter may have.
+pub const MAX_PARTICLES: usize = 1_000_000;
+
+/// What a filter is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FilterSettings {
+    /// The number of particles.
+    pub particle_count: usize,
+    /// How the state changes with time.
+    pub motion: Motion,
+    /// How survivors are drawn.
+    pub resampling: Resampling,
+    /// Survivors are drawn when the effective sample size is at most this share of the number of particles: 1 for every
+    /// step, as the papers do.
+    pub resample_below: f64,
+}
+
+/// A Gaussian around a rough guess of the state (thesis 5.2). Standard deviations are per axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GaussianStart {
+    /// Mean position in the world, metres.
+    pub position_m: [f64; 3],
+    /// Standard deviation of the position, metres.
+    pub position_sigma_m: [f64; 3],
+    /// Mean velocity, m/s.
+    pub velocity_mps: [f64; 3],
+    /// Standard deviation of the velocity, m/s.
+    pub velocity_sigma_mps: [f64; 3],
+}
+
+impl GaussianStart {
+    /// Refuses numbers that are not finite and negative deviations.
+    pub fn check(&self) -> Result<(), Error> {
+        let sigma = |v: &f64| v.is_finite() && *v >= 0.0;
+        for (name, values) in [
+            ("position_m", self.position_m),
+            ("velocity_mps", self.velocity_mps),
+        ] {
+            if let Some(value) = values.iter().find(|v| !v.is_finite()) {
+                return Err(Error::out_of_range(name, value, "finite numbers"));
+            }
+        }
+        for (name, values) in [
+            ("position_sigma_m", self.position_sigma_m),
+            ("velocity_sigma_mps", self.velocity_sigma_mps),
+        ] {
+            if let Some(value) = values.iter().find(|v| !sigma(v)) {
+                return Err(Error::out_of_range(
+                    name,
+                    value,
+                    "finite numbers, 0 or more",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether an update found any particle possible.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Update {
+    /// The weights are the posterior.
+    Weighted,
+    /// Every particle is impossible; the weights are as before.
+    AllImpossible,
+}
+
+/// Mean, covariance and best particle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StateEstimate {
+    /// Weighted mean of the position in the world, metres.
+    pub position_m: [f64; 3],
+    /// Weighted mean of the velocity, m/s, where the motion model has one.
+    pub velocity_mps: Option<[f64; 3]>,
+    /// Covariance of the position: xx, xy, xz, yy, yz, zz in m².
+    pub covariance_m2: [f64; 6],
+    /// The position of the particle of the greatest weight, metres.
+    pub best_position_m: [f64; 3],
+    /// Effective sample size, 1/Σw².
+    pub effective_sample_size: f64,
+}
+
+/// A particle filter. A step that has the size of the one before allocates nothing.
+#[derive(Debug)]
+pub struct Filter {
+    settings: FilterSettings,
+    draws: Draws,
+    level: Level,
+    /// The number of the observation, part of the random numbers' counter.
+    observation: u32,
+    particles: Particles,
+    /// Weights, normalised: the exponentials of the log weights.
+    weights: Vec<f64>,
+    /// Where resampling gathers survivors before the two are swapped.
+    survivors: Particles,
+    ancestors: Vec<u32>,
+    cumulated: Vec<f64>,
+    log_likelihoods: Vec<f32>,
+}
+
+impl Filter {
+    /// A filter whose particles are drawn from `start`.
+    pub fn new(
+        settings: FilterSettings,
+        start: &GaussianStart,
+        draws: Draws,
+        level: Level,
+    ) -> Result<Self, Error> {
+        let count = settings.particle_count;
+        if !(1..=MAX_PARTICLES).contains(&count) {
+            return Err(Error::out_of_range("particles", count, "1 to 1000000"));
+        }
+        if !(settings.resample_below > 0.0 && settings.resample_below <= 1.0) {
+            return Err(Error::out_of_range(
+                "resample_below",
+                settings.resample_below,
+                "above 0 and at most 1",
+            ));
+        }
+        start.check()?;
+        let columns = settings.motion.column_count();
+        let mut filter = Self {
+            settings,
+            draws,
+            level,
+            observation: 0,
+            particles: Particles::new(count, columns),
+            weights: vec![1.0 / count as f64; count],
+            survivors: Particles::new(count, columns),
+            ancestors: vec![0; count],
+            cumulated: vec![0.0; count],
+            log_likelihoods: vec![0.0; count],
+        };
+        filter.restart(start);
+        Ok(filter)
+    }
+
+    /// Draws all particles anew around `start`.
+    fn restart(&mut self, start: &GaussianStart) {
+        let velocity_columns = self.settings.motion.velocity_columns();
+        for i in 0..self.particles.count() {
+            let particle = i as u32;
+            let a = self
+                .draws
+                .normals(particle, self.observation, Stage::Start, 0);
+            let b = self
+                .draws
+                .normals(particle, self.observation, Stage::Start, 1);
+            let columns = self.particles.columns_mut();
+            for axis in 0..3 {
+                columns[axis][i] = (start.position_m[axis]
+                    + start.position_sigma_m[axis] * f64::from(a[axis]))
+                    as f32;
+            }
+            if let Some(velocities) = velocity_columns {
+                for axis in 0..3 {
+                    columns[velocities[axis]][i] = (start.velocity_mps[axis]
+                        + start.velocity_sigma_mps[axis] * f64::from(b[axis]))
+                        as f32;
+                }
+            }
+        }
+        self.particles.reset_weights();
+        self.weights.fill(1.0 / self.particles.count() as f64);
+    }
+
+    /// The particles.
+    pub fn particles(&self) -> &Particles {
+        &self.particles
+    }
+
+    /// The weights, which sum to one.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// The greatest log-likelihood of the last update.
+    pub fn best_log_likelihood(&self) -> f32 {
+        self.log_likelihoods
+            .iter()
+            .copied()
+            .fold(f32::NEG_INFINITY, f32::max)
+    }
+
+    /// Moves the particles to the time of the next observation, `dt_s` seconds later, after drawing survivors if that is due.
+    ///
+    /// Survivors are drawn here and not after the update, so that the estimate is taken from the full sample.
+    pub fn predict(&mut self, dt_s: f64) {
+        if self.effective_sample_size() <= self.settings.resample_below * self.weights.len() as f64
+        {
+            self.resample();
+        }
+        self.observation += 1;
+        if dt_s > 0.0 {
+            self.settings.motion.propagate(
+                &mut self.particles,
+                dt_s,
+                self.draws,
+                self.observation,
+                self.level,
+            );
+        }
+    }
+
+    /// Multiplies the weights by the likelihoods.
+    pub fn update(&mut self, likelihood: &mut impl Likelihood) -> Update {
+        likelihood.log_likelihoods(&self.particles, &mut self.log_likelihoods);
+        let sum = |log_weight: f64, log_likelihood: f32| {
+            let sum = log_weight + f64::from(log_likelihood);
+            if sum.is_nan() { f64::NEG_INFINITY } else { sum }
+        };
+        let log_weights = &mut self.particles.log_weights;
+        let mut max = f64::NEG_INFINITY;
+        for (&log_weight, &log_likelihood) in log_weights.iter().zip(&self.log_likelihoods) {
+            max = max.max(sum(log_weight, log_likelihood));
+        }
+        if !max.is_finite() {
+            return Update::AllImpossible;
+        }
+        let mut total = 0.0;
+        let updated = log_weights
+            .iter_mut()
+            .zip(&self.log_likelihoods)
+            .zip(&mut self.weights);
+        for ((log_weight, &log_likelihood), weight) in updated {
+            *log_weight = sum(*log_weight, log_likelihood) - max;
+            *weight = libm::exp(*log_weight);
+            total += *weight;
+        }
+        let log_total = libm::log(total);
+        for (log_weight, weight) in log_weights.iter_mut().zip(&mut self.weights) {
+            *log_weight -= log_total;
+            *weight /= total;
+        }
+        Update::Weighted
+    }
+
+    /// 1/Σw².
+    pub fn effective_sample_size(&self) -> f64 {
+        1.0 / self.weights.iter().map(|w| w * w).sum::<f64>()
+    }
+
+    /// Replaces the particles by survivors of equal weight.
+    fn resample(&mut self) {
+        let (draws, observation) = (self.draws, self.observation);
+        self.settings.resampling.draw(
+            &self.weights,
+            |i| draws.uniform(i as u32, observation, Stage::Resampling),
+            &mut self.ancestors,
+            &mut self.cumulated,
+        );
+        for (to, from) in self
+            .survivors
+            .columns_mut()
+            .iter_mut()
+            .zip(self.particles.columns())
+        {
+            for (value, &ancestor) in to.iter_mut().zip(&self.ancestors) {
+                *value = from[ancestor as usize];
+            }
+        }
+        std::mem::swap(&mut self.particles, &mut self.survivors);
+        self.particles.reset_weights();
+        self.weights.fill(1.0 / self.particles.count() as f64);
+    }
+
+    /// Mean, covariance and best particle, `ahead_s` seconds after the last observation; nothing changes.
+    pub fn estimate(&self, ahead_s: f64) -> StateEstimate {
+        let columns = self.particles.columns();
+        let velocities = self.settings.motion.velocity_columns();
+        let position = |axis: usize, i: usize| {
+            let drift = velocities.map_or(0.0, |v| f64::from(columns[v[axis]][i]) * ahead_s);
+            f64::from(columns[axis][i]) + drift
+        };
+        let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
+            self.weights
+                .iter()
+                .enumerate()
+                .map(|(i, w)| w * value(i))
+                .sum()
+        };
+        let position_m = [0, 1, 2].map(|axis| mean(&|i| position(axis, i)));
+        let mut covariance_m2 = [0.0; 6];
+        for (i, w) in self.weights.iter().enumerate() {
+            let [dx, dy, dz] = [0, 1, 2].map(|axis| position(axis, i) - position_m[axis]);
+            let products = [dx * dx, dx * dy, dx * dz, dy * dy, dy * dz, dz * dz];
+            for (sum, product) in covariance_m2.iter_mut().zip(products) {
+                *sum += w * product;
+            }
+        }
+        let noise = self.settings.motion.position_variance_m2(ahead_s);
+        for diagonal in [0, 3, 5] {
+            covariance_m2[diagonal] += noise;
+        }
+        let best = (0..self.weights.len())
+            .reduce(|best, i| {
+                if self.weights[i] > self.weights[best] {
+                    i
+                } else {
+                    best
+                }
+            })
+            .unwrap_or(0);
+        StateEstimate {
+            position_m,
+            velocity_mps: velocities
+                .map(|v| v.map(|column| mean(&|i| f64::from(columns[column][i])))),
+            covariance_m2,
+            best_position_m: [0, 1, 2].map(|axis| position(axis, best)),
+            effective_sample_size: self.effective_sample_size(),
+        }
+    }
+
+    /// The share of the weight within `distance_m` of a point: the filter's own belief that the target is there.
+    pub fn weight_within(&self, point_m: [f64; 3], distance_m: f64) -> f64 {
+        let [x, y, z] = self.particles.positions_m();
+        let near = |i: usize| {
+            let d = [x[i], y[i], z[i]]
+                .into_iter()
+                .zip(point_m)
+                .map(|(a, b)| (f64::from(a) - b).powi(2))
+                .sum::<f64>();
+            d <= distance_m * distance_m
+        };
+        self.weights
+            .iter()
+            .enumerate()
+            .filter(|&(i, _)| near(i))
+            .map(|(_, w)| w)
+            .sum()
+    }
+}

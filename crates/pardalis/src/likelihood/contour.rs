@@ -1,0 +1,429 @@
+//! Colour just inside and just outside the projected outline (Taiana 2007, sections 4.2 to 4.4).
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::Likelihood;
+use crate::camera::{Projection, with_model};
+use crate::color::{ColorModel, Palette};
+use crate::frame::with_pixels;
+use crate::particles::Particles;
+use crate::shape::{OutlineCircle, Shape, SphereOutline};
+use crate::simd::Level;
+use crate::view::{Evidence, View};
+use crate::{Error, Frame};
+
+/// Parameters of the contour cue.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ContourSettings {
+    /// The inner contour is the outline of the shape scaled by this, below 1.
+    pub inner_scale: f64,
+    /// The outer contour is the outline of the shape scaled by this, above 1.
+    pub outer_scale: f64,
+    /// Points on each contour.
+    pub points: usize,
+    /// κ: how much more the difference between inside and outside counts than the likeness of inside and model.
+    pub kappa: f64,
+    /// b of the Laplacian exp(−D/b).
+    pub b: f64,
+}
+
+impl Default for ContourSettings {
+    /// The paper's offline settings.
+    fn default() -> Self {
+        Self {
+            inner_scale: 0.9,
+            outer_scale: 1.1,
+            points: 50,
+            kappa: 1.5,
+            b: 1.0 / 30.0,
+        }
+    }
+}
+
+impl ContourSettings {
+    /// Refuses what makes no contour.
+    pub fn check(&self) -> Result<(), Error> {
+        let fail = |name, value: f64, allowed| Err(Error::out_of_range(name, value, allowed));
+        if !(self.inner_scale > 0.0 && self.inner_scale < 1.0) {
+            return fail("inner_scale", self.inner_scale, "above 0 and below 1");
+        }
+        if !(self.outer_scale > 1.0 && self.outer_scale <= 10.0) {
+            return fail("outer_scale", self.outer_scale, "above 1 and at most 10");
+        }
+        if !(3..=10_000).contains(&self.points) {
+            return fail("points", self.points as f64, "3 to 10000");
+        }
+        if !(self.kappa >= 0.0 && self.kappa <= 1e6) {
+            return fail("kappa", self.kappa, "0 to 1e6");
+        }
+        if !(self.b > 0.0 && self.b <= 1e6) {
+            return fail("b", self.b, "above 0 and at most 1e6");
+        }
+        Ok(())
+    }
+
+    /// The log-likelihood of inner and outer histograms of these similarities (eq. 4.11 and the Laplacian after it).
+    #[inline(always)]
+    pub fn log_likelihood(&self, model_inner_similarity: f64, outer_inner_similarity: f64) -> f64 {
+        let distance = ((1.0 - model_inner_similarity) + self.kappa * outer_inner_similarity)
+            / (self.kappa + 1.0);
+        -distance.abs() / self.b
+    }
+
+    /// The log-likelihood of pure background, D = 1: what a camera contributes that does not see enough of the contours.
+    pub fn background_log_likelihood(&self) -> f64 {
+        self.log_likelihood(0.0, 1.0)
+    }
+}
+
+/// Particles a block: the lanes of the projection kernel.
+const LANES: usize = 16;
+/// Particles a piece of work for one thread.
+const CHUNK: usize = 16 * LANES;
+/// A contour point that carries no evidence.
+const NO_PIXEL: u32 = u32::MAX;
+
+/// The contour cue of one target, with the buffers that its kernels need.
+#[derive(Debug)]
+pub struct ContourCue {
+    settings: ContourSettings,
+    shape: Shape,
+    palette: Palette,
+    /// √h of the colour model.
+    sqrt_model: Vec<f32>,
+    /// √(n+1) − √n for n up to the number of points.
+    sqrt_steps: Vec<f32>,
+    /// 1/√n likewise; 0 for n = 0.
+    inverse_sqrts: Vec<f32>,
+    /// Cosine and sine of each contour point's angle.
+    angles: Vec<(f32, f32)>,
+    scratch: Vec<Scratch>,
+    level: Level,
+}
+
+/// Buffers of one piece of work.
+#[derive(Debug, Clone)]
+struct Scratch {
+    /// Pixels of the inner contours, then of the outer: `y << 16 | x` or [`NO_PIXEL`], point by point, a lane a particle.
+    pixels: Vec<[u32; LANES]>,
+    /// Bins of one particle's valid inner points, then of its outer.
+    bins: Vec<u16>,
+    /// Inner and outer counts of each bin; all zero between particles.
+    counts: Vec<[u16; 2]>,
+}
+
+impl ContourCue {
+    /// The cue of a target of this shape and these colours.
+    pub fn new(
+        settings: ContourSettings,
+        shape: Shape,
+        colors: &ColorModel,
+        level: Level,
+    ) -> Result<Self, Error> {
+        settings.check()?;
+        let points = settings.points;
+        let sqrt = |n: usize| (n as f64).sqrt();
+        Ok(Self {
+            settings,
+            shape,
+            palette: colors.palette(),
+            sqrt_model: colors
+                .histogram()
+                .shares()
+                .iter()
+                .map(|h| h.sqrt() as f32)
+                .collect(),
+            sqrt_steps: (0..points)
+                .map(|n| (sqrt(n + 1) - sqrt(n)) as f32)
+                .collect(),
+            inverse_sqrts: (0..=points)
+                .map(|n| if n == 0 { 0.0 } else { (1.0 / sqrt(n)) as f32 })
+                .collect(),
+            angles: (0..points)
+                .map(|k| {
+                    let (sin, cos) = libm::sincos(k as f64 / points as f64 * std::f64::consts::TAU);
+                    (cos as f32, sin as f32)
+                })
+                .collect(),
+            scratch: Vec::new(),
+            level,
+        })
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &ContourSettings {
+        &self.settings
+    }
+
+    /// The palette that evidence must be made with.
+    pub fn palette(&self) -> Palette {
+        self.palette
+    }
+
+    /// This cue's likelihood of the frames of one instant, each with its camera's number: the product over the cameras. The views
+    /// are prepared for the frames and this cue's palette.
+    pub fn of<'a>(
+        &'a mut self,
+        views: &'a [View],
+        frames: &'a [(usize, Frame)],
+    ) -> ContourLikelihood<'a> {
+        ContourLikelihood {
+            cue: self,
+            views,
+            frames,
+        }
+    }
+}
+
+/// The contour cue, looking at the frames of one instant.
+#[derive(Debug)]
+pub struct ContourLikelihood<'a> {
+    cue: &'a mut ContourCue,
+    views: &'a [View],
+    frames: &'a [(usize, Frame)],
+}
+
+impl Likelihood for ContourLikelihood<'_> {
+    fn log_likelihoods(&mut self, particles: &Particles, out: &mut [f32]) {
+        out.fill(0.0);
+        for (camera, frame) in self.frames {
+            let evidence = self.views[*camera].evidence(frame);
+            self.cue.add_camera(&evidence, particles.positions_m(), out);
+        }
+    }
+}
+
+impl ContourCue {
+    /// Adds what one camera says of each particle.
+    fn add_camera(&mut self, evidence: &Evidence, [x, y, z]: [&[f32]; 3], out: &mut [f32]) {
+        let chunks = out.len().div_ceil(CHUNK);
+        if self.scratch.len() < chunks {
+            let empty = Scratch {
+                pixels: vec![[NO_PIXEL; LANES]; 2 * self.settings.points],
+                bins: vec![0; 2 * self.settings.points],
+                counts: vec![[0; 2]; self.palette.bin_count()],
+            };
+            self.scratch.resize(chunks, empty);
+        }
+        let mut scratch = std::mem::take(&mut self.scratch);
+        let this = &*self;
+        let work = |(chunk, (out, scratch)): (usize, (&mut [f32], &mut Scratch))| {
+            let range = chunk * CHUNK..chunk * CHUNK + out.len();
+            let positions = [&x[range.clone()], &y[range.clone()], &z[range]];
+            this.add_chunk(evidence, positions, out, scratch);
+        };
+        if chunks == 1 || rayon::current_num_threads() == 1 {
+            out.chunks_mut(CHUNK)
+                .zip(&mut scratch)
+                .enumerate()
+                .for_each(work);
+        } else {
+            out.par_chunks_mut(CHUNK)
+                .zip(&mut scratch)
+                .enumerate()
+                .for_each(work);
+        }
+        self.scratch = scratch;
+    }
+
+    fn add_chunk(
+        &self,
+        evidence: &Evidence,
+        [x, y, z]: [&[f32]; 3],
+        out: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        let projector = Projector::new(evidence.view());
+        let table = evidence.table(self.palette);
+        for start in (0..out.len()).step_by(LANES) {
+            let lanes = LANES.min(out.len() - start);
+            let mut centers = [[0_f32; LANES]; 3];
+            for (center, column) in centers.iter_mut().zip([x, y, z]) {
+                center[..lanes].copy_from_slice(&column[start..start + lanes]);
+            }
+            self.find_pixels(evidence.view(), &projector, &centers, &mut scratch.pixels);
+            let out = &mut out[start..start + lanes];
+            with_pixels!(evidence.frame(), components => {
+                self.add_block(|x, y| table.bin(components(x, y)), out, scratch);
+            });
+        }
+    }
+
+    /// Writes the pixels of both contours of a block of particles.
+    fn find_pixels(
+        &self,
+        view: &View,
+        projector: &Projector,
+        centers: &[[f32; LANES]; 3],
+        pixels: &mut [[u32; LANES]],
+    ) {
+        let Shape::Sphere(sphere) = self.shape;
+        let (inner, outer) = pixels.split_at_mut(self.settings.points);
+        with_model!(view.camera(), model => {
+            let model = model.to_f32();
+            for (scale, pixels) in [(self.settings.inner_scale, inner), (self.settings.outer_scale, outer)] {
+                let radius = (scale * sphere.radius_m) as f32;
+                self.level.run(
+                    #[inline(always)]
+                    || projector.project_circles(&model, centers, radius, sphere.outline, &self.angles, pixels),
+                );
+            }
+        });
+        if let Some(mask) = view.mask() {
+            let open = mask.open();
+            let width = mask.width();
+            for pixel in pixels.iter_mut().flatten().filter(|p| **p != NO_PIXEL) {
+                if !open[(*pixel >> 16) as usize * width + (*pixel & 0xffff) as usize] {
+                    *pixel = NO_PIXEL;
+                }
+            }
+        }
+    }
+
+    /// Adds the log-likelihoods of a block of particles whose contours' pixels are known.
+    #[inline(always)]
+    fn add_block(
+        &self,
+        bin_at: impl Fn(usize, usize) -> u16,
+        out: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        let points = self.settings.points;
+        let Scratch {
+            pixels,
+            bins,
+            counts,
+        } = scratch;
+        let (inner_pixels, outer_pixels) = pixels.split_at(points);
+        for (lane, out) in out.iter_mut().enumerate() {
+            let (inner, outer) = bins.split_at_mut(points);
+            let look_up = |pixels: &[[u32; LANES]], bins: &mut [u16]| {
+                let mut count = 0;
+                for pixel in pixels {
+                    let pixel = pixel[lane];
+                    if pixel != NO_PIXEL {
+                        bins[count] = bin_at((pixel & 0xffff) as usize, (pixel >> 16) as usize);
+                        count += 1;
+                    }
+                }
+                count
+            };
+            let inner_count = look_up(inner_pixels, inner);
+            let outer_count = look_up(outer_pixels, outer);
+            let seen = 2 * inner_count >= points && 2 * outer_count >= points;
+            *out += if seen {
+                self.log_likelihood(&inner[..inner_count], &outer[..outer_count], counts)
+            } else {
+                self.settings.background_log_likelihood() as f32
+            };
+        }
+    }
+
+    /// The log-likelihood of the bins along both contours; neither is empty. `counts` is all zero before and after.
+    ///
+    /// Both similarities grow by √(n+1) − √n with each point that falls into a bin of n, so that no histogram is ever walked over.
+    #[inline(always)]
+    fn log_likelihood(&self, inner: &[u16], outer: &[u16], counts: &mut [[u16; 2]]) -> f32 {
+        let mut model_inner = 0_f32;
+        for &bin in inner {
+            let count = &mut counts[usize::from(bin)][0];
+            model_inner += self.sqrt_model[usize::from(bin)] * self.sqrt_steps[usize::from(*count)];
+            *count += 1;
+        }
+        let mut outer_inner = 0_f32;
+        for &bin in outer {
+            let [inner_count, outer_count] = &mut counts[usize::from(bin)];
+            if *inner_count > 0 {
+                let sqrt_inner =
+                    self.inverse_sqrts[usize::from(*inner_count)] * f32::from(*inner_count);
+                outer_inner += sqrt_inner * self.sqrt_steps[usize::from(*outer_count)];
+            }
+            *outer_count += 1;
+        }
+        for &bin in inner.iter().chain(outer) {
+            counts[usize::from(bin)] = [0; 2];
+        }
+        let scale = self.inverse_sqrts[inner.len()];
+        let model_inner = model_inner * scale;
+        let outer_inner = outer_inner * scale * self.inverse_sqrts[outer.len()];
+        self.settings
+            .log_likelihood(f64::from(model_inner), f64::from(outer_inner)) as f32
+    }
+}
+
+/// A camera's pose and image size in single precision.
+struct Projector {
+    rotation: [[f32; 3]; 3],
+    translation: [f32; 3],
+    /// Pixels up to these coordinates lie in the image.
+    last_u_px: f32,
+    last_v_px: f32,
+}
+
+impl Projector {
+    fn new(view: &View) -> Self {
+        let pose = view.camera_from_world();
+        let (width, height) = view.size();
+        Self {
+            rotation: [0, 1, 2].map(|i| [0, 1, 2].map(|j| pose.rotation[(i, j)] as f32)),
+            translation: [0, 1, 2].map(|i| pose.translation.vector[i] as f32),
+            last_u_px: width as f32 - 0.5,
+            last_v_px: height as f32 - 0.5,
+        }
+    }
+
+    /// Projects the outlines of spheres around `centers` in the world. Lanes are particles; plain loops that the compiler vectorises.
+    #[inline(always)]
+    fn project_circles<P: Projection<f32>>(
+        &self,
+        model: &P,
+        centers: &[[f32; LANES]; 3],
+        radius: f32,
+        outline: SphereOutline,
+        angles: &[(f32, f32)],
+        pixels: &mut [[u32; LANES]],
+    ) {
+        let mut center = [[0_f32; LANES]; 3];
+        let mut a = [[0_f32; LANES]; 3];
+        let mut b = [[0_f32; LANES]; 3];
+        let mut outside = [false; LANES];
+        for lane in 0..LANES {
+            let [x, y, z] = [centers[0][lane], centers[1][lane], centers[2][lane]];
+            let in_camera = |i: usize| {
+                let [r0, r1, r2] = self.rotation[i];
+                r0 * x + r1 * y + r2 * z + self.translation[i]
+            };
+            let (circle, is_outside) = OutlineCircle::of_sphere(
+                [in_camera(0), in_camera(1), in_camera(2)],
+                radius,
+                outline,
+            );
+            outside[lane] = is_outside;
+            for axis in 0..3 {
+                center[axis][lane] = circle.center[axis];
+                a[axis][lane] = circle.a[axis];
+                b[axis][lane] = circle.b[axis];
+            }
+        }
+        for (&(cos, sin), pixels) in angles.iter().zip(pixels) {
+            for lane in 0..LANES {
+                let at = |i: usize| center[i][lane] + cos * a[i][lane] + sin * b[i][lane];
+                let ([u, v], valid) = model.project([at(0), at(1), at(2)]);
+                let inside = (u > -0.5) & (u < self.last_u_px) & (v > -0.5) & (v < self.last_v_px);
+                let pixel = (rounded(v) << 16) | rounded(u);
+                pixels[lane] = if valid & inside & outside[lane] {
+                    pixel
+                } else {
+                    NO_PIXEL
+                };
+            }
+        }
+    }
+}
+
+/// The nearest whole number to a number between −0.5 and 2^14, ties to even: the addition shifts the fraction out.
+#[inline(always)]
+fn rounded(x: f32) -> u32 {
+    (x + 12_582_912.0).to_bits() & 0xffff
+}

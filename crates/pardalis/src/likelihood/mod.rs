@@ -1,0 +1,13 @@
+//! Cues: how likely the images are, given where a particle says the target is.
+
+mod contour;
+
+pub use contour::{ContourCue, ContourSettings};
+
+use crate::particles::Particles;
+
+/// The seam between the filter and vision: one call a frame for all particles.
+pub trait Likelihood {
+    /// Writes the logarithm of each particle's likelihood, up to a constant that all share. Negative infinity means impossible; NaN counts as that.
+    fn log_likelihoods(&mut self, particles: &Particles, out: &mut [f32]);
+}

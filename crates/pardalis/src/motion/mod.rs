@@ -1,0 +1,55 @@
+//! Motion models: how a state changes over the true time between two images.
+
+mod constant_velocity;
+
+pub use constant_velocity::{ConstantVelocity, Disturbance};
+
+use crate::particles::Particles;
+use crate::rng::Draws;
+use crate::simd::Level;
+
+/// Any motion model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Motion {
+    /// Constant velocity under random accelerations.
+    ConstantVelocity(ConstantVelocity),
+}
+
+impl Motion {
+    /// The number of columns of its particles; the first three are the position.
+    pub fn column_count(&self) -> usize {
+        match self {
+            Self::ConstantVelocity(_) => ConstantVelocity::COLUMNS,
+        }
+    }
+
+    /// The columns that hold the velocity.
+    pub fn velocity_columns(&self) -> Option<[usize; 3]> {
+        match self {
+            Self::ConstantVelocity(_) => Some([3, 4, 5]),
+        }
+    }
+
+    /// Moves every particle by `dt_s` seconds. The noise is a function of the draws' key, the observation's number and the particle's.
+    pub fn propagate(
+        &self,
+        particles: &mut Particles,
+        dt_s: f64,
+        draws: Draws,
+        observation: u32,
+        level: Level,
+    ) {
+        match self {
+            Self::ConstantVelocity(model) => {
+                model.propagate(particles, dt_s, draws, observation, level);
+            }
+        }
+    }
+
+    /// The variance, on each axis, that the noise adds to the position over `dt_s` seconds, in m².
+    pub fn position_variance_m2(&self, dt_s: f64) -> f64 {
+        match self {
+            Self::ConstantVelocity(model) => model.noise_gains(dt_s)[0].powi(2),
+        }
+    }
+}

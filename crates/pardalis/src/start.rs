@@ -1,0 +1,143 @@
+//! Where particles start: around a rough guess, or along the ray through a clicked pixel.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::Error;
+use crate::filter::GaussianStart;
+use crate::likelihood::Likelihood;
+use crate::particles::Particles;
+use crate::rng::{Draws, Stage};
+use crate::view::View;
+
+/// How a target's particles start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Start {
+    /// Around a rough guess.
+    Gaussian(GaussianStart),
+    /// Where the target is most likely along the ray through a pixel of a camera.
+    Pixel(PixelStart),
+}
+
+/// A start from a clicked pixel (thesis 5.2, fig. 5.1): particles along the pixel's ray, from near the camera to where it meets the
+/// ground, the likelihood of each, and a Gaussian around the best.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PixelStart {
+    /// The camera whose pixel it is, by its number in the tracker.
+    pub camera: usize,
+    /// A pixel near the middle of the target.
+    pub pixel: [f64; 2],
+    /// The ray begins at this distance from the camera, metres.
+    pub min_range_m: f64,
+    /// The ray ends at this distance where it does not meet the ground before, metres.
+    pub max_range_m: f64,
+    /// The height of the ground in the world, metres.
+    pub ground_z_m: f64,
+    /// Particles along the ray.
+    pub ray_particles: usize,
+    /// Standard deviation of the positions around the best one, metres.
+    pub position_sigma_m: [f64; 3],
+    /// Standard deviation of the velocities around zero, m/s.
+    pub velocity_sigma_mps: [f64; 3],
+}
+
+impl PixelStart {
+    /// Refuses what makes no ray.
+    pub fn check(&self) -> Result<(), Error> {
+        let positive = |v: f64| v > 0.0 && v.is_finite();
+        if let Some(value) = self.pixel.iter().find(|v| !v.is_finite()) {
+            return Err(Error::out_of_range("pixel", value, "finite numbers"));
+        }
+        if !positive(self.min_range_m) {
+            return Err(Error::out_of_range(
+                "min_range_m",
+                self.min_range_m,
+                "a positive number",
+            ));
+        }
+        if !(positive(self.max_range_m) && self.max_range_m > self.min_range_m) {
+            return Err(Error::out_of_range(
+                "max_range_m",
+                self.max_range_m,
+                "a number above min_range_m",
+            ));
+        }
+        if !self.ground_z_m.is_finite() {
+            return Err(Error::out_of_range(
+                "ground_z_m",
+                self.ground_z_m,
+                "a finite number",
+            ));
+        }
+        if !(2..=100_000).contains(&self.ray_particles) {
+            return Err(Error::out_of_range(
+                "ray_particles",
+                self.ray_particles,
+                "2 to 100000",
+            ));
+        }
+        self.around([0.0; 3]).check()
+    }
+
+    fn around(&self, position_m: [f64; 3]) -> GaussianStart {
+        GaussianStart {
+            position_m,
+            position_sigma_m: self.position_sigma_m,
+            velocity_mps: [0.0; 3],
+            velocity_sigma_mps: self.velocity_sigma_mps,
+        }
+    }
+
+    /// The ray's origin and direction in the world, and the distances at which it begins and ends; `None` where the camera has no ray.
+    fn ray(&self, view: &View) -> Option<(Point3<f64>, Vector3<f64>, [f64; 2])> {
+        let direction_in_camera = view.camera().unproject(self.pixel)?;
+        let origin = Point3::from(view.world_from_camera().translation.vector);
+        let direction = view.world_from_camera() * Vector3::from(direction_in_camera);
+        let mut end = self.max_range_m;
+        let to_ground = (self.ground_z_m - origin.z) / direction.z;
+        if to_ground > self.min_range_m {
+            end = end.min(to_ground);
+        }
+        Some((origin, direction, [self.min_range_m, end]))
+    }
+
+    /// Looks along the ray. The distances are spread evenly in their logarithm (apparent sizes then differ by equal factors), each
+    /// drawn at random within its share.
+    pub fn search(
+        &self,
+        view: &View,
+        likelihood: &mut impl Likelihood,
+        draws: Draws,
+    ) -> Result<GaussianStart, Error> {
+        let Some((origin, direction, [near, far])) = self.ray(view) else {
+            let text = format!("{:?}", self.pixel);
+            return Err(Error::out_of_range(
+                "pixel",
+                text,
+                "a pixel inside the camera's field of view",
+            ));
+        };
+        let count = self.ray_particles;
+        let mut particles = Particles::new(count, 3);
+        for i in 0..count {
+            let share = (i as f64 + draws.uniform(i as u32, 0, Stage::Ray)) / count as f64;
+            let range_m = near * libm::pow(far / near, share);
+            let position = origin + direction * range_m;
+            for axis in 0..3 {
+                particles.columns_mut()[axis][i] = position[axis] as f32;
+            }
+        }
+        let mut log_likelihoods = vec![0.0; count];
+        likelihood.log_likelihoods(&particles, &mut log_likelihoods);
+        let best = (0..count)
+            .filter(|&i| !log_likelihoods[i].is_nan())
+            .reduce(|best, i| {
+                if log_likelihoods[i] > log_likelihoods[best] {
+                    i
+                } else {
+                    best
+                }
+            })
+            .unwrap_or(count / 2);
+        Ok(self.around(particles.position_m(best)))
+    }
+}

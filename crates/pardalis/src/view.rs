@@ -1,0 +1,137 @@
+//! All that belongs to one camera over time: model, pose, mask and palette tables. It turns frames into evidence.
+
+use crate::camera::{Camera, Mask};
+use crate::color::{Palette, PixelKind, PixelTable};
+use crate::rig::Pose;
+use crate::{Error, Frame};
+
+/// One camera: where it stands, how it projects, which of its pixels count.
+#[derive(Debug, Clone)]
+pub struct View {
+    camera: Camera,
+    world_from_camera: Pose,
+    camera_from_world: Pose,
+    width: usize,
+    height: usize,
+    mask: Option<Mask>,
+    tables: Vec<(Palette, PixelKind, PixelTable)>,
+}
+
+impl View {
+    /// A camera whose images have this size in pixels. The mask, if there is one, has the images' size.
+    pub fn new(
+        camera: Camera,
+        world_from_camera: Pose,
+        (width, height): (usize, usize),
+        mask: Option<Mask>,
+    ) -> Result<Self, Error> {
+        if let Some(mask) = &mask {
+            let found = (mask.width(), mask.height());
+            if found != (width, height) {
+                return Err(Error::SizeMismatch {
+                    what: "the mask".to_owned(),
+                    expected: (width, height),
+                    found,
+                });
+            }
+        }
+        let camera_from_world = world_from_camera.inverse();
+        Ok(Self {
+            camera,
+            world_from_camera,
+            camera_from_world,
+            width,
+            height,
+            mask,
+            tables: Vec::new(),
+        })
+    }
+
+    /// The projection model.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The camera's pose.
+    pub fn world_from_camera(&self) -> &Pose {
+        &self.world_from_camera
+    }
+
+    /// The inverse of the camera's pose.
+    pub fn camera_from_world(&self) -> &Pose {
+        &self.camera_from_world
+    }
+
+    /// Width and height of its images in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// Which pixels carry evidence; all of them where there is no mask.
+    pub fn mask(&self) -> Option<&Mask> {
+        self.mask.as_ref()
+    }
+
+    /// Makes sure that this frame can be looked up in a palette. Tables are kept from frame to frame.
+    pub fn prepare(&mut self, frame: &Frame, palette: Palette) -> Result<(), Error> {
+        let found = (frame.width(), frame.height());
+        if found != self.size() {
+            return Err(Error::SizeMismatch {
+                what: "the image".to_owned(),
+                expected: self.size(),
+                found,
+            });
+        }
+        let kind = PixelKind::of(frame);
+        if !self
+            .tables
+            .iter()
+            .any(|&(p, k, _)| (p, k) == (palette, kind))
+        {
+            self.tables
+                .push((palette, kind, PixelTable::new(palette, kind)));
+        }
+        Ok(())
+    }
+
+    /// A frame of this camera, ready to be looked up in the palettes it was prepared for.
+    pub fn evidence<'a>(&'a self, frame: &'a Frame) -> Evidence<'a> {
+        Evidence {
+            view: self,
+            frame,
+            kind: PixelKind::of(frame),
+        }
+    }
+}
+
+/// One frame of one camera, ready to be looked up; shared by all targets.
+#[derive(Debug, Clone, Copy)]
+pub struct Evidence<'a> {
+    view: &'a View,
+    frame: &'a Frame,
+    kind: PixelKind,
+}
+
+impl<'a> Evidence<'a> {
+    /// The camera that took the frame.
+    pub fn view(&self) -> &'a View {
+        self.view
+    }
+
+    /// The frame.
+    pub fn frame(&self) -> &'a Frame {
+        self.frame
+    }
+
+    /// The table from this frame's pixels to the bins of a palette that it was prepared for ([`View::prepare`]).
+    ///
+    /// Panics when it was not.
+    pub fn table(&self, palette: Palette) -> &'a PixelTable {
+        let found = self
+            .view
+            .tables
+            .iter()
+            .find(|&&(p, k, _)| (p, k) == (palette, self.kind));
+        &found.expect("View::prepare comes before look-ups").2
+    }
+}
