@@ -5,6 +5,7 @@ mod error;
 pub mod frame;
 pub mod real;
 pub mod rng;
+pub mod score;
 pub mod simd;
 
 pub use error::Error;
