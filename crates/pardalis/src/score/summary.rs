@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Cholesky, Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Cholesky, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use serde::Serialize;
 
 use super::{EstimatedState, Sample, Settings, TrueState, difference, distance_m, norm};
@@ -253,22 +253,30 @@ impl Nees {
     fn of(estimate: &EstimatedState, truth: &TrueState) -> Option<Self> {
         let [xx, xy, xz, yy, yz, zz] = estimate.covariance_m2?;
         let [x, y, z] = difference(estimate.position_m, truth.position_m);
-        let (value, dimensions, bound_95) = if zz == 0.0 {
-            let e = Vector2::new(x, y);
-            let covariance = Cholesky::new(Matrix2::new(xx, xy, xy, yy))?;
-            (e.dot(&covariance.solve(&e)), 2.0, CHI_SQUARE_95_2_DOF)
+        if zz == 0.0 {
+            Some(Self {
+                value: nees(Vector2::new(x, y), Matrix2::new(xx, xy, xy, yy))?,
+                dimensions: 2.0,
+                bound_95: CHI_SQUARE_95_2_DOF,
+            })
         } else {
-            let e = Vector3::new(x, y, z);
-            let covariance = Cholesky::new(Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz))?;
-            (e.dot(&covariance.solve(&e)), 3.0, CHI_SQUARE_95_3_DOF)
-        };
-        // A covariance too near to singular to be inverted.
-        value.is_finite().then_some(Self {
-            value,
-            dimensions,
-            bound_95,
-        })
+            let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            Some(Self {
+                value: nees(Vector3::new(x, y, z), covariance)?,
+                dimensions: 3.0,
+                bound_95: CHI_SQUARE_95_3_DOF,
+            })
+        }
     }
+}
+
+/// e′ C⁻¹ e, none where C is not positive definite, or so nearly singular that rounding decides.
+fn nees<const D: usize>(error: SVector<f64, D>, covariance: SMatrix<f64, D, D>) -> Option<f64> {
+    let factor = Cholesky::new(covariance)?;
+    let l = factor.l_dirty();
+    let sound = |i| l[(i, i)] * l[(i, i)] > 1e-12 * covariance[(i, i)];
+    let value = error.dot(&factor.solve(&error));
+    ((0..D).all(sound) && value.is_finite()).then_some(value)
 }
 
 #[cfg(test)]
@@ -425,8 +433,9 @@ mod tests {
             with_covariance([0.3, 0.0, 0.0], diagonal),    // 9: beyond the bound
             with_covariance([1.0, -1.0, 2.0], correlated), // 2 + 4
             with_covariance([0.1, 0.0, 0.0], [0.0; 6]),    // singular
+            with_covariance([0.1, 0.0, 0.0], [0.3, 0.3, 0.0, 0.3, 0.0, 1.0]), // singular but for rounding
             with_covariance([0.1, 0.0, 0.0], [-1.0, 0.0, 0.0, 1.0, 0.0, 1.0]), // no covariance
-            off_by(0.1),                                   // none given
+            off_by(0.1),                                                      // none given
         ];
         let c = errors_of(&samples, &Settings::default()).consistency;
         assert_eq!((c.estimates, c.left_out), (3, 4));
