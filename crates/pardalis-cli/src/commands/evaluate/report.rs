@@ -117,18 +117,15 @@ impl fmt::Display for TargetReport {
         )?;
         let s = &self.scores;
         line(f, "", "visible frames", "all frames")?;
-        let counts: [(&str, fn(&Summary) -> usize); 2] = [
-            ("frames", |s| s.frames),
-            ("with an estimate", |s| s.estimates),
-        ];
-        for (label, of) in counts {
-            line(
-                f,
-                label,
-                &of(&s.visible).to_string(),
-                &of(&s.all).to_string(),
-            )?;
-        }
+        let (visible, all) = (&s.visible, &s.all);
+        line(
+            f,
+            "frames",
+            &visible.frames.to_string(),
+            &all.frames.to_string(),
+        )?;
+        let estimates = |summary: &Summary| summary.estimates.to_string();
+        line(f, "with an estimate", &estimates(visible), &estimates(all))?;
         let percent = |share| format!("{} %", fixed(100.0 * share, 1));
         line(f, "coverage", &s.coverage.map_or_else(none, percent), "")?;
         line(f, "lost frames", &s.lost_frames.to_string(), "")?;
@@ -137,7 +134,7 @@ impl fmt::Display for TargetReport {
         line(f, "last visible frame on target", &ends, "")?;
         for (label, figure) in FIGURES {
             let of = |summary: &Summary| summary.errors.as_ref().map_or_else(none, figure);
-            line(f, label, &of(&s.visible), &of(&s.all))?;
+            line(f, label, &of(visible), &of(all))?;
         }
         Ok(())
     }
