@@ -1,6 +1,8 @@
 //! The `pardalis` program.
 
+mod commands;
 mod fault;
+mod tables;
 
 use std::process::ExitCode;
 
@@ -16,13 +18,15 @@ struct Arguments {
 
 /// One variant a command, each in its own file under `commands/`.
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Evaluate(commands::evaluate::Arguments),
+}
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome = match arguments.command {
         None => Err(fault::fault!("no command given; see pardalis --help")),
-        Some(command) => match command {},
+        Some(Command::Evaluate(arguments)) => commands::evaluate::run(&arguments),
     };
     fault::exit_code_of(&outcome)
 }

@@ -1,7 +1,22 @@
 //! 3D tracking of coloured objects with particle filters, through any camera.
+//!
+//! From camera images it tells, frame after frame, where a coloured object is in 3D, how fast it moves and how sure that is. The
+//! modules, in the order in which data flows (and in which they read best):
+//!
+//! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`filter`] →
+//! [`likelihood`] → [`start`], [`tracker`] → [`score`]
+//!
+//! [`config`] turns the text of a scene file into checked settings. [`rng`], [`real`] and [`simd`] serve the kernels.
+//!
+//! # Conventions
+//!
+//! Metres, seconds, radians, pixels. `a_from_b` maps coordinates in frame b to frame a. Camera frame: x right, y down, z along the optical axis.
+//! Pixel centres lie at integer coordinates. The library opens no files, reads no clock and prints nothing; every random
+//! number is a function of seed, target, particle and observation.
 
 pub mod camera;
 pub mod color;
+pub mod config;
 mod error;
 pub mod filter;
 pub mod frame;
@@ -12,6 +27,7 @@ pub mod real;
 pub mod resample;
 pub mod rig;
 pub mod rng;
+pub mod score;
 pub mod shape;
 pub mod simd;
 pub mod start;

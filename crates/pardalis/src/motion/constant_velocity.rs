@@ -32,6 +32,13 @@ pub struct ConstantVelocity {
 const CHUNK: usize = 1024;
 
 impl ConstantVelocity {
+    /// Ours: white noise strong enough for a ball that is thrown and bounces.
+    pub const DEFAULT: Self = Self {
+        disturbance: Disturbance::White {
+            acceleration_density_m2ps3: 100.0,
+        },
+    };
+
     /// The number of columns.
     pub const COLUMNS: usize = 6;
 
@@ -53,6 +60,11 @@ impl ConstantVelocity {
             ));
         }
         Ok(Self { disturbance })
+    }
+
+    /// How accelerations disturb the state.
+    pub fn disturbance(&self) -> Disturbance {
+        self.disturbance
     }
 
     /// Noise of position and velocity as combinations of two independent standard normals an axis:

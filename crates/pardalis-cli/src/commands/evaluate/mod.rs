@@ -1,0 +1,296 @@
+//! `pardalis evaluate`: tracks against truth.
+
+mod frames;
+mod pairing;
+mod report;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::score::{self, EstimatedState, Sample, Settings, TrueState};
+use serde::Deserialize as _;
+use serde_json::Value;
+
+use crate::fault::fault;
+use crate::tables::{self, Series};
+use frames::Frames;
+pub(crate) use report::{Point, Report, TargetReport};
+
+/// Scores tracks against the truth.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// tracks.csv, or the folder that holds it
+    tracks: PathBuf,
+    /// truth.csv, or the folder that holds it
+    truth: PathBuf,
+    #[command(flatten)]
+    options: Options,
+    /// Writes the figures as JSON to this file; to standard output, in place of the table, with -
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+}
+
+/// What the figures depend on besides the two files.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct Options {
+    /// The truth object of a target; may be repeated. Without it: the object of the same name, else the
+    /// one that the target follows best (objects named occluder… only by name)
+    #[arg(long, value_name = "TARGET=OBJECT", value_parser = name_pair)]
+    pub(crate) map: Vec<(String, String)>,
+    /// The point around which distance, elevation and azimuth are taken, world frame, metres [default:
+    /// the first camera in the summary.json beside the tracks, else the world's origin]
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub(crate) around: Option<[f64; 3]>,
+    /// An object is visible where more than this share of it is seen
+    #[arg(long, value_name = "SHARE", value_parser = share, default_value_t = Settings::VISIBLE_OVER)]
+    pub(crate) visible_over: f64,
+    /// An estimate farther than this from the truth has lost its object
+    #[arg(long, value_name = "METRES", value_parser = length, default_value_t = Settings::LOST_BEYOND_M)]
+    pub(crate) lost_beyond_m: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            map: Vec::new(),
+            around: None,
+            visible_over: Settings::VISIBLE_OVER,
+            lost_beyond_m: Settings::LOST_BEYOND_M,
+        }
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let report = score_files(&arguments.tracks, &arguments.truth, &arguments.options)?;
+    let mut stdout = std::io::stdout().lock();
+    if arguments.json.as_deref() == Some(Path::new("-")) {
+        writeln!(stdout, "{}", report.to_json()?)?;
+        return Ok(());
+    }
+    if let Some(path) = &arguments.json {
+        fs::write(path, report.to_json()? + "\n").map_err(|error| {
+            fault!(
+                "--json {}: {error}; give a file that can be written",
+                path.display()
+            )
+        })?;
+    }
+    write!(stdout, "{report}")?;
+    Ok(())
+}
+
+/// Scores the tracks of a file against the truth of another; folders stand for the tracks.csv and truth.csv in them.
+pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Result<Report> {
+    let tracks_path = file_in(tracks, "tracks.csv");
+    let truth_path = file_in(truth, "truth.csv");
+    let tracks = tables::read_tracks(&tracks_path)?;
+    let objects = tables::read_truth(&truth_path)?;
+    let around = match options.around {
+        Some(position_m) => Point {
+            position_m,
+            source: "--around".to_owned(),
+        },
+        None => first_camera(&tracks_path.with_file_name("summary.json"))?,
+    };
+    let settings = Settings {
+        around_m: around.position_m,
+        visible_over: options.visible_over,
+        lost_beyond_m: options.lost_beyond_m,
+    };
+
+    let frames = Frames::of(&objects);
+    let track_rows: Vec<_> = tracks.iter().map(|t| frames.place(t)).collect();
+    let object_rows: Vec<_> = objects.iter().map(|o| frames.place(o)).collect();
+    if track_rows.iter().flatten().all(Option::is_none) {
+        return Err(fault!(
+            "no row of {} (times {}) has a row of {} (times {}) within {} s; both must use the same clock",
+            tracks_path.display(),
+            time_range(&tracks),
+            truth_path.display(),
+            time_range(&objects),
+            frames.tolerance_s
+        ));
+    }
+
+    let track_paths: Vec<_> = track_rows.iter().map(|rows| estimated_path(rows)).collect();
+    let object_paths: Vec<_> = object_rows.iter().map(|rows| true_path(rows)).collect();
+    let pairs = pairing::pair(
+        (&tracks_path, &names(&tracks), &track_paths),
+        (&truth_path, &names(&objects), &object_paths),
+        &options.map,
+        options.lost_beyond_m,
+    )?;
+
+    let identities = (pairs.len() > 1).then(|| {
+        let of_tracks: Vec<_> = pairs.iter().map(|p| &track_paths[p.target]).collect();
+        let of_objects: Vec<_> = pairs.iter().map(|p| &object_paths[p.object]).collect();
+        score::identities(&of_tracks, &of_objects, options.lost_beyond_m)
+    });
+    let targets = pairs.iter().map(|pair| {
+        let rows = track_rows[pair.target]
+            .iter()
+            .zip(&object_rows[pair.object]);
+        let samples: Vec<Sample> = rows
+            .clone()
+            .filter_map(|(row, truth)| {
+                Some(Sample {
+                    estimate: row.copied().flatten(),
+                    truth: *(*truth)?,
+                })
+            })
+            .collect();
+        let with_truth = rows.filter(|(r, t)| r.is_some() && t.is_some()).count();
+        let track = &tracks[pair.target];
+        TargetReport {
+            target: track.name.clone(),
+            object: objects[pair.object].name.clone(),
+            matched_by: pair.matched_by,
+            rows: track.rows.len(),
+            rows_without_truth: track.rows.len() - with_truth,
+            scores: score::score(&samples, &settings),
+        }
+    });
+    let targets = targets.collect();
+    let without = |all: Vec<&str>, used: Vec<usize>| {
+        let unused = all.iter().enumerate().filter(|(i, _)| !used.contains(i));
+        unused.map(|(_, name)| (*name).to_owned()).collect()
+    };
+    Ok(Report {
+        tracks: tracks_path,
+        truth: truth_path,
+        around,
+        visible_over: options.visible_over,
+        lost_beyond_m: options.lost_beyond_m,
+        time_tolerance_s: frames.tolerance_s,
+        targets,
+        identities,
+        targets_without_object: without(names(&tracks), pairs.iter().map(|p| p.target).collect()),
+        objects_without_target: without(names(&objects), pairs.iter().map(|p| p.object).collect()),
+    })
+}
+
+/// The file of that name in a folder, or the file itself.
+fn file_in(path: &Path, name: &str) -> PathBuf {
+    if path.is_dir() {
+        path.join(name)
+    } else {
+        path.to_owned()
+    }
+}
+
+/// Names in the order of the file.
+fn names<T>(series: &[Series<T>]) -> Vec<&str> {
+    series.iter().map(|s| s.name.as_str()).collect()
+}
+
+/// First and last time, for faults.
+fn time_range<T>(series: &[Series<T>]) -> String {
+    let times = || series.iter().flat_map(|s| s.rows.iter().map(|row| row.0));
+    let first_s = times().fold(f64::INFINITY, f64::min);
+    let last_s = times().fold(f64::NEG_INFINITY, f64::max);
+    format!("{first_s} to {last_s} s")
+}
+
+/// Estimated positions by frame.
+fn estimated_path(rows: &[Option<&Option<EstimatedState>>]) -> Vec<Option<[f64; 3]>> {
+    let estimates = rows.iter().map(|row| row.copied().flatten());
+    estimates.map(|e| Some(e?.position_m)).collect()
+}
+
+/// True positions by frame.
+fn true_path(rows: &[Option<&TrueState>]) -> Vec<Option<[f64; 3]>> {
+    rows.iter().map(|row| Some((*row)?.position_m)).collect()
+}
+
+/// The part of summary.json that matters here.
+#[derive(serde::Deserialize)]
+struct RunSummary {
+    #[serde(default)]
+    cameras: BTreeMap<String, Value>,
+}
+
+/// The position of the first camera in a summary.json that gives one, else the world's origin.
+fn first_camera(path: &Path) -> Result<Point> {
+    let origin = Point {
+        position_m: [0.0; 3],
+        source: "the world's origin".to_owned(),
+    };
+    let text = match fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(origin),
+        Err(error) => {
+            return Err(fault!(
+                "{}: {error}; or give --around X,Y,Z",
+                path.display()
+            ));
+        }
+    };
+    let summary: RunSummary = serde_json::from_str(&text)
+        .map_err(|error| fault!("{}: {error}; or give --around X,Y,Z", path.display()))?;
+    let mut cameras = summary.cameras.iter();
+    let Some((name, position)) =
+        cameras.find_map(|(name, camera)| Some((name, camera.get("position_m")?)))
+    else {
+        return Ok(origin);
+    };
+    let position_m = <[f64; 3]>::deserialize(position).map_err(|_| {
+        fault!(
+            "{}: cameras.{name}.position_m is {position}; allowed: an array of three numbers; or give --around X,Y,Z",
+            path.display()
+        )
+    })?;
+    Ok(Point {
+        position_m,
+        source: format!("camera {name} of {}", path.display()),
+    })
+}
+
+/// `TARGET=OBJECT`.
+fn name_pair(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((target, object)) if !target.is_empty() && !object.is_empty() => {
+            Ok((target.to_owned(), object.to_owned()))
+        }
+        _ => Err("allowed: TARGET=OBJECT, as in ball=ball1".to_owned()),
+    }
+}
+
+/// `X,Y,Z`.
+fn point(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|c| finite(c).ok()).collect();
+    numbers
+        .and_then(|n| n.try_into().ok())
+        .ok_or_else(|| "allowed: three numbers in metres, as in 0,0,0.9".to_owned())
+}
+
+/// A share below 1.
+fn share(text: &str) -> Result<f64, String> {
+    let number = finite(text)?;
+    if (0.0..1.0).contains(&number) {
+        Ok(number)
+    } else {
+        Err("allowed: 0 up to, but not including, 1".to_owned())
+    }
+}
+
+/// A positive length.
+fn length(text: &str) -> Result<f64, String> {
+    let number = finite(text)?;
+    if number > 0.0 {
+        Ok(number)
+    } else {
+        Err("allowed: more than 0".to_owned())
+    }
+}
+
+/// A finite number.
+fn finite(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse().ok();
+    number
+        .filter(|n: &f64| n.is_finite())
+        .ok_or_else(|| "allowed: a finite number".to_owned())
+}

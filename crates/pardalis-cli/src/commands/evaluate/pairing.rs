@@ -1,0 +1,127 @@
+//! Which truth object a target is scored against.
+
+use std::path::Path;
+
+use anyhow::Result;
+use pardalis::score;
+use serde::Serialize;
+
+use crate::fault::fault;
+
+/// Objects whose names begin so hide others: they are no target's by position alone.
+const OCCLUDER: &str = "occluder";
+
+/// Why a target is scored against its object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum MatchedBy {
+    /// The user said so.
+    Map,
+    /// Both have the same name.
+    Name,
+    /// No other target and no other object were left.
+    Alone,
+    /// It is the one that the target follows best.
+    Position,
+}
+
+/// A target and its object, by their place in the files.
+#[derive(Debug, PartialEq)]
+pub(super) struct Pair {
+    pub(super) target: usize,
+    pub(super) object: usize,
+    pub(super) matched_by: MatchedBy,
+}
+
+/// A file, the names in it, and for each the positions by frame.
+type Side<'a> = (&'a Path, &'a [&'a str], &'a [Vec<Option<[f64; 3]>>]);
+
+/// Pairs targets with objects: as mapped, by name, then those left over by position; in the order of the targets.
+pub(super) fn pair(
+    (tracks_path, targets, target_paths): Side,
+    (truth_path, objects, object_paths): Side,
+    map: &[(String, String)],
+    cap_m: f64,
+) -> Result<Vec<Pair>> {
+    let mut object_of: Vec<Option<(usize, MatchedBy)>> = vec![None; targets.len()];
+    for (target, object) in map {
+        let option = format!("--map {target}={object}");
+        let t = place(&option, "target", target, targets, tracks_path)?;
+        let o = place(&option, "object", object, objects, truth_path)?;
+        if object_of[t].is_some() {
+            return Err(fault!(
+                "{option}: target \"{target}\" is mapped twice; allowed: one object a target"
+            ));
+        }
+        if object_of.iter().flatten().any(|&(taken, _)| taken == o) {
+            return Err(fault!(
+                "{option}: object \"{object}\" is mapped twice; allowed: one target an object"
+            ));
+        }
+        object_of[t] = Some((o, MatchedBy::Map));
+    }
+    for (t, name) in targets.iter().enumerate() {
+        let same = objects.iter().position(|object| object == name);
+        if let Some(o) = same.filter(|&o| object_of[t].is_none() && is_free(&object_of, o)) {
+            object_of[t] = Some((o, MatchedBy::Name));
+        }
+    }
+
+    let left: Vec<usize> = (0..targets.len())
+        .filter(|&t| object_of[t].is_none())
+        .collect();
+    let free: Vec<usize> = (0..objects.len())
+        .filter(|&o| is_free(&object_of, o) && !objects[o].starts_with(OCCLUDER))
+        .collect();
+    let left_paths: Vec<_> = left.iter().map(|&t| &target_paths[t]).collect();
+    let free_paths: Vec<_> = free.iter().map(|&o| &object_paths[o]).collect();
+    let matched_by = if left.len() == 1 && free.len() == 1 {
+        MatchedBy::Alone
+    } else {
+        MatchedBy::Position
+    };
+    let assignment = score::assign(&left_paths, &free_paths, cap_m);
+    for (&t, o) in left.iter().zip(assignment) {
+        object_of[t] = o.map(|o| (free[o], matched_by));
+    }
+    let pairs: Vec<Pair> = object_of
+        .into_iter()
+        .enumerate()
+        .filter_map(|(target, object)| {
+            object.map(|(object, matched_by)| Pair {
+                target,
+                object,
+                matched_by,
+            })
+        })
+        .collect();
+    if pairs.is_empty() {
+        return Err(fault!(
+            "{}: no target ({}) has an object in {} ({}); pair them with --map TARGET=OBJECT",
+            tracks_path.display(),
+            targets.join(", "),
+            truth_path.display(),
+            objects.join(", ")
+        ));
+    }
+    Ok(pairs)
+}
+
+/// Whether an object has no target yet.
+fn is_free(object_of: &[Option<(usize, MatchedBy)>], object: usize) -> bool {
+    object_of
+        .iter()
+        .flatten()
+        .all(|&(taken, _)| taken != object)
+}
+
+/// Where a name of the user's stands in a file.
+fn place(option: &str, kind: &str, name: &str, names: &[&str], path: &Path) -> Result<usize> {
+    names.iter().position(|n| *n == name).ok_or_else(|| {
+        fault!(
+            "{option}: {} has no {kind} \"{name}\"; allowed: {}",
+            path.display(),
+            names.join(", ")
+        )
+    })
+}

@@ -1,0 +1,215 @@
+//! What `pardalis evaluate` finds, as a table to read and as JSON.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use anyhow::Result;
+use pardalis::score::{Errors, Identities, MeanSd, Scores, Summary};
+use serde::Serialize;
+
+pub(crate) use super::pairing::MatchedBy;
+
+/// All figures, and what they depend on.
+#[derive(Debug, Serialize)]
+pub(crate) struct Report {
+    /// The tracks.csv that was read.
+    pub(crate) tracks: PathBuf,
+    /// The truth.csv that was read.
+    pub(crate) truth: PathBuf,
+    /// Where distance, elevation and azimuth are taken from.
+    pub(crate) around: Point,
+    /// An object is visible where more than this share of it is seen.
+    pub(crate) visible_over: f64,
+    /// An estimate farther than this from the truth has lost its object.
+    pub(crate) lost_beyond_m: f64,
+    /// A row may be this far from the time of the truth that it is scored against.
+    pub(crate) time_tolerance_s: f64,
+    /// In the order of the tracks.
+    pub(crate) targets: Vec<TargetReport>,
+    /// None with less than two targets.
+    pub(crate) identities: Option<Identities>,
+    /// Targets that were not scored.
+    pub(crate) targets_without_object: Vec<String>,
+    /// Objects that nobody tracks.
+    pub(crate) objects_without_target: Vec<String>,
+}
+
+/// A point in the world frame, and where it comes from.
+#[derive(Debug, Serialize)]
+pub(crate) struct Point {
+    /// Position in metres.
+    pub(crate) position_m: [f64; 3],
+    /// Where it comes from, in words.
+    pub(crate) source: String,
+}
+
+/// The figures of one target.
+#[derive(Debug, Serialize)]
+pub(crate) struct TargetReport {
+    /// Its name in the tracks.
+    pub(crate) target: String,
+    /// The truth object that it is scored against.
+    pub(crate) object: String,
+    /// Why that one.
+    pub(crate) matched_by: MatchedBy,
+    /// Rows of the target.
+    pub(crate) rows: usize,
+    /// Those that are not scored, because the object has no truth then, or another row is nearer to it in time.
+    pub(crate) rows_without_truth: usize,
+    /// The figures.
+    #[serde(flatten)]
+    pub(crate) scores: Scores,
+}
+
+impl Report {
+    /// The figures as JSON, unit-suffixed keys, without a final line feed.
+    pub(crate) fn to_json(&self) -> Result<String> {
+        Ok(serde_json::to_string_pretty(self)?)
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.around.position_m;
+        writeln!(f, "tracks   {}", self.tracks.display())?;
+        writeln!(f, "truth    {}", self.truth.display())?;
+        writeln!(f, "around   ({x}, {y}, {z}) m: {}", self.around.source)?;
+        writeln!(
+            f,
+            "visible  more than {} of the object seen; lost: beyond {} m; times matched within {} s",
+            self.visible_over, self.lost_beyond_m, self.time_tolerance_s
+        )?;
+        for target in &self.targets {
+            writeln!(f)?;
+            target.fmt(f)?;
+        }
+        if let Some(identities) = self.identities {
+            writeln!(
+                f,
+                "\nidentities: {} switches; {} frames in which targets follow each other's objects",
+                identities.switches, identities.swapped_frames
+            )?;
+        }
+        if !self.targets_without_object.is_empty() {
+            let names = self.targets_without_object.join(", ");
+            writeln!(f, "\nnot scored, no object left: {names}")?;
+        }
+        if !self.objects_without_target.is_empty() {
+            let names = self.objects_without_target.join(", ");
+            writeln!(f, "\nobjects that nobody tracks: {names}")?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for TargetReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let why = match self.matched_by {
+            MatchedBy::Map => "as mapped",
+            MatchedBy::Name => "same name",
+            MatchedBy::Alone => "the only ones left",
+            MatchedBy::Position => "identity assigned by position",
+        };
+        writeln!(
+            f,
+            "target {} against object {} ({why}); {} rows, {} of them without truth",
+            self.target, self.object, self.rows, self.rows_without_truth
+        )?;
+        let s = &self.scores;
+        line(f, "", "visible frames", "all frames")?;
+        let (visible, all) = (&s.visible, &s.all);
+        line(
+            f,
+            "frames",
+            &visible.frames.to_string(),
+            &all.frames.to_string(),
+        )?;
+        let estimates = |summary: &Summary| summary.estimates.to_string();
+        line(f, "with an estimate", &estimates(visible), &estimates(all))?;
+        let percent = |share| format!("{} %", fixed(100.0 * share, 1));
+        line(f, "coverage", &s.coverage.map_or_else(none, percent), "")?;
+        line(f, "lost frames", &s.lost_frames.to_string(), "")?;
+        let yes_or_no = |yes| if yes { "yes" } else { "no" }.to_owned();
+        let ends = s.ends_on_target.map_or_else(none, yes_or_no);
+        line(f, "last visible frame on target", &ends, "")?;
+        for (label, figure) in FIGURES {
+            let of = |summary: &Summary| summary.errors.as_ref().map_or_else(none, figure);
+            line(f, label, &of(visible), &of(all))?;
+        }
+        Ok(())
+    }
+}
+
+/// One line of the table of a target.
+fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fmt::Result {
+    let text = format!("  {label:<40}{visible:>16}{all:>16}");
+    writeln!(f, "{}", text.trim_end())
+}
+
+/// A line's label, and how its figure is written.
+type Figure = (&'static str, fn(&Errors) -> String);
+
+/// The lines about errors, in their order.
+const FIGURES: [Figure; 16] = [
+    ("position error, mean, mm", |e| {
+        thousandths(e.position_m.mean)
+    }),
+    ("    s.d.", |e| thousandths(e.position_m.sd)),
+    ("    root mean square", |e| thousandths(e.position_m.rmse)),
+    ("    median", |e| thousandths(e.position_m.median)),
+    ("    95 % below", |e| thousandths(e.position_m.p95)),
+    ("    maximum", |e| thousandths(e.position_m.max)),
+    ("bias along x, mm", |e| thousandths(e.bias_m[0])),
+    ("    y", |e| thousandths(e.bias_m[1])),
+    ("    z", |e| thousandths(e.bias_m[2])),
+    ("distance error, mean ± s.d., mm", |e| {
+        mean_sd(e.distance_m)
+    }),
+    ("elevation error, mean ± s.d., mrad", |e| {
+        mean_sd(e.elevation_rad)
+    }),
+    ("azimuth error, mean ± s.d., mrad", |e| {
+        mean_sd(e.azimuth_rad)
+    }),
+    ("velocity error, root mean square, mm/s", |e| {
+        e.velocity_rmse_mps.map_or_else(none, thousandths)
+    }),
+    ("NEES, mean (expected)", |e| {
+        let c = &e.consistency;
+        let both = c.mean_nees.zip(c.expected_nees);
+        both.map_or_else(none, |(mean, expected)| {
+            format!("{} ({})", fixed(mean, 2), fixed(expected, 1))
+        })
+    }),
+    ("    within 95 % bound", |e| {
+        let share = e.consistency.share_within_95;
+        share.map_or_else(none, |share| format!("{} %", fixed(100.0 * share, 1)))
+    }),
+    ("    left out, no covariance", |e| {
+        e.consistency.left_out.to_string()
+    }),
+];
+
+/// Metres in millimetres, radians in milliradians.
+fn thousandths(value: f64) -> String {
+    fixed(1e3 * value, 1)
+}
+
+/// Mean and standard deviation in thousandths.
+fn mean_sd(value: MeanSd) -> String {
+    format!("{} ± {}", thousandths(value.mean), thousandths(value.sd))
+}
+
+/// At most so many decimals, never a minus zero.
+fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(digits) if digits.chars().all(|c| matches!(c, '0' | '.')) => digits.to_owned(),
+        _ => text,
+    }
+}
+
+/// What stands where there is no figure.
+fn none() -> String {
+    "-".to_owned()
+}

@@ -1,0 +1,426 @@
+//! Tables of numbers: tracks.csv and truth.csv. Every fault names file, line and column.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
+use pardalis::score::{EstimatedState, TrueState};
+
+use crate::fault::fault;
+
+/// What one target or object does over time.
+#[derive(Debug)]
+pub(crate) struct Series<T> {
+    /// Name of the target or object.
+    pub(crate) name: String,
+    /// Time in seconds and what holds then, in time order, each time once.
+    pub(crate) rows: Vec<(f64, T)>,
+}
+
+/// Reads tracks.csv: for each target, in order of appearance, its rows; none where a row has no estimate.
+///
+/// Needs the columns `time_s,target,x_m,y_m,z_m`; takes velocities and covariances where it finds them.
+pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<Option<EstimatedState>>>> {
+    let table = Table::read(path)?;
+    let [time, target] = [table.column("time_s")?, table.column("target")?];
+    let position = table.columns(["x_m", "y_m", "z_m"])?;
+    let velocity = table.optional_columns(["vx_mps", "vy_mps", "vz_mps"]);
+    let covariance = table.optional_columns(["xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2"]);
+    let mut tracks = Collector::default();
+    for row in table.rows() {
+        let velocity_mps = row.all_or_none(velocity)?;
+        let covariance_m2 = row.all_or_none(covariance)?;
+        let estimate = row
+            .all_or_none(Some(position))?
+            .map(|position_m| EstimatedState {
+                position_m,
+                velocity_mps,
+                covariance_m2,
+            });
+        let (name, time_s) = (row.text(target)?, row.number(time)?);
+        if let Some((_, first_line)) = tracks.add(name, time_s, (estimate, row.line)) {
+            return Err(fault!(
+                "{}: target \"{name}\" already has a row for {time_s} s in line {first_line}; \
+                 allowed: one row a target and time",
+                row.place()
+            ));
+        }
+    }
+    Ok(tracks.into_series(|(estimate, _)| estimate))
+}
+
+/// One time of an object while truth.csv is read.
+struct TruthRow {
+    state: TrueState,
+    /// The cameras whose rows are in `state`.
+    cameras: Vec<String>,
+    /// The line of the first of them.
+    line: u64,
+}
+
+/// Reads truth.csv: for each object, in order of appearance, where it is.
+///
+/// Needs the columns `time_s,object,x_m,y_m,z_m`; takes `camera`, velocities and `visible_fraction` where it
+/// finds them. Rows of several cameras become one, with the greatest visible fraction.
+pub(crate) fn read_truth(path: &Path) -> Result<Vec<Series<TrueState>>> {
+    let table = Table::read(path)?;
+    let [time, object] = [table.column("time_s")?, table.column("object")?];
+    let position = table.columns(["x_m", "y_m", "z_m"])?;
+    let velocity = table.optional_columns(["vx_mps", "vy_mps", "vz_mps"]);
+    let visible = table.optional_column("visible_fraction");
+    let camera = table.optional_column("camera");
+    let mut objects = Collector::default();
+    for row in table.rows() {
+        let state = TrueState {
+            position_m: row.numbers(position)?,
+            velocity_mps: row.all_or_none(velocity)?,
+            visible_fraction: row.fraction(visible)?,
+        };
+        let camera = camera.map_or("", |column| row.cell(column)).to_owned();
+        let (name, time_s) = (row.text(object)?, row.number(time)?);
+        let found = TruthRow {
+            state,
+            cameras: vec![camera.clone()],
+            line: row.line,
+        };
+        let Some(known) = objects.add(name, time_s, found) else {
+            continue;
+        };
+        let (place, line) = (row.place(), known.line);
+        if known.cameras.contains(&camera) {
+            return Err(fault!(
+                "{place}: object \"{name}\" already has a row for {time_s} s and camera \"{camera}\", \
+                 see line {line}; allowed: one row an object, time and camera"
+            ));
+        }
+        if (known.state.position_m, known.state.velocity_mps)
+            != (state.position_m, state.velocity_mps)
+        {
+            return Err(fault!(
+                "{place}: object \"{name}\" has another position or velocity at {time_s} s than in line {line}; \
+                 the world columns must repeat for each camera"
+            ));
+        }
+        known.cameras.push(camera);
+        // An unknown fraction compares as less than any known one.
+        if known.state.visible_fraction < state.visible_fraction {
+            known.state.visible_fraction = state.visible_fraction;
+        }
+    }
+    Ok(objects.into_series(|row| row.state))
+}
+
+/// Gathers rows by name and time.
+struct Collector<T> {
+    series: Vec<Series<T>>,
+    /// From name and the bits of the time to the place in `series` and its rows.
+    places: HashMap<String, (usize, HashMap<u64, usize>)>,
+}
+
+impl<T> Default for Collector<T> {
+    fn default() -> Self {
+        Self {
+            series: Vec::new(),
+            places: HashMap::new(),
+        }
+    }
+}
+
+impl<T> Collector<T> {
+    /// Adds a row, or gives the one that is already there.
+    fn add(&mut self, name: &str, time_s: f64, row: T) -> Option<&mut T> {
+        if !self.places.contains_key(name) {
+            let place = (self.series.len(), HashMap::new());
+            self.places.insert(name.to_owned(), place);
+            self.series.push(Series {
+                name: name.to_owned(),
+                rows: Vec::new(),
+            });
+        }
+        let (series, times) = self.places.get_mut(name)?;
+        let rows = &mut self.series[*series].rows;
+        // Adding zero makes -0 the same time as 0.
+        let at = *times.entry((time_s + 0.0).to_bits()).or_insert(rows.len());
+        if at < rows.len() {
+            return Some(&mut rows[at].1);
+        }
+        rows.push((time_s, row));
+        None
+    }
+
+    /// The series in order of appearance, each in time order.
+    fn into_series<U>(self, finish: impl Fn(T) -> U) -> Vec<Series<U>> {
+        let in_order = |Series { name, rows }: Series<T>| {
+            let finished = rows.into_iter().map(|(time_s, row)| (time_s, finish(row)));
+            let mut rows: Vec<(f64, U)> = finished.collect();
+            rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+            Series { name, rows }
+        };
+        self.series.into_iter().map(in_order).collect()
+    }
+}
+
+/// A column that the table has.
+#[derive(Clone, Copy)]
+struct Column {
+    name: &'static str,
+    index: usize,
+}
+
+/// A whole CSV file with its header.
+struct Table {
+    path: PathBuf,
+    header: StringRecord,
+    records: Vec<StringRecord>,
+}
+
+impl Table {
+    /// Reads a file with a header and at least one row.
+    fn read(path: &Path) -> Result<Self> {
+        let failed = |error: csv::Error| csv_fault(path, &error);
+        let mut builder = ReaderBuilder::new();
+        let mut reader = builder.trim(Trim::All).from_path(path).map_err(failed)?;
+        let header = reader.headers().map_err(failed)?.clone();
+        let records: Vec<StringRecord> =
+            reader.records().collect::<Result<_, _>>().map_err(failed)?;
+        if let Some(twice) = header.iter().enumerate().find_map(|(i, name)| {
+            header
+                .iter()
+                .take(i)
+                .any(|before| before == name)
+                .then_some(name)
+        }) {
+            return Err(fault!(
+                "{}, line 1: column \"{twice}\" occurs twice; allowed: each column once",
+                path.display()
+            ));
+        }
+        let table = Self {
+            path: path.to_owned(),
+            header,
+            records,
+        };
+        if table.records.is_empty() {
+            return Err(fault!(
+                "{}: has no rows; needed: a header line and at least one row",
+                path.display()
+            ));
+        }
+        Ok(table)
+    }
+
+    /// A column that must be there.
+    fn column(&self, name: &'static str) -> Result<Column> {
+        self.optional_column(name).ok_or_else(|| {
+            let found: Vec<&str> = self.header.iter().collect();
+            fault!(
+                "{}, line 1: column \"{name}\" is missing; found: {}",
+                self.path.display(),
+                found.join(",")
+            )
+        })
+    }
+
+    /// Columns that must be there.
+    fn columns<const N: usize>(&self, names: [&'static str; N]) -> Result<[Column; N]> {
+        let mut columns = [Column { name: "", index: 0 }; N];
+        for (column, name) in columns.iter_mut().zip(names) {
+            *column = self.column(name)?;
+        }
+        Ok(columns)
+    }
+
+    /// A column that may be there.
+    fn optional_column(&self, name: &'static str) -> Option<Column> {
+        let index = self.header.iter().position(|found| found == name)?;
+        Some(Column { name, index })
+    }
+
+    /// Columns that mean something together only.
+    fn optional_columns<const N: usize>(&self, names: [&'static str; N]) -> Option<[Column; N]> {
+        self.columns(names).ok()
+    }
+
+    /// The rows below the header.
+    fn rows(&self) -> impl Iterator<Item = Row<'_>> {
+        self.records.iter().map(|record| Row {
+            path: &self.path,
+            line: record.position().map_or(0, csv::Position::line),
+            record,
+        })
+    }
+}
+
+/// One row of a table.
+struct Row<'a> {
+    path: &'a Path,
+    line: u64,
+    record: &'a StringRecord,
+}
+
+impl Row<'_> {
+    /// File and line, for faults.
+    fn place(&self) -> String {
+        format!("{}, line {}", self.path.display(), self.line)
+    }
+
+    /// A cell as it stands; every row has as many cells as the header.
+    fn cell(&self, column: Column) -> &str {
+        &self.record[column.index]
+    }
+
+    /// A text that is not empty.
+    fn text(&self, column: Column) -> Result<&str> {
+        match self.cell(column) {
+            "" => Err(self.misfit(column, "a name")),
+            text => Ok(text),
+        }
+    }
+
+    /// A finite number, none where the cell is empty.
+    fn optional_number(&self, column: Column) -> Result<Option<f64>> {
+        let cell = self.cell(column);
+        if cell.is_empty() {
+            return Ok(None);
+        }
+        match cell.parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok(Some(number)),
+            _ => Err(self.misfit(column, "a finite number")),
+        }
+    }
+
+    /// A finite number.
+    fn number(&self, column: Column) -> Result<f64> {
+        let number = self.optional_number(column)?;
+        number.ok_or_else(|| self.misfit(column, "a finite number"))
+    }
+
+    /// Finite numbers.
+    fn numbers<const N: usize>(&self, columns: [Column; N]) -> Result<[f64; N]> {
+        let mut numbers = [0.0; N];
+        for (number, column) in numbers.iter_mut().zip(columns) {
+            *number = self.number(column)?;
+        }
+        Ok(numbers)
+    }
+
+    /// Finite numbers, none where there are no such columns or all their cells are empty.
+    fn all_or_none<const N: usize>(
+        &self,
+        columns: Option<[Column; N]>,
+    ) -> Result<Option<[f64; N]>> {
+        match columns {
+            Some(columns) if columns.iter().any(|&c| !self.cell(c).is_empty()) => {
+                self.numbers(columns).map(Some)
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// A share from 0 to 1, none where there is no such column or its cell is empty.
+    fn fraction(&self, column: Option<Column>) -> Result<Option<f64>> {
+        let Some(column) = column else {
+            return Ok(None);
+        };
+        match self.optional_number(column)? {
+            Some(share) if !(0.0..=1.0).contains(&share) => Err(self.misfit(column, "0 to 1")),
+            share => Ok(share),
+        }
+    }
+
+    /// The fault of a cell that holds something else than is allowed.
+    fn misfit(&self, column: Column, allowed: &str) -> anyhow::Error {
+        let (place, cell) = (self.place(), self.cell(column));
+        let found = if cell.is_empty() {
+            "is empty".to_owned()
+        } else {
+            format!("holds \"{cell}\"")
+        };
+        fault!(
+            "{place}, column {}: {found}; allowed: {allowed}",
+            column.name
+        )
+    }
+}
+
+/// The fault of a file that cannot be read as a table.
+fn csv_fault(path: &Path, error: &csv::Error) -> anyhow::Error {
+    let path = path.display();
+    match error.kind() {
+        ErrorKind::Io(error) => {
+            fault!("{path}: {error}; give a CSV file or the folder that holds it")
+        }
+        ErrorKind::UnequalLengths {
+            pos,
+            expected_len,
+            len,
+        } => fault!(
+            "{path}, line {}: has {len} cells where the header has {expected_len} columns",
+            pos.as_ref().map_or(0, csv::Position::line)
+        ),
+        ErrorKind::Utf8 { pos, err } => fault!(
+            "{path}, line {}, column {}: is not UTF-8 text; save the file as UTF-8",
+            pos.as_ref().map_or(1, csv::Position::line),
+            err.field() + 1
+        ),
+        _ => fault!("{path}: {error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reads a table from text through a file of that name.
+    fn read<T>(name: &str, text: &str, reader: fn(&Path) -> Result<T>) -> Result<T> {
+        let path = std::env::temp_dir().join(format!("pardalis-{}-{name}", std::process::id()));
+        std::fs::write(&path, text).unwrap();
+        let result = reader(&path);
+        std::fs::remove_file(&path).unwrap();
+        result
+    }
+
+    #[test]
+    fn cameras_become_one_row_with_the_best_view() {
+        let text = "time_s,object,camera,x_m,y_m,z_m,visible_fraction\n\
+                    0.04,ball,cam1,1,2,3,\n0.04,ball,cam2,1,2,3,0.25\n0.04,ball,cam3,1,2,3,0.125\n\
+                    0,ball,cam1,4,5,6,\n0,robot,cam1,7,8,9,1\n";
+        let objects = read("cameras", text, read_truth).unwrap();
+        assert_eq!((&*objects[0].name, &*objects[1].name), ("ball", "robot"));
+        let rows = &objects[0].rows;
+        assert_eq!((rows[0].0, rows[1].0), (0.0, 0.04));
+        assert_eq!(rows[0].1.visible_fraction, None);
+        assert_eq!(rows[1].1.visible_fraction, Some(0.25));
+        assert_eq!(rows[1].1.position_m, [1.0, 2.0, 3.0]);
+        assert_eq!(rows[1].1.velocity_mps, None);
+    }
+
+    #[test]
+    fn rows_without_position_have_no_estimate() {
+        // With the byte order mark of spreadsheets, spaces, and columns in another order.
+        let text = "\u{feff}target, time_s,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps\r\n\
+                    ball, 0,,,,,,\r\nball, 0.04, 1, 2, 3, 4, 5, 6\r\n";
+        let tracks = read("bare", text, read_tracks).unwrap();
+        assert_eq!(tracks[0].rows[0], (0.0, None));
+        let estimate = tracks[0].rows[1].1.unwrap();
+        assert_eq!(estimate.position_m, [1.0, 2.0, 3.0]);
+        assert_eq!(estimate.velocity_mps, Some([4.0, 5.0, 6.0]));
+        assert_eq!(estimate.covariance_m2, None);
+    }
+
+    #[test]
+    fn every_truncation_is_read_or_refused() {
+        let text = "time_s,object,camera,x_m,y_m,z_m,visible_fraction\n\
+                    0,ball,cam1,1,2,3,0.5\n0.04,bäll,\"cam,2\",1e-3,2,3,1\n";
+        let bytes = text.as_bytes();
+        for length in 0..bytes.len() {
+            let path = std::env::temp_dir().join(format!("pardalis-cut-{}", std::process::id()));
+            std::fs::write(&path, &bytes[..length]).unwrap();
+            if let Err(error) = read_truth(&path) {
+                assert!(error.is::<crate::fault::Fault>(), "{error:?}");
+            }
+            std::fs::remove_file(&path).unwrap();
+        }
+    }
+}

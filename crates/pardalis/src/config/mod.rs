@@ -1,0 +1,57 @@
+//! Scene files: from their text to checked settings. Configuration enters here once; the rest of the library takes values that are valid.
+
+mod camera;
+mod reader;
+mod target;
+
+pub use camera::{CameraConfig, Input, MaskCircle};
+pub use reader::{Located, Problem};
+pub use target::TargetConfig;
+
+use reader::{Journal, Table};
+
+/// All that a scene file says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// Seed of every random number.
+    pub seed: u32,
+    /// The cameras, in the order of the text.
+    pub cameras: Vec<CameraConfig>,
+    /// The targets, in the order of the text.
+    pub targets: Vec<TargetConfig>,
+    /// Every setting with its final value, given or default, for summaries.
+    pub resolved: toml::Table,
+}
+
+impl Scene {
+    /// Reads a scene's text whole. On failure: every problem, in the order of lines.
+    pub fn parse(text: &str) -> Result<Self, Vec<Problem>> {
+        let (journal, root) = Journal::parse(text);
+        let table = Table::root(&journal, &root);
+        let seed = table.or("seed", 1_u32);
+        let camera_tables = table.named_tables("cameras", "camera");
+        let camera_names: Vec<String> =
+            camera_tables.iter().map(|(name, _)| name.clone()).collect();
+        let cameras: Vec<_> = camera_tables
+            .into_iter()
+            .filter_map(|(name, table)| CameraConfig::read(name, table))
+            .collect();
+        let targets: Vec<_> = table
+            .named_tables("targets", "target")
+            .into_iter()
+            .filter_map(|(name, table)| TargetConfig::read(name, table, &camera_names))
+            .collect();
+        table.finish();
+        let (problems, resolved) = journal.finish();
+        if problems.is_empty() {
+            Ok(Self {
+                seed,
+                cameras,
+                targets,
+                resolved,
+            })
+        } else {
+            Err(problems)
+        }
+    }
+}

@@ -1,0 +1,571 @@
+//! Reads a TOML text whole and gathers every problem with its key and line, where serde would stop at the first.
+
+use std::cell::RefCell;
+use std::fmt;
+use std::ops::Range;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::Error;
+
+/// What is wrong with a text, and where.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Problem {
+    /// The line, from 1.
+    pub line: usize,
+    /// The full key, as `targets.ball.shape.sphere.radius_m`; empty for the text as a whole.
+    pub key: String,
+    /// What is wrong and what is allowed.
+    pub message: String,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.key.is_empty() {
+            write!(f, "line {}: {}", self.line, self.message)
+        } else {
+            write!(f, "line {}: {}: {}", self.line, self.key, self.message)
+        }
+    }
+}
+
+/// A setting together with the place where it stands, for problems that show only when the setting is used.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Located<T> {
+    /// The setting.
+    pub value: T,
+    /// Its full key.
+    pub key: String,
+    /// Its line, from 1.
+    pub line: usize,
+}
+
+impl<T> Located<T> {
+    /// A problem with this setting.
+    pub fn problem(&self, message: impl Into<String>) -> Problem {
+        Problem {
+            line: self.line,
+            key: self.key.clone(),
+            message: message.into(),
+        }
+    }
+}
+
+/// Problems and resolved settings, shared by all tables of one text.
+pub(super) struct Journal<'t> {
+    text: &'t str,
+    problems: RefCell<Vec<Problem>>,
+    /// Every setting with its final value, given or default.
+    resolved: RefCell<toml::Table>,
+}
+
+impl<'t> Journal<'t> {
+    /// Parses the text. What TOML itself refuses (doubled keys, say) is noted, and the rest is still read.
+    pub(super) fn parse(text: &'t str) -> (Self, Spanned<DeTable<'t>>) {
+        let (root, errors) = DeTable::parse_recoverable(text);
+        let journal = Self {
+            text,
+            problems: RefCell::default(),
+            resolved: RefCell::default(),
+        };
+        for error in errors {
+            let offset = error.span().map_or(0, |span| span.start);
+            let message = match error.message() {
+                "duplicate key" => {
+                    let key = text[error.span().unwrap_or(0..0)].trim();
+                    format!("the key {key} stands there twice; keep one")
+                }
+                message => message.replace('\n', ", "),
+            };
+            journal.add(offset, String::new(), message);
+        }
+        (journal, root)
+    }
+
+    fn line_of(&self, offset: usize) -> usize {
+        self.text.as_bytes()[..offset.min(self.text.len())]
+            .iter()
+            .filter(|&&b| b == b'\n')
+            .count()
+            + 1
+    }
+
+    fn add(&self, offset: usize, key: String, message: String) {
+        let problem = Problem {
+            line: self.line_of(offset),
+            key,
+            message,
+        };
+        self.problems.borrow_mut().push(problem);
+    }
+
+    /// All problems, in the order of their lines, and every setting with its final value.
+    pub(super) fn finish(self) -> (Vec<Problem>, toml::Table) {
+        let mut problems = self.problems.into_inner();
+        problems.sort();
+        problems.dedup();
+        (problems, self.resolved.into_inner())
+    }
+
+    fn record(&self, path: &str, value: toml::Value) {
+        let mut table = &mut *self.resolved.borrow_mut();
+        let mut parts = path.split('.').peekable();
+        while let Some(part) = parts.next() {
+            if parts.peek().is_none() {
+                table.insert(part.to_owned(), value);
+                return;
+            }
+            let entry = table
+                .entry(part)
+                .or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            match entry {
+                toml::Value::Table(inner) => table = inner,
+                _ => return,
+            }
+        }
+    }
+}
+
+/// A type of settings.
+pub(super) trait Setting: Sized {
+    /// What is allowed, in words.
+    const ALLOWED: &'static str;
+    fn read(value: &DeValue) -> Option<Self>;
+    fn write(&self) -> toml::Value;
+}
+
+impl Setting for f64 {
+    const ALLOWED: &'static str = "a finite number";
+    fn read(value: &DeValue) -> Option<Self> {
+        let number: f64 = match value {
+            DeValue::Float(float) => float.as_str().replace('_', "").parse().ok()?,
+            DeValue::Integer(_) => i64::read(value)? as f64,
+            _ => return None,
+        };
+        number.is_finite().then_some(number)
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Float(*self)
+    }
+}
+
+impl Setting for i64 {
+    const ALLOWED: &'static str = "a whole number";
+    fn read(value: &DeValue) -> Option<Self> {
+        let DeValue::Integer(integer) = value else {
+            return None;
+        };
+        Self::from_str_radix(&integer.as_str().replace('_', ""), integer.radix()).ok()
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Integer(*self)
+    }
+}
+
+impl Setting for usize {
+    const ALLOWED: &'static str = "a whole number, 0 or more";
+    fn read(value: &DeValue) -> Option<Self> {
+        i64::read(value)?.try_into().ok()
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Integer(i64::try_from(*self).unwrap_or(i64::MAX))
+    }
+}
+
+impl Setting for u32 {
+    const ALLOWED: &'static str = "a whole number from 0 to 4294967295";
+    fn read(value: &DeValue) -> Option<Self> {
+        i64::read(value)?.try_into().ok()
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Integer(i64::from(*self))
+    }
+}
+
+impl Setting for String {
+    const ALLOWED: &'static str = "a text in quotes";
+    fn read(value: &DeValue) -> Option<Self> {
+        value.as_str().map(str::to_owned)
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::String(self.clone())
+    }
+}
+
+impl Setting for Vec<String> {
+    const ALLOWED: &'static str = "a list of texts";
+    fn read(value: &DeValue) -> Option<Self> {
+        value
+            .as_array()?
+            .iter()
+            .map(|item| String::read(item.get_ref()))
+            .collect()
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Array(self.iter().map(Setting::write).collect())
+    }
+}
+
+impl<const N: usize> Setting for [f64; N] {
+    const ALLOWED: &'static str = match N {
+        2 => "two finite numbers, [a, b]",
+        3 => "three finite numbers, [a, b, c]",
+        4 => "four finite numbers, [a, b, c, d]",
+        5 => "five finite numbers, [a, b, c, d, e]",
+        _ => "a list of finite numbers",
+    };
+    fn read(value: &DeValue) -> Option<Self> {
+        let numbers: Vec<f64> = value
+            .as_array()?
+            .iter()
+            .map(|item| f64::read(item.get_ref()))
+            .collect::<Option<_>>()?;
+        numbers.try_into().ok()
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Array(self.iter().map(Setting::write).collect())
+    }
+}
+
+impl Setting for [[f64; 4]; 4] {
+    const ALLOWED: &'static str = "four rows of four finite numbers";
+    fn read(value: &DeValue) -> Option<Self> {
+        let rows: Vec<[f64; 4]> = value
+            .as_array()?
+            .iter()
+            .map(|row| <[f64; 4]>::read(row.get_ref()))
+            .collect::<Option<_>>()?;
+        rows.try_into().ok()
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Array(self.iter().map(Setting::write).collect())
+    }
+}
+
+/// One number for all three axes, or three.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PerAxis(pub(super) [f64; 3]);
+
+impl Setting for PerAxis {
+    const ALLOWED: &'static str = "a finite number, or three of them, [x, y, z]";
+    fn read(value: &DeValue) -> Option<Self> {
+        f64::read(value)
+            .map(|v| [v; 3])
+            .or_else(|| <[f64; 3]>::read(value))
+            .map(Self)
+    }
+    fn write(&self) -> toml::Value {
+        self.0.write()
+    }
+}
+
+/// A table of the text, which knows the keys that were asked for, so that the others can be named as unknown.
+pub(super) struct Table<'a, 't> {
+    journal: &'a Journal<'t>,
+    path: String,
+    table: &'a DeTable<'t>,
+    span: Range<usize>,
+    known: RefCell<Vec<&'static str>>,
+}
+
+impl<'a, 't> Table<'a, 't> {
+    pub(super) fn root(journal: &'a Journal<'t>, root: &'a Spanned<DeTable<'t>>) -> Self {
+        Self {
+            journal,
+            path: String::new(),
+            table: root.get_ref(),
+            span: 0..0,
+            known: RefCell::default(),
+        }
+    }
+
+    fn path_of(&self, key: &str) -> String {
+        if self.path.is_empty() {
+            key.to_owned()
+        } else {
+            format!("{}.{key}", self.path)
+        }
+    }
+
+    /// The key's value; the key counts as known from now on.
+    fn get(&self, key: &'static str) -> Option<&'a Spanned<DeValue<'t>>> {
+        self.known.borrow_mut().push(key);
+        self.table.get(key)
+    }
+
+    /// The place of a key, or of the table where the key is not given.
+    fn offset_of(&self, key: &str) -> usize {
+        match self.table.get(key) {
+            Some(value) => value.span().start,
+            None => self.span.start,
+        }
+    }
+
+    /// A problem with a key of this table.
+    pub(super) fn problem(&self, key: &str, message: impl Into<String>) {
+        self.journal
+            .add(self.offset_of(key), self.path_of(key), message.into());
+    }
+
+    /// A problem with this table as a whole.
+    pub(super) fn problem_here(&self, message: impl Into<String>) {
+        self.journal
+            .add(self.span.start, self.path.clone(), message.into());
+    }
+
+    /// Whether the key is given.
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.table.get(key).is_some()
+    }
+
+    /// The setting, if it is given and of the right type.
+    pub(super) fn optional<T: Setting>(&self, key: &'static str) -> Option<T> {
+        let value = self.get(key)?;
+        if let Some(setting) = T::read(value.get_ref()) {
+            self.journal.record(&self.path_of(key), setting.write());
+            return Some(setting);
+        }
+        self.problem(
+            key,
+            format!("is {}; allowed: {}", shown(value.get_ref()), T::ALLOWED),
+        );
+        None
+    }
+
+    /// The setting, which must be given.
+    pub(super) fn required<T: Setting>(&self, key: &'static str) -> Option<T> {
+        if !self.has(key) {
+            self.known.borrow_mut().push(key);
+            self.problem(key, format!("is missing; give {}", T::ALLOWED));
+            return None;
+        }
+        self.optional(key)
+    }
+
+    /// The setting, or its default.
+    pub(super) fn or<T: Setting>(&self, key: &'static str, default: T) -> T {
+        let given = self.optional(key);
+        if given.is_none() {
+            self.journal.record(&self.path_of(key), default.write());
+        }
+        given.unwrap_or(default)
+    }
+
+    /// A text that is one of a few words, or its default.
+    pub(super) fn word<T: Copy>(
+        &self,
+        key: &'static str,
+        words: &[(&str, T)],
+        default: &str,
+    ) -> Option<T> {
+        let word: String = self.or(key, default.to_owned());
+        let found = words
+            .iter()
+            .find(|(name, _)| *name == word)
+            .map(|&(_, value)| value);
+        if found.is_none() {
+            self.problem(
+                key,
+                format!(
+                    "is \"{word}\"; allowed: {}",
+                    listed(words.iter().map(|w| w.0))
+                ),
+            );
+        }
+        found
+    }
+
+    /// A setting with its place.
+    pub(super) fn located<T: Setting>(&self, key: &'static str) -> Option<Located<T>> {
+        let value = self.optional(key)?;
+        Some(Located {
+            value,
+            key: self.path_of(key),
+            line: self.journal.line_of(self.offset_of(key)),
+        })
+    }
+
+    /// The value of a checked type, or the problem at the key that the library's error names.
+    pub(super) fn checked<T>(&self, result: Result<T, Error>) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(Error::OutOfRange {
+                name,
+                value,
+                allowed,
+            }) if self.known.borrow().contains(&name.as_str()) => {
+                self.problem(&name, format!("is {value}; allowed: {allowed}"));
+                None
+            }
+            Err(error) => {
+                self.problem_here(error.to_string());
+                None
+            }
+        }
+    }
+
+    /// A table under this key, if it is given.
+    pub(super) fn table(&self, key: &'static str) -> Option<Table<'a, 't>> {
+        let value = self.get(key)?;
+        self.as_table(key, value)
+    }
+
+    fn as_table(&self, key: &str, value: &'a Spanned<DeValue<'t>>) -> Option<Table<'a, 't>> {
+        let DeValue::Table(table) = value.get_ref() else {
+            self.problem(
+                key,
+                format!("is {}; allowed: a table", shown(value.get_ref())),
+            );
+            return None;
+        };
+        Some(Table {
+            journal: self.journal,
+            path: self.path_of(key),
+            table,
+            span: value.span(),
+            known: RefCell::default(),
+        })
+    }
+
+    /// The tables of names that the user chooses, in the order of the text.
+    pub(super) fn named_tables(
+        &self,
+        key: &'static str,
+        what: &str,
+    ) -> Vec<(String, Table<'a, 't>)> {
+        let Some(tables) = self.table(key) else {
+            if !self.has(key) {
+                self.problem(
+                    key,
+                    format!("is missing; describe each {what} in a table [{key}.NAME]"),
+                );
+            }
+            return Vec::new();
+        };
+        let mut entries: Vec<_> = tables.table.iter().collect();
+        entries.sort_by_key(|(name, _)| name.span().start);
+        if entries.is_empty() {
+            tables.problem_here(format!(
+                "is empty; describe each {what} in a table [{key}.NAME]"
+            ));
+        }
+        let mut named = Vec::new();
+        for (name, value) in entries {
+            let name = name.get_ref();
+            let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+            if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
+                tables.problem(
+                    name,
+                    "is no name; allowed: 1 to 64 of the characters A-Z a-z 0-9 _ -",
+                );
+                continue;
+            }
+            named.extend(
+                tables
+                    .as_table(name, value)
+                    .map(|table| (name.to_string(), table)),
+            );
+        }
+        named
+    }
+
+    /// The one table that this table must hold, of those allowed: which kind of thing this is, and its parameters.
+    pub(super) fn one_of(&self, kinds: &[&'static str]) -> Option<(&'static str, Table<'a, 't>)> {
+        let given: Vec<_> = kinds
+            .iter()
+            .copied()
+            .filter(|kind| self.has(kind))
+            .collect();
+        match given[..] {
+            [kind] => self.table(kind).map(|table| (kind, table)),
+            [] => {
+                let wanted = kinds
+                    .iter()
+                    .map(|kind| format!("[{}.{kind}]", self.path))
+                    .collect::<Vec<_>>()
+                    .join(" or ");
+                self.problem_here(format!("says no kind; give a table {wanted}"));
+                self.known.borrow_mut().extend(kinds);
+                None
+            }
+            _ => {
+                self.known.borrow_mut().extend(kinds);
+                self.problem_here(format!(
+                    "has {}; allowed: one of them",
+                    listed(given.into_iter())
+                ));
+                None
+            }
+        }
+    }
+
+    /// Names the keys that nobody asked for.
+    pub(super) fn finish(self) {
+        let known = self.known.borrow();
+        for (key, _) in self
+            .table
+            .iter()
+            .filter(|(key, _)| !known.contains(&&**key.get_ref()))
+        {
+            let name = key.get_ref();
+            let near = known
+                .iter()
+                .map(|k| (distance(name, k), *k))
+                .min()
+                .filter(|&(d, k)| d <= 1 + k.len() / 4);
+            let hint = match near {
+                Some((_, near)) => format!("did you mean {near}?"),
+                None => {
+                    let mut sorted: Vec<_> = known.clone();
+                    sorted.sort_unstable();
+                    sorted.dedup();
+                    format!("allowed here: {}", sorted.join(", "))
+                }
+            };
+            self.journal.add(
+                key.span().start,
+                self.path_of(name),
+                format!("is not a key; {hint}"),
+            );
+        }
+    }
+}
+
+/// A value as a person wrote it, shortened.
+fn shown(value: &DeValue) -> String {
+    match value {
+        DeValue::String(text) => {
+            format!("the text \"{}\"", text.chars().take(40).collect::<String>())
+        }
+        DeValue::Integer(number) => number.as_str().to_owned(),
+        DeValue::Float(number) => number.as_str().to_owned(),
+        DeValue::Boolean(value) => value.to_string(),
+        DeValue::Datetime(_) => "a date".to_owned(),
+        DeValue::Array(items) => format!("a list of {}", items.len()),
+        DeValue::Table(_) => "a table".to_owned(),
+    }
+}
+
+fn listed<'w>(words: impl Iterator<Item = &'w str>) -> String {
+    words
+        .map(|word| format!("\"{word}\""))
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+/// Edits from one word to another (Levenshtein).
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}

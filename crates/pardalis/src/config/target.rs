@@ -1,0 +1,243 @@
+//! The targets of a scene.
+
+use super::reader::{Located, PerAxis, Table};
+use crate::filter::{FilterSettings, GaussianStart, MAX_PARTICLES};
+use crate::likelihood::ContourSettings;
+use crate::motion::{ConstantVelocity, Disturbance, Motion};
+use crate::resample::Resampling;
+use crate::shape::{Shape, Sphere, SphereOutline};
+use crate::start::{PixelStart, Start};
+
+/// One target of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TargetConfig {
+    /// Its name.
+    pub name: String,
+    /// Its shape.
+    pub shape: Shape,
+    /// The file with its colours.
+    pub colors: Located<String>,
+    /// How its contour is compared with the image.
+    pub contour: ContourSettings,
+    /// Its filter.
+    pub filter: FilterSettings,
+    /// Where its particles start.
+    pub start: Start,
+}
+
+impl TargetConfig {
+    /// Reads one target; `None` when something needed is missing or faulty, which the journal then says.
+    pub(super) fn read(name: String, table: Table, cameras: &[String]) -> Option<Self> {
+        let shape = read_shape(&table);
+        let colors = if table.has("colors") {
+            table.located("colors")
+        } else {
+            table.required::<String>("colors");
+            None
+        };
+        let contour = read_contour(&table);
+        let filter = read_filter(&table);
+        let start = read_start(&table, cameras);
+        table.finish();
+        Some(Self {
+            name,
+            shape: shape?,
+            colors: colors?,
+            contour: contour?,
+            filter: filter?,
+            start: start?,
+        })
+    }
+}
+
+/// A table that holds one of several kinds of things.
+fn kind_of<'a, 't>(
+    table: &Table<'a, 't>,
+    key: &'static str,
+    kinds: &[&'static str],
+) -> Option<(&'static str, Table<'a, 't>)> {
+    let Some(outer) = table.table(key) else {
+        if !table.has(key) {
+            let wanted = kinds
+                .iter()
+                .map(|kind| format!("{key}.{kind}"))
+                .collect::<Vec<_>>()
+                .join(" or ");
+            table.problem(key, format!("is missing; give a table {wanted}"));
+        }
+        return None;
+    };
+    let found = outer.one_of(kinds);
+    outer.finish();
+    found
+}
+
+fn read_shape(table: &Table) -> Option<Shape> {
+    let (_, sphere) = kind_of(table, "shape", &["sphere"])?;
+    let radius_m = sphere.required("radius_m");
+    let outlines = [
+        ("tangent", SphereOutline::Tangent),
+        ("greatcircle", SphereOutline::Greatcircle),
+    ];
+    let outline = sphere.word("outline", &outlines, "tangent");
+    let shape = match (radius_m, outline) {
+        (Some(radius_m), Some(outline)) => sphere
+            .checked(Sphere::new(radius_m, outline))
+            .map(Shape::Sphere),
+        _ => None,
+    };
+    sphere.finish();
+    shape
+}
+
+fn read_contour(table: &Table) -> Option<ContourSettings> {
+    let default = ContourSettings::default();
+    let Some(contour) = table.table("contour") else {
+        return Some(default);
+    };
+    let settings = ContourSettings {
+        inner_scale: contour.or("inner_scale", default.inner_scale),
+        outer_scale: contour.or("outer_scale", default.outer_scale),
+        points: contour.or("points", default.points),
+        kappa: contour.or("kappa", default.kappa),
+        b: contour.or("b", default.b),
+    };
+    let checked = contour.checked(settings.check().map(|()| settings));
+    contour.finish();
+    checked
+}
+
+fn read_filter(table: &Table) -> Option<FilterSettings> {
+    let motion = read_motion(table);
+    let Some(filter) = table.table("filter") else {
+        return Some(FilterSettings {
+            motion: motion?,
+            ..DEFAULT_FILTER
+        });
+    };
+    let particle_count = filter.or("particles", DEFAULT_FILTER.particle_count);
+    if !(1..=MAX_PARTICLES).contains(&particle_count) {
+        filter.problem(
+            "particles",
+            format!("is {particle_count}; allowed: 1 to {MAX_PARTICLES}"),
+        );
+    }
+    let schemes = [
+        ("systematic", Resampling::Systematic),
+        ("stratified", Resampling::Stratified),
+        ("residual", Resampling::Residual),
+        ("multinomial", Resampling::Multinomial),
+    ];
+    let resampling = filter.word("resampling", &schemes, "systematic");
+    let resample_below = filter.or("resample_below", DEFAULT_FILTER.resample_below);
+    if !(resample_below > 0.0 && resample_below <= 1.0) {
+        filter.problem(
+            "resample_below",
+            format!("is {resample_below}; allowed: above 0 and at most 1 (1: at every step)"),
+        );
+    }
+    filter.finish();
+    Some(FilterSettings {
+        particle_count,
+        motion: motion?,
+        resampling: resampling?,
+        resample_below,
+    })
+}
+
+const DEFAULT_FILTER: FilterSettings = FilterSettings {
+    particle_count: 2000,
+    motion: Motion::ConstantVelocity(ConstantVelocity::DEFAULT),
+    resampling: Resampling::Systematic,
+    resample_below: 1.0,
+};
+
+fn read_motion(table: &Table) -> Option<Motion> {
+    if !table.has("motion") {
+        let _ = table.table("motion");
+        return Some(DEFAULT_FILTER.motion);
+    }
+    let (_, motion) = kind_of(table, "motion", &["constant_velocity"])?;
+    let sigma = motion.optional("acceleration_sigma_mps2");
+    let density = motion.optional("acceleration_density_m2ps3");
+    let disturbance = match (sigma, density) {
+        (Some(acceleration_sigma_mps2), None) => Disturbance::PiecewiseConstant {
+            acceleration_sigma_mps2,
+        },
+        (None, Some(acceleration_density_m2ps3)) => Disturbance::White {
+            acceleration_density_m2ps3,
+        },
+        (None, None) => ConstantVelocity::DEFAULT.disturbance(),
+        (Some(_), Some(_)) => {
+            motion.problem(
+                "acceleration_density_m2ps3",
+                "stands beside acceleration_sigma_mps2; keep one of them",
+            );
+            return None;
+        }
+    };
+    let model = motion
+        .checked(ConstantVelocity::new(disturbance))
+        .map(Motion::ConstantVelocity);
+    motion.finish();
+    model
+}
+
+fn read_start(table: &Table, cameras: &[String]) -> Option<Start> {
+    let (kind, start) = kind_of(table, "start", &["gaussian", "pixel"])?;
+    let read = if kind == "gaussian" {
+        read_gaussian(&start)
+    } else {
+        read_pixel(&start, cameras)
+    };
+    start.finish();
+    read
+}
+
+fn read_gaussian(table: &Table) -> Option<Start> {
+    let position_m = table.required("position_m");
+    let position_sigma_m = table.or("position_sigma_m", PerAxis([0.1; 3])).0;
+    let velocity_mps = table.or("velocity_mps", [0.0; 3]);
+    let velocity_sigma_mps = table.or("velocity_sigma_mps", PerAxis([0.5; 3])).0;
+    let start = GaussianStart {
+        position_m: position_m?,
+        position_sigma_m,
+        velocity_mps,
+        velocity_sigma_mps,
+    };
+    table.checked(start.check().map(|()| Start::Gaussian(start)))
+}
+
+fn read_pixel(table: &Table, cameras: &[String]) -> Option<Start> {
+    let pixel = table.required("pixel");
+    let camera: Option<String> = if cameras.len() == 1 {
+        Some(table.or("camera", cameras[0].clone()))
+    } else {
+        table.required("camera")
+    };
+    let min_range_m = table.or("min_range_m", 0.3);
+    let max_range_m = table.or("max_range_m", 8.0);
+    let ground_z_m = table.or("ground_z_m", 0.0);
+    let ray_particles = table.or("ray_particles", 500);
+    let position_sigma_m = table.or("position_sigma_m", PerAxis([0.1; 3])).0;
+    let velocity_sigma_mps = table.or("velocity_sigma_mps", PerAxis([0.5; 3])).0;
+    let camera = camera?;
+    let Some(camera_number) = cameras.iter().position(|name| *name == camera) else {
+        table.problem(
+            "camera",
+            format!("is \"{camera}\"; allowed: {}", cameras.join(", ")),
+        );
+        return None;
+    };
+    let start = PixelStart {
+        camera: camera_number,
+        pixel: pixel?,
+        min_range_m,
+        max_range_m,
+        ground_z_m,
+        ray_particles,
+        position_sigma_m,
+        velocity_sigma_mps,
+    };
+    table.checked(start.check().map(|()| Start::Pixel(start)))
+}
