@@ -1,5 +1,7 @@
 //! The `pardalis` program.
 
+#[allow(dead_code)]
+mod draw;
 mod fault;
 
 use std::process::ExitCode;
