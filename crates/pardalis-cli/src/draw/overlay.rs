@@ -48,8 +48,8 @@ const MAX_ZOOM: u32 = 8;
 /// Side of the enlarged square, as a share of the image's shorter side.
 const MAX_INSET_SHARE: f64 = 0.45;
 
-const DOT_RADIUS_PX: f64 = 0.9;
-const DOT_OPACITY: f32 = 0.5;
+const DOT_RADIUS_PX: f64 = 0.8;
+const DOT_OPACITY: f32 = 0.4;
 const LINE_WIDTH_PX: f32 = 1.2;
 const FRAME_COLOR: Rgb = [255, 255, 255];
 

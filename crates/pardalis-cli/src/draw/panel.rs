@@ -7,7 +7,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::svg::{Area, line, size_px, text_style, units, write_text};
+use super::svg::{Area, fill, line, size_px, text_style, units, write_text};
 use super::{INK, Rgb};
 
 /// A panel to draw into, in the coordinates of its axes.
@@ -105,7 +105,7 @@ pub(super) fn panel<'a>(area: &Area<'a>, x: &Axis, y: &Axis) -> anyhow::Result<P
         .count();
     let x_room = plot_px[0] / (TICK_CHAR_PX * label_chars as f64 + 30.0);
     let (x_ticks, x_decimals) = ticks(&x.range, x_room);
-    let (y_ticks, y_decimals) = ticks(&y.range, plot_px[1] / 30.0);
+    let (y_ticks, y_decimals) = ticks(&y.range, (plot_px[1] / 30.0).min(10.0));
 
     let [left, top] = [LEFT_PX, TOP_PX];
     let [right, bottom] = [left + plot_px[0], top + plot_px[1]];
@@ -150,14 +150,18 @@ fn draw_stroke(area: &Area<'_>, ends_px: [[f64; 2]; 2], color: Rgb) -> anyhow::R
     Ok(())
 }
 
-/// Says in the middle of an area's panel why it is empty.
+/// Says at the top of an area's panel why it is empty.
 pub(super) fn write_note(area: &Area<'_>, note: &str) -> anyhow::Result<()> {
-    let [width_px, height_px] = size_px(area);
-    let middle = [
-        0.5 * (LEFT_PX + width_px - RIGHT_PX),
-        0.5 * (TOP_PX + height_px - BOTTOM_PX),
+    let middle_px = 0.5 * (LEFT_PX + size_px(area)[0] - RIGHT_PX);
+    let top_px = TOP_PX + 8.0;
+    let half_width_px = 5.0 * note.chars().count() as f64;
+    let paper = [
+        (units(middle_px - half_width_px), units(top_px)),
+        (units(middle_px + half_width_px), units(top_px + 22.0)),
     ];
-    write_text(area, note, middle, &text_style(14.0, HPos::Center))
+    area.draw(&Rectangle::new(paper, fill([255; 3], 1.0)))?;
+    let style = text_style(14.0, HPos::Center);
+    write_text(area, note, [middle_px, top_px + 11.0], &style)
 }
 
 /// Draws a line through points in the coordinates of the axes; a point alone becomes a dot.
@@ -167,7 +171,7 @@ pub(super) fn draw_path(
     style: ShapeStyle,
 ) -> anyhow::Result<()> {
     if let [point] = points {
-        let dot = Circle::new(*point, units(1.5), style.filled());
+        let dot = Circle::new(*point, units(2.0), style.filled());
         panel.draw_series([dot])?;
     } else {
         panel.draw_series([PathElement::new(points.to_vec(), style)])?;

@@ -5,7 +5,7 @@ use std::path::Path;
 use image::{ImageFormat, RgbImage};
 use jpeg_encoder::{ColorType, Encoder};
 use pardalis::Frame;
-use resvg::tiny_skia::{Color, IntSize, Pixmap, Transform};
+use resvg::tiny_skia::{Color, Pixmap, Transform};
 
 use super::svg::{FONT_FAMILY, parsed, write_file};
 use super::{Rgb, shortened};
@@ -51,18 +51,22 @@ pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> anyhow::Result<(
 
 /// The picture as a canvas to draw on; nothing where it has no pixels.
 pub(super) fn canvas_of(picture: &RgbImage) -> Option<Pixmap> {
-    let size = IntSize::from_wh(picture.width(), picture.height())?;
-    let rgba = picture.pixels().flat_map(|p| [p[0], p[1], p[2], 255]);
-    Pixmap::from_vec(rgba.collect(), size)
+    let mut canvas = Pixmap::new(picture.width(), picture.height())?;
+    let pixels = canvas.data_mut().chunks_exact_mut(4);
+    for (to, from) in pixels.zip(picture.as_raw().chunks_exact(3)) {
+        to.copy_from_slice(&[from[0], from[1], from[2], 255]);
+    }
+    Some(canvas)
 }
 
 /// What was drawn on an opaque canvas.
 pub(super) fn picture_from(canvas: &Pixmap) -> RgbImage {
-    let rgb = canvas
-        .pixels()
-        .iter()
-        .flat_map(|p| [p.red(), p.green(), p.blue()]);
-    RgbImage::from_raw(canvas.width(), canvas.height(), rgb.collect()).expect("three bytes a pixel")
+    let mut picture = RgbImage::new(canvas.width(), canvas.height());
+    let pixels = canvas.data().chunks_exact(4);
+    for (to, from) in picture.chunks_exact_mut(3).zip(pixels) {
+        to.copy_from_slice(&from[..3]);
+    }
+    picture
 }
 
 /// Text to write on a canvas.
@@ -83,7 +87,7 @@ pub(super) fn write_caption(canvas: &mut Pixmap, caption: &Caption<'_>) -> anyho
         .replace('<', "&lt;");
     let ([r, g, b], size) = (caption.color, caption.height_px);
     let tree = parsed(&format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"1\" height=\"1\"><text \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"1\" height=\"1\"><text xml:space=\"preserve\" \
          font-family=\"{FONT_FAMILY}\" font-size=\"{size}\" fill=\"rgb({r},{g},{b})\">{escaped}</text></svg>"
     ))?;
     let width_px = tree.root().abs_bounding_box().right().max(1.0);

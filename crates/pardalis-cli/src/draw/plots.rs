@@ -85,15 +85,15 @@ struct Point {
 }
 
 /// The stretches without gaps of one track or one target's truth.
-struct Path3 {
+struct Trace {
     /// Of a track: its target's.
     color: Rgb,
     runs: Vec<Vec<Point>>,
 }
 
 struct Figures<'a> {
-    tracks: Vec<Path3>,
-    truth: Vec<Path3>,
+    tracks: Vec<Trace>,
+    truth: Vec<Trace>,
     cameras: Vec<(&'a str, [f64; 3])>,
     /// The targets' names, each once.
     names: Vec<&'a str>,
@@ -132,7 +132,7 @@ impl<'a> Figures<'a> {
             if known.is_none() {
                 names.push(&one.name);
             }
-            tracks.push(Path3 {
+            tracks.push(Trace {
                 color: PALETTE[index % PALETTE.len()],
                 runs: runs(one.rows.iter().map(point)),
             });
@@ -144,7 +144,7 @@ impl<'a> Figures<'a> {
                 covariance_m2: None,
             })
         };
-        let truth = truth.iter().map(|one| Path3 {
+        let truth = truth.iter().map(|one| Trace {
             color: INK,
             runs: runs(one.rows.iter().map(truth_point)),
         });
@@ -274,7 +274,7 @@ impl<'a> Figures<'a> {
     fn draw_band(
         &self,
         panel: &mut Panel<'_>,
-        track: &Path3,
+        track: &Trace,
         axis: usize,
         range_m: &Range<f64>,
     ) -> anyhow::Result<()> {

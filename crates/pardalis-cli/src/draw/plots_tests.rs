@@ -100,7 +100,6 @@ fn tracks_truth_and_cameras_are_drawn_in_their_colours() {
 
 #[test]
 fn degenerate_tracks_make_plots_nevertheless() {
-    let folder = test_folder("plots-degenerate");
     let nan = f64::NAN;
     let cases: Vec<Vec<TrackSeries>> = vec![
         vec![],
@@ -130,9 +129,11 @@ fn degenerate_tracks_make_plots_nevertheless() {
                 .collect(),
         }],
     ];
-    for series in cases {
+    for (i, series) in cases.into_iter().enumerate() {
+        let folder = test_folder(&format!("plots-degenerate-{i}"));
         check_files(&write_track_plots(&folder, &series, &[], &[]).unwrap());
     }
+    let folder = test_folder("plots-nowhere");
     let nowhere = [("c".to_owned(), [nan; 3])];
     let truth = [TruthSeries {
         rows: vec![(nan, [0.0; 3])],
@@ -221,4 +222,19 @@ fn the_true_path_of_a_thrown_ball_is_drawn() {
     let cameras = [("cam1".to_owned(), [0.0, 0.0, 0.9])];
     let folder = test_folder("plots-jump");
     check_files(&write_track_plots(&folder, &[series], &[TruthSeries { rows }], &cameras).unwrap());
+}
+
+#[test]
+fn a_target_that_stands_still_is_seen_at_every_instant() {
+    let mut track = helix("ball", 0.0);
+    for row in &mut track.rows {
+        row.position_m = Some([1.0, 2.0, 0.5]);
+        row.time_s = 3.0;
+    }
+    let folder = test_folder("plots-still");
+    let paths = write_track_plots(&folder, &[track], &[], &[]).unwrap();
+    let picture = image::open(&paths[5]).unwrap().to_rgb8();
+    // Without the legend.
+    let plots = image::imageops::crop_imm(&picture, 0, 0, 1560, picture.height()).to_image();
+    assert!(plots.pixels().any(|p| p.0 == PALETTE[0]));
 }

@@ -89,9 +89,11 @@ pub(super) fn document(
         area.present()?;
     }
     let [width_px, height_px] = size_px;
+    // Round ends make a dot of a line without length: a target that stands still.
     Ok(format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width_px}\" height=\"{height_px}\" \
-         viewBox=\"0 0 {width} {height}\">\n{drawing}</svg>\n"
+         viewBox=\"0 0 {width} {height}\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n\
+         {drawing}</svg>\n"
     ))
 }
 
