@@ -1,7 +1,7 @@
 use image::Rgb as Pixel;
 
 use super::*;
-use crate::draw::picture::write_picture;
+use crate::draw::picture::{picture_of, write_picture};
 use crate::draw::test_folder;
 
 fn grey(width: u32, height: u32) -> RgbImage {
@@ -120,7 +120,10 @@ fn the_inset_shows_the_neighbourhood_enlarged_away_from_it() {
 #[test]
 fn pictures_are_written_as_their_names_say() {
     let folder = test_folder("overlay");
-    let image = grey(64, 48);
+    let encoding = pardalis::color::YuvEncoding::default();
+    let format = pardalis::PixelFormat::Rgb8;
+    let frame = pardalis::Frame::new(format, encoding, 64, 48, vec![100; 3 * 64 * 48], 0.0);
+    let image = picture_of(&frame.unwrap());
     for name in ["a.jpg", "a.JPEG", "a.png"] {
         let path = folder.join(name);
         write_picture(&path, &image).unwrap();

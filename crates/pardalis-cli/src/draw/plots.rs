@@ -109,7 +109,9 @@ fn point(sample: &Sample) -> Option<Point> {
     let position_m = sample.position_m.filter(drawable_position)?;
     let two_sigma_m = sample
         .covariance_m2
-        .map(|c| [c[0], c[3], c[5]].map(|variance_m2| 2.0 * variance_m2.max(0.0).sqrt()))
+        .map(|c| {
+            [c[0], c[3], c[5]].map(|variance_m2| 2.0 * variance_m2.clamp(0.0, f64::INFINITY).sqrt())
+        })
         .filter(|two_sigma_m| two_sigma_m.iter().all(|s| s.is_finite()));
     (sample.time_s.abs() <= MAX_TIME_S).then_some(Point {
         time_s: sample.time_s,

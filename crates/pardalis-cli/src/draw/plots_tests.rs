@@ -238,3 +238,18 @@ fn a_target_that_stands_still_is_seen_at_every_instant() {
     let plots = image::imageops::crop_imm(&picture, 0, 0, 1560, picture.height()).to_image();
     assert!(plots.pixels().any(|p| p.0 == PALETTE[0]));
 }
+
+#[test]
+fn bands_need_variances() {
+    let band = |covariance_m2| {
+        point(&one_row(Some([0.0; 3]), covariance_m2).rows[0])
+            .unwrap()
+            .two_sigma_m
+    };
+    assert_eq!(band(None), None);
+    assert_eq!(
+        band(Some([4.0, 9.0, 9.0, 1.0, 9.0, -1e-18])),
+        Some([4.0, 2.0, 0.0])
+    );
+    assert_eq!(band(Some([4.0, 0.0, 0.0, 1.0, 0.0, f64::NAN])), None);
+}
