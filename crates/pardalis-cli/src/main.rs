@@ -1,6 +1,8 @@
 //! The `pardalis` program.
 
 mod commands;
+#[allow(dead_code)]
+mod draw;
 mod fault;
 mod tables;
 

@@ -1,0 +1,48 @@
+//! Pictures for people: plots of tracks, images with what was estimated drawn over them, colour models.
+//!
+//! Plots are drawn once, as SVG, and rendered to PNG with the bundled font, so that both look the same on
+//! every machine. Overlays and mosaics are drawn into the pixels of an image.
+
+pub(crate) mod histogram;
+mod legend;
+pub(crate) mod mosaic;
+pub(crate) mod overlay;
+mod panel;
+pub(crate) mod picture;
+pub(crate) mod plots;
+mod svg;
+
+/// Red, green, blue.
+pub(crate) type Rgb = [u8; 3];
+
+/// Okabe and Ito's colours, which the colour-blind can tell apart; without yellow, too pale on white.
+pub(crate) const PALETTE: [Rgb; 6] = [
+    [0, 114, 178],
+    [213, 94, 0],
+    [0, 158, 115],
+    [204, 121, 167],
+    [86, 180, 233],
+    [230, 159, 0],
+];
+
+/// Text, axes and truth.
+const INK: Rgb = [40, 40, 40];
+
+/// The text without control characters, which XML forbids, and with an ellipsis where it is too long.
+fn shortened(text: &str, max_chars: usize) -> String {
+    let clean: Vec<char> = text.chars().filter(|c| !c.is_control()).collect();
+    if clean.len() <= max_chars {
+        return clean.into_iter().collect();
+    }
+    let kept = clean.into_iter().take(max_chars.saturating_sub(1));
+    kept.chain(['…']).collect()
+}
+
+/// A folder of this name, beside the test program, for the pictures of one test.
+#[cfg(test)]
+fn test_folder(name: &str) -> std::path::PathBuf {
+    let program = std::env::current_exe().expect("the test program has a path");
+    let folder = program.with_file_name("draw-tests").join(name);
+    std::fs::create_dir_all(&folder).expect("the build folder can be written to");
+    folder
+}

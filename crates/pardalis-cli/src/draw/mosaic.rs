@@ -1,0 +1,223 @@
+//! Labelled images beside the scores that a colour model gives their pixels.
+
+use std::path::Path;
+
+use image::{Rgb as Pixel, RgbImage};
+use resvg::tiny_skia::Pixmap;
+
+use super::picture::{Caption, canvas_of, picture_from, write_caption, write_picture};
+use super::{INK, Rgb};
+
+/// One labelled image and its scores.
+#[derive(Debug, Clone)]
+pub(crate) struct Tile {
+    /// Written over it.
+    pub(crate) label: String,
+    /// The image.
+    pub(crate) image: RgbImage,
+    /// Which pixels are the object's, row by row.
+    pub(crate) mask: Vec<bool>,
+    /// The log odds of each pixel, row by row.
+    pub(crate) log_odds: Vec<f32>,
+}
+
+const SIDE_PX: u32 = 220;
+const GAP_PX: u32 = 10;
+const LABEL_PX: u32 = 22;
+const KEY_PX: u32 = 44;
+/// Side of the shown square, as a multiple of the object's.
+const SURROUNDINGS: f64 = 2.0;
+const MIN_SHOWN_PX: f64 = 16.0;
+
+const PAPER: Rgb = [255; 3];
+const OUTSIDE: Rgb = [200; 3];
+/// Scores far below, at and far above the threshold.
+const COLD: Rgb = [0, 90, 181];
+const NEUTRAL: Rgb = [247; 3];
+const WARM: Rgb = [220, 50, 32];
+
+/// Draws, for each image, the surroundings of the object with the outline of its mask, and its scores:
+/// red above the threshold, blue below. Two pairs lie side by side.
+pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyhow::Result<()> {
+    let columns = (tiles.len() as u32).clamp(1, 2);
+    let rows = (tiles.len() as u32).div_ceil(columns);
+    let pair_px = 2 * SIDE_PX + 2;
+    let row_px = LABEL_PX + SIDE_PX + GAP_PX;
+    let mut picture = RgbImage::from_pixel(
+        GAP_PX + columns * (pair_px + GAP_PX),
+        rows * row_px + KEY_PX,
+        Pixel(PAPER),
+    );
+    let crops: Vec<Crop> = tiles.iter().map(Crop::around_mask).collect();
+    let reach = score_reach(tiles, &crops, threshold);
+    let corner_px = |index: usize| {
+        let index = index as u32;
+        let left = GAP_PX + (index % columns) * (pair_px + GAP_PX);
+        [left, (index / columns) * row_px + LABEL_PX]
+    };
+    for (index, (tile, crop)) in tiles.iter().zip(&crops).enumerate() {
+        let [left, top] = corner_px(index);
+        for y in 0..SIDE_PX {
+            for x in 0..SIDE_PX {
+                let image = crop.outlined_color(tile, x, y);
+                picture.put_pixel(left + x, top + y, Pixel(image));
+                let score = crop
+                    .score(tile, x, y)
+                    .map(|score| (score - threshold) / reach);
+                let color = score.map_or(OUTSIDE, diverging_color);
+                picture.put_pixel(left + SIDE_PX + 2 + x, top + y, Pixel(color));
+            }
+        }
+    }
+    let key_top_px = rows * row_px;
+    let key_width_px = 2 * SIDE_PX;
+    for x in 0..key_width_px {
+        let score = 2.0 * x as f32 / (key_width_px - 1) as f32 - 1.0;
+        for y in 0..12 {
+            picture.put_pixel(GAP_PX + x, key_top_px + y, Pixel(diverging_color(score)));
+        }
+    }
+    let Some(mut canvas) = canvas_of(&picture) else {
+        return write_picture(path, &picture);
+    };
+    for (index, tile) in tiles.iter().enumerate() {
+        let [left, top] = corner_px(index);
+        write(&mut canvas, &tile.label, [left, top - 6], pair_px)?;
+    }
+    let key = [
+        format!("log odds {:.1}", threshold - reach),
+        format!("threshold {threshold:.1}"),
+        format!("{:.1}", threshold + reach),
+    ];
+    for (text, left) in key.iter().zip([0, SIDE_PX - 40, 2 * SIDE_PX - 28]) {
+        let at_px = [GAP_PX + left, key_top_px + 28];
+        write(&mut canvas, &text.replace('-', "−"), at_px, SIDE_PX - 50)?;
+    }
+    write_picture(path, &picture_from(&canvas))
+}
+
+fn write(canvas: &mut Pixmap, text: &str, at_px: [u32; 2], max_px: u32) -> anyhow::Result<()> {
+    let caption = Caption {
+        text,
+        at_px: at_px.map(|c| c as f32),
+        height_px: 13.0,
+        max_width_px: max_px as f32,
+        color: INK,
+    };
+    write_caption(canvas, &caption)
+}
+
+/// The square of an image that is shown.
+struct Crop {
+    corner_px: [f64; 2],
+    side_px: f64,
+}
+
+impl Crop {
+    /// The surroundings of the mask; the whole image where the mask is empty.
+    fn around_mask(tile: &Tile) -> Self {
+        let (width, height) = tile.image.dimensions();
+        let (mut columns, mut rows) = ((u32::MAX, 0), (u32::MAX, 0));
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            if is_object(tile, x, y) {
+                columns = (columns.0.min(x), columns.1.max(x + 1));
+                rows = (rows.0.min(y), rows.1.max(y + 1));
+            }
+        }
+        let empty = columns.0 >= columns.1;
+        if empty {
+            (columns, rows) = ((0, width), (0, height));
+        }
+        let object_px = f64::from((columns.1 - columns.0).max(rows.1 - rows.0));
+        let side_px = if empty {
+            object_px
+        } else {
+            SURROUNDINGS * object_px
+        };
+        let side_px = side_px.max(MIN_SHOWN_PX);
+        Self {
+            corner_px: [columns, rows].map(|(low, high)| 0.5 * (f64::from(low + high) - side_px)),
+            side_px,
+        }
+    }
+
+    /// The image's pixel at a pixel of the tile, where there is one.
+    fn source(&self, tile: &Tile, x: u32, y: u32) -> Option<(u32, u32)> {
+        let scale = self.side_px / f64::from(SIDE_PX);
+        let u = (self.corner_px[0] + scale * (f64::from(x) + 0.5)).floor();
+        let v = (self.corner_px[1] + scale * (f64::from(y) + 0.5)).floor();
+        let inside = (0.0..f64::from(tile.image.width())).contains(&u)
+            && (0.0..f64::from(tile.image.height())).contains(&v);
+        inside.then_some((u as u32, v as u32))
+    }
+
+    fn object_at(&self, tile: &Tile, x: u32, y: u32) -> bool {
+        self.source(tile, x, y)
+            .is_some_and(|(u, v)| is_object(tile, u, v))
+    }
+
+    /// The image's colour; white just inside the mask's edge and black just outside of it.
+    fn outlined_color(&self, tile: &Tile, x: u32, y: u32) -> Rgb {
+        let Some((u, v)) = self.source(tile, x, y) else {
+            return OUTSIDE;
+        };
+        let object = self.object_at(tile, x, y);
+        let neighbours = [
+            (x + 1, y),
+            (x.wrapping_sub(1), y),
+            (x, y + 1),
+            (x, y.wrapping_sub(1)),
+        ];
+        let edge = neighbours
+            .iter()
+            .any(|&(x, y)| self.object_at(tile, x, y) != object);
+        match (edge, object) {
+            (true, true) => [255; 3],
+            (true, false) => [0; 3],
+            (false, _) => tile.image.get_pixel(u, v).0,
+        }
+    }
+
+    fn score(&self, tile: &Tile, x: u32, y: u32) -> Option<f32> {
+        let (u, v) = self.source(tile, x, y)?;
+        let score = *tile.log_odds.get((v * tile.image.width() + u) as usize)?;
+        (!score.is_nan()).then_some(score)
+    }
+}
+
+fn is_object(tile: &Tile, x: u32, y: u32) -> bool {
+    let index = y as usize * tile.image.width() as usize + x as usize;
+    tile.mask.get(index) == Some(&true)
+}
+
+/// The distance from the threshold at which colours are full: 98 % of the shown scores lie nearer.
+fn score_reach(tiles: &[Tile], crops: &[Crop], threshold: f32) -> f32 {
+    let mut distances: Vec<f32> = Vec::new();
+    for (tile, crop) in tiles.iter().zip(crops) {
+        for y in 0..SIDE_PX {
+            let scores = (0..SIDE_PX).filter_map(|x| crop.score(tile, x, y));
+            distances.extend(
+                scores
+                    .map(|s| (s - threshold).abs())
+                    .filter(|d| d.is_finite()),
+            );
+        }
+    }
+    distances.sort_by(f32::total_cmp);
+    let index = (0.98 * distances.len() as f64) as usize;
+    distances.get(index).copied().unwrap_or(1.0).max(1e-3)
+}
+
+/// The colour of a score from -1 to 1.
+fn diverging_color(score: f32) -> Rgb {
+    let end = if score < 0.0 { COLD } else { WARM };
+    let share = score.abs().min(1.0);
+    [0, 1, 2].map(|c| {
+        let (from, to) = (f32::from(NEUTRAL[c]), f32::from(end[c]));
+        (from + share * (to - from)).round() as u8
+    })
+}
+
+#[cfg(test)]
+#[path = "mosaic_tests.rs"]
+mod tests;

@@ -1,0 +1,311 @@
+//! What was estimated, drawn over the image it was estimated from.
+
+use image::{RgbImage, imageops};
+use resvg::tiny_skia::{
+    FillRule, LineCap, LineJoin, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, Transform,
+};
+
+use super::Rgb;
+use super::picture::{Caption, canvas_of, opaque, picture_from, write_caption};
+
+/// How the points of a mark are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Shape {
+    /// A small translucent dot at each: a cloud of particles.
+    Dots,
+    /// A line through them.
+    Line,
+    /// A line through them and back to the first.
+    Contour,
+}
+
+/// Points that are drawn in one colour.
+#[derive(Debug, Clone)]
+pub(crate) struct Mark {
+    /// How they are drawn.
+    pub(crate) shape: Shape,
+    /// Image points, pixel centres at integers; they may lie outside. A gap interrupts the line: so does
+    /// what is not finite.
+    pub(crate) points_px: Vec<Option<[f64; 2]>>,
+    /// Their colour.
+    pub(crate) color: Rgb,
+}
+
+/// Everything that is drawn over one image.
+#[derive(Debug, Clone)]
+pub(crate) struct Overlay {
+    /// Drawn in this order.
+    pub(crate) marks: Vec<Mark>,
+    /// A line of text at the top; nothing where it is empty.
+    pub(crate) label: String,
+    /// The place that is shown enlarged in a lower corner, with the marks around it.
+    pub(crate) zoom_at_px: Option<[f64; 2]>,
+}
+
+/// Side of the square that is shown enlarged, in pixels of the image.
+const ZOOMED_SIDE_PX: u32 = 40;
+const MAX_ZOOM: u32 = 8;
+/// Side of the enlarged square, as a share of the image's shorter side.
+const MAX_INSET_SHARE: f64 = 0.45;
+
+const DOT_RADIUS_PX: f64 = 0.8;
+const DOT_OPACITY: f32 = 0.4;
+const LINE_WIDTH_PX: f32 = 1.2;
+const FRAME_COLOR: Rgb = [255, 255, 255];
+
+/// Draws an overlay over an image.
+pub(crate) fn annotated(image: &RgbImage, overlay: &Overlay) -> anyhow::Result<RgbImage> {
+    let Some(mut canvas) = canvas_of(image) else {
+        return Ok(image.clone());
+    };
+    View::WHOLE.draw_marks(&mut canvas, &overlay.marks);
+    if let Some(inset) = Inset::at(image, overlay.zoom_at_px) {
+        inset.draw(&mut canvas, image, &overlay.marks);
+    }
+    if !overlay.label.is_empty() {
+        draw_label(&mut canvas, &overlay.label)?;
+    }
+    Ok(picture_from(&canvas))
+}
+
+/// Which part of the image a canvas shows, and how large.
+struct View {
+    /// Column and row of the image's pixel in the canvas' top left corner.
+    origin_px: [u32; 2],
+    /// Side of an image pixel on the canvas.
+    zoom: u32,
+}
+
+impl View {
+    const WHOLE: Self = Self {
+        origin_px: [0, 0],
+        zoom: 1,
+    };
+
+    /// Where an image point lies on the canvas.
+    fn canvas_from_image(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        // The canvas counts from the corners of its pixels, not from their centres.
+        [
+            (u + 0.5 - f64::from(self.origin_px[0])) * f64::from(self.zoom),
+            (v + 0.5 - f64::from(self.origin_px[1])) * f64::from(self.zoom),
+        ]
+    }
+
+    fn draw_marks(&self, canvas: &mut Pixmap, marks: &[Mark]) {
+        for mark in marks {
+            let points: Vec<_> = mark
+                .points_px
+                .iter()
+                .map(|p| p.map(|p| self.canvas_from_image(p)))
+                .collect();
+            match mark.shape {
+                Shape::Dots => self.draw_dots(canvas, &points, mark.color),
+                Shape::Line => self.draw_line(canvas, &points, mark.color),
+                Shape::Contour => {
+                    let closed: Vec<_> = points.iter().chain(points.first()).copied().collect();
+                    self.draw_line(canvas, &closed, mark.color);
+                }
+            }
+        }
+    }
+
+    fn draw_dots(&self, canvas: &mut Pixmap, points: &[Option<[f64; 2]>], color: Rgb) {
+        let mut paint = paint(color);
+        let mut translucent = opaque(color);
+        translucent.set_alpha(DOT_OPACITY);
+        paint.set_color(translucent);
+        // Enlarged dots grow less than the image, so that what they mark stays visible.
+        let radius = DOT_RADIUS_PX * f64::from(self.zoom).sqrt();
+        let (width, height) = (f64::from(canvas.width()), f64::from(canvas.height()));
+        for [x, y] in points.iter().flatten() {
+            let seen =
+                (-radius..width + radius).contains(x) && (-radius..height + radius).contains(y);
+            if !seen {
+                continue;
+            }
+            if let Some(dot) = PathBuilder::from_circle(*x as f32, *y as f32, radius as f32) {
+                canvas.fill_path(&dot, &paint, FillRule::Winding, Transform::identity(), None);
+            }
+        }
+    }
+
+    fn draw_line(&self, canvas: &mut Pixmap, points: &[Option<[f64; 2]>], color: Rgb) {
+        let size = [f64::from(canvas.width()), f64::from(canvas.height())];
+        let mut path = PathBuilder::new();
+        let mut drawn_to = None;
+        for pair in points.windows(2) {
+            let clipped = match pair {
+                [Some(from), Some(to)] => clipped(*from, *to, size),
+                _ => None,
+            };
+            let Some([from, to]) = clipped else {
+                drawn_to = None;
+                continue;
+            };
+            if drawn_to != Some(from) {
+                path.move_to(from[0] as f32, from[1] as f32);
+            }
+            path.line_to(to[0] as f32, to[1] as f32);
+            drawn_to = Some(to);
+        }
+        let stroke = Stroke {
+            width: if self.zoom == 1 {
+                LINE_WIDTH_PX
+            } else {
+                1.5 * LINE_WIDTH_PX
+            },
+            line_cap: LineCap::Round,
+            line_join: LineJoin::Round,
+            ..Stroke::default()
+        };
+        if let Some(path) = path.finish() {
+            canvas.stroke_path(&path, &paint(color), &stroke, Transform::identity(), None);
+        }
+    }
+}
+
+fn paint(color: Rgb) -> Paint<'static> {
+    let mut paint = Paint::default();
+    paint.set_color(opaque(color));
+    paint
+}
+
+/// The part of a line that lies on a canvas of this size or just beside it (Liang and Barsky).
+fn clipped(from: [f64; 2], to: [f64; 2], size: [f64; 2]) -> Option<[[f64; 2]; 2]> {
+    const MARGIN: f64 = 4.0;
+    if !from.iter().chain(&to).all(|c| c.is_finite()) {
+        return None;
+    }
+    let (mut start, mut end) = (0.0_f64, 1.0_f64);
+    for axis in 0..2 {
+        let step = to[axis] - from[axis];
+        let bounds = [-MARGIN - from[axis], size[axis] + MARGIN - from[axis]];
+        if step == 0.0 {
+            if bounds[0] > 0.0 || bounds[1] < 0.0 {
+                return None;
+            }
+        } else {
+            let crossings = bounds.map(|bound| bound / step);
+            start = start.max(crossings[0].min(crossings[1]));
+            end = end.min(crossings[0].max(crossings[1]));
+        }
+    }
+    // What does not cut is kept to the bit, so that joined lines stay joined.
+    let at = |share: f64| {
+        [0, 1].map(|axis| match share {
+            0.0 => from[axis],
+            1.0 => to[axis],
+            _ => from[axis] + share * (to[axis] - from[axis]),
+        })
+    };
+    let ends = [at(start), at(end)];
+    (start <= end && ends.iter().flatten().all(|c| c.is_finite())).then_some(ends)
+}
+
+/// The enlarged neighbourhood of a place, in a lower corner of the image.
+struct Inset {
+    view: View,
+    corner_px: [u32; 2],
+    side_px: u32,
+}
+
+impl Inset {
+    /// Gap between the inset and the image's border.
+    const GAP_PX: u32 = 6;
+
+    /// Places the inset; there is none without a place in the image, and none in images too small for it.
+    fn at(image: &RgbImage, place_px: Option<[f64; 2]>) -> Option<Self> {
+        let [u, v] = place_px?;
+        let (width, height) = image.dimensions();
+        let inside = (-0.5..f64::from(width) - 0.5).contains(&u)
+            && (-0.5..f64::from(height) - 0.5).contains(&v);
+        let largest_px = MAX_INSET_SHARE * f64::from(width.min(height));
+        let zoom = ((largest_px / f64::from(ZOOMED_SIDE_PX)) as u32).min(MAX_ZOOM);
+        if !inside || zoom < 2 {
+            return None;
+        }
+        let side_px = zoom * ZOOMED_SIDE_PX;
+        let first = |centre: f64, size: u32| {
+            let half = f64::from(ZOOMED_SIDE_PX / 2);
+            ((centre - half).round().max(0.0) as u32).min(size - ZOOMED_SIDE_PX)
+        };
+        let left = if u > 0.5 * f64::from(width) {
+            Self::GAP_PX
+        } else {
+            width - side_px - Self::GAP_PX
+        };
+        Some(Self {
+            view: View {
+                origin_px: [first(u, width), first(v, height)],
+                zoom,
+            },
+            corner_px: [left, height - side_px - Self::GAP_PX],
+            side_px,
+        })
+    }
+
+    fn draw(&self, canvas: &mut Pixmap, image: &RgbImage, marks: &[Mark]) {
+        let [u, v] = self.view.origin_px;
+        let part = imageops::crop_imm(image, u, v, ZOOMED_SIDE_PX, ZOOMED_SIDE_PX).to_image();
+        let side = self.side_px;
+        let enlarged = imageops::resize(&part, side, side, imageops::FilterType::Nearest);
+        let Some(mut inset) = canvas_of(&enlarged) else {
+            return;
+        };
+        self.view.draw_marks(&mut inset, marks);
+        draw_frame(canvas, self.view.origin_px, ZOOMED_SIDE_PX, 1.0);
+        let [x, y] = self.corner_px;
+        canvas.draw_pixmap(
+            x as i32,
+            y as i32,
+            inset.as_ref(),
+            &PixmapPaint::default(),
+            Transform::identity(),
+            None,
+        );
+        draw_frame(canvas, self.corner_px, side, 2.0);
+    }
+}
+
+/// Draws a square's outline around its pixels.
+fn draw_frame(canvas: &mut Pixmap, corner_px: [u32; 2], side_px: u32, width_px: f32) {
+    let [x, y] = corner_px.map(|c| c as f32 - 0.5 * width_px);
+    let side = side_px as f32 + width_px;
+    let stroke = Stroke {
+        width: width_px,
+        ..Stroke::default()
+    };
+    if let Some(rect) = Rect::from_xywh(x, y, side, side) {
+        let path = PathBuilder::from_rect(rect);
+        canvas.stroke_path(
+            &path,
+            &paint(FRAME_COLOR),
+            &stroke,
+            Transform::identity(),
+            None,
+        );
+    }
+}
+
+/// Writes the label white on a dark strip along the top.
+fn draw_label(canvas: &mut Pixmap, label: &str) -> anyhow::Result<()> {
+    let width_px = canvas.width() as f32;
+    let height_px = (width_px / 45.0).clamp(9.0, 24.0);
+    let mut strip = paint([0; 3]);
+    strip.set_color_rgba8(0, 0, 0, 150);
+    if let Some(rect) = Rect::from_xywh(0.0, 0.0, width_px, 1.6 * height_px) {
+        canvas.fill_rect(rect, &strip, Transform::identity(), None);
+    }
+    let caption = Caption {
+        text: label,
+        at_px: [0.5 * height_px, 1.15 * height_px],
+        height_px,
+        max_width_px: width_px - height_px,
+        color: [255; 3],
+    };
+    write_caption(canvas, &caption)
+}
+
+#[cfg(test)]
+#[path = "overlay_tests.rs"]
+mod tests;

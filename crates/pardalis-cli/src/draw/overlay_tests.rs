@@ -1,0 +1,179 @@
+use image::Rgb as Pixel;
+
+use super::*;
+use crate::draw::picture::{picture_of, write_picture};
+use crate::draw::test_folder;
+
+fn grey(width: u32, height: u32) -> RgbImage {
+    RgbImage::from_pixel(width, height, Pixel([100; 3]))
+}
+
+fn circle(centre_px: [f64; 2], radius_px: f64) -> Vec<Option<[f64; 2]>> {
+    let point = |i: u32| {
+        let angle_rad = f64::from(i) * std::f64::consts::TAU / 32.0;
+        Some([
+            centre_px[0] + radius_px * angle_rad.cos(),
+            centre_px[1] + radius_px * angle_rad.sin(),
+        ])
+    };
+    (0..32).map(point).collect()
+}
+
+fn mark(shape: Shape, points_px: Vec<Option<[f64; 2]>>, color: Rgb) -> Overlay {
+    Overlay {
+        marks: vec![Mark {
+            shape,
+            points_px,
+            color,
+        }],
+        label: String::new(),
+        zoom_at_px: None,
+    }
+}
+
+#[test]
+fn a_dot_colours_the_pixel_it_lies_on() {
+    let overlay = mark(Shape::Dots, vec![Some([7.0, 3.0])], [255, 0, 0]);
+    let picture = annotated(&grey(20, 10), &overlay).unwrap();
+    let [r, g, _] = picture.get_pixel(7, 3).0;
+    assert!(r > 150 && g < 80, "{r} {g}");
+    assert_eq!(picture.get_pixel(5, 3).0, [100; 3]);
+    assert_eq!(picture.get_pixel(9, 3).0, [100; 3]);
+}
+
+#[test]
+fn a_line_runs_through_pixel_centres_and_stops_at_gaps() {
+    let points = vec![
+        Some([2.0, 5.0]),
+        Some([8.0, 5.0]),
+        None,
+        Some([12.0, 5.0]),
+        Some([18.0, 5.0]),
+    ];
+    let picture = annotated(&grey(20, 10), &mark(Shape::Line, points, [255; 3])).unwrap();
+    assert_eq!(picture.get_pixel(5, 5).0, [255; 3]);
+    assert_eq!(picture.get_pixel(15, 5).0, [255; 3]);
+    assert_eq!(picture.get_pixel(10, 5).0, [100; 3]);
+    assert_eq!(picture.get_pixel(5, 4).0, picture.get_pixel(5, 6).0);
+}
+
+#[test]
+fn a_contour_is_closed_and_a_line_is_not() {
+    let corners = vec![
+        Some([2.0, 2.0]),
+        Some([17.0, 2.0]),
+        Some([17.0, 7.0]),
+        Some([2.0, 7.0]),
+    ];
+    let left = |shape| {
+        let picture = annotated(&grey(20, 10), &mark(shape, corners.clone(), [0; 3])).unwrap();
+        picture.get_pixel(2, 4).0[0]
+    };
+    assert!(left(Shape::Contour) < 10);
+    assert_eq!(left(Shape::Line), 100);
+}
+
+#[test]
+fn points_far_outside_or_not_finite_are_harmless() {
+    let wild = [f64::NAN, f64::INFINITY, -1e308, 1e308, -1e9, 1e9, 5.0];
+    let points: Vec<_> = wild
+        .iter()
+        .flat_map(|&u| wild.map(|v| Some([u, v])))
+        .collect();
+    for shape in [Shape::Dots, Shape::Line, Shape::Contour] {
+        for zoom_at_px in wild.map(|u| Some([u, 5.0])) {
+            let overlay = Overlay {
+                zoom_at_px,
+                label: "wild".to_owned(),
+                ..mark(shape, points.clone(), [255; 3])
+            };
+            for (width, height) in [(1, 1), (41, 1), (320, 240), (100, 400)] {
+                annotated(&grey(width, height), &overlay).unwrap();
+            }
+        }
+    }
+    let through = vec![Some([-1e9, 5.0]), Some([1e9, 5.0])];
+    let picture = annotated(&grey(20, 10), &mark(Shape::Line, through, [255; 3])).unwrap();
+    assert!((0..20).all(|x| picture.get_pixel(x, 5).0 == [255; 3]));
+    annotated(&grey(0, 0), &mark(Shape::Line, vec![], [0; 3])).unwrap();
+}
+
+#[test]
+fn the_inset_shows_the_neighbourhood_enlarged_away_from_it() {
+    let mut image = grey(640, 480);
+    image.put_pixel(600, 440, Pixel([0, 255, 0]));
+    let overlay = Overlay {
+        zoom_at_px: Some([600.0, 440.0]),
+        ..mark(Shape::Contour, circle([600.0, 440.0], 8.0), [255; 3])
+    };
+    let picture = annotated(&image, &overlay).unwrap();
+    let green: Vec<_> = picture
+        .enumerate_pixels()
+        .filter(|(_, _, p)| p.0 == [0, 255, 0])
+        .collect();
+    // The pixel itself, and five by five in the inset.
+    assert_eq!(green.len(), 1 + 25);
+    let enlarged = green.iter().filter(|(x, y, _)| *x < 320 && *y > 240);
+    assert_eq!(enlarged.count(), 25);
+}
+
+#[test]
+fn pictures_are_written_as_their_names_say() {
+    let folder = test_folder("overlay");
+    let encoding = pardalis::color::YuvEncoding::default();
+    let format = pardalis::PixelFormat::Rgb8;
+    let frame = pardalis::Frame::new(format, encoding, 64, 48, vec![100; 3 * 64 * 48], 0.0);
+    let image = picture_of(&frame.unwrap());
+    for name in ["a.jpg", "a.JPEG", "a.png"] {
+        let path = folder.join(name);
+        write_picture(&path, &image).unwrap();
+        let back = image::open(&path).unwrap().to_rgb8();
+        assert_eq!(back.dimensions(), (64, 48));
+        assert!(
+            back.pixels()
+                .all(|p| p.0.iter().all(|c| c.abs_diff(100) <= 2))
+        );
+    }
+    for name in ["a", "a.gif", "none/a.png"] {
+        let error = write_picture(&folder.join(name), &image).unwrap_err();
+        assert!(error.is::<crate::fault::Fault>(), "{error}");
+    }
+}
+
+#[test]
+fn a_real_frame_is_annotated() {
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/dioptric-jump");
+    let image = image::open(format!("{data}/frames/000000.jpg"))
+        .unwrap()
+        .to_rgb8();
+    // Frame 0 of truth.csv.
+    let centre_px = [459.9, 87.9];
+    let cloud = (0..400).map(|i| {
+        let angle_rad = f64::from(i) * 2.4;
+        let radius_px = 0.3 * f64::from(i).sqrt();
+        Some([
+            centre_px[0] + radius_px * angle_rad.cos(),
+            centre_px[1] + radius_px * angle_rad.sin(),
+        ])
+    });
+    let mut overlay = mark(Shape::Dots, cloud.collect(), crate::draw::PALETTE[4]);
+    for (radius_px, color) in [(6.0, [255; 3]), (9.0, [0; 3])] {
+        overlay.marks.push(Mark {
+            shape: Shape::Contour,
+            points_px: circle(centre_px, radius_px),
+            color,
+        });
+    }
+    overlay.label =
+        "frame 0   0.000 s   ball: tracking   x 1.350  y −1.250  z 0.620 m   confidence 0.98"
+            .to_owned();
+    overlay.zoom_at_px = Some(centre_px);
+    let picture = annotated(&image, &overlay).unwrap();
+    let folder = test_folder("overlay-real");
+    write_picture(&folder.join("frame.png"), &picture).unwrap();
+    let strip = (0..300).flat_map(|x| (0..22).map(move |y| (x, y)));
+    let white = strip
+        .filter(|&(x, y)| picture.get_pixel(x, y).0[0] > 230)
+        .count();
+    assert!(white > 200, "{white} pixels of text");
+}

@@ -1,0 +1,424 @@
+//! Plots of tracks: from above, from the side, and each coordinate against time.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
+
+use super::legend::{self, Key, camera_mark, end_mark, start_mark};
+use super::panel::{
+    Axis, BOTTOM_PX, LEFT_PX, Panel, RIGHT_PX, TOP_PX, draw_path, equal_scales, extent, padded,
+    panel, runs, write_note,
+};
+use super::svg::{Area, document, fill, line, text_style, units, write_svg_and_png};
+use super::{INK, PALETTE, Rgb, shortened};
+
+/// One row of a track.
+#[derive(Debug, Clone)]
+pub(crate) struct Sample {
+    /// The instant, in seconds.
+    pub(crate) time_s: f64,
+    /// The estimate in the world frame, where there is one.
+    pub(crate) position_m: Option<[f64; 3]>,
+    /// Its covariance in m²: xx, xy, xz, yy, yz, zz.
+    pub(crate) covariance_m2: Option<[f64; 6]>,
+}
+
+/// One target's estimates from one run. Series of the same name share their colour and legend entry.
+#[derive(Debug, Clone)]
+pub(crate) struct TrackSeries {
+    /// The target's name.
+    pub(crate) name: String,
+    /// In the order of time.
+    pub(crate) rows: Vec<Sample>,
+}
+
+/// Where one target really was.
+#[derive(Debug, Clone)]
+pub(crate) struct TruthSeries {
+    /// Instants in seconds and positions in the world frame in metres, in the order of time.
+    pub(crate) rows: Vec<(f64, [f64; 3])>,
+}
+
+/// Width of every figure and of the plots in it.
+const WIDTH_PX: f64 = 960.0;
+const PLOT_WIDTH_PX: f64 = WIDTH_PX - legend::WIDTH_PX - LEFT_PX - RIGHT_PX;
+
+/// Further away is a number gone wrong, not a place: it would make all else one dot.
+const MAX_DISTANCE_M: f64 = 1e5;
+const MAX_TIME_S: f64 = 1e11;
+
+/// A target that stands still is not drawn as if it shook.
+const MIN_SPAN_M: f64 = 0.02;
+
+const COORDINATES: [&str; 3] = ["x (m)", "y (m)", "z (m)"];
+
+/// Draws tracks, truth and named camera positions (world frame, metres) into `above`, `side` and
+/// `coordinates`, each `.svg` and `.png`, in a folder that must exist. Gives the paths of the files.
+///
+/// Positions that are not finite or beyond 100 km count as no estimate.
+pub(crate) fn write_track_plots(
+    folder: &Path,
+    series: &[TrackSeries],
+    truth: &[TruthSeries],
+    cameras: &[(String, [f64; 3])],
+) -> anyhow::Result<Vec<PathBuf>> {
+    let figures = Figures::new(series, truth, cameras);
+    let mut paths = Vec::new();
+    for (name, document) in [
+        ("above", figures.above()?),
+        ("side", figures.side()?),
+        ("coordinates", figures.coordinates()?),
+    ] {
+        paths.extend(write_svg_and_png(folder, name, &document)?);
+    }
+    Ok(paths)
+}
+
+/// One instant of a series, with numbers that can be drawn.
+struct Point {
+    time_s: f64,
+    position_m: [f64; 3],
+    /// Twice the standard deviation of each coordinate.
+    two_sigma_m: Option<[f64; 3]>,
+}
+
+/// The stretches without gaps of one track or one target's truth.
+struct Trace {
+    /// Of a track: its target's.
+    color: Rgb,
+    runs: Vec<Vec<Point>>,
+}
+
+struct Figures<'a> {
+    tracks: Vec<Trace>,
+    truth: Vec<Trace>,
+    cameras: Vec<(&'a str, [f64; 3])>,
+    /// The targets' names, each once.
+    names: Vec<&'a str>,
+    /// Of tracks: pale where many lie over one another.
+    opacity: f64,
+}
+
+fn drawable_position(position_m: &[f64; 3]) -> bool {
+    position_m.iter().all(|c| c.abs() <= MAX_DISTANCE_M)
+}
+
+fn point(sample: &Sample) -> Option<Point> {
+    let position_m = sample.position_m.filter(drawable_position)?;
+    let two_sigma_m = sample
+        .covariance_m2
+        .map(|c| {
+            [c[0], c[3], c[5]].map(|variance_m2| 2.0 * variance_m2.clamp(0.0, f64::INFINITY).sqrt())
+        })
+        .filter(|two_sigma_m| two_sigma_m.iter().all(|s| s.is_finite()));
+    (sample.time_s.abs() <= MAX_TIME_S).then_some(Point {
+        time_s: sample.time_s,
+        position_m,
+        two_sigma_m,
+    })
+}
+
+impl<'a> Figures<'a> {
+    fn new(
+        series: &'a [TrackSeries],
+        truth: &[TruthSeries],
+        cameras: &'a [(String, [f64; 3])],
+    ) -> Self {
+        let mut names: Vec<&str> = Vec::new();
+        let mut tracks = Vec::new();
+        for one in series {
+            let known = names.iter().position(|name| *name == one.name);
+            let index = known.unwrap_or(names.len());
+            if known.is_none() {
+                names.push(&one.name);
+            }
+            tracks.push(Trace {
+                color: PALETTE[index % PALETTE.len()],
+                runs: runs(one.rows.iter().map(point)),
+            });
+        }
+        let truth_point = |&(time_s, position_m): &(f64, [f64; 3])| {
+            point(&Sample {
+                time_s,
+                position_m: Some(position_m),
+                covariance_m2: None,
+            })
+        };
+        let truth = truth.iter().map(|one| Trace {
+            color: INK,
+            runs: runs(one.rows.iter().map(truth_point)),
+        });
+        let cameras = cameras
+            .iter()
+            .filter(|(_, position_m)| drawable_position(position_m))
+            .map(|(name, position_m)| (name.as_str(), *position_m));
+        Self {
+            opacity: if tracks.len() > 2 * names.len() {
+                0.5
+            } else {
+                1.0
+            },
+            truth: truth.collect(),
+            cameras: cameras.collect(),
+            tracks,
+            names,
+        }
+    }
+
+    fn points(&self) -> impl Iterator<Item = &Point> {
+        let paths = self.tracks.iter().chain(&self.truth);
+        paths.flat_map(|path| path.runs.iter().flatten())
+    }
+
+    fn has_estimate(&self) -> bool {
+        self.tracks.iter().any(|track| !track.runs.is_empty())
+    }
+
+    /// The range of one coordinate over tracks, truth and cameras.
+    fn range_m(&self, axis: usize) -> Range<f64> {
+        let places = self.points().map(|point| point.position_m[axis]);
+        let cameras = self.cameras.iter().map(|(_, position_m)| position_m[axis]);
+        padded(extent(places.chain(cameras)), MIN_SPAN_M)
+    }
+
+    fn above(&self) -> anyhow::Result<String> {
+        let ranges = [self.range_m(0), self.range_m(1)];
+        let [x_span, y_span] = [&ranges[0], &ranges[1]].map(|r| r.end - r.start);
+        let plot_px = [
+            PLOT_WIDTH_PX,
+            PLOT_WIDTH_PX * (y_span / x_span).clamp(0.4, 1.0),
+        ];
+        let size_px = [WIDTH_PX, plot_px[1] + TOP_PX + BOTTOM_PX];
+        document(size_px, |area| {
+            let plots = self.draw_legend(area, false)?;
+            let (x, y) = equal_scales(&ranges[0], &ranges[1], plot_px);
+            self.draw_map(&plots, [0, 1], [x, y])
+        })
+    }
+
+    fn side(&self) -> anyhow::Result<String> {
+        let ranges = [0, 1, 2].map(|axis| self.range_m(axis));
+        let [x_span, y_span, z_span] = ranges.each_ref().map(|r| r.end - r.start);
+        // The same scale in both panels: both are as wide as the longer of x and y asks for.
+        let span = x_span.max(y_span);
+        let plot_px = [
+            PLOT_WIDTH_PX,
+            PLOT_WIDTH_PX * (z_span / span).clamp(0.25, 0.6),
+        ];
+        let panel_px = plot_px[1] + TOP_PX + BOTTOM_PX;
+        document([WIDTH_PX, 2.0 * panel_px], |area| {
+            let plots = self.draw_legend(area, false)?;
+            for (panel, axis) in plots.split_evenly((2, 1)).iter().zip([0, 1]) {
+                let middle = 0.5 * (ranges[axis].start + ranges[axis].end);
+                let horizontal = middle - 0.5 * span..middle + 0.5 * span;
+                let (horizontal, z) = equal_scales(&horizontal, &ranges[2], plot_px);
+                self.draw_map(panel, [axis, 2], [horizontal, z])?;
+            }
+            Ok(())
+        })
+    }
+
+    fn coordinates(&self) -> anyhow::Result<String> {
+        let times = extent(self.points().map(|point| point.time_s));
+        let largest_s = times
+            .as_ref()
+            .map_or(0.0, |t| t.start().abs().max(t.end().abs()));
+        let time_s = padded(times, (1e-9 * largest_s).max(0.1));
+        document([WIDTH_PX, 3.0 * 230.0], |area| {
+            let plots = self.draw_legend(area, true)?;
+            for (axis, area) in plots.split_evenly((3, 1)).iter().enumerate() {
+                let range_m = self.range_with_bands_m(axis);
+                let time = Axis {
+                    range: time_s.clone(),
+                    name: "time (s)",
+                };
+                let coordinate = Axis {
+                    range: range_m.clone(),
+                    name: COORDINATES[axis],
+                };
+                let mut panel = panel(area, &time, &coordinate)?;
+                for track in &self.tracks {
+                    self.draw_band(&mut panel, track, axis, &range_m)?;
+                }
+                self.draw_paths(&mut panel, |p| (p.time_s, p.position_m[axis]))?;
+                if !self.has_estimate() {
+                    write_note(area, "no estimate")?;
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// The range of one coordinate over tracks and truth, and over the bands as long as the paths
+    /// remain legible.
+    fn range_with_bands_m(&self, axis: usize) -> Range<f64> {
+        let paths = padded(
+            extent(self.points().map(|p| p.position_m[axis])),
+            MIN_SPAN_M,
+        );
+        let room_m = (paths.end - paths.start).max(0.2);
+        let (low_m, high_m) = (paths.start - room_m, paths.end + room_m);
+        let bands = self.points().filter_map(|p| {
+            let two_sigma_m = p.two_sigma_m?[axis];
+            Some([
+                p.position_m[axis] - two_sigma_m,
+                p.position_m[axis] + two_sigma_m,
+            ])
+        });
+        let ends = bands.flatten().map(|end_m| end_m.clamp(low_m, high_m));
+        let all = extent(ends.chain([paths.start, paths.end]));
+        all.map_or(paths, |all| *all.start()..*all.end())
+    }
+
+    /// Fills the band of two standard deviations about a track, cut off at the plot's edge.
+    fn draw_band(
+        &self,
+        panel: &mut Panel<'_>,
+        track: &Trace,
+        axis: usize,
+        range_m: &Range<f64>,
+    ) -> anyhow::Result<()> {
+        let style = fill(track.color, 0.22 * self.opacity);
+        for run in &track.runs {
+            for stretch in runs(run.iter().map(|p| Some((p, p.two_sigma_m?[axis])))) {
+                let edge = |sign: f64| {
+                    stretch.iter().map(move |(p, two_sigma_m)| {
+                        let end_m = p.position_m[axis] + sign * two_sigma_m;
+                        (p.time_s, end_m.clamp(range_m.start, range_m.end))
+                    })
+                };
+                let outline: Vec<_> = edge(1.0).chain(edge(-1.0).rev()).collect();
+                if stretch.len() == 1 {
+                    // A band of one instant has no width: a bar shows it.
+                    draw_path(panel, &outline, line(track.color, 0.4, 2.0))?;
+                } else {
+                    panel.draw_series([Polygon::new(outline, style)])?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws tracks, and the truth thin on top of them so that both are seen.
+    fn draw_paths(
+        &self,
+        panel: &mut Panel<'_>,
+        place: impl Fn(&Point) -> (f64, f64),
+    ) -> anyhow::Result<()> {
+        for (paths, opacity, width_px) in
+            [(&self.tracks, self.opacity, 2.5), (&self.truth, 1.0, 1.0)]
+        {
+            for path in paths {
+                for run in &path.runs {
+                    let points: Vec<_> = run.iter().map(&place).collect();
+                    draw_path(panel, &points, line(path.color, opacity, width_px))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws what happens in the plane of two of the coordinates x, y, z.
+    fn draw_map(
+        &self,
+        area: &Area<'_>,
+        axes: [usize; 2],
+        ranges_m: [Range<f64>; 2],
+    ) -> anyhow::Result<()> {
+        let [across, up] = ranges_m;
+        let middle_m = 0.5 * (across.start + across.end);
+        let horizontal = Axis {
+            range: across,
+            name: COORDINATES[axes[0]],
+        };
+        let vertical = Axis {
+            range: up,
+            name: COORDINATES[axes[1]],
+        };
+        let mut panel = panel(area, &horizontal, &vertical)?;
+        let flat = |position_m: [f64; 3]| (position_m[axes[0]], position_m[axes[1]]);
+        self.draw_paths(&mut panel, |p| flat(p.position_m))?;
+        for track in &self.tracks {
+            let (first, last) = (track.runs.first(), track.runs.last());
+            if let Some(point) = first.and_then(|run| run.first()) {
+                panel.draw_series([start_mark(flat(point.position_m), track.color)])?;
+            }
+            if let Some(point) = last.and_then(|run| run.last()) {
+                panel.draw_series([end_mark(flat(point.position_m), track.color)])?;
+            }
+        }
+        self.draw_cameras(&mut panel, flat, middle_m)?;
+        if !self.has_estimate() {
+            write_note(area, "no estimate")?;
+        }
+        Ok(())
+    }
+
+    /// Marks the cameras and writes their names, on the side where there is room.
+    fn draw_cameras(
+        &self,
+        panel: &mut Panel<'_>,
+        flat: impl Fn([f64; 3]) -> (f64, f64),
+        middle_m: f64,
+    ) -> anyhow::Result<()> {
+        // Names that would lie on one another are moved down.
+        let mut rows: Vec<(i32, i32)> = Vec::new();
+        let same_place = |a: (i32, i32), b: (i32, i32)| {
+            (a.0 - b.0).abs() < units(130.0) && (a.1 - b.1).abs() < units(14.0)
+        };
+        for &(name, position_m) in &self.cameras {
+            let place = flat(position_m);
+            let mark = panel.backend_coord(&place);
+            let mut row = mark;
+            while rows.iter().any(|&other| same_place(row, other)) {
+                row.1 += units(14.0);
+            }
+            rows.push(row);
+            let (side, aside_px) = if place.0 > middle_m {
+                (HPos::Right, -9.0)
+            } else {
+                (HPos::Left, 9.0)
+            };
+            let text = Text::new(
+                shortened(name, 16),
+                (units(aside_px), row.1 - mark.1),
+                text_style(12.0, side),
+            );
+            let marked = EmptyElement::at(place) + camera_mark((0, 0)) + text;
+            panel.draw_series([marked])?;
+        }
+        Ok(())
+    }
+
+    /// Draws the legend of a plot against time or of a map; gives the area left of it.
+    fn draw_legend<'b>(&self, area: &Area<'b>, against_time: bool) -> anyhow::Result<Area<'b>> {
+        let (plots, column) = area.split_horizontally(units(WIDTH_PX - legend::WIDTH_PX));
+        let mut entries: Vec<(Key, String)> = self
+            .names
+            .iter()
+            .enumerate()
+            .map(|(i, name)| (Key::Track(PALETTE[i % PALETTE.len()]), (*name).to_owned()))
+            .collect();
+        if against_time && self.points().any(|p| p.two_sigma_m.is_some()) {
+            entries.push((Key::Band, "± 2 σ".to_owned()));
+        }
+        if !self.truth.is_empty() {
+            entries.push((Key::Truth, "truth".to_owned()));
+        }
+        if !against_time && self.has_estimate() {
+            entries.push((Key::Start, "start".to_owned()));
+            entries.push((Key::End, "end".to_owned()));
+        }
+        if !against_time && !self.cameras.is_empty() {
+            entries.push((Key::Camera, "camera".to_owned()));
+        }
+        legend::draw(&column, &entries)?;
+        Ok(plots)
+    }
+}
+
+#[cfg(test)]
+#[path = "plots_tests.rs"]
+mod tests;

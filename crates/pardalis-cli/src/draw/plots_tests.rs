@@ -1,0 +1,255 @@
+use super::*;
+use crate::draw::test_folder;
+
+fn helix(name: &str, phase: f64) -> TrackSeries {
+    let row = |i: u32| {
+        let time_s = f64::from(i) * 0.04;
+        let sigma_m = 0.02 + 0.05 * (3.0 * time_s).sin().abs();
+        Sample {
+            time_s,
+            position_m: (!(30..40).contains(&i)).then(|| {
+                [
+                    (time_s + phase).cos() * 1.5,
+                    (time_s + phase).sin(),
+                    0.5 + 0.3 * (5.0 * time_s).sin().abs(),
+                ]
+            }),
+            covariance_m2: Some([sigma_m * sigma_m, 0.0, 0.0, sigma_m * sigma_m, 0.0, 1e-4]),
+        }
+    };
+    TrackSeries {
+        name: name.to_owned(),
+        rows: (0..110).map(row).collect(),
+    }
+}
+
+fn one_row(position_m: Option<[f64; 3]>, covariance_m2: Option<[f64; 6]>) -> TrackSeries {
+    let row = Sample {
+        time_s: 0.0,
+        position_m,
+        covariance_m2,
+    };
+    TrackSeries {
+        name: "ball".to_owned(),
+        rows: vec![row],
+    }
+}
+
+/// A file per figure and format, the PNG decodable and not blank.
+fn check_files(paths: &[PathBuf]) {
+    assert_eq!(paths.len(), 6);
+    for path in paths {
+        if path.extension().is_some_and(|e| e == "svg") {
+            let svg = std::fs::read_to_string(path).unwrap();
+            resvg::usvg::roxmltree::Document::parse(&svg).unwrap();
+            assert!(
+                !svg.contains("NaN") && !svg.contains("inf"),
+                "{}",
+                path.display()
+            );
+        } else {
+            let picture = image::open(path).unwrap().to_rgb8();
+            assert!(picture.pixels().any(|p| p.0 == [255; 3]));
+            assert!(picture.pixels().any(|p| p.0[0] < 80));
+        }
+    }
+}
+
+#[test]
+fn tracks_truth_and_cameras_are_drawn_in_their_colours() {
+    let folder = test_folder("plots");
+    let series = [helix("ball", 0.0), helix("ball", 0.1), helix("robot", 2.0)];
+    let truth = TruthSeries {
+        rows: series[0]
+            .rows
+            .iter()
+            .map(|row| (row.time_s, [0.0, row.time_s, 0.5]))
+            .collect(),
+    };
+    let cameras = [
+        ("left".to_owned(), [1.0, 1.0, 1.0]),
+        ("right".to_owned(), [1.02, 1.0, 1.0]),
+        ("top".to_owned(), [-1.0, 0.0, 2.0]),
+    ];
+    let paths = write_track_plots(&folder, &series, &[truth], &cameras).unwrap();
+    check_files(&paths);
+    for png in paths
+        .iter()
+        .filter(|p| p.extension().is_some_and(|e| e == "png"))
+    {
+        let picture = image::open(png).unwrap().to_rgb8();
+        for color in &PALETTE[..2] {
+            assert!(picture.pixels().any(|p| p.0 == *color), "{}", png.display());
+        }
+        assert!(
+            !picture.pixels().any(|p| p.0 == PALETTE[2]),
+            "one colour a target"
+        );
+    }
+    let above = std::fs::read_to_string(&paths[0]).unwrap();
+    let entries = |text: &str| above.lines().filter(|l| *l == text).count();
+    assert_eq!(
+        (entries("ball"), entries("robot"), entries("truth")),
+        (1, 1, 1)
+    );
+    assert_eq!(
+        (entries("left"), entries("right"), entries("top")),
+        (1, 1, 1)
+    );
+}
+
+#[test]
+fn degenerate_tracks_make_plots_nevertheless() {
+    let nan = f64::NAN;
+    let cases: Vec<Vec<TrackSeries>> = vec![
+        vec![],
+        vec![one_row(None, None)],
+        vec![one_row(Some([1.0, 2.0, 3.0]), None)],
+        vec![one_row(
+            Some([1.0, 2.0, 3.0]),
+            Some([1e30, 0.0, 0.0, -1.0, 0.0, nan]),
+        )],
+        vec![one_row(Some([nan, f64::INFINITY, 3.0]), None)],
+        vec![
+            one_row(Some([1e300, -1e300, 0.0]), None),
+            helix("ball", 0.0),
+        ],
+        vec![
+            one_row(Some([1e5, 0.0, 0.0]), None),
+            one_row(Some([-1e5, 1e-9, 0.0]), None),
+        ],
+        vec![TrackSeries {
+            name: "<\u{1}&".repeat(40),
+            rows: (0..5)
+                .map(|i| Sample {
+                    time_s: 1.7e9 + f64::from(i) * 1e-7,
+                    position_m: Some([5.0, 5.0 + f64::from(i) * 1e-12, -0.0]),
+                    covariance_m2: Some([0.0; 6]),
+                })
+                .collect(),
+        }],
+    ];
+    for (i, series) in cases.into_iter().enumerate() {
+        let folder = test_folder(&format!("plots-degenerate-{i}"));
+        check_files(&write_track_plots(&folder, &series, &[], &[]).unwrap());
+    }
+    let folder = test_folder("plots-nowhere");
+    let nowhere = [("c".to_owned(), [nan; 3])];
+    let truth = [TruthSeries {
+        rows: vec![(nan, [0.0; 3])],
+    }];
+    check_files(&write_track_plots(&folder, &[], &truth, &nowhere).unwrap());
+}
+
+#[test]
+fn many_targets_fit_the_legend() {
+    let folder = test_folder("plots-many");
+    let series: Vec<_> = (0..60)
+        .map(|i| helix(&format!("ball {i}"), 0.1 * f64::from(i)))
+        .collect();
+    check_files(&write_track_plots(&folder, &series, &[], &[]).unwrap());
+}
+
+#[test]
+fn a_circle_is_as_wide_as_high() {
+    let rows = (0..=90).map(|i| {
+        let angle_rad = f64::from(i) * std::f64::consts::TAU / 90.0;
+        (
+            f64::from(i),
+            [100.0 + 2.0 * angle_rad.cos(), 2.0 * angle_rad.sin(), 0.0],
+        )
+    });
+    let truth = [TruthSeries {
+        rows: rows.collect(),
+    }];
+    let folder = test_folder("plots-circle");
+    let paths = write_track_plots(&folder, &[], &truth, &[]).unwrap();
+    let svg = std::fs::read_to_string(&paths[0]).unwrap();
+    let points = svg
+        .lines()
+        .filter(|line| line.contains("polyline"))
+        .filter_map(|line| line.split("points=\"").nth(1)?.split('"').next())
+        .map(|text| text.split_whitespace().collect::<Vec<_>>())
+        .max_by_key(Vec::len)
+        .unwrap();
+    assert_eq!(points.len(), 91);
+    let side = |axis: usize| {
+        let values = points
+            .iter()
+            .map(|p| p.split(',').nth(axis).unwrap().parse::<f64>().unwrap());
+        let extent = extent(values).unwrap();
+        extent.end() - extent.start()
+    };
+    assert!(side(0) > 1000.0);
+    assert!(
+        (side(0) - side(1)).abs() < 0.005 * side(0),
+        "{} {}",
+        side(0),
+        side(1)
+    );
+}
+
+#[test]
+fn the_true_path_of_a_thrown_ball_is_drawn() {
+    let table = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../data/dioptric-jump/truth.csv"
+    );
+    let mut reader = csv::Reader::from_path(table).unwrap();
+    let rows: Vec<(f64, [f64; 3])> = reader
+        .records()
+        .map(|record| {
+            let record = record.unwrap();
+            let number = |i: usize| record[i].parse::<f64>().unwrap();
+            (number(1), [number(4), number(5), number(6)])
+        })
+        .collect();
+    let series = TrackSeries {
+        name: "ball".to_owned(),
+        rows: rows
+            .iter()
+            .map(|&(time_s, [x, y, z])| Sample {
+                time_s,
+                position_m: Some([
+                    x + 0.02 * (7.0 * time_s).sin(),
+                    y,
+                    z + 0.02 * (9.0 * time_s).cos(),
+                ]),
+                covariance_m2: Some([4e-4, 0.0, 0.0, 9e-4, 0.0, 4e-4]),
+            })
+            .collect(),
+    };
+    let cameras = [("cam1".to_owned(), [0.0, 0.0, 0.9])];
+    let folder = test_folder("plots-jump");
+    check_files(&write_track_plots(&folder, &[series], &[TruthSeries { rows }], &cameras).unwrap());
+}
+
+#[test]
+fn a_target_that_stands_still_is_seen_at_every_instant() {
+    let mut track = helix("ball", 0.0);
+    for row in &mut track.rows {
+        row.position_m = Some([1.0, 2.0, 0.5]);
+        row.time_s = 3.0;
+    }
+    let folder = test_folder("plots-still");
+    let paths = write_track_plots(&folder, &[track], &[], &[]).unwrap();
+    let picture = image::open(&paths[5]).unwrap().to_rgb8();
+    // Without the legend.
+    let plots = image::imageops::crop_imm(&picture, 0, 0, 1560, picture.height()).to_image();
+    assert!(plots.pixels().any(|p| p.0 == PALETTE[0]));
+}
+
+#[test]
+fn bands_need_variances() {
+    let band = |covariance_m2| {
+        point(&one_row(Some([0.0; 3]), covariance_m2).rows[0])
+            .unwrap()
+            .two_sigma_m
+    };
+    assert_eq!(band(None), None);
+    assert_eq!(
+        band(Some([4.0, 9.0, 9.0, 1.0, 9.0, -1e-18])),
+        Some([4.0, 2.0, 0.0])
+    );
+    assert_eq!(band(Some([4.0, 0.0, 0.0, 1.0, 0.0, f64::NAN])), None);
+}
