@@ -1,6 +1,9 @@
 //! The `pardalis` program.
 
 mod fault;
+#[allow(dead_code)]
+mod source;
+mod timing;
 
 use std::process::ExitCode;
 
