@@ -1,10 +1,13 @@
 //! The `pardalis` program.
 
 mod commands;
-#[allow(dead_code)]
 mod draw;
 mod fault;
+mod scene;
+mod source;
 mod tables;
+mod timing;
+mod tracking;
 
 use std::process::ExitCode;
 
@@ -21,6 +24,7 @@ struct Arguments {
 /// One variant a command, each in its own file under `commands/`.
 #[derive(Subcommand)]
 enum Command {
+    Track(commands::track::Arguments),
     Evaluate(commands::evaluate::Arguments),
 }
 
@@ -28,6 +32,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome = match arguments.command {
         None => Err(fault::fault!("no command given; see pardalis --help")),
+        Some(Command::Track(arguments)) => commands::track::run(&arguments),
         Some(Command::Evaluate(arguments)) => commands::evaluate::run(&arguments),
     };
     fault::exit_code_of(&outcome)

@@ -1,0 +1,87 @@
+//! `pardalis track`: the main job.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use crate::tracking::{self, Options, Output, Run};
+
+/// Tracks the targets of a scene
+///
+/// Reads a scene file (`pardalis init` writes one to start from), tracks every target through all its frames and writes
+/// into a folder: tracks.csv (position, velocity and covariance, a row a frame and target), summary.json, and plots.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  pardalis track ball.toml                      results into the folder ball-tracks
+  pardalis track ball.toml -o run7 --annotate   also the frames with contours and particles drawn in
+  pardalis track ball.toml -o - | head          rows to standard output as they come")]
+pub(crate) struct Arguments {
+    /// The scene file
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// The folder for the results, or - for the rows alone on standard output [default: the scene's name with -tracks]
+    #[arg(short, long, value_name = "FOLDER|-")]
+    output: Option<PathBuf>,
+    /// Takes the place of the scene's seed
+    #[arg(long)]
+    seed: Option<u32>,
+    /// Threads to track with; results do not depend on it [default: one a core]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Also writes every frame with contours and particles drawn in
+    #[arg(long)]
+    annotate: bool,
+    /// Draws no plots
+    #[arg(long)]
+    no_plots: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let output = match &arguments.output {
+        Some(path) if path.as_os_str() == "-" => Output::Stdout,
+        Some(folder) => Output::Folder(folder.clone()),
+        None => {
+            let stem = arguments
+                .scene
+                .file_stem()
+                .unwrap_or_default()
+                .to_string_lossy();
+            Output::Folder(PathBuf::from(format!("{stem}-tracks")))
+        }
+    };
+    let to_stdout = output == Output::Stdout;
+    let options = Options {
+        output,
+        seed: arguments.seed,
+        threads: arguments.threads.map(usize::from),
+        annotate: arguments.annotate,
+        plots: !arguments.no_plots,
+    };
+    let run = tracking::run(&arguments.scene, &options)?;
+    if !to_stdout {
+        print!("{}", told(&run));
+    }
+    Ok(())
+}
+
+/// What a run did, in words.
+pub(crate) fn told(run: &Run) -> String {
+    use std::fmt::Write as _;
+    let outcome = &run.outcome;
+    let frames = outcome.frame_sets;
+    let rate = frames as f64 / outcome.tracking_s.max(1e-9);
+    let mut text =
+        format!("tracked {frames} frames ({rate:.0} a second spent on tracking itself)\n");
+    for (target, states) in run.open.scene.targets.iter().zip(run.series.states()) {
+        let _ = writeln!(
+            text,
+            "{}: {} frames tracked, {} occluded, {} lost",
+            target.name, states.tracking, states.occluded, states.lost
+        );
+    }
+    for file in &run.files {
+        let _ = writeln!(text, "  {}", file.display());
+    }
+    text
+}

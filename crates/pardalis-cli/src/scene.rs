@@ -1,0 +1,257 @@
+//! Scene files: reads them, opens what they name, and reports every problem before anything runs.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::Tracker;
+use pardalis::camera::Mask;
+use pardalis::color::ColorModel;
+use pardalis::config::{CameraConfig, Input, Problem, Scene, TargetConfig};
+use pardalis::simd::Level;
+use pardalis::tracker::TargetSettings;
+use pardalis::view::View;
+
+use crate::fault::{Fault, fault};
+use crate::source::decode::decode_mask;
+use crate::source::{Source, SourceConfig, SourceKind, Timing};
+
+/// The largest scene or colour model file that is read, in bytes: they are written by people.
+const MAX_TEXT_BYTES: u64 = 16 << 20;
+
+/// A scene whose files are open.
+pub(crate) struct OpenScene {
+    /// What the file says.
+    pub(crate) scene: Scene,
+    /// The frames of each camera, in the scene's order.
+    pub(crate) sources: Vec<Source>,
+    /// Ready for the first frames.
+    pub(crate) tracker: Tracker,
+}
+
+/// Reads a small text file that the user named.
+pub(crate) fn read_text(path: &Path) -> Result<String> {
+    let name = path.display();
+    let metadata = fs::metadata(path).map_err(|error| fault!("{name}: {error}"))?;
+    if !metadata.is_file() {
+        return Err(fault!("{name}: is no file"));
+    }
+    if metadata.len() > MAX_TEXT_BYTES {
+        return Err(fault!(
+            "{name}: has {} bytes; allowed: at most {MAX_TEXT_BYTES}",
+            metadata.len()
+        ));
+    }
+    let bytes = fs::read(path).map_err(|error| fault!("{name}: {error}"))?;
+    String::from_utf8(bytes).map_err(|error| {
+        let line = error.as_bytes()[..error.utf8_error().valid_up_to()]
+            .iter()
+            .filter(|&&b| b == b'\n')
+            .count()
+            + 1;
+        fault!("{name}: line {line}: is no UTF-8 text")
+    })
+}
+
+/// Reads and checks a scene file; opens none of the files it names.
+pub(crate) fn read(path: &Path) -> Result<Scene> {
+    let text = read_text(path)?;
+    Scene::parse(&text).map_err(|problems| all_of(path, &problems))
+}
+
+/// Reads a scene file and opens all it names. `seed` takes the place of the scene's.
+pub(crate) fn open(path: &Path, seed: Option<u32>) -> Result<OpenScene> {
+    let mut scene = read(path)?;
+    if let Some(seed) = seed {
+        scene.seed = seed;
+        scene
+            .resolved
+            .insert("seed".to_owned(), toml::Value::Integer(i64::from(seed)));
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut problems = Vec::new();
+    let mut sources = Vec::new();
+    let mut views = Vec::new();
+    for camera in &scene.cameras {
+        match open_source(camera, folder) {
+            Ok(source) => {
+                views.extend(view_of(camera, folder, source.size(), &mut problems));
+                sources.push(source);
+            }
+            Err(problem) => problems.push(problem),
+        }
+    }
+    let mut targets = Vec::new();
+    for target in &scene.targets {
+        match read_colors(target, folder) {
+            Ok(colors) => targets.push(TargetSettings {
+                shape: target.shape,
+                colors,
+                contour: target.contour,
+                filter: target.filter,
+                start: target.start,
+            }),
+            Err(problem) => problems.push(problem),
+        }
+    }
+    if !problems.is_empty() {
+        problems.sort();
+        return Err(all_of(path, &problems));
+    }
+    let tracker = Tracker::new(views, targets, scene.seed, Level::best())?;
+    Ok(OpenScene {
+        scene,
+        sources,
+        tracker,
+    })
+}
+
+/// One error that lists every problem of a scene.
+fn all_of(path: &Path, problems: &[Problem]) -> anyhow::Error {
+    use std::fmt::Write as _;
+    let mut text = match problems.len() {
+        1 => format!("{}: a problem in the scene:", path.display()),
+        n => format!("{}: {n} problems in the scene:", path.display()),
+    };
+    for problem in problems {
+        let _ = write!(text, "\n  {problem}");
+    }
+    anyhow::Error::new(Fault(text))
+}
+
+/// A path of a scene file: relative ones start at the scene's folder.
+fn resolve(folder: &Path, path: &str) -> PathBuf {
+    folder.join(path)
+}
+
+fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> {
+    let (kind, place) = match &camera.input {
+        Input::Images {
+            folder: images,
+            fps,
+        } => {
+            let images_folder = resolve(folder, &images.value);
+            let has_times = images_folder.join("times.csv").is_file();
+            let timing = match (fps, has_times) {
+                (Some(fps), false) => Timing::Fps(*fps),
+                (None, true) => Timing::TimesFile,
+                (Some(_), true) => {
+                    return Err(images.problem(format!(
+                        "{} holds times.csv, and the scene gives fps; keep one of them",
+                        images_folder.display()
+                    )));
+                }
+                (None, false) if images_folder.is_dir() => {
+                    return Err(images.problem(format!(
+                        "nothing says when the images were taken; give fps beside images, or put times.csv into {}",
+                        images_folder.display()
+                    )));
+                }
+                // Opening it says what is wrong with the folder.
+                (None, false) => Timing::TimesFile,
+            };
+            (
+                SourceKind::Images {
+                    folder: images_folder,
+                    timing,
+                },
+                images,
+            )
+        }
+        Input::Video {
+            input,
+            input_options,
+            encoding,
+        } => {
+            let file = resolve(folder, &input.value);
+            let is_address = input.value.contains("://") || !input_options.is_empty();
+            let name = if is_address {
+                input.value.clone()
+            } else {
+                file.display().to_string()
+            };
+            let kind = SourceKind::Video {
+                input: name,
+                input_options: input_options.clone(),
+                encoding: *encoding,
+            };
+            (kind, input)
+        }
+    };
+    let config = SourceConfig {
+        kind,
+        time_offset_s: camera.time_offset_s,
+        first_frame: camera.first_frame,
+        frame_limit: camera.frame_limit,
+    };
+    Source::open(&config).map_err(|error| place.problem(format!("{error:#}")))
+}
+
+/// The view of a camera whose images have this size; problems with size and masks are added to the list.
+fn view_of(
+    camera: &CameraConfig,
+    folder: &Path,
+    size: (usize, usize),
+    problems: &mut Vec<Problem>,
+) -> Option<View> {
+    let (width, height) = size;
+    let mut fine = true;
+    let mut refuse = |problem| {
+        problems.push(problem);
+        fine = false;
+    };
+    if let Some(stated) = &camera.size_px
+        && stated.value != [width as f64, height as f64]
+    {
+        refuse(stated.problem(format!(
+            "is {} x {}, but the images are {width} x {height}; the camera model holds for one size only",
+            stated.value[0], stated.value[1]
+        )));
+    }
+    let mut mask: Option<Mask> = None;
+    if let Some(file) = &camera.mask {
+        let path = resolve(folder, &file.value);
+        let read = decode_mask(&path).and_then(|grey| {
+            if (grey.width, grey.height) != size {
+                return Err(fault!(
+                    "{}: the mask is {} x {} pixels, the images are {width} x {height}; they must agree",
+                    path.display(),
+                    grey.width,
+                    grey.height
+                ));
+            }
+            Mask::from_grey(width, height, &grey.bytes).map_err(|error| fault!("{}: {error}", path.display()))
+        });
+        match read {
+            Ok(read) => mask = Some(read),
+            Err(error) => refuse(file.problem(format!("{error:#}"))),
+        }
+    }
+    if let Some(circle) = &camera.mask_circle {
+        let made = Mask::from_radius(width, height, circle.center_px, circle.radius_px.value)
+            .and_then(|made| {
+                mask.as_ref()
+                    .map_or(Ok(made.clone()), |other| made.and(other))
+            });
+        match made {
+            Ok(made) => mask = Some(made),
+            Err(error) => refuse(circle.radius_px.problem(error.to_string())),
+        }
+    }
+    if !fine {
+        return None;
+    }
+    View::new(camera.camera, camera.world_from_camera, size, mask).ok()
+}
+
+fn read_colors(target: &TargetConfig, folder: &Path) -> Result<ColorModel, Problem> {
+    let path = resolve(folder, &target.colors.value);
+    let read = read_text(&path).and_then(|text| {
+        ColorModel::from_text(&text).map_err(|error| fault!("{}: {error}", path.display()))
+    });
+    read.map_err(|error| {
+        target
+            .colors
+            .problem(format!("{error:#}; `pardalis learn` makes such files"))
+    })
+}

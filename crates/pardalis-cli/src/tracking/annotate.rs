@@ -1,0 +1,158 @@
+//! Annotated frames: what was estimated, drawn over the image it was estimated from.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::config::{Scene, TargetConfig};
+use pardalis::tracker::Estimate;
+use pardalis::view::View;
+
+use super::{Instant, Sink};
+use crate::draw::PALETTE;
+use crate::draw::overlay::{Mark, Overlay, Shape, annotated};
+use crate::draw::picture::{picture_of, write_picture};
+use crate::fault::fault;
+
+/// Particles shown at most: more would hide the target.
+const MAX_DOTS: usize = 300;
+/// Points of a drawn contour.
+const CONTOUR_POINTS: usize = 72;
+
+/// Writes one JPEG a frame.
+pub(crate) struct Annotator {
+    folder: PathBuf,
+    /// The folder of each camera.
+    camera_folders: Vec<PathBuf>,
+    targets: Vec<TargetConfig>,
+}
+
+impl Annotator {
+    /// Creates the folders: `annotated`, with one for each camera in it where there are several.
+    pub(crate) fn create(output: &Path, scene: &Scene) -> Result<Self> {
+        let folder = output.join("annotated");
+        let camera_folders: Vec<PathBuf> = match &scene.cameras[..] {
+            [_] => vec![folder.clone()],
+            cameras => cameras
+                .iter()
+                .map(|camera| folder.join(&camera.name))
+                .collect(),
+        };
+        for folder in &camera_folders {
+            fs::create_dir_all(folder).map_err(|error| {
+                fault!(
+                    "{}: {error}; give a folder that can be written",
+                    folder.display()
+                )
+            })?;
+        }
+        Ok(Self {
+            folder,
+            camera_folders,
+            targets: scene.targets.clone(),
+        })
+    }
+
+    /// Where the frames are.
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The cloud, the contours of the best particle in white and those of the mean in black, as the paper draws them.
+    fn marks(&self, instant: &Instant, view: &View) -> Vec<Mark> {
+        let mut marks = Vec::new();
+        for (number, estimate) in instant.estimates.iter().enumerate() {
+            let Some(kinematics) = &estimate.kinematics else {
+                continue;
+            };
+            marks.extend(cloud(instant, number, view));
+            let target = &self.targets[number];
+            let scales = [target.contour.inner_scale, target.contour.outer_scale];
+            let hypotheses = [
+                (kinematics.position_m, [0; 3]),
+                (kinematics.best_position_m, [255; 3]),
+            ];
+            for (position_m, color) in hypotheses {
+                for scale in scales {
+                    let points_px = target.shape.outline_px(
+                        view.camera(),
+                        view.camera_from_world(),
+                        position_m,
+                        scale,
+                        CONTOUR_POINTS,
+                    );
+                    marks.push(Mark {
+                        shape: Shape::Contour,
+                        points_px,
+                        color,
+                    });
+                }
+            }
+        }
+        marks
+    }
+
+    fn label(&self, instant: &Instant) -> String {
+        let states = self
+            .targets
+            .iter()
+            .zip(instant.estimates)
+            .map(|(target, estimate)| {
+                format!(
+                    "{} {} {:.2}",
+                    target.name,
+                    estimate.state.name(),
+                    estimate.confidence
+                )
+            });
+        format!(
+            "frame {}  {:.3} s  {}",
+            instant.index,
+            instant.time_s,
+            states.collect::<Vec<_>>().join("  ")
+        )
+    }
+}
+
+/// Some of a target's particles, each as the pixel of its centre.
+fn cloud(instant: &Instant, target: usize, view: &View) -> Option<Mark> {
+    let particles = instant.tracker.filter(target)?.particles();
+    let step = particles.count().div_ceil(MAX_DOTS);
+    let points_px = (0..particles.count())
+        .step_by(step)
+        .map(|particle| pixel_of(view, particles.position_m(particle)))
+        .collect();
+    Some(Mark {
+        shape: Shape::Dots,
+        points_px,
+        color: PALETTE[target % PALETTE.len()],
+    })
+}
+
+fn pixel_of(view: &View, position_m: [f64; 3]) -> Option<[f64; 2]> {
+    let point = view.camera_from_world() * nalgebra::Point3::from(position_m);
+    view.camera().project(point.into())
+}
+
+impl Sink for Annotator {
+    fn take(&mut self, instant: &Instant) -> Result<()> {
+        for (camera, frame) in instant.frames {
+            let view = &instant.tracker.views()[*camera];
+            let first_position_m = instant
+                .estimates
+                .iter()
+                .find_map(|e: &Estimate| e.kinematics.map(|k| k.position_m));
+            let overlay = Overlay {
+                marks: self.marks(instant, view),
+                label: self.label(instant),
+                zoom_at_px: first_position_m.and_then(|position_m| pixel_of(view, position_m)),
+            };
+            let picture = annotated(&picture_of(frame), &overlay)?;
+            write_picture(
+                &self.camera_folders[*camera].join(format!("{:06}.jpg", instant.index)),
+                &picture,
+            )?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,244 @@
+//! The main job: frames of all cameras in time order, through the tracker, to the sinks.
+
+mod annotate;
+mod frame_sets;
+mod rows;
+mod series;
+mod summary;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context, Result};
+use indicatif::{ProgressBar, ProgressStyle};
+use pardalis::tracker::Observed;
+use pardalis::{Estimate, Frame, Tracker};
+use serde::Serialize;
+
+use crate::fault::fault;
+use crate::scene::{self, OpenScene};
+use crate::timing::Stopwatch;
+use annotate::Annotator;
+use frame_sets::FrameSets;
+use rows::Rows;
+pub(crate) use series::SeriesCollector;
+
+/// Where results go and what else is wanted.
+#[derive(Debug, Clone)]
+pub(crate) struct Options {
+    /// A folder, or standard output, which takes the rows alone.
+    pub(crate) output: Output,
+    /// Takes the place of the scene's seed.
+    pub(crate) seed: Option<u32>,
+    /// Threads to track with; the CPU's number of cores where there is none.
+    pub(crate) threads: Option<usize>,
+    /// Whether to write annotated frames.
+    pub(crate) annotate: bool,
+    /// Whether to draw plots.
+    pub(crate) plots: bool,
+}
+
+/// Where results go.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Output {
+    /// All results, each in its file.
+    Folder(PathBuf),
+    /// The rows alone.
+    Stdout,
+}
+
+/// One instant: its frames and what is known after them.
+pub(crate) struct Instant<'a> {
+    /// Number of the frame set, from 0.
+    pub(crate) index: usize,
+    /// The latest time stamp of the set, in seconds.
+    pub(crate) time_s: f64,
+    /// The frames, each with its camera's number.
+    pub(crate) frames: &'a [(usize, Frame)],
+    /// The tracker after the frames.
+    pub(crate) tracker: &'a Tracker,
+    /// One estimate a target.
+    pub(crate) estimates: &'a [Estimate],
+}
+
+/// What takes results, instant by instant.
+pub(crate) trait Sink: Send {
+    /// Takes one instant; what it writes is complete when it returns.
+    fn take(&mut self, instant: &Instant) -> Result<()>;
+}
+
+/// What a run came to.
+#[derive(Debug, Default, Serialize)]
+pub(crate) struct Outcome {
+    /// Frame sets that were tracked.
+    pub(crate) frame_sets: usize,
+    /// Frame sets that had the time stamp of the one before, and were not weighed again.
+    pub(crate) repeated_frame_sets: usize,
+    /// Whether the user stopped it.
+    pub(crate) interrupted: bool,
+    /// What ended it early.
+    pub(crate) error: Option<String>,
+    /// Seconds spent waiting for frames; they are decoded beside tracking.
+    pub(crate) waiting_s: f64,
+    /// Seconds spent tracking.
+    pub(crate) tracking_s: f64,
+    /// Seconds spent writing rows and annotated frames.
+    pub(crate) writing_s: f64,
+}
+
+/// Set when the user presses Ctrl-C or the program is asked to end.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// A finished run, for those who show it.
+pub(crate) struct Run {
+    /// The scene, as run.
+    pub(crate) open: OpenScene,
+    /// What it came to.
+    pub(crate) outcome: Outcome,
+    /// The track of each target.
+    pub(crate) series: SeriesCollector,
+    /// The files that were written, in the order a reader wants them.
+    pub(crate) files: Vec<PathBuf>,
+}
+
+/// Tracks a scene. What was written stays, whatever ends the run; an error that ended it is given back after all files are complete.
+pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
+    let mut open = scene::open(scene_path, options.seed)?;
+    // A second Ctrl-C is not caught: the first handler stays installed by whoever came first.
+    let _ = ctrlc::set_handler(|| {
+        if STOP.swap(true, Ordering::SeqCst) {
+            std::process::exit(1);
+        }
+    });
+    let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
+    let mut rows = Rows::create(&options.output, &names)?;
+    let mut annotator = match &options.output {
+        Output::Folder(folder) if options.annotate => Some(Annotator::create(folder, &open.scene)?),
+        _ => None,
+    };
+    let mut series = SeriesCollector::new(&names);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(options.threads.unwrap_or(0))
+        .build()
+        .context("the threads cannot be started")?;
+    let mut sinks: Vec<&mut dyn Sink> = vec![&mut rows, &mut series];
+    if let Some(annotator) = &mut annotator {
+        sinks.push(annotator);
+    }
+    let (outcome, ended_by) = pool.install(|| track(&mut open, &mut sinks));
+    let mut files = Vec::new();
+    if let Output::Folder(folder) = &options.output {
+        files.push(folder.join("tracks.csv"));
+        files.push(summary::write(
+            folder,
+            scene_path,
+            &open,
+            &outcome,
+            &series,
+            pool.current_num_threads(),
+        )?);
+        if options.plots {
+            files.extend(series.draw(folder, &open.scene, &[])?);
+        }
+        files.extend(annotator.map(|annotator| annotator.folder().to_owned()));
+    }
+    match ended_by {
+        Some(error) => Err(error),
+        None => Ok(Run {
+            open,
+            outcome,
+            series,
+            files,
+        }),
+    }
+}
+
+/// The loop. Never fails: what ended it early comes back beside the outcome.
+fn track(open: &mut OpenScene, sinks: &mut [&mut dyn Sink]) -> (Outcome, Option<anyhow::Error>) {
+    let mut outcome = Outcome::default();
+    let progress = progress_bar(open.sources.iter().map(|s| s.frame_count()).max().flatten());
+    let mut frame_sets = FrameSets::new(&mut open.sources);
+    let target_count = open.scene.targets.len();
+    let mut estimates = Vec::with_capacity(target_count);
+    let ended_by = loop {
+        if STOP.load(Ordering::SeqCst) {
+            outcome.interrupted = true;
+            break Some(anyhow::anyhow!(
+                "interrupted after {} frames; the rows written so far are complete",
+                outcome.frame_sets
+            ));
+        }
+        let watch = Stopwatch::start();
+        let set = match frame_sets.next() {
+            None => break None,
+            Some(Err(error)) => break Some(error),
+            Some(Ok(set)) => set,
+        };
+        outcome.waiting_s += watch.elapsed_s();
+
+        let watch = Stopwatch::start();
+        let index = outcome.frame_sets + outcome.repeated_frame_sets;
+        match open.tracker.observe(&set.frames, set.time_s) {
+            Ok(Observed::Used) => outcome.frame_sets += 1,
+            // The sources hand on no late frames.
+            Ok(Observed::Repeated | Observed::Late) => {
+                outcome.repeated_frame_sets += 1;
+                continue;
+            }
+            Err(error) => break Some(fault!("frame {index}: {error}")),
+        }
+        estimates.clear();
+        estimates
+            .extend((0..target_count).map(|target| open.tracker.estimate_at(target, set.time_s)));
+        outcome.tracking_s += watch.elapsed_s();
+
+        let watch = Stopwatch::start();
+        let instant = Instant {
+            index,
+            time_s: set.time_s,
+            frames: &set.frames,
+            tracker: &open.tracker,
+            estimates: &estimates,
+        };
+        if let Err(error) = sinks.iter_mut().try_for_each(|sink| sink.take(&instant)) {
+            break Some(error);
+        }
+        outcome.writing_s += watch.elapsed_s();
+        progress.inc(1);
+    };
+    progress.finish_and_clear();
+    let ended_by = match ended_by {
+        // Whoever read our rows has seen enough.
+        Some(error) if is_broken_pipe(&error) => None,
+        None if outcome.frame_sets == 0 => {
+            Some(fault!("no frame came from any camera; nothing was tracked"))
+        }
+        other => other,
+    };
+    outcome.error = ended_by.as_ref().map(|error| format!("{error:#}"));
+    (outcome, ended_by)
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error
+        .chain()
+        .filter_map(|e| e.downcast_ref::<std::io::Error>())
+        .any(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+/// A bar on a terminal; nothing elsewhere.
+fn progress_bar(frames: Option<usize>) -> ProgressBar {
+    let bar = match frames {
+        Some(frames) => ProgressBar::new(frames as u64),
+        None => ProgressBar::no_length(),
+    };
+    let template = if frames.is_some() {
+        "tracking {bar:32} {pos}/{len} frames, {per_sec}, {eta} left"
+    } else {
+        "tracking {spinner} {pos} frames, {per_sec}"
+    };
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}

@@ -1,0 +1,88 @@
+//! tracks.csv: one row an instant and target, flushed as it comes.
+
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{self, Write};
+
+use anyhow::Result;
+use pardalis::Estimate;
+
+use super::{Instant, Output, Sink};
+use crate::fault::fault;
+
+/// The first line. Further columns may follow in later versions.
+const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
+                      xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence\n";
+
+/// Writes rows to a file or to standard output.
+pub(crate) struct Rows {
+    out: Box<dyn Write + Send>,
+    names: Vec<String>,
+    text: String,
+}
+
+impl Rows {
+    /// Creates the output folder and file and writes the header.
+    pub(crate) fn create(output: &Output, names: &[String]) -> Result<Self> {
+        let mut out: Box<dyn Write + Send> = match output {
+            Output::Stdout => Box::new(io::stdout()),
+            Output::Folder(folder) => {
+                let refuse = |error: io::Error| {
+                    fault!(
+                        "-o {}: {error}; give a folder that can be written",
+                        folder.display()
+                    )
+                };
+                fs::create_dir_all(folder).map_err(refuse)?;
+                Box::new(File::create(folder.join("tracks.csv")).map_err(refuse)?)
+            }
+        };
+        out.write_all(HEADER.as_bytes())?;
+        out.flush()?;
+        Ok(Self {
+            out,
+            names: names.to_vec(),
+            text: String::new(),
+        })
+    }
+}
+
+impl Sink for Rows {
+    fn take(&mut self, instant: &Instant) -> Result<()> {
+        self.text.clear();
+        for (name, estimate) in self.names.iter().zip(instant.estimates) {
+            write_row(&mut self.text, instant, name, estimate);
+        }
+        // One write an instant: a reader, or a crash, never sees half a row.
+        self.out.write_all(self.text.as_bytes())?;
+        self.out.flush()?;
+        Ok(())
+    }
+}
+
+/// Numbers in their shortest form that reads back to the same value; fields that do not apply are empty.
+fn write_row(text: &mut String, instant: &Instant, name: &str, estimate: &Estimate) {
+    let state = estimate.state.name();
+    let _ = write!(text, "{},{},{name},{state}", instant.index, instant.time_s);
+    let kinematics = estimate.kinematics.as_ref();
+    let position_m = kinematics.map(|k| k.position_m);
+    let velocity_mps = kinematics.and_then(|k| k.velocity_mps);
+    let heading_rad = None;
+    let covariance_m2 = kinematics.map(|k| k.covariance_m2);
+    let fields = (0..3)
+        .map(|axis| position_m.map(|p| p[axis]))
+        .chain((0..3).map(|axis| velocity_mps.map(|v| v[axis])))
+        .chain([heading_rad])
+        .chain((0..6).map(|entry| covariance_m2.map(|c| c[entry])))
+        .chain([
+            kinematics.map(|k| k.effective_sample_size),
+            Some(estimate.confidence),
+        ]);
+    for field in fields {
+        text.push(',');
+        if let Some(value) = field {
+            let _ = write!(text, "{value}");
+        }
+    }
+    text.push('\n');
+}

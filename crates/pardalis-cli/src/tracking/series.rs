@@ -1,0 +1,91 @@
+//! Keeps the track of each target for plots and for the words at the end.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::config::Scene;
+use pardalis::tracker::TrackState;
+
+use super::{Instant, Sink};
+use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
+
+/// Gathers the tracks.
+pub(crate) struct SeriesCollector {
+    tracks: Vec<TrackSeries>,
+    states: Vec<StateCounts>,
+}
+
+/// How many rows of a target were in each state.
+#[derive(Debug, Clone, Copy, Default, serde::Serialize)]
+pub(crate) struct StateCounts {
+    pub(crate) searching: usize,
+    pub(crate) tracking: usize,
+    pub(crate) occluded: usize,
+    pub(crate) lost: usize,
+}
+
+impl SeriesCollector {
+    /// For targets of these names.
+    pub(crate) fn new(names: &[String]) -> Self {
+        let tracks = names
+            .iter()
+            .map(|name| TrackSeries {
+                name: name.clone(),
+                rows: Vec::new(),
+            })
+            .collect();
+        Self {
+            tracks,
+            states: vec![StateCounts::default(); names.len()],
+        }
+    }
+
+    /// The rows in each state, a target each.
+    pub(crate) fn states(&self) -> &[StateCounts] {
+        &self.states
+    }
+
+    /// Draws the plots into a folder; `truth` beside them where it is known.
+    pub(crate) fn draw(
+        &self,
+        folder: &Path,
+        scene: &Scene,
+        truth: &[TruthSeries],
+    ) -> Result<Vec<PathBuf>> {
+        let cameras: Vec<_> = scene
+            .cameras
+            .iter()
+            .map(|camera| {
+                (
+                    camera.name.clone(),
+                    camera.world_from_camera.translation.vector.into(),
+                )
+            })
+            .collect();
+        write_track_plots(folder, &self.tracks, truth, &cameras)
+    }
+}
+
+impl Sink for SeriesCollector {
+    fn take(&mut self, instant: &Instant) -> Result<()> {
+        for ((track, states), estimate) in self
+            .tracks
+            .iter_mut()
+            .zip(&mut self.states)
+            .zip(instant.estimates)
+        {
+            *match estimate.state {
+                TrackState::Searching => &mut states.searching,
+                TrackState::Tracking => &mut states.tracking,
+                TrackState::Occluded => &mut states.occluded,
+                TrackState::Lost => &mut states.lost,
+            } += 1;
+            track.rows.push(Sample {
+                time_s: instant.time_s,
+                position_m: estimate.kinematics.map(|k| k.position_m),
+                covariance_m2: estimate.kinematics.map(|k| k.covariance_m2),
+            });
+        }
+        Ok(())
+    }
+}

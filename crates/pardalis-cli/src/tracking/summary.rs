@@ -1,0 +1,70 @@
+//! summary.json: what was run, with which settings, and how it went.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use serde_json::{Map, Value, json};
+
+use super::{Outcome, SeriesCollector};
+use crate::fault::fault;
+use crate::scene::OpenScene;
+
+/// Writes the summary beside the rows.
+pub(crate) fn write(
+    folder: &Path,
+    scene_path: &Path,
+    open: &OpenScene,
+    outcome: &Outcome,
+    series: &SeriesCollector,
+    threads: usize,
+) -> Result<PathBuf> {
+    let mut decoding_s = 0.0;
+    let mut cameras = Map::new();
+    for (camera, source) in open.scene.cameras.iter().zip(&open.sources) {
+        let counters = source.counters();
+        decoding_s += counters.decode_s;
+        let position_m: [f64; 3] = camera.world_from_camera.translation.vector.into();
+        let entry = json!({
+            "position_m": position_m,
+            "source": source.describe(),
+            "frames": counters,
+        });
+        cameras.insert(camera.name.clone(), entry);
+    }
+    let targets: Map<String, Value> = open
+        .scene
+        .targets
+        .iter()
+        .zip(series.states())
+        .map(|(target, states)| (target.name.clone(), json!({ "rows": states })))
+        .collect();
+    let summary = json!({
+        "program": "pardalis",
+        "version": env!("CARGO_PKG_VERSION"),
+        "scene": scene_path.display().to_string(),
+        "seed": open.scene.seed,
+        "threads": threads,
+        "frame_sets": outcome.frame_sets,
+        "repeated_frame_sets": outcome.repeated_frame_sets,
+        "interrupted": outcome.interrupted,
+        "error": outcome.error,
+        "time": {
+            "decoding_beside_tracking_s": decoding_s,
+            "waiting_for_frames_s": outcome.waiting_s,
+            "tracking_s": outcome.tracking_s,
+            "writing_s": outcome.writing_s,
+        },
+        "cameras": cameras,
+        "targets": targets,
+        "settings": open.scene.resolved,
+    });
+    let path = folder.join("summary.json");
+    fs::write(&path, serde_json::to_string_pretty(&summary)? + "\n").map_err(|error| {
+        fault!(
+            "{}: {error}; give a folder that can be written",
+            path.display()
+        )
+    })?;
+    Ok(path)
+}
