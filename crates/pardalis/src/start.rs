@@ -26,6 +26,9 @@ pub struct PixelStart {
     pub camera: usize,
     /// A pixel near the middle of the target.
     pub pixel: [f64; 2],
+    /// How far the click may be from the target's middle, as a standard deviation in pixels: each particle has its own ray, through a
+    /// pixel drawn around the clicked one. 0 for the one ray of the thesis.
+    pub pixel_sigma_px: f64,
     /// The ray begins at this distance from the camera, metres.
     pub min_range_m: f64,
     /// The ray ends at this distance where it does not meet the ground before, metres.
@@ -46,6 +49,13 @@ impl PixelStart {
         let positive = |v: f64| v > 0.0 && v.is_finite();
         if let Some(value) = self.pixel.iter().find(|v| !v.is_finite()) {
             return Err(Error::out_of_range("pixel", value, "finite numbers"));
+        }
+        if !(0.0..=1000.0).contains(&self.pixel_sigma_px) {
+            return Err(Error::out_of_range(
+                "pixel_sigma_px",
+                self.pixel_sigma_px,
+                "0 to 1000",
+            ));
         }
         if !positive(self.min_range_m) {
             return Err(Error::out_of_range(
@@ -88,8 +98,8 @@ impl PixelStart {
     }
 
     /// The ray's origin and direction in the world, and the distances at which it begins and ends; `None` where the camera has no ray.
-    fn ray(&self, view: &View) -> Option<(Point3<f64>, Vector3<f64>, [f64; 2])> {
-        let direction_in_camera = view.camera().unproject(self.pixel)?;
+    fn ray(&self, view: &View, pixel: [f64; 2]) -> Option<(Point3<f64>, Vector3<f64>, [f64; 2])> {
+        let direction_in_camera = view.camera().unproject(pixel)?;
         let origin = Point3::from(view.world_from_camera().translation.vector);
         let direction = view.world_from_camera() * Vector3::from(direction_in_camera);
         let mut end = self.max_range_m;
@@ -108,7 +118,7 @@ impl PixelStart {
         likelihood: &mut impl Likelihood,
         draws: Draws,
     ) -> Result<GaussianStart, Error> {
-        let Some((origin, direction, [near, far])) = self.ray(view) else {
+        let Some(clicked_ray) = self.ray(view, self.pixel) else {
             let text = format!("{:?}", self.pixel);
             return Err(Error::out_of_range(
                 "pixel",
@@ -119,9 +129,15 @@ impl PixelStart {
         let count = self.ray_particles;
         let mut particles = Particles::new(count, 3);
         for i in 0..count {
-            let share = (i as f64 + draws.uniform(i as u32, 0, Stage::Ray)) / count as f64;
-            let range_m = near * libm::pow(far / near, share);
-            let position = origin + direction * range_m;
+            let particle = i as u32;
+            let share = (i as f64 + draws.uniform(particle, 0, Stage::Ray)) / count as f64;
+            let [du, dv, ..] = draws.normals(particle, 0, Stage::Ray, 1).map(f64::from);
+            let pixel = [
+                self.pixel[0] + self.pixel_sigma_px * du,
+                self.pixel[1] + self.pixel_sigma_px * dv,
+            ];
+            let (origin, direction, [near, far]) = self.ray(view, pixel).unwrap_or(clicked_ray);
+            let position = origin + direction * near * libm::pow(far / near, share);
             for axis in 0..3 {
                 particles.columns_mut()[axis][i] = position[axis] as f32;
             }

@@ -215,10 +215,11 @@ fn read_pixel(table: &Table, cameras: &[String]) -> Option<Start> {
     } else {
         table.required("camera")
     };
+    let pixel_sigma_px = table.or("pixel_sigma_px", 3.0);
     let min_range_m = table.or("min_range_m", 0.3);
     let max_range_m = table.or("max_range_m", 8.0);
     let ground_z_m = table.or("ground_z_m", 0.0);
-    let ray_particles = table.or("ray_particles", 500);
+    let ray_particles = table.or("ray_particles", 2000);
     let position_sigma_m = table.or("position_sigma_m", PerAxis([0.1; 3])).0;
     let velocity_sigma_mps = table.or("velocity_sigma_mps", PerAxis([0.5; 3])).0;
     let camera = camera?;
@@ -232,6 +233,7 @@ fn read_pixel(table: &Table, cameras: &[String]) -> Option<Start> {
     let start = PixelStart {
         camera: camera_number,
         pixel: pixel?,
+        pixel_sigma_px,
         min_range_m,
         max_range_m,
         ground_z_m,
