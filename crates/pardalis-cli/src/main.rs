@@ -4,7 +4,10 @@ mod commands;
 #[allow(dead_code)]
 mod draw;
 mod fault;
+#[allow(dead_code)]
+mod source;
 mod tables;
+mod timing;
 
 use std::process::ExitCode;
 

@@ -1,0 +1,349 @@
+//! The installed ffmpeg and ffprobe programs: finding them, asking about a stream, running a decode.
+
+use std::collections::VecDeque;
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use anyhow::{Context, Result};
+use serde::Deserialize;
+
+use crate::fault::fault;
+
+/// How many of ffmpeg's last messages an error quotes.
+const QUOTED_LINES: usize = 5;
+
+/// Name of the filter that reports time stamps, by which its lines are told from all others.
+const STAMP_FILTER: &str = "showinfo@pardalis";
+
+/// Where the programs are.
+pub(super) struct Programs {
+    ffmpeg: PathBuf,
+    ffprobe: PathBuf,
+}
+
+impl Programs {
+    /// Looks in the folders of a search path as in the environment's `PATH`. Fault: not installed.
+    pub(super) fn find(search_path: &OsStr) -> Result<Self> {
+        let find = |name: &str| {
+            let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+            std::env::split_paths(search_path)
+                .map(|folder| folder.join(&file))
+                .find(|path| path.is_file())
+                .ok_or_else(|| {
+                    fault!(
+                        "the program {name}, which reads videos and cameras, is not installed or not in PATH; \
+                         install the ffmpeg package, or extract the images into a folder"
+                    )
+                })
+        };
+        Ok(Self {
+            ffmpeg: find("ffmpeg")?,
+            ffprobe: find("ffprobe")?,
+        })
+    }
+
+    /// Asks ffprobe about the first video stream. Faults: it can not be opened, or has no video.
+    pub(super) fn probe(&self, input: &str, input_options: &[String]) -> Result<ProbedStream> {
+        let output = Command::new(&self.ffprobe)
+            .args([
+                "-v",
+                "error",
+                "-print_format",
+                "json",
+                "-show_streams",
+                "-select_streams",
+                "V:0",
+            ])
+            .args(input_options)
+            .args(["-i", &input_argument(input, input_options)])
+            .stdin(Stdio::null())
+            .output()
+            .with_context(|| format!("{} can not be started", self.ffprobe.display()))?;
+        if !output.status.success() {
+            let messages = String::from_utf8_lossy(&output.stderr);
+            let lines: Vec<_> = messages.lines().collect();
+            return Err(fault!(
+                "{input}: ffprobe can not open it; check the name and the input options. It says:\n{}",
+                lines[lines.len().saturating_sub(QUOTED_LINES)..].join("\n")
+            ));
+        }
+        let probed: Probed = serde_json::from_slice(&output.stdout)
+            .with_context(|| format!("{input}: ffprobe's answer is not understood"))?;
+        probed.streams.into_iter().next().ok_or_else(|| {
+            fault!("{input}: there is no video stream in it; give a file or device with a picture")
+        })
+    }
+
+    /// Starts to decode the first video stream to raw frames of a pixel format named as ffmpeg does, filtered.
+    /// Every frame that the stream holds is written once, with its own time stamp.
+    pub(super) fn decode(
+        &self,
+        input: &str,
+        input_options: &[String],
+        filter: &str,
+    ) -> Result<Decode> {
+        let mut child = Command::new(&self.ffmpeg)
+            .args([
+                "-hide_banner",
+                "-nostdin",
+                "-nostats",
+                "-loglevel",
+                "repeat+level+info",
+                "-copyts",
+            ])
+            .args(input_options)
+            .args(["-i", &input_argument(input, input_options), "-map", "0:V:0"])
+            .args(["-vf", &format!("{filter},{STAMP_FILTER}=checksum=0")])
+            .args([
+                self.frame_rate_option()?,
+                "passthrough",
+                "-f",
+                "rawvideo",
+                "pipe:1",
+            ])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .with_context(|| format!("{} can not be started", self.ffmpeg.display()))?;
+        let (Some(pixels), Some(messages)) = (child.stdout.take(), child.stderr.take()) else {
+            unreachable!("both are piped");
+        };
+        let process = Arc::new(Process {
+            child: Mutex::new(child),
+            error_count: AtomicUsize::new(0),
+        });
+        let (sender, stamps) = channel();
+        let reader = Arc::clone(&process);
+        Ok(Decode {
+            pixels,
+            stamps,
+            log: Some(std::thread::spawn(move || {
+                read_log(messages, &sender, &reader)
+            })),
+            process,
+        })
+    }
+
+    /// The option that keeps ffmpeg from dropping and doubling frames; ffmpeg 5.1 gave it a new name.
+    fn frame_rate_option(&self) -> Result<&'static str> {
+        let help = Command::new(&self.ffmpeg)
+            .args(["-hide_banner", "-h", "long"])
+            .stdin(Stdio::null())
+            .output()
+            .with_context(|| format!("{} can not be started", self.ffmpeg.display()))?;
+        let has_new_name = String::from_utf8_lossy(&help.stdout).contains("-fps_mode");
+        Ok(if has_new_name { "-fps_mode" } else { "-vsync" })
+    }
+}
+
+/// A file is marked as such, lest ffmpeg take a colon in its name for a protocol. With a format of its own
+/// (`-f`), what is given may be anything but a file.
+fn input_argument(input: &str, input_options: &[String]) -> String {
+    if Path::new(input).is_file() && !input_options.iter().any(|option| option == "-f") {
+        format!("file:{input}")
+    } else {
+        input.to_owned()
+    }
+}
+
+#[derive(Deserialize)]
+struct Probed {
+    #[serde(default)]
+    streams: Vec<ProbedStream>,
+}
+
+/// What ffprobe says about a video stream, in its own words.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ProbedStream {
+    pub(super) codec_name: String,
+    /// Size in pixels before any rotation.
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) pix_fmt: String,
+    pub(super) color_space: String,
+    pub(super) color_range: String,
+    /// A number in text; left out where the container does not say.
+    pub(super) nb_frames: String,
+    pub(super) side_data_list: Vec<SideData>,
+}
+
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct SideData {
+    rotation: f64,
+}
+
+impl ProbedStream {
+    /// By how many degrees ffmpeg turns the frames to stand upright, as the file asks.
+    pub(super) fn rotation_deg(&self) -> i64 {
+        self.side_data_list
+            .iter()
+            .map(|data| data.rotation.round() as i64)
+            .find(|&rotation| rotation != 0)
+            .unwrap_or(0)
+    }
+
+    /// The number of frames, where the container says it.
+    pub(super) fn frame_count(&self) -> Option<usize> {
+        self.nb_frames.parse().ok()
+    }
+}
+
+/// A running ffmpeg.
+pub(super) struct Decode {
+    /// Raw frames, one after another.
+    pub(super) pixels: ChildStdout,
+    /// One for each raw frame, sent before it is written; ends when ffmpeg does.
+    pub(super) stamps: Receiver<Stamp>,
+    /// Gives the last messages.
+    pub(super) log: Option<JoinHandle<Vec<String>>>,
+    pub(super) process: Arc<Process>,
+}
+
+/// The operating system's process, shared with those who may want to end it.
+pub(super) struct Process {
+    child: Mutex<Child>,
+    error_count: AtomicUsize,
+}
+
+impl Process {
+    /// Ends ffmpeg, so that its pipes close. Nothing happens where it has ended already.
+    pub(super) fn kill(&self) {
+        // An error means that it has just ended by itself.
+        let _ = self.child().kill();
+    }
+
+    /// Waits for ffmpeg to end. To be called once its pipes are closed, or after [`Process::kill`].
+    pub(super) fn wait(&self) -> std::io::Result<ExitStatus> {
+        self.child().wait()
+    }
+
+    /// How many errors ffmpeg has reported so far.
+    pub(super) fn error_count(&self) -> usize {
+        self.error_count.load(Ordering::Relaxed)
+    }
+
+    fn child(&self) -> std::sync::MutexGuard<'_, Child> {
+        self.child.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// What ffmpeg says of a frame before it writes it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Stamp {
+    /// Presentation time in seconds, as the stream says; none where it does not.
+    pub(super) time_s: Option<f64>,
+    /// Width and height in pixels.
+    pub(super) size_px: (usize, usize),
+}
+
+/// Drains ffmpeg's messages until it ends: sends time stamps on, counts errors, gives the last other messages.
+fn read_log(messages: ChildStderr, stamps: &Sender<Stamp>, process: &Process) -> Vec<String> {
+    let mut last = VecDeque::new();
+    let mut time_base = (0, 1);
+    let mut messages = BufReader::new(messages);
+    let mut line = Vec::new();
+    loop {
+        line.clear();
+        // Bytes, not text: file names in messages may be in any encoding.
+        match messages.read_until(b'\n', &mut line) {
+            Ok(0) | Err(_) => return last.into(),
+            Ok(_) => {}
+        }
+        let line = String::from_utf8_lossy(&line);
+        let line = line.trim();
+        if let Some((_, report)) = line.split_once(STAMP_FILTER) {
+            if let Some(found) = time_base_in(report) {
+                time_base = found;
+            } else if let Some(stamp) = stamp_in(report, time_base) {
+                // Nobody listens once the frames have been given up; the pipe is drained all the same.
+                let _ = stamps.send(stamp);
+            }
+            continue;
+        }
+        if line.contains("[error]") || line.contains("[fatal]") || line.contains("[panic]") {
+            process.error_count.fetch_add(1, Ordering::Relaxed);
+        } else if !line.contains("[warning]") {
+            continue;
+        }
+        if last.len() == QUOTED_LINES {
+            last.pop_front();
+        }
+        last.push_back(line.to_owned());
+    }
+}
+
+/// Numerator and denominator of seconds, from `… config in time_base: 1/12800, frame_rate: …`.
+fn time_base_in(report: &str) -> Option<(i64, i64)> {
+    let (_, after) = report.split_once("config in time_base: ")?;
+    let (numerator, denominator) = after.split_once(',')?.0.split_once('/')?;
+    Some((numerator.parse().ok()?, denominator.parse().ok()?))
+}
+
+/// From `… n:   3 pts:   1536 pts_time:0.12 … s:640x480 …`. The time in seconds that stands there is rounded.
+fn stamp_in(report: &str, (numerator, denominator): (i64, i64)) -> Option<Stamp> {
+    let value_of = |key: &str| report.split_once(key)?.1.split_whitespace().next();
+    let (width, height) = value_of(" s:")?.split_once('x')?;
+    let ticks: Option<i64> = value_of(" pts:")?.parse().ok();
+    let seconds = |ticks: i64| (ticks as f64 * numerator as f64) / denominator as f64;
+    Some(Stamp {
+        time_s: ticks.map(seconds),
+        size_px: (width.parse().ok()?, height.parse().ok()?),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn programs_that_are_not_installed_are_named() {
+        for search_path in ["", "/nonexistent"] {
+            let error = Programs::find(OsStr::new(search_path))
+                .err()
+                .expect("nothing there")
+                .to_string();
+            assert!(error.contains("program ffmpeg"), "{error}");
+            assert!(error.contains("install the ffmpeg package"), "{error}");
+        }
+    }
+
+    #[test]
+    fn reports_of_several_ffmpeg_versions() {
+        let base = time_base_in(" @ 0x55] [info] config in time_base: 1/12800, frame_rate: 25/1");
+        assert_eq!(base, Some((1, 12800)));
+        let wanted = Stamp {
+            time_s: Some(0.12),
+            size_px: (640, 480),
+        };
+        for report in [
+            " @ 0x55] [info] n:   3 pts:   1536 pts_time:0.12    pos:    14738 fmt:yuv420p sar:1/1 s:640x480 i:P iskey:0 type:B",
+            " @ 0x55] [info] n:   3 pts:   1536 pts_time:0.12    duration:    512 duration_time:0.04    fmt:yuv420p cl:left sar:1/1 s:640x480 i:P iskey:1 type:I",
+        ] {
+            assert_eq!(stamp_in(report, (1, 12800)), Some(wanted.clone()));
+        }
+        let without = stamp_in(
+            " n:   0 pts: NOPTS pts_time:NOPTS fmt:gray s:8x4 i:P",
+            (1, 25),
+        );
+        assert_eq!(
+            without,
+            Some(Stamp {
+                time_s: None,
+                size_px: (8, 4)
+            })
+        );
+        assert_eq!(
+            stamp_in(" [info] color_range:tv color_space:bt470bg", (1, 25)),
+            None
+        );
+    }
+}

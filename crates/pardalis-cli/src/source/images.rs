@@ -1,0 +1,238 @@
+//! A folder of JPEG and PNG images, in natural order.
+
+use std::path::{Path, PathBuf};
+use std::vec::IntoIter;
+
+use anyhow::Result;
+
+use super::decode::{decode_image, image_size};
+use super::times::read_times;
+use super::{TimedBytes, Timing};
+use crate::fault::fault;
+
+/// The images still to be delivered.
+pub(super) struct ImageFrames {
+    /// Each file with its time stamp in seconds.
+    files: IntoIter<(PathBuf, f64)>,
+    /// Width and height of all images in pixels, and the file that sets them.
+    size_px: (usize, usize),
+    first_file: PathBuf,
+}
+
+impl ImageFrames {
+    /// Lists the folder and finds the time of each image, before any is decoded. `first_frame` images are
+    /// left out, and after them at most `frame_limit` taken; times still count from the folder's first image.
+    pub(super) fn open(
+        folder: &Path,
+        timing: &Timing,
+        first_frame: usize,
+        frame_limit: Option<usize>,
+    ) -> Result<Self> {
+        let files = list_images(folder)?;
+        let count = files.len();
+        if first_frame >= count {
+            return Err(fault!(
+                "{}: first_frame is {first_frame}, but the folder holds {count} images; allowed: 0 to {}",
+                folder.display(),
+                count - 1
+            ));
+        }
+        let files = with_times(folder, files, timing)?;
+        let taken: Vec<_> = files
+            .into_iter()
+            .skip(first_frame)
+            .take(frame_limit.unwrap_or(usize::MAX))
+            .collect();
+        let Some((first_file, _)) = taken.first() else {
+            return Err(fault!(
+                "{}: frame_limit is 0; allowed: 1 or more",
+                folder.display()
+            ));
+        };
+        let first_file = first_file.clone();
+        Ok(Self {
+            size_px: image_size(&first_file)?,
+            files: taken.into_iter(),
+            first_file,
+        })
+    }
+
+    /// Width and height of all images in pixels.
+    pub(super) fn size_px(&self) -> (usize, usize) {
+        self.size_px
+    }
+
+    /// How many images are still to be delivered.
+    pub(super) fn frame_count(&self) -> usize {
+        self.files.len()
+    }
+
+    /// Number and names of the images, for people.
+    pub(super) fn content(&self) -> String {
+        let name =
+            |file: Option<&(PathBuf, f64)>| file.map_or_else(String::new, |f| file_name(&f.0));
+        let files = self.files.as_slice();
+        format!(
+            "{} images, {} to {}",
+            files.len(),
+            name(files.first()),
+            name(files.last())
+        )
+    }
+}
+
+impl Iterator for ImageFrames {
+    type Item = Result<TimedBytes>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let (file, time_s) = self.files.next()?;
+        Some(decode_image(&file).and_then(|image| {
+            let (width, height) = self.size_px;
+            if (image.width, image.height) != self.size_px {
+                return Err(fault!(
+                    "{}: the image is {} x {} pixels where {} has {width} x {height}; \
+                     all images of a folder must have one size",
+                    file.display(),
+                    image.width,
+                    image.height,
+                    self.first_file.display()
+                ));
+            }
+            Ok(TimedBytes {
+                bytes: image.bytes,
+                time_s,
+            })
+        }))
+    }
+}
+
+/// The images of a folder in natural order, each with its index in time.
+///
+/// Where all names end in a number, that number less the first one's is the index, so that a missing file
+/// leaves a gap in time; otherwise the position counts. Hidden files, other files and folders are passed over.
+fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
+    let unreadable = |error| {
+        fault!(
+            "{}: the folder can not be read: {error}; give a folder of JPEG or PNG images",
+            folder.display()
+        )
+    };
+    if folder.is_file() {
+        return Err(fault!(
+            "{}: this is a file; give the folder that holds the images",
+            folder.display()
+        ));
+    }
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        if is_image_name(&path) && path.is_file() {
+            files.push(path);
+        }
+    }
+    if files.is_empty() {
+        return Err(fault!(
+            "{}: the folder holds no images; allowed: files ending in .jpg, .jpeg or .png",
+            folder.display()
+        ));
+    }
+    let numbers: Option<Vec<u64>> = files.iter().map(|file| trailing_number(file)).collect();
+    let Some(numbers) = numbers else {
+        files.sort_by_cached_key(|file| (natural_key(&file_name(file)), file.clone()));
+        return Ok(files.into_iter().zip(0..).collect());
+    };
+    let mut numbered: Vec<_> = files.into_iter().zip(numbers).collect();
+    numbered.sort_by(|a, b| (a.1, &a.0).cmp(&(b.1, &b.0)));
+    if let Some([(a, number), (b, _)]) = numbered.array_windows().find(|[a, b]| a.1 == b.1) {
+        return Err(fault!(
+            "{}: {} and {} have the same number, {number}; each image of a folder needs a number of its own",
+            folder.display(),
+            file_name(a),
+            file_name(b)
+        ));
+    }
+    let first = numbered[0].1;
+    Ok(numbered
+        .into_iter()
+        .map(|(file, number)| (file, number - first))
+        .collect())
+}
+
+/// Replaces each image's index in time by its time stamp in seconds.
+fn with_times(
+    folder: &Path,
+    files: Vec<(PathBuf, u64)>,
+    timing: &Timing,
+) -> Result<Vec<(PathBuf, f64)>> {
+    match timing {
+        Timing::Fps(fps) => {
+            if !(fps.is_finite() && *fps > 0.0) {
+                return Err(fault!(
+                    "{}: fps is {fps}; allowed: a number of frames per second over 0",
+                    folder.display()
+                ));
+            }
+            Ok(files
+                .into_iter()
+                .map(|(file, index)| (file, index as f64 / fps))
+                .collect())
+        }
+        Timing::TimesFile => {
+            let path = folder.join("times.csv");
+            let times = read_times(&path)?;
+            files
+                .into_iter()
+                .map(|(file, index)| match times.get(&index) {
+                    Some(&time_s) => Ok((file, time_s)),
+                    None => Err(fault!(
+                        "{}: there is no row for frame {index} ({}); give each image its time_s",
+                        path.display(),
+                        file_name(&file)
+                    )),
+                })
+                .collect()
+        }
+    }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name()
+        .map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+fn is_image_name(path: &Path) -> bool {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png"))
+        && !file_name(path).starts_with('.')
+}
+
+/// The number at the end of a file's name before its extension; none where it overflows.
+fn trailing_number(path: &Path) -> Option<u64> {
+    let stem = path.file_stem()?.to_string_lossy();
+    let digits = stem.len() - stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    stem[stem.len() - digits..].parse().ok()
+}
+
+/// Text and numbers in turn, so that `b2` comes before `b10`: each number as its length and its digits.
+fn natural_key(name: &str) -> Vec<(String, usize, String)> {
+    let mut key = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let text_end = rest
+            .find(|c: char| c.is_ascii_digit())
+            .unwrap_or(rest.len());
+        let (text, after) = rest.split_at(text_end);
+        let digits_end = after
+            .find(|c: char| !c.is_ascii_digit())
+            .unwrap_or(after.len());
+        let (digits, after) = after.split_at(digits_end);
+        let number = digits.trim_start_matches('0');
+        key.push((text.to_owned(), number.len(), number.to_owned()));
+        rest = after;
+    }
+    key
+}
+
+#[cfg(test)]
+#[path = "images_tests.rs"]
+mod tests;

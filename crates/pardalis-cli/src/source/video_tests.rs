@@ -1,0 +1,556 @@
+use std::ffi::OsStr;
+use std::path::PathBuf;
+use std::process::Command;
+
+use tempfile::TempDir;
+
+use super::*;
+use crate::source::{Counters, Source, SourceConfig, SourceKind};
+
+/// The installed programs; none, with a note, where these tests can not be made.
+fn programs() -> Option<Programs> {
+    let found = Programs::find(&std::env::var_os("PATH").unwrap_or_default()).ok();
+    if found.is_none() {
+        println!("skipped: ffmpeg is not installed");
+    }
+    found
+}
+
+/// Runs ffmpeg, which must succeed, and gives what it writes to its output.
+fn ffmpeg(arguments: &[&str]) -> Vec<u8> {
+    let output = Command::new("ffmpeg")
+        .args(["-loglevel", "error", "-nostdin", "-y"])
+        .args(arguments)
+        .output()
+        .expect("ffmpeg runs");
+    assert!(
+        output.status.success(),
+        "{arguments:?}: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    output.stdout
+}
+
+fn sequence() -> String {
+    format!(
+        "{}/../../data/dioptric-jump/frames",
+        env!("CARGO_MANIFEST_DIR")
+    )
+}
+
+fn path_in(folder: &TempDir, name: &str) -> String {
+    folder.path().join(name).to_string_lossy().into_owned()
+}
+
+/// Makes a clip of the sequence's first six frames, as the arguments say.
+fn clip(folder: &TempDir, name: &str, arguments: &[&str]) -> String {
+    let path = path_in(folder, name);
+    let pattern = format!("{}/%06d.jpg", sequence());
+    let input = ["-framerate", "25", "-i", &pattern, "-frames:v", "6"];
+    ffmpeg(&[&input, arguments, &[path.as_str()]].concat());
+    path
+}
+
+fn config(input: &str) -> SourceConfig {
+    SourceConfig {
+        kind: SourceKind::Video {
+            input: input.to_owned(),
+            input_options: Vec::new(),
+            encoding: None,
+        },
+        time_offset_s: 0.0,
+        first_frame: 0,
+        frame_limit: None,
+    }
+}
+
+/// What the source describes, all time stamps and all bytes; every frame must be sound.
+fn read(config: &SourceConfig) -> (Description, Vec<f64>, Vec<u8>, Counters) {
+    let mut source = Source::open(config).expect("opens");
+    let (mut times, mut bytes) = (Vec::new(), Vec::new());
+    for frame in source.by_ref() {
+        let frame = frame.expect("a frame");
+        times.push(frame.time_s());
+        bytes.extend_from_slice(frame.bytes());
+    }
+    (source.describe().clone(), times, bytes, source.counters())
+}
+
+#[test]
+fn pixels_come_in_the_streams_own_format() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    for (name, codec, pix_fmt, format) in [
+        ("h264.mp4", "libx264", "yuv420p", PixelFormat::I420),
+        ("mjpeg.avi", "mjpeg", "yuvj420p", PixelFormat::I420),
+        ("nv12.nut", "rawvideo", "nv12", PixelFormat::Nv12),
+        ("yuyv.avi", "rawvideo", "yuyv422", PixelFormat::Yuyv),
+        ("uyvy.nut", "rawvideo", "uyvy422", PixelFormat::Uyvy),
+        ("rgb.nut", "rawvideo", "rgb24", PixelFormat::Rgb8),
+    ] {
+        // An odd size, where chroma is rounded up; H.264 takes even ones only.
+        let size = if codec == "libx264" {
+            "scale=162:120"
+        } else {
+            "scale=161:119"
+        };
+        let path = clip(
+            &folder,
+            name,
+            &["-vf", size, "-c:v", codec, "-pix_fmt", pix_fmt],
+        );
+        let (description, times, bytes, counters) = read(&config(&path));
+        assert_eq!(description.pixel_format, format, "{name}");
+        assert!(
+            description
+                .content
+                .ends_with(&format!("video in {pix_fmt}")),
+            "{description:?}"
+        );
+        let expected = ffmpeg(&["-i", &path, "-f", "rawvideo", "-pix_fmt", pix_fmt, "-"]);
+        assert!(!bytes.is_empty() && bytes == expected, "{name}");
+        let expected: Vec<f64> = (0..6).map(|frame| f64::from(frame) / 25.0).collect();
+        assert_eq!(times, expected, "{name}");
+        assert_eq!((counters.frames, counters.ffmpeg_errors), (6, 0), "{name}");
+    }
+}
+
+#[test]
+fn planar_422_is_packed_without_loss_in_both_ranges() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    for (name, codec, pix_fmt, range) in [
+        ("full.avi", "mjpeg", "yuvj422p", YuvRange::Full),
+        ("limited.nut", "rawvideo", "yuv422p", YuvRange::Limited),
+    ] {
+        let path = clip(&folder, name, &["-c:v", codec, "-pix_fmt", pix_fmt]);
+        let (description, _, bytes, _) = read(&config(&path));
+        assert_eq!(description.pixel_format, PixelFormat::Yuyv);
+        assert!(
+            description.content.contains("converted to yuyv422"),
+            "{description:?}"
+        );
+        assert_eq!(
+            description.encoding.map(|encoding| encoding.range),
+            Some(range)
+        );
+        let planar = ffmpeg(&["-i", &path, "-f", "rawvideo", "-pix_fmt", pix_fmt, "-"]);
+        let count = 640 * 480;
+        for (packed, planar) in bytes.chunks(2 * count).zip(planar.chunks(2 * count)) {
+            assert!(packed.iter().step_by(2).eq(&planar[..count]), "{name}: Y");
+            assert!(
+                packed
+                    .iter()
+                    .skip(1)
+                    .step_by(4)
+                    .eq(&planar[count..count + count / 2]),
+                "{name}: U"
+            );
+            assert!(
+                packed
+                    .iter()
+                    .skip(3)
+                    .step_by(4)
+                    .eq(&planar[count + count / 2..]),
+                "{name}: V"
+            );
+        }
+    }
+}
+
+#[test]
+fn formats_that_are_not_ours_become_rgb() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let exact = clip(
+        &folder,
+        "rgb.nut",
+        &["-c:v", "rawvideo", "-pix_fmt", "rgb24"],
+    );
+    let (_, _, rgb, _) = read(&config(&exact));
+    for pix_fmt in ["bgr24", "rgba"] {
+        let path = clip(
+            &folder,
+            "other.nut",
+            &["-c:v", "rawvideo", "-pix_fmt", pix_fmt],
+        );
+        let (description, _, bytes, _) = read(&config(&path));
+        assert_eq!(
+            (description.pixel_format, description.encoding),
+            (PixelFormat::Rgb8, None)
+        );
+        assert!(bytes == rgb, "{pix_fmt}");
+    }
+    // 4:4:4 in each encoding: as our own conversion, but for rounding.
+    let path = clip(
+        &folder,
+        "444.nut",
+        &["-c:v", "rawvideo", "-pix_fmt", "yuv444p"],
+    );
+    let planes = ffmpeg(&["-i", &path, "-f", "rawvideo", "-pix_fmt", "yuv444p", "-"]);
+    let count = 640 * 480;
+    for matrix in [YuvMatrix::Bt601, YuvMatrix::Bt709] {
+        for range in [YuvRange::Full, YuvRange::Limited] {
+            let encoding = YuvEncoding { matrix, range };
+            let mut config = config(&path);
+            if let SourceKind::Video {
+                encoding: given, ..
+            } = &mut config.kind
+            {
+                *given = Some(encoding);
+            }
+            let (_, _, bytes, _) = read(&config);
+            for i in (0..count).step_by(97) {
+                let yuv = [planes[i], planes[count + i], planes[2 * count + i]];
+                let expected = encoding.rgb8_from_yuv(yuv);
+                for c in 0..3 {
+                    let found = bytes[3 * i + c];
+                    assert!(
+                        found.abs_diff(expected[c]) <= 2,
+                        "{encoding:?} {yuv:?} {expected:?} {found}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn time_stamps_are_the_streams_own() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let durations = ["0.04", "0.003", "0.004", "0.5", "0.04"];
+    let list = durations
+        .iter()
+        .enumerate()
+        .fold("ffconcat version 1.0\n".to_owned(), |list, (i, d)| {
+            list + &format!("file '{}/{i:06}.jpg'\nduration {d}\n", sequence())
+        });
+    let list_path = path_in(&folder, "list.txt");
+    std::fs::write(&list_path, list).expect("written");
+    let path = path_in(&folder, "odd:name %d.mkv");
+    let output = format!("file:{path}");
+    // A first time other than zero, and rates that change from frame to frame.
+    ffmpeg(&[
+        "-f",
+        "concat",
+        "-safe",
+        "0",
+        "-i",
+        &list_path,
+        "-vf",
+        "settb=1/1000,setpts=PTS+7.3/TB",
+        "-fps_mode",
+        "passthrough",
+        "-enc_time_base",
+        "1/1000",
+        "-c:v",
+        "libx264",
+        "-pix_fmt",
+        "yuv420p",
+        &output,
+    ]);
+    let probed = Command::new("ffprobe")
+        .args([
+            "-v",
+            "error",
+            "-show_entries",
+            "frame=pts_time",
+            "-of",
+            "csv=p=0",
+            "-i",
+            &output,
+        ])
+        .output()
+        .expect("ffprobe runs");
+    let expected: Vec<f64> = String::from_utf8_lossy(&probed.stdout)
+        .lines()
+        .map(|line| line.trim_end_matches(','))
+        .filter(|line| !line.is_empty())
+        .map(|line| line.parse().expect("a time"))
+        .collect();
+    let (_, times, bytes, counters) = read(&config(&path));
+    assert_eq!(times, expected);
+    assert!(times.len() == 5 && times[0] > 7.0, "{times:?}");
+    assert!(
+        times[4] - times[3] > 0.4 && times[3] - times[1] < 0.02,
+        "{times:?}"
+    );
+    assert_eq!(bytes.len(), 5 * 640 * 480 * 3 / 2);
+
+    let repeats = times.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    assert_eq!(
+        (counters.repeated_times, counters.dropped_late),
+        (repeats, 0)
+    );
+
+    let part = SourceConfig {
+        time_offset_s: 0.25,
+        first_frame: 3,
+        frame_limit: Some(1),
+        ..config(&path)
+    };
+    let (_, part_times, part_bytes, _) = read(&part);
+    assert_eq!(part_times, [expected[3] + 0.25]);
+    assert!(part_bytes == bytes[3 * part_bytes.len()..4 * part_bytes.len()]);
+    let beyond = SourceConfig {
+        first_frame: 5,
+        ..config(&path)
+    };
+    let error = Source::open(&beyond)
+        .expect("opens")
+        .next()
+        .expect("an error");
+    let error = error.expect_err("beyond the end").to_string();
+    assert!(
+        error.contains("the video has 5 frames; allowed: 0 to 4"),
+        "{error}"
+    );
+}
+
+#[test]
+fn rotated_videos_stand_upright() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let lying = clip(
+        &folder,
+        "lying.mp4",
+        &["-c:v", "libx264", "-pix_fmt", "yuv420p"],
+    );
+    let turned = path_in(&folder, "turned.mp4");
+    let rotate = ["-metadata:s:v:0", "rotate=90", "-c", "copy"];
+    ffmpeg(&[&["-i", &lying], rotate.as_slice(), &[&turned]].concat());
+    let (description, _, bytes, _) = read(&config(&turned));
+    if description.content.contains("turned by") {
+        assert_eq!(description.size_px, (480, 640));
+        let expected = ffmpeg(&["-i", &turned, "-f", "rawvideo", "-pix_fmt", "yuv420p", "-"]);
+        assert!(bytes == expected);
+    } else {
+        println!("skipped: this ffmpeg does not write rotations");
+    }
+}
+
+#[test]
+fn what_ffmpeg_can_not_read_is_named() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let text = path_in(&folder, "text.mp4");
+    std::fs::write(&text, "no video").expect("written");
+    let sound = path_in(&folder, "sound.wav");
+    ffmpeg(&["-f", "lavfi", "-i", "sine=duration=0.1", &sound]);
+    let whole = clip(
+        &folder,
+        "whole.mp4",
+        &["-c:v", "libx264", "-pix_fmt", "yuv420p"],
+    );
+    let half = path_in(&folder, "half.mp4");
+    let bytes = std::fs::read(&whole).expect("read");
+    std::fs::write(&half, &bytes[..bytes.len() / 2]).expect("written");
+    for (input, expected) in [
+        ("/nonexistent/a.mp4", "No such file"),
+        (&text, "can not open it"),
+        (&sound, "no video stream"),
+        (&half, "moov atom not found"),
+        ("", "can not open it"),
+    ] {
+        let error = Source::open(&config(input))
+            .err()
+            .expect(expected)
+            .to_string();
+        assert!(
+            error.starts_with(input) && error.contains(expected),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn a_source_dropped_early_ends_ffmpeg() {
+    if programs().is_none() {
+        return;
+    }
+    let endless = SourceConfig {
+        kind: SourceKind::Video {
+            input: "testsrc=size=320x240:rate=25".to_owned(),
+            input_options: ["-f", "lavfi"].map(str::to_owned).into(),
+            encoding: None,
+        },
+        ..config("")
+    };
+    let mut source = Source::open(&endless).expect("opens");
+    assert_eq!((source.size(), source.frame_count()), ((320, 240), None));
+    assert!(source.next().is_some_and(|frame| frame.is_ok()));
+    // Waits for ffmpeg and the thread: this must return.
+    drop(source);
+}
+
+/// Programs that stand in for ffmpeg's: the second fails as the shell script says.
+#[cfg(unix)]
+fn stand_in(folder: &TempDir, script: &str) -> Programs {
+    use std::os::unix::fs::PermissionsExt;
+    let real = |name: &str| {
+        std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default())
+            .map(|folder| folder.join(name))
+            .find(|path| path.is_file())
+            .expect("found before")
+    };
+    let write = |name: &str, text: String| {
+        let path: PathBuf = folder.path().join(name);
+        std::fs::write(&path, text).expect("written");
+        std::fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).expect("runnable");
+    };
+    let ffmpeg = real("ffmpeg").display().to_string();
+    write(
+        "ffprobe",
+        format!("#!/bin/sh\nexec {} \"$@\"\n", real("ffprobe").display()),
+    );
+    write(
+        "ffmpeg",
+        format!(
+            "#!/bin/sh\ncase \"$*\" in *'-h long'*) exec {ffmpeg} \"$@\";; esac\n{}\n",
+            script.replace("FFMPEG", &ffmpeg)
+        ),
+    );
+    Programs::find(OsStr::new(folder.path())).expect("both stand-ins")
+}
+
+/// Reads a clip of six frames with a stand-in: the times of the sound frames, the error, the counters.
+#[cfg(unix)]
+fn read_with(script: &str) -> Option<(Vec<f64>, Option<String>, Counters)> {
+    programs()?;
+    let folder = TempDir::new().expect("a folder");
+    let path = clip(
+        &folder,
+        "clip.nut",
+        &["-c:v", "rawvideo", "-pix_fmt", "nv12"],
+    );
+    let programs = stand_in(&folder, script);
+    let (description, frames) =
+        VideoFrames::open(&programs, &path, &[], None, 0, None).expect("opens");
+    let process = Some(frames.process());
+    let mut source = Source::start(description, 0.0, frames, process);
+    let (mut times, mut error) = (Vec::new(), None);
+    for frame in source.by_ref() {
+        match frame {
+            Ok(frame) => times.push(frame.time_s()),
+            Err(found) => error = Some(found.to_string()),
+        }
+    }
+    Some((times, error, source.counters()))
+}
+
+#[cfg(unix)]
+#[test]
+fn frames_before_a_failure_are_delivered_and_the_failure_quoted() {
+    // The third frame is cut off within.
+    let script = "FFMPEG \"$@\" | head -c 1000000; echo '[fatal] camera unplugged' >&2; exit 9";
+    let Some((times, error, counters)) = read_with(script) else {
+        return;
+    };
+    assert_eq!(times, [0.0, 0.04]);
+    let error = error.expect("a failure");
+    assert!(
+        error.contains("clip.nut: ffmpeg failed (exit status: 9), after 2 frames"),
+        "{error}"
+    );
+    assert!(error.contains("[fatal] camera unplugged"), "{error}");
+    assert!(counters.ffmpeg_errors >= 1);
+}
+
+#[cfg(unix)]
+#[test]
+fn frames_and_time_stamps_that_differ_in_number_are_an_error() {
+    let Some((times, error, _)) = read_with("FFMPEG \"$@\"; echo surplus") else {
+        return;
+    };
+    assert_eq!(times.len(), 6);
+    assert!(error.is_some_and(|error| error.contains("more frames than time stamps")));
+    let Some((times, error, _)) = read_with("FFMPEG \"$@\" | head -c 1000000") else {
+        return;
+    };
+    assert_eq!(times.len(), 2);
+    let error = error.expect("an error");
+    assert!(error.contains("ended within a frame"), "{error}");
+}
+
+#[cfg(unix)]
+#[test]
+fn frames_whose_time_runs_backwards_are_dropped_and_counted() {
+    // The fourth frame claims to be the first.
+    let script =
+        "{ FFMPEG \"$@\" 2>&1 >&3 | sed -u 's/n:   3 pts: *[0-9]* /n: 3 pts: 0 /' >&2; } 3>&1";
+    let Some((times, error, counters)) = read_with(script) else {
+        return;
+    };
+    assert_eq!((times, error), (vec![0.0, 0.04, 0.08, 0.16, 0.2], None));
+    assert_eq!((counters.dropped_late, counters.repeated_times), (1, 0));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_change_of_size_and_a_missing_time_stamp_are_errors() {
+    let size = "{ FFMPEG \"$@\" 2>&1 >&3 | sed -u '/n:   2 /s/s:640x480/s:320x240/' >&2; } 3>&1";
+    let time =
+        "{ FFMPEG \"$@\" 2>&1 >&3 | sed -u 's/n:   2 pts: *[0-9]* /n: 2 pts: NOPTS /' >&2; } 3>&1";
+    for (script, expected) in [
+        (size, "frame 2 is 320 x 240 pixels where"),
+        (time, "frame 2 has no time stamp"),
+    ] {
+        let Some((times, error, _)) = read_with(script) else {
+            return;
+        };
+        assert_eq!(times, [0.0, 0.04]);
+        assert!(
+            error.is_some_and(|error| error.contains(expected)),
+            "{expected}"
+        );
+    }
+}
+
+#[test]
+fn layouts_of_streams() {
+    use YuvMatrix::{Bt601, Bt709};
+    use YuvRange::{Full, Limited};
+
+    let stream = |pix_fmt: &str, space: &str, range: &str, height| ProbedStream {
+        width: 640,
+        height,
+        pix_fmt: pix_fmt.to_owned(),
+        color_space: space.to_owned(),
+        color_range: range.to_owned(),
+        ..ProbedStream::default()
+    };
+    let encoding = |matrix, range| Some(YuvEncoding { matrix, range });
+    for (stream, expected) in [
+        (stream("yuv420p", "", "", 480), encoding(Bt601, Limited)),
+        (
+            stream("yuv420p", "unknown", "unknown", 720),
+            encoding(Bt709, Limited),
+        ),
+        (stream("yuvj420p", "", "", 480), encoding(Bt601, Full)),
+        (stream("nv12", "bt709", "pc", 480), encoding(Bt709, Full)),
+        (
+            stream("nv12", "smpte170m", "tv", 1080),
+            encoding(Bt601, Limited),
+        ),
+        (stream("rgb24", "gbr", "pc", 480), None),
+        (stream("yuv420p10le", "bt2020nc", "tv", 2160), None),
+    ] {
+        assert_eq!(Layout::of(&stream, None).encoding, expected, "{stream:?}");
+    }
+    let given = encoding(Bt601, Full);
+    let layout = Layout::of(&stream("yuv420p10le", "bt2020nc", "tv", 2160), given);
+    assert_eq!((layout.format, layout.encoding), (PixelFormat::I420, given));
+}
