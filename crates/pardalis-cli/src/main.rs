@@ -4,6 +4,7 @@ mod commands;
 #[allow(dead_code)]
 mod draw;
 mod fault;
+mod files;
 #[allow(dead_code)]
 mod source;
 mod tables;
@@ -25,6 +26,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Evaluate(commands::evaluate::Arguments),
+    Learn(commands::learn::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -32,6 +34,7 @@ fn main() -> ExitCode {
     let outcome = match arguments.command {
         None => Err(fault::fault!("no command given; see pardalis --help")),
         Some(Command::Evaluate(arguments)) => commands::evaluate::run(&arguments),
+        Some(Command::Learn(arguments)) => commands::learn::run(&arguments),
     };
     fault::exit_code_of(&outcome)
 }
