@@ -1,12 +1,12 @@
 //! `pardalis report`: a table for people from a record, so that no figure in a README is typed by hand.
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
 use crate::fault::fault;
+use crate::files::write_file;
 use crate::scene::read_text;
 
 /// Makes a Markdown table of a record
@@ -61,7 +61,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             path.display()
         ));
     }
-    fs::write(path, spliced).map_err(|error| fault!("{}: {error}", path.display()))
+    write_file(path, spliced.as_bytes())
 }
 
 /// The text with the table in its place.
@@ -207,7 +207,7 @@ mod tests {
     fn tables_give_median_and_range_over_seeds() {
         let folder = tempfile::tempdir().unwrap();
         let record = folder.path().join("jump.csv");
-        fs::write(&record, "run,seed,target,rmse_m,lost_frames\na,1,ball,0.3,0\na,2,ball,0.35,0\na,3,ball,0.31,0\nb,1,ball,1,2\n").unwrap();
+        std::fs::write(&record, "run,seed,target,rmse_m,lost_frames\na,1,ball,0.3,0\na,2,ball,0.35,0\na,3,ball,0.31,0\nb,1,ball,1,2\n").unwrap();
         let table = table_of(&record, &[]).unwrap();
         let expected = "| run | target | rmse (mm) | lost frames |\n|---|---|---:|---:|\n\
                         | a | ball | 310 (300 to 350) | 0 |\n| b | ball | 1000 | 2 |\n";

@@ -10,6 +10,7 @@ use anyhow::Result;
 use clap::ValueEnum;
 
 use crate::fault::fault;
+use crate::files::write_file;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use text::{CameraText, SceneText};
 
@@ -116,12 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             problems.join("; ")
         ));
     }
-    fs::write(output, &text).map_err(|error| {
-        fault!(
-            "-o {}: {error}; give a file that can be written",
-            output.display()
-        )
-    })?;
+    write_file(output, text.as_bytes())?;
     println!("{}", output.display());
     let to_change = text.lines().filter(|line| line.contains("CHANGE")).count();
     if to_change > 0 {

@@ -11,6 +11,7 @@ use anyhow::Result;
 use super::evaluate;
 use crate::draw::plots::TruthSeries;
 use crate::fault::fault;
+use crate::files::write_file;
 use crate::tables;
 use crate::tracking::{self, Options, Output, SeriesCollector};
 use definition::{Experiment, Run};
@@ -65,18 +66,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         results.extend(run, figures);
     }
     let csv = output.join("results.csv");
-    write(&csv, &results.to_csv())?;
+    write_file(&csv, results.to_csv().as_bytes())?;
     println!("{}", csv.display());
     if let Some(record) = &arguments.record {
         fs::create_dir_all(record)
             .map_err(|error| fault!("--record {}: {error}", record.display()))?;
-        write(
+        write_file(
             &record.join(format!("{}.csv", experiment.name)),
-            &results.to_csv(),
+            results.to_csv().as_bytes(),
         )?;
-        write(
+        let facts = results::facts(&arguments.experiment);
+        write_file(
             &record.join(format!("{}.facts.txt", experiment.name)),
-            &results::facts(arguments.experiment.as_path()),
+            facts.as_bytes(),
         )?;
     }
     if outside.is_empty() {
@@ -139,13 +141,4 @@ fn truth_of(path: &Path, figures: &[Figures]) -> Result<Vec<TruthSeries>> {
                 .collect(),
         })
         .collect())
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    fs::write(path, text).map_err(|error| {
-        fault!(
-            "{}: {error}; give a folder that can be written",
-            path.display()
-        )
-    })
 }
