@@ -208,7 +208,7 @@ fn stages(criterion: &mut Criterion) {
             let mut particles = Particles::new(count, motion.column_count());
             criterion.bench_function(&format!("motion/{count}/{level_name}"), |bencher| {
                 bencher.iter(|| {
-                    motion.propagate(&mut particles, 1.0 / FPS, Draws::new(1, 0), 1, level)
+                    motion.propagate(&mut particles, 1.0 / FPS, Draws::new(1, 0), 1, level);
                 });
             });
         }
@@ -231,7 +231,7 @@ fn stages(criterion: &mut Criterion) {
             criterion.bench_function(&format!("resampling/{count}/{scheme:?}"), |bencher| {
                 let uniform = |i| draws.uniform(i as u32, 1, Stage::Resampling);
                 bencher.iter(|| {
-                    scheme.draw(black_box(&weights), uniform, &mut ancestors, &mut scratch)
+                    scheme.draw(black_box(&weights), uniform, &mut ancestors, &mut scratch);
                 });
             });
         }
