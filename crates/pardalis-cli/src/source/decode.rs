@@ -1,5 +1,6 @@
 //! JPEG and PNG files as packed bytes. A file that is not whole is an error, never a half-grey image.
 
+use std::borrow::Cow;
 use std::io::Cursor;
 use std::path::Path;
 
@@ -44,7 +45,7 @@ pub(crate) fn decode_image(path: &Path) -> Result<RgbImage> {
     let bytes = read(path)?;
     let (kind, (width, height)) = check(path, &bytes)?;
     let rgb = match kind {
-        Kind::Jpeg => rgb_from_jpeg(&bytes),
+        Kind::Jpeg { scans_end } => rgb_from_jpeg(&bytes, scans_end),
         Kind::Png => rgb_from_png(&bytes),
     };
     let bytes = rgb.map_err(|error| {
@@ -94,7 +95,10 @@ pub(crate) fn image_size(path: &Path) -> Result<(usize, usize)> {
 /// The file formats that are decoded.
 #[derive(Clone, Copy)]
 enum Kind {
-    Jpeg,
+    Jpeg {
+        /// Where the end mark of a sequential (not progressive) image stands.
+        scans_end: Option<usize>,
+    },
     Png,
 }
 
@@ -105,14 +109,14 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 /// Tells the kind by the first bytes, and the size by the header before anything is allocated for it.
 fn check(path: &Path, bytes: &[u8]) -> Result<(Kind, (usize, usize))> {
     let name = path.display();
-    let (kind, outline) = match bytes {
+    let outline = match bytes {
         [] => {
             return Err(fault!(
                 "{name}: the file is empty (0 bytes); replace or remove it"
             ));
         }
-        [0xFF, 0xD8, ..] => (Kind::Jpeg, jpeg_outline(bytes)),
-        [0x89, b'P', b'N', b'G', ..] => (Kind::Png, png_outline(bytes)),
+        [0xFF, 0xD8, ..] => jpeg_outline(bytes),
+        [0x89, b'P', b'N', b'G', ..] => png_outline(bytes),
         _ => {
             return Err(fault!(
                 "{name}: this is not a JPEG or PNG image; replace or remove it"
@@ -133,7 +137,7 @@ fn check(path: &Path, bytes: &[u8]) -> Result<(Kind, (usize, usize))> {
         }
     }
     match outline.size {
-        Some(size) if outline.complete => Ok((kind, size)),
+        Some(size) if outline.complete => Ok((outline.kind, size)),
         _ => Err(fault!(
             "{name}: the file ends before its image does, as if cut off while it was written \
              or copied ({} bytes); replace or remove it",
@@ -144,18 +148,21 @@ fn check(path: &Path, bytes: &[u8]) -> Result<(Kind, (usize, usize))> {
 
 /// What the markers of an image file say.
 struct Outline {
+    kind: Kind,
     /// Width and height in pixels, where the file goes on that far.
     size: Option<(usize, usize)>,
     /// Whether the file goes on to the mark of its end.
     complete: bool,
 }
 
-/// Goes from marker to marker. The decoder itself takes a file for whole whose last rows are missing.
+/// Goes from marker to marker.
 fn jpeg_outline(bytes: &[u8]) -> Outline {
     let mut outline = Outline {
+        kind: Kind::Jpeg { scans_end: None },
         size: None,
         complete: false,
     };
+    let mut is_progressive = false;
     let mut rest = &bytes[2..];
     // Between segments, and in entropy-coded data, a marker is 0xFF and a byte other than stuffing (0x00),
     // fill (0xFF) and restart marks, which stand alone.
@@ -167,6 +174,10 @@ fn jpeg_outline(bytes: &[u8]) -> Outline {
             0xFF => {}
             0xD9 => {
                 outline.complete = true;
+                let end = bytes.len() - rest.len() - 1;
+                outline.kind = Kind::Jpeg {
+                    scans_end: (!is_progressive).then_some(end),
+                };
                 break;
             }
             _ => {
@@ -177,6 +188,7 @@ fn jpeg_outline(bytes: &[u8]) -> Outline {
                     let size = [[w1, w0], [h1, h0]].map(|[a, b]| u16::from_be_bytes([*a, *b]));
                     outline.size = Some((usize::from(size[0]), usize::from(size[1])));
                 }
+                is_progressive |= marker == 0xC2;
                 let [_, l1, l0, ..] = rest else { break };
                 let length = usize::from(u16::from_be_bytes([*l1, *l0]));
                 rest = rest.get(1 + length..).unwrap_or_default();
@@ -189,6 +201,7 @@ fn jpeg_outline(bytes: &[u8]) -> Outline {
 /// Goes from chunk to chunk; the decoder checks their sums.
 fn png_outline(bytes: &[u8]) -> Outline {
     let mut outline = Outline {
+        kind: Kind::Png,
         size: None,
         complete: false,
     };
@@ -212,13 +225,19 @@ fn png_outline(bytes: &[u8]) -> Outline {
     outline
 }
 
-fn rgb_from_jpeg(bytes: &[u8]) -> Result<Vec<u8>> {
+fn rgb_from_jpeg(bytes: &[u8], scans_end: Option<usize>) -> Result<Vec<u8>> {
     let options = DecoderOptions::default()
         .set_strict_mode(true)
         .set_max_width(MAX_IMAGE_SIDE_PX)
         .set_max_height(MAX_IMAGE_SIDE_PX)
         .jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    // The decoder makes up what is missing before an end mark, as where a camera lost part of a frame. With some
+    // zeros in its place, for reading ahead, it tells that the data run out. Progressive scans need the mark.
+    let data = match scans_end {
+        Some(end) => Cow::from([&bytes[..end], &[0; 8]].concat()),
+        None => Cow::from(bytes),
+    };
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&*data), options);
     decoder.decode().context("JPEG")
 }
 

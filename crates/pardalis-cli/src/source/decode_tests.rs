@@ -171,3 +171,14 @@ fn a_missing_file_is_named() {
     let error = error_of(Path::new("nowhere.png"));
     assert!(error.contains("nowhere.png: can not be read"), "{error}");
 }
+
+#[test]
+fn a_jpeg_that_lacks_data_before_its_end_mark_is_an_error() {
+    let whole = real_jpeg();
+    let folder = TempDir::new().expect("a folder");
+    for cut in (700..whole.len() - 2).step_by(307) {
+        let bytes = [&whole[..cut], &[0xFF, 0xD9]].concat();
+        let error = error_of(&write(&folder, &bytes));
+        assert!(error.contains("damaged"), "cut at {cut}: {error}");
+    }
+}
