@@ -65,12 +65,16 @@ fn draw_bars(area: &Area<'_>, bins: &[ColorBin]) -> anyhow::Result<()> {
         .filter(|b| b.share.is_finite() && b.share > 0.0)
         .collect();
     bins.sort_by(|a, b| b.share.total_cmp(&a.share));
+    let in_use = bins.len();
     bins.truncate(MAX_BARS);
     let title = text_style(14.0, HPos::Left);
     let Some(largest) = bins.first().map(|bin| bin.share) else {
         return write_text(area, "The histogram is empty", [12.0, 20.0], &title);
     };
-    let title_text = format!("Most frequent colours ({})", bins.len());
+    let title_text = match bins.len() {
+        all if all == in_use => format!("Colours, the most frequent first ({all})"),
+        shown => format!("The {shown} most frequent of {in_use} colours"),
+    };
     write_text(area, &title_text, [12.0, 20.0], &title)?;
     let row_px = (SIZE_PX[1] - TITLE_PX - TOP_PX) / MAX_BARS as f64;
     for (row, bin) in bins.iter().enumerate() {

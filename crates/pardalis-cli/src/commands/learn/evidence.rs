@@ -6,7 +6,7 @@ use pardalis::color::{ColorLearner, ColorModel, Palette, Separation};
 use super::inputs::LabelledFile;
 
 /// An image whose fit is below this is likely to be labelled wrongly.
-const MIN_FIT: f64 = 0.5;
+const MIN_FIT: f64 = 0.7;
 
 /// Counted pixels of all images.
 pub(super) struct Evidence {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use pardalis::color::{ColorModel, Palette};
 
-use super::evidence::Evidence;
+use super::evidence::{Evidence, ImageEvidence};
 use super::inputs::LabelledFile;
 use crate::draw::histogram::{ColorBin, ColorModelPlot, write_color_model_plot};
 use crate::draw::mosaic::{Tile, write_mosaic};
@@ -60,20 +60,20 @@ fn histogram(evidence: &Evidence, model: &ColorModel) -> ColorModelPlot {
     }
 }
 
-/// `H 0  S 10  I 1`: the channels' initials and the bin's indices.
+/// `H0 S10 I1`: the channels' initials and the bin's indices.
 fn short_name(palette: Palette, bin: u16) -> String {
     let names = palette.channel_names();
     let indices = palette.channels_of_bin(bin);
-    let part = |(name, index): (&str, u16)| format!("{} {index}", name[..1].to_uppercase());
+    let part = |(name, index): (&str, u16)| format!("{}{index}", name[..1].to_uppercase());
     let parts: Vec<String> = names.into_iter().zip(indices).map(part).collect();
-    parts.join("  ")
+    parts.join(" ")
 }
 
 /// The images with their labels and scores; of many, those that fit the others worst.
 fn tiles(files: &[LabelledFile], evidence: &Evidence) -> Result<Vec<Tile>> {
     let mut shown: Vec<_> = files.iter().zip(&evidence.images).collect();
     if shown.len() > MAX_TILES {
-        let fit = |image: &super::evidence::ImageEvidence| image.fit.unwrap_or(1.0);
+        let fit = |image: &ImageEvidence| image.fit.unwrap_or(1.0);
         shown.sort_by(|(_, a), (_, b)| fit(a).total_cmp(&fit(b)));
         shown.truncate(MAX_TILES);
     }

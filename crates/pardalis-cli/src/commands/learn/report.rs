@@ -10,7 +10,7 @@ use super::evidence::Evidence;
 /// How many bins, or names of images, are listed at most.
 const MAX_LISTED: usize = 8;
 
-/// A part of the target's pixels that matters when it is lost, and when it is listed.
+/// A bin is named as shared where it holds at least this share of both the target and the background.
 const SHARED_PART: f64 = 0.01;
 
 /// All that is printed.
@@ -55,10 +55,10 @@ impl fmt::Display for Report<'_> {
 
 impl Report<'_> {
     fn write_left_out(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [listed @ .., _] = self.without_mask else {
+        if self.without_mask.is_empty() {
             return Ok(());
-        };
-        let listed = &self.without_mask[..(listed.len() + 1).min(MAX_LISTED)];
+        }
+        let listed = &self.without_mask[..self.without_mask.len().min(MAX_LISTED)];
         let rest = self.without_mask.len() - listed.len();
         let more = if rest > 0 {
             format!(" and {rest} more")
