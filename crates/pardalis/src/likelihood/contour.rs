@@ -79,6 +79,10 @@ impl ContourSettings {
 
 /// Particles a block: the lanes of the projection kernel.
 const LANES: usize = 16;
+/// Particles whose points are counted side by side: counting waits for memory, and one waits while the other counts.
+const ABREAST: usize = 2;
+/// Rows apart in the number of a pixel, where look-ups need both its coordinates.
+const COORDINATES_STRIDE: u32 = 1 << 16;
 /// Particles a piece of work for one thread.
 const CHUNK: usize = 16 * LANES;
 /// Look-ups for each pixel of the image above which the whole image is turned into bins first: measured on 640 x 480 images, where
@@ -109,13 +113,14 @@ pub struct ContourCue {
 /// Buffers of one piece of work.
 #[derive(Debug, Clone)]
 struct Scratch {
-    /// Pixels of the inner contours, then of the outer: `y << 16 | x` or [`NO_PIXEL`], point by point, a lane a particle.
+    /// Pixels of the inner contours, then of the outer: `y * stride + x` or [`NO_PIXEL`], point by point, a lane a particle.
     pixels: Vec<[u32; LANES]>,
-    /// Bins of one particle's inner points, then of its outer.
-    bins: Vec<u16>,
-    /// Points in each bin; all zero between particles. The bin after the palette's holds the points without a pixel.
-    inner_counts: Vec<u16>,
-    outer_counts: Vec<u16>,
+    /// Bins of the inner points of a few particles, then of their outer.
+    bins: Vec<[u16; ABREAST]>,
+    /// Inner and outer points in each bin, a column a particle; all zero between particles. The bin after the palette's holds the points
+    /// without a pixel.
+    inner_counts: Vec<[u16; ABREAST]>,
+    outer_counts: Vec<[u16; ABREAST]>,
 }
 
 impl ContourCue {
@@ -202,9 +207,9 @@ impl ContourCue {
         if self.scratch.len() < chunks {
             let empty = Scratch {
                 pixels: vec![[NO_PIXEL; LANES]; 2 * self.settings.points],
-                bins: vec![0; 2 * self.settings.points],
-                inner_counts: vec![0; self.palette.bin_count() + 1],
-                outer_counts: vec![0; self.palette.bin_count() + 1],
+                bins: vec![[0; ABREAST]; 2 * self.settings.points],
+                inner_counts: vec![[0; ABREAST]; self.palette.bin_count() + 1],
+                outer_counts: vec![[0; ABREAST]; self.palette.bin_count() + 1],
             };
             self.scratch.resize(chunks, empty);
         }
@@ -261,31 +266,48 @@ impl ContourCue {
     ) {
         let projector = Projector::new(evidence.view());
         let table = evidence.table(self.palette);
+        let no_bin = self.palette.bin_count() as u16;
         for start in (0..out.len()).step_by(LANES) {
             let lanes = LANES.min(out.len() - start);
             let mut centers = [[0_f32; LANES]; 3];
             for (center, column) in centers.iter_mut().zip([x, y, z]) {
                 center[..lanes].copy_from_slice(&column[start..start + lanes]);
             }
-            self.find_pixels(evidence.view(), &projector, &centers, &mut scratch.pixels);
             let out = &mut out[start..start + lanes];
+            let pixels = &mut scratch.pixels;
             if self.binned.is_empty() {
-                Self::close_masked(evidence.view(), &mut scratch.pixels);
+                self.find_pixels(
+                    evidence.view(),
+                    &projector,
+                    COORDINATES_STRIDE,
+                    &centers,
+                    pixels,
+                );
+                Self::close_masked(evidence.view(), pixels);
                 with_pixels!(evidence.frame(), components => {
-                    self.add_block(|x, y| table.bin(components(x, y)), out, scratch);
+                    let bin_at = |pixel: u32| {
+                        let (x, y) = (pixel % COORDINATES_STRIDE, pixel / COORDINATES_STRIDE);
+                        if pixel == NO_PIXEL { no_bin } else { table.bin(components(x as usize, y as usize)) }
+                    };
+                    self.add_block(bin_at, out, scratch);
                 });
             } else {
                 let (width, _) = evidence.view().size();
-                self.add_block(|x, y| self.binned[y * width + x], out, scratch);
+                self.find_pixels(evidence.view(), &projector, width as u32, &centers, pixels);
+                // NO_PIXEL lies beyond every image.
+                let bin_at =
+                    |pixel: u32| self.binned.get(pixel as usize).copied().unwrap_or(no_bin);
+                self.add_block(bin_at, out, scratch);
             }
         }
     }
 
-    /// Writes the pixels of both contours of a block of particles.
+    /// Writes the pixels of both contours of a block of particles, as `y * stride + x`.
     fn find_pixels(
         &self,
         view: &View,
         projector: &Projector,
+        stride: u32,
         centers: &[[f32; LANES]; 3],
         pixels: &mut [[u32; LANES]],
     ) {
@@ -297,7 +319,7 @@ impl ContourCue {
                 let radius = (scale * sphere.radius_m) as f32;
                 self.level.run(
                     #[inline(always)]
-                    || projector.project_circles(&model, centers, radius, sphere.outline, &self.angles, pixels),
+                    || projector.project_circles(&model, centers, radius, sphere.outline, &self.angles, stride, pixels),
                 );
             }
         });
@@ -316,78 +338,76 @@ impl ContourCue {
 
     /// Adds the log-likelihoods of a block of particles whose contours' pixels are known.
     #[inline(always)]
-    fn add_block(
-        &self,
-        bin_at: impl Fn(usize, usize) -> u16,
-        out: &mut [f32],
-        scratch: &mut Scratch,
-    ) {
+    fn add_block(&self, bin_at: impl Fn(u32) -> u16, out: &mut [f32], scratch: &mut Scratch) {
         let Scratch {
             pixels,
             bins,
             inner_counts,
             outer_counts,
         } = scratch;
-        let no_bin = self.palette.bin_count() as u16;
-        let (inner_pixels, outer_pixels) = pixels.split_at(self.settings.points);
-        let (inner, outer) = bins.split_at_mut(self.settings.points);
-        for (lane, out) in out.iter_mut().enumerate() {
-            let look_up = |pixel: u32| {
-                if pixel == NO_PIXEL {
-                    no_bin
-                } else {
-                    bin_at((pixel & 0xffff) as usize, (pixel >> 16) as usize)
+        for (group, out) in out.chunks_mut(ABREAST).enumerate() {
+            for (pixels, bins) in pixels.iter().zip(&mut *bins) {
+                for (i, bin) in bins.iter_mut().enumerate() {
+                    *bin = bin_at(pixels[group * ABREAST + i]);
                 }
-            };
-            for (pixel, bin) in inner_pixels.iter().zip(&mut *inner) {
-                *bin = look_up(pixel[lane]);
             }
-            for (pixel, bin) in outer_pixels.iter().zip(&mut *outer) {
-                *bin = look_up(pixel[lane]);
+            let (inner, outer) = bins.split_at(self.settings.points);
+            let log_likelihoods = self.log_likelihoods(inner, outer, inner_counts, outer_counts);
+            for (out, log_likelihood) in out.iter_mut().zip(log_likelihoods) {
+                *out += log_likelihood;
             }
-            *out += self.log_likelihood(inner, outer, inner_counts, outer_counts);
         }
     }
 
-    /// The log-likelihood of the counted bins along both contours, one for each point. Leaves all counts zero.
+    /// The log-likelihoods of a few particles from the bins along both contours, one for each point. Leaves all counts zero.
     ///
     /// Both similarities are sums over the bins of inner points, and each bin is taken at the first of its points: no histogram is ever
     /// walked over.
     #[inline(always)]
-    fn log_likelihood(
+    fn log_likelihoods(
         &self,
-        inner: &[u16],
-        outer: &[u16],
-        inner_counts: &mut [u16],
-        outer_counts: &mut [u16],
-    ) -> f32 {
+        inner: &[[u16; ABREAST]],
+        outer: &[[u16; ABREAST]],
+        inner_counts: &mut [[u16; ABREAST]],
+        outer_counts: &mut [[u16; ABREAST]],
+    ) -> [f32; ABREAST] {
         let points = self.settings.points;
         let no_bin = self.palette.bin_count();
-        for (&a, &b) in inner.iter().zip(outer) {
-            inner_counts[usize::from(a)] += 1;
-            outer_counts[usize::from(b)] += 1;
+        for (inner, outer) in inner.iter().zip(outer) {
+            for i in 0..ABREAST {
+                inner_counts[usize::from(inner[i])][i] += 1;
+                outer_counts[usize::from(outer[i])][i] += 1;
+            }
         }
-        let inner_count = points - usize::from(std::mem::take(&mut inner_counts[no_bin]));
-        let outer_count = points - usize::from(outer_counts[no_bin]);
+        let seen = |unseen: [u16; ABREAST]| unseen.map(|n| points - usize::from(n));
+        let inner_seen = seen(std::mem::take(&mut inner_counts[no_bin]));
+        let outer_seen = seen(outer_counts[no_bin]);
         let root = |n: u16| self.square_roots[usize::from(n)];
-        let (mut model_inner, mut outer_inner) = (0_f32, 0_f32);
-        for &bin in inner {
-            let bin = usize::from(bin);
-            let sqrt_inner = root(std::mem::take(&mut inner_counts[bin]));
-            model_inner += self.sqrt_model[bin] * sqrt_inner;
-            outer_inner += root(outer_counts[bin]) * sqrt_inner;
+        let mut model_inner = [0_f32; ABREAST];
+        let mut outer_inner = [0_f32; ABREAST];
+        for bins in inner {
+            for i in 0..ABREAST {
+                let bin = usize::from(bins[i]);
+                let sqrt_inner = root(std::mem::take(&mut inner_counts[bin][i]));
+                model_inner[i] += self.sqrt_model[bin] * sqrt_inner;
+                outer_inner[i] += root(outer_counts[bin][i]) * sqrt_inner;
+            }
         }
-        for &bin in outer {
-            outer_counts[usize::from(bin)] = 0;
+        for bins in outer {
+            for i in 0..ABREAST {
+                outer_counts[usize::from(bins[i])][i] = 0;
+            }
         }
-        if 2 * inner_count < points || 2 * outer_count < points {
-            return self.settings.background_log_likelihood() as f32;
-        }
-        let sqrt_inner = self.square_roots[inner_count];
-        let model_inner = model_inner / sqrt_inner;
-        let outer_inner = outer_inner / (sqrt_inner * self.square_roots[outer_count]);
-        self.settings
-            .log_likelihood(f64::from(model_inner), f64::from(outer_inner)) as f32
+        std::array::from_fn(|i| {
+            if 2 * inner_seen[i] < points || 2 * outer_seen[i] < points {
+                return self.settings.background_log_likelihood() as f32;
+            }
+            let sqrt_inner = self.square_roots[inner_seen[i]];
+            let model_inner = model_inner[i] / sqrt_inner;
+            let outer_inner = outer_inner[i] / (sqrt_inner * self.square_roots[outer_seen[i]]);
+            self.settings
+                .log_likelihood(f64::from(model_inner), f64::from(outer_inner)) as f32
+        })
     }
 }
 
@@ -421,6 +441,7 @@ impl Projector {
         radius: f32,
         outline: SphereOutline,
         angles: &[(f32, f32)],
+        stride: u32,
         pixels: &mut [[u32; LANES]],
     ) {
         let mut center = [[0_f32; LANES]; 3];
@@ -450,7 +471,7 @@ impl Projector {
                 let at = |i: usize| center[i][lane] + cos * a[i][lane] + sin * b[i][lane];
                 let ([u, v], valid) = model.project([at(0), at(1), at(2)]);
                 let inside = (u > -0.5) & (u < self.last_u_px) & (v > -0.5) & (v < self.last_v_px);
-                let pixel = (rounded(v) << 16) | rounded(u);
+                let pixel = rounded(v) * stride + rounded(u);
                 pixels[lane] = if valid & inside & outside[lane] {
                     pixel
                 } else {
