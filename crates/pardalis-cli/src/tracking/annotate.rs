@@ -1,5 +1,6 @@
 //! Annotated frames: what was estimated, drawn over the image it was estimated from.
 
+use std::collections::VecDeque;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -16,6 +17,8 @@ use crate::fault::fault;
 
 /// Particles shown at most: more would hide the target.
 const MAX_DOTS: usize = 300;
+/// Positions of the past that are drawn as a trail.
+const TRAIL: usize = 50;
 /// Points of a drawn contour.
 const CONTOUR_POINTS: usize = 72;
 
@@ -25,6 +28,8 @@ pub(crate) struct Annotator {
     /// The folder of each camera.
     camera_folders: Vec<PathBuf>,
     targets: Vec<TargetConfig>,
+    /// The last positions of each target; nothing where there was no estimate.
+    trails: Vec<VecDeque<Option<[f64; 3]>>>,
 }
 
 impl Annotator {
@@ -50,6 +55,7 @@ impl Annotator {
             folder,
             camera_folders,
             targets: scene.targets.clone(),
+            trails: vec![VecDeque::new(); scene.targets.len()],
         })
     }
 
@@ -58,10 +64,19 @@ impl Annotator {
         &self.folder
     }
 
-    /// The cloud, the contours of the best particle in white and those of the mean in black, as the paper draws them.
+    /// The trail of each target, its cloud, the contours of the best particle in white and those of the mean in black, as the paper draws them.
     fn marks(&self, instant: &Instant, view: &View) -> Vec<Mark> {
         let mut marks = Vec::new();
         for (number, estimate) in instant.estimates.iter().enumerate() {
+            let points_px = self.trails[number]
+                .iter()
+                .map(|p| p.and_then(|p| pixel_of(view, p)))
+                .collect();
+            marks.push(Mark {
+                shape: Shape::Line,
+                points_px,
+                color: PALETTE[number % PALETTE.len()],
+            });
             let Some(kinematics) = &estimate.kinematics else {
                 continue;
             };
@@ -136,6 +151,12 @@ fn pixel_of(view: &View, position_m: [f64; 3]) -> Option<[f64; 2]> {
 
 impl Sink for Annotator {
     fn take(&mut self, instant: &Instant) -> Result<()> {
+        for (trail, estimate) in self.trails.iter_mut().zip(instant.estimates) {
+            trail.push_back(estimate.kinematics.map(|k| k.position_m));
+            if trail.len() > TRAIL {
+                trail.pop_front();
+            }
+        }
         for (camera, frame) in instant.frames {
             let view = &instant.tracker.views()[*camera];
             let first_position_m = instant

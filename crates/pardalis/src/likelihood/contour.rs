@@ -264,7 +264,13 @@ impl ContourCue {
         out: &mut [f32],
         scratch: &mut Scratch,
     ) {
-        let projector = Projector::new(evidence.view());
+        let (width, _) = evidence.view().size();
+        let stride = if self.binned.is_empty() {
+            COORDINATES_STRIDE
+        } else {
+            width as u32
+        };
+        let projector = Projector::new(evidence.view(), stride);
         let table = evidence.table(self.palette);
         let no_bin = self.palette.bin_count() as u16;
         for start in (0..out.len()).step_by(LANES) {
@@ -273,17 +279,10 @@ impl ContourCue {
             for (center, column) in centers.iter_mut().zip([x, y, z]) {
                 center[..lanes].copy_from_slice(&column[start..start + lanes]);
             }
+            self.find_pixels(evidence.view(), &projector, &centers, &mut scratch.pixels);
             let out = &mut out[start..start + lanes];
-            let pixels = &mut scratch.pixels;
             if self.binned.is_empty() {
-                self.find_pixels(
-                    evidence.view(),
-                    &projector,
-                    COORDINATES_STRIDE,
-                    &centers,
-                    pixels,
-                );
-                Self::close_masked(evidence.view(), pixels);
+                Self::close_masked(evidence.view(), &mut scratch.pixels);
                 with_pixels!(evidence.frame(), components => {
                     let bin_at = |pixel: u32| {
                         let (x, y) = (pixel % COORDINATES_STRIDE, pixel / COORDINATES_STRIDE);
@@ -292,8 +291,6 @@ impl ContourCue {
                     self.add_block(bin_at, out, scratch);
                 });
             } else {
-                let (width, _) = evidence.view().size();
-                self.find_pixels(evidence.view(), &projector, width as u32, &centers, pixels);
                 // NO_PIXEL lies beyond every image.
                 let bin_at =
                     |pixel: u32| self.binned.get(pixel as usize).copied().unwrap_or(no_bin);
@@ -307,7 +304,6 @@ impl ContourCue {
         &self,
         view: &View,
         projector: &Projector,
-        stride: u32,
         centers: &[[f32; LANES]; 3],
         pixels: &mut [[u32; LANES]],
     ) {
@@ -319,7 +315,7 @@ impl ContourCue {
                 let radius = (scale * sphere.radius_m) as f32;
                 self.level.run(
                     #[inline(always)]
-                    || projector.project_circles(&model, centers, radius, sphere.outline, &self.angles, stride, pixels),
+                    || projector.project_circles(&model, centers, radius, sphere.outline, &self.angles, pixels),
                 );
             }
         });
@@ -418,10 +414,12 @@ struct Projector {
     /// Pixels up to these coordinates lie in the image.
     last_u_px: f32,
     last_v_px: f32,
+    /// Rows apart in the number of a pixel.
+    stride: u32,
 }
 
 impl Projector {
-    fn new(view: &View) -> Self {
+    fn new(view: &View, stride: u32) -> Self {
         let pose = view.camera_from_world();
         let (width, height) = view.size();
         Self {
@@ -429,6 +427,7 @@ impl Projector {
             translation: [0, 1, 2].map(|i| pose.translation.vector[i] as f32),
             last_u_px: width as f32 - 0.5,
             last_v_px: height as f32 - 0.5,
+            stride,
         }
     }
 
@@ -441,7 +440,6 @@ impl Projector {
         radius: f32,
         outline: SphereOutline,
         angles: &[(f32, f32)],
-        stride: u32,
         pixels: &mut [[u32; LANES]],
     ) {
         let mut center = [[0_f32; LANES]; 3];
@@ -471,7 +469,7 @@ impl Projector {
                 let at = |i: usize| center[i][lane] + cos * a[i][lane] + sin * b[i][lane];
                 let ([u, v], valid) = model.project([at(0), at(1), at(2)]);
                 let inside = (u > -0.5) & (u < self.last_u_px) & (v > -0.5) & (v < self.last_v_px);
-                let pixel = rounded(v) * stride + rounded(u);
+                let pixel = rounded(v) * self.stride + rounded(u);
                 pixels[lane] = if valid & inside & outside[lane] {
                     pixel
                 } else {
