@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use pardalis::color::YuvEncoding;
 use pardalis::{Frame, PixelFormat};
 use serde::Serialize;
@@ -169,13 +169,15 @@ impl Source {
         let (width, height) = description.size_px;
         let format = description.pixel_format;
         let encoding = description.encoding.unwrap_or_default();
+        let input = description.input.clone();
         let thread = std::thread::spawn(move || {
             loop {
                 let watch = Stopwatch::start();
                 let Some(pixels) = pixels.next() else { break };
                 let frame = pixels.and_then(|TimedBytes { bytes, time_s }| {
                     let time_s = time_s + time_offset_s;
-                    Ok(Frame::new(format, encoding, width, height, bytes, time_s)?)
+                    Frame::new(format, encoding, width, height, bytes, time_s)
+                        .with_context(|| input.clone())
                 });
                 let failed = frame.is_err();
                 // Nobody receives any more: the source was dropped.

@@ -111,7 +111,7 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
         }
     });
     let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
-    let mut rows = Rows::create(&options.output, &names)?;
+    let mut rows = Rows::create(&options.output, names.clone())?;
     let mut annotator = match &options.output {
         Output::Folder(folder) if options.annotate => Some(Annotator::create(folder, &open.scene)?),
         _ => None,
