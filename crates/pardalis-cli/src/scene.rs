@@ -50,10 +50,8 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
     let bytes = fs::read(path).map_err(unreadable)?;
     String::from_utf8(bytes).map_err(|error| {
         let line = error.as_bytes()[..error.utf8_error().valid_up_to()]
-            .iter()
-            .filter(|&&b| b == b'\n')
-            .count()
-            + 1;
+            .split(|&byte| byte == b'\n')
+            .count();
         fault!("{name}: line {line}: is no UTF-8 text; save the file as UTF-8")
     })
 }
@@ -152,7 +150,6 @@ fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> 
             let has_times = images_folder.join("times.csv").is_file();
             let timing = match (fps, has_times) {
                 (Some(fps), false) => Timing::Fps(*fps),
-                (None, true) => Timing::TimesFile,
                 (Some(_), true) => {
                     return Err(images.problem(format!(
                         "{} holds times.csv, and the scene gives fps; keep one of them",
@@ -165,8 +162,8 @@ fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> 
                         images_folder.display()
                     )));
                 }
-                // Opening it says what is wrong with the folder.
-                (None, false) => Timing::TimesFile,
+                // Where there is no folder, opening it says so.
+                (None, _) => Timing::TimesFile,
             };
             (
                 SourceKind::Images {

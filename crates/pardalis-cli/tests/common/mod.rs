@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The orange ball of data/dioptric-jump.
-pub const BALL_COLORS: &str = r#"format = "pardalis color model 1"
+pub(crate) const BALL_COLORS: &str = r#"format = "pardalis color model 1"
 pixel_count = 1553
 image_count = 6
 bins = [
@@ -29,7 +29,7 @@ intensity_bins = 4
 "#;
 
 /// A scene that tracks the ball through the images in `images`, beside which the colours lie in ball.toml. Line numbers count in tests.
-pub const SCENE: &str = r#"seed = 1
+pub(crate) const SCENE: &str = r#"seed = 1
 [cameras.cam1]
 images = "images"
 fps = 25
@@ -48,30 +48,33 @@ position_sigma_m = 0.1
 "#;
 
 /// The first line of every tracks.csv.
-pub const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
+pub(crate) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
                           xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence";
 
 /// The scene with a piece of it replaced, which must be there.
-pub fn scene_with(piece: &str, other: &str) -> String {
+pub(crate) fn scene_with(piece: &str, other: &str) -> String {
     assert!(SCENE.contains(piece), "{piece}");
     SCENE.replace(piece, other)
 }
 
+/// The folder data/dioptric-jump.
+pub(crate) fn data() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/dioptric-jump")
+}
+
 /// A frame of data/dioptric-jump.
-pub fn frame_file(number: usize) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../data/dioptric-jump/frames")
-        .join(format!("{number:06}.jpg"))
+pub(crate) fn frame_file(number: usize) -> PathBuf {
+    data().join(format!("frames/{number:06}.jpg"))
 }
 
 /// A folder for the files of one test, with the ball's colours and a folder of images.
-pub struct Workplace {
+pub(crate) struct Workplace {
     folder: tempfile::TempDir,
 }
 
 impl Workplace {
     /// With the first frames of data/dioptric-jump.
-    pub fn with_frames(count: usize) -> Self {
+    pub(crate) fn with_frames(count: usize) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let place = Self { folder };
         fs::create_dir(place.path("images")).unwrap();
@@ -83,22 +86,22 @@ impl Workplace {
     }
 
     /// A file in the folder.
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
     /// An image that is tracked.
-    pub fn image(&self, number: usize) -> PathBuf {
+    pub(crate) fn image(&self, number: usize) -> PathBuf {
         self.path(&format!("images/{number:06}.jpg"))
     }
 
     /// Writes a file.
-    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         fs::write(self.path(name), content).unwrap();
     }
 
     /// `pardalis track scene.toml` in the folder, still to be run.
-    pub fn command(&self, scene: impl AsRef<[u8]>, arguments: &[&str]) -> Command {
+    pub(crate) fn command(&self, scene: impl AsRef<[u8]>, arguments: &[&str]) -> Command {
         self.write("scene.toml", scene);
         let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
         command
@@ -109,23 +112,23 @@ impl Workplace {
     }
 
     /// Runs the program on a scene, results into the folder `out`, without plots.
-    pub fn track(&self, scene: impl AsRef<[u8]>) -> Run {
+    pub(crate) fn track(&self, scene: impl AsRef<[u8]>) -> Run {
         self.track_with(scene, &["-o", "out", "--no-plots"])
     }
 
     /// Runs the program on a scene.
-    pub fn track_with(&self, scene: impl AsRef<[u8]>, arguments: &[&str]) -> Run {
+    pub(crate) fn track_with(&self, scene: impl AsRef<[u8]>, arguments: &[&str]) -> Run {
         Run::of(&mut self.command(scene, arguments))
     }
 
     /// The rows of out/tracks.csv as their fields; checks that header and rows are whole.
-    pub fn rows(&self) -> Vec<Vec<String>> {
+    pub(crate) fn rows(&self) -> Vec<Vec<String>> {
         rows_in(&fs::read_to_string(self.path("out/tracks.csv")).unwrap())
     }
 }
 
 /// The rows of a tracks.csv as their fields; checks that header and rows are whole.
-pub fn rows_in(text: &str) -> Vec<Vec<String>> {
+pub(crate) fn rows_in(text: &str) -> Vec<Vec<String>> {
     assert!(text.ends_with('\n'), "the last row is not whole: {text}");
     let mut lines = text.lines();
     assert_eq!(lines.next(), Some(HEADER));
@@ -139,15 +142,15 @@ pub fn rows_in(text: &str) -> Vec<Vec<String>> {
 }
 
 /// What became of a run.
-pub struct Run {
-    pub code: Option<i32>,
-    pub stdout: String,
-    pub stderr: String,
+pub(crate) struct Run {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
 }
 
 impl Run {
     /// Runs a command to its end. Whatever happens, the program must not panic.
-    pub fn of(command: &mut Command) -> Self {
+    pub(crate) fn of(command: &mut Command) -> Self {
         let output = command.output().unwrap();
         let run = Self {
             code: output.status.code(),
@@ -160,8 +163,20 @@ impl Run {
 
     /// Checks that the run was fine and said nothing on standard error.
     #[track_caller]
-    pub fn fine(self) -> Self {
+    pub(crate) fn fine(self) -> Self {
         assert_eq!((self.code, &*self.stderr), (Some(0), ""));
         self
+    }
+
+    /// Checks that the user's input was refused with a message that holds all of `wanted`.
+    #[track_caller]
+    pub(crate) fn refused(&self, wanted: &[&str]) {
+        assert_eq!(self.code, Some(2), "{}", self.stderr);
+        assert!(self.stderr.starts_with("error: "), "{}", self.stderr);
+        assert_eq!(self.stdout, "");
+        for wanted in wanted {
+            let said = self.stderr.contains(wanted);
+            assert!(said, "no {wanted:?} in: {}", self.stderr);
+        }
     }
 }

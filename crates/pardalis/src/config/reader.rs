@@ -530,14 +530,13 @@ impl<'a, 't> Table<'a, 't> {
                 .map(|k| (distance(name, k), *k))
                 .min()
                 .filter(|&(d, k)| d <= 1 + k.len() / 4);
-            let hint = match near {
-                Some((_, near)) => format!("did you mean {near}?"),
-                None => {
-                    let mut sorted: Vec<_> = known.clone();
-                    sorted.sort_unstable();
-                    sorted.dedup();
-                    format!("allowed here: {}", sorted.join(", "))
-                }
+            let hint = if let Some((_, near)) = near {
+                format!("did you mean {near}?")
+            } else {
+                let mut sorted: Vec<_> = known.clone();
+                sorted.sort_unstable();
+                sorted.dedup();
+                format!("allowed here: {}", sorted.join(", "))
             };
             self.journal.add(
                 key.span().start,
