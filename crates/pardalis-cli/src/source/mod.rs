@@ -11,11 +11,12 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use pardalis::color::YuvEncoding;
 use pardalis::{Frame, PixelFormat};
 use serde::Serialize;
 
+use crate::fault::fault;
 use crate::timing::Stopwatch;
 use ffmpeg::{Process, Programs};
 use images::ImageFrames;
@@ -176,8 +177,9 @@ impl Source {
                 let Some(pixels) = pixels.next() else { break };
                 let frame = pixels.and_then(|TimedBytes { bytes, time_s }| {
                     let time_s = time_s + time_offset_s;
-                    Frame::new(format, encoding, width, height, bytes, time_s)
-                        .with_context(|| input.clone())
+                    Frame::new(format, encoding, width, height, bytes, time_s).map_err(|error| {
+                        fault!("{input}: {error}; check the frames and the settings of their times")
+                    })
                 });
                 let failed = frame.is_err();
                 // Nobody receives any more: the source was dropped.
