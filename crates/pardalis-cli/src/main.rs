@@ -3,6 +3,7 @@
 mod commands;
 mod draw;
 mod fault;
+mod files;
 mod scene;
 mod source;
 mod tables;
@@ -15,25 +16,40 @@ use clap::{Parser, Subcommand};
 
 /// Tracks coloured objects in 3D from images, videos and cameras.
 #[derive(Parser)]
-#[command(version, about)]
+#[command(version, about, arg_required_else_help = true)]
+#[command(after_help = "Start with:
+  pardalis demo                                   tracks the bundled sequence
+  pardalis learn --image a.jpg --rect 10,20,30,40 -o ball.colors.toml
+  pardalis init images --fps 25 --colors ball.colors.toml --pixel 460,88
+  pardalis track scene.toml --annotate
+
+Exit codes: 0 done; 2 the input or the usage is at fault; 1 anything else.")]
 struct Arguments {
     #[command(subcommand)]
-    command: Option<Command>,
+    command: Command,
 }
 
 /// One variant a command, each in its own file under `commands/`.
 #[derive(Subcommand)]
 enum Command {
+    Demo(commands::demo::Arguments),
+    Init(commands::init::Arguments),
+    Learn(commands::learn::Arguments),
     Track(commands::track::Arguments),
     Evaluate(commands::evaluate::Arguments),
+    Measure(commands::measure::Arguments),
+    Report(commands::report::Arguments),
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
-    let outcome = match arguments.command {
-        None => Err(fault::fault!("no command given; see pardalis --help")),
-        Some(Command::Track(arguments)) => commands::track::run(&arguments),
-        Some(Command::Evaluate(arguments)) => commands::evaluate::run(&arguments),
+    let outcome = match Arguments::parse().command {
+        Command::Demo(arguments) => commands::demo::run(&arguments),
+        Command::Init(arguments) => commands::init::run(&arguments),
+        Command::Learn(arguments) => commands::learn::run(&arguments),
+        Command::Track(arguments) => commands::track::run(&arguments),
+        Command::Evaluate(arguments) => commands::evaluate::run(&arguments),
+        Command::Measure(arguments) => commands::measure::run(&arguments),
+        Command::Report(arguments) => commands::report::run(&arguments),
     };
     fault::exit_code_of(&outcome)
 }

@@ -286,14 +286,17 @@ impl Filter {
             let drift = velocities.map_or(0.0, |v| f64::from(columns[v[axis]][i]) * ahead_s);
             f64::from(columns[axis][i]) + drift
         };
-        let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
-            self.weights
-                .iter()
-                .enumerate()
-                .map(|(i, w)| w * value(i))
-                .sum()
-        };
-        let position_m = [0, 1, 2].map(|axis| mean(&|i| position(axis, i)));
+        let (mut position_m, mut velocity_mps) = ([0.0; 3], [0.0; 3]);
+        for (i, w) in self.weights.iter().enumerate() {
+            for axis in 0..3 {
+                position_m[axis] += w * position(axis, i);
+            }
+            if let Some(velocities) = velocities {
+                for axis in 0..3 {
+                    velocity_mps[axis] += w * f64::from(columns[velocities[axis]][i]);
+                }
+            }
+        }
         let mut covariance_m2 = [0.0; 6];
         for (i, w) in self.weights.iter().enumerate() {
             let [dx, dy, dz] = [0, 1, 2].map(|axis| position(axis, i) - position_m[axis]);
@@ -317,8 +320,7 @@ impl Filter {
             .unwrap_or(0);
         StateEstimate {
             position_m,
-            velocity_mps: velocities
-                .map(|v| v.map(|column| mean(&|i| f64::from(columns[column][i])))),
+            velocity_mps: velocities.map(|_| velocity_mps),
             covariance_m2,
             best_position_m: [0, 1, 2].map(|axis| position(axis, best)),
             effective_sample_size: self.effective_sample_size(),

@@ -24,6 +24,7 @@ pub mod likelihood;
 pub mod motion;
 pub mod particles;
 pub mod real;
+pub mod reference;
 pub mod resample;
 pub mod rig;
 pub mod rng;

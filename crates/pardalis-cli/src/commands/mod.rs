@@ -1,4 +1,9 @@
 //! The commands, one file or folder each.
 
+pub(crate) mod demo;
 pub(crate) mod evaluate;
+pub(crate) mod init;
+pub(crate) mod learn;
+pub(crate) mod measure;
+pub(crate) mod report;
 pub(crate) mod track;

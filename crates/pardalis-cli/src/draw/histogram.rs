@@ -25,10 +25,11 @@ pub(crate) struct ColorBin {
 pub(crate) struct ColorModelPlot {
     /// In any order; the most frequent are drawn.
     pub(crate) bins: Vec<ColorBin>,
-    /// Scores of the object's labelled pixels; infinite ones count at the ends of the axis.
-    pub(crate) object_log_odds: Vec<f64>,
-    /// Scores of the background's labelled pixels.
-    pub(crate) background_log_odds: Vec<f64>,
+    /// Scores of the object's labelled pixels, with the number of pixels of each; infinite ones count at the ends of
+    /// the axis.
+    pub(crate) object_log_odds: Vec<(f64, u64)>,
+    /// Scores of the background's pixels.
+    pub(crate) background_log_odds: Vec<(f64, u64)>,
     /// Pixels that score higher are taken for the object's.
     pub(crate) threshold: f64,
 }
@@ -64,12 +65,16 @@ fn draw_bars(area: &Area<'_>, bins: &[ColorBin]) -> anyhow::Result<()> {
         .filter(|b| b.share.is_finite() && b.share > 0.0)
         .collect();
     bins.sort_by(|a, b| b.share.total_cmp(&a.share));
+    let in_use = bins.len();
     bins.truncate(MAX_BARS);
     let title = text_style(14.0, HPos::Left);
     let Some(largest) = bins.first().map(|bin| bin.share) else {
         return write_text(area, "The histogram is empty", [12.0, 20.0], &title);
     };
-    let title_text = format!("Most frequent colours ({})", bins.len());
+    let title_text = match bins.len() {
+        all if all == in_use => format!("Colours, the most frequent first ({all})"),
+        shown => format!("The {shown} most frequent of {in_use} colours"),
+    };
     write_text(area, &title_text, [12.0, 20.0], &title)?;
     let row_px = (SIZE_PX[1] - TITLE_PX - TOP_PX) / MAX_BARS as f64;
     for (row, bin) in bins.iter().enumerate() {
@@ -99,11 +104,11 @@ fn draw_scores(area: &Area<'_>, plot: &ColorModelPlot) -> anyhow::Result<()> {
     let (title, area) = area.split_vertically(units(TITLE_PX));
     let keys = [
         (
-            format!("object: {} pixels", plot.object_log_odds.len()),
+            format!("object: {} pixels", pixels(&plot.object_log_odds)),
             OBJECT,
         ),
         (
-            format!("background: {} pixels", plot.background_log_odds.len()),
+            format!("background: {} pixels", pixels(&plot.background_log_odds)),
             BACKGROUND,
         ),
     ];
@@ -125,9 +130,10 @@ fn draw_scores(area: &Area<'_>, plot: &ColorModelPlot) -> anyhow::Result<()> {
 
     let scores = plot.object_log_odds.iter().chain(&plot.background_log_odds);
     let shown = scores
-        .chain([&plot.threshold])
-        .copied()
-        .filter(|s| s.abs() < 1e6);
+        .filter(|(_, pixels)| *pixels > 0)
+        .map(|(score, _)| *score)
+        .chain([plot.threshold])
+        .filter(|score| score.abs() < 1e6);
     let range = padded(extent(shown), 1.0);
     let outlines = [
         outline(&plot.background_log_odds, &range),
@@ -174,22 +180,25 @@ fn draw_scores(area: &Area<'_>, plot: &ColorModelPlot) -> anyhow::Result<()> {
     Ok(())
 }
 
+fn pixels(scores: &[(f64, u64)]) -> u64 {
+    scores.iter().map(|(_, pixels)| pixels).sum()
+}
+
 /// The outline of the distribution of scores over the range, in percent a class; empty without scores.
-fn outline(scores: &[f64], range: &std::ops::Range<f64>) -> Vec<(f64, f64)> {
+fn outline(scores: &[(f64, u64)], range: &std::ops::Range<f64>) -> Vec<(f64, f64)> {
     let width = (range.end - range.start) / CLASSES as f64;
-    let mut counts = [0_u32; CLASSES];
-    let scores = scores.iter().filter(|s| !s.is_nan());
-    for score in scores.clone() {
+    let mut counts = [0; CLASSES];
+    for (score, pixels) in scores.iter().filter(|(score, _)| !score.is_nan()) {
         let class = ((score - range.start) / width).clamp(0.0, CLASSES as f64 - 1.0);
-        counts[class as usize] += 1;
+        counts[class as usize] += pixels;
     }
-    let total = scores.count();
+    let total: u64 = counts.iter().sum();
     if total == 0 {
         return Vec::new();
     }
     let mut outline = vec![(range.start, 0.0)];
     for (class, count) in counts.iter().enumerate() {
-        let percent = 100.0 * f64::from(*count) / total as f64;
+        let percent = 100.0 * *count as f64 / total as f64;
         let left = range.start + width * class as f64;
         outline.extend([(left, percent), (left + width, percent)]);
     }

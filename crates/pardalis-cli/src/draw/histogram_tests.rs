@@ -10,10 +10,10 @@ fn plot() -> ColorModelPlot {
     let spread = |centre: f64, count: u32| {
         let score =
             move |i: u32| centre + 2.0 * (f64::from(i) * 0.7).sin() + (f64::from(i) * 1.3).cos();
-        (0..count).map(score).collect::<Vec<_>>()
+        (0..count).map(|i| (score(i), 1)).collect::<Vec<_>>()
     };
     let mut background_log_odds = spread(-4.0, 5000);
-    background_log_odds.push(f64::NEG_INFINITY);
+    background_log_odds.push((f64::NEG_INFINITY, 1));
     ColorModelPlot {
         bins: bins.collect(),
         object_log_odds: spread(3.0, 900),
@@ -52,8 +52,8 @@ fn degenerate_models_are_drawn() {
                 share,
             })
             .to_vec(),
-        object_log_odds: vec![f64::INFINITY, f64::NAN, 1e300],
-        background_log_odds: vec![2.0; 10],
+        object_log_odds: vec![(f64::INFINITY, 1), (f64::NAN, 2), (1e300, 1)],
+        background_log_odds: vec![(2.0, 10), (f64::MAX, 0)],
         threshold: f64::INFINITY,
     };
     for plot in [empty, odd] {
@@ -65,7 +65,14 @@ fn degenerate_models_are_drawn() {
 
 #[test]
 fn the_outline_counts_every_score_once() {
-    let scores = [f64::NEG_INFINITY, -5.0, 0.0, 5.0, f64::INFINITY, f64::NAN];
+    let scores = [
+        (f64::NEG_INFINITY, 1),
+        (-5.0, 1),
+        (0.0, 1),
+        (5.0, 1),
+        (f64::INFINITY, 1),
+        (f64::NAN, 7),
+    ];
     let outline = outline(&scores, &(-5.0..5.0));
     let tops = outline[1..outline.len() - 1]
         .chunks(2)

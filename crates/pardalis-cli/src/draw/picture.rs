@@ -7,9 +7,10 @@ use jpeg_encoder::{ColorType, Encoder};
 use pardalis::Frame;
 use resvg::tiny_skia::{Color, Pixmap, Transform};
 
-use super::svg::{FONT_FAMILY, parsed, write_file};
+use super::svg::{FONT_FAMILY, parsed};
 use super::{Rgb, shortened};
 use crate::fault::fault;
+use crate::files::write_file;
 
 const JPEG_QUALITY: u8 = 90;
 

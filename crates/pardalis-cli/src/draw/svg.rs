@@ -1,6 +1,5 @@
 //! Drawing as SVG, and rendering SVG with the bundled font.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
@@ -11,7 +10,7 @@ use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg;
 
 use super::{INK, Rgb, shortened};
-use crate::fault::fault;
+use crate::files::write_file;
 
 /// Latin-1, Greek and some mathematical signs. Its licence lies beside it.
 static FONT: &[u8] = include_bytes!("../../assets/DejaVuSans-subset.ttf");
@@ -109,16 +108,6 @@ pub(super) fn write_svg_and_png(
     write_file(&svg_path, document.as_bytes())?;
     write_file(&png_path, &png)?;
     Ok([svg_path, png_path])
-}
-
-/// Writes a file, naming it where that fails.
-pub(super) fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    fs::write(path, bytes).map_err(|error| {
-        fault!(
-            "{}: cannot be written ({error}); give a folder that exists and may be written to",
-            path.display()
-        )
-    })
 }
 
 /// Parses a document; its text can only be in the bundled font.

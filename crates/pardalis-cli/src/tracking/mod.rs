@@ -105,7 +105,7 @@ pub(crate) struct Run {
 /// Tracks a scene. What was written stays, whatever ends the run; an error that ended it is given back after all files are complete.
 pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
     let mut open = scene::open(scene_path, options.seed)?;
-    // A second Ctrl-C is not caught: the first handler stays installed by whoever came first.
+    // The second Ctrl-C ends the program at once. Experiments track many times: the handler of the first time stays.
     let _ = ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::SeqCst) {
             std::process::exit(1);

@@ -40,6 +40,11 @@ impl SeriesCollector {
         }
     }
 
+    /// Adds the tracks of another run, to be drawn over these.
+    pub(crate) fn append(&mut self, other: Self) {
+        self.tracks.extend(other.tracks);
+    }
+
     /// The rows in each state, a target each.
     pub(crate) fn states(&self) -> &[StateCounts] {
         &self.states

@@ -1,13 +1,12 @@
 //! summary.json: what was run, with which settings, and how it went.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use serde_json::{Map, Value, json};
 
 use super::{Outcome, SeriesCollector};
-use crate::fault::fault;
+use crate::files::write_file;
 use crate::scene::OpenScene;
 
 /// Writes the summary beside the rows.
@@ -60,11 +59,7 @@ pub(crate) fn write(
         "settings": open.scene.resolved,
     });
     let path = folder.join("summary.json");
-    fs::write(&path, serde_json::to_string_pretty(&summary)? + "\n").map_err(|error| {
-        fault!(
-            "{}: {error}; give a folder that can be written",
-            path.display()
-        )
-    })?;
+    let text = serde_json::to_string_pretty(&summary)? + "\n";
+    write_file(&path, text.as_bytes())?;
     Ok(path)
 }

@@ -270,7 +270,11 @@ pub struct Separation {
 }
 
 impl Separation {
-    fn of(object: &[u64], background: &[u64]) -> Self {
+    /// Compares the pixels of a target with others, counted in the bins of one palette.
+    ///
+    /// Panics when the numbers of bins differ.
+    pub fn of(object: &[u64], background: &[u64]) -> Self {
+        assert_eq!(object.len(), background.len(), "counts of one palette");
         let total = |counts: &[u64]| counts.iter().sum::<u64>().max(1) as f64;
         let (object_total, background_total) = (total(object), total(background));
         let share =

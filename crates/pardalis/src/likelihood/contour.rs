@@ -90,12 +90,10 @@ pub struct ContourCue {
     settings: ContourSettings,
     shape: Shape,
     palette: Palette,
-    /// √h of the colour model.
+    /// √h of the colour model, and 0 for the bin of points without a pixel.
     sqrt_model: Vec<f32>,
-    /// √(n+1) − √n for n up to the number of points.
-    sqrt_steps: Vec<f32>,
-    /// 1/√n likewise; 0 for n = 0.
-    inverse_sqrts: Vec<f32>,
+    /// √n for n up to the number of points.
+    square_roots: Vec<f32>,
     /// Cosine and sine of each contour point's angle.
     angles: Vec<(f32, f32)>,
     scratch: Vec<Scratch>,
@@ -107,10 +105,11 @@ pub struct ContourCue {
 struct Scratch {
     /// Pixels of the inner contours, then of the outer: `y << 16 | x` or [`NO_PIXEL`], point by point, a lane a particle.
     pixels: Vec<[u32; LANES]>,
-    /// Bins of one particle's valid inner points, then of its outer.
+    /// Bins of one particle's inner points, then of its outer.
     bins: Vec<u16>,
-    /// Inner and outer counts of each bin; all zero between particles.
-    counts: Vec<[u16; 2]>,
+    /// Points in each bin; all zero between particles. The bin after the palette's holds the points without a pixel.
+    inner_counts: Vec<u16>,
+    outer_counts: Vec<u16>,
 }
 
 impl ContourCue {
@@ -123,7 +122,6 @@ impl ContourCue {
     ) -> Result<Self, Error> {
         settings.check()?;
         let points = settings.points;
-        let sqrt = |n: usize| (n as f64).sqrt();
         Ok(Self {
             settings,
             shape,
@@ -133,13 +131,9 @@ impl ContourCue {
                 .shares()
                 .iter()
                 .map(|h| h.sqrt() as f32)
+                .chain([0.0])
                 .collect(),
-            sqrt_steps: (0..points)
-                .map(|n| (sqrt(n + 1) - sqrt(n)) as f32)
-                .collect(),
-            inverse_sqrts: (0..=points)
-                .map(|n| if n == 0 { 0.0 } else { (1.0 / sqrt(n)) as f32 })
-                .collect(),
+            square_roots: (0..=points).map(|n| (n as f64).sqrt() as f32).collect(),
             angles: (0..points)
                 .map(|k| {
                     let (sin, cos) = libm::sincos(k as f64 / points as f64 * std::f64::consts::TAU);
@@ -202,7 +196,8 @@ impl ContourCue {
             let empty = Scratch {
                 pixels: vec![[NO_PIXEL; LANES]; 2 * self.settings.points],
                 bins: vec![0; 2 * self.settings.points],
-                counts: vec![[0; 2]; self.palette.bin_count()],
+                inner_counts: vec![0; self.palette.bin_count() + 1],
+                outer_counts: vec![0; self.palette.bin_count() + 1],
             };
             self.scratch.resize(chunks, empty);
         }
@@ -289,64 +284,70 @@ impl ContourCue {
         out: &mut [f32],
         scratch: &mut Scratch,
     ) {
-        let points = self.settings.points;
         let Scratch {
             pixels,
             bins,
-            counts,
+            inner_counts,
+            outer_counts,
         } = scratch;
-        let (inner_pixels, outer_pixels) = pixels.split_at(points);
+        let no_bin = self.palette.bin_count() as u16;
+        let (inner_pixels, outer_pixels) = pixels.split_at(self.settings.points);
+        let (inner, outer) = bins.split_at_mut(self.settings.points);
         for (lane, out) in out.iter_mut().enumerate() {
-            let (inner, outer) = bins.split_at_mut(points);
-            let look_up = |pixels: &[[u32; LANES]], bins: &mut [u16]| {
-                let mut count = 0;
-                for pixel in pixels {
-                    let pixel = pixel[lane];
-                    if pixel != NO_PIXEL {
-                        bins[count] = bin_at((pixel & 0xffff) as usize, (pixel >> 16) as usize);
-                        count += 1;
-                    }
+            let look_up = |pixel: u32| {
+                if pixel == NO_PIXEL {
+                    no_bin
+                } else {
+                    bin_at((pixel & 0xffff) as usize, (pixel >> 16) as usize)
                 }
-                count
             };
-            let inner_count = look_up(inner_pixels, inner);
-            let outer_count = look_up(outer_pixels, outer);
-            let seen = 2 * inner_count >= points && 2 * outer_count >= points;
-            *out += if seen {
-                self.log_likelihood(&inner[..inner_count], &outer[..outer_count], counts)
-            } else {
-                self.settings.background_log_likelihood() as f32
-            };
+            for (pixel, bin) in inner_pixels.iter().zip(&mut *inner) {
+                *bin = look_up(pixel[lane]);
+            }
+            for (pixel, bin) in outer_pixels.iter().zip(&mut *outer) {
+                *bin = look_up(pixel[lane]);
+            }
+            *out += self.log_likelihood(inner, outer, inner_counts, outer_counts);
         }
     }
 
-    /// The log-likelihood of the bins along both contours; neither is empty. `counts` is all zero before and after.
+    /// The log-likelihood of the counted bins along both contours, one for each point. Leaves all counts zero.
     ///
-    /// Both similarities grow by √(n+1) − √n with each point that falls into a bin of n, so that no histogram is ever walked over.
+    /// Both similarities are sums over the bins of inner points, and each bin is taken at the first of its points: no histogram is ever
+    /// walked over.
     #[inline(always)]
-    fn log_likelihood(&self, inner: &[u16], outer: &[u16], counts: &mut [[u16; 2]]) -> f32 {
-        let mut model_inner = 0_f32;
+    fn log_likelihood(
+        &self,
+        inner: &[u16],
+        outer: &[u16],
+        inner_counts: &mut [u16],
+        outer_counts: &mut [u16],
+    ) -> f32 {
+        let points = self.settings.points;
+        let no_bin = self.palette.bin_count();
+        for (&a, &b) in inner.iter().zip(outer) {
+            inner_counts[usize::from(a)] += 1;
+            outer_counts[usize::from(b)] += 1;
+        }
+        let inner_count = points - usize::from(std::mem::take(&mut inner_counts[no_bin]));
+        let outer_count = points - usize::from(outer_counts[no_bin]);
+        let root = |n: u16| self.square_roots[usize::from(n)];
+        let (mut model_inner, mut outer_inner) = (0_f32, 0_f32);
         for &bin in inner {
-            let count = &mut counts[usize::from(bin)][0];
-            model_inner += self.sqrt_model[usize::from(bin)] * self.sqrt_steps[usize::from(*count)];
-            *count += 1;
+            let bin = usize::from(bin);
+            let sqrt_inner = root(std::mem::take(&mut inner_counts[bin]));
+            model_inner += self.sqrt_model[bin] * sqrt_inner;
+            outer_inner += root(outer_counts[bin]) * sqrt_inner;
         }
-        let mut outer_inner = 0_f32;
         for &bin in outer {
-            let [inner_count, outer_count] = &mut counts[usize::from(bin)];
-            if *inner_count > 0 {
-                let sqrt_inner =
-                    self.inverse_sqrts[usize::from(*inner_count)] * f32::from(*inner_count);
-                outer_inner += sqrt_inner * self.sqrt_steps[usize::from(*outer_count)];
-            }
-            *outer_count += 1;
+            outer_counts[usize::from(bin)] = 0;
         }
-        for &bin in inner.iter().chain(outer) {
-            counts[usize::from(bin)] = [0; 2];
+        if 2 * inner_count < points || 2 * outer_count < points {
+            return self.settings.background_log_likelihood() as f32;
         }
-        let scale = self.inverse_sqrts[inner.len()];
-        let model_inner = model_inner * scale;
-        let outer_inner = outer_inner * scale * self.inverse_sqrts[outer.len()];
+        let sqrt_inner = self.square_roots[inner_count];
+        let model_inner = model_inner / sqrt_inner;
+        let outer_inner = outer_inner / (sqrt_inner * self.square_roots[outer_count]);
         self.settings
             .log_likelihood(f64::from(model_inner), f64::from(outer_inner)) as f32
     }

@@ -51,6 +51,10 @@ pub struct Errors {
     pub elevation_rad: MeanSd,
     /// Error of the azimuth about the world's z, seen from that point, in radians, wrapped to ±π.
     pub azimuth_rad: MeanSd,
+    /// Angle between the directions to estimate and truth, seen from that point, in radians: mean.
+    pub direction_mean_rad: f64,
+    /// Likewise: maximum.
+    pub direction_max_rad: f64,
     /// Root mean square length of the velocity error in metres a second, where both sides give velocities.
     pub velocity_rmse_mps: Option<f64>,
     /// Whether the covariances speak the truth about the errors.
@@ -154,6 +158,13 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
             [error[0], error[1], wrapped_rad(error[2])]
         })
         .collect();
+    let direction_errors_rad: Vec<f64> = pairs
+        .iter()
+        .map(|(e, t)| {
+            let estimated = difference(e.position_m, around_m);
+            angle_between(estimated, difference(t.position_m, around_m))
+        })
+        .collect();
     let squared_velocity_errors: Vec<f64> = pairs
         .iter()
         .filter_map(|(e, t)| Some(norm(difference(e.velocity_mps?, t.velocity_mps?)).powi(2)))
@@ -165,6 +176,8 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
         distance_m: axis(&spherical_errors, 0),
         elevation_rad: axis(&spherical_errors, 1),
         azimuth_rad: axis(&spherical_errors, 2),
+        direction_mean_rad: mean(&direction_errors_rad).unwrap_or(0.0),
+        direction_max_rad: direction_errors_rad.iter().copied().fold(0.0, f64::max),
         velocity_rmse_mps: mean(&squared_velocity_errors).map(f64::sqrt),
         consistency: consistency(pairs),
     }
@@ -174,6 +187,12 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
 fn spherical_from_point([x, y, z]: [f64; 3]) -> [f64; 3] {
     let elevation_rad = libm::atan2(z, libm::hypot(x, y));
     [norm([x, y, z]), elevation_rad, libm::atan2(y, x)]
+}
+
+/// Between two vectors, in radians, accurate for small angles too; 0 where one has no direction.
+fn angle_between(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let (a, b) = (Vector3::from(a), Vector3::from(b));
+    libm::atan2(a.cross(&b).norm(), a.dot(&b))
 }
 
 /// The same direction between -π and π, for a difference of two such angles.
@@ -352,6 +371,8 @@ mod tests {
         assert_near(e.distance_m.mean, 8_f64.sqrt() - 2.0);
         assert_near(e.elevation_rad.mean, 0.0);
         assert_near(e.azimuth_rad.mean, PI / 4.0);
+        assert_near(e.direction_mean_rad, PI / 4.0);
+        assert_near(e.direction_max_rad, PI / 4.0);
     }
 
     #[test]

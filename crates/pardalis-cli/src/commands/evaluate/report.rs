@@ -150,7 +150,7 @@ fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fm
 type Figure = (&'static str, fn(&Errors) -> String);
 
 /// The lines about errors, in their order.
-const FIGURES: [Figure; 16] = [
+const FIGURES: [Figure; 17] = [
     ("position error, mean, mm", |e| {
         thousandths(e.position_m.mean)
     }),
@@ -170,6 +170,13 @@ const FIGURES: [Figure; 16] = [
     }),
     ("azimuth error, mean ± s.d., mrad", |e| {
         mean_sd(e.azimuth_rad)
+    }),
+    ("direction error, mean (max), mrad", |e| {
+        format!(
+            "{} ({})",
+            thousandths(e.direction_mean_rad),
+            thousandths(e.direction_max_rad)
+        )
     }),
     ("velocity error, root mean square, mm/s", |e| {
         e.velocity_rmse_mps.map_or_else(none, thousandths)

@@ -1,0 +1,106 @@
+//! `pardalis demo`: tracks the bundled sequence and says how far the result is from the truth.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+
+use super::{evaluate, track};
+use crate::draw::plots::TruthSeries;
+use crate::fault::fault;
+use crate::tables;
+use crate::tracking::{self, Options, Output};
+
+/// Tracks the bundled sequence
+///
+/// An orange ball is lowered, thrown and bounces before a fisheye camera; it is started by one click. Writes tracks, plots
+/// with the truth, and annotated frames, and says how far the tracks are from the truth.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// The folder for the results
+    #[arg(short, long, value_name = "FOLDER", default_value = "pardalis-demo")]
+    output: PathBuf,
+    /// The folder with the bundled sequences [default: data, here or in a folder above the program]
+    #[arg(long, value_name = "FOLDER")]
+    data: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let sequence = find_data(arguments.data.as_deref())?.join(SEQUENCE);
+    let options = Options {
+        output: Output::Folder(arguments.output.clone()),
+        seed: None,
+        threads: None,
+        annotate: true,
+        plots: false,
+    };
+    println!("tracking an orange ball through {}", sequence.display());
+    let mut run = tracking::run(&sequence.join("scene.toml"), &options)?;
+    let truth_path = sequence.join("truth.csv");
+    let truth: Vec<TruthSeries> = tables::read_truth(&truth_path)?
+        .into_iter()
+        .map(|object| TruthSeries {
+            rows: object
+                .rows
+                .iter()
+                .map(|(time_s, state)| (*time_s, state.position_m))
+                .collect(),
+        })
+        .collect();
+    run.files.extend(
+        run.series
+            .draw(&arguments.output, &run.open.scene, &truth)?,
+    );
+    println!("{}", track::told(&run));
+    let report = evaluate::score_files(
+        &arguments.output,
+        &truth_path,
+        &evaluate::Options::default(),
+    )?;
+    print!("{report}");
+    if let Some(errors) = report
+        .targets
+        .first()
+        .and_then(|t| t.scores.all.errors.as_ref())
+    {
+        println!(
+            "\nOn average the ball was {:.0} mm from where it is, at 1.8 to 3.9 m, almost all of it in distance: its direction\n\
+             was off by {:.1} degrees on average. Look at {} and {}.",
+            1e3 * errors.position_m.mean,
+            errors.direction_mean_rad.to_degrees(),
+            arguments.output.join("annotated").display(),
+            arguments.output.join("above.png").display()
+        );
+    }
+    Ok(())
+}
+
+/// The sequence of the demo.
+const SEQUENCE: &str = "dioptric-jump";
+
+/// The folder with the bundled sequences: as given, or `data` in this folder, above it, or above the program.
+fn find_data(given: Option<&Path>) -> Result<PathBuf> {
+    let holds_it = |folder: &Path| folder.join(SEQUENCE).join("scene.toml").is_file();
+    if let Some(folder) = given {
+        if holds_it(folder) {
+            return Ok(folder.to_owned());
+        }
+        return Err(fault!(
+            "--data {}: holds no {SEQUENCE}/scene.toml; give the folder data of the source",
+            folder.display()
+        ));
+    }
+    let here = PathBuf::from("data");
+    if holds_it(&here) {
+        return Ok(here);
+    }
+    let starts = [std::env::current_dir(), std::env::current_exe()];
+    let above = starts
+        .iter()
+        .flatten()
+        .flat_map(|path| path.ancestors())
+        .map(|folder| folder.join("data"));
+    above.into_iter().find(|folder| holds_it(folder)).ok_or_else(|| {
+        fault!("the bundled sequences were not found; run this inside the source folder, or give it: --data PATH/data")
+    })
+}

@@ -1,0 +1,256 @@
+//! Which images are learnt from, and their labels.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::{Arg, ArgAction, ArgMatches, Command};
+use pardalis::color::YuvEncoding;
+use pardalis::{Frame, PixelFormat};
+
+use super::label::Label;
+use crate::fault::fault;
+use crate::source::decode::decode_image;
+
+/// A folder with masks, or images and labels one by one.
+#[derive(Debug, clap::Args)]
+pub(super) struct InputOptions {
+    /// A folder of JPEG or PNG images with masks beside them
+    #[arg(requires = "masks", conflicts_with_all = LISTED)]
+    folder: Option<PathBuf>,
+    /// How the masks of FOLDER are named: with _mask.png the mask of 000.jpg is 000_mask.png. Images without a mask are
+    /// left out
+    #[arg(long, value_name = "ENDING", requires = "folder")]
+    masks: Option<String>,
+    #[command(flatten)]
+    listed: Listed,
+}
+
+/// An image and what is labelled in it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct LabelledFile {
+    pub(super) image: PathBuf,
+    /// Their union is the target.
+    pub(super) labels: Vec<Label>,
+}
+
+/// What is learnt from.
+#[derive(Debug, PartialEq)]
+pub(super) struct Inputs {
+    pub(super) files: Vec<LabelledFile>,
+    /// Names of images of the folder that have no mask.
+    pub(super) without_mask: Vec<String>,
+}
+
+impl InputOptions {
+    /// The images and labels that were asked for.
+    ///
+    /// Faults: there are none, or they do not go together.
+    pub(super) fn inputs(&self) -> Result<Inputs> {
+        match (&self.folder, &self.masks) {
+            (Some(folder), Some(masks)) => folder_inputs(folder, masks),
+            _ => self.listed.inputs(),
+        }
+    }
+}
+
+impl LabelledFile {
+    /// The name of the image's file.
+    pub(super) fn name(&self) -> String {
+        name_of(&self.image)
+    }
+
+    /// Reads the image, and of each pixel, row by row, whether it shows the target.
+    ///
+    /// Faults: a file cannot be read or decoded, or a label does not fit the image.
+    pub(super) fn load(&self) -> Result<(Frame, Vec<bool>)> {
+        let image = decode_image(&self.image)?;
+        let (width, height) = (image.width, image.height);
+        let mut is_object = vec![false; width * height];
+        for label in &self.labels {
+            label.mark(&self.image, (width, height), &mut is_object)?;
+        }
+        let encoding = YuvEncoding::default();
+        let frame = Frame::new(PixelFormat::Rgb8, encoding, width, height, image.bytes, 0.0)?;
+        Ok((frame, is_object))
+    }
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(
+        || path.display().to_string(),
+        |name| name.to_string_lossy().into_owned(),
+    )
+}
+
+fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
+    let unreadable = |error| {
+        fault!(
+            "{}: the folder cannot be read: {error}; give a folder of images, or --image FILE for one image",
+            folder.display()
+        )
+    };
+    let mut images = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let is_image = matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png"));
+        let name = name_of(&path);
+        if is_image && !name.starts_with('.') && !name.ends_with(masks) && path.is_file() {
+            images.push(path);
+        }
+    }
+    images.sort();
+    let mut inputs = Inputs {
+        files: Vec::new(),
+        without_mask: Vec::new(),
+    };
+    for image in images {
+        let mut mask = image.file_stem().unwrap_or_default().to_owned();
+        mask.push(masks);
+        let mask = image.with_file_name(mask);
+        if mask.is_file() {
+            inputs.files.push(LabelledFile {
+                image,
+                labels: vec![Label::Mask(mask)],
+            });
+        } else {
+            inputs.without_mask.push(name_of(&image));
+        }
+    }
+    if inputs.files.is_empty() {
+        let found = match inputs.without_mask.as_slice() {
+            [] => "holds no images; allowed: files ending in .jpg, .jpeg or .png".to_owned(),
+            [first, ..] => format!(
+                "has no mask for any of its {} images: {first} would need a {}{masks} beside it; \
+                 give the masks' ending with --masks",
+                inputs.without_mask.len(),
+                Path::new(first)
+                    .file_stem()
+                    .unwrap_or_default()
+                    .to_string_lossy()
+            ),
+        };
+        return Err(fault!("{}: the folder {found}", folder.display()));
+    }
+    Ok(inputs)
+}
+
+/// The options of [`Listed`].
+const LISTED: [&str; 4] = ["image", "mask", "rect", "polygon"];
+
+/// Images and labels in the order of the command line: a label belongs to the last image before it.
+#[derive(Debug)]
+struct Listed(Vec<Item>);
+
+#[derive(Debug, Clone)]
+enum Item {
+    Image(PathBuf),
+    Label(Label),
+}
+
+impl Listed {
+    fn inputs(&self) -> Result<Inputs> {
+        let mut files: Vec<LabelledFile> = Vec::new();
+        for item in &self.0 {
+            match (item, files.last_mut()) {
+                (Item::Image(image), _) => {
+                    if files.iter().any(|file| file.image == *image) {
+                        return Err(fault!(
+                            "--image {} is given twice; put all its labels after one",
+                            image.display()
+                        ));
+                    }
+                    files.push(LabelledFile {
+                        image: image.clone(),
+                        labels: Vec::new(),
+                    });
+                }
+                (Item::Label(label), Some(file)) => file.labels.push(label.clone()),
+                (Item::Label(label), None) => {
+                    return Err(fault!(
+                        "{label} comes before any image; put it after the --image FILE that it labels"
+                    ));
+                }
+            }
+        }
+        if let Some(file) = files.iter().find(|file| file.labels.is_empty()) {
+            return Err(fault!(
+                "--image {}: nothing is labelled; put --mask FILE, --rect X,Y,WIDTH,HEIGHT or \
+                 --polygon X,Y,X,Y,X,Y after it",
+                file.image.display()
+            ));
+        }
+        if files.is_empty() {
+            return Err(fault!(
+                "no image is given; give FOLDER --masks ENDING, or --image FILE and a label \
+                 (see pardalis learn --help)"
+            ));
+        }
+        Ok(Inputs {
+            files,
+            without_mask: Vec::new(),
+        })
+    }
+}
+
+impl clap::FromArgMatches for Listed {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let mut items: Vec<(usize, &Item)> = Vec::new();
+        for name in LISTED {
+            let indices = matches.indices_of(name).into_iter().flatten();
+            items.extend(indices.zip(matches.get_many(name).into_iter().flatten()));
+        }
+        items.sort_by_key(|&(index, _)| index);
+        Ok(Self(
+            items.into_iter().map(|(_, item)| item.clone()).collect(),
+        ))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl clap::Args for Listed {
+    fn augment_args(command: Command) -> Command {
+        let option = |name: &'static str, value_name: &'static str| {
+            Arg::new(name)
+                .long(name)
+                .value_name(value_name)
+                .action(ArgAction::Append)
+        };
+        let label = |parse: fn(&str) -> Result<Label, String>| {
+            move |text: &str| parse(text).map(Item::Label)
+        };
+        command
+            .arg(
+                option("image", "FILE")
+                    .value_parser(PathBufValueParser::new().map(Item::Image))
+                    .help("A JPEG or PNG image; may be repeated. The labels after it are its own, and unite"),
+            )
+            .arg(
+                option("mask", "FILE")
+                    .value_parser(PathBufValueParser::new().map(|p| Item::Label(Label::Mask(p))))
+                    .help("Labels the image: an image of its size, at least 128 where the target is"),
+            )
+            .arg(
+                option("rect", "X,Y,WIDTH,HEIGHT")
+                    .value_parser(label(Label::rect))
+                    .allow_hyphen_values(true)
+                    .help("Labels the image: a rectangle of pixels; 0,0 is the top left pixel"),
+            )
+            .arg(
+                option("polygon", "X,Y,X,Y,X,Y...")
+                    .value_parser(label(Label::polygon))
+                    .allow_hyphen_values(true)
+                    .help("Labels the image: the inside of corners in pixels"),
+            )
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}

@@ -1,0 +1,105 @@
+//! `pardalis learn`: a colour model from labelled images.
+
+mod evidence;
+mod inputs;
+mod label;
+mod palette;
+mod pictures;
+mod report;
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+
+use crate::fault::fault;
+use crate::files::write_file;
+use evidence::Evidence;
+use inputs::InputOptions;
+use palette::PaletteOptions;
+use report::Report;
+
+const EXAMPLES: &str = "Examples:
+  Every image of a folder that has a mask beside it (000.jpg and 000_mask.png):
+    pardalis learn training --masks _mask.png -o orange.colors.toml
+  Images and labels one by one; labels belong to the image before them:
+    pardalis learn --image a.jpg --mask a_mask.png --image b.jpg --rect 210,80,40,40 \\
+      --polygon 400,90,430,95,412,120 -o orange.colors.toml
+  For a camera that delivers YUV:
+    pardalis learn training --masks _mask.png --palette yuv --yuv-range limited -o orange.colors.toml";
+
+/// Learns the colours of a target from labelled images.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    inputs: InputOptions,
+    /// The colour model to write: a name ending in .toml
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    #[command(flatten)]
+    palette: PaletteOptions,
+    /// The folder for pictures of the model and of the labels [default: beside the output, orange-learnt for
+    /// orange.colors.toml]
+    #[arg(long, value_name = "FOLDER", conflicts_with = "no_pictures")]
+    pictures: Option<PathBuf>,
+    /// Draws no pictures
+    #[arg(long)]
+    no_pictures: bool,
+}
+
+/// Runs the command. The model is written last: whatever fails before leaves an older one as it was.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let palette = arguments.palette.palette()?;
+    let inputs = arguments.inputs.inputs()?;
+    let output = &arguments.output;
+    check_output(output)?;
+    let evidence = Evidence::gather(&inputs.files, palette)?;
+    let model = evidence.model()?;
+    let mut written = Vec::new();
+    if !arguments.no_pictures {
+        let folder = arguments.pictures.clone();
+        let folder = folder.unwrap_or_else(|| pictures_folder(output));
+        written = pictures::write(&folder, &inputs.files, &evidence, &model)?;
+    }
+    write_file(output, model.to_text().as_bytes())?;
+    written.insert(0, output.clone());
+    let report = Report {
+        evidence: &evidence,
+        model: &model,
+        without_mask: &inputs.without_mask,
+        written: &written,
+    };
+    write!(std::io::stdout().lock(), "{report}")?;
+    Ok(())
+}
+
+/// Refuses, before the work is done, what cannot become a colour model file.
+fn check_output(path: &Path) -> Result<()> {
+    let name = path.display();
+    if path.extension().is_none_or(|extension| extension != "toml") {
+        return Err(fault!(
+            "--output {name}: a colour model is a TOML file; give a name ending in .toml, such as orange.colors.toml"
+        ));
+    }
+    if path.is_dir() {
+        return Err(fault!(
+            "--output {name}: this is a folder; give the name of a file"
+        ));
+    }
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    match folder {
+        Some(folder) if !folder.is_dir() => Err(fault!(
+            "--output {name}: there is no folder {}; make it, or give another",
+            folder.display()
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// `orange-learnt` beside `orange.colors.toml`.
+fn pictures_folder(output: &Path) -> PathBuf {
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    let stem = stem.strip_suffix(".colors").unwrap_or(&stem);
+    output.with_file_name(format!("{stem}-learnt"))
+}

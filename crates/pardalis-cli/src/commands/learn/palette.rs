@@ -1,0 +1,116 @@
+//! The division of colour space, from the command line.
+
+use anyhow::Result;
+use clap::ValueEnum;
+use pardalis::color::{Palette, YuvEncoding, YuvMatrix, YuvRange};
+
+use crate::fault::fault;
+
+/// How colours are told apart.
+#[derive(Debug, clap::Args)]
+pub(super) struct PaletteOptions {
+    /// What colours are divided by
+    #[arg(long, value_enum, default_value_t = Space::Hsi)]
+    palette: Space,
+    /// Numbers of bins: of hue, saturation and intensity; of y, u and v; or, for rgb, one number for each channel
+    /// [default: hsi 12,12,4; yuv 4,8,8; rgb 8]
+    #[arg(long, value_name = "N,N,N|N", value_delimiter = ',')]
+    bins: Vec<u16>,
+    /// For yuv: the weights of red, green and blue, as the camera delivers them [default: bt601]
+    #[arg(long, value_enum)]
+    yuv_matrix: Option<Matrix>,
+    /// For yuv: what stands for black and white, as the camera delivers it [default: full]
+    #[arg(long, value_enum)]
+    yuv_range: Option<Range>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Space {
+    /// Hue, saturation and intensity: the most robust to light
+    Hsi,
+    /// Luma and chroma: the fastest with cameras and videos that deliver them
+    Yuv,
+    /// Red, green and blue
+    Rgb,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Matrix {
+    /// JPEG, webcams and standard-definition video
+    Bt601,
+    /// High-definition video
+    Bt709,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Range {
+    /// Y from 0 to 255, as in JPEG
+    Full,
+    /// Y from 16 to 235, as in most video
+    Limited,
+}
+
+impl PaletteOptions {
+    /// The palette that was asked for.
+    ///
+    /// Faults: the bins do not suit it, or options of another one are given.
+    pub(super) fn palette(&self) -> Result<Palette> {
+        let yuv_only = [
+            ("--yuv-matrix", self.yuv_matrix.is_some()),
+            ("--yuv-range", self.yuv_range.is_some()),
+        ];
+        if let Some((option, _)) = yuv_only.iter().find(|(_, given)| *given)
+            && self.palette != Space::Yuv
+        {
+            return Err(fault!(
+                "{option} only goes with --palette yuv; leave it out, or give both"
+            ));
+        }
+        let palette = match (self.palette, self.bins.as_slice()) {
+            (Space::Hsi, []) => Palette::HSI,
+            (Space::Hsi, &[hue_bins, saturation_bins, intensity_bins]) => Palette::Hsi {
+                hue_bins,
+                saturation_bins,
+                intensity_bins,
+            },
+            (Space::Yuv, &[y_bins, u_bins, v_bins]) => self.yuv([y_bins, u_bins, v_bins]),
+            (Space::Yuv, []) => self.yuv(Palette::YUV.channel_bins()),
+            (Space::Rgb, []) => Palette::Rgb { channel_bins: 8 },
+            (Space::Rgb, &[channel_bins]) => Palette::Rgb { channel_bins },
+            (space, bins) => {
+                let (name, allowed) = match space {
+                    Space::Hsi => (
+                        "hsi",
+                        "three, of hue, saturation and intensity, as in 12,12,4",
+                    ),
+                    Space::Yuv => ("yuv", "three, of y, u and v, as in 4,8,8"),
+                    Space::Rgb => ("rgb", "one, of each channel, as in 8"),
+                };
+                return Err(fault!(
+                    "--bins has {} numbers; allowed with --palette {name}: {allowed}",
+                    bins.len()
+                ));
+            }
+        };
+        palette.check().map_err(|error| fault!("--bins: {error}"))?;
+        Ok(palette)
+    }
+
+    fn yuv(&self, [y_bins, u_bins, v_bins]: [u16; 3]) -> Palette {
+        Palette::Yuv {
+            y_bins,
+            u_bins,
+            v_bins,
+            encoding: YuvEncoding {
+                matrix: match self.yuv_matrix {
+                    Some(Matrix::Bt709) => YuvMatrix::Bt709,
+                    Some(Matrix::Bt601) | None => YuvMatrix::Bt601,
+                },
+                range: match self.yuv_range {
+                    Some(Range::Limited) => YuvRange::Limited,
+                    Some(Range::Full) | None => YuvRange::Full,
+                },
+            },
+        }
+    }
+}

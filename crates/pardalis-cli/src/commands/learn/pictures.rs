@@ -1,0 +1,103 @@
+//! Pictures of a learnt model: its histogram, and the labels with the scores of their surroundings.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::color::{ColorModel, Palette};
+
+use super::evidence::{Evidence, ImageEvidence};
+use super::inputs::LabelledFile;
+use crate::draw::histogram::{ColorBin, ColorModelPlot, write_color_model_plot};
+use crate::draw::mosaic::{Tile, write_mosaic};
+use crate::draw::picture::picture_of;
+use crate::fault::fault;
+
+/// The most images that are shown: whoever labelled more looks at the worst of them.
+const MAX_TILES: usize = 12;
+
+/// Draws `histogram.svg`, `histogram.png` and `mosaic.png` into a folder, which is made where it is missing.
+///
+/// Faults: the folder cannot be made or written to.
+pub(super) fn write(
+    folder: &Path,
+    files: &[LabelledFile],
+    evidence: &Evidence,
+    model: &ColorModel,
+) -> Result<Vec<PathBuf>> {
+    fs::create_dir_all(folder).map_err(|error| {
+        fault!(
+            "--pictures {}: the folder cannot be made: {error}; give another, or --no-pictures",
+            folder.display()
+        )
+    })?;
+    let plot = write_color_model_plot(folder, "histogram", &histogram(evidence, model))?;
+    let mosaic = folder.join("mosaic.png");
+    write_mosaic(&mosaic, &tiles(files, evidence)?, 0.0)?;
+    Ok(plot.into_iter().chain([mosaic]).collect())
+}
+
+fn histogram(evidence: &Evidence, model: &ColorModel) -> ColorModelPlot {
+    let palette = model.palette();
+    let shares = model.histogram().shares();
+    let bins = (0..).zip(shares).filter(|(_, share)| **share > 0.0);
+    let scores = |counts: &[u64]| {
+        let scores = evidence.separation.log_odds.iter().copied();
+        scores.zip(counts.iter().copied()).collect()
+    };
+    let (object, background) = evidence.counts();
+    ColorModelPlot {
+        bins: bins
+            .map(|(bin, &share)| ColorBin {
+                color: palette.rgb_of_bin(bin),
+                label: short_name(palette, bin),
+                share,
+            })
+            .collect(),
+        object_log_odds: scores(object),
+        background_log_odds: scores(background),
+        threshold: 0.0,
+    }
+}
+
+/// `H0 S10 I1`: the channels' initials and the bin's indices.
+fn short_name(palette: Palette, bin: u16) -> String {
+    let names = palette.channel_names();
+    let indices = palette.channels_of_bin(bin);
+    let part = |(name, index): (&str, u16)| format!("{}{index}", name[..1].to_uppercase());
+    let parts: Vec<String> = names.into_iter().zip(indices).map(part).collect();
+    parts.join(" ")
+}
+
+/// The images with their labels and scores; of many, those that fit the others worst.
+fn tiles(files: &[LabelledFile], evidence: &Evidence) -> Result<Vec<Tile>> {
+    let mut shown: Vec<_> = files.iter().zip(&evidence.images).collect();
+    if shown.len() > MAX_TILES {
+        let fit = |image: &ImageEvidence| image.fit.unwrap_or(1.0);
+        shown.sort_by(|(_, a), (_, b)| fit(a).total_cmp(&fit(b)));
+        shown.truncate(MAX_TILES);
+    }
+    let mut learner = evidence.learner();
+    let log_odds = &evidence.separation.log_odds;
+    shown
+        .into_iter()
+        .map(|(file, image)| {
+            let (frame, mask) = file.load()?;
+            let bins = learner.bins_of(&frame);
+            let verdict = if image.is_suspect() {
+                ": look at this label"
+            } else {
+                ""
+            };
+            Ok(Tile {
+                label: format!("{}{verdict}", image.name),
+                image: picture_of(&frame),
+                mask,
+                log_odds: bins
+                    .into_iter()
+                    .map(|bin| log_odds[usize::from(bin)] as f32)
+                    .collect(),
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,252 @@
+//! What `pardalis learn` found, in plain words.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use pardalis::color::ColorModel;
+
+use super::evidence::Evidence;
+
+/// How many bins, or names of images, are listed at most.
+const MAX_LISTED: usize = 8;
+
+/// A bin is named as shared where it holds at least this share of both the target and the background.
+const SHARED_PART: f64 = 0.01;
+
+/// All that is printed.
+pub(super) struct Report<'a> {
+    pub(super) evidence: &'a Evidence,
+    pub(super) model: &'a ColorModel,
+    /// Names of images that were left out.
+    pub(super) without_mask: &'a [String],
+    /// The files that were written.
+    pub(super) written: &'a [PathBuf],
+}
+
+impl fmt::Display for Report<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let background_pixels = self.evidence.background_pixels();
+        writeln!(
+            f,
+            "Learnt from {} of the target in {}; {} of background.",
+            counted(self.model.pixel_count(), "pixel"),
+            counted(self.model.image_count(), "image"),
+            counted(background_pixels, "pixel")
+        )?;
+        self.write_left_out(f)?;
+        self.write_bins(f)?;
+        if background_pixels > 0 {
+            self.write_separation(f)?;
+        } else {
+            writeln!(
+                f,
+                "\nHow well these colours stand out cannot be judged: every pixel is labelled as the target. \
+                 Label images that show its surroundings too."
+            )?;
+        }
+        self.write_images(f)?;
+        writeln!(f, "\nWritten:")?;
+        for path in self.written {
+            writeln!(f, "  {}", path.display())?;
+        }
+        Ok(())
+    }
+}
+
+impl Report<'_> {
+    fn write_left_out(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.without_mask.is_empty() {
+            return Ok(());
+        }
+        let listed = &self.without_mask[..self.without_mask.len().min(MAX_LISTED)];
+        let rest = self.without_mask.len() - listed.len();
+        let more = if rest > 0 {
+            format!(" and {rest} more")
+        } else {
+            String::new()
+        };
+        let count = counted(self.without_mask.len() as u64, "image");
+        writeln!(
+            f,
+            "Left out, for want of a mask: {count} ({}{more}).",
+            listed.join(", ")
+        )
+    }
+
+    fn write_bins(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let palette = self.model.palette();
+        let [first, second, third] = palette.channel_names();
+        let [a, b, c] = palette.channel_bins();
+        let (object, background) = self.evidence.counts();
+        let mut bins: Vec<usize> = (0..object.len()).filter(|&bin| object[bin] > 0).collect();
+        bins.sort_by_key(|&bin| (u64::MAX - object[bin], bin));
+        writeln!(
+            f,
+            "\nMost frequent of the {} bins in use, of {} ({first} {a}, {second} {b}, {third} {c}, each from 0):",
+            bins.len(),
+            object.len()
+        )?;
+        writeln!(
+            f,
+            "{:>9} {:>11}   {first}, {second}, {third}",
+            "target", "background"
+        )?;
+        for &bin in bins.iter().take(MAX_LISTED) {
+            let [a, b, c] = palette.channels_of_bin(bin as u16);
+            writeln!(
+                f,
+                "{:>9} {:>11}   {a}, {b}, {c}",
+                percent(share(object, bin)),
+                percent(share(background, bin))
+            )?;
+        }
+        Ok(())
+    }
+
+    fn write_separation(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let separation = &self.evidence.separation;
+        let (found, mistaken) = (separation.object_found, separation.background_mistaken);
+        writeln!(f, "\nHow well they tell the target from the background:")?;
+        writeln!(
+            f,
+            "{:>9}   of the target's pixels are found (log odds above 0)",
+            percent(found)
+        )?;
+        writeln!(
+            f,
+            "{:>9}   of the background is mistaken for it",
+            percent(mistaken)
+        )?;
+        writeln!(
+            f,
+            "{:>9.4}   area under the curve (1 is perfect, 0.5 is chance)",
+            separation.area_under_curve
+        )?;
+        writeln!(
+            f,
+            "{:>9.4}   Bhattacharyya similarity to the background (0: nothing shared, 1: the same colours)",
+            separation.similarity
+        )?;
+        match Verdict::of(found, mistaken) {
+            Verdict::Good => writeln!(
+                f,
+                "Good: the target stands out from these images by its colours."
+            ),
+            Verdict::Fair => {
+                writeln!(
+                    f,
+                    "Fair: the target stands out by its colours, but not everywhere."
+                )?;
+                self.write_shared_bins(f)
+            }
+            Verdict::Poor => {
+                writeln!(f, "Poor: the target hardly stands out by its colours.")?;
+                self.write_shared_bins(f)
+            }
+        }
+    }
+
+    /// The bins that both have, and what to do about them.
+    fn write_shared_bins(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let palette = self.model.palette();
+        let (object, background) = self.evidence.counts();
+        let both = |bin: usize| share(object, bin).min(share(background, bin));
+        let mut bins: Vec<usize> = (0..object.len())
+            .filter(|&bin| both(bin) >= SHARED_PART)
+            .collect();
+        bins.sort_by(|&a, &b| both(b).total_cmp(&both(a)));
+        let names: Vec<String> = bins
+            .into_iter()
+            .take(MAX_LISTED)
+            .map(|bin| {
+                let [a, b, c] = palette.channels_of_bin(bin as u16);
+                format!("{a}, {b}, {c}")
+            })
+            .collect();
+        if !names.is_empty() {
+            let [first, second, third] = palette.channel_names();
+            writeln!(
+                f,
+                "These bins ({first}, {second}, {third}) are shared with the background: {}.",
+                names.join("; ")
+            )?;
+        }
+        writeln!(
+            f,
+            "What helps: labels that keep inside the target; finer --bins or another --palette; a target in a colour \
+             that its surroundings lack."
+        )
+    }
+
+    fn write_images(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let images = &self.evidence.images;
+        let width = images
+            .iter()
+            .map(|image| image.name.chars().count())
+            .max()
+            .unwrap_or(0);
+        writeln!(
+            f,
+            "\n{:width$} {:>9} {:>9} {:>9} {:>9}",
+            "", "pixels", "found", "mistaken", "fit"
+        )?;
+        let or_none = |share: Option<f64>| share.map_or_else(|| "-".to_owned(), percent);
+        for image in images {
+            writeln!(
+                f,
+                "{:width$} {:>9} {:>9} {:>9} {:>9}",
+                image.name,
+                image.pixels,
+                percent(image.found),
+                or_none(image.mistaken),
+                or_none(image.fit)
+            )?;
+        }
+        writeln!(
+            f,
+            "fit: how much of the target the other images' labels would find"
+        )?;
+        for image in images.iter().filter(|image| image.is_suspect()) {
+            writeln!(
+                f,
+                "{}: its labelled pixels look unlike those of the other images: likely a bad label, or other light. \
+                 Look at it, and mend the label or leave the image out.",
+                image.name
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// What the figures mean for a tracker.
+#[derive(Debug, PartialEq)]
+enum Verdict {
+    Good,
+    Fair,
+    Poor,
+}
+
+impl Verdict {
+    fn of(found: f64, mistaken: f64) -> Self {
+        if found >= 0.9 && mistaken <= 0.02 {
+            Self::Good
+        } else if found >= 0.75 && mistaken <= 0.1 {
+            Self::Fair
+        } else {
+            Self::Poor
+        }
+    }
+}
+
+fn share(counts: &[u64], bin: usize) -> f64 {
+    counts[bin] as f64 / counts.iter().sum::<u64>().max(1) as f64
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+/// `1 image`, `2 images`.
+fn counted(count: u64, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}

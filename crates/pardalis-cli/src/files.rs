@@ -1,0 +1,56 @@
+//! Files that are replaced whole or not at all.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::Path;
+
+use crate::fault::fault;
+
+/// Writes a file by way of another beside it, so that a failure leaves what was there before.
+///
+/// Faults: the file cannot be written.
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let partial = path.with_file_name(format!(".{name}.{}.partial", std::process::id()));
+    let written = File::create(&partial)
+        .and_then(|mut file| {
+            file.write_all(bytes)?;
+            file.sync_all()
+        })
+        .and_then(|()| fs::rename(&partial, path));
+    written.map_err(|error| {
+        // Where not even this file could be made, there is nothing to remove.
+        let _ = fs::remove_file(&partial);
+        fault!(
+            "{}: cannot be written ({error}); give a folder that exists and may be written to",
+            path.display()
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_replaced_and_nothing_else_is_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.toml");
+        write_file(&path, b"old").unwrap();
+        write_file(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_failure_names_the_file_and_leaves_what_was_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.toml");
+        // A folder of that name cannot be replaced by a file.
+        fs::create_dir(&path).unwrap();
+        let error = write_file(&path, b"new").unwrap_err();
+        assert!(error.is::<crate::fault::Fault>());
+        assert!(error.to_string().contains("model.toml"), "{error}");
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
+    }
+}

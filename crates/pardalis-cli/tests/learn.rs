@@ -1,0 +1,545 @@
+//! `pardalis learn` on the labelled images of the repository, and on input that is wrong.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use image::{GrayImage, Luma, Rgb, RgbImage};
+use pardalis::color::{ColorModel, Palette};
+use tempfile::TempDir;
+
+/// A folder of the repository's data.
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../data")
+        .join(name)
+}
+
+/// Runs the command in a folder.
+fn learn(folder: &TempDir, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_pardalis"))
+        .current_dir(folder)
+        .arg("learn")
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// What a run prints that must succeed.
+fn report(folder: &TempDir, arguments: &[&str]) -> String {
+    let output = learn(folder, arguments);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{message}");
+    assert!(message.is_empty(), "{message}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The message of a run that ends with the exit code of a fault.
+fn fault(folder: &TempDir, arguments: &[&str]) -> String {
+    let output = learn(folder, arguments);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(output.stdout.is_empty());
+    message
+}
+
+fn model(folder: &TempDir, name: &str) -> ColorModel {
+    ColorModel::from_text(&fs::read_to_string(folder.path().join(name)).unwrap()).unwrap()
+}
+
+fn assert_contains(text: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(text.contains(part), "\"{part}\" is not in: {text}");
+    }
+}
+
+const ORANGE: Rgb<u8> = Rgb([230, 110, 20]);
+const GREEN: Rgb<u8> = Rgb([40, 90, 40]);
+const BLUE: Rgb<u8> = Rgb([20, 40, 220]);
+
+/// A folder of small images: `a.png` and `b.png`, green with an orange square at 4,6 of 10 pixels a side and, in `b.png`, a blue
+/// one at 20,6; `a_mask.png` of the orange square.
+fn small_images() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let within = |x: u32, y: u32, left: u32| (left..left + 10).contains(&x) && (6..16).contains(&y);
+    let save = |name: &str, with_blue: bool| {
+        let image = RgbImage::from_fn(40, 30, |x, y| match (within(x, y, 4), within(x, y, 20)) {
+            (true, _) => ORANGE,
+            (_, true) if with_blue => BLUE,
+            _ => GREEN,
+        });
+        image.save(folder.path().join(name)).unwrap();
+    };
+    save("a.png", false);
+    save("b.png", true);
+    mask(&folder, "a_mask.png", (40, 30), |x, y| {
+        if within(x, y, 4) { 128 } else { 127 }
+    });
+    folder
+}
+
+fn mask(folder: &TempDir, name: &str, size: (u32, u32), grey: impl Fn(u32, u32) -> u8) {
+    let mask = GrayImage::from_fn(size.0, size.1, |x, y| Luma([grey(x, y)]));
+    mask.save(folder.path().join(name)).unwrap();
+}
+
+#[test]
+fn a_folder_with_masks_is_learnt_and_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let training = data("training/dioptric");
+    let arguments = [
+        training.to_str().unwrap(),
+        "--masks",
+        "_ball_mask.png",
+        "-o",
+        "orange.colors.toml",
+    ];
+    let text = report(&folder, &arguments);
+    assert_contains(
+        &text,
+        &[
+            "1732 pixels",
+            "6 images",
+            "hue, saturation, intensity",
+            "Good",
+            "Bhattacharyya",
+            "000.jpg",
+            "orange-learnt",
+        ],
+    );
+    assert!(!text.contains("bad label"), "{text}");
+
+    let masks = (0..6).map(|i| {
+        image::open(training.join(format!("00{i}_ball_mask.png")))
+            .unwrap()
+            .to_luma8()
+    });
+    let labelled: usize = masks
+        .map(|m| m.pixels().filter(|p| p[0] >= 128).count())
+        .sum();
+    let model = model(&folder, "orange.colors.toml");
+    assert_eq!(
+        (model.pixel_count(), model.image_count()),
+        (labelled as u64, 6)
+    );
+    assert_eq!(model.palette(), Palette::HSI);
+    let shares = model.histogram().shares();
+    let top = (0..shares.len())
+        .max_by(|&a, &b| shares[a].total_cmp(&shares[b]))
+        .unwrap();
+    assert_eq!(
+        model.palette().channels_of_bin(top as u16)[0],
+        0,
+        "orange is the first twelfth of hue"
+    );
+
+    let pictures = folder.path().join("orange-learnt");
+    for name in ["histogram.png", "mosaic.png"] {
+        assert!(
+            image::open(pictures.join(name)).unwrap().width() > 800,
+            "{name}"
+        );
+    }
+    assert!(pictures.join("histogram.svg").is_file());
+    // Nothing else is left, and a second run gives the same bytes.
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 2);
+    let first = fs::read(folder.path().join("orange.colors.toml")).unwrap();
+    assert_eq!(report(&folder, &arguments), text);
+    assert_eq!(
+        fs::read(folder.path().join("orange.colors.toml")).unwrap(),
+        first
+    );
+}
+
+#[test]
+fn the_repositorys_models_are_those_of_its_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let training = data("training/dioptric");
+    for palette in ["hsi", "yuv"] {
+        let arguments = [
+            training.to_str().unwrap(),
+            "--masks",
+            "_ball_mask.png",
+            "--palette",
+            palette,
+            "--no-pictures",
+            "-o",
+            "m.toml",
+        ];
+        report(&folder, &arguments);
+        let kept = data("colors").join(format!("orange-ball.{palette}.colors.toml"));
+        let learnt = fs::read_to_string(folder.path().join("m.toml")).unwrap();
+        assert_eq!(
+            fs::read_to_string(kept).unwrap().replace("\r\n", "\n"),
+            learnt
+        );
+    }
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 1, "no pictures");
+}
+
+#[test]
+fn labels_belong_to_the_image_before_them_and_unite() {
+    let folder = small_images();
+    let pixels = |arguments: &[&str]| {
+        report(
+            &folder,
+            &[arguments, &["-o", "m.toml", "--no-pictures"]].concat(),
+        );
+        let model = model(&folder, "m.toml");
+        (model.pixel_count(), model.image_count())
+    };
+    assert_eq!(
+        pixels(&["--image", "a.png", "--mask", "a_mask.png"]),
+        (100, 1)
+    );
+    assert_eq!(
+        pixels(&["--image", "a.png", "--rect", "4,6,10,10"]),
+        (100, 1)
+    );
+    assert_eq!(
+        pixels(&["--image", "a.png", "--polygon", "4,6,14,6,14,16,4,16"]),
+        (100, 1)
+    );
+    let overlapping = [
+        "--rect",
+        "4,6,5,10",
+        "--polygon",
+        "7,6,14,6,14,16,7,16",
+        "--mask",
+        "a_mask.png",
+    ];
+    assert_eq!(
+        pixels(&[&["--image", "a.png"][..], &overlapping].concat()),
+        (100, 1)
+    );
+    let both = [
+        "--image",
+        "b.png",
+        "--rect",
+        "4,6,3,3",
+        "--image",
+        "a.png",
+        "--rect=4,6,2,2",
+        "--rect",
+        "10,10,1,1",
+    ];
+    assert_eq!(pixels(&both), (14, 2));
+    // Only orange was labelled, and in the right image.
+    let model = model(&folder, "m.toml");
+    assert_eq!(
+        model.count_of(Palette::HSI.bin_of_rgb([230.0, 110.0, 20.0])),
+        14
+    );
+}
+
+#[test]
+fn palettes_and_their_bins() {
+    let folder = small_images();
+    for (options, expected) in [
+        (
+            &["--bins", "8,4,2"][..],
+            Palette::Hsi {
+                hue_bins: 8,
+                saturation_bins: 4,
+                intensity_bins: 2,
+            },
+        ),
+        (&["--palette", "yuv"], Palette::YUV),
+        (
+            &["--palette", "rgb", "--bins", "16"],
+            Palette::Rgb { channel_bins: 16 },
+        ),
+    ] {
+        let label = [
+            "--image",
+            "a.png",
+            "--mask",
+            "a_mask.png",
+            "-o",
+            "m.toml",
+            "--no-pictures",
+        ];
+        report(&folder, &[&label[..], options].concat());
+        assert_eq!(model(&folder, "m.toml").palette(), expected);
+    }
+    let arguments = [
+        "--image",
+        "a.png",
+        "--mask",
+        "a_mask.png",
+        "-o",
+        "m.toml",
+        "--no-pictures",
+        "--palette",
+        "yuv",
+        "--bins",
+        "4,4,4",
+        "--yuv-matrix",
+        "bt709",
+        "--yuv-range",
+        "limited",
+    ];
+    report(&folder, &arguments);
+    let text = fs::read_to_string(folder.path().join("m.toml")).unwrap();
+    assert_contains(
+        &text,
+        &["y_bins = 4", "matrix = \"bt709\"", "range = \"limited\""],
+    );
+}
+
+#[test]
+fn a_bad_label_is_named_and_shared_bins_are_told() {
+    let folder = small_images();
+    fs::copy(folder.path().join("a.png"), folder.path().join("c.png")).unwrap();
+    let good = [
+        "--image",
+        "a.png",
+        "--rect",
+        "4,6,10,10",
+        "--image",
+        "c.png",
+        "--rect",
+        "4,6,10,10",
+    ];
+    let blue = [
+        "--image",
+        "b.png",
+        "--rect",
+        "20,6,10,10",
+        "-o",
+        "m.toml",
+        "--pictures",
+        "seen",
+    ];
+    let text = report(&folder, &[&good[..], &blue].concat());
+    assert_contains(&text, &["b.png: its labelled pixels look unlike", "Fair"]);
+    assert!(!text.contains("a.png: its"), "{text}");
+    assert!(folder.path().join("seen/mosaic.png").is_file());
+
+    // Half of the label is the green of the background.
+    let text = report(
+        &folder,
+        &[
+            "--image",
+            "a.png",
+            "--rect",
+            "4,6,20,10",
+            "-o",
+            "m.toml",
+            "--no-pictures",
+        ],
+    );
+    let [hue, saturation, intensity] =
+        Palette::HSI.channels_of_bin(Palette::HSI.bin_of_rgb([40.0, 90.0, 40.0]));
+    let shared = format!("shared with the background: {hue}, {saturation}, {intensity}");
+    assert_contains(&text, &["Poor", &shared, "What helps"]);
+}
+
+#[test]
+fn an_image_without_background_is_learnt_but_not_judged() {
+    let folder = small_images();
+    let text = report(
+        &folder,
+        &["--image", "a.png", "--rect", "0,0,40,30", "-o", "m.toml"],
+    );
+    assert_contains(
+        &text,
+        &["1200 pixels", "0 pixels of background", "cannot be judged"],
+    );
+    assert!(
+        !text.contains("Good") && !text.contains("area under"),
+        "{text}"
+    );
+    assert_eq!(model(&folder, "m.toml").pixel_count(), 1200);
+    assert!(folder.path().join("m-learnt/histogram.png").is_file());
+}
+
+#[test]
+fn images_without_masks_are_named_and_a_folder_without_any_is_refused() {
+    let folder = small_images();
+    let text = report(
+        &folder,
+        &[".", "--masks", "_mask.png", "-o", "m.toml", "--no-pictures"],
+    );
+    assert_contains(&text, &["1 image (b.png)", "100 pixels"]);
+    let message = fault(&folder, &[".", "--masks", "_ball.png", "-o", "m.toml"]);
+    assert_contains(
+        &message,
+        &["no mask for any of its 3 images", "a_ball.png", "--masks"],
+    );
+    fs::create_dir(folder.path().join("empty")).unwrap();
+    let message = fault(&folder, &["empty", "--masks", "_ball.png", "-o", "m.toml"]);
+    assert_contains(&message, &["empty", "holds no images"]);
+    let message = fault(
+        &folder,
+        &["nowhere", "--masks", "_ball.png", "-o", "m.toml"],
+    );
+    assert_contains(&message, &["nowhere", "cannot be read"]);
+}
+
+/// Runs of which each must fail with these words in its message, and leave an older model as it was.
+fn assert_refused(folder: &TempDir, runs: &[(&[&str], &[&str], &[&str])]) {
+    let path = folder.path().join("m.toml");
+    fs::write(&path, "an older model").unwrap();
+    for (inputs, options, expected) in runs {
+        let message = fault(folder, &[*inputs, *options, &["-o", "m.toml"]].concat());
+        assert_contains(&message, expected);
+        let kept = fs::read_to_string(&path).unwrap();
+        assert_eq!(kept, "an older model", "{options:?}");
+    }
+}
+
+const A: &[&str] = &["--image", "a.png"];
+const LABELLED_A: &[&str] = &["--image", "a.png", "--mask", "a_mask.png"];
+
+#[test]
+fn bad_labels_are_refused() {
+    let folder = small_images();
+    mask(&folder, "small.png", (20, 30), |_, _| 255);
+    mask(&folder, "black.png", (40, 30), |_, _| 127);
+    assert_refused(
+        &folder,
+        &[
+            (&[], &[], &["no image is given", "--image FILE"]),
+            (A, &[], &["--image a.png: nothing is labelled", "--rect"]),
+            (
+                LABELLED_A,
+                &["--image", "b.png"],
+                &["--image b.png: nothing is labelled"],
+            ),
+            (LABELLED_A, A, &["--image a.png is given twice"]),
+            (
+                &["--rect", "1,2,3,4"],
+                A,
+                &["--rect 1,2,3,4 comes before any image"],
+            ),
+            (
+                A,
+                &["--rect", "1,2,3"],
+                &["--rect", "1,2,3", "X,Y,WIDTH,HEIGHT"],
+            ),
+            (
+                A,
+                &["--rect", "-1,2,3,4"],
+                &["--rect", "-1,2,3,4", "whole numbers"],
+            ),
+            (A, &["--rect", "1,2,0,4"], &["1 or more"]),
+            (
+                A,
+                &["--rect", "30,20,11,5"],
+                &["a.png", "--rect 30,20,11,5", "40 x 30"],
+            ),
+            (
+                A,
+                &["--polygon", "1,2,3,4"],
+                &["--polygon", "three corners"],
+            ),
+            (
+                A,
+                &["--polygon", "1,1,5,5,9,9"],
+                &["a.png", "no pixel's centre"],
+            ),
+            (A, &["--polygon", "1,1,50,5,9,9"], &["a.png", "reaches out"]),
+            (
+                A,
+                &["--mask", "small.png"],
+                &["small.png", "20 x 30", "a.png has 40 x 30"],
+            ),
+            (
+                A,
+                &["--mask", "black.png"],
+                &["black.png", "128 or brighter"],
+            ),
+            (A, &["--mask", "none.png"], &["none.png"]),
+        ],
+    );
+}
+
+#[test]
+fn bad_images_are_refused() {
+    let folder = small_images();
+    let whole = fs::read(folder.path().join("a.png")).unwrap();
+    fs::write(folder.path().join("text.jpg"), "no image").unwrap();
+    fs::write(folder.path().join("cut.png"), &whole[..whole.len() / 2]).unwrap();
+    let rect: &[&str] = &["--rect", "1,1,2,2"];
+    assert_refused(
+        &folder,
+        &[
+            (&["--image", "none.jpg"], rect, &["none.jpg"]),
+            (
+                &["--image", "text.jpg"],
+                rect,
+                &["text.jpg", "not a JPEG or PNG"],
+            ),
+            (&["--image", "cut.png"], rect, &["cut.png", "cut off"]),
+            (&["."], &[], &["--masks"]),
+            (
+                &[".", "--masks", "_mask.png"],
+                LABELLED_A,
+                &["cannot be used with"],
+            ),
+            (
+                &["a.png", "--masks", "_mask.png"],
+                &[],
+                &["a.png", "cannot be read"],
+            ),
+        ],
+    );
+}
+
+#[test]
+fn bad_options_are_refused() {
+    let folder = small_images();
+    assert_refused(
+        &folder,
+        &[
+            (
+                LABELLED_A,
+                &["--bins", "12,12"],
+                &["--bins has 2 numbers", "12,12,4"],
+            ),
+            (
+                LABELLED_A,
+                &["--bins", "0,12,4"],
+                &["--bins", "hue", "1 to 64"],
+            ),
+            (
+                LABELLED_A,
+                &["--bins", "64,64,64"],
+                &["--bins", "bins in all"],
+            ),
+            (
+                LABELLED_A,
+                &["--palette", "rgb", "--bins", "4,4,4"],
+                &["--palette rgb: one"],
+            ),
+            (LABELLED_A, &["--palette", "lab"], &["hsi", "yuv", "rgb"]),
+            (
+                LABELLED_A,
+                &["--yuv-range", "full"],
+                &["--yuv-range only goes with --palette yuv"],
+            ),
+            (
+                LABELLED_A,
+                &["--pictures", "p", "--no-pictures"],
+                &["cannot be used with"],
+            ),
+            (
+                LABELLED_A,
+                &["--pictures", "a.png"],
+                &["--pictures a.png", "--no-pictures"],
+            ),
+        ],
+    );
+    let image = fs::read(folder.path().join("a.png")).unwrap();
+    fs::create_dir(folder.path().join("folder.toml")).unwrap();
+    for (output, expected) in [
+        ("a.png", "ending in .toml"),
+        ("folder.toml", "this is a folder"),
+        ("nowhere/m.toml", "there is no folder nowhere"),
+    ] {
+        let message = fault(&folder, &[LABELLED_A, &["-o", output]].concat());
+        assert_contains(&message, &[output, expected]);
+    }
+    assert_eq!(fs::read(folder.path().join("a.png")).unwrap(), image);
+}

@@ -1,0 +1,265 @@
+//! What a tracker step costs on one core, whole and in its stages, at every CPU level, and the naive reference beside it.
+//!
+//! `cargo bench -p pardalis --bench step`. Each measured path is first held to the reference.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use std::hint::black_box;
+
+use common::{
+    FPS, ball, ball_colors, ball_filter, ball_start, ball_target, fisheye_view, frame, jump_picture,
+};
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use nalgebra::Vector3;
+use pardalis::color::{ColorModel, Palette, PixelKind, PixelTable, YuvEncoding};
+use pardalis::filter::Filter;
+use pardalis::likelihood::{ContourCue, ContourSettings, Likelihood};
+use pardalis::particles::Particles;
+use pardalis::reference;
+use pardalis::resample::Resampling;
+use pardalis::rng::{Draws, Stage};
+use pardalis::shape::Shape;
+use pardalis::simd::Level;
+use pardalis::view::View;
+use pardalis::{Frame, PixelFormat, Tracker};
+
+/// Particles in real time and offline in Taiana 2007; each has two contours of 50 points.
+const PARTICLE_COUNTS: [usize; 2] = [300, 10_000];
+
+/// A frame format with the palette that suits it.
+const INPUTS: [(&str, PixelFormat, Palette); 2] = [
+    ("rgb8-hsi", PixelFormat::Rgb8, Palette::HSI),
+    ("yuyv-yuv", PixelFormat::Yuyv, Palette::YUV),
+];
+
+/// The ball before it is thrown, as one camera's frames of two instants.
+fn frames(format: PixelFormat) -> [[(usize, Frame); 1]; 2] {
+    [0, 1].map(|index| {
+        let time_s = index as f64 / FPS;
+        [(
+            0,
+            frame(&jump_picture(index), format, YuvEncoding::default(), time_s),
+        )]
+    })
+}
+
+fn levels() -> Vec<(&'static str, Level)> {
+    let names = ["baseline", "best"];
+    names.into_iter().zip(Level::available()).collect()
+}
+
+/// Particles after the first frame, the view prepared for it, and the ball's colours.
+struct Scene {
+    colors: ColorModel,
+    views: [View; 1],
+    frames: [(usize, Frame); 1],
+    filter: Filter,
+}
+
+impl Scene {
+    fn new((_, format, palette): (&str, PixelFormat, Palette), particle_count: usize) -> Self {
+        let colors = ball_colors(palette);
+        let [frames, _] = frames(format);
+        let mut views = [fisheye_view()];
+        views[0].prepare(&frames[0].1, palette).unwrap();
+        let draws = Draws::new(1, 0);
+        let mut filter = Filter::new(
+            ball_filter(particle_count),
+            &ball_start(),
+            draws,
+            Level::best(),
+        )
+        .unwrap();
+        // A few frames without motion: the particles gather as they do while tracking.
+        let mut cue = ContourCue::new(
+            ContourSettings::default(),
+            Shape::Sphere(ball()),
+            &colors,
+            Level::best(),
+        )
+        .unwrap();
+        for _ in 0..4 {
+            filter.update(&mut cue.of(&views, &frames));
+            filter.predict(1.0 / FPS);
+        }
+        Self {
+            colors,
+            views,
+            frames,
+            filter,
+        }
+    }
+
+    fn cue(&self, level: Level) -> ContourCue {
+        ContourCue::new(
+            ContourSettings::default(),
+            Shape::Sphere(ball()),
+            &self.colors,
+            level,
+        )
+        .unwrap()
+    }
+
+    fn naive_log_likelihoods(&self, particles: &Particles) -> Vec<f64> {
+        let settings = ContourSettings::default();
+        (0..particles.count())
+            .map(|i| {
+                let position_m = particles.position_m(i);
+                reference::contour_log_likelihood(
+                    &settings,
+                    &ball(),
+                    &self.colors,
+                    &self.views,
+                    &self.frames,
+                    position_m,
+                )
+            })
+            .collect()
+    }
+
+    /// Holds the kernel to the reference before it is timed. Points that lie within rounding of a border between pixels may fall to
+    /// either side: at most one particle in twenty differs visibly.
+    fn check(&self, cue: &mut ContourCue) {
+        let particles = self.filter.particles();
+        let mut fast = vec![0.0; particles.count()];
+        cue.of(&self.views, &self.frames)
+            .log_likelihoods(particles, &mut fast);
+        let naive = self.naive_log_likelihoods(particles);
+        let differs =
+            |(fast, naive): &(&f32, &f64)| (f64::from(**fast) - **naive).abs() > 1e-4 * naive.abs();
+        let different = fast.iter().zip(&naive).filter(differs).count();
+        assert!(
+            20 * different <= fast.len(),
+            "{different} of {} differ from the reference",
+            fast.len()
+        );
+    }
+}
+
+/// Predict, likelihood, update and estimate, through the tracker.
+fn whole_steps(criterion: &mut Criterion) {
+    for input in INPUTS {
+        let (name, format, palette) = input;
+        let [first, second] = frames(format);
+        for count in PARTICLE_COUNTS {
+            let scene = Scene::new(input, count);
+            for (level_name, level) in levels() {
+                scene.check(&mut scene.cue(level));
+                let targets = vec![ball_target(palette, count)];
+                let mut tracker = Tracker::new(vec![fisheye_view()], targets, 1, level).unwrap();
+                tracker.observe(&first, 0.0).unwrap();
+                let mut time_s = 0.0;
+                criterion.bench_function(&format!("step/{name}/{count}/{level_name}"), |bencher| {
+                    bencher.iter(|| {
+                        time_s += 1.0 / FPS;
+                        tracker.observe(black_box(&second), time_s).unwrap();
+                        tracker.estimate_at(0, time_s)
+                    });
+                });
+            }
+        }
+        let mut scene = Scene::new(input, PARTICLE_COUNTS[0]);
+        criterion.bench_function(
+            &format!("step/{name}/{}/reference", PARTICLE_COUNTS[0]),
+            |bencher| {
+                bencher.iter(|| {
+                    scene.filter.predict(1.0 / FPS);
+                    let particles = scene.filter.particles();
+                    let naive = scene.naive_log_likelihoods(particles);
+                    let positions: Vec<_> = (0..particles.count())
+                        .map(|i| Vector3::from(particles.position_m(i)))
+                        .collect();
+                    reference::posterior(scene.filter.weights(), &naive, &positions)
+                });
+            },
+        );
+    }
+}
+
+/// Projection, look-ups and histograms of the contour cue.
+fn likelihoods(criterion: &mut Criterion) {
+    for input in INPUTS {
+        for count in PARTICLE_COUNTS {
+            let scene = Scene::new(input, count);
+            let mut out = vec![0.0; count];
+            for (level_name, level) in levels() {
+                let mut cue = scene.cue(level);
+                scene.check(&mut cue);
+                criterion.bench_function(
+                    &format!("likelihood/{}/{count}/{level_name}", input.0),
+                    |bencher| {
+                        bencher.iter(|| {
+                            cue.of(&scene.views, &scene.frames)
+                                .log_likelihoods(scene.filter.particles(), &mut out);
+                        });
+                    },
+                );
+            }
+        }
+    }
+}
+
+/// The stages that know nothing of images, and the table that a palette costs once.
+fn stages(criterion: &mut Criterion) {
+    for count in PARTICLE_COUNTS {
+        let motion = ball_filter(count).motion;
+        for (level_name, level) in levels() {
+            let mut particles = Particles::new(count, motion.column_count());
+            criterion.bench_function(&format!("motion/{count}/{level_name}"), |bencher| {
+                bencher.iter(|| {
+                    motion.propagate(&mut particles, 1.0 / FPS, Draws::new(1, 0), 1, level);
+                });
+            });
+        }
+        let scene = Scene::new(INPUTS[0], count);
+        let filter = &scene.filter;
+        criterion.bench_function(&format!("estimate/{count}"), |bencher| {
+            bencher.iter(|| filter.estimate(black_box(0.0)));
+        });
+        let weights: Vec<f64> = (0..count)
+            .map(|i| 2.0 * i as f64 / (count * (count - 1)) as f64)
+            .collect();
+        let (mut ancestors, mut scratch) = (vec![0; count], vec![0.0; count]);
+        let draws = Draws::new(1, 0);
+        for scheme in [
+            Resampling::Multinomial,
+            Resampling::Stratified,
+            Resampling::Systematic,
+            Resampling::Residual,
+        ] {
+            criterion.bench_function(&format!("resampling/{count}/{scheme:?}"), |bencher| {
+                let uniform = |i| draws.uniform(i as u32, 1, Stage::Resampling);
+                bencher.iter(|| {
+                    scheme.draw(black_box(&weights), uniform, &mut ancestors, &mut scratch);
+                });
+            });
+        }
+    }
+    for (name, format, palette) in INPUTS {
+        let kind = PixelKind::of(&frames(format)[0][0].1);
+        criterion.bench_function(&format!("table/{name}"), |bencher| {
+            bencher.iter_batched(
+                || palette,
+                |palette| PixelTable::new(palette, kind),
+                BatchSize::LargeInput,
+            );
+        });
+    }
+}
+
+/// Everything on a pool of this one thread: what one core can do.
+fn on_one_thread(criterion: &mut Criterion) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
+    pool.use_current_thread().build_global().unwrap();
+    whole_steps(criterion);
+    likelihoods(criterion);
+    stages(criterion);
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default().sample_size(30).without_plots();
+    targets = on_one_thread
+}
+criterion_main!(benches);
