@@ -1,5 +1,6 @@
 //! Exit codes: 0 done, 2 the user's input or usage is at fault, 1 anything else.
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 /// The user's input or usage is at fault; the text says what is wrong, where, and what is allowed.
@@ -20,7 +21,8 @@ pub(crate) fn exit_code_of(outcome: &anyhow::Result<()>) -> ExitCode {
     let Err(error) = outcome else {
         return ExitCode::SUCCESS;
     };
-    eprintln!("error: {error:#}");
+    // Where nobody listens there is nothing to be done about it.
+    let _ = writeln!(std::io::stderr(), "error: {error:#}");
     let users = error
         .chain()
         .any(|e| e.is::<Fault>() || e.is::<pardalis::Error>());

@@ -9,6 +9,7 @@ use pardalis::camera::Mask;
 use pardalis::color::ColorModel;
 use pardalis::config::{CameraConfig, Input, Problem, Scene, TargetConfig};
 use pardalis::simd::Level;
+use pardalis::start::Start;
 use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
 
@@ -17,7 +18,10 @@ use crate::source::decode::decode_mask;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 
 /// The largest scene or colour model file that is read, in bytes: they are written by people.
-const MAX_TEXT_BYTES: u64 = 16 << 20;
+const MAX_TEXT_BYTES: u64 = 4 << 20;
+
+/// Problems of a scene that are listed at most.
+const MAX_LISTED: usize = 50;
 
 /// A scene whose files are open.
 pub(crate) struct OpenScene {
@@ -32,9 +36,10 @@ pub(crate) struct OpenScene {
 /// Reads a small text file that the user named.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     let name = path.display();
-    let metadata = fs::metadata(path).map_err(|error| fault!("{name}: {error}"))?;
+    let unreadable = |error| fault!("{name}: can not be read: {error}; give a text file");
+    let metadata = fs::metadata(path).map_err(unreadable)?;
     if !metadata.is_file() {
-        return Err(fault!("{name}: is no file"));
+        return Err(fault!("{name}: is a folder or a device; give a text file"));
     }
     if metadata.len() > MAX_TEXT_BYTES {
         return Err(fault!(
@@ -42,14 +47,12 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
             metadata.len()
         ));
     }
-    let bytes = fs::read(path).map_err(|error| fault!("{name}: {error}"))?;
+    let bytes = fs::read(path).map_err(unreadable)?;
     String::from_utf8(bytes).map_err(|error| {
         let line = error.as_bytes()[..error.utf8_error().valid_up_to()]
-            .iter()
-            .filter(|&&b| b == b'\n')
-            .count()
-            + 1;
-        fault!("{name}: line {line}: is no UTF-8 text")
+            .split(|&byte| byte == b'\n')
+            .count();
+        fault!("{name}: line {line}: is no UTF-8 text; save the file as UTF-8")
     })
 }
 
@@ -75,21 +78,30 @@ pub(crate) fn open(path: &Path, seed: Option<u32>) -> Result<OpenScene> {
     for camera in &scene.cameras {
         match open_source(camera, folder) {
             Ok(source) => {
-                views.extend(view_of(camera, folder, source.size(), &mut problems));
+                views.push(view_of(camera, folder, source.size(), &mut problems));
                 sources.push(source);
             }
-            Err(problem) => problems.push(problem),
+            Err(problem) => {
+                problems.push(problem);
+                views.push(None);
+            }
         }
     }
     let mut targets = Vec::new();
     for target in &scene.targets {
+        if let Start::Pixel(start) = &target.start.value
+            && let Some(view) = &views[start.camera]
+            && let Err(error) = start.check_in(view)
+        {
+            problems.push(target.start.problem(error.to_string()));
+        }
         match read_colors(target, folder) {
             Ok(colors) => targets.push(TargetSettings {
                 shape: target.shape,
                 colors,
                 contour: target.contour,
                 filter: target.filter,
-                start: target.start,
+                start: target.start.value,
             }),
             Err(problem) => problems.push(problem),
         }
@@ -98,6 +110,7 @@ pub(crate) fn open(path: &Path, seed: Option<u32>) -> Result<OpenScene> {
         problems.sort();
         return Err(all_of(path, &problems));
     }
+    let views = views.into_iter().flatten().collect();
     let tracker = Tracker::new(views, targets, scene.seed, Level::best())?;
     Ok(OpenScene {
         scene,
@@ -113,8 +126,11 @@ fn all_of(path: &Path, problems: &[Problem]) -> anyhow::Error {
         1 => format!("{}: a problem in the scene:", path.display()),
         n => format!("{}: {n} problems in the scene:", path.display()),
     };
-    for problem in problems {
+    for problem in problems.iter().take(MAX_LISTED) {
         let _ = write!(text, "\n  {problem}");
+    }
+    if problems.len() > MAX_LISTED {
+        let _ = write!(text, "\n  and {} more", problems.len() - MAX_LISTED);
     }
     anyhow::Error::new(Fault(text))
 }
@@ -134,7 +150,6 @@ fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> 
             let has_times = images_folder.join("times.csv").is_file();
             let timing = match (fps, has_times) {
                 (Some(fps), false) => Timing::Fps(*fps),
-                (None, true) => Timing::TimesFile,
                 (Some(_), true) => {
                     return Err(images.problem(format!(
                         "{} holds times.csv, and the scene gives fps; keep one of them",
@@ -147,8 +162,8 @@ fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> 
                         images_folder.display()
                     )));
                 }
-                // Opening it says what is wrong with the folder.
-                (None, false) => Timing::TimesFile,
+                // Where there is no folder, opening it says so.
+                (None, _) => Timing::TimesFile,
             };
             (
                 SourceKind::Images {
@@ -235,7 +250,10 @@ fn view_of(
             });
         match made {
             Ok(made) => mask = Some(made),
-            Err(error) => refuse(circle.radius_px.problem(error.to_string())),
+            Err(_) => refuse(circle.radius_px.problem(format!(
+                "leaves no pixel of the {width} x {height} images to look at; \
+                 give a larger radius, or another mask_center_px or mask"
+            ))),
         }
     }
     if !fine {

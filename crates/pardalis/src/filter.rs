@@ -11,6 +11,10 @@ use crate::simd::Level;
 /// The most particles a filter may have.
 pub const MAX_PARTICLES: usize = 1_000_000;
 
+/// The farthest that a start may be from the world's origin along an axis, in metres, and its fastest speed, in m/s: single precision then
+/// holds all that comes of it.
+pub(crate) const MAX_START: f64 = 1e6;
+
 /// What a filter is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FilterSettings {
@@ -39,15 +43,19 @@ pub struct GaussianStart {
 }
 
 impl GaussianStart {
-    /// Refuses numbers that are not finite and negative deviations.
+    /// Refuses numbers that are not finite or beyond 1e6, and negative deviations.
     pub fn check(&self) -> Result<(), Error> {
-        let sigma = |v: &f64| v.is_finite() && *v >= 0.0;
+        let sigma = |v: &f64| (0.0..=MAX_START).contains(v);
         for (name, values) in [
             ("position_m", self.position_m),
             ("velocity_mps", self.velocity_mps),
         ] {
-            if let Some(value) = values.iter().find(|v| !v.is_finite()) {
-                return Err(Error::out_of_range(name, value, "finite numbers"));
+            if let Some(value) = values.iter().find(|v| !(v.abs() <= MAX_START)) {
+                return Err(Error::out_of_range(
+                    name,
+                    value,
+                    "numbers between -1e6 and 1e6",
+                ));
             }
         }
         for (name, values) in [
@@ -55,11 +63,7 @@ impl GaussianStart {
             ("velocity_sigma_mps", self.velocity_sigma_mps),
         ] {
             if let Some(value) = values.iter().find(|v| !sigma(v)) {
-                return Err(Error::out_of_range(
-                    name,
-                    value,
-                    "finite numbers, 0 or more",
-                ));
+                return Err(Error::out_of_range(name, value, "0 to 1e6"));
             }
         }
         Ok(())

@@ -92,6 +92,9 @@ pub(crate) use with_pixels;
 /// The largest image width or height that is taken, in pixels: image offsets then fit in 31 bits.
 pub const MAX_IMAGE_SIDE_PX: usize = 16_384;
 
+/// The largest time stamp, in seconds, either way from zero: some 30 000 years, so that the square of a time is still a plain number.
+pub const MAX_TIME_S: f64 = 1e12;
+
 /// One image with its time stamp. Cloning shares the pixels.
 #[derive(Debug, Clone)]
 pub struct Frame {
@@ -127,11 +130,11 @@ impl Frame {
                 found: bytes.len(),
             });
         }
-        if !time_s.is_finite() {
+        if !(time_s.abs() <= MAX_TIME_S) {
             return Err(Error::out_of_range(
                 "time_s",
                 time_s,
-                "a finite number of seconds",
+                "-1e12 to 1e12 seconds",
             ));
         }
         Ok(Self {

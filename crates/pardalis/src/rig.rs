@@ -22,6 +22,13 @@ pub fn pose_from_matrix(rows: [[f64; 4]; 4]) -> Result<Pose, Error> {
             "0, 0, 0, 1 there",
         ));
     }
+    if let Some(value) = (0..3).map(|i| rows[i][3]).find(|v| v.abs() > 1e6) {
+        return Err(Error::out_of_range(
+            NAME,
+            format!("{value:?} in its last column"),
+            "-1e6 to 1e6 metres there",
+        ));
+    }
     let matrix = Matrix3::from_fn(|i, j| rows[i][j]);
     let deviation = (matrix.transpose() * matrix - Matrix3::identity())
         .abs()
@@ -66,6 +73,9 @@ mod tests {
         let mut infinite = down;
         infinite[0][3] = f64::INFINITY;
         assert!(pose_from_matrix(infinite).is_err());
+        let mut far = down;
+        far[0][3] = 1e7;
+        assert!(pose_from_matrix(far).is_err());
         let mut scaled = down;
         scaled[0][1] = -2.0;
         assert!(pose_from_matrix(scaled).is_err());

@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::Error;
-use crate::filter::GaussianStart;
+use crate::filter::{GaussianStart, MAX_START};
 use crate::likelihood::Likelihood;
 use crate::particles::Particles;
 use crate::rng::{Draws, Stage};
@@ -46,7 +46,7 @@ pub struct PixelStart {
 impl PixelStart {
     /// Refuses what makes no ray.
     pub fn check(&self) -> Result<(), Error> {
-        let positive = |v: f64| v > 0.0 && v.is_finite();
+        let positive = |v: f64| v > 0.0 && v <= MAX_START;
         if let Some(value) = self.pixel.iter().find(|v| !v.is_finite()) {
             return Err(Error::out_of_range("pixel", value, "finite numbers"));
         }
@@ -61,21 +61,21 @@ impl PixelStart {
             return Err(Error::out_of_range(
                 "min_range_m",
                 self.min_range_m,
-                "a positive number",
+                "above 0 and at most 1e6",
             ));
         }
         if !(positive(self.max_range_m) && self.max_range_m > self.min_range_m) {
             return Err(Error::out_of_range(
                 "max_range_m",
                 self.max_range_m,
-                "a number above min_range_m",
+                "above min_range_m and at most 1e6",
             ));
         }
-        if !self.ground_z_m.is_finite() {
+        if !(self.ground_z_m.abs() <= MAX_START) {
             return Err(Error::out_of_range(
                 "ground_z_m",
                 self.ground_z_m,
-                "a finite number",
+                "a number between -1e6 and 1e6",
             ));
         }
         if !(2..=100_000).contains(&self.ray_particles) {
@@ -86,6 +86,21 @@ impl PixelStart {
             ));
         }
         self.around([0.0; 3]).check()
+    }
+
+    /// Refuses a pixel that this camera, the start's own, does not have or has no ray for.
+    pub fn check_in(&self, view: &View) -> Result<(), Error> {
+        let (width, height) = view.size();
+        let inside = |v: f64, size: usize| v >= -0.5 && v <= size as f64 - 0.5;
+        let [u, v] = self.pixel;
+        if inside(u, width) && inside(v, height) && self.ray(view, self.pixel).is_some() {
+            return Ok(());
+        }
+        Err(Error::out_of_range(
+            "pixel",
+            format!("{:?}", self.pixel),
+            &format!("a pixel of the {width} x {height} image inside the camera's field of view"),
+        ))
     }
 
     fn around(&self, position_m: [f64; 3]) -> GaussianStart {

@@ -106,13 +106,10 @@ impl Tracker {
             .map(|(number, settings)| {
                 if let Start::Pixel(start) = &settings.start {
                     start.check()?;
-                    if start.camera >= views.len() {
-                        return Err(Error::out_of_range(
-                            "camera",
-                            start.camera,
-                            "a camera of the tracker",
-                        ));
-                    }
+                    let view = views.get(start.camera).ok_or_else(|| {
+                        Error::out_of_range("camera", start.camera, "a camera of the tracker")
+                    })?;
+                    start.check_in(view)?;
                 }
                 Ok(Target {
                     shape: settings.shape,

@@ -1,5 +1,6 @@
 //! `pardalis track`: the main job.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -59,10 +60,38 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         plots: !arguments.no_plots,
     };
     let run = tracking::run(&arguments.scene, &options)?;
+    let _ = std::io::stderr().write_all(warnings(&run).as_bytes());
     if !to_stdout {
-        print!("{}", told(&run));
+        // Whoever reads may have seen enough; the results are in the folder.
+        let _ = std::io::stdout().write_all(told(&run).as_bytes());
     }
     Ok(())
+}
+
+/// What a run came through though it may have harmed its results, a line each.
+fn warnings(run: &Run) -> String {
+    use std::fmt::Write as _;
+    let mut text = String::new();
+    for (camera, source) in run.open.scene.cameras.iter().zip(&run.open.sources) {
+        let counters = source.counters();
+        let name = &camera.name;
+        if counters.ffmpeg_errors > 0 {
+            let _ = writeln!(
+                text,
+                "warning: cameras.{name}: ffmpeg reported {} errors in {}; frames may be missing or damaged, play it to see",
+                counters.ffmpeg_errors,
+                source.describe().input
+            );
+        }
+        if counters.dropped_late > 0 {
+            let _ = writeln!(
+                text,
+                "warning: cameras.{name}: {} frames left out, whose time stamps run backwards",
+                counters.dropped_late
+            );
+        }
+    }
+    text
 }
 
 /// What a run did, in words.

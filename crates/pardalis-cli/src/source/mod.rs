@@ -16,6 +16,7 @@ use pardalis::color::YuvEncoding;
 use pardalis::{Frame, PixelFormat};
 use serde::Serialize;
 
+use crate::fault::fault;
 use crate::timing::Stopwatch;
 use ffmpeg::{Process, Programs};
 use images::ImageFrames;
@@ -169,13 +170,16 @@ impl Source {
         let (width, height) = description.size_px;
         let format = description.pixel_format;
         let encoding = description.encoding.unwrap_or_default();
+        let input = description.input.clone();
         let thread = std::thread::spawn(move || {
             loop {
                 let watch = Stopwatch::start();
                 let Some(pixels) = pixels.next() else { break };
                 let frame = pixels.and_then(|TimedBytes { bytes, time_s }| {
                     let time_s = time_s + time_offset_s;
-                    Ok(Frame::new(format, encoding, width, height, bytes, time_s)?)
+                    Frame::new(format, encoding, width, height, bytes, time_s).map_err(|error| {
+                        fault!("{input}: {error}; check the frames and the settings of their times")
+                    })
                 });
                 let failed = frame.is_err();
                 // Nobody receives any more: the source was dropped.

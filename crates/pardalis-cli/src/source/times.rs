@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
+use pardalis::frame::MAX_TIME_S;
 
 use crate::fault::fault;
 
@@ -44,10 +45,10 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, f64>> {
         let time_s = field(time_column)
             .parse()
             .ok()
-            .filter(|time_s: &f64| time_s.is_finite())
+            .filter(|time_s: &f64| time_s.abs() <= MAX_TIME_S)
             .ok_or_else(|| {
                 fault!(
-                    "{name}, line {line}: time_s is {:?}; it must be a finite number of seconds",
+                    "{name}, line {line}: time_s is {:?}; it must be a number of seconds, -1e12 to 1e12",
                     field(time_column)
                 )
             })?;

@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use crate::fault::fault;
 use crate::scene::{self, OpenScene};
+use crate::source::Source;
 use crate::timing::Stopwatch;
 use annotate::Annotator;
 use frame_sets::FrameSets;
@@ -111,7 +112,7 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
         }
     });
     let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
-    let mut rows = Rows::create(&options.output, &names)?;
+    let mut rows = Rows::create(&options.output, names.clone())?;
     let mut annotator = match &options.output {
         Output::Folder(folder) if options.annotate => Some(Annotator::create(folder, &open.scene)?),
         _ => None,
@@ -156,7 +157,7 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
 /// The loop. Never fails: what ended it early comes back beside the outcome.
 fn track(open: &mut OpenScene, sinks: &mut [&mut dyn Sink]) -> (Outcome, Option<anyhow::Error>) {
     let mut outcome = Outcome::default();
-    let progress = progress_bar(open.sources.iter().map(|s| s.frame_count()).max().flatten());
+    let progress = progress_bar(open.sources.iter().map(Source::frame_count).max().flatten());
     let mut frame_sets = FrameSets::new(&mut open.sources);
     let target_count = open.scene.targets.len();
     let mut estimates = Vec::with_capacity(target_count);

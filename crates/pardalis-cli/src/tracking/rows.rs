@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 use std::fs::{self, File};
 use std::io::{self, Write};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use pardalis::Estimate;
 
-use super::{Instant, Output, Sink};
+use super::{Instant, Output, Sink, is_broken_pipe};
 use crate::fault::fault;
 
 /// The first line. Further columns may follow in later versions.
@@ -17,16 +17,24 @@ const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps
 /// Writes rows to a file or to standard output.
 pub(crate) struct Rows {
     out: Box<dyn Write + Send>,
+    /// The file, for messages.
+    place: String,
     names: Vec<String>,
     text: String,
 }
 
 impl Rows {
     /// Creates the output folder and file and writes the header.
-    pub(crate) fn create(output: &Output, names: &[String]) -> Result<Self> {
-        let mut out: Box<dyn Write + Send> = match output {
-            Output::Stdout => Box::new(io::stdout()),
+    pub(crate) fn create(output: &Output, names: Vec<String>) -> Result<Self> {
+        let (out, place): (Box<dyn Write + Send>, _) = match output {
+            Output::Stdout => (Box::new(io::stdout()), "standard output".to_owned()),
             Output::Folder(folder) => {
+                if folder.is_file() {
+                    return Err(fault!(
+                        "-o {}: this is a file; give a folder",
+                        folder.display()
+                    ));
+                }
                 let refuse = |error: io::Error| {
                     fault!(
                         "-o {}: {error}; give a folder that can be written",
@@ -34,16 +42,31 @@ impl Rows {
                     )
                 };
                 fs::create_dir_all(folder).map_err(refuse)?;
-                Box::new(File::create(folder.join("tracks.csv")).map_err(refuse)?)
+                let path = folder.join("tracks.csv");
+                let file = File::create(&path).map_err(refuse)?;
+                (Box::new(file), path.display().to_string())
             }
         };
-        out.write_all(HEADER.as_bytes())?;
-        out.flush()?;
-        Ok(Self {
+        let mut rows = Self {
             out,
-            names: names.to_vec(),
-            text: String::new(),
-        })
+            place,
+            names,
+            text: HEADER.to_owned(),
+        };
+        match rows.write() {
+            // The first row meets it again, and the run ends quietly.
+            Err(error) if is_broken_pipe(&error) => {}
+            written => written?,
+        }
+        Ok(rows)
+    }
+
+    /// One write an instant: a reader, or a crash, never sees half a row.
+    fn write(&mut self) -> Result<()> {
+        self.out
+            .write_all(self.text.as_bytes())
+            .and_then(|()| self.out.flush())
+            .with_context(|| format!("{}: the rows cannot be written", self.place))
     }
 }
 
@@ -53,10 +76,7 @@ impl Sink for Rows {
         for (name, estimate) in self.names.iter().zip(instant.estimates) {
             write_row(&mut self.text, instant, name, estimate);
         }
-        // One write an instant: a reader, or a crash, never sees half a row.
-        self.out.write_all(self.text.as_bytes())?;
-        self.out.flush()?;
-        Ok(())
+        self.write()
     }
 }
 

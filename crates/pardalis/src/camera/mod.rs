@@ -103,9 +103,13 @@ fn check_angle(name: &str, value: f64) -> Result<(), Error> {
     ))
 }
 
-fn check_finite(name: &str, values: &[f64]) -> Result<(), Error> {
-    match values.iter().find(|v| !v.is_finite()) {
+fn check_coefficients(name: &str, values: &[f64]) -> Result<(), Error> {
+    match values.iter().find(|v| !(v.abs() <= 1e9)) {
         None => Ok(()),
-        Some(value) => Err(Error::out_of_range(name, value, "finite numbers")),
+        Some(value) => Err(Error::out_of_range(
+            name,
+            value,
+            "numbers between -1e9 and 1e9",
+        )),
     }
 }

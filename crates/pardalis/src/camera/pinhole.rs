@@ -1,7 +1,7 @@
 //! Pinhole camera with Brown-Conrady distortion.
 
 use crate::Error;
-use crate::camera::{Projection, check_finite, check_focal, check_principal_point};
+use crate::camera::{Projection, check_coefficients, check_focal, check_principal_point};
 use crate::real::Real;
 
 /// With a = x/z, b = y/z, s = a² + b² and g = 1 + k1·s + k2·s² + k3·s³:
@@ -38,7 +38,7 @@ impl Pinhole<f64> {
         check_focal("fx_px", fx_px)?;
         check_focal("fy_px", fy_px)?;
         check_principal_point([cx_px, cy_px])?;
-        check_finite("distortion", &distortion)?;
+        check_coefficients("distortion", &distortion)?;
         let [k1, k2, p1, p2, k3] = distortion;
         let max_s = largest_growing_s(k1, k2, k3);
         Ok(Self {

@@ -22,14 +22,14 @@ pub struct Unified<R> {
 impl Unified<f64> {
     /// `l` and `m` as in the paper, `f_px` the focal scale in pixels (1 when `m` is in pixels already), the principal point in pixels.
     pub fn new(l: f64, m: f64, f_px: f64, [cx_px, cy_px]: [f64; 2]) -> Result<Self, Error> {
-        if !(l.is_finite() && l >= 0.0) {
-            return Err(Error::out_of_range("l", l, "a finite number, 0 or more"));
+        if !(0.0..=1e6).contains(&l) {
+            return Err(Error::out_of_range("l", l, "0 to 1e6"));
         }
-        if !(m.is_finite() && l + m > 0.0) {
+        if !(m <= 1e6 && l + m > 0.0) {
             return Err(Error::out_of_range(
                 "m",
                 m,
-                "a finite number with l + m > 0",
+                "a number up to 1e6 with l + m > 0",
             ));
         }
         check_focal("f_px", f_px)?;

@@ -4,6 +4,7 @@ use super::reader::{Located, Table};
 use crate::Error;
 use crate::camera::{Camera, Equidistant, PerspectiveMirror, Pinhole, Unified};
 use crate::color::{YuvEncoding, YuvMatrix, YuvRange};
+use crate::frame::MAX_TIME_S;
 use crate::rig::{Pose, pose_from_matrix};
 
 /// One camera of a scene.
@@ -65,11 +66,14 @@ impl CameraConfig {
     /// Reads one camera; `None` when something needed is missing or faulty, which the journal then says.
     pub(super) fn read(name: String, table: Table) -> Option<Self> {
         let input = read_input(&table);
-        let time_offset_s = table.or("time_offset_s", 0.0);
+        let time_offset_s: f64 = table.or("time_offset_s", 0.0);
+        if time_offset_s.abs() > MAX_TIME_S {
+            table.refuse("time_offset_s", "-1e12 to 1e12 seconds");
+        }
         let first_frame = table.or("first_frame", 0);
         let frame_limit = table.optional("frame_limit");
         if frame_limit == Some(0) {
-            table.problem("frame_limit", "is 0; allowed: 1 or more");
+            table.refuse("frame_limit", "1 or more");
         }
         let model = read_model(&table);
         let world_from_camera = match table.required::<[[f64; 4]; 4]>("world_from_camera") {
@@ -84,10 +88,7 @@ impl CameraConfig {
         if let Some(radius) = &radius_px
             && radius.value <= 0.0
         {
-            table.problem(
-                "mask_radius_px",
-                format!("is {}; allowed: a positive number of pixels", radius.value),
-            );
+            table.refuse("mask_radius_px", "a positive number of pixels");
         }
         if center_px.is_some() && radius_px.is_none() {
             table.problem("mask_center_px", "needs mask_radius_px beside it");
@@ -137,12 +138,9 @@ fn read_input(table: &Table) -> Option<Input> {
         }
     });
     if let Some(fps) = fps
-        && !(fps > 0.0 && fps <= 1e6)
+        && !(1e-6..=1e6).contains(&fps)
     {
-        table.problem(
-            "fps",
-            format!("is {fps}; allowed: above 0 and at most 1e6 frames a second"),
-        );
+        table.refuse("fps", "1e-6 to 1e6 frames a second");
     }
     match (images, video) {
         (Some(folder), None) => {
@@ -190,9 +188,9 @@ fn read_model(table: &Table) -> Option<(Camera, [f64; 2])> {
         }
         return None;
     };
-    let (kind, parameters) =
-        model.one_of(&["equidistant", "pinhole", "unified", "perspective_mirror"])?;
+    let found = model.one_of(&["equidistant", "pinhole", "unified", "perspective_mirror"]);
     model.finish();
+    let (kind, parameters) = found?;
     let center_px = parameters.required::<[f64; 2]>("center_px");
     let camera = match kind {
         "equidistant" => read_equidistant(&parameters, center_px),
@@ -224,10 +222,7 @@ fn read_equidistant(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera
     let f = table.required("f_px_per_rad");
     let field_of_view_deg: f64 = table.or("field_of_view_deg", 360.0);
     if !(field_of_view_deg > 0.0 && field_of_view_deg <= 360.0) {
-        table.problem(
-            "field_of_view_deg",
-            format!("is {field_of_view_deg}; allowed: above 0 and at most 360"),
-        );
+        table.refuse("field_of_view_deg", "above 0 and at most 360");
         return None;
     }
     let model = Equidistant::new(f?, center_px?, (field_of_view_deg / 2.0).to_radians());
@@ -237,11 +232,8 @@ fn read_equidistant(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera
 fn read_pinhole(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
     let f = table.required::<[f64; 2]>("f_px");
     let distortion = table.or("distortion", [0.0; 5]);
-    if let Some(bad) = f.and_then(|f| f.into_iter().find(|v| !(*v > 0.0 && *v <= 1e6))) {
-        table.problem(
-            "f_px",
-            format!("has {bad}; allowed: positive numbers up to 1e6"),
-        );
+    if f.is_some_and(|f| f.iter().any(|v| !(*v > 0.0 && *v <= 1e6))) {
+        table.refuse("f_px", "positive numbers up to 1e6");
         return None;
     }
     table

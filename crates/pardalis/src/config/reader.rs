@@ -53,19 +53,23 @@ impl<T> Located<T> {
 }
 
 /// Problems and resolved settings, shared by all tables of one text.
-pub(super) struct Journal<'t> {
-    text: &'t str,
+pub(super) struct Journal {
+    /// Where each line but the first begins.
+    line_starts: Vec<usize>,
     problems: RefCell<Vec<Problem>>,
     /// Every setting with its final value, given or default.
     resolved: RefCell<toml::Table>,
 }
 
-impl<'t> Journal<'t> {
+/// Characters of a problem's key or message that are shown at most.
+const MAX_SHOWN: usize = 300;
+
+impl Journal {
     /// Parses the text. What TOML itself refuses (doubled keys, say) is noted, and the rest is still read.
-    pub(super) fn parse(text: &'t str) -> (Self, Spanned<DeTable<'t>>) {
+    pub(super) fn parse(text: &str) -> (Self, Spanned<DeTable<'_>>) {
         let (root, errors) = DeTable::parse_recoverable(text);
         let journal = Self {
-            text,
+            line_starts: text.match_indices('\n').map(|(at, _)| at + 1).collect(),
             problems: RefCell::default(),
             resolved: RefCell::default(),
         };
@@ -73,8 +77,11 @@ impl<'t> Journal<'t> {
             let offset = error.span().map_or(0, |span| span.start);
             let message = match error.message() {
                 "duplicate key" => {
-                    let key = text[error.span().unwrap_or(0..0)].trim();
-                    format!("the key {key} stands there twice; keep one")
+                    let key = text.get(error.span().unwrap_or(0..0)).unwrap_or_default();
+                    format!("the key {} stands there twice; keep one", key.trim())
+                }
+                "recursion limit" | "cannot recurse further; max recursion depth met" => {
+                    "tables or lists lie too deep in one another; allowed: a few levels".to_owned()
                 }
                 message => message.replace('\n', ", "),
             };
@@ -84,18 +91,14 @@ impl<'t> Journal<'t> {
     }
 
     fn line_of(&self, offset: usize) -> usize {
-        self.text.as_bytes()[..offset.min(self.text.len())]
-            .iter()
-            .filter(|&&b| b == b'\n')
-            .count()
-            + 1
+        self.line_starts.partition_point(|&start| start <= offset) + 1
     }
 
     fn add(&self, offset: usize, key: String, message: String) {
         let problem = Problem {
             line: self.line_of(offset),
-            key,
-            message,
+            key: shortened(key),
+            message: shortened(message),
         };
         self.problems.borrow_mut().push(problem);
     }
@@ -262,7 +265,7 @@ impl Setting for PerAxis {
 
 /// A table of the text, which knows the keys that were asked for, so that the others can be named as unknown.
 pub(super) struct Table<'a, 't> {
-    journal: &'a Journal<'t>,
+    journal: &'a Journal,
     path: String,
     table: &'a DeTable<'t>,
     span: Range<usize>,
@@ -270,7 +273,7 @@ pub(super) struct Table<'a, 't> {
 }
 
 impl<'a, 't> Table<'a, 't> {
-    pub(super) fn root(journal: &'a Journal<'t>, root: &'a Spanned<DeTable<'t>>) -> Self {
+    pub(super) fn root(journal: &'a Journal, root: &'a Spanned<DeTable<'t>>) -> Self {
         Self {
             journal,
             path: String::new(),
@@ -308,6 +311,15 @@ impl<'a, 't> Table<'a, 't> {
             .add(self.offset_of(key), self.path_of(key), message.into());
     }
 
+    /// A problem with the value of a key, which is shown as it was written.
+    pub(super) fn refuse(&self, key: &str, allowed: &str) {
+        let value = self.table.get(key).map(|value| shown(value.get_ref()));
+        self.problem(
+            key,
+            format!("is {}; allowed: {allowed}", value.unwrap_or_default()),
+        );
+    }
+
     /// A problem with this table as a whole.
     pub(super) fn problem_here(&self, message: impl Into<String>) {
         self.journal
@@ -326,10 +338,7 @@ impl<'a, 't> Table<'a, 't> {
             self.journal.record(&self.path_of(key), setting.write());
             return Some(setting);
         }
-        self.problem(
-            key,
-            format!("is {}; allowed: {}", shown(value.get_ref()), T::ALLOWED),
-        );
+        self.refuse(key, T::ALLOWED);
         None
     }
 
@@ -378,12 +387,16 @@ impl<'a, 't> Table<'a, 't> {
 
     /// A setting with its place.
     pub(super) fn located<T: Setting>(&self, key: &'static str) -> Option<Located<T>> {
-        let value = self.optional(key)?;
-        Some(Located {
+        self.optional(key).map(|value| self.at(key, value))
+    }
+
+    /// A value that was made from a key, with the key's place.
+    pub(super) fn at<T>(&self, key: &str, value: T) -> Located<T> {
+        Located {
             value,
             key: self.path_of(key),
             line: self.journal.line_of(self.offset_of(key)),
-        })
+        }
     }
 
     /// The value of a checked type, or the problem at the key that the library's error names.
@@ -395,7 +408,11 @@ impl<'a, 't> Table<'a, 't> {
                 value,
                 allowed,
             }) if self.known.borrow().contains(&name.as_str()) => {
-                self.problem(&name, format!("is {value}; allowed: {allowed}"));
+                if self.has(&name) {
+                    self.refuse(&name, &allowed);
+                } else {
+                    self.problem(&name, format!("is {value}; allowed: {allowed}"));
+                }
                 None
             }
             Err(error) => {
@@ -413,10 +430,7 @@ impl<'a, 't> Table<'a, 't> {
 
     fn as_table(&self, key: &str, value: &'a Spanned<DeValue<'t>>) -> Option<Table<'a, 't>> {
         let DeValue::Table(table) = value.get_ref() else {
-            self.problem(
-                key,
-                format!("is {}; allowed: a table", shown(value.get_ref())),
-            );
+            self.refuse(key, "a table");
             return None;
         };
         Some(Table {
@@ -509,19 +523,20 @@ impl<'a, 't> Table<'a, 't> {
             .filter(|(key, _)| !known.contains(&&**key.get_ref()))
         {
             let name = key.get_ref();
+            // Far longer names are near to none, and costly to compare.
             let near = known
                 .iter()
+                .filter(|k| name.len() <= 2 * k.len())
                 .map(|k| (distance(name, k), *k))
                 .min()
                 .filter(|&(d, k)| d <= 1 + k.len() / 4);
-            let hint = match near {
-                Some((_, near)) => format!("did you mean {near}?"),
-                None => {
-                    let mut sorted: Vec<_> = known.clone();
-                    sorted.sort_unstable();
-                    sorted.dedup();
-                    format!("allowed here: {}", sorted.join(", "))
-                }
+            let hint = if let Some((_, near)) = near {
+                format!("did you mean {near}?")
+            } else {
+                let mut sorted: Vec<_> = known.clone();
+                sorted.sort_unstable();
+                sorted.dedup();
+                format!("allowed here: {}", sorted.join(", "))
             };
             self.journal.add(
                 key.span().start,
@@ -529,6 +544,13 @@ impl<'a, 't> Table<'a, 't> {
                 format!("is not a key; {hint}"),
             );
         }
+    }
+}
+
+fn shortened(text: String) -> String {
+    match text.char_indices().nth(MAX_SHOWN) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text,
     }
 }
 
@@ -542,6 +564,10 @@ fn shown(value: &DeValue) -> String {
         DeValue::Float(number) => number.as_str().to_owned(),
         DeValue::Boolean(value) => value.to_string(),
         DeValue::Datetime(_) => "a date".to_owned(),
+        DeValue::Array(items) if (1..=5).contains(&items.len()) => {
+            let items: Vec<_> = items.iter().map(|item| shown(item.get_ref())).collect();
+            format!("[{}]", items.join(", "))
+        }
         DeValue::Array(items) => format!("a list of {}", items.len()),
         DeValue::Table(_) => "a table".to_owned(),
     }

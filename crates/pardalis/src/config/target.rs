@@ -21,20 +21,17 @@ pub struct TargetConfig {
     pub contour: ContourSettings,
     /// Its filter.
     pub filter: FilterSettings,
-    /// Where its particles start.
-    pub start: Start,
+    /// Where its particles start, with the place of the position or pixel.
+    pub start: Located<Start>,
 }
 
 impl TargetConfig {
     /// Reads one target; `None` when something needed is missing or faulty, which the journal then says.
     pub(super) fn read(name: String, table: Table, cameras: &[String]) -> Option<Self> {
         let shape = read_shape(&table);
-        let colors = if table.has("colors") {
-            table.located("colors")
-        } else {
-            table.required::<String>("colors");
-            None
-        };
+        let colors = table
+            .required("colors")
+            .map(|file| table.at("colors", file));
         let contour = read_contour(&table);
         let filter = read_filter(&table);
         let start = read_start(&table, cameras);
@@ -117,10 +114,7 @@ fn read_filter(table: &Table) -> Option<FilterSettings> {
     };
     let particle_count = filter.or("particles", DEFAULT_FILTER.particle_count);
     if !(1..=MAX_PARTICLES).contains(&particle_count) {
-        filter.problem(
-            "particles",
-            format!("is {particle_count}; allowed: 1 to {MAX_PARTICLES}"),
-        );
+        filter.refuse("particles", &format!("1 to {MAX_PARTICLES}"));
     }
     let schemes = [
         ("systematic", Resampling::Systematic),
@@ -131,10 +125,7 @@ fn read_filter(table: &Table) -> Option<FilterSettings> {
     let resampling = filter.word("resampling", &schemes, "systematic");
     let resample_below = filter.or("resample_below", DEFAULT_FILTER.resample_below);
     if !(resample_below > 0.0 && resample_below <= 1.0) {
-        filter.problem(
-            "resample_below",
-            format!("is {resample_below}; allowed: above 0 and at most 1 (1: at every step)"),
-        );
+        filter.refuse("resample_below", "above 0 and at most 1 (1: at every step)");
     }
     filter.finish();
     Some(FilterSettings {
@@ -173,6 +164,7 @@ fn read_motion(table: &Table) -> Option<Motion> {
                 "acceleration_density_m2ps3",
                 "stands beside acceleration_sigma_mps2; keep one of them",
             );
+            motion.finish();
             return None;
         }
     };
@@ -183,7 +175,7 @@ fn read_motion(table: &Table) -> Option<Motion> {
     model
 }
 
-fn read_start(table: &Table, cameras: &[String]) -> Option<Start> {
+fn read_start(table: &Table, cameras: &[String]) -> Option<Located<Start>> {
     let (kind, start) = kind_of(table, "start", &["gaussian", "pixel"])?;
     let read = if kind == "gaussian" {
         read_gaussian(&start)
@@ -194,7 +186,7 @@ fn read_start(table: &Table, cameras: &[String]) -> Option<Start> {
     read
 }
 
-fn read_gaussian(table: &Table) -> Option<Start> {
+fn read_gaussian(table: &Table) -> Option<Located<Start>> {
     let position_m = table.required("position_m");
     let position_sigma_m = table.or("position_sigma_m", PerAxis([0.1; 3])).0;
     let velocity_mps = table.or("velocity_mps", [0.0; 3]);
@@ -205,10 +197,14 @@ fn read_gaussian(table: &Table) -> Option<Start> {
         velocity_mps,
         velocity_sigma_mps,
     };
-    table.checked(start.check().map(|()| Start::Gaussian(start)))
+    table.checked(
+        start
+            .check()
+            .map(|()| table.at("position_m", Start::Gaussian(start))),
+    )
 }
 
-fn read_pixel(table: &Table, cameras: &[String]) -> Option<Start> {
+fn read_pixel(table: &Table, cameras: &[String]) -> Option<Located<Start>> {
     let pixel = table.required("pixel");
     let camera: Option<String> = if cameras.len() == 1 {
         Some(table.or("camera", cameras[0].clone()))
@@ -241,5 +237,9 @@ fn read_pixel(table: &Table, cameras: &[String]) -> Option<Start> {
         position_sigma_m,
         velocity_sigma_mps,
     };
-    table.checked(start.check().map(|()| Start::Pixel(start)))
+    table.checked(
+        start
+            .check()
+            .map(|()| table.at("pixel", Start::Pixel(start))),
+    )
 }

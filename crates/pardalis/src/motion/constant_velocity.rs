@@ -52,12 +52,8 @@ impl ConstantVelocity {
                 acceleration_density_m2ps3: q,
             } => ("acceleration_density_m2ps3", q),
         };
-        if !(value.is_finite() && value >= 0.0) {
-            return Err(Error::out_of_range(
-                name,
-                value,
-                "a finite number, 0 or more",
-            ));
+        if !(0.0..=1e9).contains(&value) {
+            return Err(Error::out_of_range(name, value, "0 to 1e9"));
         }
         Ok(Self { disturbance })
     }

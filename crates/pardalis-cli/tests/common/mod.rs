@@ -1,0 +1,182 @@
+//! Folders, scenes and runs of the real program, for the tests of `pardalis track`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The orange ball of data/dioptric-jump.
+pub(crate) const BALL_COLORS: &str = r#"format = "pardalis color model 1"
+pixel_count = 1553
+image_count = 6
+bins = [
+    [0, 9, 1, 432],
+    [0, 10, 1, 302],
+    [0, 8, 2, 150],
+    [0, 8, 1, 126],
+    [0, 9, 2, 94],
+    [1, 7, 1, 79],
+    [0, 7, 2, 78],
+    [1, 9, 1, 73],
+    [1, 8, 1, 71],
+    [1, 10, 1, 69],
+    [1, 6, 1, 43],
+    [1, 9, 0, 36],
+]
+[palette.hsi]
+hue_bins = 12
+saturation_bins = 12
+intensity_bins = 4
+"#;
+
+/// A scene that tracks the ball through the images in `images`, beside which the colours lie in ball.toml. Line numbers count in tests.
+pub(crate) const SCENE: &str = r#"seed = 1
+[cameras.cam1]
+images = "images"
+fps = 25
+model.equidistant = { f_px_per_rad = 145.5622506548578, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }
+world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]]
+[targets.ball]
+shape.sphere.radius_m = 0.11
+colors = "ball.toml"
+contour = { inner_scale = 0.9, outer_scale = 1.1 }
+filter = { particles = 100 }
+[targets.ball.motion.constant_velocity]
+acceleration_density_m2ps3 = 100
+[targets.ball.start.gaussian]
+position_m = [1.35, -1.25, 0.62]
+position_sigma_m = 0.1
+"#;
+
+/// The first line of every tracks.csv.
+pub(crate) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
+                          xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence";
+
+/// The scene with a piece of it replaced, which must be there.
+pub(crate) fn scene_with(piece: &str, other: &str) -> String {
+    assert!(SCENE.contains(piece), "{piece}");
+    SCENE.replace(piece, other)
+}
+
+/// The folder data/dioptric-jump.
+pub(crate) fn data() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/dioptric-jump")
+}
+
+/// A frame of data/dioptric-jump.
+pub(crate) fn frame_file(number: usize) -> PathBuf {
+    data().join(format!("frames/{number:06}.jpg"))
+}
+
+/// A folder for the files of one test, with the ball's colours and a folder of images.
+pub(crate) struct Workplace {
+    folder: tempfile::TempDir,
+}
+
+impl Workplace {
+    /// With the first frames of data/dioptric-jump.
+    pub(crate) fn with_frames(count: usize) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let place = Self { folder };
+        fs::create_dir(place.path("images")).unwrap();
+        for number in 0..count {
+            fs::copy(frame_file(number), place.image(number)).unwrap();
+        }
+        place.write("ball.toml", BALL_COLORS);
+        place
+    }
+
+    /// A file in the folder.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// An image that is tracked.
+    pub(crate) fn image(&self, number: usize) -> PathBuf {
+        self.path(&format!("images/{number:06}.jpg"))
+    }
+
+    /// Writes a file.
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        fs::write(self.path(name), content).unwrap();
+    }
+
+    /// `pardalis track scene.toml` in the folder, still to be run.
+    pub(crate) fn command(&self, scene: impl AsRef<[u8]>, arguments: &[&str]) -> Command {
+        self.write("scene.toml", scene);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+        command
+            .current_dir(self.folder.path())
+            .args(["track", "scene.toml"])
+            .args(arguments);
+        command
+    }
+
+    /// Runs the program on a scene, results into the folder `out`, without plots.
+    pub(crate) fn track(&self, scene: impl AsRef<[u8]>) -> Run {
+        self.track_with(scene, &["-o", "out", "--no-plots"])
+    }
+
+    /// Runs the program on a scene.
+    pub(crate) fn track_with(&self, scene: impl AsRef<[u8]>, arguments: &[&str]) -> Run {
+        Run::of(&mut self.command(scene, arguments))
+    }
+
+    /// The rows of out/tracks.csv as their fields; checks that header and rows are whole.
+    pub(crate) fn rows(&self) -> Vec<Vec<String>> {
+        rows_in(&fs::read_to_string(self.path("out/tracks.csv")).unwrap())
+    }
+}
+
+/// The rows of a tracks.csv as their fields; checks that header and rows are whole.
+pub(crate) fn rows_in(text: &str) -> Vec<Vec<String>> {
+    assert!(text.ends_with('\n'), "the last row is not whole: {text}");
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some(HEADER));
+    lines
+        .map(|line| {
+            let fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+            assert_eq!(fields.len(), 19, "{line}");
+            fields
+        })
+        .collect()
+}
+
+/// What became of a run.
+pub(crate) struct Run {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Run {
+    /// Runs a command to its end. Whatever happens, the program must not panic.
+    pub(crate) fn of(command: &mut Command) -> Self {
+        let output = command.output().unwrap();
+        let run = Self {
+            code: output.status.code(),
+            stdout: String::from_utf8(output.stdout).unwrap(),
+            stderr: String::from_utf8(output.stderr).unwrap(),
+        };
+        assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
+        run
+    }
+
+    /// Checks that the run was fine and said nothing on standard error.
+    #[track_caller]
+    pub(crate) fn fine(self) -> Self {
+        assert_eq!((self.code, &*self.stderr), (Some(0), ""));
+        self
+    }
+
+    /// Checks that the user's input was refused with a message that holds all of `wanted`.
+    #[track_caller]
+    pub(crate) fn refused(&self, wanted: &[&str]) {
+        assert_eq!(self.code, Some(2), "{}", self.stderr);
+        assert!(self.stderr.starts_with("error: "), "{}", self.stderr);
+        assert_eq!(self.stdout, "");
+        for wanted in wanted {
+            let said = self.stderr.contains(wanted);
+            assert!(said, "no {wanted:?} in: {}", self.stderr);
+        }
+    }
+}

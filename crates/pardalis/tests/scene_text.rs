@@ -1,0 +1,143 @@
+//! Damaged scenes and colour models: an error with a plausible line, never a panic.
+
+use pardalis::Error;
+use pardalis::color::ColorModel;
+use pardalis::config::Scene;
+
+const SCENE: &str = r#"# Everything that a scene may say.
+seed = 7
+[cameras.dioptric]
+images = "frames" # földer
+fps = 25.0
+first_frame = 2
+frame_limit = 100
+time_offset_s = -0.5
+mask = "mask.png"
+mask_radius_px = 200
+mask_center_px = [320, 240]
+size_px = [640, 480]
+model.equidistant = { f_px_per_rad = 145.56, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }
+world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]]
+[cameras.web]
+video = '/dev/video0'
+input_options = ["-f", "v4l2"]
+yuv = { matrix = "bt709", range = "full" }
+world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+[cameras.web.model.pinhole]
+f_px = [300, 301]
+center_px = [159.5, 119.5]
+distortion = [0.1, -0.2, 1e-3, 0, 0]
+[targets.ball]
+shape.sphere = { radius_m = 0.11, outline = "tangent" }
+colors = "ball.toml"
+contour = { inner_scale = 0.9, outer_scale = 1.1, points = 50, kappa = 1.5, b = 0.03 }
+filter = { particles = 1_000, resampling = "residual", resample_below = 0.5 }
+motion.constant_velocity.acceleration_sigma_mps2 = 3
+[targets.ball.start.pixel]
+camera = "web"
+pixel = [46, 0x58]
+min_range_m = 0.2
+max_range_m = 5
+[targets.other]
+shape.sphere.radius_m = 0.2
+colors = """other.toml"""
+start.gaussian = { position_m = [1, 2, 3], position_sigma_m = [0.1, 0.2, 0.3], velocity_mps = [0, 0, 1] }
+"#;
+
+const COLORS: &str = r#"format = "pardalis color model 1"
+pixel_count = 30
+image_count = 2
+bins = [
+    [0, 9, 1, 20],
+    [11, 3, 3, 10],
+]
+[palette.hsi]
+hue_bins = 12
+saturation_bins = 12
+intensity_bins = 4
+"#;
+
+/// Parses a scene; errors must come in order, with lines of the text and something to say.
+fn check_scene(text: &str) -> bool {
+    let Err(problems) = Scene::parse(text) else {
+        return true;
+    };
+    assert!(!problems.is_empty());
+    assert!(problems.is_sorted(), "{problems:?}");
+    let last_line = text.matches('\n').count() + 1;
+    for problem in &problems {
+        assert!((1..=last_line).contains(&problem.line), "{problem}");
+        assert!(!problem.message.is_empty());
+    }
+    false
+}
+
+fn check_colors(text: &str) -> bool {
+    let last_line = text.matches('\n').count() + 1;
+    match ColorModel::from_text(text) {
+        Ok(_) => true,
+        Err(Error::Parse { line, message }) => {
+            assert!((1..=last_line).contains(&line), "line {line}: {message}");
+            assert!(!message.is_empty());
+            false
+        }
+        Err(other) => panic!("{other}: has no line"),
+    }
+}
+
+#[test]
+fn texts_cut_off_at_any_byte() {
+    assert!(check_scene(SCENE) && check_colors(COLORS));
+    let cut = |text: &'static str| (0..text.len()).filter_map(move |end| text.get(..end));
+    // What is left is a scene only where it ends among the last settings of a target, all of which have defaults.
+    let sound: Vec<_> = cut(SCENE).filter(|text| check_scene(text)).collect();
+    let begun = SCENE.find("\nmin_range_m").unwrap_or_default();
+    assert!(sound.len() < 30, "{}", sound.len());
+    assert!(sound.iter().all(|text| text.len() >= begun));
+    let sound = cut(COLORS).filter(|text| check_colors(text)).count();
+    assert!(sound <= 2, "{sound}");
+}
+
+/// Bytes of the text replaced at random, at one to four places; what is no UTF-8 is made so.
+fn flipped(text: &str, seed: u64) -> String {
+    // The generator of Numerical Recipes; any would do.
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let mut next = |below: usize| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    let mut bytes = text.as_bytes().to_vec();
+    for _ in 0..=next(4) {
+        let at = next(bytes.len());
+        bytes[at] = match next(3) {
+            0 => bytes[at] ^ (1 << next(8)),
+            1 => next(256) as u8,
+            _ => b"[]{}=.\"'#\n,-+_e0"[next(16)],
+        };
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[test]
+fn texts_with_flipped_bytes() {
+    let mut sound = [0; 2];
+    for seed in 0..2000 {
+        sound[0] += usize::from(check_scene(&flipped(SCENE, seed)));
+        sound[1] += usize::from(check_colors(&flipped(COLORS, seed)));
+    }
+    // Some flips do no harm (in comments, digits, names), most do.
+    assert!(sound.iter().all(|n| (1..1500).contains(n)), "{sound:?}");
+}
+
+#[test]
+fn a_doubled_key_hides_no_other_problem() {
+    let text = SCENE
+        .replace("fps = 25.0", "fps = 25.0\nfps = 30.0")
+        .replace("radius_m = 0.11", "radius_m = -1")
+        .replace("[cameras.web]", "[cameras.web]\nwide = 1");
+    let problems = Scene::parse(&text).unwrap_err();
+    let lines: Vec<_> = problems.iter().map(|p| p.line).collect();
+    assert_eq!(lines, [6, 17, 27], "{problems:?}");
+}
