@@ -2,6 +2,7 @@
 
 mod camera;
 mod reader;
+mod setting;
 mod target;
 
 pub use camera::{CameraConfig, Input, MaskCircle};

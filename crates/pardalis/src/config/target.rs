@@ -1,6 +1,7 @@
 //! The targets of a scene.
 
-use super::reader::{Located, PerAxis, Table};
+use super::reader::{Located, Table};
+use super::setting::PerAxis;
 use crate::filter::{FilterSettings, GaussianStart, MAX_PARTICLES};
 use crate::likelihood::ContourSettings;
 use crate::motion::{ConstantVelocity, Disturbance, Motion};

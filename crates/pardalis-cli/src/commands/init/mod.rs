@@ -76,31 +76,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let known = known_cameras(arguments)?;
     let fps = arguments.fps.or(known.as_ref().and_then(|k| k.fps));
     let mut cameras = Vec::new();
-    match &known {
-        Some(known) => {
-            for camera in &known.cameras {
-                let several = known.cameras.len() > 1;
-                let input = frames_of(&arguments.input, several.then_some(&*camera.name));
-                let opened = open(&input, fps)?;
-                cameras.push(CameraText::known(
-                    camera,
-                    &opened,
-                    shown_path(&input, output),
-                    fps,
-                )?);
-            }
-        }
-        None => {
-            let input = frames_of(&arguments.input, None);
+    if let Some(known) = &known {
+        for camera in &known.cameras {
+            let several = known.cameras.len() > 1;
+            let input = frames_of(&arguments.input, several.then_some(&*camera.name));
             let opened = open(&input, fps)?;
-            let model = model_named(arguments.camera.as_deref().unwrap_or("equidistant"))?;
-            cameras.push(CameraText::guessed(
-                model,
-                &opened,
-                shown_path(&input, output),
-                fps,
-            ));
+            let shown = shown_path(&input, output);
+            cameras.push(CameraText::known(camera, &opened, &shown, fps)?);
         }
+    } else {
+        let input = frames_of(&arguments.input, None);
+        let opened = open(&input, fps)?;
+        let model = model_named(arguments.camera.as_deref().unwrap_or("equidistant"))?;
+        cameras.push(CameraText::guessed(
+            model,
+            &opened,
+            &shown_path(&input, output),
+            fps,
+        ));
     }
     let scene = SceneText {
         cameras,

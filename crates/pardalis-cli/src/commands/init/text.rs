@@ -43,7 +43,7 @@ impl CameraText {
     pub(super) fn known(
         camera: &SequenceCamera,
         opened: &Opened,
-        path: String,
+        path: &str,
         fps: Option<f64>,
     ) -> Result<Self> {
         let refuse = |what: &str| fault!("camera {}: {what}", camera.name);
@@ -100,7 +100,7 @@ impl CameraText {
                 "T_world_from_camera is no fixed 4 x 4 matrix; moving cameras cannot be used yet",
             )
         })?;
-        let input = input_lines(opened, &path, fps);
+        let input = input_lines(opened, path, fps);
         Ok(Self {
             name: camera.name.clone(),
             size: opened.size,
@@ -113,7 +113,7 @@ impl CameraText {
     }
 
     /// A camera of which only the model's name is known.
-    pub(super) fn guessed(model: Model, opened: &Opened, path: String, fps: Option<f64>) -> Self {
+    pub(super) fn guessed(model: Model, opened: &Opened, path: &str, fps: Option<f64>) -> Self {
         let (width, height) = (opened.size.0 as f64, opened.size.1 as f64);
         let half = width.min(height) / 2.0;
         let center = format!(
@@ -138,10 +138,8 @@ impl CameraText {
                 ("pinhole", parameters, LOOKING_AHEAD)
             }
             Model::Unified => {
-                let parameters = format!(
-                    "l = 0.9  # CHANGE\nm = {:.1}  # CHANGE: in pixels\n{center}",
-                    half
-                );
+                let parameters =
+                    format!("l = 0.9  # CHANGE\nm = {half:.1}  # CHANGE: in pixels\n{center}");
                 ("unified", parameters, LOOKING_UP)
             }
             Model::PerspectiveMirror => {
@@ -149,7 +147,7 @@ impl CameraText {
                 ("perspective_mirror", parameters, LOOKING_UP)
             }
         };
-        let input = input_lines(opened, &path, fps);
+        let input = input_lines(opened, path, fps);
         Self {
             name: "camera".to_owned(),
             size: opened.size,
@@ -271,16 +269,12 @@ impl SceneText<'_> {
     fn start_text(&self, text: &mut String) {
         let target = self.target;
         let camera = &self.cameras[0];
-        let (pixel, mark) = match self.pixel {
-            Some(pixel) => (pixel, ""),
-            None => {
-                let (width, height) = camera.size;
-                let middle = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
-                (
-                    middle,
-                    "  # CHANGE: a pixel near the middle of the target in the first frame",
-                )
-            }
+        let (width, height) = camera.size;
+        let middle = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
+        let pixel = self.pixel.unwrap_or(middle);
+        let mark = match self.pixel {
+            Some(_) => "",
+            None => "  # CHANGE: a pixel near the middle of the target in the first frame",
         };
         let _ = writeln!(
             text,
