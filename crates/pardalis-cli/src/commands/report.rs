@@ -186,17 +186,17 @@ fn cell(name: &str, values: &[&str]) -> String {
         };
         format!("{v:.digits$}")
     };
-    let median = if numbers.len() % 2 == 1 {
-        numbers[numbers.len() / 2]
-    } else {
-        f64::midpoint(numbers[numbers.len() / 2 - 1], numbers[numbers.len() / 2])
-    };
     let (lowest, highest) = (shown(numbers[0]), shown(numbers[numbers.len() - 1]));
     if lowest == highest {
         lowest
     } else {
-        format!("{} ({lowest} to {highest})", shown(median))
+        format!("{} ({lowest} to {highest})", shown(median(&numbers)))
     }
+}
+
+/// The median of at least one number; they are sorted.
+pub(super) fn median(sorted: &[f64]) -> f64 {
+    f64::midpoint(sorted[(sorted.len() - 1) / 2], sorted[sorted.len() / 2])
 }
 
 #[cfg(test)]
