@@ -179,8 +179,9 @@ fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> 
             encoding,
         } => {
             let file = resolve(folder, &input.value);
-            let is_address = input.value.contains("://") || !input_options.is_empty();
-            let name = if is_address {
+            // Addresses, and devices that only ffmpeg's options tell apart, are no paths.
+            let may_be_no_path = input.value.contains("://") || !input_options.is_empty();
+            let name = if may_be_no_path && !file.exists() {
                 input.value.clone()
             } else {
                 file.display().to_string()

@@ -152,11 +152,11 @@ fn table_of(path: &Path, columns: &[String]) -> Result<String> {
 
 /// A column's name with the unit that is shown.
 fn heading(name: &str) -> String {
-    let (words, unit) = match (name.strip_suffix("_m"), name.strip_suffix("_rad")) {
-        (Some(words), _) => (words, " (mm)"),
-        (_, Some(words)) => (words, " (mrad)"),
-        _ => (name, ""),
-    };
+    let units = [("_m", " (mm)"), ("_rad", " (mrad)"), ("_us", " (µs)")];
+    let known = units
+        .iter()
+        .find_map(|(suffix, unit)| Some((name.strip_suffix(suffix)?, *unit)));
+    let (words, unit) = known.unwrap_or((name, ""));
     format!("{}{unit}", words.replace('_', " "))
 }
 
