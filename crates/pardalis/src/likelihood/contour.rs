@@ -80,7 +80,7 @@ impl ContourSettings {
 /// Particles a block: the lanes of the projection kernel.
 const LANES: usize = 16;
 /// Particles whose points are counted side by side: counting waits for memory, and one waits while the other counts.
-const ABREAST: usize = 2;
+const ABREAST: usize = 4;
 /// Rows apart in the number of a pixel, where look-ups need both its coordinates.
 const COORDINATES_STRIDE: u32 = 1 << 16;
 /// Particles a piece of work for one thread.
