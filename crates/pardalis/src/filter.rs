@@ -29,8 +29,29 @@ pub struct FilterSettings {
     pub resample_below: f64,
 }
 
+impl FilterSettings {
+    /// Refuses what makes no filter.
+    fn check(&self) -> Result<(), Error> {
+        if !(1..=MAX_PARTICLES).contains(&self.particle_count) {
+            return Err(Error::out_of_range(
+                "particles",
+                self.particle_count,
+                "1 to 1000000",
+            ));
+        }
+        if !(self.resample_below > 0.0 && self.resample_below <= 1.0) {
+            return Err(Error::out_of_range(
+                "resample_below",
+                self.resample_below,
+                "above 0 and at most 1",
+            ));
+        }
+        Ok(())
+    }
+}
+
 /// A Gaussian around a rough guess of the state (thesis 5.2). Standard deviations are per axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct GaussianStart {
     /// Mean position in the world, metres.
     pub position_m: [f64; 3],
@@ -120,18 +141,9 @@ impl Filter {
         draws: Draws,
         level: Level,
     ) -> Result<Self, Error> {
-        let count = settings.particle_count;
-        if !(1..=MAX_PARTICLES).contains(&count) {
-            return Err(Error::out_of_range("particles", count, "1 to 1000000"));
-        }
-        if !(settings.resample_below > 0.0 && settings.resample_below <= 1.0) {
-            return Err(Error::out_of_range(
-                "resample_below",
-                settings.resample_below,
-                "above 0 and at most 1",
-            ));
-        }
+        settings.check()?;
         start.check()?;
+        let count = settings.particle_count;
         let columns = settings.motion.column_count();
         let mut filter = Self {
             settings,
@@ -150,7 +162,7 @@ impl Filter {
     }
 
     /// Draws all particles anew around `start`.
-    fn restart(&mut self, start: &GaussianStart) {
+    pub fn restart(&mut self, start: &GaussianStart) {
         let velocity_columns = self.settings.motion.velocity_columns();
         for i in 0..self.particles.count() {
             let particle = i as u32;

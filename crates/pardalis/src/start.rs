@@ -125,22 +125,17 @@ impl PixelStart {
         Some((origin, direction, [self.min_range_m, end]))
     }
 
-    /// Looks along the ray. The distances are spread evenly in their logarithm (apparent sizes then differ by equal factors), each
-    /// drawn at random within its share.
+    /// Looks along the ray, which must be there ([`PixelStart::check_in`]). The distances are spread evenly in their logarithm (apparent
+    /// sizes then differ by equal factors), each drawn at random within its share.
     pub fn search(
         &self,
         view: &View,
         likelihood: &mut impl Likelihood,
         draws: Draws,
-    ) -> Result<GaussianStart, Error> {
-        let Some(clicked_ray) = self.ray(view, self.pixel) else {
-            let text = format!("{:?}", self.pixel);
-            return Err(Error::out_of_range(
-                "pixel",
-                text,
-                "a pixel inside the camera's field of view",
-            ));
-        };
+    ) -> GaussianStart {
+        let clicked_ray = self
+            .ray(view, self.pixel)
+            .expect("check_in comes before search");
         let count = self.ray_particles;
         let mut particles = Particles::new(count, 3);
         for i in 0..count {
@@ -169,6 +164,6 @@ impl PixelStart {
                 }
             })
             .unwrap_or(count / 2);
-        Ok(self.around(particles.position_m(best)))
+        self.around(particles.position_m(best))
     }
 }

@@ -1,7 +1,7 @@
 //! Tracking: frames in, estimates out, for any number of cameras and targets.
 
 use crate::color::ColorModel;
-use crate::filter::{Filter, FilterSettings, StateEstimate, Update};
+use crate::filter::{Filter, FilterSettings, GaussianStart, StateEstimate, Update};
 use crate::likelihood::{ContourCue, ContourSettings};
 use crate::rng::Draws;
 use crate::shape::Shape;
@@ -76,11 +76,11 @@ pub enum Observed {
 struct Target {
     shape: Shape,
     cue: ContourCue,
-    filter_settings: FilterSettings,
     start: Start,
     draws: Draws,
-    /// From the first frames on.
-    filter: Option<Filter>,
+    filter: Filter,
+    /// Whether it has seen its first frames.
+    started: bool,
     state: TrackState,
 }
 
@@ -88,7 +88,6 @@ struct Target {
 pub struct Tracker {
     views: Vec<View>,
     targets: Vec<Target>,
-    level: Level,
     time_s: Option<f64>,
 }
 
@@ -104,13 +103,19 @@ impl Tracker {
             .into_iter()
             .enumerate()
             .map(|(number, settings)| {
-                if let Start::Pixel(start) = &settings.start {
-                    start.check()?;
-                    let view = views.get(start.camera).ok_or_else(|| {
-                        Error::out_of_range("camera", start.camera, "a camera of the tracker")
-                    })?;
-                    start.check_in(view)?;
-                }
+                let draws = Draws::new(seed, number as u32);
+                let start = match &settings.start {
+                    Start::Gaussian(start) => *start,
+                    Start::Pixel(start) => {
+                        start.check()?;
+                        let view = views.get(start.camera).ok_or_else(|| {
+                            Error::out_of_range("camera", start.camera, "a camera of the tracker")
+                        })?;
+                        start.check_in(view)?;
+                        // Known with the first frame; until then the particles lie at the origin.
+                        GaussianStart::default()
+                    }
+                };
                 Ok(Target {
                     shape: settings.shape,
                     cue: ContourCue::new(
@@ -119,10 +124,10 @@ impl Tracker {
                         &settings.colors,
                         level,
                     )?,
-                    filter_settings: settings.filter,
+                    filter: Filter::new(settings.filter, &start, draws, level)?,
                     start: settings.start,
-                    draws: Draws::new(seed, number as u32),
-                    filter: None,
+                    draws,
+                    started: false,
                     state: TrackState::Searching,
                 })
             })
@@ -130,7 +135,6 @@ impl Tracker {
         Ok(Self {
             views,
             targets,
-            level,
             time_s: None,
         })
     }
@@ -147,11 +151,12 @@ impl Tracker {
 
     /// The filter of a target, once it has started.
     pub fn filter(&self, target: usize) -> Option<&Filter> {
-        self.targets[target].filter.as_ref()
+        let target = &self.targets[target];
+        target.started.then_some(&target.filter)
     }
 
-    /// Takes the frames of one instant, each with its camera's number. Fails only on an image whose size is not its camera's, or where a
-    /// start from a pixel has no ray; nothing has changed then.
+    /// Takes the frames of one instant, each with its camera's number. Fails only on an image whose size is not its camera's; nothing
+    /// has changed then.
     pub fn observe(&mut self, frames: &[(usize, Frame)], time_s: f64) -> Result<Observed, Error> {
         let dt_s = self.time_s.map_or(0.0, |before| time_s - before);
         if dt_s < 0.0 {
@@ -166,7 +171,7 @@ impl Tracker {
             }
         }
         for target in &mut self.targets {
-            target.observe(&self.views, frames, dt_s, self.level)?;
+            target.observe(&self.views, frames, dt_s);
         }
         self.time_s = Some(time_s);
         Ok(Observed::Used)
@@ -181,8 +186,8 @@ impl Tracker {
             ..
         } = &self.targets[target];
         let ahead_s = self.time_s.map_or(0.0, |before| time_s - before);
-        match (state, filter) {
-            (TrackState::Tracking | TrackState::Occluded, Some(filter)) => {
+        match state {
+            TrackState::Tracking | TrackState::Occluded => {
                 let kinematics = filter.estimate(ahead_s);
                 let confidence = filter.weight_within(kinematics.position_m, shape.diameter_m());
                 Estimate {
@@ -191,7 +196,7 @@ impl Tracker {
                     confidence,
                 }
             }
-            _ => Estimate {
+            TrackState::Searching | TrackState::Lost => Estimate {
                 state: *state,
                 kinematics: None,
                 confidence: 0.0,
@@ -201,40 +206,25 @@ impl Tracker {
 }
 
 impl Target {
-    fn observe(
-        &mut self,
-        views: &[View],
-        frames: &[(usize, Frame)],
-        dt_s: f64,
-        level: Level,
-    ) -> Result<(), Error> {
-        if let Some(filter) = &mut self.filter {
+    /// One step: predict, or start with the first frames, then weigh.
+    fn observe(&mut self, views: &[View], frames: &[(usize, Frame)], dt_s: f64) {
+        let Self { filter, cue, .. } = self;
+        if self.started {
             filter.predict(dt_s);
-        } else {
-            let start = match &self.start {
-                Start::Gaussian(start) => *start,
-                Start::Pixel(start) if frames.iter().any(|(camera, _)| *camera == start.camera) => {
-                    start.search(
-                        &views[start.camera],
-                        &mut self.cue.of(views, frames),
-                        self.draws,
-                    )?
-                }
+        } else if let Start::Pixel(start) = &self.start {
+            if frames.iter().all(|(camera, _)| *camera != start.camera) {
                 // The clicked camera has no frame yet.
-                Start::Pixel(_) => return Ok(()),
-            };
-            self.filter = Some(Filter::new(
-                self.filter_settings,
-                &start,
+                return;
+            }
+            filter.restart(&start.search(
+                &views[start.camera],
+                &mut cue.of(views, frames),
                 self.draws,
-                level,
-            )?);
+            ));
         }
-        let Some(filter) = &mut self.filter else {
-            return Ok(());
-        };
-        let update = filter.update(&mut self.cue.of(views, frames));
-        let background = frames.len() as f64 * self.cue.settings().background_log_likelihood();
+        self.started = true;
+        let update = filter.update(&mut cue.of(views, frames));
+        let background = frames.len() as f64 * cue.settings().background_log_likelihood();
         self.state = match update {
             Update::AllImpossible => TrackState::Lost,
             Update::Weighted if f64::from(filter.best_log_likelihood()) <= background + 1e-3 => {
@@ -242,6 +232,5 @@ impl Target {
             }
             Update::Weighted => TrackState::Tracking,
         };
-        Ok(())
     }
 }
