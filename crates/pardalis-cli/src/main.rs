@@ -16,7 +16,7 @@ use clap::{Parser, Subcommand};
 
 /// Tracks coloured objects in 3D from images, videos and cameras.
 #[derive(Parser)]
-#[command(version, about, arg_required_else_help = true)]
+#[command(name = "pardalis", version, about, arg_required_else_help = true)]
 #[command(after_help = "Start with:
   pardalis demo                                   tracks the bundled sequence
   pardalis learn --image a.jpg --rect 10,20,30,40 -o ball.colors.toml

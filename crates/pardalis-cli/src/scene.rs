@@ -1,7 +1,7 @@
 //! Scene files: reads them, opens what they name, and reports every problem before anything runs.
 
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use anyhow::Result;
 use pardalis::Tracker;
@@ -36,7 +36,10 @@ pub(crate) struct OpenScene {
 /// Reads a small text file that the user named.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     let name = path.display();
-    let unreadable = |error| fault!("{name}: can not be read: {error}; give a text file");
+    let unreadable = |error: io::Error| match error.kind() {
+        io::ErrorKind::NotFound => fault!("{name}: can not be read: there is no such file"),
+        _ => fault!("{name}: can not be read: {error}; give a text file"),
+    };
     let metadata = fs::metadata(path).map_err(unreadable)?;
     if !metadata.is_file() {
         return Err(fault!("{name}: is a folder or a device; give a text file"));

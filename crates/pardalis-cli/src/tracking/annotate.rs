@@ -22,6 +22,19 @@ const TRAIL: usize = 50;
 /// Points of a drawn contour.
 const CONTOUR_POINTS: usize = 72;
 
+/// Removes what an earlier, longer run left, which would pass for this one's.
+fn remove_frames(folder: &Path) -> std::io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let stem = path.file_stem().unwrap_or_default().as_encoded_bytes();
+        let is_frame = stem.len() >= 6 && stem.iter().all(u8::is_ascii_digit);
+        if is_frame && path.extension().is_some_and(|ending| ending == "jpg") {
+            fs::remove_file(path)?;
+        }
+    }
+    Ok(())
+}
+
 /// Writes one JPEG a frame.
 pub(crate) struct Annotator {
     folder: PathBuf,
@@ -33,7 +46,7 @@ pub(crate) struct Annotator {
 }
 
 impl Annotator {
-    /// Creates the folders: `annotated`, with one for each camera in it where there are several.
+    /// Creates the folders: `annotated`, with one for each camera in it where there are several; frames of an earlier run are removed.
     pub(crate) fn create(output: &Path, scene: &Scene) -> Result<Self> {
         let folder = output.join("annotated");
         let camera_folders: Vec<PathBuf> = match &scene.cameras[..] {
@@ -44,7 +57,8 @@ impl Annotator {
                 .collect(),
         };
         for folder in &camera_folders {
-            fs::create_dir_all(folder).map_err(|error| {
+            let ready = fs::create_dir_all(folder).and_then(|()| remove_frames(folder));
+            ready.map_err(|error| {
                 fault!(
                     "{}: {error}; give a folder that can be written",
                     folder.display()

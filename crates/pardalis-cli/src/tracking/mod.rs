@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use pardalis::tracker::Observed;
 use pardalis::{Estimate, Frame, Tracker};
 use serde::Serialize;
@@ -234,12 +234,16 @@ fn progress_bar(frames: Option<usize>) -> ProgressBar {
         None => ProgressBar::no_length(),
     };
     let template = if frames.is_some() {
-        "tracking {bar:32} {pos}/{len} frames, {per_sec}, {eta} left"
+        "tracking {bar:32} {pos}/{len} frames, {rate}, {eta} left"
     } else {
-        "tracking {spinner} {pos} frames, {per_sec}"
+        "tracking {spinner} {pos} frames, {rate}"
+    };
+    let rate = |state: &ProgressState, text: &mut dyn std::fmt::Write| {
+        // A bar that cannot be drawn harms nothing.
+        let _ = write!(text, "{:.0} a second", state.per_sec());
     };
     match ProgressStyle::with_template(template) {
-        Ok(style) => bar.with_style(style),
+        Ok(style) => bar.with_style(style.with_key("rate", rate)),
         Err(_) => bar,
     }
 }

@@ -35,19 +35,19 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MODEL|FILE")]
     camera: Option<String>,
     /// Frames a second of a folder of images without times.csv
-    #[arg(long, value_parser = frames_a_second)]
+    #[arg(long, value_parser = frames_a_second, allow_negative_numbers = true)]
     fps: Option<f64>,
     /// The target's colour model, as `pardalis learn` writes it
     #[arg(long, value_name = "FILE", default_value = "target.colors.toml")]
-    colors: String,
+    colors: PathBuf,
     /// The target's name
-    #[arg(long, default_value = "ball")]
+    #[arg(long, value_parser = target_name, default_value = "ball")]
     target: String,
-    /// The ball's radius in metres
-    #[arg(long, value_parser = positive_m, default_value_t = 0.11)]
-    radius_m: f64,
-    /// A pixel near the middle of the target in the first frame
-    #[arg(long, value_name = "X,Y", value_parser = pixel)]
+    /// The ball's radius in metres [default: what camera.json says, else 0.11, marked CHANGE]
+    #[arg(long, value_parser = positive_m, allow_negative_numbers = true)]
+    radius_m: Option<f64>,
+    /// A pixel near the middle of the target in the first frame, of the first camera where there are several
+    #[arg(long, value_name = "X,Y", value_parser = pixel, allow_negative_numbers = true)]
     pixel: Option<[f64; 2]>,
     /// Replaces an existing scene file
     #[arg(long)]
@@ -73,35 +73,35 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             output.display()
         ));
     }
-    let known = known_cameras(arguments)?;
-    let fps = arguments.fps.or(known.as_ref().and_then(|k| k.fps));
     let mut cameras = Vec::new();
-    if let Some(known) = &known {
-        for camera in &known.cameras {
-            let several = known.cameras.len() > 1;
-            let input = frames_of(&arguments.input, several.then_some(&*camera.name));
-            let opened = open(&input, fps)?;
-            let shown = shown_path(&input, output);
-            cameras.push(CameraText::known(camera, &opened, &shown, fps)?);
+    let mut radius_m = arguments.radius_m;
+    match knowledge(arguments)? {
+        Knowledge::Calibration { file, sequence } => {
+            radius_m = radius_m.or(sequence.ball_radius_m);
+            let several = sequence.cameras.len() > 1;
+            for camera in &sequence.cameras {
+                let input = frames_of(&arguments.input, several.then_some(&*camera.name));
+                let opened = open(&input, arguments.fps)?;
+                let shown = shown_path(&input, output);
+                let fps = arguments.fps.or(sequence.fps);
+                cameras.push(CameraText::known(camera, &file, &opened, &shown, fps)?);
+            }
         }
-    } else {
-        let input = frames_of(&arguments.input, None);
-        let opened = open(&input, fps)?;
-        let model = model_named(arguments.camera.as_deref().unwrap_or("equidistant"))?;
-        cameras.push(CameraText::guessed(
-            model,
-            &opened,
-            &shown_path(&input, output),
-            fps,
-        ));
+        Knowledge::Model(model) => {
+            let input = frames_of(&arguments.input, None);
+            let opened = open(&input, arguments.fps)?;
+            let shown = shown_path(&input, output);
+            cameras.push(CameraText::guessed(model, &opened, &shown, arguments.fps));
+        }
     }
     let scene = SceneText {
         cameras,
         target: &arguments.target,
-        colors: &arguments.colors,
-        radius_m: arguments.radius_m,
+        colors: shown_path(&arguments.colors, output),
+        radius_m,
         pixel: arguments.pixel,
     };
+    scene.check_pixel()?;
     let text = scene.text();
     if let Err(problems) = pardalis::config::Scene::parse(&text) {
         let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
@@ -116,10 +116,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if to_change > 0 {
         println!("  put your values into the lines marked CHANGE ({to_change})");
     }
-    println!(
-        "next:\n  pardalis learn …            learns {}, if you have none yet",
-        arguments.colors
-    );
+    println!("next:");
+    if !arguments.colors.exists() {
+        println!(
+            "  pardalis learn … -o {}    (how: pardalis learn --help)",
+            arguments.colors.display()
+        );
+    }
     println!("  pardalis track {}", output.display());
     Ok(())
 }
@@ -138,6 +141,12 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     if !input.exists() {
         return Err(fault!(
             "{}: there is no such file or folder",
+            input.display()
+        ));
+    }
+    if is_video && is_image(input) {
+        return Err(fault!(
+            "{}: is a single image; give the folder that holds it, or a video",
             input.display()
         ));
     }
@@ -180,26 +189,48 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     })
 }
 
-/// The calibration that a file beside or named gives.
-fn known_cameras(arguments: &Arguments) -> Result<Option<sequence::Sequence>> {
-    match &arguments.camera {
-        Some(name) if Model::from_str(name, false).is_ok() => Ok(None),
-        Some(file) => sequence::read(Path::new(file)).map(Some),
-        None => {
-            let beside = ["camera.json", "cameras.json"].map(|name| arguments.input.join(name));
-            beside
-                .iter()
-                .find(|path| path.is_file())
-                .map(|path| sequence::read(path))
-                .transpose()
-        }
-    }
+/// What is known of the cameras.
+enum Knowledge {
+    /// What a file says of them.
+    Calibration {
+        file: PathBuf,
+        sequence: sequence::Sequence,
+    },
+    /// The model alone.
+    Model(Model),
 }
 
-fn model_named(name: &str) -> Result<Model> {
-    Model::from_str(name, false).map_err(|_| {
-        fault!("--camera {name}: is neither a model (equidistant, pinhole, unified, perspective_mirror) nor a file")
-    })
+/// As `--camera` says; without it, the calibration beside the frames, else an equidistant camera.
+fn knowledge(arguments: &Arguments) -> Result<Knowledge> {
+    let file = match &arguments.camera {
+        Some(name) => match Model::from_str(name, false) {
+            Ok(model) => return Ok(Knowledge::Model(model)),
+            Err(_) => PathBuf::from(name),
+        },
+        None => {
+            let mut beside = ["camera.json", "cameras.json"]
+                .map(|name| arguments.input.join(name))
+                .into_iter();
+            match beside.find(|path| path.is_file()) {
+                Some(path) => path,
+                None => return Ok(Knowledge::Model(Model::Equidistant)),
+            }
+        }
+    };
+    if !file.exists() {
+        return Err(fault!(
+            "--camera {}: is neither a model (equidistant, pinhole, unified, perspective_mirror) nor a file",
+            file.display()
+        ));
+    }
+    let sequence = sequence::read(&file)?;
+    Ok(Knowledge::Calibration { file, sequence })
+}
+
+/// Whether the name is that of a still image, which ffmpeg would take for a video of one frame.
+fn is_image(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    ["jpg", "jpeg", "png"].iter().any(|image| ending == *image)
 }
 
 /// Where the images of an input are: in it, or in its folder `frames`, with one for each of several cameras.
@@ -216,13 +247,17 @@ fn frames_of(input: &Path, camera: Option<&str>) -> PathBuf {
     }
 }
 
-/// A path as it stands in the scene: relative to the scene's folder where it lies below, absolute elsewhere.
+/// A path as it stands in the scene, which need not exist: relative to the scene's folder where it lies below, absolute elsewhere.
 fn shown_path(input: &Path, output: &Path) -> String {
     let parent = output
         .parent()
         .filter(|p| !p.as_os_str().is_empty())
         .unwrap_or(Path::new("."));
-    let absolute = |path: &Path| fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let absolute = |path: &Path| {
+        fs::canonicalize(path)
+            .or_else(|_| std::path::absolute(path))
+            .unwrap_or_else(|_| path.to_owned())
+    };
     let (input, parent) = (absolute(input), absolute(parent));
     let shown = input.strip_prefix(&parent).unwrap_or(&input);
     if shown.as_os_str().is_empty() {
@@ -238,6 +273,16 @@ fn frames_a_second(text: &str) -> Result<f64, String> {
         Ok(fps)
     } else {
         Err("allowed: above 0 and at most 1e6".to_owned())
+    }
+}
+
+/// A name as scenes allow it.
+fn target_name(text: &str) -> Result<String, String> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if (1..=64).contains(&text.len()) && text.chars().all(plain) {
+        Ok(text.to_owned())
+    } else {
+        Err("allowed: 1 to 64 of the characters A-Z a-z 0-9 _ -".to_owned())
     }
 }
 

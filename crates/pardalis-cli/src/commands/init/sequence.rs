@@ -13,6 +13,8 @@ pub(super) struct Sequence {
     pub(super) cameras: Vec<SequenceCamera>,
     /// Frames a second, where the file says.
     pub(super) fps: Option<f64>,
+    /// The ball's radius in metres, where the file says.
+    pub(super) ball_radius_m: Option<f64>,
 }
 
 /// One camera, as its file gives it.
@@ -34,7 +36,7 @@ pub(super) struct SequenceCamera {
     /// Four rows of four numbers; a text where the camera moves.
     #[serde(rename = "T_world_from_camera")]
     pub(super) world_from_camera: serde_json::Value,
-    sequence: Option<Timing>,
+    sequence: Option<Recording>,
 }
 
 fn unnamed() -> String {
@@ -42,14 +44,15 @@ fn unnamed() -> String {
 }
 
 #[derive(Debug, Deserialize)]
-struct Timing {
+struct Recording {
     fps: Option<f64>,
+    ball_radius_m: Option<f64>,
 }
 
 #[derive(Deserialize)]
 struct SeveralCameras {
     cameras: Vec<SequenceCamera>,
-    sequence: Option<Timing>,
+    sequence: Option<Recording>,
 }
 
 #[derive(Deserialize)]
@@ -68,13 +71,16 @@ pub(super) fn read(path: &Path) -> Result<Sequence> {
             .err()
             .map(|e| e.to_string())
             .unwrap_or_default();
-        fault!("{}: {why}", path.display())
+        fault!(
+            "{}: is no camera.json as data/README.md describes it: {why}",
+            path.display()
+        )
     })?;
-    let (cameras, timing) = match file {
+    let (cameras, recording) = match file {
         CameraFile::Several(several) => (several.cameras, several.sequence),
         CameraFile::One(mut camera) => {
-            let timing = camera.sequence.take();
-            (vec![*camera], timing)
+            let recording = camera.sequence.take();
+            (vec![*camera], recording)
         }
     };
     if cameras.is_empty() {
@@ -85,6 +91,7 @@ pub(super) fn read(path: &Path) -> Result<Sequence> {
     }
     Ok(Sequence {
         cameras,
-        fps: timing.and_then(|t| t.fps),
+        fps: recording.as_ref().and_then(|r| r.fps),
+        ball_radius_m: recording.and_then(|r| r.ball_radius_m),
     })
 }

@@ -1,6 +1,7 @@
 //! The text of a scene file that people go on from.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use anyhow::Result;
 
@@ -10,13 +11,15 @@ use crate::fault::fault;
 
 /// Where nobody says how many frames a second there are.
 pub(super) const GUESSED_FPS: f64 = 25.0;
+/// The same of the ball: a size 5 football's.
+const GUESSED_RADIUS_M: f64 = 0.11;
 
 /// What the scene's text is made of.
 pub(super) struct SceneText<'a> {
     pub(super) cameras: Vec<CameraText>,
     pub(super) target: &'a str,
-    pub(super) colors: &'a str,
-    pub(super) radius_m: f64,
+    pub(super) colors: String,
+    pub(super) radius_m: Option<f64>,
     pub(super) pixel: Option<[f64; 2]>,
 }
 
@@ -42,11 +45,12 @@ impl CameraText {
     /// A camera whose calibration is known.
     pub(super) fn known(
         camera: &SequenceCamera,
+        file: &Path,
         opened: &Opened,
         path: &str,
         fps: Option<f64>,
     ) -> Result<Self> {
-        let refuse = |what: &str| fault!("camera {}: {what}", camera.name);
+        let refuse = |what: &str| fault!("{}: camera {}: {what}", file.display(), camera.name);
         if (camera.width, camera.height) != opened.size {
             return Err(refuse(&format!(
                 "the calibration is for {} x {} pixels, the images are {} x {}",
@@ -138,12 +142,16 @@ impl CameraText {
                 ("pinhole", parameters, LOOKING_AHEAD)
             }
             Model::Unified => {
-                let parameters =
-                    format!("l = 0.9  # CHANGE\nm = {half:.1}  # CHANGE: in pixels\n{center}");
+                let parameters = format!(
+                    "l = 0.9  # CHANGE: the mirror's shape: below 1 a hyperbola, 1 a parabola\nm = {half:.1}  # CHANGE: pixels; the horizon lies (l + m) / l pixels from center_px\n{center}"
+                );
                 ("unified", parameters, LOOKING_UP)
             }
             Model::PerspectiveMirror => {
-                let parameters = format!("m_px = {:.1}  # CHANGE\n{center}", half / 2.0);
+                let parameters = format!(
+                    "m_px = {:.1}  # CHANGE: pixels from center_px to what lies 45 degrees below the horizon\n{center}",
+                    half / 2.0
+                );
                 ("perspective_mirror", parameters, LOOKING_UP)
             }
         };
@@ -174,8 +182,12 @@ impl CameraText {
             text,
             "size_px = [{width}, {height}]  # the model below holds for this size only"
         );
+        let half = width.min(height) / 2;
         text.push_str("# mask = \"mask.png\"     # white: pixels that may be used; black: the robot's own body, bars, rims\n");
-        text.push_str("# mask_radius_px = 235  # or a circle around center_px\n");
+        let _ = writeln!(
+            text,
+            "# mask_radius_px = {half}  # or a circle around center_px"
+        );
         text.push_str("# Takes camera coordinates (x right, y down, z forward) to world coordinates (metres, z up).\n");
         let _ = writeln!(text, "world_from_camera = [{mark}");
         for row in pose {
@@ -185,7 +197,7 @@ impl CameraText {
     }
 }
 
-/// One metre above the floor, the optical axis straight down.
+/// One metre above the floor, the optical axis straight down; the top of the image is ahead.
 const LOOKING_DOWN: [[f64; 4]; 4] = [
     [0.0, -1.0, 0.0, 0.0],
     [-1.0, 0.0, 0.0, 0.0],
@@ -199,10 +211,10 @@ const LOOKING_AHEAD: [[f64; 4]; 4] = [
     [0.0, -1.0, 0.0, 1.0],
     [0.0, 0.0, 0.0, 1.0],
 ];
-/// One metre above the floor, up into a mirror.
+/// One metre above the floor, up into a mirror; the top of the image is ahead.
 const LOOKING_UP: [[f64; 4]; 4] = [
-    [0.0, 1.0, 0.0, 0.0],
-    [-1.0, 0.0, 0.0, 0.0],
+    [0.0, -1.0, 0.0, 0.0],
+    [1.0, 0.0, 0.0, 0.0],
     [0.0, 0.0, 1.0, 1.0],
     [0.0, 0.0, 0.0, 1.0],
 ];
@@ -237,17 +249,16 @@ impl SceneText<'_> {
         for camera in &self.cameras {
             camera.text(&mut text);
         }
-        let Self {
-            target,
-            colors,
-            radius_m,
-            ..
-        } = self;
-        let colors = toml::Value::String((*colors).to_owned());
+        let target = self.target;
+        let (radius_m, radius_mark) = match self.radius_m {
+            Some(radius_m) => (radius_m, ""),
+            None => (GUESSED_RADIUS_M, "  # CHANGE: the ball's radius"),
+        };
+        let colors = toml::Value::String(self.colors.clone());
         let _ = writeln!(
             text,
             "[targets.{target}]\n\
-             shape.sphere.radius_m = {radius_m:?}\n\
+             shape.sphere.radius_m = {radius_m:?}{radius_mark}\n\
              colors = {colors}  # made by `pardalis learn`\n\n\
              # How the outline is compared with the image. The published real-time settings are 0.7 and 1.3 with 300 particles.\n\
              [targets.{target}.contour]\n\
@@ -262,11 +273,27 @@ impl SceneText<'_> {
              [targets.{target}.motion.constant_velocity]\n\
              acceleration_density_m2ps3 = 100.0\n"
         );
-        self.start_text(&mut text);
+        self.start_text(&mut text, radius_m);
         text
     }
 
-    fn start_text(&self, text: &mut String) {
+    /// Faults: the given pixel is outside the first camera's image.
+    pub(super) fn check_pixel(&self) -> Result<()> {
+        let (width, height) = self.cameras[0].size;
+        let inside = |[x, y]: [f64; 2]| {
+            (0.0..=width as f64 - 1.0).contains(&x) && (0.0..=height as f64 - 1.0).contains(&y)
+        };
+        match self.pixel {
+            Some(pixel) if !inside(pixel) => Err(fault!(
+                "--pixel {},{}: is outside the image of {width} x {height} pixels",
+                pixel[0],
+                pixel[1]
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn start_text(&self, text: &mut String, radius_m: f64) {
         let target = self.target;
         let camera = &self.cameras[0];
         let (width, height) = camera.size;
@@ -289,7 +316,7 @@ impl SceneText<'_> {
              # position_sigma_m = 0.1\n\
              # velocity_mps = [0.0, 0.0, 0.0]\n\
              # velocity_sigma_mps = 0.5",
-            camera.name, self.radius_m
+            camera.name, radius_m
         );
     }
 }

@@ -1,0 +1,105 @@
+//! `pardalis demo`: the first thing that anybody runs.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// The bundled sequences.
+fn data() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")
+}
+
+fn run(program: &Path, folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(program);
+    command
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn the_demo_tracks_the_ball_and_says_how_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = Path::new(env!("CARGO_BIN_EXE_pardalis"));
+    let data = data();
+    let demo = run(
+        program,
+        folder.path(),
+        &["demo", "--data", data.to_str().unwrap()],
+    );
+    let said = String::from_utf8(demo.stdout).unwrap();
+    assert_eq!((demo.status.code(), &*demo.stderr), (Some(0), &b""[..]));
+
+    let results = folder.path().join("pardalis-demo");
+    let files = ["tracks.csv", "summary.json"];
+    let plots =
+        ["above", "side", "coordinates"].map(|plot| [format!("{plot}.svg"), format!("{plot}.png")]);
+    for file in files
+        .into_iter()
+        .chain(plots.iter().flatten().map(|plot| &**plot))
+    {
+        let size = fs::metadata(results.join(file)).unwrap().len();
+        assert!(size > 1000, "{file}: {size} bytes");
+        assert!(
+            said.contains(&format!("pardalis-demo/{file}")),
+            "{file}: {said}"
+        );
+    }
+    assert_eq!(
+        fs::read_dir(results.join("annotated")).unwrap().count(),
+        110
+    );
+
+    let truth = data.join("dioptric-jump");
+    let arguments = [
+        "evaluate",
+        "pardalis-demo",
+        truth.to_str().unwrap(),
+        "--json",
+        "-",
+    ];
+    let evaluated = run(program, folder.path(), &arguments);
+    let figures: Value = serde_json::from_slice(&evaluated.stdout).unwrap();
+    let all = &figures["targets"][0]["all"];
+    assert_eq!(
+        (&all["frames"], &all["estimates"]),
+        (&110.into(), &110.into())
+    );
+    let errors = &all["errors"];
+    let figure = |value: &Value| value.as_f64().unwrap();
+    let worst_deg = figure(&errors["direction_max_rad"]).to_degrees();
+    assert!(worst_deg < 3.0, "{worst_deg} degrees");
+    let mean_mm = 1e3 * figure(&errors["position_m"]["mean"]);
+    assert!(mean_mm < 360.0, "{mean_mm} mm");
+    let mean_deg = figure(&errors["direction_mean_rad"]).to_degrees();
+    for sentence in [
+        format!("On average the ball was {mean_mm:.0} mm from where it is"),
+        format!("was off by {mean_deg:.1} degrees on average"),
+    ] {
+        assert!(said.contains(&sentence), "{sentence}: {said}");
+    }
+}
+
+#[test]
+fn a_missing_data_folder_is_named_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |program: &Path, arguments: &[&str], wanted: &[&str]| {
+        let output = run(program, folder.path(), arguments);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), &*output.stdout), (Some(2), &b""[..]));
+        for wanted in wanted {
+            assert!(said.contains(wanted), "no {wanted:?} in: {said}");
+        }
+    };
+    let program = Path::new(env!("CARGO_BIN_EXE_pardalis"));
+    let wanted = ["--data nowhere", "dioptric-jump/scene.toml"];
+    refused(program, &["demo", "--data", "nowhere"], &wanted);
+    // Installed elsewhere, the program has no data above it.
+    let installed = folder.path().join("pardalis");
+    fs::copy(program, &installed).unwrap();
+    refused(&installed, &["demo"], &["not found", "--data PATH/data"]);
+    assert!(!folder.path().join("pardalis-demo").exists());
+}

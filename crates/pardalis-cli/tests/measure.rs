@@ -1,0 +1,230 @@
+//! `pardalis measure` and `pardalis report` on a small experiment.
+
+#[expect(dead_code, reason = "not all helpers are needed here")]
+mod common;
+
+use std::fs;
+use std::process::Command;
+
+use common::{Run, SCENE, Workplace, data};
+
+const EXPERIMENT: &str = r#"name = "small"
+question = "Does it measure?"
+[[runs]]
+name = "first frames, few particles"
+scene = "scene.toml"
+truth = "truth.csv"
+seeds = 3
+verify_seeds = 1
+expect = { coverage = [1, 1], direction_max_rad = [0, 0.1] }
+[[runs]]
+name = "again"
+scene = "scene.toml"
+truth = "truth.csv"
+seeds = 2
+"#;
+
+const FIGURES: &str = "coverage,lost_frames,ends_on_target,mean_m,sd_m,rmse_m,max_m,distance_mean_m,distance_sd_m,\
+    elevation_mean_rad,elevation_sd_rad,azimuth_mean_rad,azimuth_sd_rad,direction_max_rad,mean_nees";
+
+/// A folder with the experiment, its scene of three frames and their truth.
+fn workplace(experiment: &str) -> Workplace {
+    let place = Workplace::with_frames(3);
+    place.write("scene.toml", SCENE);
+    let truth = fs::read_to_string(data().join("truth.csv")).unwrap();
+    let rows: Vec<_> = truth.lines().take(4).collect();
+    place.write("truth.csv", rows.join("\n") + "\n");
+    place.write("small.toml", experiment);
+    place
+}
+
+fn pardalis(place: &Workplace, arguments: &[&str]) -> Run {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+    Run::of(command.current_dir(place.path("")).args(arguments))
+}
+
+/// The rows of out/small/results.csv; checks the header.
+fn results(place: &Workplace) -> Vec<String> {
+    let text = fs::read_to_string(place.path("out/small/results.csv")).unwrap();
+    let mut lines = text.lines().map(str::to_owned);
+    assert_eq!(
+        lines.next().unwrap(),
+        format!("run,seed,target,object,{FIGURES}")
+    );
+    lines.collect()
+}
+
+#[test]
+fn every_seed_of_every_run_is_tracked_scored_and_recorded() {
+    let place = workplace(EXPERIMENT);
+    let run = pardalis(
+        &place,
+        &["measure", "small.toml", "--record", "record/today"],
+    )
+    .fine();
+    assert!(
+        run.stdout
+            .contains("first frames, few particles: 3 tracks, RMSE "),
+        "{}",
+        run.stdout
+    );
+    let rows = results(&place);
+    let starts: Vec<_> = rows
+        .iter()
+        .map(|row| row.split(",ball,ball,").next().unwrap())
+        .collect();
+    let first = "\"first frames, few particles\"";
+    let again = "\"again\"";
+    let wanted = [(first, 1), (first, 2), (first, 3), (again, 1), (again, 2)];
+    assert_eq!(starts, wanted.map(|(run, seed)| format!("{run},{seed}")));
+    let figures: Vec<Vec<f64>> = rows
+        .iter()
+        .map(|row| row.split(",ball,ball,").nth(1).unwrap())
+        .map(|figures| figures.split(',').map(|f| f.parse().unwrap()).collect())
+        .collect();
+    // A seed says all of a run; another gives another.
+    assert_eq!(figures[0], figures[3]);
+    assert_ne!(figures[0], figures[1]);
+    for row in &figures {
+        assert_eq!(row.len(), 15);
+        assert_eq!(row[..3], [1.0, 0.0, 1.0]);
+        let [mean_m, _, rmse_m, max_m] = row[3..7] else {
+            unreachable!()
+        };
+        assert!(mean_m <= rmse_m && rmse_m <= max_m, "{row:?}");
+    }
+    for file in [
+        "first-frames--few-particles/seed-03/tracks.csv",
+        "first-frames--few-particles/above.svg",
+        "again/seed-02/summary.json",
+        "again/coordinates.png",
+    ] {
+        assert!(place.path(&format!("out/small/{file}")).is_file(), "{file}");
+    }
+
+    let kept = fs::read(place.path("record/today/small.csv")).unwrap();
+    assert_eq!(kept, fs::read(place.path("out/small/results.csv")).unwrap());
+    let facts = fs::read_to_string(place.path("record/today/small.facts.txt")).unwrap();
+    for wanted in [
+        "command   pardalis measure small.toml\n",
+        "version   0.",
+        "commit    ",
+        "cores     ",
+    ] {
+        assert!(facts.contains(wanted), "no {wanted:?} in: {facts}");
+    }
+}
+
+#[test]
+fn to_verify_runs_the_few_seeds_alone() {
+    let place = workplace(EXPERIMENT);
+    pardalis(
+        &place,
+        &["measure", "small.toml", "--verify", "--threads", "1"],
+    )
+    .fine();
+    let rows = results(&place);
+    assert_eq!(rows.len(), 1);
+    assert!(
+        rows[0].starts_with("\"first frames, few particles\",1,ball,"),
+        "{}",
+        rows[0]
+    );
+    assert!(!place.path("out/small/again").exists());
+}
+
+#[test]
+fn figures_outside_their_bands_are_named_and_fail() {
+    let place = workplace(&EXPERIMENT.replace("direction_max_rad = [0, 0.1]", "rmse_m = [5, 6]"));
+    let run = pardalis(&place, &["measure", "small.toml", "-o", "out"]);
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("3 figures lie outside"),
+        "{}",
+        run.stderr
+    );
+    for seed in 1..=3 {
+        let wanted = format!("first frames, few particles, seed {seed}, ball: rmse_m is 0.");
+        assert!(
+            run.stderr.contains(&wanted),
+            "no {wanted:?} in: {}",
+            run.stderr
+        );
+    }
+    assert!(run.stderr.contains("expected 5 to 6"), "{}", run.stderr);
+    // What was measured is kept.
+    assert_eq!(results(&place).len(), 5);
+}
+
+#[test]
+fn bad_experiments_are_refused_by_name() {
+    let cases: [(&str, &str, &[&str]); 5] = [
+        ("question", "qestion", &["small.toml", "qestion"]),
+        ("seeds = 3\n", "", &["small.toml", "seeds"]),
+        (
+            "coverage =",
+            "coverge =",
+            &["small.toml", "few particles", "expect.coverge", "coverage"],
+        ),
+        ("scene.toml", "none.toml", &["none.toml"]),
+        ("truth.csv", "none.csv", &["none.csv"]),
+    ];
+    for (piece, other, wanted) in cases {
+        assert!(EXPERIMENT.contains(piece), "{piece}");
+        let place = workplace(&EXPERIMENT.replacen(piece, other, 1));
+        pardalis(&place, &["measure", "small.toml"]).refused(wanted);
+    }
+    let place = workplace(EXPERIMENT);
+    pardalis(&place, &["measure", "none.toml"]).refused(&["none.toml"]);
+}
+
+#[test]
+fn a_record_becomes_a_table_that_is_checked() {
+    let place = Workplace::with_frames(0);
+    let record = "run,seed,target,object,rmse_m\nslow,1,ball,ball,0.3\nslow,2,ball,ball,0.1\nslow,3,ball,ball,0.2\n";
+    place.write("small.csv", record);
+    let text = "Before\n<!-- table small -->\n<!-- end -->\nAfter\n";
+    place.write("page.md", text);
+    let splice = [
+        "report",
+        "small.csv",
+        "--columns",
+        "rmse_m",
+        "--splice",
+        "page.md",
+    ];
+    let check = [&splice[..], &["--check"]].concat();
+    let page = || fs::read_to_string(place.path("page.md")).unwrap();
+
+    let stale = pardalis(&place, &check);
+    assert_eq!(stale.code, Some(1), "{}", stale.stderr);
+    assert!(
+        stale.stderr.contains("page.md") && stale.stderr.contains("small"),
+        "{}",
+        stale.stderr
+    );
+    assert_eq!(page(), text);
+
+    let printed = pardalis(&place, &["report", "small.csv"]).fine().stdout;
+    assert!(
+        printed.ends_with("| slow | ball | 200 (100 to 300) |\n"),
+        "{printed}"
+    );
+    pardalis(&place, &splice).fine();
+    assert_eq!(
+        page(),
+        text.replace("-->\n<", &format!("-->\n\n{printed}\n<"))
+    );
+    pardalis(&place, &check).fine();
+
+    place.write("small.csv", record.replace("0.2", "0.25"));
+    assert_eq!(pardalis(&place, &check).code, Some(1));
+    pardalis(&place, &["report", "small.csv", "--columns", "rsme_m"]).refused(&[
+        "rsme_m",
+        "small.csv",
+        "rmse_m",
+    ]);
+    pardalis(&place, &["report", "none.csv"]).refused(&["none.csv"]);
+    place.write("page.md", "no mark");
+    pardalis(&place, &splice).refused(&["page.md", "<!-- table small -->"]);
+}
