@@ -7,6 +7,7 @@ use anyhow::Result;
 
 use crate::fault::fault;
 use crate::files::write_file;
+use crate::say::say;
 use crate::scene::read_text;
 
 /// Makes a Markdown table of a record
@@ -37,7 +38,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let table = table_of(&arguments.record, &arguments.columns)?;
     let Some(path) = &arguments.splice else {
-        print!("{table}");
+        say(table.trim_end());
         return Ok(());
     };
     let text = read_text(path)?;
@@ -186,16 +187,21 @@ fn cell(name: &str, values: &[&str]) -> String {
         };
         format!("{v:.digits$}")
     };
-    let median = if numbers.len() % 2 == 1 {
-        numbers[numbers.len() / 2]
-    } else {
-        f64::midpoint(numbers[numbers.len() / 2 - 1], numbers[numbers.len() / 2])
-    };
     let (lowest, highest) = (shown(numbers[0]), shown(numbers[numbers.len() - 1]));
     if lowest == highest {
         lowest
     } else {
-        format!("{} ({lowest} to {highest})", shown(median))
+        format!("{} ({lowest} to {highest})", shown(median(&numbers)))
+    }
+}
+
+/// The median of sorted numbers, of which there is at least one.
+pub(super) fn median(sorted: &[f64]) -> f64 {
+    let middle = sorted.len() / 2;
+    if sorted.len() % 2 == 1 {
+        sorted[middle]
+    } else {
+        f64::midpoint(sorted[middle - 1], sorted[middle])
     }
 }
 

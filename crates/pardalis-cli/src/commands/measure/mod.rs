@@ -12,6 +12,7 @@ use super::evaluate;
 use crate::draw::plots::TruthSeries;
 use crate::fault::fault;
 use crate::files::write_file;
+use crate::say::say;
 use crate::tables;
 use crate::tracking::{self, Options, Output, SeriesCollector};
 use definition::{Experiment, Run};
@@ -61,13 +62,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             continue;
         }
         let figures = measure(run, folder, &output, seeds, arguments.threads)?;
-        println!("{}", results::told(run, &figures));
+        say(results::told(run, &figures));
         outside.extend(results::outside_bands(run, &figures));
         results.extend(run, figures);
     }
     let csv = output.join("results.csv");
     write_file(&csv, results.to_csv().as_bytes())?;
-    println!("{}", csv.display());
+    say(csv.display());
     if let Some(record) = &arguments.record {
         fs::create_dir_all(record)
             .map_err(|error| fault!("--record {}: {error}", record.display()))?;

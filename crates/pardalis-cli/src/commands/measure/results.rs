@@ -8,6 +8,7 @@ use pardalis::score::{Errors, Scores};
 
 use super::definition::Run;
 use crate::commands::evaluate::Report;
+use crate::commands::report::median;
 
 /// A figure's name and how it is read from scores; without a value where there is no estimate.
 type Metric = (&'static str, fn(&Scores) -> Option<f64>);
@@ -140,7 +141,7 @@ pub(super) fn told(run: &Run, figures: &[Figures]) -> String {
         "{}: {} tracks, RMSE {:.0} mm (median; {:.0} to {:.0}); {lost} with frames beyond the bound, {off} end off the target",
         run.name,
         figures.len(),
-        1e3 * rmse_m[rmse_m.len() / 2],
+        1e3 * median(&rmse_m),
         1e3 * lowest,
         1e3 * highest,
     )
