@@ -4,6 +4,7 @@ mod commands;
 mod draw;
 mod fault;
 mod files;
+mod say;
 mod scene;
 mod source;
 mod tables;

@@ -116,6 +116,18 @@ fn every_seed_of_every_run_is_tracked_scored_and_recorded() {
 }
 
 #[test]
+fn a_reader_that_leaves_stops_nothing() {
+    let place = workplace(EXPERIMENT);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let command = command.current_dir(place.path("")).stdout(writer);
+    let status = command.args(["measure", "small.toml"]).status().unwrap();
+    assert_eq!(status.code(), Some(0));
+    assert_eq!(results(&place).len(), 5);
+}
+
+#[test]
 fn to_verify_runs_the_few_seeds_alone() {
     let place = workplace(EXPERIMENT);
     pardalis(

@@ -354,7 +354,7 @@ impl Filter {
             .iter()
             .enumerate()
             .filter(|&(i, _)| near(i))
-            .map(|(_, w)| w)
-            .sum()
+            // From +0: the sum of nothing would be -0.
+            .fold(0.0, |sum, (_, w)| sum + w)
     }
 }

@@ -283,6 +283,15 @@ fn small_filter(particle_count: usize) -> Filter {
 }
 
 #[test]
+fn the_share_of_weight_goes_from_zero_to_one() {
+    let filter = small_filter(100);
+    let nowhere = filter.weight_within([1e6; 3], 1.0);
+    assert!(nowhere == 0.0 && nowhere.is_sign_positive(), "{nowhere}");
+    let everywhere = filter.weight_within([0.0; 3], 1e9);
+    assert!((everywhere - 1.0).abs() < 1e-6, "{everywhere}");
+}
+
+#[test]
 fn impossible_likelihoods_leave_the_state_and_say_so() {
     for impossible in [f32::NEG_INFINITY, f32::NAN] {
         let mut filter = small_filter(100);

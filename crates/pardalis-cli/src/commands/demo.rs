@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use super::{evaluate, track};
-use crate::draw::plots::TruthSeries;
 use crate::fault::fault;
+use crate::say::say;
 use crate::tables;
 use crate::tracking::{self, Options, Output};
 
@@ -34,43 +34,37 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         annotate: true,
         plots: false,
     };
-    println!("tracking an orange ball through {}", sequence.display());
+    say(format!(
+        "tracking an orange ball through {}",
+        sequence.display()
+    ));
     let mut run = tracking::run(&sequence.join("scene.toml"), &options)?;
     let truth_path = sequence.join("truth.csv");
-    let truth: Vec<TruthSeries> = tables::read_truth(&truth_path)?
-        .into_iter()
-        .map(|object| TruthSeries {
-            rows: object
-                .rows
-                .iter()
-                .map(|(time_s, state)| (*time_s, state.position_m))
-                .collect(),
-        })
-        .collect();
+    let truth = tables::read_truth(&truth_path)?;
     run.files.extend(
         run.series
             .draw(&arguments.output, &run.open.scene, &truth)?,
     );
-    println!("{}", track::told(&run));
+    say(track::told(&run));
     let report = evaluate::score_files(
         &arguments.output,
         &truth_path,
         &evaluate::Options::default(),
     )?;
-    print!("{report}");
+    say(report.to_string().trim_end());
     if let Some(errors) = report
         .targets
         .first()
         .and_then(|t| t.scores.all.errors.as_ref())
     {
-        println!(
+        say(format!(
             "\nOn average the ball was {:.0} mm from where it is, at 1.8 to 3.9 m, almost all of it in distance: its direction\n\
              was off by {:.1} degrees on average. Look at {} and {}.",
             1e3 * errors.position_m.mean,
             errors.direction_mean_rad.to_degrees(),
             arguments.output.join("annotated").display(),
             arguments.output.join("above.png").display()
-        );
+        ));
     }
     Ok(())
 }

@@ -7,6 +7,7 @@ use anyhow::Result;
 
 use crate::fault::fault;
 use crate::files::write_file;
+use crate::say::say;
 use crate::scene::read_text;
 
 /// Makes a Markdown table of a record
@@ -37,7 +38,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let table = table_of(&arguments.record, &arguments.columns)?;
     let Some(path) = &arguments.splice else {
-        print!("{table}");
+        say(table.trim_end());
         return Ok(());
     };
     let text = read_text(path)?;

@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::config::Scene;
+use pardalis::score::TrueState;
 use pardalis::tracker::TrackState;
 
 use super::{Instant, Sink};
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
+use crate::tables::Series;
 
 /// Gathers the tracks.
 pub(crate) struct SeriesCollector {
@@ -55,7 +57,7 @@ impl SeriesCollector {
         &self,
         folder: &Path,
         scene: &Scene,
-        truth: &[TruthSeries],
+        truth: &[Series<TrueState>],
     ) -> Result<Vec<PathBuf>> {
         let cameras: Vec<_> = scene
             .cameras
@@ -67,7 +69,17 @@ impl SeriesCollector {
                 )
             })
             .collect();
-        write_track_plots(folder, &self.tracks, truth, &cameras)
+        let truth: Vec<_> = truth
+            .iter()
+            .map(|object| TruthSeries {
+                rows: object
+                    .rows
+                    .iter()
+                    .map(|(time_s, state)| (*time_s, state.position_m))
+                    .collect(),
+            })
+            .collect();
+        write_track_plots(folder, &self.tracks, &truth, &cameras)
     }
 }
 

@@ -11,6 +11,7 @@ use clap::ValueEnum;
 
 use crate::fault::fault;
 use crate::files::write_file;
+use crate::say::say;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use text::{CameraText, SceneText};
 
@@ -111,19 +112,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     write_file(output, text.as_bytes())?;
-    println!("{}", output.display());
+    say(output.display());
     let to_change = text.lines().filter(|line| line.contains("CHANGE")).count();
     if to_change > 0 {
-        println!("  put your values into the lines marked CHANGE ({to_change})");
+        say(format!(
+            "  put your values into the lines marked CHANGE ({to_change})"
+        ));
     }
-    println!("next:");
+    say("next:");
     if !arguments.colors.exists() {
-        println!(
+        say(format!(
             "  pardalis learn … -o {}    (how: pardalis learn --help)",
             arguments.colors.display()
-        );
+        ));
     }
-    println!("  pardalis track {}", output.display());
+    say(format!("  pardalis track {}", output.display()));
     Ok(())
 }
 
@@ -202,19 +205,16 @@ enum Knowledge {
 
 /// As `--camera` says; without it, the calibration beside the frames, else an equidistant camera.
 fn knowledge(arguments: &Arguments) -> Result<Knowledge> {
-    let file = match &arguments.camera {
-        Some(name) => match Model::from_str(name, false) {
-            Ok(model) => return Ok(Knowledge::Model(model)),
-            Err(_) => PathBuf::from(name),
-        },
-        None => {
-            let mut beside = ["camera.json", "cameras.json"]
-                .map(|name| arguments.input.join(name))
-                .into_iter();
-            match beside.find(|path| path.is_file()) {
-                Some(path) => path,
-                None => return Ok(Knowledge::Model(Model::Equidistant)),
-            }
+    let file = if let Some(name) = &arguments.camera {
+        if let Ok(model) = Model::from_str(name, false) {
+            return Ok(Knowledge::Model(model));
+        }
+        PathBuf::from(name)
+    } else {
+        let beside = ["camera.json", "cameras.json"].map(|name| arguments.input.join(name));
+        match beside.into_iter().find(|path| path.is_file()) {
+            Some(path) => path,
+            None => return Ok(Knowledge::Model(Model::Equidistant)),
         }
     };
     if !file.exists() {

@@ -269,7 +269,8 @@ impl SceneText<'_> {
              particles = 5000\n\
              resampling = \"systematic\"  # or stratified, residual, multinomial\n\
              resample_below = 1.0  # share of the particles; 1: at every step, as published\n\n\
-             # White noise of this density disturbs the velocity: small for what rolls, large for what is thrown and bounces.\n\
+             # White noise of this density disturbs the velocity: about 1 for what rolls or is carried, 100 for what is thrown and bounces.\n\
+             # Too low, and quick turns are missed; too high, and the target is lost sooner while something hides it.\n\
              [targets.{target}.motion.constant_velocity]\n\
              acceleration_density_m2ps3 = 100.0\n"
         );

@@ -7,13 +7,13 @@ mod palette;
 mod pictures;
 mod report;
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
 use crate::fault::fault;
 use crate::files::write_file;
+use crate::say::say;
 use evidence::Evidence;
 use inputs::InputOptions;
 use palette::PaletteOptions;
@@ -70,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         without_mask: &inputs.without_mask,
         written: &written,
     };
-    write!(std::io::stdout().lock(), "{report}")?;
+    say(report.to_string().trim_end());
     Ok(())
 }
 

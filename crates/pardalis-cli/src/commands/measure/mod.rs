@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use super::evaluate;
-use crate::draw::plots::TruthSeries;
 use crate::fault::fault;
 use crate::files::write_file;
+use crate::say::say;
 use crate::tables;
 use crate::tracking::{self, Options, Output, SeriesCollector};
 use definition::{Experiment, Run};
@@ -61,13 +61,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             continue;
         }
         let figures = measure(run, folder, &output, seeds, arguments.threads)?;
-        println!("{}", results::told(run, &figures));
+        say(results::told(run, &figures));
         outside.extend(results::outside_bands(run, &figures));
         results.extend(run, figures);
     }
     let csv = output.join("results.csv");
     write_file(&csv, results.to_csv().as_bytes())?;
-    println!("{}", csv.display());
+    say(csv.display());
     if let Some(record) = &arguments.record {
         fs::create_dir_all(record)
             .map_err(|error| fault!("--record {}: {error}", record.display()))?;
@@ -122,23 +122,9 @@ fn measure(
         }
     }
     if let Some((series, scene)) = all_seeds {
-        series.draw(&run_folder, &scene, &truth_of(&truth_path, &figures)?)?;
+        let mut truth = tables::read_truth(&truth_path)?;
+        truth.retain(|object| figures.iter().any(|f| f.object == object.name));
+        series.draw(&run_folder, &scene, &truth)?;
     }
     Ok(figures)
-}
-
-/// The true paths of the objects that were scored.
-fn truth_of(path: &Path, figures: &[Figures]) -> Result<Vec<TruthSeries>> {
-    let scored = |name: &str| figures.iter().any(|f| f.object == name);
-    Ok(tables::read_truth(path)?
-        .into_iter()
-        .filter(|object| scored(&object.name))
-        .map(|object| TruthSeries {
-            rows: object
-                .rows
-                .iter()
-                .map(|(time_s, state)| (*time_s, state.position_m))
-                .collect(),
-        })
-        .collect())
 }
