@@ -1,6 +1,6 @@
 //! Kernels compiled for several instruction sets and chosen at run time.
 //!
-//! A kernel is one `#[inline(always)]` function over plain loops. [`Level::run`] calls it inside a function that may use
+//! A kernel is one `#[inline(always)]` function over plain loops. `Level::run` calls it inside a function that may use
 //! the wider registers, so that the compiler vectorises the same code for each. As nothing is fused or reordered, every level gives the same bits.
 #![allow(unsafe_code)] // calling a function that needs a CPU feature, after the check for that feature
 
