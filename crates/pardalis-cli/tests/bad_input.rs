@@ -269,8 +269,9 @@ fn ctrl_c_keeps_the_rows_and_says_so() {
         );
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
-    let sent = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
+    // The shell's own kill: the program of that name is not everywhere.
+    let sent = Command::new("/bin/sh")
+        .args(["-c", &format!("kill -INT {}", child.id())])
         .status()
         .unwrap();
     assert!(sent.success());

@@ -146,7 +146,8 @@ impl Source {
                 encoding,
             } => {
                 let search_path = std::env::var_os("PATH").unwrap_or_default();
-                let programs = Programs::find(&search_path)?;
+                let programs =
+                    Programs::find(&search_path).map_err(|error| fault!("{input}: {error}"))?;
                 let (description, frames) =
                     VideoFrames::open(&programs, input, input_options, *encoding, first, limit)?;
                 let process = Some(frames.process());
