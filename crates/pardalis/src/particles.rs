@@ -15,7 +15,7 @@ impl Particles {
     pub fn new(count: usize, columns: usize) -> Self {
         Self {
             columns: vec![vec![0.0; count]; columns],
-            log_weights: vec![-(count as f64).ln(); count],
+            log_weights: vec![-libm::log(count as f64); count],
         }
     }
 
@@ -47,6 +47,6 @@ impl Particles {
     /// Gives every particle the same weight.
     pub fn reset_weights(&mut self) {
         let count = self.count() as f64;
-        self.log_weights.fill(-count.ln());
+        self.log_weights.fill(-libm::log(count));
     }
 }

@@ -282,7 +282,7 @@ impl Separation {
         let log_odds: Vec<f64> = object
             .iter()
             .zip(background)
-            .map(|(&o, &b)| (share(o, object_total) / share(b, background_total)).ln())
+            .map(|(&o, &b)| libm::log(share(o, object_total) / share(b, background_total)))
             .collect();
         let above_zero = |counts: &[u64], total: f64| {
             counts
