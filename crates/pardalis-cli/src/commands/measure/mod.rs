@@ -47,6 +47,8 @@ pub(crate) struct Arguments {
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let experiment = Experiment::read(&arguments.experiment)?;
+    // Before anything is written: a record that is replaced would count as an uncommitted change.
+    let facts = results::facts(&arguments.experiment);
     let folder = arguments.experiment.parent().unwrap_or(Path::new(""));
     let output = arguments.output.join(&experiment.name);
     let mut results = Results::default();
@@ -75,7 +77,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             &record.join(format!("{}.csv", experiment.name)),
             results.to_csv().as_bytes(),
         )?;
-        let facts = results::facts(&arguments.experiment);
         write_file(
             &record.join(format!("{}.facts.txt", experiment.name)),
             facts.as_bytes(),
