@@ -1,5 +1,6 @@
 //! The `pardalis` program.
 
+mod board;
 mod commands;
 mod draw;
 mod fault;
