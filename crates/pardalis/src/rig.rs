@@ -3,9 +3,23 @@
 use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
 
 use crate::Error;
+use crate::camera::Camera;
 
 /// A rigid transform. `a_from_b` takes coordinates in frame b to frame a.
 pub type Pose = IsometryMatrix3<f64>;
+
+/// One camera as calibration files hold it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CalibratedCamera {
+    /// Its name.
+    pub name: String,
+    /// Its model.
+    pub camera: Camera,
+    /// Width and height of its images in pixels, where the file says them.
+    pub size_px: Option<(usize, usize)>,
+    /// Its pose, where the file says one; the file's reference frame (the first camera, say) is the world.
+    pub world_from_camera: Option<Pose>,
+}
 
 /// A pose from a 4x4 matrix, rows first, as calibration files give it.
 ///

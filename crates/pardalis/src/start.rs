@@ -114,9 +114,9 @@ impl PixelStart {
 
     /// The ray's origin and direction in the world, and the distances at which it begins and ends; `None` where the camera has no ray.
     fn ray(&self, view: &View, pixel: [f64; 2]) -> Option<(Point3<f64>, Vector3<f64>, [f64; 2])> {
-        let direction_in_camera = view.camera().unproject(pixel)?;
-        let origin = Point3::from(view.world_from_camera().translation.vector);
-        let direction = view.world_from_camera() * Vector3::from(direction_in_camera);
+        let ray = view.camera().unproject(pixel)?;
+        let origin = view.world_from_camera() * Point3::from(ray.origin);
+        let direction = view.world_from_camera() * Vector3::from(ray.direction);
         let mut end = self.max_range_m;
         let to_ground = (self.ground_z_m - origin.z) / direction.z;
         if to_ground > self.min_range_m {

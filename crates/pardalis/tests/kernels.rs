@@ -33,7 +33,8 @@ const VIDEO: YuvEncoding = YuvEncoding {
 
 fn cameras() -> Vec<Camera> {
     let center = [322.3, 238.1];
-    let pinhole = |distortion| Pinhole::new([535.91, 540.2], center, distortion).unwrap();
+    let pinhole =
+        |distortion: [f64; 5]| Pinhole::new([535.91, 540.2], center, &distortion).unwrap();
     vec![
         fisheye(),
         Camera::Pinhole(pinhole([0.0; 5])),
@@ -106,7 +107,7 @@ fn particles(view: &View, count: usize, random: &mut Uniform) -> Particles {
             9 => [f64::INFINITY, 0.0, 0.3],
             11 => [1e30, -1e30, 1e20],
             _ => {
-                let direction = match view.camera().unproject(pixel) {
+                let direction = match view.camera().unproject(pixel).map(|ray| ray.direction) {
                     Some(direction) if i % 20 != 13 => direction,
                     _ => [0, 1, 2].map(|_| random.between(-1.0, 1.0)),
                 };

@@ -1,7 +1,7 @@
 //! Equidistant fisheye: the radius in the image grows with the angle from the optical axis.
 
+use super::{Projection, Ray, check_angle, check_focal, check_principal_point};
 use crate::Error;
-use crate::camera::{Projection, check_angle, check_focal, check_principal_point};
 use crate::real::Real;
 
 /// ρ = f·θ, u = cx + ρ·x/r, v = cy + ρ·y/r, with r = √(x² + y²) and θ = atan2(r, z) (Taiana 2007, eq. 3.5).
@@ -33,13 +33,37 @@ impl Equidistant<f64> {
         })
     }
 
+    /// The largest angle from the axis, in radians.
+    pub fn max_angle_rad(&self) -> f64 {
+        self.max_angle_rad
+    }
+
+    /// The same camera with other parameters, in the order of [`Self::NAMES`].
+    pub(super) fn with_parameters(&self, [f, cx, cy]: [f64; 3]) -> Result<Self, Error> {
+        Self::new(f, [cx, cy], self.max_angle_rad)
+    }
+
     /// The same camera in single precision, for kernels.
-    pub fn to_f32(self) -> Equidistant<f32> {
+    pub fn to_f32(&self) -> Equidistant<f32> {
+        self.vary(self.parameters().map(|p| p as f32))
+    }
+}
+
+impl<R: Real> Equidistant<R> {
+    /// The names of the parameters, in their order.
+    pub(super) const NAMES: [&'static str; 3] = ["f_px_per_rad", "cx_px", "cy_px"];
+
+    pub(super) fn parameters(&self) -> [R; 3] {
+        [self.f_px_per_rad, self.cx_px, self.cy_px]
+    }
+
+    /// The same domain with other parameters, unchecked, in any arithmetic.
+    pub(super) fn vary<S: Real>(&self, [f_px_per_rad, cx_px, cy_px]: [S; 3]) -> Equidistant<S> {
         Equidistant {
-            f_px_per_rad: self.f_px_per_rad as f32,
-            cx_px: self.cx_px as f32,
-            cy_px: self.cy_px as f32,
-            max_angle_rad: self.max_angle_rad as f32,
+            f_px_per_rad,
+            cx_px,
+            cy_px,
+            max_angle_rad: S::of(self.max_angle_rad.to_f64()),
         }
     }
 }
@@ -50,13 +74,19 @@ impl<R: Real> Projection<R> for Equidistant<R> {
         let r = (x * x + y * y).sqrt();
         let angle = r.atan2(z);
         let on_axis = !(r > R::of(1e-30));
-        // On the axis x/r has no value; the pixel is the principal point.
-        let scale = self.f_px_per_rad * angle / if on_axis { R::of(1.0) } else { r };
-        let valid = angle <= self.max_angle_rad && !(on_axis && z <= R::of(0.0));
+        let ahead = z > R::of(0.0);
+        // θ/r tends to 1/z on the axis, where the quotient has no value.
+        let angle_over_r = if on_axis {
+            R::of(1.0) / if ahead { z } else { R::of(1.0) }
+        } else {
+            angle / r
+        };
+        let scale = self.f_px_per_rad * angle_over_r;
+        let valid = angle <= self.max_angle_rad && !(on_axis && !ahead);
         ([self.cx_px + scale * x, self.cy_px + scale * y], valid)
     }
 
-    fn unproject(&self, [u, v]: [R; 2]) -> Option<[R; 3]> {
+    fn unproject(&self, [u, v]: [R; 2]) -> Option<Ray<R>> {
         let (x, y) = (u - self.cx_px, v - self.cy_px);
         let rho = (x * x + y * y).sqrt();
         let angle = rho / self.f_px_per_rad;
@@ -64,12 +94,6 @@ impl<R: Real> Projection<R> for Equidistant<R> {
         if !(angle <= self.max_angle_rad * R::of(1.0 + 1e-12)) {
             return None;
         }
-        let (sin, cos) = angle.sin_cos();
-        let scale = if rho > R::of(0.0) {
-            sin / rho
-        } else {
-            R::of(0.0)
-        };
-        Some([x * scale, y * scale, cos])
+        Some(Ray::at_angle(angle, [x, y], rho))
     }
 }

@@ -1,7 +1,7 @@
 //! Perspective projection of a mirror camera: the cheap model for mirrors that keep the floor's proportions.
 
+use super::{Projection, Ray, check_focal, check_principal_point};
 use crate::Error;
-use crate::camera::{Projection, check_focal, check_principal_point};
 use crate::real::Real;
 
 /// ρ = k·r/z with k = −m, the unified model with l = 0; u = cx + ρ·x/r, v = cy + ρ·y/r (Taiana 2007, section 3.4). The
@@ -23,13 +23,30 @@ impl PerspectiveMirror<f64> {
         Ok(Self { m_px, cx_px, cy_px })
     }
 
+    /// The same camera with other parameters, in the order of [`Self::NAMES`].
+    #[allow(clippy::unused_self)] // all models are varied in the same way
+    pub(super) fn with_parameters(&self, [m, cx, cy]: [f64; 3]) -> Result<Self, Error> {
+        Self::new(m, [cx, cy])
+    }
+
     /// The same camera in single precision, for kernels.
-    pub fn to_f32(self) -> PerspectiveMirror<f32> {
-        PerspectiveMirror {
-            m_px: self.m_px as f32,
-            cx_px: self.cx_px as f32,
-            cy_px: self.cy_px as f32,
-        }
+    pub fn to_f32(&self) -> PerspectiveMirror<f32> {
+        self.vary(self.parameters().map(|p| p as f32))
+    }
+}
+
+impl<R: Real> PerspectiveMirror<R> {
+    /// The names of the parameters, in their order.
+    pub(super) const NAMES: [&'static str; 3] = ["m_px", "cx_px", "cy_px"];
+
+    pub(super) fn parameters(&self) -> [R; 3] {
+        [self.m_px, self.cx_px, self.cy_px]
+    }
+
+    /// The same model with other parameters, unchecked, in any arithmetic.
+    #[allow(clippy::unused_self)] // all models are varied in the same way
+    pub(super) fn vary<S: Real>(&self, [m_px, cx_px, cy_px]: [S; 3]) -> PerspectiveMirror<S> {
+        PerspectiveMirror { m_px, cx_px, cy_px }
     }
 }
 
@@ -42,10 +59,10 @@ impl<R: Real> Projection<R> for PerspectiveMirror<R> {
         ([self.cx_px + scale * x, self.cy_px + scale * y], valid)
     }
 
-    fn unproject(&self, [u, v]: [R; 2]) -> Option<[R; 3]> {
+    fn unproject(&self, [u, v]: [R; 2]) -> Option<Ray<R>> {
         let (x, y) = ((u - self.cx_px) / self.m_px, (v - self.cy_px) / self.m_px);
-        let inverse = R::of(1.0) / (x * x + y * y + R::of(1.0)).sqrt();
-        let direction = [x * inverse, y * inverse, -inverse];
-        (u.to_f64() + v.to_f64()).is_finite().then_some(direction)
+        (u.to_f64() + v.to_f64())
+            .is_finite()
+            .then(|| Ray::towards([x, y, R::of(-1.0)]))
     }
 }

@@ -1,7 +1,7 @@
 //! Unified projection model of mirror cameras with a single viewpoint.
 
+use super::{Projection, Ray, check_focal, check_principal_point};
 use crate::Error;
-use crate::camera::{Projection, check_focal, check_principal_point};
 use crate::real::Real;
 
 /// ρ = f·(l + m)·r / (l·d − z), with r = √(x² + y²) and d = √(r² + z²); u = cx + ρ·x/r, v = cy + ρ·y/r
@@ -11,8 +11,8 @@ use crate::real::Real;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unified<R> {
     l: R,
-    /// f·(l + m)
-    scale_px: R,
+    m: R,
+    f_px: R,
     cx_px: R,
     cy_px: R,
     /// The bound on z/d.
@@ -34,24 +34,44 @@ impl Unified<f64> {
         }
         check_focal("f_px", f_px)?;
         check_principal_point([cx_px, cy_px])?;
-        let max_cosine = if l <= 1.0 { l } else { 1.0 / l };
         Ok(Self {
             l,
-            scale_px: f_px * (l + m),
+            m,
+            f_px,
             cx_px,
             cy_px,
-            max_cosine,
+            max_cosine: if l <= 1.0 { l } else { 1.0 / l },
         })
     }
 
+    /// The same camera with other parameters, in the order of [`Self::NAMES`].
+    pub(super) fn with_parameters(&self, [l, m, f, cx, cy]: [f64; 5]) -> Result<Self, Error> {
+        Self::new(l, m, f, [cx, cy])
+    }
+
     /// The same camera in single precision, for kernels.
-    pub fn to_f32(self) -> Unified<f32> {
+    pub fn to_f32(&self) -> Unified<f32> {
+        self.vary(self.parameters().map(|p| p as f32))
+    }
+}
+
+impl<R: Real> Unified<R> {
+    /// The names of the parameters, in their order.
+    pub(super) const NAMES: [&'static str; 5] = ["l", "m", "f_px", "cx_px", "cy_px"];
+
+    pub(super) fn parameters(&self) -> [R; 5] {
+        [self.l, self.m, self.f_px, self.cx_px, self.cy_px]
+    }
+
+    /// The same domain with other parameters, unchecked, in any arithmetic.
+    pub(super) fn vary<S: Real>(&self, [l, m, f_px, cx_px, cy_px]: [S; 5]) -> Unified<S> {
         Unified {
-            l: self.l as f32,
-            scale_px: self.scale_px as f32,
-            cx_px: self.cx_px as f32,
-            cy_px: self.cy_px as f32,
-            max_cosine: self.max_cosine as f32,
+            l,
+            m,
+            f_px,
+            cx_px,
+            cy_px,
+            max_cosine: S::of(self.max_cosine.to_f64()),
         }
     }
 }
@@ -62,16 +82,15 @@ impl<R: Real> Projection<R> for Unified<R> {
         let d = (x * x + y * y + z * z).sqrt();
         let valid = z < self.max_cosine * d;
         let denominator = self.l * d - z;
-        let scale = self.scale_px / if valid { denominator } else { R::of(1.0) };
+        let scale_px = self.f_px * (self.l + self.m);
+        let scale = scale_px / if valid { denominator } else { R::of(1.0) };
         ([self.cx_px + scale * x, self.cy_px + scale * y], valid)
     }
 
-    fn unproject(&self, [u, v]: [R; 2]) -> Option<[R; 3]> {
+    fn unproject(&self, [u, v]: [R; 2]) -> Option<Ray<R>> {
         // With d = 1: r = k·(l − z) and r² + z² = 1, a quadratic in z whose smaller root is the scene's.
-        let (x, y) = (
-            (u - self.cx_px) / self.scale_px,
-            (v - self.cy_px) / self.scale_px,
-        );
+        let scale_px = self.f_px * (self.l + self.m);
+        let (x, y) = ((u - self.cx_px) / scale_px, (v - self.cy_px) / scale_px);
         let k2 = x * x + y * y;
         let one = R::of(1.0);
         let discriminant = one + k2 * (one - self.l * self.l);
@@ -83,6 +102,6 @@ impl<R: Real> Projection<R> for Unified<R> {
             return None;
         }
         let factor = self.l - z;
-        Some([x * factor, y * factor, z])
+        Some(Ray::from_camera([x * factor, y * factor, z]))
     }
 }

@@ -2,7 +2,10 @@
 
 use super::reader::{Located, Table};
 use crate::Error;
-use crate::camera::{Camera, Equidistant, PerspectiveMirror, Pinhole, Unified};
+use crate::camera::{
+    Camera, DoubleSphere, Equidistant, ExtendedUnified, KannalaBrandt, Mei, Ocam,
+    PerspectiveMirror, Pinhole, Unified,
+};
 use crate::color::{YuvEncoding, YuvMatrix, YuvRange};
 use crate::frame::MAX_TIME_S;
 use crate::rig::{Pose, pose_from_matrix};
@@ -188,15 +191,30 @@ fn read_model(table: &Table) -> Option<(Camera, [f64; 2])> {
         }
         return None;
     };
-    let found = model.one_of(&["equidistant", "pinhole", "unified", "perspective_mirror"]);
+    let found = model.one_of(&[
+        "equidistant",
+        "pinhole",
+        "kannala_brandt",
+        "unified",
+        "mei",
+        "perspective_mirror",
+        "double_sphere",
+        "extended_unified",
+        "ocam",
+    ]);
     model.finish();
     let (kind, parameters) = found?;
     let center_px = parameters.required::<[f64; 2]>("center_px");
     let camera = match kind {
         "equidistant" => read_equidistant(&parameters, center_px),
         "pinhole" => read_pinhole(&parameters, center_px),
+        "kannala_brandt" => read_kannala_brandt(&parameters, center_px),
         "unified" => read_unified(&parameters, center_px),
-        _ => read_perspective_mirror(&parameters, center_px),
+        "mei" => read_mei(&parameters, center_px),
+        "perspective_mirror" => read_perspective_mirror(&parameters, center_px),
+        "double_sphere" => read_double_sphere(&parameters, center_px),
+        "extended_unified" => read_extended_unified(&parameters, center_px),
+        _ => read_ocam(&parameters, center_px),
     };
     parameters.finish();
     Some((camera?, center_px?))
@@ -218,27 +236,77 @@ fn at_center<T>(result: Result<T, Error>) -> Result<T, Error> {
     })
 }
 
-fn read_equidistant(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let f = table.required("f_px_per_rad");
+/// Half of the field of view, in radians.
+fn read_max_angle(table: &Table) -> Option<f64> {
     let field_of_view_deg: f64 = table.or("field_of_view_deg", 360.0);
     if !(field_of_view_deg > 0.0 && field_of_view_deg <= 360.0) {
         table.refuse("field_of_view_deg", "above 0 and at most 360");
         return None;
     }
-    let model = Equidistant::new(f?, center_px?, (field_of_view_deg / 2.0).to_radians());
+    Some((field_of_view_deg / 2.0).to_radians())
+}
+
+/// Two focal lengths in pixels.
+fn read_focals(table: &Table) -> Option<[f64; 2]> {
+    let f = table.required::<[f64; 2]>("f_px")?;
+    if f.iter().any(|v| !(*v > 0.0 && *v <= 1e6)) {
+        table.refuse("f_px", "positive numbers up to 1e6");
+        return None;
+    }
+    Some(f)
+}
+
+fn read_equidistant(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
+    let f = table.required("f_px_per_rad");
+    let max_angle_rad = read_max_angle(table);
+    let model = Equidistant::new(f?, center_px?, max_angle_rad?);
     table.checked(at_center(model)).map(Camera::Equidistant)
 }
 
 fn read_pinhole(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let f = table.required::<[f64; 2]>("f_px");
-    let distortion = table.or("distortion", [0.0; 5]);
-    if f.is_some_and(|f| f.iter().any(|v| !(*v > 0.0 && *v <= 1e6))) {
-        table.refuse("f_px", "positive numbers up to 1e6");
-        return None;
-    }
-    table
-        .checked(at_center(Pinhole::new(f?, center_px?, distortion)))
-        .map(Camera::Pinhole)
+    let f = read_focals(table);
+    let distortion: Vec<f64> = table.or("distortion", Vec::new());
+    let model = Pinhole::new(f?, center_px?, &distortion);
+    table.checked(at_center(model)).map(Camera::Pinhole)
+}
+
+fn read_kannala_brandt(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
+    let f = read_focals(table);
+    let k = table.or("k", [0.0; 4]);
+    let max_angle_rad = read_max_angle(table);
+    let model = KannalaBrandt::new(f?, center_px?, k, max_angle_rad?);
+    table.checked(at_center(model)).map(Camera::KannalaBrandt)
+}
+
+fn read_mei(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
+    let f = read_focals(table);
+    let skew_px = table.or("skew_px", 0.0);
+    let xi = table.required("xi");
+    let distortion = table.or("distortion", [0.0; 4]);
+    let model = Mei::new(f?, skew_px, center_px?, xi?, distortion);
+    table.checked(at_center(model)).map(Camera::Mei)
+}
+
+fn read_double_sphere(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
+    let f = read_focals(table);
+    let (xi, alpha) = (table.required("xi"), table.required("alpha"));
+    let model = DoubleSphere::new(f?, center_px?, xi?, alpha?);
+    table.checked(at_center(model)).map(Camera::DoubleSphere)
+}
+
+fn read_extended_unified(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
+    let f = read_focals(table);
+    let (alpha, beta) = (table.required("alpha"), table.required("beta"));
+    let model = ExtendedUnified::new(f?, center_px?, alpha?, beta?);
+    table.checked(at_center(model)).map(Camera::ExtendedUnified)
+}
+
+fn read_ocam(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
+    let polynomial = table.required::<Vec<f64>>("polynomial");
+    let affine = table.or("affine", [1.0, 0.0, 0.0]);
+    let max_radius_px = table.required("max_radius_px");
+    let model = Ocam::new(&polynomial?, center_px?, affine, max_radius_px?);
+    table.checked(at_center(model)).map(Camera::Ocam)
 }
 
 fn read_unified(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {

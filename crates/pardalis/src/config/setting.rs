@@ -82,6 +82,20 @@ impl Setting for Vec<String> {
     }
 }
 
+impl Setting for Vec<f64> {
+    const ALLOWED: &'static str = "a list of finite numbers";
+    fn read(value: &DeValue) -> Option<Self> {
+        value
+            .as_array()?
+            .iter()
+            .map(|item| f64::read(item.get_ref()))
+            .collect()
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Array(self.iter().map(Setting::write).collect())
+    }
+}
+
 impl<const N: usize> Setting for [f64; N] {
     const ALLOWED: &'static str = match N {
         2 => "two finite numbers, [a, b]",
@@ -91,12 +105,7 @@ impl<const N: usize> Setting for [f64; N] {
         _ => "a list of finite numbers",
     };
     fn read(value: &DeValue) -> Option<Self> {
-        let numbers: Vec<f64> = value
-            .as_array()?
-            .iter()
-            .map(|item| f64::read(item.get_ref()))
-            .collect::<Option<_>>()?;
-        numbers.try_into().ok()
+        Vec::<f64>::read(value)?.try_into().ok()
     }
     fn write(&self) -> toml::Value {
         toml::Value::Array(self.iter().map(Setting::write).collect())

@@ -6,6 +6,10 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+mod dual;
+
+pub use dual::Dual;
+
 /// A floating-point number.
 pub trait Real:
     Copy

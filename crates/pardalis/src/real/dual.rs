@@ -1,0 +1,162 @@
+//! Forward-mode dual numbers: a value with its derivatives, so that what is written once for any [`Real`] can be differentiated exactly.
+
+use std::cmp::Ordering;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use super::Real;
+
+/// A number with its derivatives by `N` variables. Compared by its value alone.
+#[derive(Debug, Clone, Copy)]
+pub struct Dual<const N: usize> {
+    /// The number.
+    pub value: f64,
+    /// Its derivatives.
+    pub slopes: [f64; N],
+}
+
+impl<const N: usize> Dual<N> {
+    /// A number that depends on nothing.
+    pub fn constant(value: f64) -> Self {
+        Self {
+            value,
+            slopes: [0.0; N],
+        }
+    }
+
+    /// The variable number `i`.
+    pub fn variable(value: f64, i: usize) -> Self {
+        let mut slopes = [0.0; N];
+        slopes[i] = 1.0;
+        Self { value, slopes }
+    }
+
+    /// A function of this number with this value and slope.
+    #[inline(always)]
+    fn chain(self, value: f64, slope: f64) -> Self {
+        Self {
+            value,
+            slopes: self.slopes.map(|s| s * slope),
+        }
+    }
+
+    /// A function of two numbers with this value and these slopes.
+    #[inline(always)]
+    fn chain2(self, other: Self, value: f64, slope: f64, other_slope: f64) -> Self {
+        Self {
+            value,
+            slopes: std::array::from_fn(|i| self.slopes[i] * slope + other.slopes[i] * other_slope),
+        }
+    }
+}
+
+impl<const N: usize> PartialEq for Dual<N> {
+    fn eq(&self, other: &Self) -> bool {
+        self.value == other.value
+    }
+}
+
+impl<const N: usize> PartialOrd for Dual<N> {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        self.value.partial_cmp(&other.value)
+    }
+}
+
+impl<const N: usize> Add for Dual<N> {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        self.chain2(other, self.value + other.value, 1.0, 1.0)
+    }
+}
+
+impl<const N: usize> Sub for Dual<N> {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self.chain2(other, self.value - other.value, 1.0, -1.0)
+    }
+}
+
+impl<const N: usize> Mul for Dual<N> {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        self.chain2(other, self.value * other.value, other.value, self.value)
+    }
+}
+
+impl<const N: usize> Div for Dual<N> {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        let (value, inverse) = (self.value / other.value, 1.0 / other.value);
+        self.chain2(other, value, inverse, -value * inverse)
+    }
+}
+
+impl<const N: usize> Neg for Dual<N> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.chain(-self.value, -1.0)
+    }
+}
+
+impl<const N: usize> Real for Dual<N> {
+    fn of(value: f64) -> Self {
+        Self::constant(value)
+    }
+    fn to_f64(self) -> f64 {
+        self.value
+    }
+    fn sqrt(self) -> Self {
+        let root = Real::sqrt(self.value);
+        // At zero the slope is infinite; what is differentiated here is smooth in the square (a radius on the axis), so that it does not count.
+        let slope = if root > 0.0 { 0.5 / root } else { 0.0 };
+        self.chain(root, slope)
+    }
+    fn abs(self) -> Self {
+        self.chain(Real::abs(self.value), Real::signum(self.value))
+    }
+    fn atan2(self, x: Self) -> Self {
+        let square = self.value * self.value + x.value * x.value;
+        self.chain2(
+            x,
+            Real::atan2(self.value, x.value),
+            x.value / square,
+            -self.value / square,
+        )
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        let (sin, cos) = Real::sin_cos(self.value);
+        (self.chain(sin, cos), self.chain(cos, -sin))
+    }
+    fn signum(self) -> Self {
+        Self::constant(Real::signum(self.value))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Everything that a number can do, in one formula of two variables.
+    fn formula<R: Real>(x: R, y: R) -> R {
+        let (sin, cos) = (x * y).sin_cos();
+        (x / y + sin * cos).abs().sqrt() * (y - x).atan2(x) - -x * (x - y).signum()
+    }
+
+    #[test]
+    fn derivatives_agree_with_differences() {
+        for (x, y) in [(0.3, 1.7), (2.1, 0.4), (-0.7, 1.1), (0.9, -2.3)] {
+            let dual = formula(Dual::<2>::variable(x, 0), Dual::variable(y, 1));
+            assert_eq!(dual.value, formula(x, y));
+            let h = 1e-6;
+            let numeric = [
+                (formula(x + h, y) - formula(x - h, y)) / (2.0 * h),
+                (formula(x, y + h) - formula(x, y - h)) / (2.0 * h),
+            ];
+            for (slope, numeric) in dual.slopes.into_iter().zip(numeric) {
+                assert!(
+                    (slope - numeric).abs() < 1e-7 * (1.0 + numeric.abs()),
+                    "{slope} {numeric} at {x}, {y}"
+                );
+            }
+        }
+    }
+}
