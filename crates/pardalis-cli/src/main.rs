@@ -1,5 +1,6 @@
 //! The `pardalis` program.
 
+#[allow(dead_code)]
 mod board;
 mod commands;
 mod draw;

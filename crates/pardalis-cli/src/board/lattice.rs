@@ -96,8 +96,9 @@ fn link(image: &GrayImage, saddles: &[Saddle]) -> Vec<[Link; 4]> {
         .map(|from| choose(image, saddles, from))
         .collect();
     let mutual = |from: usize, direction: usize| {
-        chosen[from][direction]
-            .filter(|&(to, back)| matches!(chosen[to][back], Some((f, d)) if f == from && d == direction))
+        chosen[from][direction].filter(
+            |&(to, back)| matches!(chosen[to][back], Some((f, d)) if f == from && d == direction),
+        )
     };
     (0..saddles.len())
         .map(|from| std::array::from_fn(|direction| mutual(from, direction)))

@@ -90,16 +90,16 @@ impl Board {
             ),
             Board::Charuco { square_m, .. } => (
                 down * columns + column,
-                [(column + 1) as f64 * square_m, (up + 1) as f64 * square_m, 0.0],
+                [
+                    (column + 1) as f64 * square_m,
+                    (up + 1) as f64 * square_m,
+                    0.0,
+                ],
             ),
             Board::AprilGrid { tag_m, spacing, .. } => {
-                let place_m = |n: usize| {
-                    (n / 2) as f64 * (1.0 + spacing) * tag_m + (n % 2) as f64 * tag_m
-                };
-                (
-                    up * columns + column,
-                    [place_m(column), place_m(up), 0.0],
-                )
+                let place_m =
+                    |n: usize| (n / 2) as f64 * (1.0 + spacing) * tag_m + (n % 2) as f64 * tag_m;
+                (up * columns + column, [place_m(column), place_m(up), 0.0])
             }
         })
     }

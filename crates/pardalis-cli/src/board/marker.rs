@@ -83,7 +83,13 @@ impl Dictionary {
                     0.5 + share * ((n as f64 + 0.5 + shift) / modules as f64 - 0.5)
                 };
                 let mut sum = 0.0;
-                for (dx, dy) in [(-0.2, -0.2), (0.2, -0.2), (0.0, 0.0), (-0.2, 0.2), (0.2, 0.2)] {
+                for (dx, dy) in [
+                    (-0.2, -0.2),
+                    (0.2, -0.2),
+                    (0.0, 0.0),
+                    (-0.2, 0.2),
+                    (0.2, 0.2),
+                ] {
                     let at = [place(module % modules, dx), place(module / modules, dy)];
                     sum += brightness(image, to_image(at));
                 }
@@ -95,9 +101,8 @@ impl Dictionary {
         if most - least < MIN_CONTRAST {
             return None;
         }
-        let is_light = |row: usize, column: usize| {
-            light[row * modules + column] > f64::midpoint(least, most)
-        };
+        let is_light =
+            |row: usize, column: usize| light[row * modules + column] > f64::midpoint(least, most);
         let inside = border..border + self.side;
         let (mut border_modules, mut border_errors) = (0, 0);
         for row in 0..modules {

@@ -108,15 +108,17 @@ impl Board {
         };
         let number = |word: &str| word.parse::<f64>().ok();
         let table = match words[..] {
-            ["checkerboard", size, square] => counts(size).zip(number(square)).map(
-                |((columns, rows), square_m)| {
-                    BoardFile::Checkerboard(CheckerboardTable {
-                        columns,
-                        rows,
-                        square_m,
+            ["checkerboard", size, square] => {
+                counts(size)
+                    .zip(number(square))
+                    .map(|((columns, rows), square_m)| {
+                        BoardFile::Checkerboard(CheckerboardTable {
+                            columns,
+                            rows,
+                            square_m,
+                        })
                     })
-                },
-            ),
+            }
             ["charuco", size, square, marker, dictionary] => counts(size)
                 .zip(number(square).zip(number(marker)))
                 .map(|((columns, rows), (square_m, marker_m))| {

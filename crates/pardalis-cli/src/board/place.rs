@@ -52,7 +52,12 @@ pub(crate) fn by_extent(
             ),
         });
     };
-    let corner_of_print = [[0, 0], [columns - 1, 0], [0, rows - 1], [columns - 1, rows - 1]];
+    let corner_of_print = [
+        [0, 0],
+        [columns - 1, 0],
+        [0, rows - 1],
+        [columns - 1, rows - 1],
+    ];
     let same_corners = |a: &Placed, b: &Placed| {
         let among = |p: &[i32; 2]| corner_of_print.iter().any(|q| a[p].pixel == b[q].pixel);
         corner_of_print.iter().all(among)
@@ -63,7 +68,8 @@ pub(crate) fn by_extent(
         ));
     }
     let any_dark = boards.iter().any(|&(dark, _)| dark);
-    let to_the_right = |placed: &Placed| placed[&[columns - 1, 0]].pixel[0] - placed[&[0, 0]].pixel[0];
+    let to_the_right =
+        |placed: &Placed| placed[&[columns - 1, 0]].pixel[0] - placed[&[0, 0]].pixel[0];
     boards
         .into_iter()
         .filter_map(|(dark, placed)| (dark == any_dark).then_some(placed))

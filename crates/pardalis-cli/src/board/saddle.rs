@@ -110,7 +110,10 @@ pub(crate) fn refine(image: &GrayImage, start: Saddle, radius_px: f64) -> Option
         }
     }
     let moved_px = (at[0] - start.pixel[0]).hypot(at[1] - start.pixel[1]);
-    let spread = samples.iter().map(|(_, v)| (v - at[4]).powi(2)).sum::<f64>();
+    let spread = samples
+        .iter()
+        .map(|(_, v)| (v - at[4]).powi(2))
+        .sum::<f64>();
     // What the crossing leaves unexplained is less than half of what there is.
     (moved_px <= radius_px && at[5] > 0.0 && cost < 0.5 * spread).then(|| Saddle {
         pixel: [at[0], at[1]],
