@@ -263,7 +263,7 @@ fn view_of(
     if !fine {
         return None;
     }
-    View::new(camera.camera, camera.world_from_camera, size, mask).ok()
+    View::new(camera.camera.clone(), camera.world_from_camera, size, mask).ok()
 }
 
 fn read_colors(target: &TargetConfig, folder: &Path) -> Result<ColorModel, Problem> {
