@@ -1,5 +1,7 @@
 //! The `pardalis` program.
 
+#[allow(dead_code)]
+mod board;
 mod commands;
 mod draw;
 mod fault;

@@ -14,6 +14,7 @@
 //! Pixel centres lie at integer coordinates. The library opens no files, reads no clock and prints nothing; every random
 //! number is a function of seed, target, particle and observation.
 
+pub mod calibrate;
 pub mod camera;
 pub mod color;
 pub mod config;

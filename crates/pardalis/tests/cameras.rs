@@ -31,6 +31,7 @@ macro_rules! example {
     }};
 }
 
+#[allow(clippy::too_many_lines)] // a table
 fn examples() -> Vec<Example> {
     let deg = f64::to_radians;
     let pi = std::f64::consts::PI;

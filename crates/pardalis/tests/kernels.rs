@@ -253,7 +253,7 @@ fn kernels_agree_with_the_reference_for_every_camera_outline_format_palette_and_
                 let mask = masked.then(|| {
                     Mask::from_grey(frames[0].width(), frames[0].height(), &grey).unwrap()
                 });
-                let mut views = [view(camera, world_from_fisheye(), &frames[0], mask)];
+                let mut views = [view(camera.clone(), world_from_fisheye(), &frames[0], mask)];
                 for frame in &frames {
                     for colors in &models {
                         views[0].prepare(frame, colors.palette()).unwrap();

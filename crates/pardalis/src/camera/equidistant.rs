@@ -82,7 +82,7 @@ impl<R: Real> Projection<R> for Equidistant<R> {
             angle / r
         };
         let scale = self.f_px_per_rad * angle_over_r;
-        let valid = angle <= self.max_angle_rad && !(on_axis && !ahead);
+        let valid = angle <= self.max_angle_rad && (ahead || !on_axis);
         ([self.cx_px + scale * x, self.cy_px + scale * y], valid)
     }
 

@@ -138,7 +138,7 @@ impl<R: Real> Projection<R> for KannalaBrandt<R> {
             angle / r
         };
         let scale = self.stretch(angle) * angle_over_r;
-        let valid = angle <= self.last_angle_rad && !(on_axis && !ahead);
+        let valid = angle <= self.last_angle_rad && (ahead || !on_axis);
         (
             [
                 self.cx_px + self.fx_px * scale * x,

@@ -50,6 +50,7 @@ impl Pinhole<f64> {
     }
 
     /// The same camera with other parameters, in the order of [`Self::NAMES`].
+    #[allow(clippy::unused_self)] // all models are varied in the same way
     pub(super) fn with_parameters(&self, p: [f64; 16]) -> Result<Self, Error> {
         Self::new([p[0], p[1]], [p[2], p[3]], &p[4..])
     }

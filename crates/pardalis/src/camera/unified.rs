@@ -45,6 +45,7 @@ impl Unified<f64> {
     }
 
     /// The same camera with other parameters, in the order of [`Self::NAMES`].
+    #[allow(clippy::unused_self)] // all models are varied in the same way
     pub(super) fn with_parameters(&self, [l, m, f, cx, cy]: [f64; 5]) -> Result<Self, Error> {
         Self::new(l, m, f, [cx, cy])
     }

@@ -1,0 +1,164 @@
+//! Square markers: dictionaries, and the reading of one marker in a square of the lattice.
+
+use image::GrayImage;
+
+use super::saddle::brightness;
+
+/// The dictionaries, one a line; the file's head says how they are written.
+const DICTIONARIES: &str = include_str!("dictionaries.txt");
+
+/// Least difference between the lightest and the darkest module, of 255.
+const MIN_CONTRAST: f64 = 15.0;
+
+/// Share of the border's modules that may read light.
+const MAX_BORDER_ERRORS: f64 = 0.1;
+
+/// A set of markers that are told apart by their modules.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Dictionary {
+    /// OpenCV's name, such as `DICT_4X4_50`.
+    pub(crate) name: &'static str,
+    /// Modules along a side, without the border.
+    side: usize,
+    /// Wrong modules that are corrected.
+    corrected: u32,
+    /// The modules of each marker, row by row from the top left, the first the highest bit; 1 is white.
+    codes: Vec<u64>,
+}
+
+/// A marker that was read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Reading {
+    /// The marker's number in its dictionary.
+    pub(crate) id: usize,
+    /// Quarter turns, clockwise, that take directions in the corners that were given to those in the upright marker.
+    pub(crate) turns: usize,
+}
+
+/// The names of all dictionaries.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    lines().filter_map(|line| line.split(' ').next())
+}
+
+/// The lines of the dictionary file that hold dictionaries.
+fn lines() -> impl Iterator<Item = &'static str> {
+    DICTIONARIES.lines().filter(|line| !line.starts_with('#'))
+}
+
+impl Dictionary {
+    /// The dictionary of this name, if there is one.
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        let line = lines().find(|line| line.split(' ').next() == Some(name))?;
+        let mut fields = line.split(' ');
+        Some(Self {
+            name: fields.next()?,
+            side: fields.next()?.parse().ok()?,
+            corrected: fields.next()?.parse().ok()?,
+            codes: fields
+                .map(|code| u64::from_str_radix(code, 16).ok())
+                .collect::<Option<_>>()?,
+        })
+    }
+
+    /// How many markers there are.
+    pub(crate) fn len(&self) -> usize {
+        self.codes.len()
+    }
+
+    /// Reads the marker within a square whose corners lie at these pixels, clockwise from the square's own top left.
+    ///
+    /// `share` is the side of the marker by the side of the square, `border` the width of its dark border in modules.
+    pub(crate) fn read(
+        &self,
+        image: &GrayImage,
+        corners: [[f64; 2]; 4],
+        share: f64,
+        border: usize,
+    ) -> Option<Reading> {
+        let modules = self.side + 2 * border;
+        let to_image = square_to(corners)?;
+        let light: Vec<f64> = (0..modules * modules)
+            .map(|module| {
+                let place = |n: usize, shift: f64| {
+                    0.5 + share * ((n as f64 + 0.5 + shift) / modules as f64 - 0.5)
+                };
+                let mut sum = 0.0;
+                for (dx, dy) in [
+                    (-0.2, -0.2),
+                    (0.2, -0.2),
+                    (0.0, 0.0),
+                    (-0.2, 0.2),
+                    (0.2, 0.2),
+                ] {
+                    let at = [place(module % modules, dx), place(module / modules, dy)];
+                    sum += brightness(image, to_image(at));
+                }
+                sum / 5.0
+            })
+            .collect();
+        let least = light.iter().copied().fold(f64::MAX, f64::min);
+        let most = light.iter().copied().fold(f64::MIN, f64::max);
+        if most - least < MIN_CONTRAST {
+            return None;
+        }
+        let is_light =
+            |row: usize, column: usize| light[row * modules + column] > f64::midpoint(least, most);
+        let inside = border..border + self.side;
+        let (mut border_modules, mut border_errors) = (0, 0);
+        for row in 0..modules {
+            for column in 0..modules {
+                if !(inside.contains(&row) && inside.contains(&column)) {
+                    border_modules += 1;
+                    border_errors += usize::from(is_light(row, column));
+                }
+            }
+        }
+        if border_errors as f64 > MAX_BORDER_ERRORS * border_modules as f64 {
+            return None;
+        }
+        // One more quarter turn takes what was in the bottom left to the top left.
+        let last = self.side - 1;
+        let turned = |turns: usize, row: usize, column: usize| {
+            let (row, column) = match turns {
+                0 => (row, column),
+                1 => (last - column, row),
+                2 => (last - row, last - column),
+                _ => (column, last - row),
+            };
+            is_light(row + border, column + border)
+        };
+        (0..4).find_map(|turns| {
+            let code = (0..self.side * self.side).fold(0, |code, module| {
+                code << 1 | u64::from(turned(turns, module / self.side, module % self.side))
+            });
+            let id = self
+                .codes
+                .iter()
+                .position(|other| (code ^ other).count_ones() <= self.corrected)?;
+            Some(Reading { id, turns })
+        })
+    }
+}
+
+/// The projective map from the unit square to four pixels, in the order (0, 0), (1, 0), (1, 1), (0, 1); `None` where they lie on a line.
+fn square_to([a, b, c, d]: [[f64; 2]; 4]) -> Option<impl Fn([f64; 2]) -> [f64; 2]> {
+    let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
+    let minus = |p: [f64; 2], q: [f64; 2]| [p[0] - q[0], p[1] - q[1]];
+    let (u, v) = (minus(b, c), minus(d, c));
+    let s = [a[0] - b[0] + c[0] - d[0], a[1] - b[1] + c[1] - d[1]];
+    let area = cross(u, v);
+    if area.abs() < 1.0 {
+        return None;
+    }
+    let (g, h) = (cross(s, v) / area, cross(u, s) / area);
+    let along = |n: usize| b[n] - a[n] + g * b[n];
+    let down = |n: usize| d[n] - a[n] + h * d[n];
+    let (along, down) = ([along(0), along(1)], [down(0), down(1)]);
+    Some(move |[x, y]: [f64; 2]| {
+        let w = g * x + h * y + 1.0;
+        [
+            (along[0] * x + down[0] * y + a[0]) / w,
+            (along[1] * x + down[1] * y + a[1]) / w,
+        ]
+    })
+}

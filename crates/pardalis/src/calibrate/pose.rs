@@ -1,0 +1,331 @@
+//! A camera's pose from known points: first linearly from the rays of the pixels, then by least squares on the pixels.
+
+use nalgebra::{
+    DMatrix, DVector, Matrix3, Point3, Rotation3, SymmetricEigen, Translation3, Vector3,
+};
+
+use super::least_squares::{Loss, Problem, Slopes, covariance, minimise};
+use super::{Correspondence, OUTLIER_SIGMAS, Refusal, check, rms};
+use crate::camera::{Camera, ProjectionJacobian};
+use crate::rig::Pose;
+use crate::rng::{Draws, Stage};
+
+/// A camera's pose with its uncertainty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseFit {
+    /// The pose.
+    pub camera_from_target: Pose,
+    /// Standard deviations: rotation about the camera's axes, in radians, then translation in metres.
+    pub pose_sigma: [f64; 6],
+    /// Observed minus projected pixel, one a correspondence; `None` where a point projects nowhere.
+    pub residuals_px: Vec<Option<[f64; 2]>>,
+    /// The correspondences that were left out.
+    pub outliers: Vec<usize>,
+    /// Root mean square distance of the others.
+    pub rms_px: f64,
+}
+
+/// The pose of a calibrated camera from at least four correspondences (six where the points do not lie in a plane), robust to outliers.
+pub fn fit_pose(camera: &Camera, correspondences: &[Correspondence]) -> Result<PoseFit, Refusal> {
+    check::enough_points("the pose", correspondences, 4)?;
+    let start = pose_from_rays(camera, correspondences).ok_or_else(|| {
+        Refusal::new(
+            "the points' pixels have no rays, or the points lie in a line",
+            "check that the camera file belongs to these images, and spread the points",
+        )
+    })?;
+    let problem = |pose, used| PoseProblem {
+        camera,
+        pose,
+        correspondences,
+        used,
+    };
+    let all = vec![true; correspondences.len()];
+    let (robust, _) = minimise(problem(start, all), Loss::Cauchy(2.0), 60);
+    let residuals = residuals_px(camera, &robust.pose, correspondences);
+    let used = check::inliers(&residuals, OUTLIER_SIGMAS);
+    check::mostly_inliers("the pose", &used)?;
+    let (fitted, _) = minimise(problem(robust.pose, used), Loss::Squares, 60);
+    let residuals_px = residuals_px(camera, &fitted.pose, correspondences);
+    let inliers = residuals_px
+        .iter()
+        .zip(&fitted.used)
+        .filter(|(_, used)| **used);
+    let rms_px = rms(inliers.filter_map(|(r, _)| *r));
+    let count = fitted.used.iter().filter(|used| **used).count();
+    let Some(covariance) = covariance(&fitted) else {
+        return Err(Refusal::new(
+            "the points do not determine the pose",
+            "use at least four points that are spread over the image",
+        ));
+    };
+    let freedom = (2.0 * count as f64 - 6.0).max(1.0);
+    let sigma_px = rms_px * (count as f64 / freedom).sqrt();
+    Ok(PoseFit {
+        camera_from_target: fitted.pose,
+        pose_sigma: std::array::from_fn(|i| sigma_px * covariance[(i, i)].sqrt()),
+        outliers: (0..correspondences.len())
+            .filter(|&i| !fitted.used[i])
+            .collect(),
+        residuals_px,
+        rms_px,
+    })
+}
+
+/// Observed minus projected pixels.
+pub(super) fn residuals_px(
+    camera: &Camera,
+    camera_from_target: &Pose,
+    correspondences: &[Correspondence],
+) -> Vec<Option<[f64; 2]>> {
+    correspondences
+        .iter()
+        .map(|c| {
+            let point = camera_from_target * Point3::from(c.point_m);
+            let [u, v] = camera.project(point.into())?;
+            Some([c.pixel[0] - u, c.pixel[1] - v])
+        })
+        .collect()
+}
+
+/// The derivatives of a projected point by a small turn about the camera's axes and a shift of its pose.
+pub(super) fn slopes_by_pose(
+    rotated: Vector3<f64>,
+    jacobian: &ProjectionJacobian,
+) -> [[f64; 2]; 6] {
+    let by_point = jacobian.by_point;
+    // A turn ω moves the point by ω × (R·X).
+    let turned = [
+        Vector3::x().cross(&rotated),
+        Vector3::y().cross(&rotated),
+        Vector3::z().cross(&rotated),
+    ];
+    std::array::from_fn(|i| {
+        [0, 1].map(|c| {
+            if i < 3 {
+                (0..3).map(|k| by_point[c][k] * turned[i][k]).sum()
+            } else {
+                by_point[c][i - 3]
+            }
+        })
+    })
+}
+
+/// A pose after the step of six unknowns of [`slopes_by_pose`].
+pub(super) fn stepped_pose(pose: &Pose, step: &[f64]) -> Pose {
+    let turn = Rotation3::new(Vector3::new(step[0], step[1], step[2]));
+    let shift = Vector3::new(step[3], step[4], step[5]);
+    let mut rotation = turn * pose.rotation;
+    rotation.renormalize();
+    Pose::from_parts(
+        Translation3::from(pose.translation.vector + shift),
+        rotation,
+    )
+}
+
+struct PoseProblem<'a> {
+    camera: &'a Camera,
+    pose: Pose,
+    correspondences: &'a [Correspondence],
+    used: Vec<bool>,
+}
+
+impl Problem for PoseProblem<'_> {
+    fn unknowns(&self) -> usize {
+        6
+    }
+
+    fn stepped(&self, step: &DVector<f64>) -> Option<Self> {
+        Some(Self {
+            pose: stepped_pose(&self.pose, step.as_slice()),
+            used: self.used.clone(),
+            ..*self
+        })
+    }
+
+    fn visit(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
+        for (c, _) in self
+            .correspondences
+            .iter()
+            .zip(&self.used)
+            .filter(|(_, u)| **u)
+        {
+            let point = self.pose * Point3::from(c.point_m);
+            match self.camera.project_with_jacobian(point.into()) {
+                None => visit(None, Slopes { blocks: &[] }),
+                Some(jacobian) => {
+                    let [u, v] = jacobian.pixel;
+                    let rotated = point.coords - self.pose.translation.vector;
+                    let slopes = slopes_by_pose(rotated, &jacobian);
+                    let residual = [u - c.pixel[0], v - c.pixel[1]];
+                    visit(
+                        Some(residual),
+                        Slopes {
+                            blocks: &[(0, &slopes)],
+                        },
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// How a set of points lies: its middle, its axes with the widest first, and its widths along them.
+pub(super) struct Spread {
+    pub(super) middle: Vector3<f64>,
+    /// Columns: a right-handed frame, the direction of least width last.
+    pub(super) axes: Matrix3<f64>,
+    pub(super) widths_m: [f64; 3],
+}
+
+impl Spread {
+    pub(super) fn of(points: impl Iterator<Item = [f64; 3]> + Clone) -> Self {
+        let count = points.clone().count().max(1) as f64;
+        let middle = points.clone().map(Vector3::from).sum::<Vector3<f64>>() / count;
+        let scatter = points
+            .map(|p| Vector3::from(p) - middle)
+            .map(|d| d * d.transpose())
+            .sum::<Matrix3<f64>>()
+            / count;
+        let eigen = SymmetricEigen::new(scatter);
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        let (x, y) = (
+            eigen.eigenvectors.column(order[0]).into_owned(),
+            eigen.eigenvectors.column(order[1]).into_owned(),
+        );
+        Self {
+            middle,
+            axes: Matrix3::from_columns(&[x, y, x.cross(&y)]),
+            widths_m: order.map(|i| eigen.eigenvalues[i].max(0.0).sqrt()),
+        }
+    }
+
+    /// Whether the points lie in a plane.
+    pub(super) fn flat(&self) -> bool {
+        self.widths_m[2] < 1e-3 * self.widths_m[0]
+    }
+}
+
+/// Samples of a few points that are tried for a pose when the points may hold outliers.
+const SAMPLES: u32 = 40;
+
+/// A pose from the rays of the pixels: the linear solution from all points, or from the random sample of few that leaves the smallest
+/// median angle between rays and points. `None` where there is none.
+pub(super) fn pose_from_rays(camera: &Camera, correspondences: &[Correspondence]) -> Option<Pose> {
+    let mut origin = Vector3::zeros();
+    let mut seen: Vec<(Vector3<f64>, Vector3<f64>)> = Vec::with_capacity(correspondences.len());
+    for c in correspondences {
+        if let Some(ray) = camera.unproject(c.pixel) {
+            origin += Vector3::from(ray.origin);
+            seen.push((Vector3::from(c.point_m), Vector3::from(ray.direction)));
+        }
+    }
+    if seen.len() < 4 || 2 * seen.len() < correspondences.len() {
+        return None;
+    }
+    // Where the rays of a mirror have no common origin, the mean of them stands in.
+    origin /= seen.len() as f64;
+    let spread = Spread::of(seen.iter().map(|(p, _)| (*p).into()));
+    let flat = spread.flat();
+    if spread.widths_m[1] < 1e-6 * spread.widths_m[0] || spread.widths_m[0] <= 0.0 {
+        return None;
+    }
+    let sample_size = if flat { 5 } else { 7 };
+    let draws = Draws::new(0, 0);
+    let everything: Vec<usize> = (0..seen.len()).collect();
+    let samples = (0..SAMPLES).filter(|_| seen.len() > sample_size).map(|s| {
+        (0..sample_size as u32)
+            .map(|i| (draws.uniform(s, i, Stage::Ray) * seen.len() as f64) as usize)
+            .collect()
+    });
+    let mut best: Option<(f64, Pose)> = None;
+    for indices in std::iter::once(everything).chain(samples) {
+        let Some(pose) = linear_pose(&spread, flat, indices.iter().map(|&i| seen[i])) else {
+            continue;
+        };
+        let mut errors: Vec<f64> = seen
+            .iter()
+            .map(|(point, ray)| 1.0 - (pose * Point3::from(*point)).coords.normalize().dot(ray))
+            .collect();
+        let middle = errors.len() / 2;
+        let (_, median, _) = errors.select_nth_unstable_by(middle, f64::total_cmp);
+        if best.as_ref().is_none_or(|(least, _)| *median < *least) {
+            best = Some((*median, pose));
+        }
+    }
+    let (_, pose) = best?;
+    let translation = Translation3::from(pose.translation.vector + origin);
+    Some(Pose::from_parts(translation, pose.rotation))
+}
+
+/// The direct linear transformation for rays of any direction, also beyond 90 degrees: ray × (R·X + t) = 0.
+fn linear_pose(
+    spread: &Spread,
+    flat: bool,
+    seen: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>,
+) -> Option<Pose> {
+    let columns = if flat { 3 } else { 4 };
+    let scale = spread.widths_m[0];
+    let mut matrix = DMatrix::<f64>::zeros(3 * columns, 3 * columns);
+    let mut pairs = Vec::new();
+    for (point, ray) in seen {
+        let local = spread.axes.transpose() * (point - spread.middle) / scale;
+        let homogeneous = if flat {
+            vec![local.x, local.y, 1.0]
+        } else {
+            vec![local.x, local.y, local.z, 1.0]
+        };
+        // Rows of ray × (P·X), P's columns one after the other.
+        let cross = ray.cross_matrix();
+        let square = cross.transpose() * cross;
+        for (i, a) in homogeneous.iter().enumerate() {
+            for (j, b) in homogeneous.iter().enumerate() {
+                let mut block = matrix.fixed_view_mut::<3, 3>(3 * i, 3 * j);
+                block += square * (a * b);
+            }
+        }
+        pairs.push((homogeneous, ray));
+    }
+    let eigen = SymmetricEigen::new(matrix);
+    let least = eigen.eigenvalues.imin();
+    let solution = eigen.eigenvectors.column(least);
+    let column = |i: usize| Vector3::new(solution[3 * i], solution[3 * i + 1], solution[3 * i + 2]);
+    let ahead = pairs
+        .iter()
+        .filter(|(x, ray)| {
+            let point: Vector3<f64> = (0..columns).map(|i| column(i) * x[i]).sum();
+            point.dot(ray) > 0.0
+        })
+        .count();
+    let sign = if 2 * ahead < pairs.len() { -1.0 } else { 1.0 };
+    let (a, b) = (column(0) * sign, column(1) * sign);
+    let t = column(columns - 1) * sign;
+    let (matrix, size) = if flat {
+        let size = (a.norm() * b.norm()).sqrt();
+        let c = a.cross(&b) / size;
+        (Matrix3::from_columns(&[a, b, c]), size)
+    } else {
+        let matrix = Matrix3::from_columns(&[a, b, column(2) * sign]);
+        (matrix, matrix.determinant().abs().cbrt())
+    };
+    if !(size > 1e-12 && size.is_finite()) {
+        return None;
+    }
+    let svd = (matrix / size).svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    // A mirrored solution is turned to the nearest rotation all the same: least squares then shows that it does not fit.
+    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant()));
+    let rotation = u * flip * v_t * spread.axes.transpose();
+    let translation = t / size * scale - rotation * spread.middle;
+    let finite = rotation
+        .iter()
+        .chain(translation.iter())
+        .all(|v| v.is_finite());
+    finite.then(|| {
+        Pose::from_parts(
+            Translation3::from(translation),
+            Rotation3::from_matrix_unchecked(rotation),
+        )
+    })
+}
