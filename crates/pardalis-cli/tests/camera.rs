@@ -6,6 +6,8 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
+// Only the scene and what became of a run are used here.
+#[allow(dead_code)]
 mod common;
 
 use common::{Run, SCENE, frame_file};

@@ -114,7 +114,9 @@ impl GridOptions {
             (-0.5..width - 0.5).contains(&u) && (-0.5..height - 0.5).contains(&v)
         };
         let (marks, labels) = grid.marks(&in_image);
-        let seen = marks.iter().flat_map(|mark| &mark.points_px).flatten();
+        // The axes at the end are no reason to think that the grid is in view.
+        let lines = &marks[..marks.len() - AXIS_COLORS.len()];
+        let seen = lines.iter().flat_map(|mark| &mark.points_px).flatten();
         if !seen.copied().any(in_image) {
             return Err(fault!(
                 "--extent: no line of the grid is in the view of camera {}; give the range of x and y that it sees, such as --extent 2,6,-2,2",
