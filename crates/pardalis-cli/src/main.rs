@@ -35,6 +35,7 @@ struct Arguments {
 /// One variant a command, each in its own file under `commands/`.
 #[derive(Subcommand)]
 enum Command {
+    Calibrate(commands::calibrate::Arguments),
     Demo(commands::demo::Arguments),
     Init(commands::init::Arguments),
     Learn(commands::learn::Arguments),
@@ -47,6 +48,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
+        Command::Calibrate(arguments) => commands::calibrate::run(&arguments),
         Command::Demo(arguments) => commands::demo::run(&arguments),
         Command::Init(arguments) => commands::init::run(&arguments),
         Command::Learn(arguments) => commands::learn::run(&arguments),

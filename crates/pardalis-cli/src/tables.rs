@@ -163,13 +163,13 @@ impl<T> Collector<T> {
 
 /// A column that the table has.
 #[derive(Clone, Copy)]
-struct Column {
-    name: &'static str,
+pub(crate) struct Column<'n> {
+    name: &'n str,
     index: usize,
 }
 
 /// A whole CSV file with its header.
-struct Table {
+pub(crate) struct Table {
     path: PathBuf,
     header: StringRecord,
     records: Vec<StringRecord>,
@@ -177,7 +177,7 @@ struct Table {
 
 impl Table {
     /// Reads a file with a header and at least one row.
-    fn read(path: &Path) -> Result<Self> {
+    pub(crate) fn read(path: &Path) -> Result<Self> {
         let failed = |error: csv::Error| csv_fault(path, &error);
         let mut builder = ReaderBuilder::new();
         let mut reader = builder.trim(Trim::All).from_path(path).map_err(failed)?;
@@ -211,7 +211,7 @@ impl Table {
     }
 
     /// A column that must be there.
-    fn column(&self, name: &'static str) -> Result<Column> {
+    pub(crate) fn column<'n>(&self, name: &'n str) -> Result<Column<'n>> {
         self.optional_column(name).ok_or_else(|| {
             let found: Vec<&str> = self.header.iter().collect();
             fault!(
@@ -223,7 +223,10 @@ impl Table {
     }
 
     /// Columns that must be there.
-    fn columns<const N: usize>(&self, names: [&'static str; N]) -> Result<[Column; N]> {
+    pub(crate) fn columns<'n, const N: usize>(
+        &self,
+        names: [&'n str; N],
+    ) -> Result<[Column<'n>; N]> {
         let mut columns = [Column { name: "", index: 0 }; N];
         for (column, name) in columns.iter_mut().zip(names) {
             *column = self.column(name)?;
@@ -232,18 +235,18 @@ impl Table {
     }
 
     /// A column that may be there.
-    fn optional_column(&self, name: &'static str) -> Option<Column> {
+    pub(crate) fn optional_column<'n>(&self, name: &'n str) -> Option<Column<'n>> {
         let index = self.header.iter().position(|found| found == name)?;
         Some(Column { name, index })
     }
 
     /// Columns that mean something together only.
-    fn optional_columns<const N: usize>(&self, names: [&'static str; N]) -> Option<[Column; N]> {
+    fn optional_columns<'n, const N: usize>(&self, names: [&'n str; N]) -> Option<[Column<'n>; N]> {
         self.columns(names).ok()
     }
 
     /// The rows below the header.
-    fn rows(&self) -> impl Iterator<Item = Row<'_>> {
+    pub(crate) fn rows(&self) -> impl Iterator<Item = Row<'_>> {
         self.records.iter().map(|record| Row {
             path: &self.path,
             line: record.position().map_or(0, csv::Position::line),
@@ -253,25 +256,26 @@ impl Table {
 }
 
 /// One row of a table.
-struct Row<'a> {
+pub(crate) struct Row<'a> {
     path: &'a Path,
-    line: u64,
+    /// Its line in the file.
+    pub(crate) line: u64,
     record: &'a StringRecord,
 }
 
 impl Row<'_> {
     /// File and line, for faults.
-    fn place(&self) -> String {
+    pub(crate) fn place(&self) -> String {
         format!("{}, line {}", self.path.display(), self.line)
     }
 
     /// A cell as it stands; every row has as many cells as the header.
-    fn cell(&self, column: Column) -> &str {
+    fn cell(&self, column: Column<'_>) -> &str {
         &self.record[column.index]
     }
 
     /// A text that is not empty.
-    fn text(&self, column: Column) -> Result<&str> {
+    pub(crate) fn text(&self, column: Column<'_>) -> Result<&str> {
         match self.cell(column) {
             "" => Err(self.misfit(column, "a name")),
             text => Ok(text),
@@ -279,7 +283,7 @@ impl Row<'_> {
     }
 
     /// A finite number, none where the cell is empty.
-    fn optional_number(&self, column: Column) -> Result<Option<f64>> {
+    fn optional_number(&self, column: Column<'_>) -> Result<Option<f64>> {
         let cell = self.cell(column);
         if cell.is_empty() {
             return Ok(None);
@@ -291,13 +295,13 @@ impl Row<'_> {
     }
 
     /// A finite number.
-    fn number(&self, column: Column) -> Result<f64> {
+    fn number(&self, column: Column<'_>) -> Result<f64> {
         let number = self.optional_number(column)?;
         number.ok_or_else(|| self.misfit(column, "a finite number"))
     }
 
     /// Finite numbers.
-    fn numbers<const N: usize>(&self, columns: [Column; N]) -> Result<[f64; N]> {
+    pub(crate) fn numbers<const N: usize>(&self, columns: [Column<'_>; N]) -> Result<[f64; N]> {
         let mut numbers = [0.0; N];
         for (number, column) in numbers.iter_mut().zip(columns) {
             *number = self.number(column)?;
@@ -308,7 +312,7 @@ impl Row<'_> {
     /// Finite numbers, none where there are no such columns or all their cells are empty.
     fn all_or_none<const N: usize>(
         &self,
-        columns: Option<[Column; N]>,
+        columns: Option<[Column<'_>; N]>,
     ) -> Result<Option<[f64; N]>> {
         match columns {
             Some(columns) if columns.iter().any(|&c| !self.cell(c).is_empty()) => {
@@ -319,7 +323,7 @@ impl Row<'_> {
     }
 
     /// A share from 0 to 1, none where there is no such column or its cell is empty.
-    fn fraction(&self, column: Option<Column>) -> Result<Option<f64>> {
+    fn fraction(&self, column: Option<Column<'_>>) -> Result<Option<f64>> {
         let Some(column) = column else {
             return Ok(None);
         };
@@ -330,7 +334,7 @@ impl Row<'_> {
     }
 
     /// The fault of a cell that holds something else than is allowed.
-    fn misfit(&self, column: Column, allowed: &str) -> anyhow::Error {
+    fn misfit(&self, column: Column<'_>, allowed: &str) -> anyhow::Error {
         let (place, cell) = (self.place(), self.cell(column));
         let found = if cell.is_empty() {
             "is empty".to_owned()

@@ -1,0 +1,148 @@
+//! `pardalis calibrate board`: cameras from images of a calibration board.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::calibrate::Calibration;
+
+use super::fit::Fits;
+use super::images::{self, observations};
+use super::model::ModelOptions;
+use super::report::Report;
+use super::{output, rig};
+use crate::board::Board;
+use crate::fault::fault;
+
+/// A measured distance may be off by this share of it.
+const DISTANCE_TOLERANCE: f64 = 0.05;
+
+/// Calibrates a camera, or several at once, from images of a calibration board
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Boards:
+  checkerboard:9x6:0.06                      inner corners; side of a square in metres
+  charuco:5x7:0.04:0.03:DICT_4X4_50          squares; sides of a square and a marker in metres; OpenCV's dictionary
+  aprilgrid:6x6:0.088:0.3                    tags; side of a tag in metres; gap between tags by a tag's side
+  board.toml, target.yaml                    the same in a file; Kalibr's target files
+
+Examples:
+  pardalis calibrate board images --board checkerboard:9x6:0.06 --model pinhole
+  pardalis calibrate board images --board checkerboard:9x6:0.06 --model all --distance 000.jpg=0.85
+  pardalis calibrate board --rig left='stereo/left*.jpg' --rig right='stereo/right*.jpg' \\
+    --board checkerboard:9x6:0.025 --model pinhole")]
+pub(crate) struct Arguments {
+    /// A folder of images, or images; also a pattern such as 'left*.jpg'
+    #[arg(
+        value_name = "FOLDER|IMAGE",
+        required_unless_present = "rig",
+        conflicts_with = "rig"
+    )]
+    images: Vec<PathBuf>,
+    /// The board
+    #[arg(long, value_name = "BOARD")]
+    board: String,
+    #[command(flatten)]
+    model: ModelOptions,
+    /// A camera of a rig with its folder or pattern of images; repeated for each. The cameras' images, sorted by name, were taken
+    /// at the same times
+    #[arg(long, value_name = "NAME=FOLDER|PATTERN", value_parser = parse_camera)]
+    rig: Vec<(String, PathBuf)>,
+    /// Refuses a calibration that does not agree with this measured distance from the camera to the board's first corner in an
+    /// image: a wrong square size shows nowhere else
+    #[arg(long, value_name = "IMAGE=METRES", value_parser = parse_distance, conflicts_with = "rig")]
+    distance: Vec<(String, f64)>,
+    /// The folder for the results
+    #[arg(short, long, value_name = "FOLDER", default_value = "calibration")]
+    output: PathBuf,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let board = Board::from_argument(&arguments.board)?;
+    if !arguments.rig.is_empty() {
+        return rig::run(&board, &arguments.model, &arguments.rig, &arguments.output);
+    }
+    let models = arguments.model.models()?;
+    let mut files = Vec::new();
+    for path in &arguments.images {
+        files.extend(images::files(path)?);
+    }
+    let (images, size_px) = images::search(&board, &files)?;
+    let observations = observations(&images);
+    let source = &arguments.images[0];
+    check_found(source, &images)?;
+    let fits = Fits::of(source, &observations.views, models, size_px, true)?;
+    for (image, distance_m) in &arguments.distance {
+        check_distance(&board, &fits.fitted[0], image, *distance_m)?;
+    }
+    let report = Report {
+        camera: "camera",
+        size_px,
+        observations: &observations,
+        fits: &fits,
+        images: &images,
+    };
+    output::write(&arguments.output, &report)
+}
+
+/// Faults: the board was found in no image.
+pub(super) fn check_found(source: &Path, images: &[images::SearchedImage]) -> Result<()> {
+    if images.iter().any(|image| image.found.is_ok()) {
+        return Ok(());
+    }
+    let reasons = images.iter().filter_map(|image| {
+        let reason = image.found.as_ref().err()?;
+        Some(format!("\n  {}: {reason}", image.name))
+    });
+    Err(fault!(
+        "{}: the board was found in none of the images; see whether --board says what it looks like{}",
+        source.display(),
+        reasons.collect::<String>()
+    ))
+}
+
+/// Faults: the distance to the board is another than measured.
+fn check_distance(
+    board: &Board,
+    calibration: &Calibration,
+    image: &str,
+    measured_m: f64,
+) -> Result<()> {
+    let view = calibration.views.iter().find(|view| view.name == image).ok_or_else(|| {
+        fault!("--distance {image}: the board was found in no image of this name; give the name of a file in which it was")
+    })?;
+    let fitted_m = view.camera_from_target.translation.vector.norm();
+    let ratio = measured_m / fitted_m;
+    if (ratio - 1.0).abs() <= DISTANCE_TOLERANCE {
+        return Ok(());
+    }
+    let (what, side_m) = match board {
+        Board::Checkerboard { square_m, .. } | Board::Charuco { square_m, .. } => {
+            ("square", square_m)
+        }
+        Board::AprilGrid { tag_m, .. } => ("tag", tag_m),
+    };
+    Err(fault!(
+        "--distance {image}: measured {measured_m} m, but {fitted_m:.3} m by the calibration: the ratio is {ratio:.3}, more than 5 % off; \
+         a {what} of {:.5} m in place of {side_m} m would agree: measure the board, and mend --board or the distance",
+        side_m * ratio
+    ))
+}
+
+/// Parses `NAME=FOLDER`.
+fn parse_camera(text: &str) -> Result<(String, PathBuf), String> {
+    let usable = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    text.split_once('=')
+        .filter(|(name, path)| !name.is_empty() && name.chars().all(usable) && !path.is_empty())
+        .map(|(name, path)| (name.to_owned(), PathBuf::from(path)))
+        .ok_or_else(|| {
+            "allowed: a name of letters, digits, _ and -, then = and a folder or pattern, such as left=images/left".to_owned()
+        })
+}
+
+/// Parses `IMAGE=METRES`.
+fn parse_distance(text: &str) -> Result<(String, f64), String> {
+    text.rsplit_once('=')
+        .and_then(|(image, metres)| Some((image.to_owned(), metres.parse().ok()?)))
+        .filter(|(_, metres)| (1e-3..=1e4).contains(metres))
+        .ok_or_else(|| "allowed: an image's name, = and metres, such as 000.jpg=0.85".to_owned())
+}

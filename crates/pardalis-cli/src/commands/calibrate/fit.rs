@@ -1,0 +1,103 @@
+//! Fitting one or several models to the same observations.
+
+use std::path::Path;
+
+use anyhow::Result;
+use pardalis::calibrate::{Calibration, CalibrationSettings, CalibrationView, calibrate};
+use rayon::prelude::*;
+
+use super::model::Model;
+use crate::draw::calibration::Sighting;
+use crate::fault::fault;
+
+/// What became of the models.
+pub(super) struct Fits {
+    /// Those that could be fitted, the best first: by what the held-out points say, else by the fitted ones.
+    pub(super) fitted: Vec<Calibration>,
+    /// Names of the others, and why.
+    pub(super) refused: Vec<(&'static str, String)>,
+}
+
+impl Fits {
+    /// Fits all models. `board`: whether the views are of a board, seen from its printed side.
+    ///
+    /// Faults: none can be fitted; `source` is what the observations came from.
+    pub(super) fn of(
+        source: &Path,
+        views: &[CalibrationView],
+        models: Vec<Model>,
+        size_px: (usize, usize),
+        board: bool,
+    ) -> Result<Self> {
+        let outcomes: Vec<_> = models
+            .into_par_iter()
+            .map(|Model { name, start }| {
+                let settings = CalibrationSettings {
+                    start,
+                    size_px,
+                    board,
+                };
+                calibrate(views, &settings).map_err(|refusal| (name, refusal.to_string()))
+            })
+            .collect();
+        let mut fits = Self {
+            fitted: Vec::new(),
+            refused: Vec::new(),
+        };
+        for outcome in outcomes {
+            match outcome {
+                Ok(calibration) => fits.fitted.push(calibration),
+                Err(refused) => fits.refused.push(refused),
+            }
+        }
+        let figure = |fit: &Calibration| fit.held_out_rms_px.unwrap_or(f64::INFINITY);
+        fits.fitted.sort_by(|a, b| {
+            let by_held_out = figure(a).total_cmp(&figure(b));
+            by_held_out.then(a.rms_px.total_cmp(&b.rms_px))
+        });
+        if fits.fitted.is_empty() {
+            let reasons: Vec<String> = fits
+                .refused
+                .iter()
+                .map(|(name, reason)| format!("{}: {name}: {reason}", source.display()))
+                .collect();
+            return Err(fault!("{}", reasons.join("\n")));
+        }
+        Ok(fits)
+    }
+}
+
+/// The points of a view as they were seen and fitted.
+pub(super) fn sightings(
+    calibration: &Calibration,
+    views: &[CalibrationView],
+    view: usize,
+) -> Vec<Sighting> {
+    let fitted = &calibration.views[view];
+    let points = views[view].correspondences.iter().zip(&fitted.residuals_px);
+    points
+        .enumerate()
+        .map(|(i, (point, residual))| Sighting {
+            observed: point.pixel,
+            residual_px: *residual,
+            outlier: fitted.outliers.contains(&i),
+        })
+        .collect()
+}
+
+/// The points of all views.
+pub(super) fn all_sightings(calibration: &Calibration, views: &[CalibrationView]) -> Vec<Sighting> {
+    (0..views.len())
+        .flat_map(|view| sightings(calibration, views, view))
+        .collect()
+}
+
+/// The greatest distance between an observed and a projected point that was fitted.
+pub(super) fn largest_residual_px(sightings: &[Sighting]) -> f64 {
+    sightings
+        .iter()
+        .filter(|sighting| !sighting.outlier)
+        .filter_map(|sighting| sighting.residual_px)
+        .map(|[du, dv]| du.hypot(dv))
+        .fold(0.0, f64::max)
+}

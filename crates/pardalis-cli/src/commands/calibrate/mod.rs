@@ -1,0 +1,39 @@
+//! `pardalis calibrate`: cameras from known points or from images of a board.
+
+mod board;
+mod fit;
+mod images;
+mod model;
+mod observations;
+mod output;
+mod page;
+mod points;
+mod pose;
+mod report;
+mod rig;
+
+use anyhow::Result;
+
+/// Calibrates cameras from known points or from images of a board, or finds a camera's pose
+#[derive(Debug, clap::Args)]
+#[command(arg_required_else_help = true)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Points(points::Arguments),
+    Board(board::Arguments),
+    Pose(pose::Arguments),
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    match &arguments.command {
+        Command::Points(arguments) => points::run(arguments),
+        Command::Board(arguments) => board::run(arguments),
+        Command::Pose(arguments) => pose::run(arguments),
+    }
+}

@@ -1,0 +1,114 @@
+//! Which models are fitted, and from what they start.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::calibrate::{CalibrationStart, ModelKind};
+use pardalis::rig::CalibratedCamera;
+
+use crate::fault::fault;
+use crate::scene::read_calibration;
+
+#[derive(Debug, clap::Args)]
+pub(super) struct ModelOptions {
+    /// The model to fit, or several to compare: names with commas between them, or all
+    #[arg(
+        long,
+        value_name = "NAME,NAME|all",
+        value_delimiter = ',',
+        required_unless_present = "start"
+    )]
+    model: Vec<String>,
+    /// A calibration file to start from: its model is fitted, and what has to be held of it is
+    #[arg(long, value_name = "CAMERA.toml", conflicts_with = "model")]
+    start: Option<PathBuf>,
+}
+
+/// A model to fit.
+pub(super) struct Model {
+    /// Its name.
+    pub(super) name: &'static str,
+    /// What it starts from.
+    pub(super) start: CalibrationStart,
+}
+
+impl ModelOptions {
+    /// The models that were asked for, each once.
+    ///
+    /// Faults: a name is unknown, or the file to start from cannot be read.
+    pub(super) fn models(&self) -> Result<Vec<Model>> {
+        if let Some(path) = &self.start {
+            let camera = read_camera(path, None)?.camera;
+            let name = camera.kind();
+            let start = CalibrationStart::Near(camera);
+            return Ok(vec![Model { name, start }]);
+        }
+        let mut kinds: Vec<ModelKind> = Vec::new();
+        for name in &self.model {
+            let named = match &**name {
+                "all" => ModelKind::ALL.to_vec(),
+                name => vec![ModelKind::from_name(name).ok_or_else(|| unknown_model(name))?],
+            };
+            for kind in named {
+                if !kinds.contains(&kind) {
+                    kinds.push(kind);
+                }
+            }
+        }
+        let of_kind = |kind: ModelKind| Model {
+            name: kind.name(),
+            start: CalibrationStart::Model(kind),
+        };
+        Ok(kinds.into_iter().map(of_kind).collect())
+    }
+}
+
+fn unknown_model(name: &str) -> anyhow::Error {
+    let known: Vec<&str> = ModelKind::ALL.iter().map(|kind| kind.name()).collect();
+    fault!(
+        "--model {name}: there is no such model; allowed: {}, or all",
+        known.join(", ")
+    )
+}
+
+/// A camera of a calibration file: the one of this name, or the only one.
+///
+/// Faults: the file cannot be read, has no such camera, or has several and none is named.
+pub(super) fn read_camera(path: &Path, name: Option<&str>) -> Result<CalibratedCamera> {
+    let cameras = read_calibration(Path::new(""), &path.to_string_lossy(), None)
+        .map_err(|message| fault!("{message}"))?;
+    let names: Vec<String> = cameras.iter().map(|camera| camera.name.clone()).collect();
+    let names = names.join(", ");
+    let several = cameras.len() > 1;
+    let found = cameras
+        .into_iter()
+        .find(|camera| name.is_none_or(|name| camera.name == name));
+    match (found, name) {
+        (None, name) => Err(fault!(
+            "{}: has no camera {}; found: {names}",
+            path.display(),
+            name.unwrap_or("at all")
+        )),
+        (Some(_), None) if several => Err(fault!(
+            "{}: has several cameras ({names}); choose one with --camera-name",
+            path.display()
+        )),
+        (Some(camera), _) => Ok(camera),
+    }
+}
+
+/// Parses `WIDTHxHEIGHT`.
+pub(super) fn parse_size(text: &str) -> Result<(usize, usize), String> {
+    let sides = text
+        .split_once('x')
+        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+    let allowed = 1..=pardalis::frame::MAX_IMAGE_SIDE_PX;
+    sides
+        .filter(|(width, height)| allowed.contains(width) && allowed.contains(height))
+        .ok_or_else(|| {
+            format!(
+                "allowed: width and height in pixels up to {}, such as 640x480",
+                allowed.end()
+            )
+        })
+}

@@ -1,0 +1,116 @@
+//! The files of a calibration.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::calibrate::Calibration;
+use pardalis::config::calibration;
+use pardalis::rig::CalibratedCamera;
+
+use super::page;
+use super::report::Report;
+use crate::fault::fault;
+use crate::files::write_file;
+use crate::say::say;
+
+/// The folder that was asked for, or one named after the input.
+pub(super) fn folder(asked: Option<&Path>, input: &Path) -> PathBuf {
+    let stem = input.file_stem().unwrap_or_default().to_string_lossy();
+    asked.map_or_else(|| format!("{stem}-calibration").into(), Path::to_owned)
+}
+
+/// Writes camera files, residuals and report into a folder, and tells what they say.
+///
+/// Faults: the folder cannot be made or written to.
+pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
+    make_folder(folder)?;
+    let mut written = Vec::new();
+    let mut write = |name: String, text: String| {
+        let path = folder.join(name);
+        write_file(&path, text.as_bytes())?;
+        written.push(path);
+        anyhow::Ok(())
+    };
+    let text_of = |fit: &Calibration| calibration::write(&[camera_of(report, fit)]);
+    write("camera.toml".to_owned(), text_of(report.best()))?;
+    if report.fits.fitted.len() > 1 {
+        for fit in &report.fits.fitted {
+            write(format!("camera-{}.toml", fit.camera.kind()), text_of(fit))?;
+        }
+    }
+    write("residuals.csv".to_owned(), residuals(report)?)?;
+    write("report.html".to_owned(), page::page(report)?)?;
+    say(report);
+    say_written(&written);
+    Ok(())
+}
+
+/// Makes a folder and those it lies in.
+pub(super) fn make_folder(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|error| {
+        fault!(
+            "{}: cannot be made ({error}); give another folder with --output",
+            folder.display()
+        )
+    })
+}
+
+/// Tells which files there are.
+pub(super) fn say_written(written: &[PathBuf]) {
+    say("\nWritten:");
+    for path in written {
+        say(format!("  {}", path.display()));
+    }
+}
+
+/// The camera of a fit. Of a single view the target is the world.
+fn camera_of(report: &Report, fit: &Calibration) -> CalibratedCamera {
+    let world_from_camera = match fit.views.as_slice() {
+        [view] => Some(view.camera_from_target.inverse()),
+        _ => None,
+    };
+    CalibratedCamera {
+        name: report.camera.to_owned(),
+        camera: fit.camera.clone(),
+        size_px: Some(report.size_px),
+        world_from_camera,
+    }
+}
+
+/// The residuals of the best fit as a table, a row a point.
+fn residuals(report: &Report) -> Result<String> {
+    let mut table = csv::Writer::from_writer(Vec::new());
+    let number = report.observations.numbered_by;
+    table.write_record([
+        "view",
+        number,
+        "x_m",
+        "y_m",
+        "z_m",
+        "u_px",
+        "v_px",
+        "projected_u_px",
+        "projected_v_px",
+        "residual_u_px",
+        "residual_v_px",
+        "outlier",
+    ])?;
+    for (view, observed) in report.observations.views.iter().enumerate() {
+        let points = observed.correspondences.iter().zip(report.sightings(view));
+        for ((point, sighting), number) in points.zip(&report.observations.numbers[view]) {
+            let mut row = vec![observed.name.clone(), number.to_string()];
+            let known = point.point_m.iter().chain(&point.pixel);
+            row.extend(known.map(f64::to_string));
+            for pair in [sighting.projected(), sighting.residual_px] {
+                match pair {
+                    Some(pair) => row.extend(pair.map(|value| value.to_string())),
+                    None => row.extend([String::new(), String::new()]),
+                }
+            }
+            row.push(u8::from(sighting.outlier).to_string());
+            table.write_record(row)?;
+        }
+    }
+    Ok(String::from_utf8(table.into_inner()?)?)
+}

@@ -1,0 +1,96 @@
+//! The report as one HTML page that needs nothing besides itself.
+
+use std::fmt::Write as _;
+
+use anyhow::Result;
+
+use super::report::Report;
+use crate::draw::calibration::{
+    coverage, observed_and_projected, residual_arrows, residual_scatter, rms_bars,
+};
+
+const STYLE: &str = "body{font:16px/1.45 'DejaVu Sans',sans-serif;color:#282828;max-width:62em;margin:2em auto;padding:0 1em}\
+    table{border-collapse:collapse;margin:1em 0;font-size:14px;display:block;overflow-x:auto}\
+    td,th{padding:.25em .8em;border-bottom:1px solid #ddd;text-align:right;white-space:nowrap}\
+    td:first-child,th:first-child{text-align:left}figure{margin:1.5em 0}svg{max-width:100%;height:auto}";
+
+/// The page.
+pub(super) fn page(report: &Report) -> Result<String> {
+    let best = report.best();
+    let sightings = report.all_sightings(best);
+    let size_px = report.size_px;
+    let title = escaped(&report.title());
+    let mut page = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title>\
+         <style>{STYLE}</style></head><body>\n<h1>Calibration</h1>\n<p>{title}.</p>\n"
+    );
+    push_table(&mut page, &report.comparison());
+    for (name, reason) in &report.fits.refused {
+        push_paragraph(&mut page, &format!("{name}: {reason}"));
+    }
+    push_paragraph(&mut page, &report.coverage());
+    if let Some(pose) = report.pose() {
+        push_paragraph(&mut page, &pose);
+    }
+    let _ = writeln!(
+        page,
+        "<h2>{}: where points were seen and where they are projected</h2>",
+        best.camera.kind()
+    );
+    for picture in [
+        observed_and_projected(size_px, &sightings)?,
+        residual_arrows(size_px, &sightings, best.rms_px)?,
+        residual_scatter(&sightings, best.rms_px)?,
+        coverage(size_px, &sightings)?,
+    ] {
+        let _ = writeln!(page, "<figure>{picture}</figure>");
+    }
+    page.push_str("<h2>Views</h2>\n");
+    push_table(&mut page, &report.view_rows());
+    let views: Vec<(&str, f64)> = best.views.iter().map(|v| (&*v.name, v.rms_px)).collect();
+    if views.len() > 1 {
+        let _ = writeln!(page, "<figure>{}</figure>", rms_bars(&views, best.rms_px)?);
+    }
+    let outliers = report.outliers();
+    if !outliers.is_empty() {
+        page.push_str("<h2>Left out as outliers</h2>\n");
+        for outlier in outliers {
+            push_paragraph(&mut page, &outlier);
+        }
+    }
+    if !report.images.is_empty() {
+        page.push_str("<h2>Images</h2>\n");
+        let head = vec!["image".to_owned(), "found".to_owned()];
+        let images = report.image_rows().into_iter().map(|row| row.to_vec());
+        let rows: Vec<Vec<String>> = std::iter::once(head).chain(images).collect();
+        push_table(&mut page, &rows);
+    }
+    page.push_str("</body></html>\n");
+    Ok(page)
+}
+
+/// Adds a table whose first row is its head.
+fn push_table(page: &mut String, rows: &[Vec<String>]) {
+    page.push_str("<table>\n");
+    for (number, row) in rows.iter().enumerate() {
+        let cell = if number == 0 { "th" } else { "td" };
+        page.push_str("<tr>");
+        for text in row {
+            let _ = write!(page, "<{cell}>{}</{cell}>", escaped(text));
+        }
+        page.push_str("</tr>\n");
+    }
+    page.push_str("</table>\n");
+}
+
+fn push_paragraph(page: &mut String, text: &str) {
+    let _ = writeln!(page, "<p>{}</p>", escaped(text));
+}
+
+/// The text with what means something in HTML written out.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+}

@@ -1,0 +1,61 @@
+//! `pardalis calibrate points`: a camera from a table of known points.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use super::fit::Fits;
+use super::model::{ModelOptions, parse_size};
+use super::observations::{self, Columns};
+use super::output;
+use super::report::Report;
+
+/// Calibrates a camera from known points and the pixels where they were seen
+///
+/// The table has the columns x_m,y_m,z_m,u_px,v_px in any order; further ones are ignored. Points with the same text in the column
+/// `view` share one camera pose; without that column all do, and the pose is written with the camera.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  pardalis calibrate points points.csv --model kannala_brandt --size 640x480
+  pardalis calibrate points points.csv --model all --size 640x480 -o compared
+  pardalis calibrate points points.csv --model unified --size 640x480 --columns u=u_noisy_px,v=v_noisy_px")]
+pub(crate) struct Arguments {
+    /// The table
+    #[arg(value_name = "FILE.csv")]
+    points: PathBuf,
+    #[command(flatten)]
+    model: ModelOptions,
+    /// Width and height of the images in pixels
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
+    size: (usize, usize),
+    /// The columns that have other names
+    #[arg(long, value_name = "x=NAME,...,v=NAME", value_parser = Columns::parse)]
+    columns: Option<Columns>,
+    /// The folder for the results [default: the table's name with -calibration]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let models = arguments.model.models()?;
+    let columns = arguments.columns.clone().unwrap_or_default();
+    let observations = observations::read(&arguments.points, &columns)?;
+    let size_px = arguments.size;
+    let fits = Fits::of(
+        &arguments.points,
+        &observations.views,
+        models,
+        size_px,
+        false,
+    )?;
+    let report = Report {
+        camera: "camera",
+        size_px,
+        observations: &observations,
+        fits: &fits,
+        images: &[],
+    };
+    let folder = output::folder(arguments.output.as_deref(), &arguments.points);
+    output::write(&folder, &report)
+}

@@ -1,0 +1,111 @@
+//! `pardalis calibrate pose`: where a known camera stands, from a table of known points.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use pardalis::calibrate::{Calibration, FittedParameter, FittedView, fit_pose};
+
+use super::fit::{Fits, all_sightings};
+use super::model::{parse_size, read_camera};
+use super::observations::{self, Columns};
+use super::output;
+use super::report::Report;
+use crate::draw::calibration::{GRID_CELLS, cell_counts};
+use crate::fault::fault;
+
+/// Finds the pose of a known camera from known points
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  pardalis calibrate pose points.csv --camera camera.toml")]
+pub(crate) struct Arguments {
+    /// The table, as for `calibrate points`; all its points share one pose
+    #[arg(value_name = "FILE.csv")]
+    points: PathBuf,
+    /// The camera: a calibration file of any format
+    #[arg(long, value_name = "FILE")]
+    camera: PathBuf,
+    /// The camera's name, where the file has several
+    #[arg(long, value_name = "NAME")]
+    camera_name: Option<String>,
+    /// Width and height of the images in pixels, where the camera's file does not say them
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
+    size: Option<(usize, usize)>,
+    /// The columns that have other names
+    #[arg(long, value_name = "x=NAME,...,v=NAME", value_parser = Columns::parse)]
+    columns: Option<Columns>,
+    /// The folder for the results [default: the table's name with -calibration]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let known = read_camera(&arguments.camera, arguments.camera_name.as_deref())?;
+    let size_px = known.size_px.or(arguments.size).ok_or_else(|| {
+        fault!(
+            "{}: does not say the size of the images; give it with --size WIDTHxHEIGHT",
+            arguments.camera.display()
+        )
+    })?;
+    let columns = arguments.columns.clone().unwrap_or_default();
+    let observations = observations::read(&arguments.points, &columns)?;
+    let [view] = observations.views.as_slice() else {
+        return Err(fault!(
+            "{}: has {} views; a pose is found from one: keep the rows of one",
+            arguments.points.display(),
+            observations.views.len()
+        ));
+    };
+    let fit = fit_pose(&known.camera, &view.correspondences)
+        .map_err(|refusal| fault!("{}: {refusal}", arguments.points.display()))?;
+    let held = |(name, value)| FittedParameter {
+        name,
+        value,
+        sigma: None,
+    };
+    let squares = fit
+        .residuals_px
+        .iter()
+        .flatten()
+        .map(|[du, dv]| du * du + dv * dv);
+    let count = fit.residuals_px.iter().flatten().count().max(1);
+    let mut calibration = Calibration {
+        parameters: known.camera.parameters().into_iter().map(held).collect(),
+        rms_px: fit.rms_px,
+        rms_all_px: (squares.sum::<f64>() / count as f64).sqrt(),
+        held_out_rms_px: None,
+        coverage: 0.0,
+        max_angle_rad: view
+            .correspondences
+            .iter()
+            .filter_map(|point| known.camera.unproject(point.pixel))
+            .map(|ray| ray.direction[2].clamp(-1.0, 1.0).acos())
+            .fold(0.0, f64::max),
+        camera: known.camera,
+        views: vec![FittedView {
+            name: view.name.clone(),
+            camera_from_target: fit.camera_from_target,
+            pose_sigma: fit.pose_sigma,
+            residuals_px: fit.residuals_px,
+            outliers: fit.outliers,
+            rms_px: fit.rms_px,
+        }],
+    };
+    let counts = cell_counts(size_px, &all_sightings(&calibration, &observations.views));
+    let seen = counts.iter().flatten().filter(|count| **count > 0).count();
+    calibration.coverage = seen as f64 / (GRID_CELLS * GRID_CELLS) as f64;
+    let report = Report {
+        camera: &known.name,
+        size_px,
+        observations: &observations,
+        fits: &Fits {
+            fitted: vec![calibration],
+            refused: Vec::new(),
+        },
+        images: &[],
+    };
+    output::write(
+        &output::folder(arguments.output.as_deref(), &arguments.points),
+        &report,
+    )
+}

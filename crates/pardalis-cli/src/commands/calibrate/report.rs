@@ -1,0 +1,278 @@
+//! What a calibration says, for the terminal; [`super::page`] says the same with pictures.
+
+use std::fmt;
+
+use pardalis::calibrate::{Calibration, FittedView};
+
+use super::fit::{Fits, all_sightings, largest_residual_px, sightings};
+use super::images::SearchedImage;
+use super::observations::Observations;
+use crate::draw::calibration::Sighting;
+
+/// The most outliers that are listed.
+const MAX_LISTED: usize = 20;
+
+/// All there is to say about a calibrated camera.
+pub(super) struct Report<'a> {
+    /// The camera's name.
+    pub(super) camera: &'a str,
+    /// Width and height of its images in pixels.
+    pub(super) size_px: (usize, usize),
+    /// What was fitted to.
+    pub(super) observations: &'a Observations,
+    /// At least one fit.
+    pub(super) fits: &'a Fits,
+    /// What was found in images, where the points come from images.
+    pub(super) images: &'a [SearchedImage],
+}
+
+impl Report<'_> {
+    /// The fit that is written.
+    pub(super) fn best(&self) -> &Calibration {
+        &self.fits.fitted[0]
+    }
+
+    /// The points of a view of the best fit.
+    pub(super) fn sightings(&self, view: usize) -> Vec<Sighting> {
+        sightings(self.best(), &self.observations.views, view)
+    }
+
+    /// The points of all views of a fit.
+    pub(super) fn all_sightings(&self, fit: &Calibration) -> Vec<Sighting> {
+        all_sightings(fit, &self.observations.views)
+    }
+
+    /// `40 points in 1 view, images of 640 x 480 pixels`.
+    pub(super) fn title(&self) -> String {
+        let views = self.observations.views.len();
+        format!(
+            "{}: {} points in {views} view{}, images of {} x {} pixels",
+            self.camera,
+            self.observations.point_count(),
+            if views == 1 { "" } else { "s" },
+            self.size_px.0,
+            self.size_px.1
+        )
+    }
+
+    /// A row an image: its name, and what was found in it.
+    pub(super) fn image_rows(&self) -> Vec<[String; 2]> {
+        let said = |image: &SearchedImage| match &image.found {
+            Ok(corners) => format!("{} corners", corners.len()),
+            Err(reason) => format!("not used: {reason}"),
+        };
+        self.images
+            .iter()
+            .map(|image| [image.name.clone(), said(image)])
+            .collect()
+    }
+
+    /// A table with a column a model, the best first: its figures, then its parameters.
+    pub(super) fn comparison(&self) -> Vec<Vec<String>> {
+        let fits = &self.fits.fitted;
+        let row = |name: &str, figure: &dyn Fn(&Calibration) -> String| {
+            std::iter::once(name.to_owned())
+                .chain(fits.iter().map(figure))
+                .collect()
+        };
+        let best = |fit: &Calibration| {
+            let mark = if fits.len() > 1 && std::ptr::eq(fit, self.best()) {
+                " (best)"
+            } else {
+                ""
+            };
+            format!("{}{mark}", fit.camera.kind())
+        };
+        let pixels = |px: f64| format!("{px:.3}");
+        let outliers =
+            |fit: &Calibration| fit.views.iter().map(|v| v.outliers.len()).sum::<usize>();
+        let mut rows = vec![
+            row("", &best),
+            row("RMS, outliers left out (px)", &|fit| pixels(fit.rms_px)),
+            row("RMS with outliers (px)", &|fit| pixels(fit.rms_all_px)),
+            row("RMS of held-out points (px)", &|fit| {
+                fit.held_out_rms_px.map_or_else(|| "-".to_owned(), pixels)
+            }),
+            row("largest residual (px)", &|fit| {
+                pixels(largest_residual_px(&self.all_sightings(fit)))
+            }),
+            row("outliers", &|fit| outliers(fit).to_string()),
+            row("farthest ray from the axis (deg)", &|fit| {
+                format!("{:.1}", fit.max_angle_rad.to_degrees())
+            }),
+        ];
+        let mut names: Vec<&str> = Vec::new();
+        for parameter in fits.iter().flat_map(|fit| &fit.parameters) {
+            if !names.contains(&parameter.name) {
+                names.push(parameter.name);
+            }
+        }
+        for name in names {
+            rows.push(row(name, &|fit| {
+                let found = fit
+                    .parameters
+                    .iter()
+                    .find(|parameter| parameter.name == name);
+                found.map_or_else(String::new, |p| with_sigma(p.value, p.sigma))
+            }));
+        }
+        rows
+    }
+
+    /// `The points cover 41 % of the image`, with advice where that is little.
+    pub(super) fn coverage(&self) -> String {
+        let share = self.best().coverage;
+        let advice = if share < 0.4 {
+            ": away from them the camera is extrapolated; add views that fill the rest"
+        } else {
+            ""
+        };
+        format!(
+            "The points cover {:.0} % of the image{advice}.",
+            100.0 * share
+        )
+    }
+
+    /// A row a view: name, points, outliers, RMS, distance, standard deviations of its pose.
+    pub(super) fn view_rows(&self) -> Vec<Vec<String>> {
+        let head = [
+            "view",
+            "points",
+            "outliers",
+            "RMS (px)",
+            "distance (m)",
+            "s.d. of rotation (mrad)",
+            "of translation (mm)",
+        ];
+        let mut rows = vec![head.map(str::to_owned).to_vec()];
+        for view in &self.best().views {
+            let largest = |sigmas: &[f64]| 1e3 * sigmas.iter().fold(0.0, |a: f64, b| a.max(*b));
+            rows.push(vec![
+                view.name.clone(),
+                view.residuals_px.len().to_string(),
+                view.outliers.len().to_string(),
+                format!("{:.3}", view.rms_px),
+                format!("{:.3}", view.camera_from_target.translation.vector.norm()),
+                format!("{:.2}", largest(&view.pose_sigma[..3])),
+                format!("{:.2}", largest(&view.pose_sigma[3..])),
+            ]);
+        }
+        rows
+    }
+
+    /// Where the camera stands, of a single view.
+    pub(super) fn pose(&self) -> Option<String> {
+        let [view] = self.best().views.as_slice() else {
+            return None;
+        };
+        let world_from_camera = view.camera_from_target.inverse();
+        let position = world_from_camera.translation.vector;
+        let axis = world_from_camera.rotation * nalgebra::Vector3::z();
+        let three = |v: nalgebra::Vector3<f64>| format!("{:.4}, {:.4}, {:.4}", v.x, v.y, v.z);
+        Some(format!(
+            "The camera is at {} m in the points' frame and looks along {}.",
+            three(position),
+            three(axis)
+        ))
+    }
+
+    /// The points that were left out, by name, with their residuals.
+    pub(super) fn outliers(&self) -> Vec<String> {
+        let views = self.best().views.iter().zip(&self.observations.numbers);
+        let mut outliers: Vec<String> = views
+            .flat_map(|(view, numbers)| {
+                view.outliers
+                    .iter()
+                    .map(move |&i| self.outlier(view, i, numbers[i]))
+            })
+            .collect();
+        let more = outliers.len().saturating_sub(MAX_LISTED);
+        outliers.truncate(MAX_LISTED);
+        if more > 0 {
+            outliers.push(format!("and {more} more (see residuals.csv)"));
+        }
+        outliers
+    }
+
+    fn outlier(&self, view: &FittedView, index: usize, number: usize) -> String {
+        let off = match view.residuals_px[index] {
+            Some([du, dv]) => format!("off by {du:.2}, {dv:.2} px"),
+            None => "the camera sees this point nowhere".to_owned(),
+        };
+        format!(
+            "{}, {} {number}: {off}",
+            view.name, self.observations.numbered_by
+        )
+    }
+}
+
+impl fmt::Display for Report<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for [name, said] in self.image_rows() {
+            writeln!(f, "{name}: {said}")?;
+        }
+        writeln!(f, "{}\n", self.title())?;
+        write_table(f, &self.comparison())?;
+        for (name, reason) in &self.fits.refused {
+            writeln!(f, "{name}: {reason}")?;
+        }
+        writeln!(f)?;
+        write_table(f, &self.view_rows())?;
+        writeln!(f)?;
+        if let Some(pose) = self.pose() {
+            writeln!(f, "{pose}")?;
+        }
+        write!(f, "{}", self.coverage())?;
+        let outliers = self.outliers();
+        if !outliers.is_empty() {
+            write!(f, "\nLeft out as outliers:\n  {}", outliers.join("\n  "))?;
+        }
+        Ok(())
+    }
+}
+
+/// Columns as wide as their widest cell, all but the first to the right.
+fn write_table(f: &mut fmt::Formatter<'_>, rows: &[Vec<String>]) -> fmt::Result {
+    let width = |column: usize| {
+        let cells = rows.iter().filter_map(|row| row.get(column));
+        cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
+    for row in rows {
+        for (column, cell) in row.iter().enumerate() {
+            let width = width(column);
+            if column == 0 {
+                write!(f, "{cell:width$}")?;
+            } else {
+                write!(f, "  {cell:>width$}")?;
+            }
+        }
+        writeln!(f)?;
+    }
+    Ok(())
+}
+
+/// A value with as many digits as its standard deviation justifies.
+fn with_sigma(value: f64, sigma: Option<f64>) -> String {
+    let Some(sigma) = sigma else {
+        return format!("{value} (held)");
+    };
+    // Two digits of the standard deviation.
+    let decimals = (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize;
+    if sigma > 0.0 && sigma < 1e-7 {
+        return format!("{value:.4e} ± {sigma:.1e}");
+    }
+    format!("{value:.decimals$} ± {sigma:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_have_the_digits_that_they_are_known_to() {
+        assert_eq!(with_sigma(145.562_25, Some(0.0312)), "145.562 ± 0.031");
+        assert_eq!(with_sigma(1234.5, Some(25.0)), "1234 ± 25");
+        assert_eq!(with_sigma(1.5e-9, Some(2e-11)), "1.5000e-9 ± 2.0e-11");
+        assert_eq!(with_sigma(0.5, None), "0.5 (held)");
+    }
+}

@@ -1,0 +1,339 @@
+//! Pictures of a calibration: where points were seen and where the camera says they are.
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
+
+use super::panel::{Axis, BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, equal_scales, padded, panel};
+use super::svg::{Area, document, fill, line, text_style, units, write_text};
+use super::{INK, PALETTE, Rgb, shortened};
+
+/// Cells along one side of the coverage grid.
+pub(crate) const GRID_CELLS: usize = 10;
+
+/// Width of every picture.
+const WIDTH_PX: f64 = 720.0;
+
+/// Space around the image plane, for its pixel coordinates.
+const MARGIN_PX: f64 = 44.0;
+
+/// Height of the line of text under a picture.
+const CAPTION_PX: f64 = 26.0;
+
+/// Arrows are magnified so that the typical one has this length on the picture.
+const ARROW_PX: f64 = 24.0;
+
+const OBSERVED: Rgb = PALETTE[0];
+const PROJECTED: Rgb = PALETTE[1];
+const OUTLIER: Rgb = PALETTE[3];
+
+/// A point in an image.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sighting {
+    /// Where it was seen, in pixels.
+    pub(crate) observed: [f64; 2],
+    /// Observed minus projected, in pixels; `None` where the camera sees it nowhere.
+    pub(crate) residual_px: Option<[f64; 2]>,
+    /// Whether the fit left it out.
+    pub(crate) outlier: bool,
+}
+
+impl Sighting {
+    /// Where the camera says that it is, in pixels.
+    pub(crate) fn projected(&self) -> Option<[f64; 2]> {
+        let [du, dv] = self.residual_px?;
+        Some([self.observed[0] - du, self.observed[1] - dv])
+    }
+}
+
+/// Observed points as circles and projected ones as crosses, over the image's area: an SVG document.
+pub(crate) fn observed_and_projected(
+    size_px: (usize, usize),
+    sightings: &[Sighting],
+) -> anyhow::Result<String> {
+    let caption = "circle: observed; cross: projected; violet: left out of the fit";
+    image_picture(size_px, caption, |plane, area| {
+        for sighting in sightings {
+            let color = if sighting.outlier { OUTLIER } else { OBSERVED };
+            let at = plane.at(sighting.observed);
+            area.draw(&Circle::new(at, units(4.5), line(color, 0.9, 1.2)))?;
+            if let Some(projected) = sighting.projected().filter(|p| plane.is_near(*p)) {
+                let (x, y) = plane.at(projected);
+                let arm = units(3.5);
+                for sign in [-1, 1] {
+                    let ends = [(x - arm, y - sign * arm), (x + arm, y + sign * arm)];
+                    area.draw(&PathElement::new(ends, line(PROJECTED, 0.9, 1.2)))?;
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Residuals as arrows from the projected to the observed points, magnified: an SVG document.
+pub(crate) fn residual_arrows(
+    size_px: (usize, usize),
+    sightings: &[Sighting],
+    rms_px: f64,
+) -> anyhow::Result<String> {
+    let shown_px = WIDTH_PX - 2.0 * MARGIN_PX;
+    let factor = round_factor(ARROW_PX / rms_px.max(1e-6) * size_px.0 as f64 / shown_px);
+    let caption =
+        format!("residuals, {factor} times as long as they are; violet: left out of the fit");
+    image_picture(size_px, &caption, |plane, area| {
+        for sighting in sightings {
+            let Some([du, dv]) = sighting.residual_px else {
+                continue;
+            };
+            let color = if sighting.outlier { OUTLIER } else { OBSERVED };
+            let [u, v] = [sighting.observed[0] - du, sighting.observed[1] - dv];
+            // An outlier's arrow may leave the picture by far: it ends there.
+            let shaft = [factor * du, factor * dv].map(|d| d.clamp(-1e5, 1e5));
+            let tip = [u + shaft[0], v + shaft[1]];
+            if !plane.is_near([u, v]) {
+                continue;
+            }
+            let ends = [plane.at([u, v]), plane.at(tip)];
+            area.draw(&PathElement::new(ends, line(color, 0.9, 1.2)))?;
+            for side in [-0.45_f64, 0.45] {
+                let (sin, cos) = side.sin_cos();
+                let length = shaft[0].hypot(shaft[1]);
+                let barb = (6.0 / plane.scale).min(0.4 * length) / length.max(1e-9);
+                let back = [
+                    tip[0] - barb * (cos * shaft[0] - sin * shaft[1]),
+                    tip[1] - barb * (sin * shaft[0] + cos * shaft[1]),
+                ];
+                let ends = [plane.at(tip), plane.at(back)];
+                area.draw(&PathElement::new(ends, line(color, 0.9, 1.2)))?;
+            }
+        }
+        Ok(())
+    })
+}
+
+/// How many points were seen in each cell of a grid over the image: an SVG document.
+pub(crate) fn coverage(size_px: (usize, usize), sightings: &[Sighting]) -> anyhow::Result<String> {
+    let counts = cell_counts(size_px, sightings);
+    let most = counts.iter().flatten().copied().max().unwrap_or(0).max(1) as f64;
+    let seen = counts.iter().flatten().filter(|&&count| count > 0).count();
+    let cells = GRID_CELLS * GRID_CELLS;
+    let caption = format!("points seen in each cell; {seen} of {cells} cells have some");
+    let side = |length: usize, cell: usize| length as f64 * cell as f64 / GRID_CELLS as f64 - 0.5;
+    image_picture(size_px, &caption, |plane, area| {
+        for (row, counts) in counts.iter().enumerate() {
+            for (column, &count) in counts.iter().enumerate() {
+                let corner = |i: usize, j: usize| {
+                    plane.at([side(size_px.0, column + i), side(size_px.1, row + j)])
+                };
+                let corners = [corner(0, 0), corner(1, 1)];
+                if count > 0 {
+                    // Even one point is told from none.
+                    let shade = 0.15 + 0.55 * count as f64 / most;
+                    area.draw(&Rectangle::new(corners, fill(OBSERVED, shade)))?;
+                }
+                area.draw(&Rectangle::new(corners, line(INK, 0.25, 0.8)))?;
+                let (left, top) = corners[0];
+                let (right, bottom) = corners[1];
+                let style = text_style(12.0, HPos::Center);
+                let middle = (i32::midpoint(left, right), i32::midpoint(top, bottom));
+                area.draw_text(&count.to_string(), &style, middle)?;
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Residuals against one another with the circle of one standard deviation of each coordinate: an SVG document.
+pub(crate) fn residual_scatter(sightings: &[Sighting], rms_px: f64) -> anyhow::Result<String> {
+    let sigma_px = rms_px / 2.0_f64.sqrt();
+    let largest = sightings
+        .iter()
+        .filter(|sighting| !sighting.outlier)
+        .filter_map(|sighting| sighting.residual_px)
+        .flatten()
+        .fold(2.0 * sigma_px.max(1e-9), |largest, r| largest.max(r.abs()));
+    let size = [560.0, 420.0];
+    let plot_px = [
+        size[0] - LEFT_PX - RIGHT_PX,
+        size[1] - TOP_PX - BOTTOM_PX - CAPTION_PX,
+    ];
+    let around = padded(Some(-largest..=largest), 1e-9);
+    let (x, y) = equal_scales(&around, &around, plot_px);
+    let outside = sightings
+        .iter()
+        .filter(|s| s.outlier || s.residual_px.is_none())
+        .count();
+    document(size, |area| {
+        let (above, below) = area.split_vertically(units(size[1] - CAPTION_PX));
+        let axis = |range, name| Axis { range, name };
+        let mut panel = panel(
+            &above,
+            &axis(x, "observed − projected, u (px)"),
+            &axis(y, "observed − projected, v (px)"),
+        )?;
+        let residuals = sightings
+            .iter()
+            .filter(|sighting| !sighting.outlier)
+            .filter_map(|sighting| sighting.residual_px);
+        panel.draw_series(
+            residuals.map(|[du, dv]| Circle::new((du, dv), units(2.5), fill(OBSERVED, 0.6))),
+        )?;
+        let circle = (0..=90).map(|i| {
+            let (sin, cos) = f64::from(4 * i).to_radians().sin_cos();
+            (sigma_px * cos, sigma_px * sin)
+        });
+        panel.draw_series([PathElement::new(
+            circle.collect::<Vec<_>>(),
+            line(PROJECTED, 1.0, 1.6),
+        )])?;
+        let left_out = match outside {
+            0 => String::new(),
+            count => format!("; {count} left out of the fit are not shown"),
+        };
+        let caption = format!("circle: 1 σ of a coordinate, {sigma_px:.3} px{left_out}");
+        write_text(
+            &below,
+            &caption,
+            [LEFT_PX, 10.0],
+            &text_style(13.0, HPos::Left),
+        )
+    })
+}
+
+/// The root mean square residual of each view as a bar: an SVG document.
+pub(crate) fn rms_bars(views: &[(&str, f64)], overall_px: f64) -> anyhow::Result<String> {
+    const ROW_PX: f64 = 20.0;
+    const NAME_PX: f64 = 180.0;
+    let longest = views
+        .iter()
+        .fold(overall_px, |longest, v| longest.max(v.1))
+        .max(1e-9);
+    let room_px = WIDTH_PX - NAME_PX - 90.0;
+    let height_px = ROW_PX * views.len() as f64 + CAPTION_PX + 12.0;
+    document([WIDTH_PX, height_px], |area| {
+        let end = |rms: f64| NAME_PX + room_px * (rms / longest).clamp(0.0, 1.0);
+        for (row, (name, rms)) in views.iter().enumerate() {
+            let y = 16.0 + ROW_PX * row as f64;
+            let name = shortened(name, 24);
+            write_text(
+                area,
+                &name,
+                [NAME_PX - 8.0, y],
+                &text_style(12.0, HPos::Right),
+            )?;
+            let corners = [
+                (units(NAME_PX), units(y - 7.0)),
+                (units(end(*rms)), units(y + 7.0)),
+            ];
+            area.draw(&Rectangle::new(corners, fill(OBSERVED, 0.8)))?;
+            let value = format!("{rms:.3} px");
+            write_text(
+                area,
+                &value,
+                [end(*rms) + 6.0, y],
+                &text_style(12.0, HPos::Left),
+            )?;
+        }
+        let x = units(end(overall_px));
+        let ends = [(x, units(4.0)), (x, units(height_px - CAPTION_PX))];
+        area.draw(&PathElement::new(ends, line(PROJECTED, 1.0, 1.6)))?;
+        let caption = format!("line: over all views, {overall_px:.3} px");
+        let at = [NAME_PX, height_px - 12.0];
+        write_text(area, &caption, at, &text_style(13.0, HPos::Left))
+    })
+}
+
+/// The points of each cell, row by row; those outside the image are in none.
+pub(crate) fn cell_counts(
+    (width, height): (usize, usize),
+    sightings: &[Sighting],
+) -> [[usize; GRID_CELLS]; GRID_CELLS] {
+    let mut counts = [[0; GRID_CELLS]; GRID_CELLS];
+    for sighting in sightings {
+        let cell = |at: f64, side: usize| {
+            let share = (at + 0.5) / side as f64;
+            (0.0..=1.0)
+                .contains(&share)
+                .then(|| ((share * GRID_CELLS as f64) as usize).min(GRID_CELLS - 1))
+        };
+        let [u, v] = sighting.observed;
+        if let (Some(column), Some(row)) = (cell(u, width), cell(v, height)) {
+            counts[row][column] += 1;
+        }
+    }
+    counts
+}
+
+/// 1, 2 or 5 times a power of ten, at most this.
+fn round_factor(most: f64) -> f64 {
+    let power = 10_f64.powf(most.max(1.0).log10().floor());
+    [5.0, 2.0, 1.0]
+        .into_iter()
+        .map(|digit| digit * power)
+        .find(|factor| *factor <= most)
+        .unwrap_or(1.0)
+}
+
+/// The image's area on a picture.
+struct ImagePlane {
+    size_px: [f64; 2],
+    /// Pixels of the picture by those of the image.
+    scale: f64,
+}
+
+impl ImagePlane {
+    /// A pixel on the picture, in units.
+    fn at(&self, [u, v]: [f64; 2]) -> (i32, i32) {
+        let on_picture = |at: f64| units(MARGIN_PX + self.scale * (at + 0.5));
+        (on_picture(u), on_picture(v))
+    }
+
+    /// Whether a pixel is in the image or not far beside it.
+    fn is_near(&self, pixel: [f64; 2]) -> bool {
+        let near = |at: f64, side: f64| at > -0.1 * side && at < 1.1 * side;
+        near(pixel[0], self.size_px[0]) && near(pixel[1], self.size_px[1])
+    }
+}
+
+/// A picture of the image's area with its pixel coordinates and a caption.
+fn image_picture(
+    (width, height): (usize, usize),
+    caption: &str,
+    draw: impl FnOnce(&ImagePlane, &Area<'_>) -> anyhow::Result<()>,
+) -> anyhow::Result<String> {
+    let size_px = [width as f64, height as f64];
+    let plane = ImagePlane {
+        size_px,
+        scale: (WIDTH_PX - 2.0 * MARGIN_PX) / size_px[0].max(size_px[1]),
+    };
+    let shown = size_px.map(|side| plane.scale * side);
+    let document_px = [
+        shown[0] + 2.0 * MARGIN_PX,
+        shown[1] + 1.4 * MARGIN_PX + CAPTION_PX,
+    ];
+    document(document_px, |area| {
+        let corners = [
+            plane.at([-0.5, -0.5]),
+            plane.at(size_px.map(|side| side - 0.5)),
+        ];
+        area.draw(&Rectangle::new(corners, fill([247; 3], 1.0)))?;
+        for (axis, side) in size_px.into_iter().enumerate() {
+            for at in [0.0, (0.5 * side).floor(), side - 1.0] {
+                let place = MARGIN_PX + plane.scale * (at + 0.5);
+                let (point, style) = if axis == 0 {
+                    ([place, MARGIN_PX - 10.0], text_style(12.0, HPos::Center))
+                } else {
+                    ([MARGIN_PX - 8.0, place], text_style(12.0, HPos::Right))
+                };
+                write_text(area, &at.to_string(), point, &style)?;
+            }
+        }
+        draw(&plane, area)?;
+        area.draw(&Rectangle::new(corners, line(INK, 1.0, 1.0)))?;
+        let at = [MARGIN_PX, document_px[1] - 14.0];
+        write_text(area, caption, at, &text_style(13.0, HPos::Left))
+    })
+}
+
+#[cfg(test)]
+#[path = "calibration_tests.rs"]
+mod tests;
