@@ -1,6 +1,5 @@
 //! The `pardalis` program.
 
-#[allow(dead_code)]
 mod board;
 mod commands;
 mod draw;

@@ -1,7 +1,7 @@
 //! The commands, one file or folder each.
 
-pub(crate) mod camera;
 pub(crate) mod calibrate;
+pub(crate) mod camera;
 pub(crate) mod demo;
 pub(crate) mod evaluate;
 pub(crate) mod init;

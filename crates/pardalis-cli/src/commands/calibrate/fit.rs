@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis::calibrate::{Calibration, CalibrationSettings, CalibrationView, calibrate};
+use pardalis::calibrate::{
+    Calibration, CalibrationSettings, CalibrationView, OUTLIER_SIGMAS, calibrate,
+};
 use rayon::prelude::*;
 
 use super::model::Model;
@@ -36,6 +38,7 @@ impl Fits {
                     start,
                     size_px,
                     board,
+                    outlier_sigmas: OUTLIER_SIGMAS,
                 };
                 calibrate(views, &settings).map_err(|refusal| (name, refusal.to_string()))
             })
