@@ -8,6 +8,8 @@ use pardalis::Tracker;
 use pardalis::camera::Mask;
 use pardalis::color::ColorModel;
 use pardalis::config::{CameraConfig, Input, Problem, Scene, TargetConfig};
+use pardalis::interchange::{self, Lens};
+use pardalis::rig::CalibratedCamera;
 use pardalis::simd::Level;
 use pardalis::start::Start;
 use pardalis::tracker::TargetSettings;
@@ -59,10 +61,23 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
     })
 }
 
-/// Reads and checks a scene file; opens none of the files it names.
+/// Reads and checks a scene file; of the files it names it opens calibrations only.
 pub(crate) fn read(path: &Path) -> Result<Scene> {
     let text = read_text(path)?;
-    Scene::parse(&text).map_err(|problems| all_of(path, &problems))
+    let folder = path.parent().unwrap_or(Path::new(""));
+    Scene::parse(&text, &|file, lens| read_calibration(folder, file, lens))
+        .map_err(|problems| all_of(path, &problems))
+}
+
+/// The cameras of a calibration file that a scene in this folder names; on failure the message, with the file and its line.
+pub(crate) fn read_calibration(
+    folder: &Path,
+    file: &str,
+    lens: Option<Lens>,
+) -> Result<Vec<CalibratedCamera>, String> {
+    let path = resolve(folder, file);
+    let text = read_text(&path).map_err(|error| format!("{error:#}"))?;
+    interchange::read(&text, lens).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// Reads a scene file and opens all it names. `seed` takes the place of the scene's.

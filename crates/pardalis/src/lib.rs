@@ -6,7 +6,7 @@
 //! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`filter`] →
 //! [`likelihood`] → [`start`], [`tracker`] → [`score`]
 //!
-//! [`config`] turns the text of a scene file into checked settings. [`rng`], [`real`] and [`simd`] serve the kernels.
+//! [`config`] turns the text of a scene file into checked settings, [`interchange`] reads and writes other programs' calibrations. [`rng`], [`real`] and [`simd`] serve the kernels.
 //!
 //! # Conventions
 //!
@@ -21,6 +21,7 @@ pub mod config;
 mod error;
 pub mod filter;
 pub mod frame;
+pub mod interchange;
 pub mod likelihood;
 pub mod motion;
 pub mod particles;

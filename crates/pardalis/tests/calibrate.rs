@@ -2,7 +2,7 @@
 
 use pardalis::calibrate::{
     Calibration, CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind,
-    calibrate, fit_pose,
+    OUTLIER_SIGMAS, calibrate, fit_pose,
 };
 use pardalis::camera::{Camera, Equidistant};
 use pardalis::rig::{Pose, pose_from_matrix};
@@ -43,6 +43,7 @@ fn settings(kind: ModelKind) -> CalibrationSettings {
         start: CalibrationStart::Model(kind),
         size_px: SIZE_PX,
         board: false,
+        outlier_sigmas: OUTLIER_SIGMAS,
     }
 }
 
@@ -240,4 +241,69 @@ fn a_known_camera_finds_its_pose_from_few_points() {
         .collect();
     assert!(fit_pose(&Camera::Equidistant(fisheye), &line).is_err());
     assert!(fit_pose(&Camera::Equidistant(fisheye), &line[..3]).is_err());
+}
+
+/// The numbers of every `<data>` of a list in one of OpenCV's XML files.
+fn matrices(xml: &str, list: &str) -> Vec<Vec<f64>> {
+    let inside = xml.split(&format!("<{list}>")).nth(1).unwrap();
+    let inside = inside.split(&format!("</{list}>")).next().unwrap();
+    let data = inside.split("<data>").skip(1);
+    data.map(|part| {
+        let numbers = part.split("</data>").next().unwrap();
+        numbers
+            .split_whitespace()
+            .map(|n| n.parse().unwrap())
+            .collect()
+    })
+    .collect()
+}
+
+/// 15 views of a board through a real mirror camera, on which OpenCV's omnidir calibration reaches 0.812 px.
+#[test]
+fn a_real_mirror_camera_is_fitted_at_least_as_well_as_by_opencv() {
+    let path = format!(
+        "{}/../../data/calibration/opencv-omnidir/omni_calib_data.xml",
+        env!("CARGO_MANIFEST_DIR")
+    );
+    let xml = std::fs::read_to_string(path).unwrap();
+    let (objects, images) = (
+        matrices(&xml, "objectPoints"),
+        matrices(&xml, "imagePoints"),
+    );
+    assert_eq!((objects.len(), images.len()), (15, 15));
+    let views: Vec<CalibrationView> = objects
+        .iter()
+        .zip(&images)
+        .enumerate()
+        .map(|(i, (points, pixels))| CalibrationView {
+            name: format!("view {i}"),
+            correspondences: points
+                .chunks(3)
+                .zip(pixels.chunks(2))
+                .map(|(p, q)| Correspondence {
+                    point_m: [p[0], p[1], p[2]],
+                    pixel: [q[0], q[1]],
+                })
+                .collect(),
+        })
+        .collect();
+    let with_outliers = |outlier_sigmas| {
+        let settings = CalibrationSettings {
+            start: CalibrationStart::Model(ModelKind::Mei),
+            size_px: (1280, 960),
+            board: false,
+            outlier_sigmas,
+        };
+        calibrate(&views, &settings).unwrap()
+    };
+    // All points, as OpenCV takes them.
+    let all = with_outliers(f64::INFINITY);
+    assert!(all.rms_px <= 0.812, "{}", all.rms_px);
+    assert_eq!(all.rms_px, all.rms_all_px);
+    let robust = with_outliers(OUTLIER_SIGMAS);
+    let left_out: usize = robust.views.iter().map(|v| v.outliers.len()).sum();
+    assert!((1..=40).contains(&left_out), "{left_out}");
+    assert!(robust.rms_px < 0.7, "{}", robust.rms_px);
+    let held_out = robust.held_out_rms_px.unwrap();
+    assert!(held_out < 0.8, "{held_out}");
 }

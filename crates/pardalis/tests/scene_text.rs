@@ -3,6 +3,8 @@
 use pardalis::Error;
 use pardalis::color::ColorModel;
 use pardalis::config::Scene;
+use pardalis::interchange::Lens;
+use pardalis::rig::CalibratedCamera;
 
 const SCENE: &str = r#"# Everything that a scene may say.
 seed = 7
@@ -57,9 +59,14 @@ saturation_bins = 12
 intensity_bins = 4
 "#;
 
+/// The scene names no calibration file.
+fn no_calibration(file: &str, _: Option<Lens>) -> Result<Vec<CalibratedCamera>, String> {
+    Err(format!("{file}: is not there"))
+}
+
 /// Parses a scene; errors must come in order, with lines of the text and something to say.
 fn check_scene(text: &str) -> bool {
-    let Err(problems) = Scene::parse(text) else {
+    let Err(problems) = Scene::parse(text, &no_calibration) else {
         return true;
     };
     assert!(!problems.is_empty());
@@ -137,7 +144,7 @@ fn a_doubled_key_hides_no_other_problem() {
         .replace("fps = 25.0", "fps = 25.0\nfps = 30.0")
         .replace("radius_m = 0.11", "radius_m = -1")
         .replace("[cameras.web]", "[cameras.web]\nwide = 1");
-    let problems = Scene::parse(&text).unwrap_err();
+    let problems = Scene::parse(&text, &no_calibration).unwrap_err();
     let lines: Vec<_> = problems.iter().map(|p| p.line).collect();
     assert_eq!(lines, [6, 17, 27], "{problems:?}");
 }

@@ -18,6 +18,8 @@
 //! one that points more to the right in the image, which is good enough for one camera but means nothing to two
 //! ([`Board::has_unique_origin`]).
 
+#[cfg(test)]
+mod calibration_tests;
 mod lattice;
 mod layout;
 mod marker;

@@ -1,5 +1,6 @@
 //! The commands, one file or folder each.
 
+pub(crate) mod camera;
 pub(crate) mod demo;
 pub(crate) mod evaluate;
 pub(crate) mod init;

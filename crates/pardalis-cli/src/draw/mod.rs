@@ -3,8 +3,10 @@
 //! Plots are drawn once, as SVG, and rendered to PNG with the bundled font, so that both look the same on
 //! every machine. Overlays and mosaics are drawn into the pixels of an image.
 
+pub(crate) mod grid;
 pub(crate) mod histogram;
 mod legend;
+pub(crate) mod lens;
 pub(crate) mod mosaic;
 pub(crate) mod overlay;
 mod panel;

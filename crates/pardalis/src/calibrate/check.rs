@@ -99,11 +99,8 @@ pub(super) fn views(
     Ok(())
 }
 
-/// How many robust standard deviations make an outlier.
-const OUTLIER_SIGMAS: f64 = 6.0;
-
 /// Which residuals belong to the many: not far beyond what their median says of the noise. Points without a pixel never do.
-pub(super) fn inliers(residuals_px: &[Option<[f64; 2]>]) -> Vec<bool> {
+pub(super) fn inliers(residuals_px: &[Option<[f64; 2]>], outlier_sigmas: f64) -> Vec<bool> {
     let mut lengths: Vec<f64> = residuals_px
         .iter()
         .flatten()
@@ -115,7 +112,7 @@ pub(super) fn inliers(residuals_px: &[Option<[f64; 2]>]) -> Vec<bool> {
     let middle = lengths.len() / 2;
     let (_, median, _) = lengths.select_nth_unstable_by(middle, f64::total_cmp);
     // The median length of Gaussian residuals is 1.1774 s.d. of a coordinate; exact points are rounded somewhere, too.
-    let bound = (OUTLIER_SIGMAS * *median / 1.1774).max(1e-6);
+    let bound = (outlier_sigmas * *median / 1.1774).max(1e-6);
     residuals_px
         .iter()
         .map(|r| r.is_some_and(|[u, v]| u.hypot(v) <= bound))

@@ -78,7 +78,7 @@ pub fn calibrate(
     let robust = robust_fit(views, &starts, &free)?;
     let used: Vec<Vec<bool>> = {
         let residuals: Vec<_> = robust.residuals().into_iter().flatten().collect();
-        let mut flat = check::inliers(&residuals).into_iter();
+        let mut flat = check::inliers(&residuals, settings.outlier_sigmas).into_iter();
         check::mostly_inliers("the camera", &flat.clone().collect::<Vec<_>>())?;
         views
             .iter()

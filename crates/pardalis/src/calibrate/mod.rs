@@ -46,7 +46,12 @@ pub struct CalibrationSettings {
     pub size_px: (usize, usize),
     /// Whether the target is a board whose frame's z axis points out of its printed side, so that it can only be seen from there.
     pub board: bool,
+    /// Points whose residual is more robust standard deviations than this are left out ([`OUTLIER_SIGMAS`]); infinity keeps all.
+    pub outlier_sigmas: f64,
 }
+
+/// How many robust standard deviations make an outlier, where nothing else is asked for.
+pub const OUTLIER_SIGMAS: f64 = 6.0;
 
 /// Where a calibration starts.
 #[derive(Debug, Clone, PartialEq)]

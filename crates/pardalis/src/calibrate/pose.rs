@@ -5,7 +5,7 @@ use nalgebra::{
 };
 
 use super::least_squares::{Loss, Problem, Slopes, covariance, minimise};
-use super::{Correspondence, Refusal, check, rms};
+use super::{Correspondence, OUTLIER_SIGMAS, Refusal, check, rms};
 use crate::camera::{Camera, ProjectionJacobian};
 use crate::rig::Pose;
 use crate::rng::{Draws, Stage};
@@ -43,7 +43,7 @@ pub fn fit_pose(camera: &Camera, correspondences: &[Correspondence]) -> Result<P
     let all = vec![true; correspondences.len()];
     let (robust, _) = minimise(problem(start, all), Loss::Cauchy(2.0), 60);
     let residuals = residuals_px(camera, &robust.pose, correspondences);
-    let used = check::inliers(&residuals);
+    let used = check::inliers(&residuals, OUTLIER_SIGMAS);
     check::mostly_inliers("the pose", &used)?;
     let (fitted, _) = minimise(problem(robust.pose, used), Loss::Squares, 60);
     let residuals_px = residuals_px(camera, &fitted.pose, correspondences);

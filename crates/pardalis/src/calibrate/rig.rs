@@ -5,7 +5,7 @@ use nalgebra::{DVector, Point3, Vector3};
 use super::least_squares::{Loss, Problem, Slopes, minimise};
 use super::pose::{fit_pose, slopes_by_pose, stepped_pose};
 use super::start::free_parameters;
-use super::{CalibrationView, Refusal, check, rms};
+use super::{CalibrationView, OUTLIER_SIGMAS, Refusal, check, rms};
 use crate::camera::{Camera, ProjectionJacobian};
 use crate::rig::{CalibratedCamera, Pose};
 
@@ -67,7 +67,7 @@ pub fn calibrate_rig(cameras: &[RigCamera]) -> Result<RigCalibration, Refusal> {
     let (mut rig, _) = minimise(rig, Loss::Cauchy(2.0), 100);
     for (c, shots) in rig.residuals().into_iter().enumerate() {
         let residuals: Vec<_> = shots.iter().flatten().copied().collect();
-        let inliers = check::inliers(&residuals);
+        let inliers = check::inliers(&residuals, OUTLIER_SIGMAS);
         check::mostly_inliers(&format!("camera {}", cameras[c].name), &inliers)?;
         let mut inliers = inliers.into_iter();
         for used in &mut rig.used[c] {

@@ -1,6 +1,7 @@
 //! The cameras of a scene.
 
 use super::reader::{Located, Table};
+use super::setting::Setting;
 use crate::Error;
 use crate::camera::{
     Camera, DoubleSphere, Equidistant, ExtendedUnified, KannalaBrandt, Mei, Ocam,
@@ -8,7 +9,14 @@ use crate::camera::{
 };
 use crate::color::{YuvEncoding, YuvMatrix, YuvRange};
 use crate::frame::MAX_TIME_S;
-use crate::rig::{Pose, pose_from_matrix};
+use crate::interchange::Lens;
+use crate::rig::{CalibratedCamera, Pose, pose_from_matrix};
+
+/// Reads the calibration file of this name, as the caller finds it; on failure the message, which names file and line.
+///
+/// The second argument says what the file is about where it does not ([`crate::interchange::read`]).
+pub type ReadCalibration<'a> =
+    &'a dyn Fn(&str, Option<Lens>) -> Result<Vec<CalibratedCamera>, String>;
 
 /// One camera of a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,7 +75,11 @@ pub enum Input {
 
 impl CameraConfig {
     /// Reads one camera; `None` when something needed is missing or faulty, which the journal then says.
-    pub(super) fn read(name: String, table: Table) -> Option<Self> {
+    pub(super) fn read(
+        name: String,
+        table: Table,
+        read_calibration: ReadCalibration,
+    ) -> Option<Self> {
         let input = read_input(&table);
         let time_offset_s: f64 = table.or("time_offset_s", 0.0);
         if time_offset_s.abs() > MAX_TIME_S {
@@ -78,13 +90,7 @@ impl CameraConfig {
         if frame_limit == Some(0) {
             table.refuse("frame_limit", "1 or more");
         }
-        let model = read_model(&table);
-        let world_from_camera = match table.required::<[[f64; 4]; 4]>("world_from_camera") {
-            Some(rows) => pose_from_matrix(rows)
-                .map_err(|error| table.problem("world_from_camera", error.to_string()))
-                .ok(),
-            None => None,
-        };
+        let optics = read_optics(&name, &table, read_calibration);
         let mask = table.located("mask");
         let radius_px = table.located::<f64>("mask_radius_px");
         let center_px = table.optional::<[f64; 2]>("mask_center_px");
@@ -96,11 +102,10 @@ impl CameraConfig {
         if center_px.is_some() && radius_px.is_none() {
             table.problem("mask_center_px", "needs mask_radius_px beside it");
         }
-        let size_px = table.located("size_px");
         table.finish();
-        let (camera, principal_point_px) = model?;
+        let optics = optics?;
         let mask_circle = radius_px.map(|radius_px| MaskCircle {
-            center_px: center_px.unwrap_or(principal_point_px),
+            center_px: center_px.unwrap_or_else(|| principal_point_px(&optics.camera)),
             radius_px,
         });
         Some(Self {
@@ -109,13 +114,132 @@ impl CameraConfig {
             time_offset_s,
             first_frame,
             frame_limit,
-            camera,
-            size_px,
+            camera: optics.camera,
+            size_px: optics.size_px,
             mask,
             mask_circle,
-            world_from_camera: world_from_camera?,
+            world_from_camera: optics.world_from_camera,
         })
     }
+}
+
+/// What a scene says of a camera itself, or a calibration file in its place.
+struct Optics {
+    camera: Camera,
+    size_px: Option<Located<[f64; 2]>>,
+    world_from_camera: Pose,
+}
+
+fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> Option<Optics> {
+    let file = read_calibrated(name, table, read_calibration);
+    let model = if table.has("calibration") {
+        if table.table("model").is_some() {
+            table.problem("model", "stands beside calibration; keep one of them");
+        }
+        file.as_ref().map(|file| file.camera.clone())
+    } else {
+        read_model(table)
+    };
+    let pose_is_missing = if table.has("world_from_camera") {
+        None
+    } else if table.has("calibration") {
+        let in_file = file
+            .as_ref()
+            .is_none_or(|file| file.world_from_camera.is_some());
+        (!in_file).then_some("is missing, and the calibration file has no pose either")
+    } else {
+        Some("is missing")
+    };
+    if let Some(missing) = pose_is_missing {
+        let wanted = <[[f64; 4]; 4]>::ALLOWED;
+        table.problem("world_from_camera", format!("{missing}; give {wanted}"));
+    }
+    let given_pose = read_pose(table);
+    let given_size = table.located::<[f64; 2]>("size_px");
+    let file_size = file
+        .as_ref()
+        .and_then(|file| file.size_px)
+        .map(|(w, h)| [w as f64, h as f64]);
+    if let (Some(given), Some([width, height])) = (&given_size, file_size)
+        && given.value != [width, height]
+    {
+        let message =
+            format!("contradicts the calibration file, which is for images of {width} x {height}");
+        table.problem("size_px", message);
+    }
+    Some(Optics {
+        camera: model?,
+        size_px: given_size.or_else(|| file_size.map(|size| table.at("calibration", size))),
+        world_from_camera: given_pose.or(file.and_then(|file| file.world_from_camera))?,
+    })
+}
+
+/// The camera of the calibration file, where the scene names one.
+fn read_calibrated(
+    name: &str,
+    table: &Table,
+    read_calibration: ReadCalibration,
+) -> Option<CalibratedCamera> {
+    let file: Option<String> = table.optional("calibration");
+    let wanted: Option<String> = table.optional("calibration_camera");
+    let lens_word: Option<String> = table.optional("calibration_as");
+    if !table.has("calibration") {
+        for key in ["calibration_camera", "calibration_as"] {
+            if table.has(key) {
+                table.problem(key, "needs calibration = \"FILE\" beside it");
+            }
+        }
+    }
+    let lens = match lens_word {
+        None => None,
+        Some(word) => {
+            let lens = Lens::ALL.into_iter().find(|lens| lens.name() == word);
+            if lens.is_none() {
+                table.refuse("calibration_as", "\"pinhole\", \"fisheye\", \"omnidir\"");
+                return None;
+            }
+            lens
+        }
+    };
+    let cameras = read_calibration(&file?, lens)
+        .map_err(|message| table.problem("calibration", message))
+        .ok()?;
+    let names = cameras
+        .iter()
+        .map(|camera| camera.name.as_str())
+        .collect::<Vec<_>>()
+        .join(", ");
+    let found = match &wanted {
+        Some(wanted) => cameras.iter().find(|camera| camera.name == *wanted),
+        None if cameras.len() == 1 => cameras.first(),
+        None => cameras.iter().find(|camera| camera.name == name),
+    };
+    if found.is_none() {
+        if wanted.is_some() {
+            table.refuse("calibration_camera", &names);
+        } else {
+            let message = format!("holds the cameras {names}; say which by calibration_camera");
+            table.problem("calibration", message);
+        }
+    }
+    found.cloned()
+}
+
+/// The pose, if it is given.
+pub(super) fn read_pose(table: &Table) -> Option<Pose> {
+    let rows = table.optional::<[[f64; 4]; 4]>("world_from_camera")?;
+    pose_from_matrix(rows)
+        .map_err(|error| table.problem("world_from_camera", error.to_string()))
+        .ok()
+}
+
+/// Where the optical axis meets the image: every model has such a point.
+fn principal_point_px(camera: &Camera) -> [f64; 2] {
+    let parameters = camera.parameters();
+    ["cx_px", "cy_px"].map(|name| {
+        let found = parameters.iter().find(|(known, _)| *known == name);
+        found.map_or(0.0, |&(_, value)| value)
+    })
 }
 
 fn read_input(table: &Table) -> Option<Input> {
@@ -180,13 +304,13 @@ fn read_input(table: &Table) -> Option<Input> {
     }
 }
 
-/// The camera and its principal point in pixels.
-fn read_model(table: &Table) -> Option<(Camera, [f64; 2])> {
+/// The camera's model, from the table `model`.
+pub(super) fn read_model(table: &Table) -> Option<Camera> {
     let Some(model) = table.table("model") else {
         if !table.has("model") {
             table.problem(
                 "model",
-                "is missing; give a table such as [cameras.NAME.model.equidistant]",
+                "is missing; give a table such as [cameras.NAME.model.equidistant], or in a scene calibration = \"FILE\"",
             );
         }
         return None;
@@ -217,7 +341,7 @@ fn read_model(table: &Table) -> Option<(Camera, [f64; 2])> {
         _ => read_ocam(&parameters, center_px),
     };
     parameters.finish();
-    Some((camera?, center_px?))
+    camera
 }
 
 /// Names the principal point as the scene does.

@@ -1,11 +1,12 @@
 //! Scene files: from their text to checked settings. Configuration enters here once; the rest of the library takes values that are valid.
 
+pub mod calibration;
 mod camera;
 mod reader;
 mod setting;
 mod target;
 
-pub use camera::{CameraConfig, Input, MaskCircle};
+pub use camera::{CameraConfig, Input, MaskCircle, ReadCalibration};
 pub use reader::{Located, Problem};
 pub use target::TargetConfig;
 
@@ -25,8 +26,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Reads a scene's text whole. On failure: every problem, in the order of lines.
-    pub fn parse(text: &str) -> Result<Self, Vec<Problem>> {
+    /// Reads a scene's text whole; calibration files that it names are read by way of the caller. On failure: every problem, in the order of lines.
+    pub fn parse(text: &str, read_calibration: ReadCalibration) -> Result<Self, Vec<Problem>> {
         let (journal, root) = Journal::parse(text);
         let table = Table::root(&journal, &root);
         let seed = table.or("seed", 1_u32);
@@ -35,7 +36,7 @@ impl Scene {
             camera_tables.iter().map(|(name, _)| name.clone()).collect();
         let cameras: Vec<_> = camera_tables
             .into_iter()
-            .filter_map(|(name, table)| CameraConfig::read(name, table))
+            .filter_map(|(name, table)| CameraConfig::read(name, table, read_calibration))
             .collect();
         let targets: Vec<_> = table
             .named_tables("targets", "target")

@@ -8,10 +8,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::ValueEnum;
+use pardalis::config::Scene;
 
 use crate::fault::fault;
 use crate::files::write_file;
 use crate::say::say;
+use crate::scene::read_calibration;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use text::{CameraText, SceneText};
 
@@ -104,7 +106,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     };
     scene.check_pixel()?;
     let text = scene.text();
-    if let Err(problems) = pardalis::config::Scene::parse(&text) {
+    let folder = output.parent().unwrap_or(Path::new(""));
+    let checked = Scene::parse(&text, &|file, lens| read_calibration(folder, file, lens));
+    if let Err(problems) = checked {
         let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
         return Err(fault!(
             "the scene would not be valid: {}",

@@ -1,0 +1,259 @@
+//! `pardalis camera show`: what a calibration means, in numbers and pictures.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{f64::consts, fs};
+
+use anyhow::Result;
+use pardalis::rig::CalibratedCamera;
+
+use super::grid::{GridOptions, read_image};
+use super::load::Selection;
+use super::optics::{Optics, RadiusSample};
+use crate::draw::lens::{FieldOfView, LensCurve, write_distortion, write_field_of_view};
+use crate::fault::fault;
+use crate::say::say;
+
+const EXAMPLES: &str = "Examples:
+  pardalis camera show scene.toml                        the cameras of a scene, in numbers
+  pardalis camera show calib_results.txt --size 640x480  for a file that does not say the images' size
+  pardalis camera show rig.toml -o rig-cameras           also pictures of field of view and distortion
+  pardalis camera show rig.toml --camera cam1 --grid image.jpg --spacing 0.5 --heights 0,0.5 -o rig-cameras
+                                                         also the world's grid over an image, to judge the pose by eye";
+
+/// Shows cameras: model, field of view, resolution, pose
+///
+/// Angles are measured from the optical axis; a resolution is how many pixels a degree takes along the radius of the
+/// image. With -o also pictures: the angles in the image, radius and resolution against the angle.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    selection: Selection,
+    /// Size of the images in pixels, where the file does not say it
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<(usize, usize)>,
+    /// The folder for pictures
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    grid: GridOptions,
+}
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let side = |side: &str| side.parse().ok().filter(|px| (1..=32768).contains(px));
+    text.split_once('x')
+        .and_then(|(width, height)| Some((side(width)?, side(height)?)))
+        .ok_or_else(|| "allowed: width and height from 1 to 32768, such as 640x480".to_owned())
+}
+
+/// Runs the command.
+pub(super) fn run(arguments: &Arguments) -> Result<()> {
+    let file = &arguments.selection.file;
+    let mut cameras = arguments.selection.cameras()?;
+    for camera in &mut cameras {
+        apply_size(arguments, camera)?;
+    }
+    let image = match &arguments.grid.grid {
+        Some(path) => {
+            let camera = Selection::only_camera(&cameras, "--grid")?;
+            let image = read_image(path, &camera)?;
+            cameras[0].size_px = Some((image.width() as usize, image.height() as usize));
+            Some(image)
+        }
+        None => None,
+    };
+    let mut told = Vec::new();
+    let mut files = Vec::new();
+    for camera in &cameras {
+        let Some(size_px) = camera.size_px else {
+            return Err(fault!(
+                "{}: camera {}: nothing says how large its images are; give --size, such as --size 640x480",
+                file.display(),
+                camera.name
+            ));
+        };
+        let optics = Optics::new(&camera.camera, size_px);
+        let radius = optics.radius();
+        told.push(description(camera, size_px, &optics, &radius));
+        let Some(folder) = &arguments.output else {
+            continue;
+        };
+        fs::create_dir_all(folder).map_err(|error| {
+            fault!(
+                "-o {}: the folder cannot be made: {error}; give another",
+                folder.display()
+            )
+        })?;
+        let stem = file_stem(&camera.name);
+        let view = field_of_view(&optics, size_px);
+        files.extend(write_field_of_view(
+            folder,
+            &format!("{stem}-field-of-view"),
+            &view,
+        )?);
+        files.extend(draw_distortion(
+            folder,
+            &format!("{stem}-distortion"),
+            &radius,
+        )?);
+        if let Some(image) = &image {
+            let path = folder.join(format!("{stem}-grid.png"));
+            arguments.grid.draw(file, camera, image, &path)?;
+            files.push(path);
+        }
+    }
+    say(told.join("\n"));
+    for file in files {
+        say(format!("  {}", file.display()));
+    }
+    Ok(())
+}
+
+/// Gives a camera the size that was asked for, where its file has none.
+fn apply_size(arguments: &Arguments, camera: &mut CalibratedCamera) -> Result<()> {
+    match (arguments.size, camera.size_px) {
+        (Some((width, height)), Some(stated)) if stated != (width, height) => Err(fault!(
+            "--size {width}x{height}: {} says that the images of camera {} are {}x{}; leave --size out",
+            arguments.selection.file.display(),
+            camera.name,
+            stated.0,
+            stated.1
+        )),
+        (Some(size), _) => {
+            camera.size_px = Some(size);
+            Ok(())
+        }
+        (None, _) => Ok(()),
+    }
+}
+
+/// A camera's name as part of a file's.
+fn file_stem(name: &str) -> String {
+    let fit = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_');
+    name.chars().map(|c| if fit(c) { c } else { '_' }).collect()
+}
+
+/// All numbers of a camera as lines of text.
+fn description(
+    camera: &CalibratedCamera,
+    (width, height): (usize, usize),
+    optics: &Optics,
+    radius: &[RadiusSample],
+) -> String {
+    let mut text = format!("{}\n", camera.name);
+    let mut row = |name: &str, value: String| {
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "  {name:18} {value}");
+    };
+    row("model", camera.camera.kind().to_owned());
+    for (name, value) in camera.camera.parameters() {
+        row(name, format!("{value}"));
+    }
+    row("image", format!("{width} x {height} px"));
+    let [across, down, diagonal] = optics.fields_of_view_rad().map(f64::to_degrees);
+    row(
+        "field of view",
+        format!("{across:.2}° horizontal, {down:.2}° vertical, {diagonal:.2}° diagonal"),
+    );
+    let largest_deg = optics.largest_angle_rad().to_degrees();
+    let from = if optics.looks_ahead() { "z" } else { "-z" };
+    row("largest angle", format!("{largest_deg:.2}° from {from}"));
+    let share = optics.share_without_ray();
+    if share > 0.0 {
+        let percent = 100.0 * share;
+        row(
+            "image circle",
+            format!("{percent:.1} % of the pixels have no ray"),
+        );
+    }
+    let per_degree = |sample: &RadiusSample| sample.radial_px_per_rad.to_radians();
+    if let [first, .., last] = radius {
+        row(
+            "pixels per degree",
+            format!(
+                "{:.3} at the centre, {:.3} at the edge",
+                per_degree(first),
+                per_degree(last)
+            ),
+        );
+    }
+    match &camera.world_from_camera {
+        Some(world_from_camera) => {
+            let position = world_from_camera.translation.vector;
+            row("position", format!("{} m", listed(position.into())));
+            let axis = world_from_camera.rotation.matrix().column(2).into_owned();
+            let facing = if optics.looks_ahead() { axis } else { -axis };
+            row("viewing direction", listed(facing.into()));
+        }
+        None => row("pose", "none".to_owned()),
+    }
+    text.pop();
+    text
+}
+
+fn listed(vector: [f64; 3]) -> String {
+    // No -0.
+    let [x, y, z] = vector.map(|c| (1e4 * c).round() / 1e4 + 0.0);
+    format!("x {x:.4}, y {y:.4}, z {z:.4}")
+}
+
+/// The curves of every ten degrees from the axis, and of every thirty around it.
+fn field_of_view(optics: &Optics, size_px: (usize, usize)) -> FieldOfView {
+    const STEPS: usize = 360;
+    let largest_rad = optics.largest_angle_rad();
+    let circle = |degrees: usize| {
+        let angle_rad = (degrees as f64).to_radians();
+        let azimuths = (0..=STEPS).map(|i| consts::TAU * i as f64 / STEPS as f64);
+        let curve = azimuths.map(|azimuth| optics.pixel_at(angle_rad, azimuth));
+        (format!("{degrees}°"), curve.collect())
+    };
+    let spoke = |degrees: usize| {
+        let azimuth_rad = (degrees as f64).to_radians();
+        let angles = (0..=STEPS).map(|i| largest_rad * i as f64 / STEPS as f64);
+        angles
+            .map(|angle| optics.pixel_at(angle, azimuth_rad))
+            .collect()
+    };
+    let circles = (1..18)
+        .map(|i| 10 * i)
+        .filter(|degrees| (*degrees as f64).to_radians() <= largest_rad);
+    FieldOfView {
+        size_px,
+        rim_px: optics.rim_px(1440),
+        circles: circles.map(circle).collect(),
+        spokes: (0..12).map(|i| spoke(30 * i)).collect(),
+    }
+}
+
+/// Radius and resolution, beside those of ideal lenses of the same focal length at the centre.
+fn draw_distortion(folder: &Path, name: &str, radius: &[RadiusSample]) -> Result<[PathBuf; 2]> {
+    let f_px = radius
+        .first()
+        .map_or(0.0, |sample| sample.radial_px_per_rad);
+    let curve = |name, value: &dyn Fn(&RadiusSample) -> f64| LensCurve {
+        name,
+        points: radius
+            .iter()
+            .map(|sample| (sample.angle_rad.to_degrees(), value(sample)))
+            .collect(),
+    };
+    // A pinhole sees less than 90 degrees.
+    let tan = |angle_rad: f64| {
+        if angle_rad < consts::FRAC_PI_2 {
+            angle_rad.tan()
+        } else {
+            f64::INFINITY
+        }
+    };
+    let radii = [
+        curve("this camera", &|s| s.radius_px),
+        curve("equidistant", &|s| f_px * s.angle_rad),
+        curve("pinhole", &|s| f_px * tan(s.angle_rad)),
+    ];
+    let resolutions = [
+        curve("along the radius", &|s| s.radial_px_per_rad.to_radians()),
+        curve("across it", &|s| s.tangential_px_per_rad.to_radians()),
+    ];
+    write_distortion(folder, name, &radii, &resolutions)
+}

@@ -1,0 +1,81 @@
+//! Curves with labels drawn over a camera's image.
+
+use image::RgbImage;
+use image::imageops::{self, FilterType};
+
+use super::Rgb;
+use super::overlay::{Mark, Overlay, annotated};
+use super::picture::{Caption, canvas_of, picture_from, write_caption};
+
+/// Text beside a point of the image.
+pub(crate) struct Label {
+    pub(crate) text: String,
+    /// The point, pixel centres at integers.
+    pub(crate) at_px: [f64; 2],
+    pub(crate) color: Rgb,
+}
+
+/// Images of a shorter side are drawn twice as large, so that thin lines and their labels stay apart.
+const SMALL_SIDE_PX: u32 = 1000;
+
+const TEXT_PX: f32 = 11.0;
+
+/// Pixels of the drawing for a pixel of an image of this size.
+fn zoom_of((width, height): (u32, u32)) -> u32 {
+    if width.min(height) < SMALL_SIDE_PX {
+        2
+    } else {
+        1
+    }
+}
+
+/// Draws marks and labels over an image; labels that would lie on one another are left out, the first stays.
+pub(crate) fn drawn_over(
+    image: &RgbImage,
+    marks: Vec<Mark>,
+    labels: &[Label],
+) -> anyhow::Result<RgbImage> {
+    let zoom = zoom_of(image.dimensions());
+    let (width, height) = (zoom * image.width(), zoom * image.height());
+    let enlarged = imageops::resize(image, width, height, FilterType::Triangle);
+    let scale = f64::from(zoom);
+    let place = |pixel: [f64; 2]| pixel.map(|c| scale * (c + 0.5) - 0.5);
+    let marks = marks.into_iter().map(|mark| Mark {
+        points_px: mark.points_px.into_iter().map(|p| p.map(place)).collect(),
+        ..mark
+    });
+    let overlay = Overlay {
+        marks: marks.collect(),
+        label: String::new(),
+        zoom_at_px: None,
+    };
+    let drawn = annotated(&enlarged, &overlay)?;
+    let Some(mut canvas) = canvas_of(&drawn) else {
+        return Ok(drawn);
+    };
+    let mut boxes: Vec<[f32; 4]> = Vec::new();
+    for label in labels {
+        let [x, y] = place(label.at_px).map(|c| c as f32 + 3.0);
+        let width_px = 0.65 * TEXT_PX * label.text.chars().count() as f32;
+        let own = [x, y - TEXT_PX, x + width_px, y + 3.0];
+        let free = boxes
+            .iter()
+            .all(|b| own[0] > b[2] || b[0] > own[2] || own[1] > b[3] || b[1] > own[3]);
+        if !free {
+            continue;
+        }
+        boxes.push(own);
+        // A shadow keeps text legible on any image.
+        for (offset_px, color) in [(1.0, [0; 3]), (0.0, label.color)] {
+            let caption = Caption {
+                text: &label.text,
+                at_px: [x + offset_px, y + offset_px],
+                height_px: TEXT_PX,
+                max_width_px: width as f32,
+                color,
+            };
+            write_caption(&mut canvas, &caption)?;
+        }
+    }
+    Ok(picture_from(&canvas))
+}
