@@ -160,13 +160,17 @@ fn edge(image: &GrayImage, start: Saddle, direction: usize, end: Saddle) -> Opti
         -(angle.cos() * dx + angle.sin() * dy) > MAX_TURN_RAD.cos() * length
     })?;
     // What is dark beside the one end must be dark beside the other.
-    if (direction + back) % 2 == 0 {
+    if (direction + back).is_multiple_of(2) {
         return None;
     }
     // Beside the edge, but nearer to it than the markers in the squares are.
     let beside_px = (0.08 * length).max(1.5);
     let normal = [-dy / length * beside_px, dx / length * beside_px];
-    let sign = if direction % 2 == 0 { 1.0 } else { -1.0 };
+    let sign = if direction.is_multiple_of(2) {
+        1.0
+    } else {
+        -1.0
+    };
     let steps = [0.2, 0.35, 0.5, 0.65, 0.8].map(|t| {
         let at = [start.pixel[0] + t * dx, start.pixel[1] + t * dy];
         let light = brightness(image, [at[0] - normal[0], at[1] - normal[1]]);

@@ -152,4 +152,4 @@ if __name__ == "__main__":
     picture("aprilgrid_whole", grid, (25, 20, 10), (0.0, 0.0, 0.42), 500, False, 5)
     picture("aprilgrid_turned", grid, (-30, 15, 160), (0.02, 0.02, 0.16), 230, True, 6)
     large = aprilgrid(4, 3, 0.06, 0.25)
-    picture("aprilgrid_cut", large, (15, 10, -80), (0.03, 0.17, 0.15), 230, True, 7)
+    picture("aprilgrid_cut", large, (15, 20, -80), (0.08, 0.06, 0.3), 500, False, 7)
