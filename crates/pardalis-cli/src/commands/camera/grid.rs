@@ -157,7 +157,7 @@ impl GridOptions {
         };
         for (low, high) in [(x0, x1), (y0, y1)] {
             let lines = (high - low) / spacing_m;
-            if !(low.abs() <= 1e5 && high.abs() <= 1e5 && lines >= 1.0 && lines <= MAX_LINES) {
+            if !(low.abs() <= 1e5 && high.abs() <= 1e5 && (1.0..=MAX_LINES).contains(&lines)) {
                 return Err(fault!(
                     "--extent: {low} to {high} at a spacing of {spacing_m}; allowed: ascending, 1 to {MAX_LINES} spacings wide, within 100 km"
                 ));
