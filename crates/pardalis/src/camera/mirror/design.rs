@@ -1,0 +1,113 @@
+//! Designs mirrors whose image has a constant resolution on a plane.
+
+use super::MirrorProfile;
+use crate::Error;
+
+/// Rows of the designed profile, without the vertex'.
+const ROWS: usize = 256;
+/// Steps of the integration for each row.
+const STEPS_A_ROW: usize = 2;
+/// Halvings of the interval in which the resolution is sought.
+const HALVINGS: u32 = 60;
+
+/// A mirror that shows the plane z = `plane_z_m` at the image radius ρ = a·r + b (focal length 1), r the distance from the axis: shapes on the
+/// floor keep their shape and size in the image (Hicks and Bajcsy 1999; Gaspar et al. 2002).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConstantResolution {
+    /// Distance of the vertex from the pinhole, metres.
+    pub vertex_m: f64,
+    /// Radius of the rim, metres.
+    pub rim_m: f64,
+    /// Where the plane lies in the camera's frame, metres: negative for a floor below a camera that looks up.
+    pub plane_z_m: f64,
+    /// How fine the image is.
+    pub resolution: Resolution,
+    /// b, at most 0: what lies within −b/a of the axis is not shown, and the mirror has a tip. 0 for a smooth mirror.
+    pub offset: f64,
+}
+
+/// How fine the image of a designed mirror is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Resolution {
+    /// a, in units of the image radius a metre.
+    PerMetre(f64),
+    /// The distance from the axis that the rim shows, in metres.
+    RimShows(f64),
+}
+
+impl ConstantResolution {
+    /// The mirror, by Runge and Kutta's method on F' = tan((atan2(r − t, F − z) − atan(t/F))/2) with r = (t/F − b)/a.
+    pub fn design(&self) -> Result<MirrorProfile, Error> {
+        let (name, value, least) = match self.resolution {
+            Resolution::PerMetre(a) => ("resolution_per_m", a, 1e-9),
+            Resolution::RimShows(r_m) => ("rim_shows_m", r_m, 1e-6),
+        };
+        let positive = [("vertex_m", self.vertex_m, 1e-6), ("rim_m", self.rim_m, 1e-6), (name, value, least)];
+        for (name, value, least) in positive {
+            if !(least..=1e6).contains(&value) {
+                return Err(Error::out_of_range(name, value, &format!("{least} to 1e6")));
+            }
+        }
+        if !(self.plane_z_m >= -1e6 && self.plane_z_m < self.vertex_m) {
+            return Err(Error::out_of_range(
+                "plane_z_m",
+                self.plane_z_m,
+                "less than vertex_m (the mirror looks back at the camera's side) and at least -1e6",
+            ));
+        }
+        if !(self.offset >= -1e6 && self.offset <= 0.0) {
+            return Err(Error::out_of_range("offset", self.offset, "-1e6 to 0"));
+        }
+        let profile = self.integrate(self.per_metre());
+        MirrorProfile::from_rows_with_slopes(&profile)
+    }
+
+    /// a. The farther the rim shows, the steeper the mirror and the smaller ρ at the rim: one a suits.
+    fn per_metre(&self) -> f64 {
+        let r_m = match self.resolution {
+            Resolution::PerMetre(a) => return a,
+            Resolution::RimShows(r_m) => r_m,
+        };
+        let excess = |a: f64| {
+            let [t, f, _] = self.integrate(a)[ROWS];
+            t / f - self.offset - a * r_m
+        };
+        let (mut low, mut high) = (0.0, 2.0 * (self.rim_m / self.vertex_m - self.offset) / r_m);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            if excess(middle) > 0.0 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
+    }
+
+    /// Rows t, F, F' from the vertex to the rim.
+    fn integrate(&self, a: f64) -> Vec<[f64; 3]> {
+        let slope = |t: f64, f: f64| {
+            let rho = t / f;
+            let r = (rho - self.offset) / a;
+            let angle = libm::atan2(r - t, f - self.plane_z_m) - libm::atan(rho);
+            libm::tan(0.5 * angle)
+        };
+        let steps = ROWS * STEPS_A_ROW;
+        let h = self.rim_m / steps as f64;
+        let mut f = self.vertex_m;
+        let mut rows = vec![[0.0, f, slope(0.0, f)]];
+        for step in 0..steps {
+            let t = step as f64 * h;
+            let k1 = slope(t, f);
+            let k2 = slope(t + 0.5 * h, f + 0.5 * h * k1);
+            let k3 = slope(t + 0.5 * h, f + 0.5 * h * k2);
+            let end = (step + 1) as f64 * h;
+            let k4 = slope(end, f + h * k3);
+            f += h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4);
+            if (step + 1) % STEPS_A_ROW == 0 {
+                rows.push([end, f, slope(end, f)]);
+            }
+        }
+        rows
+    }
+}
