@@ -57,7 +57,10 @@ impl ExactMirror<f64> {
     }
 
     /// The same camera with other parameters, in the order of [`Self::NAMES`].
-    pub(super) fn with_parameters(&self, [fx, fy, cx, cy, vertex_m]: [f64; 5]) -> Result<Self, Error> {
+    pub(super) fn with_parameters(
+        &self,
+        [fx, fy, cx, cy, vertex_m]: [f64; 5],
+    ) -> Result<Self, Error> {
         Self::new([fx, fy], [cx, cy], self.profile.at_vertex(vertex_m)?)
     }
 
@@ -85,7 +88,10 @@ impl<R: Real> ExactMirror<R> {
     }
 
     /// The same shape with other parameters, unchecked, in any arithmetic.
-    pub(super) fn vary<S: Real>(&self, [fx_px, fy_px, cx_px, cy_px, vertex_m]: [S; 5]) -> ExactMirror<S> {
+    pub(super) fn vary<S: Real>(
+        &self,
+        [fx_px, fy_px, cx_px, cy_px, vertex_m]: [S; 5],
+    ) -> ExactMirror<S> {
         ExactMirror {
             fx_px,
             fy_px,
@@ -158,10 +164,7 @@ impl<R: Real> Projection<R> for ExactMirror<R> {
 
     fn unproject(&self, [u, v]: [R; 2]) -> Option<Ray<R>> {
         let (one, two) = (R::of(1.0), R::of(2.0));
-        let (x, y) = (
-            (u - self.cx_px) / self.fx_px,
-            (v - self.cy_px) / self.fy_px,
-        );
+        let (x, y) = ((u - self.cx_px) / self.fx_px, (v - self.cy_px) / self.fy_px);
         let square = x * x + y * y;
         let meridian = self.meridian();
         let rho = square.to_f64().sqrt();

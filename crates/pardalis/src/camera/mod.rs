@@ -5,11 +5,13 @@
 mod distortion;
 mod double_sphere;
 mod equidistant;
+mod exact_mirror;
 mod extended_unified;
 mod jacobian;
 mod kannala_brandt;
 mod mask;
 mod mei;
+mod mirror;
 mod ocam;
 mod perspective_mirror;
 mod pinhole;
@@ -17,11 +19,13 @@ mod unified;
 
 pub use double_sphere::DoubleSphere;
 pub use equidistant::Equidistant;
+pub use exact_mirror::ExactMirror;
 pub use extended_unified::ExtendedUnified;
 pub use jacobian::ProjectionJacobian;
 pub use kannala_brandt::KannalaBrandt;
 pub use mask::Mask;
 pub use mei::Mei;
+pub use mirror::{ConstantResolution, MirrorLookUp, MirrorProfile, Resolution};
 pub use ocam::Ocam;
 pub use perspective_mirror::PerspectiveMirror;
 pub use pinhole::Pinhole;
@@ -96,6 +100,8 @@ pub enum Camera {
     ExtendedUnified(ExtendedUnified<f64>),
     /// Scaramuzza's polynomial (OCamCalib).
     Ocam(Ocam<f64>),
+    /// A perspective camera before a mirror of revolution, exactly.
+    ExactMirror(ExactMirror<f64>),
 }
 
 /// Calls `$body` with `$model` bound to the camera's model: the one place where cameras are told apart.
@@ -111,6 +117,7 @@ macro_rules! with_model {
             $crate::camera::Camera::DoubleSphere($model) => $body,
             $crate::camera::Camera::ExtendedUnified($model) => $body,
             $crate::camera::Camera::Ocam($model) => $body,
+            $crate::camera::Camera::ExactMirror($model) => $body,
         }
     };
 }
@@ -129,6 +136,7 @@ macro_rules! map_model {
             Camera::DoubleSphere($model) => $body.map(Camera::DoubleSphere),
             Camera::ExtendedUnified($model) => $body.map(Camera::ExtendedUnified),
             Camera::Ocam($model) => $body.map(Camera::Ocam),
+            Camera::ExactMirror($model) => $body.map(Camera::ExactMirror),
         }
     };
 }
@@ -157,6 +165,7 @@ impl Camera {
             Self::DoubleSphere(_) => "double_sphere",
             Self::ExtendedUnified(_) => "extended_unified",
             Self::Ocam(_) => "ocam",
+            Self::ExactMirror(_) => "exact_mirror",
         }
     }
 
@@ -182,6 +191,7 @@ impl Camera {
                 named(ExtendedUnified::<f64>::NAMES, model.parameters())
             }
             Self::Ocam(model) => named(Ocam::<f64>::NAMES, model.parameters()),
+            Self::ExactMirror(model) => named(ExactMirror::<f64>::NAMES, model.parameters()),
         }
     }
 

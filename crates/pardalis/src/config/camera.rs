@@ -1,10 +1,11 @@
 //! The cameras of a scene.
 
+use super::mirror;
 use super::reader::{Located, Table};
 use super::setting::Setting;
 use crate::Error;
 use crate::camera::{
-    Camera, DoubleSphere, Equidistant, ExtendedUnified, KannalaBrandt, Mei, Ocam,
+    Camera, DoubleSphere, Equidistant, ExactMirror, ExtendedUnified, KannalaBrandt, Mei, Ocam,
     PerspectiveMirror, Pinhole, Unified,
 };
 use crate::color::{YuvEncoding, YuvMatrix, YuvRange};
@@ -325,6 +326,7 @@ pub(super) fn read_model(table: &Table) -> Option<Camera> {
         "double_sphere",
         "extended_unified",
         "ocam",
+        "exact_mirror",
     ]);
     model.finish();
     let (kind, parameters) = found?;
@@ -338,7 +340,8 @@ pub(super) fn read_model(table: &Table) -> Option<Camera> {
         "perspective_mirror" => read_perspective_mirror(&parameters, center_px),
         "double_sphere" => read_double_sphere(&parameters, center_px),
         "extended_unified" => read_extended_unified(&parameters, center_px),
-        _ => read_ocam(&parameters, center_px),
+        "ocam" => read_ocam(&parameters, center_px),
+        _ => read_exact_mirror(&parameters, center_px),
     };
     parameters.finish();
     camera
@@ -431,6 +434,13 @@ fn read_ocam(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
     let max_radius_px = table.required("max_radius_px");
     let model = Ocam::new(&polynomial?, center_px?, affine, max_radius_px?);
     table.checked(at_center(model)).map(Camera::Ocam)
+}
+
+fn read_exact_mirror(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
+    let f = read_focals(table);
+    let profile = mirror::read_profile(table);
+    let model = ExactMirror::new(f?, center_px?, profile?);
+    table.checked(at_center(model)).map(Camera::ExactMirror)
 }
 
 fn read_unified(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {

@@ -2,6 +2,7 @@
 
 pub mod calibration;
 mod camera;
+mod mirror;
 mod reader;
 mod setting;
 mod target;

@@ -96,6 +96,20 @@ impl Setting for Vec<f64> {
     }
 }
 
+impl Setting for Vec<Vec<f64>> {
+    const ALLOWED: &'static str = "a list of rows of finite numbers";
+    fn read(value: &DeValue) -> Option<Self> {
+        value
+            .as_array()?
+            .iter()
+            .map(|row| Vec::<f64>::read(row.get_ref()))
+            .collect()
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Array(self.iter().map(Setting::write).collect())
+    }
+}
+
 impl<const N: usize> Setting for [f64; N] {
     const ALLOWED: &'static str = match N {
         2 => "two finite numbers, [a, b]",

@@ -42,7 +42,11 @@ impl ConstantResolution {
             Resolution::PerMetre(a) => ("resolution_per_m", a, 1e-9),
             Resolution::RimShows(r_m) => ("rim_shows_m", r_m, 1e-6),
         };
-        let positive = [("vertex_m", self.vertex_m, 1e-6), ("rim_m", self.rim_m, 1e-6), (name, value, least)];
+        let positive = [
+            ("vertex_m", self.vertex_m, 1e-6),
+            ("rim_m", self.rim_m, 1e-6),
+            (name, value, least),
+        ];
         for (name, value, least) in positive {
             if !(least..=1e6).contains(&value) {
                 return Err(Error::out_of_range(name, value, &format!("{least} to 1e6")));
@@ -58,8 +62,26 @@ impl ConstantResolution {
         if !(self.offset >= -1e6 && self.offset <= 0.0) {
             return Err(Error::out_of_range("offset", self.offset, "-1e6 to 0"));
         }
-        let profile = self.integrate(self.per_metre());
-        MirrorProfile::from_rows_with_slopes(&profile)
+        let a = self.per_metre();
+        let rows = self.integrate(a);
+        let profile = MirrorProfile::from_rows_with_slopes(&rows)?;
+        if let Resolution::RimShows(r_m) = self.resolution {
+            let shown_m = self.shown_by_rim(&rows, a);
+            if !((shown_m - r_m).abs() <= 1e-9 * r_m) {
+                return Err(Error::out_of_range(
+                    "rim_shows_m",
+                    r_m,
+                    &format!("what a mirror of this rim can show; the nearest shows {shown_m} m"),
+                ));
+            }
+        }
+        Ok(profile)
+    }
+
+    /// r of the point that the rim shows.
+    fn shown_by_rim(&self, rows: &[[f64; 3]], a: f64) -> f64 {
+        let [t, f, _] = rows[ROWS];
+        (t / f - self.offset) / a
     }
 
     /// a. The farther the rim shows, the steeper the mirror and the smaller ρ at the rim: one a suits.
@@ -68,14 +90,10 @@ impl ConstantResolution {
             Resolution::PerMetre(a) => return a,
             Resolution::RimShows(r_m) => r_m,
         };
-        let excess = |a: f64| {
-            let [t, f, _] = self.integrate(a)[ROWS];
-            t / f - self.offset - a * r_m
-        };
         let (mut low, mut high) = (0.0, 2.0 * (self.rim_m / self.vertex_m - self.offset) / r_m);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
-            if excess(middle) > 0.0 {
+            if self.shown_by_rim(&self.integrate(middle), middle) > r_m {
                 low = middle;
             } else {
                 high = middle;

@@ -5,29 +5,31 @@ use std::fmt;
 use super::Meridian;
 use crate::camera::{Projection, Ray};
 
-/// Image radii at which the reflected rays are kept.
-const RAYS: usize = 1024;
+/// Reflected rays that are kept.
+const RAYS: usize = 512;
 /// Columns (directions) and rows (inverse distances) of the table of first guesses.
 const GUESSES: usize = 64;
-/// A last step of more rays than this was not yet at the solution.
-const MAX_LAST_STEP: f32 = 4.0;
+/// Secants taken: after two all but rays that nearly graze the rim are within 0.005 px.
+const STEPS: usize = 3;
+/// A last step of more than this part of the way from ray to ray was not yet at the solution.
+const MAX_LAST_STEP: f32 = 0.5;
 
-/// The rays reflected at image radii from 0 to the rim's, evenly spaced, and first guesses for points all around.
+/// The rays reflected at places of the mirror from vertex to rim, evenly spaced in t, and first guesses for points all around.
 ///
 /// A ray is (sin φ, −cos φ) from (t, F). A point (r, z) lies beside it at r·cos φ + z·sin φ − (t·cos φ + F·sin φ), which is linear in the point, and
-/// along it at r·sin φ − z·cos φ + (F·cos φ − t·sin φ). Two secants through neighbouring rays lead from the guess to the ray that meets the
+/// along it at r·sin φ − z·cos φ + (F·cos φ − t·sin φ). Secants through neighbouring rays lead from the guess to the ray that meets the
 /// point. They lead there from anywhere in the domain, as near to the mirror as may be; a point that they do not settle on, or that
 /// lies behind its ray's beginning, has no pixel.
 pub(in crate::camera) struct ReflectedRays {
     /// cos φ, sin φ, t·cos φ + F·sin φ, F·cos φ − t·sin φ.
     rays: [[f32; 4]; RAYS],
-    /// Image radii in rays, row by row: columns by tan(θ/2) and rows by `nearest_m`/d, with θ the angle from −z and d the distance, both seen
+    /// Places of the mirror in rays, row by row: columns by tan(θ/2) and rows by `nearest_m`/d, with θ the angle from −z and d the distance, both seen
     /// from `center_z_m` on the axis.
     guesses: [f32; GUESSES * GUESSES],
     center_z_m: f32,
     nearest_m: f32,
     columns_a_tan: f32,
-    rho_a_ray: f32,
+    max_rho: f32,
 }
 
 impl fmt::Debug for ReflectedRays {
@@ -39,9 +41,9 @@ impl fmt::Debug for ReflectedRays {
 impl ReflectedRays {
     pub(in crate::camera) fn new(meridian: Meridian) -> Self {
         let last_ray = (RAYS - 1) as f64;
-        let rho_a_ray = meridian.max_rho() / last_ray;
+        let rim_m = meridian.profile.rim_m();
         let rays: [[f64; 4]; RAYS] = std::array::from_fn(|i| {
-            let t = meridian.seen_at(i as f64 * rho_a_ray);
+            let t = rim_m * i as f64 / last_ray;
             let [f, p, _] = meridian.at(t);
             let length = (t * t + f * f).sqrt() * (1.0 + p * p);
             let sin = (t * (1.0 - p * p) + 2.0 * p * f) / length;
@@ -49,7 +51,6 @@ impl ReflectedRays {
             [cos, sin, t * cos + f * sin, f * cos - t * sin]
         });
         // Seen from where the middle ray seems to come from, points along one ray lie in nearly one direction.
-        let rim_m = meridian.profile.rim_m();
         let [_, sin, beside, _] = rays[RAYS / 2];
         let center_z = (beside / sin).max(meridian.vertex_m + 0.25 * rim_m);
         let nearest = (0..=100)
@@ -72,7 +73,7 @@ impl ReflectedRays {
             // The row of infinity holds points that are merely far.
             let distance = nearest * (GUESSES - 1) as f64 / (row as f64).max(1e-6);
             let t = meridian.nearest_reflection([distance * sin, center_z - distance * cos]);
-            (t / meridian.at(t)[0] / rho_a_ray) as f32
+            (t / rim_m * last_ray) as f32
         });
         Self {
             rays: rays.map(|ray| ray.map(|v| v as f32)),
@@ -80,7 +81,7 @@ impl ReflectedRays {
             center_z_m: center_z as f32,
             nearest_m: nearest as f32,
             columns_a_tan: columns_a_tan as f32,
-            rho_a_ray: rho_a_ray as f32,
+            max_rho: meridian.max_rho() as f32,
         }
     }
 
@@ -91,39 +92,35 @@ impl ReflectedRays {
     ) -> MirrorLookUp<'_> {
         MirrorLookUp {
             rays: self,
-            f_px: [fx_px * self.rho_a_ray, fy_px * self.rho_a_ray],
+            f_px: [fx_px, fy_px],
             center_px: [cx_px, cy_px],
         }
     }
 
-    /// The image radius in rays at which the point is seen, and whether it is.
+    /// The image radius at which the point is seen, and whether it is.
     #[inline(always)]
     fn project(&self, r: f32, z: f32) -> (f32, bool) {
         let up = self.center_z_m - z;
         let distance = (r * r + up * up).sqrt();
         let column = clamped(self.columns_a_tan * r / (distance + up), GUESSES - 1);
-        let row = clamped(
-            (GUESSES - 1) as f32 * self.nearest_m / distance,
-            GUESSES - 1,
-        );
-        let mut rho = self.guess(row, column);
-        let (mut last_step, mut along) = (0.0, 0.0);
-        for _ in 0..2 {
-            let (i, start) = floor(clamped(rho, RAYS - 1));
-            let [cos0, sin0, beside0, along0] = self.rays[i % RAYS];
-            let [cos1, sin1, beside1, along1] = self.rays[(i + 1) % RAYS];
-            let miss0 = r * cos0 + z * sin0 - beside0;
-            let miss1 = r * cos1 + z * sin1 - beside1;
-            let share = miss0 / (miss0 - miss1);
-            last_step = start + share - rho;
-            rho = start + share;
-            let along_at0 = r * sin0 - z * cos0 + along0;
-            let along_at1 = r * sin1 - z * cos1 + along1;
-            along = along_at0 + share * (along_at1 - along_at0);
+        let row = (GUESSES - 1) as f32 * self.nearest_m / distance;
+        let mut place = self.guess(clamped(row, GUESSES - 1), column);
+        let (mut last_step, mut ray) = (0.0, [0.0; 4]);
+        for _ in 0..STEPS {
+            let (i, start) = floor(clamped(place, RAYS - 1));
+            let (before, after) = (self.rays[i % RAYS], self.rays[(i + 1) % RAYS]);
+            let miss = |[cos, sin, beside, _]: [f32; 4]| r * cos + z * sin - beside;
+            let share = miss(before) / (miss(before) - miss(after));
+            last_step = start + share - place;
+            place = start + share;
+            ray = between(before, after, share);
         }
-        let inside = (rho > -0.01) & (rho <= (RAYS - 1) as f32);
+        let [cos, sin, _, along] = ray;
+        let in_front = r * sin - z * cos + along > 0.0;
+        let inside = (place > -0.01) & (place <= (RAYS - 1) as f32);
         let settled = last_step.abs() < MAX_LAST_STEP;
-        (rho, inside & settled & (along > 0.0))
+        let [t, f] = start_of(ray);
+        (t / f, inside & settled & in_front)
     }
 
     /// The first guess between four of the table.
@@ -137,6 +134,18 @@ impl ReflectedRays {
         let after = at(i + 1, j) + share_j * (at(i + 1, j + 1) - at(i + 1, j));
         before + share_i * (after - before)
     }
+}
+
+/// Between two rays.
+#[inline(always)]
+fn between(before: [f32; 4], after: [f32; 4], share: f32) -> [f32; 4] {
+    std::array::from_fn(|k| before[k] + share * (after[k] - before[k]))
+}
+
+/// t and F of a ray, times the square of its direction's length: between two rays that is a little short.
+#[inline(always)]
+fn start_of([cos, sin, beside, along]: [f32; 4]) -> [f32; 2] {
+    [beside * cos - along * sin, beside * sin + along * cos]
 }
 
 /// Brings a number into 0 to `last`; what is none becomes `last`.
@@ -160,7 +169,6 @@ fn floor(x: f32) -> (usize, f32) {
 #[derive(Debug, Clone, Copy)]
 pub struct MirrorLookUp<'a> {
     rays: &'a ReflectedRays,
-    /// Pixels from one ray to the next.
     f_px: [f32; 2],
     center_px: [f32; 2],
 }
@@ -181,24 +189,33 @@ impl Projection<f32> for MirrorLookUp<'_> {
         let x = (u - self.center_px[0]) / self.f_px[0];
         let y = (v - self.center_px[1]) / self.f_px[1];
         let rho = (x * x + y * y).sqrt();
-        if !(rho <= (RAYS - 1) as f32 * (1.0 + 1e-6)) {
+        if !(rho <= self.rays.max_rho * (1.0 + 1e-6)) {
             return None;
         }
-        let (i, start) = floor(clamped(rho, RAYS - 1));
-        let share = rho - start;
-        let [before, after] = [self.rays.rays[i], self.rays.rays[i + 1]];
-        let [cos, sin, beside, along] =
-            std::array::from_fn(|k| before[k] + share * (after[k] - before[k]));
+        let rays = &self.rays.rays;
+        let rho_of = |ray: [f32; 4]| {
+            let [t, f] = start_of(ray);
+            t / f
+        };
+        let i = rays[1..RAYS - 1].partition_point(|&ray| rho_of(ray) < rho);
+        let [before, after] = [rays[i], rays[i + 1]];
+        let share = (rho - rho_of(before)) / (rho_of(after) - rho_of(before));
+        let ray @ [cos, sin, ..] = between(before, after, share);
         // On the axis only a smooth vertex has a ray, straight down.
         let on_axis = !(rho > 1e-6);
-        if on_axis && self.rays.rays[0][1] > 0.0 {
+        if on_axis && rays[0][1] > 0.0 {
             return None;
         }
-        let (x, y) = if on_axis { (0.0, 0.0) } else { (x / rho, y / rho) };
-        let t = beside * cos - along * sin;
-        let length = (sin * sin + cos * cos).sqrt();
+        let (x, y) = if on_axis {
+            (0.0, 0.0)
+        } else {
+            (x / rho, y / rho)
+        };
+        let square = sin * sin + cos * cos;
+        let [t, f] = start_of(ray).map(|v| v / square);
+        let length = square.sqrt();
         Some(Ray {
-            origin: [x * t, y * t, beside * sin + along * cos],
+            origin: [x * t, y * t, f],
             direction: [x * sin / length, y * sin / length, -cos / length],
         })
     }

@@ -50,7 +50,8 @@ impl Meridian<'_> {
         let in_front = r > rim_m || z < self.at(r)[0];
         let end = r.min(rim_m);
         let between = self.miss(0.0, point)[0] >= 0.0 && self.miss(end, point)[0] <= 0.0;
-        (in_front && between).then(|| self.nearest_reflection(point))
+        let somewhere = r.is_finite() && z.is_finite();
+        (somewhere && in_front && between).then(|| self.nearest_reflection(point))
     }
 
     /// As [`Self::reflection`]; for points that the mirror does not show, the border of those that it shows, so that there is no jump.

@@ -7,13 +7,15 @@ use crate::Error;
 const MAX_LENGTH_M: f64 = 1e3;
 /// Least length of a mirror, in metres.
 const MIN_LENGTH_M: f64 = 1e-6;
+/// Cosine of the widest angle between the mirror's normal and the pinhole's line of sight, 87 degrees.
+const MIN_COS_INCIDENCE: f64 = 0.05;
 /// Places between axis and rim at which a closed form is checked.
 const CHECKED_PLACES: u32 = 500;
 
 /// A mirror of revolution z = F(t) for t from 0 (on the optical axis) to the rim, in metres, with the pinhole at the origin.
 ///
-/// Every profile fulfils, so that each point of the scene is seen at most once: F > 0; the pinhole sees the front of the whole mirror,
-/// F − t·F' > 0 (the image radius grows with t); and the reflected rays spread, φ' > 0 with φ(0) ≥ 0 (no fold, and no ray meets the mirror again).
+/// Every profile fulfils, so that each point of the scene is seen at most once: F > 0; the pinhole sees the front of the whole mirror
+/// (F − t·F' > 0: the image radius grows with t), nowhere flatter than 3 degrees; and the reflected rays spread, φ' > 0 with φ(0) ≥ 0 (no fold, and no ray meets the mirror again).
 #[derive(Debug, Clone, PartialEq)]
 pub struct MirrorProfile {
     vertex_m: f64,
@@ -93,12 +95,7 @@ impl MirrorProfile {
         Self::checked(rows[0][1], rows[rows.len() - 1][0], Shape::Table(table))
     }
 
-    fn conic(
-        vertex_m: f64,
-        curvature_per_m: f64,
-        conic: f64,
-        rim_m: f64,
-    ) -> Result<Self, Error> {
+    fn conic(vertex_m: f64, curvature_per_m: f64, conic: f64, rim_m: f64) -> Result<Self, Error> {
         let shape = Shape::Conic {
             curvature_per_m,
             conic,
@@ -141,10 +138,11 @@ impl MirrorProfile {
         if !(f > 0.0) {
             return refuse("behind the pinhole", "F above 0");
         }
-        if !(f - t * slope > 0.0) {
+        let cos_incidence = (f - t * slope) / ((f * f + t * t) * (1.0 + slope * slope)).sqrt();
+        if !(cos_incidence >= MIN_COS_INCIDENCE) {
             return refuse(
-                "hidden from the pinhole by itself",
-                "F - t F' above 0 up to the rim; lessen the rim's radius",
+                "grazed or hidden by itself as seen from the pinhole",
+                "up to 87 degrees between surface normal and line of sight; lessen the rim's radius",
             );
         }
         if !(slope >= 0.0 || t > 0.0) {

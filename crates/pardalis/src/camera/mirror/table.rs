@@ -91,7 +91,10 @@ fn check_rows<const N: usize>(rows: &[[f64; N]]) -> Result<(), Error> {
     }
     let faulty = |row: &[f64; N]| row.iter().any(|v| !(v.abs() <= 1e6));
     if let Some(i) = rows.iter().position(faulty) {
-        return refuse(format!("{:?} in row {}", rows[i], i + 1), "numbers up to 1e6");
+        return refuse(
+            format!("{:?} in row {}", rows[i], i + 1),
+            "numbers up to 1e6",
+        );
     }
     if rows[0][0] != 0.0 {
         return refuse(

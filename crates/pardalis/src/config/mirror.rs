@@ -1,0 +1,117 @@
+//! The mirror of an exact mirror camera.
+
+use super::reader::Table;
+use crate::camera::{ConstantResolution, MirrorProfile, Resolution};
+
+/// The mirror under the one of these keys that the table has: `profile`, rows of t, F and perhaps F'; or a table of a shape's parameters.
+pub(super) fn read_profile(table: &Table) -> Option<MirrorProfile> {
+    if let Some(rows) = table.optional::<Vec<Vec<f64>>>("profile") {
+        for kind in KINDS.into_iter().filter(|kind| table.has(kind)) {
+            table.table(kind);
+            table.problem(kind, "stands beside profile; keep one of them");
+        }
+        return read_rows(table, &rows);
+    }
+    if table.has("profile") {
+        return None;
+    }
+    let (kind, shape) = table.one_of(&KINDS)?;
+    let profile = match kind {
+        "sphere" => read_sphere(&shape),
+        "cone" => read_cone(&shape),
+        "paraboloid" => read_paraboloid(&shape),
+        "hyperboloid" => read_hyperboloid(&shape),
+        _ => read_constant_resolution(&shape),
+    };
+    shape.finish();
+    profile
+}
+
+const KINDS: [&str; 5] = [
+    "sphere",
+    "cone",
+    "paraboloid",
+    "hyperboloid",
+    "constant_resolution",
+];
+
+fn read_rows(table: &Table, rows: &[Vec<f64>]) -> Option<MirrorProfile> {
+    let rows_of_two: Option<Vec<[f64; 2]>> = columns(rows);
+    let rows_of_three: Option<Vec<[f64; 3]>> = columns(rows);
+    match (rows_of_two, rows_of_three) {
+        (Some(rows), _) => table.checked(MirrorProfile::from_rows(&rows)),
+        (_, Some(rows)) => table.checked(MirrorProfile::from_rows_with_slopes(&rows)),
+        _ => {
+            table.refuse("profile", "rows [t, F] or rows [t, F, F'], in metres");
+            None
+        }
+    }
+}
+
+fn columns<const N: usize>(rows: &[Vec<f64>]) -> Option<Vec<[f64; N]>> {
+    rows.iter()
+        .map(|row| row.as_slice().try_into().ok())
+        .collect()
+}
+
+fn read_sphere(table: &Table) -> Option<MirrorProfile> {
+    let [vertex_m, radius_m, rim_m] =
+        ["vertex_m", "radius_m", "rim_m"].map(|key| table.required(key));
+    table.checked(MirrorProfile::sphere(vertex_m?, radius_m?, rim_m?))
+}
+
+fn read_cone(table: &Table) -> Option<MirrorProfile> {
+    let [vertex_m, half_angle_deg, rim_m] =
+        ["vertex_m", "half_angle_deg", "rim_m"].map(|key| table.required::<f64>(key));
+    let half_angle_deg = half_angle_deg?;
+    if !(half_angle_deg >= 0.1 && half_angle_deg < 90.0) {
+        table.refuse("half_angle_deg", "0.1 to less than 90");
+        return None;
+    }
+    let profile = MirrorProfile::cone(vertex_m?, half_angle_deg.to_radians(), rim_m?);
+    table.checked(profile)
+}
+
+fn read_paraboloid(table: &Table) -> Option<MirrorProfile> {
+    let [vertex_m, focal_m, rim_m] =
+        ["vertex_m", "focal_m", "rim_m"].map(|key| table.required(key));
+    table.checked(MirrorProfile::paraboloid(vertex_m?, focal_m?, rim_m?))
+}
+
+fn read_hyperboloid(table: &Table) -> Option<MirrorProfile> {
+    let [vertex_m, a_m, b_m, rim_m] =
+        ["vertex_m", "a_m", "b_m", "rim_m"].map(|key| table.required(key));
+    table.checked(MirrorProfile::hyperboloid(vertex_m?, [a_m?, b_m?], rim_m?))
+}
+
+fn read_constant_resolution(table: &Table) -> Option<MirrorProfile> {
+    let [vertex_m, rim_m, plane_z_m] =
+        ["vertex_m", "rim_m", "plane_z_m"].map(|key| table.required(key));
+    let per_metre = table.optional("resolution_per_m").map(Resolution::PerMetre);
+    let rim_shows = table.optional("rim_shows_m").map(Resolution::RimShows);
+    let offset = table.or("offset", 0.0);
+    let resolution = match (per_metre, rim_shows) {
+        (Some(resolution), None) | (None, Some(resolution)) => Some(resolution),
+        (Some(_), Some(_)) => {
+            table.problem(
+                "rim_shows_m",
+                "stands beside resolution_per_m; keep one of them",
+            );
+            None
+        }
+        (None, None) => {
+            if !table.has("resolution_per_m") && !table.has("rim_shows_m") {
+                table.problem_here("says no resolution; give resolution_per_m or rim_shows_m");
+            }
+            None
+        }
+    };
+    let design = ConstantResolution {
+        vertex_m: vertex_m?,
+        rim_m: rim_m?,
+        plane_z_m: plane_z_m?,
+        resolution: resolution?,
+        offset,
+    };
+    table.checked(design.design())
+}
