@@ -9,16 +9,17 @@ mod mirrors;
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use mirrors::{Meridian, mirrors};
+use mirrors::mirrors;
 use pardalis::camera::{ExactMirror, MirrorLookUp, Projection};
 
 const POINTS: usize = 50_000;
+const LANES: usize = 16;
 
 /// Points that the mirror shows, from its surface to far away.
 fn points(mirror: &ExactMirror<f64>) -> [Vec<f32>; 3] {
     let shown: Vec<_> = mirrors::points(mirror)
         .into_iter()
-        .map(|Meridian { r, z, .. }| [0.6 * r, -0.8 * r, z])
+        .map(|[r, z]| [0.6 * r, -0.8 * r, z])
         .filter(|&point| mirror.project(point).1)
         .collect();
     [0, 1, 2].map(|axis| {
@@ -34,10 +35,20 @@ fn exact(mirror: &ExactMirror<f64>, [x, y, z]: &[Vec<f32>; 3], pixels: &mut [[f3
     }
 }
 
+/// In blocks of lanes, as kernels do it.
 fn looked_up(mirror: MirrorLookUp, [x, y, z]: &[Vec<f32>; 3], pixels: &mut [[f32; 2]]) {
-    for (((pixel, x), y), z) in pixels.iter_mut().zip(x).zip(y).zip(z) {
-        let ([u, v], valid) = mirror.project([*x, *y, *z]);
-        *pixel = if valid { [u, v] } else { [-1.0; 2] };
+    for (block, pixels) in pixels.chunks_exact_mut(LANES).enumerate() {
+        let lanes = block * LANES..(block + 1) * LANES;
+        let (x, y, z) = (&x[lanes.clone()], &y[lanes.clone()], &z[lanes]);
+        let mut found = [[0.0; LANES]; 2];
+        for lane in 0..LANES {
+            let ([u, v], valid) = mirror.project([x[lane], y[lane], z[lane]]);
+            found[0][lane] = if valid { u } else { -1.0 };
+            found[1][lane] = if valid { v } else { -1.0 };
+        }
+        for lane in 0..LANES {
+            pixels[lane] = [found[0][lane], found[1][lane]];
+        }
     }
 }
 

@@ -5,7 +5,9 @@ mod common;
 use common::{ball_colors, fisheye, frame, jump_picture, world_from_fisheye};
 use image::{Rgb, RgbImage};
 use nalgebra::Point3;
-use pardalis::camera::{Camera, Mask, PerspectiveMirror, Pinhole, Unified};
+use pardalis::camera::{
+    Camera, ExactMirror, Mask, MirrorProfile, PerspectiveMirror, Pinhole, Unified,
+};
 use pardalis::color::{ColorModel, Palette, YuvEncoding, YuvMatrix, YuvRange};
 use pardalis::likelihood::{ContourCue, ContourSettings, Likelihood};
 use pardalis::particles::Particles;
@@ -35,6 +37,7 @@ fn cameras() -> Vec<Camera> {
     let center = [322.3, 238.1];
     let pinhole =
         |distortion: [f64; 5]| Pinhole::new([535.91, 540.2], center, &distortion).unwrap();
+    let mirror = MirrorProfile::hyperboloid(0.1, [0.02, 0.02], 0.04).unwrap();
     vec![
         fisheye(),
         Camera::Pinhole(pinhole([0.0; 5])),
@@ -43,6 +46,7 @@ fn cameras() -> Vec<Camera> {
         Camera::Unified(Unified::new(1.0, 0.0, 150.0, center).unwrap()),
         Camera::Unified(Unified::new(1.4, 0.8, 60.0, center).unwrap()),
         Camera::PerspectiveMirror(PerspectiveMirror::new(140.0, center).unwrap()),
+        Camera::ExactMirror(ExactMirror::new([480.0, 485.0], center, mirror).unwrap()),
     ]
 }
 

@@ -29,6 +29,13 @@ world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 f_px = [300, 301]
 center_px = [159.5, 119.5]
 distortion = [0.1, -0.2, 1e-3, 0, 0]
+[cameras.mirror]
+images = "up"
+world_from_camera = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0.82], [0, 0, 0, 1]]
+[cameras.mirror.model.exact_mirror]
+f_px = [579, 579]
+center_px = [319.5, 239.5]
+constant_resolution = { vertex_m = 0.16, rim_m = 0.08, plane_z_m = -0.82, rim_shows_m = 5, offset = 0 }
 [targets.ball]
 shape.sphere = { radius_m = 0.11, outline = "tangent" }
 colors = "ball.toml"
@@ -146,5 +153,5 @@ fn a_doubled_key_hides_no_other_problem() {
         .replace("[cameras.web]", "[cameras.web]\nwide = 1");
     let problems = Scene::parse(&text, &no_calibration).unwrap_err();
     let lines: Vec<_> = problems.iter().map(|p| p.line).collect();
-    assert_eq!(lines, [6, 17, 27], "{problems:?}");
+    assert_eq!(lines, [6, 17, 34], "{problems:?}");
 }

@@ -63,32 +63,12 @@ pub(crate) fn mirrors() -> Vec<(&'static str, ExactMirror<f64>)> {
     .into()
 }
 
-/// The radius of the rim's image in pixels, at its least.
-pub(crate) fn rim_radius_px(mirror: &ExactMirror<f64>) -> f64 {
-    let rim_m = mirror.profile().rim_m();
-    F_PX[1] * rim_m / mirror.profile().at(rim_m)[0]
-}
-
-/// A point at r from the axis at height z, and how far in front of the mirror's surface it lies (along the axis; infinite beside the mirror).
-pub(crate) struct Meridian {
-    pub(crate) r: f64,
-    pub(crate) z: f64,
-    pub(crate) border_m: f64,
-}
-
-/// Points all over the half plane: around the vertex, at every distance from the mirror's surface, inside it, and on both sides of the rim.
-pub(crate) fn points(mirror: &ExactMirror<f64>) -> Vec<Meridian> {
+/// Points (r, z), r from the axis, all over the half plane: around the vertex, at every distance from the mirror's surface, inside it, and on both sides of the rim.
+pub(crate) fn points(mirror: &ExactMirror<f64>) -> Vec<[f64; 2]> {
     let profile = mirror.profile();
     let rim_m = profile.rim_m();
     let mut points = Vec::new();
-    let mut add = |r: f64, z: f64| {
-        let border_m = if r <= rim_m {
-            profile.at(r)[0] - z
-        } else {
-            f64::INFINITY
-        };
-        points.push(Meridian { r, z, border_m });
-    };
+    let mut add = |r: f64, z: f64| points.push([r, z]);
     for i in 0..=180 {
         // Around the middle of the mirror in all directions.
         let (sin, cos) = f64::from(i).to_radians().sin_cos();

@@ -105,10 +105,11 @@ impl ConstantResolution {
     /// Rows t, F, F' from the vertex to the rim.
     fn integrate(&self, a: f64) -> Vec<[f64; 3]> {
         let slope = |t: f64, f: f64| {
-            let rho = t / f;
-            let r = (rho - self.offset) / a;
-            let angle = libm::atan2(r - t, f - self.plane_z_m) - libm::atan(rho);
-            libm::tan(0.5 * angle)
+            let r = (t / f - self.offset) / a;
+            // The ray to the point is (r − t, F − z), that to the pinhole (t, F): the tangent of half the angle between them.
+            let (across, along) = (r - t, f - self.plane_z_m);
+            let lengths = ((across * across + along * along) * (t * t + f * f)).sqrt();
+            (across * f - along * t) / (lengths + along * f + across * t)
         };
         let steps = ROWS * STEPS_A_ROW;
         let h = self.rim_m / steps as f64;

@@ -139,7 +139,7 @@ impl ReflectedRays {
 /// Between two rays.
 #[inline(always)]
 fn between(before: [f32; 4], after: [f32; 4], share: f32) -> [f32; 4] {
-    std::array::from_fn(|k| before[k] + share * (after[k] - before[k]))
+    [0, 1, 2, 3].map(|k| before[k] + share * (after[k] - before[k]))
 }
 
 /// t and F of a ray, times the square of its direction's length: between two rays that is a little short.
