@@ -308,7 +308,7 @@ fn rigs_of_several_cameras() {
         };
         assert_same_pose(&a_from_b(&pair), &a_from_b(&again), format);
         assert_same(&pair[1], &again[1], format);
-        let three = [pair[0].clone(), pair[1].clone(), pair[0].clone()];
+        let three = [pair[0].clone(), pair[1].clone(), posed("c", camera(0), 0.0)];
         let message = write(format, &three).unwrap_err().to_string();
         assert!(message.contains("1 or 2 in an OpenCV file"), "{message}");
     }
@@ -321,6 +321,12 @@ fn rigs_of_several_cameras() {
         "{message}"
     );
     assert!(write(Format::Basalt, &[]).is_err());
+    let twice = [pair[0].clone(), pair[0].clone()];
+    let message = write(Format::Pardalis, &twice).unwrap_err().to_string();
+    assert!(
+        message.contains("is a; allowed: each name once"),
+        "{message}"
+    );
 }
 
 #[test]

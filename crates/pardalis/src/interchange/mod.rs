@@ -219,7 +219,7 @@ fn read_document(text: &str, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>
 
 /// The text of a calibration file. Numbers are written so that reading gives the same ones.
 ///
-/// Refused, by the camera's name: what the format cannot hold. Left out: the largest angle or radius of a model, which no other
+/// Refused, by the camera's name: what the format cannot hold, and a name that stands twice. Left out: the largest angle or radius of a model, which no other
 /// program's format has, and poses where the table above says so.
 pub fn write(format: Format, cameras: &[CalibratedCamera]) -> Result<String, Error> {
     if cameras.is_empty() {
@@ -228,7 +228,15 @@ pub fn write(format: Format, cameras: &[CalibratedCamera]) -> Result<String, Err
             remedy: "give at least one".to_owned(),
         });
     }
-    for camera in cameras {
+    for (i, camera) in cameras.iter().enumerate() {
+        if cameras[..i].iter().any(|other| other.name == camera.name) {
+            let name = &camera.name;
+            return Err(Error::out_of_range(
+                "the name of a camera",
+                name,
+                "each name once",
+            ));
+        }
         let kind = camera.camera.kind();
         if !format.holds(kind) {
             let able: Vec<_> = Format::ALL
