@@ -95,6 +95,59 @@ fn the_fisheye_is_found_from_noisy_points() {
 }
 
 #[test]
+fn the_exact_mirror_fits_at_the_noise() {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../data/calibration/catadioptric/camera.toml"
+    );
+    let text = std::fs::read_to_string(path).unwrap();
+    let truth = pardalis::config::calibration::read(&text)
+        .unwrap()
+        .remove(0);
+    let camera_from_world = truth.world_from_camera.unwrap().inverse();
+    let exact: Vec<f64> = truth.camera.parameters().iter().map(|p| p.1).collect();
+    // A start with another focal length, centre and distance of the mirror.
+    let start = [1.1, 1.1, 1.03, 0.95, 0.97];
+    let start: Vec<f64> = exact
+        .iter()
+        .zip(start)
+        .map(|(p, factor)| p * factor)
+        .collect();
+    let settings = CalibrationSettings {
+        start: CalibrationStart::Near(truth.camera.with_parameters(&start).unwrap()),
+        ..settings(ModelKind::Unified)
+    };
+    let found = calibrate(&[rendered("catadioptric", "noisy")], &settings).unwrap();
+    for (parameter, truth) in found.parameters.iter().zip(exact) {
+        let (name, value, sigma) = (parameter.name, parameter.value, parameter.sigma.unwrap());
+        assert!(
+            (value - truth).abs() < 3.0 * sigma,
+            "{name}: {value} +- {sigma}"
+        );
+        assert!(sigma < 0.005 * truth, "{name}: {value} +- {sigma}");
+    }
+    // Normal noise of 0.3 px in both coordinates, and 11 unknowns.
+    let held_out = found.held_out_rms_px.unwrap();
+    assert!(
+        found.rms_px < 0.45 && held_out < 0.55,
+        "{} {held_out}",
+        found.rms_px
+    );
+    let fitted = &found.views[0];
+    let turn = fitted.camera_from_target.rotation * camera_from_world.rotation.inverse();
+    let shift = fitted.camera_from_target.translation.vector - camera_from_world.translation.vector;
+    assert!(turn.angle() < 2e-3, "{} rad", turn.angle());
+    assert!(shift.norm() < 5e-3, "{shift:?}");
+    for i in 0..3 {
+        assert!(
+            turn.scaled_axis()[i].abs() < 3.0 * fitted.pose_sigma[i],
+            "turn {i}"
+        );
+        assert!(shift[i].abs() < 3.0 * fitted.pose_sigma[3 + i], "shift {i}");
+    }
+}
+
+#[test]
 fn every_model_fits_what_it_can_and_says_so_where_it_cannot() {
     use ModelKind::{
         DoubleSphere, ExtendedUnified, KannalaBrandt, Mei, Ocam, PerspectiveMirror, Pinhole,

@@ -8,6 +8,8 @@ use nalgebra::{Point3, Vector3};
 use pardalis::camera::{
     Camera, ConstantResolution, ExactMirror, MirrorProfile, Projection, Ray, Resolution, Unified,
 };
+use pardalis::config::calibration;
+use pardalis::rig::CalibratedCamera;
 use pardalis::rig::pose_from_matrix;
 
 fn at(ray: &Ray<f64>, range_m: f64) -> [f64; 3] {
@@ -28,7 +30,7 @@ fn rays(mirror: &ExactMirror<f64>) -> Vec<([f64; 2], Ray<f64>)> {
     let [f, ..] = profile.at(profile.rim_m());
     let rim = profile.rim_m() / f;
     (0..=400)
-        .flat_map(|i| {
+        .filter_map(|i| {
             let rho = rim * (f64::from(i) + 0.01) / 400.02;
             let (sin, cos) = (f64::from(i) * 0.7).sin_cos();
             let pixel = [
@@ -454,12 +456,13 @@ fn a_designed_mirror_has_constant_resolution_on_its_plane() {
     }
 }
 
+fn refused(profile: Result<MirrorProfile, pardalis::Error>, reason: &str) {
+    let error = profile.expect_err(reason).to_string();
+    assert!(error.contains(reason), "{error} does not say {reason}");
+}
+
 #[test]
 fn impossible_mirrors_are_refused_with_their_reason() {
-    let refused = |profile: Result<MirrorProfile, pardalis::Error>, reason: &str| {
-        let error = profile.expect_err(reason).to_string();
-        assert!(error.contains(reason), "{error} does not say {reason}");
-    };
     for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0, 1e4] {
         refused(MirrorProfile::sphere(bad, 0.05, 0.03), "vertex_m");
         refused(
@@ -508,7 +511,10 @@ fn impossible_mirrors_are_refused_with_their_reason() {
     refused(MirrorProfile::from_rows(&twice), "row 21");
     let with_slopes: Vec<_> = rows(&|_| 0.1).iter().map(|&[t, f]| [t, f, -0.1]).collect();
     refused(MirrorProfile::from_rows_with_slopes(&with_slopes), "hollow");
+}
 
+#[test]
+fn impossible_designs_are_refused_with_their_reason() {
     let design = ConstantResolution {
         vertex_m: 0.16,
         rim_m: 0.08,
@@ -579,6 +585,28 @@ fn impossible_mirrors_are_refused_with_their_reason() {
             ..design
         };
         refused(design.design(), "the mirror is folded");
+    }
+}
+
+#[test]
+fn a_calibration_file_keeps_the_mirror() {
+    for (name, mirror) in mirrors() {
+        let written = CalibratedCamera {
+            name: "mirror".to_owned(),
+            camera: Camera::ExactMirror(mirror.clone()),
+            size_px: Some((640, 480)),
+            world_from_camera: None,
+        };
+        let text = calibration::write(std::slice::from_ref(&written));
+        let read = calibration::read(&text).unwrap_or_else(|problems| panic!("{problems:?}"));
+        let Camera::ExactMirror(found) = &read[0].camera else {
+            panic!("{name}: {text}");
+        };
+        for (pixel, ray) in rays(&mirror) {
+            let again = found.unproject(pixel).expect("a ray");
+            assert!(distance(&again.origin, &ray.origin) < 1e-14, "{name}");
+            assert!(distance(&again.direction, &ray.direction) < 1e-9, "{name}");
+        }
     }
 }
 

@@ -25,7 +25,7 @@ pub use jacobian::ProjectionJacobian;
 pub use kannala_brandt::KannalaBrandt;
 pub use mask::Mask;
 pub use mei::Mei;
-pub use mirror::{ConstantResolution, MirrorLookUp, MirrorProfile, Resolution};
+pub use mirror::{ConstantResolution, MirrorForm, MirrorLookUp, MirrorProfile, Resolution};
 pub use ocam::Ocam;
 pub use perspective_mirror::PerspectiveMirror;
 pub use pinhole::Pinhole;

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::camera::{read_model, read_pose};
+use super::mirror::push_profile;
 use super::reader::{Journal, Problem, Table};
 use crate::camera::Camera;
 use crate::frame::MAX_IMAGE_SIDE_PX;
@@ -118,6 +119,11 @@ fn push_model(text: &mut String, camera: &Camera) {
             push("center_px", &&values[..2]);
             push("affine", &&values[2..5]);
             push("max_radius_px", &model.max_radius_px());
+        }
+        Camera::ExactMirror(model) => {
+            push("f_px", &&values[..2]);
+            push("center_px", &&values[2..4]);
+            push_profile(text, model.profile());
         }
         Camera::Unified(_)
         | Camera::PerspectiveMirror(_)

@@ -1,7 +1,9 @@
 //! The mirror of an exact mirror camera.
 
+use std::fmt::Write as _;
+
 use super::reader::Table;
-use crate::camera::{ConstantResolution, MirrorProfile, Resolution};
+use crate::camera::{ConstantResolution, MirrorForm, MirrorProfile, Resolution};
 
 /// The mirror under the one of these keys that the table has: `profile`, rows of t, F and perhaps F'; or a table of a shape's parameters.
 pub(super) fn read_profile(table: &Table) -> Option<MirrorProfile> {
@@ -25,6 +27,37 @@ pub(super) fn read_profile(table: &Table) -> Option<MirrorProfile> {
     };
     shape.finish();
     profile
+}
+
+/// Writes a mirror under the key with which [`read_profile`] reads it.
+pub(super) fn push_profile(text: &mut String, profile: &MirrorProfile) {
+    let (kind, shape): (_, Vec<(_, f64)>) = match profile.form() {
+        MirrorForm::Sphere { radius_m } => ("sphere", vec![("radius_m", radius_m)]),
+        MirrorForm::Cone { half_angle_rad } => (
+            "cone",
+            vec![("half_angle_deg", half_angle_rad.to_degrees())],
+        ),
+        MirrorForm::Paraboloid { focal_m } => ("paraboloid", vec![("focal_m", focal_m)]),
+        MirrorForm::Hyperboloid {
+            semi_axes_m: [a, b],
+        } => ("hyperboloid", vec![("a_m", a), ("b_m", b)]),
+        MirrorForm::Rows(rows) => {
+            text.push_str("profile = [\n");
+            // Writing to a String cannot fail.
+            for row in rows {
+                let _ = writeln!(text, "    {row:?},");
+            }
+            text.push_str("]\n");
+            return;
+        }
+    };
+    let lengths = [("vertex_m", profile.vertex_m()), ("rim_m", profile.rim_m())];
+    let values: Vec<_> = shape
+        .into_iter()
+        .chain(lengths)
+        .map(|(key, value)| format!("{key} = {value:?}"))
+        .collect();
+    let _ = writeln!(text, "{kind} = {{ {} }}", values.join(", "));
 }
 
 const KINDS: [&str; 5] = [
@@ -64,7 +97,7 @@ fn read_cone(table: &Table) -> Option<MirrorProfile> {
     let [vertex_m, half_angle_deg, rim_m] =
         ["vertex_m", "half_angle_deg", "rim_m"].map(|key| table.required::<f64>(key));
     let half_angle_deg = half_angle_deg?;
-    if !(half_angle_deg >= 0.1 && half_angle_deg < 90.0) {
+    if !(0.1..90.0).contains(&half_angle_deg) {
         table.refuse("half_angle_deg", "0.1 to less than 90");
         return None;
     }

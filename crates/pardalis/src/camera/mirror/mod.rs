@@ -14,4 +14,4 @@ pub use design::{ConstantResolution, Resolution};
 pub use look_up::MirrorLookUp;
 pub(super) use look_up::ReflectedRays;
 pub(super) use meridian::Meridian;
-pub use profile::MirrorProfile;
+pub use profile::{MirrorForm, MirrorProfile};

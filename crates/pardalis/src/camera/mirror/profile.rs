@@ -23,6 +23,33 @@ pub struct MirrorProfile {
     shape: Shape,
 }
 
+/// What a profile is made from, as its constructors take it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MirrorForm {
+    /// A ball of this radius in metres.
+    Sphere {
+        /// Its radius in metres.
+        radius_m: f64,
+    },
+    /// A cone with its tip towards the pinhole.
+    Cone {
+        /// The angle between axis and surface in radians.
+        half_angle_rad: f64,
+    },
+    /// A paraboloid.
+    Paraboloid {
+        /// Its focal length in metres.
+        focal_m: f64,
+    },
+    /// A sheet of a hyperboloid.
+    Hyperboloid {
+        /// Along the optical axis and across, in metres.
+        semi_axes_m: [f64; 2],
+    },
+    /// A table of t, F and F', t and F in metres.
+    Rows(Vec<[f64; 3]>),
+}
+
 /// F(t) − F(0).
 #[derive(Debug, Clone, PartialEq)]
 enum Shape {
@@ -68,7 +95,7 @@ impl MirrorProfile {
     /// A cone with its tip towards the pinhole: distance of the tip in metres, angle between axis and surface in radians (below a right angle),
     /// radius of the rim in metres. A cone does not show the points near the axis.
     pub fn cone(vertex_m: f64, half_angle_rad: f64, rim_m: f64) -> Result<Self, Error> {
-        if !(half_angle_rad >= 1e-3 && half_angle_rad < std::f64::consts::FRAC_PI_2) {
+        if !(1e-3..std::f64::consts::FRAC_PI_2).contains(&half_angle_rad) {
             return Err(Error::out_of_range(
                 "half_angle_rad",
                 half_angle_rad,
@@ -166,6 +193,39 @@ impl MirrorProfile {
     /// The radius of the rim in metres.
     pub fn rim_m(&self) -> f64 {
         self.rim_m
+    }
+
+    /// What the profile is made from, but for rounding.
+    pub fn form(&self) -> MirrorForm {
+        match &self.shape {
+            &Shape::Conic {
+                curvature_per_m: c,
+                conic,
+            } => {
+                if conic == 0.0 {
+                    MirrorForm::Sphere { radius_m: 1.0 / c }
+                } else if conic == -1.0 {
+                    MirrorForm::Paraboloid { focal_m: 0.5 / c }
+                } else {
+                    // c = a/b² and k = −1 − b²/a².
+                    let a_m = -1.0 / (c * (1.0 + conic));
+                    let b_m = (a_m / c).sqrt();
+                    MirrorForm::Hyperboloid {
+                        semi_axes_m: [a_m, b_m],
+                    }
+                }
+            }
+            Shape::Cone { slope } => MirrorForm::Cone {
+                half_angle_rad: libm::atan(1.0 / slope),
+            },
+            Shape::Table(table) => {
+                let row = |&t: &f64| {
+                    let [f, slope, _] = self.at(t);
+                    [t, f, slope]
+                };
+                MirrorForm::Rows(table.t_m().iter().map(row).collect())
+            }
+        }
     }
 
     /// F in metres, F' and F'' in 1/m at `t_m` from the axis, 0 to the rim.

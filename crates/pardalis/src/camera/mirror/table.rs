@@ -47,6 +47,11 @@ impl ProfileTable {
         Ok(Self { t_m, coefficients })
     }
 
+    /// The rows' distances from the axis in metres.
+    pub(super) fn t_m(&self) -> &[f64] {
+        &self.t_m
+    }
+
     /// F − F(0), F' and F''.
     pub(super) fn at(&self, t: f64) -> [f64; 3] {
         let last = self.coefficients.len() - 1;
