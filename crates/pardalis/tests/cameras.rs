@@ -4,6 +4,7 @@ use pardalis::camera::{
     Camera, DoubleSphere, Equidistant, ExactMirror, ExtendedUnified, KannalaBrandt, Mei,
     MirrorProfile, Ocam, PerspectiveMirror, Pinhole, Projection, Ray, Unified,
 };
+use pardalis::simd::Level;
 
 type ProjectF32 = Box<dyn Fn([f32; 3]) -> ([f32; 2], bool)>;
 type UnprojectF32 = Box<dyn Fn([f32; 2]) -> Option<Ray<f32>>>;
@@ -336,6 +337,39 @@ fn single_precision_stays_within_a_hundredth_of_a_pixel() {
                 example.name,
                 angle_rad.to_degrees()
             );
+        }
+    }
+}
+
+#[test]
+fn many_points_at_once_get_the_pixels_of_each() {
+    for example in examples() {
+        let points: Vec<[f32; 3]> = directions()
+            .map(|(_, direction)| direction.map(|c| c as f32))
+            .collect();
+        let columns = [0, 1, 2].map(|c| points.iter().map(|p| p[c]).collect::<Vec<f32>>());
+        for level in Level::available() {
+            // Not a whole number of blocks.
+            for count in [points.len(), 21, 0] {
+                let (mut u, mut v) = (vec![0.0; count], vec![0.0; count]);
+                let columns = [0, 1, 2].map(|c| &columns[c][..count]);
+                example
+                    .camera
+                    .project_points(level, columns, [&mut u, &mut v]);
+                for i in 0..count {
+                    let (pixel, valid) = (example.project_f32)(points[i]);
+                    if valid {
+                        assert_eq!([u[i], v[i]], pixel, "{}: {:?}", example.name, points[i]);
+                    } else {
+                        assert!(
+                            u[i].is_nan() && v[i].is_nan(),
+                            "{}: {:?}",
+                            example.name,
+                            points[i]
+                        );
+                    }
+                }
+            }
         }
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! Pixel centres lie at integer coordinates, (0, 0) is the centre of the top left pixel.
 
+mod batch;
 mod distortion;
 mod double_sphere;
 mod equidistant;

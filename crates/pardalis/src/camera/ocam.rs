@@ -6,6 +6,8 @@ use crate::real::Real;
 
 /// Most coefficients of the polynomial.
 const MAX_COEFFICIENTS: usize = 8;
+/// The share of the last radius below which a step ends the iteration.
+const SETTLED: f64 = 2e-7;
 
 /// The pixel (u, v) at (du, dv) from the centre is (x', y') = A⁻¹·(du, dv), A = [1 e; d c], and looks along (x', y', −f(ρ)), with
 /// ρ = √(x'² + y'²) and f(ρ) = a0 + a1·ρ + a2·ρ² + … (Scaramuzza, Martinelli and Siegwart 2006, with OCamCalib's signs, a0 < 0).
@@ -178,8 +180,8 @@ impl<R: Real> Projection<R> for Ocam<R> {
         let (sin, cos) = (r * inverse, z * inverse);
         let last = self.last_radius_px;
         let (f_last, _) = value_and_slope(&self.polynomial, last);
-        let behind = !(sin > R::of(1e-30)) && !(cos > zero);
-        let valid = somewhere && !behind && cos * last + sin * f_last >= zero;
+        let behind = !(sin > R::of(1e-30)) & !(cos > zero);
+        let valid = somewhere & !behind & (cos * last + sin * f_last >= zero);
         let (mut low, mut high) = (zero, last);
         let mut rho = sin * last;
         for _ in 0..16 {
@@ -189,11 +191,17 @@ impl<R: Real> Projection<R> for Ocam<R> {
             high = if beyond { rho } else { high };
             low = if beyond { low } else { rho };
             let newton = rho - error / (cos + sin * slope);
-            rho = if newton >= low && newton <= high {
+            let next = if newton >= low && newton <= high {
                 newton
             } else {
                 R::of(0.5) * (low + high)
             };
+            // What is left after such a step is about its square.
+            let settled = (next - rho).abs() <= R::of(SETTLED) * last;
+            rho = next;
+            if settled {
+                break;
+            }
         }
         // ρ/r, which is −f(ρ)/z too: whichever of r and z is larger divides.
         let ahead = cos > sin;
