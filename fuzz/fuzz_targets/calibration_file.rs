@@ -1,0 +1,21 @@
+//! Any text as a calibration file: cameras or a fault, never a panic; and what is read and written again is read as the same cameras.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use pardalis::config::calibration;
+use pardalis::interchange::{Lens, read};
+
+fuzz_target!(|text: &str| {
+    for lens in [None, Some(Lens::Pinhole), Some(Lens::Fisheye)] {
+        match read(text, lens) {
+            Ok(cameras) => {
+                let again = calibration::read(&calibration::write(&cameras)).expect("our own file");
+                assert_eq!(again.len(), cameras.len());
+                for (again, camera) in again.iter().zip(&cameras) {
+                    assert_eq!(again.camera.parameters(), camera.camera.parameters());
+                }
+            }
+            Err(error) => assert!(error.to_string().starts_with("line ")),
+        }
+    }
+});
