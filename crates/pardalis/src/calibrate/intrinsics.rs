@@ -196,7 +196,7 @@ fn check_fit(fitted: &Bundle, settings: &CalibrationSettings) -> Result<(), Refu
         if 2 * behind > fitted.poses.len() {
             return Err(Refusal::new(
                 "the board is seen from behind: its corners are ordered as in a mirror",
-                "check whether the images are flipped",
+                "check whether the images are flipped, and whether the model is for such a camera (a lens or a mirror)",
             ));
         }
     }

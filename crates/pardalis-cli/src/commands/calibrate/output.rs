@@ -16,10 +16,14 @@ use crate::fault::fault;
 use crate::files::write_file;
 use crate::say::say;
 
-/// The folder that was asked for, or one named after the input.
-pub(super) fn folder(asked: Option<&Path>, input: &Path) -> PathBuf {
+/// The folder that was asked for, or one in the current directory named after the input and what was done: `points-calibration`.
+pub(super) fn folder(asked: Option<&Path>, input: &Path, done: &str) -> PathBuf {
     let stem = input.file_stem().unwrap_or_default().to_string_lossy();
-    asked.map_or_else(|| format!("{stem}-calibration").into(), Path::to_owned)
+    // A pattern is named by what is fixed of it.
+    let stem = stem.replace(['*', '?'], "");
+    let parts = [&*stem, done].into_iter().filter(|part| !part.is_empty());
+    let name = parts.collect::<Vec<_>>().join("-");
+    asked.map_or_else(|| name.into(), Path::to_owned)
 }
 
 /// Writes camera files, residuals and report into a folder, and tells what they say.

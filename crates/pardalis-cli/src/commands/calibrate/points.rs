@@ -36,7 +36,7 @@ pub(crate) struct Arguments {
     /// The columns that have other names
     #[arg(long, value_name = "x=NAME,...,v=NAME", value_parser = Columns::parse)]
     columns: Option<Columns>,
-    /// The folder for the results [default: the table's name with -calibration]
+    /// The folder for the results [default: in the current directory, the table's name with -calibration]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
 }
@@ -68,6 +68,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         fits: &fits,
         images: &[],
     };
-    let folder = output::folder(arguments.output.as_deref(), &arguments.points);
+    let folder = output::folder(
+        arguments.output.as_deref(),
+        &arguments.points,
+        "calibration",
+    );
     output::write(&folder, &report)
 }

@@ -10,6 +10,7 @@ use super::model::{parse_size, read_camera};
 use super::observations::{self, Columns};
 use super::output;
 use super::report::Report;
+use crate::commands::camera::optics::Optics;
 use crate::draw::calibration::{GRID_CELLS, cell_counts};
 use crate::fault::fault;
 
@@ -33,7 +34,7 @@ pub(crate) struct Arguments {
     /// The columns that have other names
     #[arg(long, value_name = "x=NAME,...,v=NAME", value_parser = Columns::parse)]
     columns: Option<Columns>,
-    /// The folder for the results [default: the table's name with -calibration]
+    /// The folder for the results [default: in the current directory, the table's name with -pose]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
 }
@@ -78,8 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         max_angle_rad: view
             .correspondences
             .iter()
-            .filter_map(|point| known.camera.unproject(point.pixel))
-            .map(|ray| ray.direction[2].clamp(-1.0, 1.0).acos())
+            .filter_map(|point| Optics::new(&known.camera, size_px).angle_rad(point.pixel))
             .fold(0.0, f64::max),
         camera: known.camera,
         views: vec![FittedView {
@@ -108,7 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         images: &[],
     };
     output::write(
-        &output::folder(arguments.output.as_deref(), &arguments.points),
+        &output::folder(arguments.output.as_deref(), &arguments.points, "pose"),
         &report,
     )
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use pardalis::calibrate::{Calibration, FittedView};
+use pardalis::calibrate::{Calibration, FittedParameter, FittedView};
 
 use super::fit::{Fit, Fits, all_sightings, largest_residual_px, sightings};
 use super::images::SearchedImage;
@@ -116,7 +116,7 @@ impl Report<'_> {
         }
         let mut names: Vec<&str> = Vec::new();
         for parameter in fits.iter().flat_map(|fit| &fit.calibration.parameters) {
-            if !names.contains(&parameter.name) {
+            if is_used(parameter) && !names.contains(&parameter.name) {
                 names.push(parameter.name);
             }
         }
@@ -125,7 +125,7 @@ impl Report<'_> {
                 let found = fit
                     .parameters
                     .iter()
-                    .find(|parameter| parameter.name == name);
+                    .find(|parameter| parameter.name == name && is_used(parameter));
                 found.map_or_else(String::new, |p| with_sigma(p.value, p.sigma))
             }));
         }
@@ -181,11 +181,10 @@ impl Report<'_> {
         let world_from_camera = view.camera_from_target.inverse();
         let position = world_from_camera.translation.vector;
         let axis = world_from_camera.rotation * nalgebra::Vector3::z();
-        let three = |v: nalgebra::Vector3<f64>| format!("{:.4}, {:.4}, {:.4}", v.x, v.y, v.z);
         Some(format!(
             "The camera is at {} m in the points' frame and looks along {}.",
-            three(position),
-            three(axis)
+            metres(position),
+            metres(axis)
         ))
     }
 
@@ -269,10 +268,23 @@ fn write_table(f: &mut fmt::Formatter<'_>, rows: &[Vec<String>]) -> fmt::Result 
     Ok(())
 }
 
+/// Whether a parameter is part of the model: terms that are held at zero are not.
+fn is_used(parameter: &FittedParameter) -> bool {
+    parameter.sigma.is_some() || parameter.value != 0.0
+}
+
+/// Three coordinates to a tenth of a millimetre, none of them minus zero.
+pub(super) fn metres(v: nalgebra::Vector3<f64>) -> String {
+    let [x, y, z] = [v.x, v.y, v.z].map(|value| (1e4 * value).round() / 1e4 + 0.0);
+    format!("{x:.4}, {y:.4}, {z:.4}")
+}
+
 /// A value with as many digits as its standard deviation justifies.
 fn with_sigma(value: f64, sigma: Option<f64>) -> String {
     let Some(sigma) = sigma else {
-        return format!("{value} (held)");
+        // Six digits tell it again; the camera's file has all of them.
+        let short: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+        return format!("{short} (held)");
     };
     // Two digits of the standard deviation.
     let decimals = (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize;
@@ -292,5 +304,12 @@ mod tests {
         assert_eq!(with_sigma(1234.5, Some(25.0)), "1234 ± 25");
         assert_eq!(with_sigma(1.5e-9, Some(2e-11)), "1.5000e-9 ± 2.0e-11");
         assert_eq!(with_sigma(0.5, None), "0.5 (held)");
+        assert_eq!(with_sigma(239.580_349_687_12, None), "239.58 (held)");
+    }
+
+    #[test]
+    fn no_coordinate_is_minus_zero() {
+        let shown = metres(nalgebra::Vector3::new(-1e-9, -0.0, -0.5));
+        assert_eq!(shown, "0.0000, 0.0000, -0.5000");
     }
 }
