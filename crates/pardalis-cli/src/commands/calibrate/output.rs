@@ -49,6 +49,7 @@ pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
         }
     }
     write("models.csv".to_owned(), models(report)?)?;
+    write("views.csv".to_owned(), views(report)?)?;
     write("residuals.csv".to_owned(), residuals(report)?)?;
     write("report.html".to_owned(), page::page(report)?)?;
     say(report);
@@ -128,6 +129,29 @@ fn models(report: &Report) -> Result<String> {
     for (name, reason) in &report.fits.refused {
         let mut row = [""; 12];
         (row[0], row[11]) = (name, reason);
+        table.write_record(row)?;
+    }
+    Ok(String::from_utf8(table.into_inner()?)?)
+}
+
+/// The views of the best fit as a table, a row a view. The pose is `camera_from_target` as OpenCV writes it: the rotation as a vector along its
+/// axis, its length the angle.
+fn views(report: &Report) -> Result<String> {
+    let mut table = csv::Writer::from_writer(Vec::new());
+    table.write_record([
+        "view", "points", "outliers", "rms_px", "x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad",
+    ])?;
+    for view in &report.best().views {
+        let pose = view.camera_from_target;
+        let mut row = vec![
+            view.name.clone(),
+            view.residuals_px.len().to_string(),
+            view.outliers.len().to_string(),
+            view.rms_px.to_string(),
+        ];
+        let turn = pose.rotation.scaled_axis();
+        let numbers = pose.translation.vector.iter().chain(&turn);
+        row.extend(numbers.map(f64::to_string));
         table.write_record(row)?;
     }
     Ok(String::from_utf8(table.into_inner()?)?)
