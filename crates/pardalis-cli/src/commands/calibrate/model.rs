@@ -100,7 +100,7 @@ pub(super) fn read_camera(path: &Path, name: Option<&str>) -> Result<CalibratedC
             name.unwrap_or("at all")
         )),
         (Some(_), None) if several => Err(fault!(
-            "{}: has several cameras ({names}); choose one with --camera-name",
+            "{}: has several cameras ({names}); take one out with pardalis camera convert --camera NAME",
             path.display()
         )),
         (Some(camera), _) => Ok(camera),
