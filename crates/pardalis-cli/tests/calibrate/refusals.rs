@@ -90,7 +90,10 @@ fn points_that_determine_no_camera() {
         .collect();
     refused(
         table_of(&flat),
-        &["all points of points lie in one plane", "at other heights"],
+        &[
+            "all points of the table lie in one plane",
+            "at other heights",
+        ],
     );
     let corner: Vec<[f64; 5]> = rows
         .iter()
