@@ -6,7 +6,8 @@ use super::least_squares::{Loss, Problem, Slopes, covariance, minimise};
 use super::pose::{fit_pose, pose_from_rays, residuals_px, slopes_by_pose, stepped_pose};
 use super::start::free_parameters;
 use super::{
-    CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, Refusal, check, rms,
+    CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, OUTLIER_SIGMAS,
+    Refusal, check, rms,
 };
 use crate::camera::{Camera, Equidistant, KannalaBrandt, Ocam};
 use crate::rig::Pose;
@@ -195,7 +196,7 @@ fn check_fit(fitted: &Bundle, settings: &CalibrationSettings) -> Result<(), Refu
         if 2 * behind > fitted.poses.len() {
             return Err(Refusal::new(
                 "the board is seen from behind: its corners are ordered as in a mirror",
-                "check whether the images are flipped",
+                "check whether the images are flipped, and whether the model is for such a camera (a lens or a mirror)",
             ));
         }
     }
@@ -239,7 +240,9 @@ fn held_out_rms_px(fitted: &Bundle) -> Option<f64> {
             let pose = if single {
                 rest.poses[v]
             } else {
-                fit_pose(&rest.camera, &held).ok()?.camera_from_target
+                fit_pose(&rest.camera, &held, OUTLIER_SIGMAS)
+                    .ok()?
+                    .camera_from_target
             };
             residuals.extend(
                 residuals_px(&rest.camera, &pose, &held)

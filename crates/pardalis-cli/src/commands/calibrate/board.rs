@@ -50,16 +50,18 @@ pub(crate) struct Arguments {
     /// image: a wrong square size shows nowhere else
     #[arg(long, value_name = "IMAGE=METRES", value_parser = parse_distance, conflicts_with = "rig")]
     distance: Vec<(String, f64)>,
-    /// The folder for the results
-    #[arg(short, long, value_name = "FOLDER", default_value = "calibration")]
-    output: PathBuf,
+    /// The folder for the results [default: in the current directory, the first folder's, image's or pattern's name with -calibration; of a
+    /// rig, rig-calibration]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
 }
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let board = Board::from_argument(&arguments.board)?;
     if !arguments.rig.is_empty() {
-        return rig::run(&board, &arguments.model, &arguments.rig, &arguments.output);
+        let folder = output::folder(arguments.output.as_deref(), Path::new("rig"), "calibration");
+        return rig::run(&board, &arguments.model, &arguments.rig, &folder);
     }
     let models = arguments.model.models()?;
     let mut files = Vec::new();
@@ -72,7 +74,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     check_found(source, &images)?;
     let fits = Fits::of(source, &observations.views, models, size_px, true)?;
     for (image, distance_m) in &arguments.distance {
-        check_distance(&board, &fits.fitted[0], image, *distance_m)?;
+        check_distance(&board, &fits.fitted[0].calibration, image, *distance_m)?;
     }
     let report = Report {
         camera: "camera",
@@ -81,7 +83,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         fits: &fits,
         images: &images,
     };
-    output::write(&arguments.output, &report)
+    let folder = output::folder(arguments.output.as_deref(), source, "calibration");
+    output::write(&folder, &report)
 }
 
 /// Faults: the board was found in no image.

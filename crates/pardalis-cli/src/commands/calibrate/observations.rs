@@ -67,7 +67,9 @@ pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
     })?;
     let view = table.optional_column(view);
     let parse = |row: &Row| -> Result<(String, Correspondence)> {
-        let name = view.map_or(Ok("points"), |view| row.text(view))?.to_owned();
+        let name = view
+            .map_or(Ok("the table"), |view| row.text(view))?
+            .to_owned();
         let (point_m, pixel) = (row.numbers(point)?, row.numbers(pixel)?);
         Ok((name, Correspondence { point_m, pixel }))
     };

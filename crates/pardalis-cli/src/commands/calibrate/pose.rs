@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::calibrate::{Calibration, FittedParameter, FittedView, fit_pose};
+use pardalis::calibrate::{Calibration, FittedParameter, FittedView, OUTLIER_SIGMAS, fit_pose};
 
-use super::fit::{Fits, all_sightings};
+use super::fit::{Fit, Fits, all_sightings};
 use super::model::{parse_size, read_camera};
 use super::observations::{self, Columns};
 use super::output;
 use super::report::Report;
+use crate::commands::camera::optics::Optics;
 use crate::draw::calibration::{GRID_CELLS, cell_counts};
 use crate::fault::fault;
 
@@ -33,7 +34,7 @@ pub(crate) struct Arguments {
     /// The columns that have other names
     #[arg(long, value_name = "x=NAME,...,v=NAME", value_parser = Columns::parse)]
     columns: Option<Columns>,
-    /// The folder for the results [default: the table's name with -calibration]
+    /// The folder for the results [default: in the current directory, the table's name with -pose]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
 }
@@ -56,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             observations.views.len()
         ));
     };
-    let fit = fit_pose(&known.camera, &view.correspondences)
+    let fit = fit_pose(&known.camera, &view.correspondences, OUTLIER_SIGMAS)
         .map_err(|refusal| fault!("{}: {refusal}", arguments.points.display()))?;
     let held = |(name, value)| FittedParameter {
         name,
@@ -78,8 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         max_angle_rad: view
             .correspondences
             .iter()
-            .filter_map(|point| known.camera.unproject(point.pixel))
-            .map(|ray| ray.direction[2].clamp(-1.0, 1.0).acos())
+            .filter_map(|point| Optics::new(&known.camera, size_px).angle_rad(point.pixel))
             .fold(0.0, f64::max),
         camera: known.camera,
         views: vec![FittedView {
@@ -99,13 +99,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         size_px,
         observations: &observations,
         fits: &Fits {
-            fitted: vec![calibration],
+            fitted: vec![Fit {
+                calibration,
+                trial: None,
+            }],
             refused: Vec::new(),
         },
         images: &[],
     };
     output::write(
-        &output::folder(arguments.output.as_deref(), &arguments.points),
+        &output::folder(arguments.output.as_deref(), &arguments.points, "pose"),
         &report,
     )
 }

@@ -2,11 +2,12 @@
 
 use std::fmt;
 
-use pardalis::calibrate::{Calibration, FittedView};
+use pardalis::calibrate::{Calibration, FittedParameter, FittedView};
 
-use super::fit::{Fits, all_sightings, largest_residual_px, sightings};
+use super::fit::{Fit, Fits, all_sightings, largest_residual_px, sightings};
 use super::images::SearchedImage;
 use super::observations::Observations;
+use super::trial::Trial;
 use crate::draw::calibration::Sighting;
 
 /// The most outliers that are listed.
@@ -29,7 +30,7 @@ pub(super) struct Report<'a> {
 impl Report<'_> {
     /// The fit that is written.
     pub(super) fn best(&self) -> &Calibration {
-        &self.fits.fitted[0]
+        &self.fits.fitted[0].calibration
     }
 
     /// The points of a view of the best fit.
@@ -72,7 +73,7 @@ impl Report<'_> {
         let fits = &self.fits.fitted;
         let row = |name: &str, figure: &dyn Fn(&Calibration) -> String| {
             std::iter::once(name.to_owned())
-                .chain(fits.iter().map(figure))
+                .chain(fits.iter().map(|fit| figure(&fit.calibration)))
                 .collect()
         };
         let best = |fit: &Calibration| {
@@ -84,8 +85,6 @@ impl Report<'_> {
             format!("{}{mark}", fit.camera.kind())
         };
         let pixels = |px: f64| format!("{px:.3}");
-        let outliers =
-            |fit: &Calibration| fit.views.iter().map(|v| v.outliers.len()).sum::<usize>();
         let mut rows = vec![
             row("", &best),
             row("RMS, outliers left out (px)", &|fit| pixels(fit.rms_px)),
@@ -96,14 +95,28 @@ impl Report<'_> {
             row("largest residual (px)", &|fit| {
                 pixels(largest_residual_px(&self.all_sightings(fit)))
             }),
-            row("outliers", &|fit| outliers(fit).to_string()),
+            row("outliers", &|fit| outlier_count(fit).to_string()),
             row("farthest ray from the axis (deg)", &|fit| {
                 format!("{:.1}", fit.max_angle_rad.to_degrees())
             }),
         ];
+        if fits.iter().any(|fit| fit.trial.is_some()) {
+            let tried = |name: &str, figure: &dyn Fn(&Trial) -> String| {
+                let said = |fit: &Fit| fit.trial.as_ref().map_or_else(String::new, figure);
+                std::iter::once(name.to_owned())
+                    .chain(fits.iter().map(said))
+                    .collect()
+            };
+            rows.push(tried("RMS of test points (px)", &|trial| {
+                trial.rms_px.map_or_else(|| "-".to_owned(), pixels)
+            }));
+            rows.push(tried("test points not projected", &|trial| {
+                format!("{} of {}", trial.unseen, trial.points)
+            }));
+        }
         let mut names: Vec<&str> = Vec::new();
-        for parameter in fits.iter().flat_map(|fit| &fit.parameters) {
-            if !names.contains(&parameter.name) {
+        for parameter in fits.iter().flat_map(|fit| &fit.calibration.parameters) {
+            if is_used(parameter) && !names.contains(&parameter.name) {
                 names.push(parameter.name);
             }
         }
@@ -112,7 +125,7 @@ impl Report<'_> {
                 let found = fit
                     .parameters
                     .iter()
-                    .find(|parameter| parameter.name == name);
+                    .find(|parameter| parameter.name == name && is_used(parameter));
                 found.map_or_else(String::new, |p| with_sigma(p.value, p.sigma))
             }));
         }
@@ -168,11 +181,10 @@ impl Report<'_> {
         let world_from_camera = view.camera_from_target.inverse();
         let position = world_from_camera.translation.vector;
         let axis = world_from_camera.rotation * nalgebra::Vector3::z();
-        let three = |v: nalgebra::Vector3<f64>| format!("{:.4}, {:.4}, {:.4}", v.x, v.y, v.z);
         Some(format!(
             "The camera is at {} m in the points' frame and looks along {}.",
-            three(position),
-            three(axis)
+            metres(position),
+            metres(axis)
         ))
     }
 
@@ -231,6 +243,11 @@ impl fmt::Display for Report<'_> {
     }
 }
 
+/// How many points of all views were left out.
+pub(super) fn outlier_count(fit: &Calibration) -> usize {
+    fit.views.iter().map(|view| view.outliers.len()).sum()
+}
+
 /// Columns as wide as their widest cell, all but the first to the right.
 fn write_table(f: &mut fmt::Formatter<'_>, rows: &[Vec<String>]) -> fmt::Result {
     let width = |column: usize| {
@@ -251,10 +268,23 @@ fn write_table(f: &mut fmt::Formatter<'_>, rows: &[Vec<String>]) -> fmt::Result 
     Ok(())
 }
 
+/// Whether a parameter is part of the model: terms that are held at zero are not.
+fn is_used(parameter: &FittedParameter) -> bool {
+    parameter.sigma.is_some() || parameter.value != 0.0
+}
+
+/// Three coordinates to a tenth of a millimetre, none of them minus zero.
+pub(super) fn metres(v: nalgebra::Vector3<f64>) -> String {
+    let [x, y, z] = [v.x, v.y, v.z].map(|value| (1e4 * value).round() / 1e4 + 0.0);
+    format!("{x:.4}, {y:.4}, {z:.4}")
+}
+
 /// A value with as many digits as its standard deviation justifies.
 fn with_sigma(value: f64, sigma: Option<f64>) -> String {
     let Some(sigma) = sigma else {
-        return format!("{value} (held)");
+        // Six digits tell it again; the camera's file has all of them.
+        let short: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+        return format!("{short} (held)");
     };
     // Two digits of the standard deviation.
     let decimals = (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize;
@@ -274,5 +304,12 @@ mod tests {
         assert_eq!(with_sigma(1234.5, Some(25.0)), "1234 ± 25");
         assert_eq!(with_sigma(1.5e-9, Some(2e-11)), "1.5000e-9 ± 2.0e-11");
         assert_eq!(with_sigma(0.5, None), "0.5 (held)");
+        assert_eq!(with_sigma(239.580_349_687_12, None), "239.58 (held)");
+    }
+
+    #[test]
+    fn no_coordinate_is_minus_zero() {
+        let shown = metres(nalgebra::Vector3::new(-1e-9, -0.0, -0.5));
+        assert_eq!(shown, "0.0000, 0.0000, -0.5000");
     }
 }

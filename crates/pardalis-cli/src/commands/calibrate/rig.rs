@@ -8,8 +8,9 @@ use pardalis::config::calibration;
 
 use super::board::check_found;
 use super::fit::Fits;
+use super::images::SearchedImage;
 use super::model::ModelOptions;
-use super::report::Report;
+use super::report::{Report, metres};
 use super::{images, output};
 use crate::board::Board;
 use crate::fault::fault;
@@ -35,6 +36,7 @@ pub(super) fn run(
         .collect::<Result<_>>()?;
     check_cameras(&cameras)?;
     let mut rig = Vec::new();
+    let mut searched = Vec::new();
     for (name, files) in &cameras {
         let (images, size_px) = images::search(board, files)?;
         let source = Path::new(name);
@@ -56,11 +58,13 @@ pub(super) fn run(
             size_px,
             views: images.iter().map(images::view).collect(),
         });
+        searched.push(images);
     }
-    let calibration = calibrate_rig(&rig).map_err(|refusal| fault!("--rig: {refusal}"))?;
+    let calibration =
+        calibrate_rig(&rig, model.outliers).map_err(|refusal| fault!("--rig: {refusal}"))?;
     let path = folder.join("rig.toml");
     write_file(&path, calibration::write(&calibration.cameras).as_bytes())?;
-    tell(&calibration, &rig);
+    tell(&calibration, &searched);
     output::say_written(&[path]);
     Ok(())
 }
@@ -93,24 +97,27 @@ fn check_cameras(cameras: &[(&str, Vec<PathBuf>)]) -> Result<()> {
 }
 
 /// Prints what the cameras' common fit says; the first camera is the world.
-fn tell(calibration: &RigCalibration, rig: &[RigCamera]) {
-    say("Rig, in the first camera's frame:");
+fn tell(calibration: &RigCalibration, searched: &[Vec<SearchedImage>]) {
+    let first = &calibration.cameras[0].name;
+    say(format!("Rig, in the frame of {first}:"));
     for (camera, rms_px) in calibration.cameras.iter().zip(&calibration.rms_px) {
         let pose = camera.world_from_camera.unwrap_or_default();
-        let [x, y, z]: [f64; 3] = pose.translation.vector.into();
+        let position = pose.translation.vector;
         say(format!(
-            "  {}: RMS {rms_px:.3} px; at {x:.4}, {y:.4}, {z:.4} m, {:.4} m from the first, turned by {:.3} degrees",
+            "  {}: RMS {rms_px:.3} px; at {} m, {:.4} m away, turned by {:.3} degrees",
             camera.name,
-            pose.translation.vector.norm(),
+            metres(position),
+            position.norm(),
             pose.rotation.angle().to_degrees()
         ));
     }
     for &(camera, shot, point) in &calibration.outliers {
-        let view = rig[camera].views[shot].as_ref();
-        let image = view.map_or("", |view| &view.name);
-        say(format!(
-            "  left out: {}, {image}, point {point}",
-            rig[camera].name
-        ));
+        let image = &searched[camera][shot];
+        if let Ok(corners) = &image.found {
+            say(format!(
+                "  left out: {}, {}, corner {}",
+                calibration.cameras[camera].name, image.name, corners[point].id
+            ));
+        }
     }
 }

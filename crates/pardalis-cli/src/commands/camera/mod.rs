@@ -3,7 +3,7 @@
 mod convert;
 mod grid;
 mod load;
-mod optics;
+pub(super) mod optics;
 mod show;
 
 use anyhow::Result;

@@ -12,7 +12,7 @@ const HALVINGS: usize = 10;
 const RADIUS_SAMPLES: usize = 400;
 
 /// A camera with the size of its images.
-pub(super) struct Optics<'a> {
+pub(crate) struct Optics<'a> {
     camera: &'a Camera,
     size_px: (usize, usize),
     /// The pixel on the optical axis.
@@ -34,7 +34,7 @@ pub(super) struct RadiusSample {
 }
 
 impl<'a> Optics<'a> {
-    pub(super) fn new(camera: &'a Camera, size_px: (usize, usize)) -> Self {
+    pub(crate) fn new(camera: &'a Camera, size_px: (usize, usize)) -> Self {
         let parameters = camera.parameters();
         let named = |name: &str| parameters.iter().find(|(n, _)| *n == name).map(|(_, v)| *v);
         let middle = [size_px.0 as f64, size_px.1 as f64].map(|side| 0.5 * (side - 1.0));
@@ -66,7 +66,7 @@ impl<'a> Optics<'a> {
     }
 
     /// The angle of a pixel's ray from the axis.
-    fn angle_rad(&self, pixel: [f64; 2]) -> Option<f64> {
+    pub(crate) fn angle_rad(&self, pixel: [f64; 2]) -> Option<f64> {
         let [x, y, z] = self.direction(pixel)?;
         Some(x.hypot(y).atan2(self.facing * z))
     }
