@@ -129,7 +129,7 @@ pub(super) fn settle_lens(
         (Some(lens), _) | (None, Some(lens)) => Ok(lens),
         (None, None) if count == 4 => Err(distortion.fault(
             "has 4 numbers, which may be a pinhole's (k1 k2 p1 p2) or a fisheye's (k1 k2 k3 k4), and nothing in the file says which; \
-             say pinhole or fisheye",
+             say pinhole or fisheye (--as, or calibration_as in a scene)",
         )),
         (None, None) => Ok(Lens::Pinhole),
     }
