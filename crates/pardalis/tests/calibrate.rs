@@ -228,7 +228,12 @@ fn what_determines_no_camera_is_refused_with_a_remedy() {
 fn a_known_camera_finds_its_pose_from_few_points() {
     let fisheye = Equidistant::new(145.562_250_654_857_8, [319.5, 239.5], 1.62).unwrap();
     let view = rendered("dioptric", "noisy");
-    let fit = fit_pose(&Camera::Equidistant(fisheye), &view.correspondences).unwrap();
+    let fit = fit_pose(
+        &Camera::Equidistant(fisheye),
+        &view.correspondences,
+        OUTLIER_SIGMAS,
+    )
+    .unwrap();
     let position = fit.camera_from_target.inverse().translation.vector;
     let error = (position - world_from_fisheye().translation.vector).norm();
     assert!(error < 5e-3, "{error} m");
@@ -239,8 +244,8 @@ fn a_known_camera_finds_its_pose_from_few_points() {
             pixel: [300.0 + 10.0 * f64::from(i), 240.0],
         })
         .collect();
-    assert!(fit_pose(&Camera::Equidistant(fisheye), &line).is_err());
-    assert!(fit_pose(&Camera::Equidistant(fisheye), &line[..3]).is_err());
+    assert!(fit_pose(&Camera::Equidistant(fisheye), &line, OUTLIER_SIGMAS).is_err());
+    assert!(fit_pose(&Camera::Equidistant(fisheye), &line[..3], OUTLIER_SIGMAS).is_err());
 }
 
 /// The numbers of every `<data>` of a list in one of OpenCV's XML files.

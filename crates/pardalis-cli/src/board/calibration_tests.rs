@@ -104,7 +104,7 @@ fn real_stereo_pairs_give_the_published_focal_lengths() {
             }
         })
         .collect();
-    let rig = calibrate_rig(&cameras).unwrap();
+    let rig = calibrate_rig(&cameras, OUTLIER_SIGMAS).unwrap();
     println!("{:?} {:?}", rig.rms_px, rig.cameras[1].world_from_camera);
     assert!(rig.rms_px.iter().all(|rms| *rms < 0.5), "{:?}", rig.rms_px);
     let baseline = rig.cameras[1].world_from_camera.unwrap().translation.vector;
@@ -115,6 +115,6 @@ fn real_stereo_pairs_give_the_published_focal_lengths() {
         right.views.iter_mut().for_each(|v| *v = None);
         right
     }];
-    let refusal = calibrate_rig(&alone).unwrap_err();
+    let refusal = calibrate_rig(&alone, OUTLIER_SIGMAS).unwrap_err();
     assert!(refusal.reason.contains("right"), "{refusal}");
 }

@@ -6,7 +6,8 @@ use super::least_squares::{Loss, Problem, Slopes, covariance, minimise};
 use super::pose::{fit_pose, pose_from_rays, residuals_px, slopes_by_pose, stepped_pose};
 use super::start::free_parameters;
 use super::{
-    CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, Refusal, check, rms,
+    CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, OUTLIER_SIGMAS,
+    Refusal, check, rms,
 };
 use crate::camera::{Camera, Equidistant, KannalaBrandt, Ocam};
 use crate::rig::Pose;
@@ -239,7 +240,9 @@ fn held_out_rms_px(fitted: &Bundle) -> Option<f64> {
             let pose = if single {
                 rest.poses[v]
             } else {
-                fit_pose(&rest.camera, &held).ok()?.camera_from_target
+                fit_pose(&rest.camera, &held, OUTLIER_SIGMAS)
+                    .ok()?
+                    .camera_from_target
             };
             residuals.extend(
                 residuals_px(&rest.camera, &pose, &held)

@@ -5,7 +5,7 @@ use nalgebra::{
 };
 
 use super::least_squares::{Loss, Problem, Slopes, covariance, minimise};
-use super::{Correspondence, OUTLIER_SIGMAS, Refusal, check, rms};
+use super::{Correspondence, Refusal, check, rms};
 use crate::camera::{Camera, ProjectionJacobian};
 use crate::rig::Pose;
 use crate::rng::{Draws, Stage};
@@ -25,8 +25,13 @@ pub struct PoseFit {
     pub rms_px: f64,
 }
 
-/// The pose of a calibrated camera from at least four correspondences (six where the points do not lie in a plane), robust to outliers.
-pub fn fit_pose(camera: &Camera, correspondences: &[Correspondence]) -> Result<PoseFit, Refusal> {
+/// The pose of a calibrated camera from at least four correspondences (six where the points do not lie in a plane). Robust: points with residuals
+/// beyond `outlier_sigmas` ([`OUTLIER_SIGMAS`](super::OUTLIER_SIGMAS)) robust standard deviations are left out; infinity keeps all that project.
+pub fn fit_pose(
+    camera: &Camera,
+    correspondences: &[Correspondence],
+    outlier_sigmas: f64,
+) -> Result<PoseFit, Refusal> {
     check::enough_points("the pose", correspondences, 4)?;
     let start = pose_from_rays(camera, correspondences).ok_or_else(|| {
         Refusal::new(
@@ -43,7 +48,7 @@ pub fn fit_pose(camera: &Camera, correspondences: &[Correspondence]) -> Result<P
     let all = vec![true; correspondences.len()];
     let (robust, _) = minimise(problem(start, all), Loss::Cauchy(2.0), 60);
     let residuals = residuals_px(camera, &robust.pose, correspondences);
-    let used = check::inliers(&residuals, OUTLIER_SIGMAS);
+    let used = check::inliers(&residuals, outlier_sigmas);
     check::mostly_inliers("the pose", &used)?;
     let (fitted, _) = minimise(problem(robust.pose, used), Loss::Squares, 60);
     let residuals_px = residuals_px(camera, &fitted.pose, correspondences);

@@ -5,7 +5,7 @@ use nalgebra::{DVector, Point3, Vector3};
 use super::least_squares::{Loss, Problem, Slopes, minimise};
 use super::pose::{fit_pose, slopes_by_pose, stepped_pose};
 use super::start::free_parameters;
-use super::{CalibrationView, OUTLIER_SIGMAS, Refusal, check, rms};
+use super::{CalibrationView, Refusal, check, rms};
 use crate::camera::{Camera, ProjectionJacobian};
 use crate::rig::{CalibratedCamera, Pose};
 
@@ -36,7 +36,11 @@ pub struct RigCalibration {
 }
 
 /// Fits the poses of all cameras and targets, and refines the cameras. Cameras may be chained: each needs a shot in common with one of the others.
-pub fn calibrate_rig(cameras: &[RigCamera]) -> Result<RigCalibration, Refusal> {
+/// Points beyond `outlier_sigmas` robust standard deviations are left out, as by [`fit_pose`].
+pub fn calibrate_rig(
+    cameras: &[RigCamera],
+    outlier_sigmas: f64,
+) -> Result<RigCalibration, Refusal> {
     let shots = cameras.first().map_or(0, |c| c.views.len());
     if cameras.len() < 2 || shots == 0 || cameras.iter().any(|c| c.views.len() != shots) {
         return Err(Refusal::new(
@@ -44,7 +48,7 @@ pub fn calibrate_rig(cameras: &[RigCamera]) -> Result<RigCalibration, Refusal> {
             "give images of all cameras, taken at the same instants",
         ));
     }
-    let (camera_from_world, world_from_target) = place(cameras, shots)?;
+    let (camera_from_world, world_from_target) = place(cameras, shots, outlier_sigmas)?;
     let free: Vec<Vec<bool>> = cameras.iter().map(|c| free_parameters(&c.camera)).collect();
     let used = cameras
         .iter()
@@ -67,7 +71,7 @@ pub fn calibrate_rig(cameras: &[RigCamera]) -> Result<RigCalibration, Refusal> {
     let (mut rig, _) = minimise(rig, Loss::Cauchy(2.0), 100);
     for (c, shots) in rig.residuals().into_iter().enumerate() {
         let residuals: Vec<_> = shots.iter().flatten().copied().collect();
-        let inliers = check::inliers(&residuals, OUTLIER_SIGMAS);
+        let inliers = check::inliers(&residuals, outlier_sigmas);
         check::mostly_inliers(&format!("camera {}", cameras[c].name), &inliers)?;
         let mut inliers = inliers.into_iter();
         for used in &mut rig.used[c] {
@@ -81,11 +85,16 @@ pub fn calibrate_rig(cameras: &[RigCamera]) -> Result<RigCalibration, Refusal> {
 }
 
 /// First poses: the first camera is the world, the others are chained to it by shots in common, the one with the best fit of a pair.
-fn place(cameras: &[RigCamera], shots: usize) -> Result<(Vec<Pose>, Vec<Option<Pose>>), Refusal> {
+fn place(
+    cameras: &[RigCamera],
+    shots: usize,
+    outlier_sigmas: f64,
+) -> Result<(Vec<Pose>, Vec<Option<Pose>>), Refusal> {
     let mut fits: Vec<Vec<Option<(Pose, f64)>>> = Vec::new();
     for camera in cameras {
         let fit = |view: &Option<CalibrationView>| {
-            let fit = fit_pose(&camera.camera, &view.as_ref()?.correspondences).ok()?;
+            let points = &view.as_ref()?.correspondences;
+            let fit = fit_pose(&camera.camera, points, outlier_sigmas).ok()?;
             Some((fit.camera_from_target, fit.rms_px))
         };
         fits.push(camera.views.iter().map(fit).collect());

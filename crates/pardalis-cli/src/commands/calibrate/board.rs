@@ -72,7 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     check_found(source, &images)?;
     let fits = Fits::of(source, &observations.views, models, size_px, true)?;
     for (image, distance_m) in &arguments.distance {
-        check_distance(&board, &fits.fitted[0], image, *distance_m)?;
+        check_distance(&board, &fits.fitted[0].calibration, image, *distance_m)?;
     }
     let report = Report {
         camera: "camera",

@@ -3,19 +3,26 @@
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis::calibrate::{
-    Calibration, CalibrationSettings, CalibrationView, OUTLIER_SIGMAS, calibrate,
-};
+use pardalis::calibrate::{Calibration, CalibrationSettings, CalibrationView, calibrate};
 use rayon::prelude::*;
 
 use super::model::Model;
+use super::trial::Trial;
 use crate::draw::calibration::Sighting;
 use crate::fault::fault;
+
+/// A model that was fitted.
+pub(super) struct Fit {
+    /// Its camera, poses and residuals.
+    pub(super) calibration: Calibration,
+    /// What it makes of test views, where there are some.
+    pub(super) trial: Option<Trial>,
+}
 
 /// What became of the models.
 pub(super) struct Fits {
     /// Those that could be fitted, the best first: by what the held-out points say, else by the fitted ones.
-    pub(super) fitted: Vec<Calibration>,
+    pub(super) fitted: Vec<Fit>,
     /// Names of the others, and why.
     pub(super) refused: Vec<(&'static str, String)>,
 }
@@ -33,14 +40,14 @@ impl Fits {
     ) -> Result<Self> {
         let outcomes: Vec<_> = models
             .into_par_iter()
-            .map(|Model { name, start }| {
+            .map(|model| {
                 let settings = CalibrationSettings {
-                    start,
+                    start: model.start,
                     size_px,
                     board,
-                    outlier_sigmas: OUTLIER_SIGMAS,
+                    outlier_sigmas: model.outlier_sigmas,
                 };
-                calibrate(views, &settings).map_err(|refusal| (name, refusal.to_string()))
+                calibrate(views, &settings).map_err(|refusal| (model.name, refusal.to_string()))
             })
             .collect();
         let mut fits = Self {
@@ -49,12 +56,16 @@ impl Fits {
         };
         for outcome in outcomes {
             match outcome {
-                Ok(calibration) => fits.fitted.push(calibration),
+                Ok(calibration) => fits.fitted.push(Fit {
+                    calibration,
+                    trial: None,
+                }),
                 Err(refused) => fits.refused.push(refused),
             }
         }
         let figure = |fit: &Calibration| fit.held_out_rms_px.unwrap_or(f64::INFINITY);
         fits.fitted.sort_by(|a, b| {
+            let (a, b) = (&a.calibration, &b.calibration);
             let by_held_out = figure(a).total_cmp(&figure(b));
             by_held_out.then(a.rms_px.total_cmp(&b.rms_px))
         });
@@ -67,6 +78,13 @@ impl Fits {
             return Err(fault!("{}", reasons.join("\n")));
         }
         Ok(fits)
+    }
+
+    /// Tries all fitted models on test views.
+    pub(super) fn try_on(&mut self, views: &[CalibrationView]) {
+        for fit in &mut self.fitted {
+            fit.trial = Some(Trial::of(&fit.calibration.camera, views));
+        }
     }
 }
 

@@ -11,6 +11,7 @@ mod points;
 mod pose;
 mod report;
 mod rig;
+mod trial;
 
 use anyhow::Result;
 

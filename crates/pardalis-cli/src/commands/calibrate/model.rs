@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::calibrate::{CalibrationStart, ModelKind};
+use pardalis::calibrate::{CalibrationStart, ModelKind, OUTLIER_SIGMAS};
 use pardalis::rig::CalibratedCamera;
 
 use crate::fault::fault;
@@ -22,6 +22,9 @@ pub(super) struct ModelOptions {
     /// A calibration file to start from: its model is fitted, and what has to be held of it is
     #[arg(long, value_name = "CAMERA.toml", conflicts_with = "model")]
     start: Option<PathBuf>,
+    /// Leaves out points whose residual is more robust standard deviations than this; inf keeps all
+    #[arg(long, value_name = "SIGMAS", value_parser = parse_sigmas, default_value_t = OUTLIER_SIGMAS)]
+    pub(super) outliers: f64,
 }
 
 /// A model to fit.
@@ -30,6 +33,8 @@ pub(super) struct Model {
     pub(super) name: &'static str,
     /// What it starts from.
     pub(super) start: CalibrationStart,
+    /// Robust standard deviations beyond which points are left out.
+    pub(super) outlier_sigmas: f64,
 }
 
 impl ModelOptions {
@@ -41,7 +46,7 @@ impl ModelOptions {
             let camera = read_camera(path, None)?.camera;
             let name = camera.kind();
             let start = CalibrationStart::Near(camera);
-            return Ok(vec![Model { name, start }]);
+            return Ok(vec![self.model(name, start)]);
         }
         let mut kinds: Vec<ModelKind> = Vec::new();
         for name in &self.model {
@@ -55,11 +60,16 @@ impl ModelOptions {
                 }
             }
         }
-        let of_kind = |kind: ModelKind| Model {
-            name: kind.name(),
-            start: CalibrationStart::Model(kind),
-        };
+        let of_kind = |kind: ModelKind| self.model(kind.name(), CalibrationStart::Model(kind));
         Ok(kinds.into_iter().map(of_kind).collect())
+    }
+
+    fn model(&self, name: &'static str, start: CalibrationStart) -> Model {
+        Model {
+            name,
+            start,
+            outlier_sigmas: self.outliers,
+        }
     }
 }
 
@@ -95,6 +105,12 @@ pub(super) fn read_camera(path: &Path, name: Option<&str>) -> Result<CalibratedC
         )),
         (Some(camera), _) => Ok(camera),
     }
+}
+
+/// Parses robust standard deviations.
+fn parse_sigmas(text: &str) -> Result<f64, String> {
+    let sigmas = text.parse().ok().filter(|sigmas| *sigmas >= 2.0);
+    sigmas.ok_or_else(|| "allowed: 2 or more, such as 6; inf keeps all points".to_owned())
 }
 
 /// Parses `WIDTHxHEIGHT`.

@@ -8,8 +8,10 @@ use pardalis::calibrate::Calibration;
 use pardalis::config::calibration;
 use pardalis::rig::CalibratedCamera;
 
+use super::fit::Fit;
 use super::page;
-use super::report::Report;
+use super::report::{Report, outlier_count};
+use super::trial::Trial;
 use crate::fault::fault;
 use crate::files::write_file;
 use crate::say::say;
@@ -35,10 +37,14 @@ pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
     let text_of = |fit: &Calibration| calibration::write(&[camera_of(report, fit)]);
     write("camera.toml".to_owned(), text_of(report.best()))?;
     if report.fits.fitted.len() > 1 {
-        for fit in &report.fits.fitted {
+        for Fit {
+            calibration: fit, ..
+        } in &report.fits.fitted
+        {
             write(format!("camera-{}.toml", fit.camera.kind()), text_of(fit))?;
         }
     }
+    write("models.csv".to_owned(), models(report)?)?;
     write("residuals.csv".to_owned(), residuals(report)?)?;
     write("report.html".to_owned(), page::page(report)?)?;
     say(report);
@@ -76,6 +82,51 @@ fn camera_of(report: &Report, fit: &Calibration) -> CalibratedCamera {
         size_px: Some(report.size_px),
         world_from_camera,
     }
+}
+
+/// The figures of all models as a table, a row a model, the best first; what does not apply is empty.
+fn models(report: &Report) -> Result<String> {
+    let mut table = csv::Writer::from_writer(Vec::new());
+    table.write_record([
+        "model",
+        "free_parameters",
+        "points",
+        "outliers",
+        "rms_px",
+        "rms_all_px",
+        "held_out_rms_px",
+        "test_rms_px",
+        "test_points",
+        "test_points_not_projected",
+        "max_angle_rad",
+        "refusal",
+    ])?;
+    let points = report.observations.point_count().to_string();
+    for Fit { calibration, trial } in &report.fits.fitted {
+        let free = calibration.parameters.iter().filter(|p| p.sigma.is_some());
+        let held_out = calibration.held_out_rms_px;
+        let tried = |figure: fn(&Trial) -> String| trial.as_ref().map_or_else(String::new, figure);
+        table.write_record([
+            calibration.camera.kind().to_owned(),
+            free.count().to_string(),
+            points.clone(),
+            outlier_count(calibration).to_string(),
+            calibration.rms_px.to_string(),
+            calibration.rms_all_px.to_string(),
+            held_out.map_or_else(String::new, |px| px.to_string()),
+            tried(|trial| trial.rms_px.map_or_else(String::new, |px| px.to_string())),
+            tried(|trial| trial.points.to_string()),
+            tried(|trial| trial.unseen.to_string()),
+            calibration.max_angle_rad.to_string(),
+            String::new(),
+        ])?;
+    }
+    for (name, reason) in &report.fits.refused {
+        let mut row = [""; 12];
+        (row[0], row[11]) = (name, reason);
+        table.write_record(row)?;
+    }
+    Ok(String::from_utf8(table.into_inner()?)?)
 }
 
 /// The residuals of the best fit as a table, a row a point.

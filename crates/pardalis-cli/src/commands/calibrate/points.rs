@@ -18,6 +18,7 @@ use super::report::Report;
 #[command(after_help = "Examples:
   pardalis calibrate points points.csv --model kannala_brandt --size 640x480
   pardalis calibrate points points.csv --model all --size 640x480 -o compared
+  pardalis calibrate points train.csv --model all --size 640x480 --test test.csv
   pardalis calibrate points points.csv --model unified --size 640x480 --columns u=u_noisy_px,v=v_noisy_px")]
 pub(crate) struct Arguments {
     /// The table
@@ -28,6 +29,10 @@ pub(crate) struct Arguments {
     /// Width and height of the images in pixels
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: (usize, usize),
+    /// A table of test views with the same columns: what each fitted model makes of points that it was not fitted to. Its intrinsics
+    /// are held, the pose of each view is fitted, and no point is left out of the RMS
+    #[arg(long, value_name = "FILE.csv")]
+    test: Option<PathBuf>,
     /// The columns that have other names
     #[arg(long, value_name = "x=NAME,...,v=NAME", value_parser = Columns::parse)]
     columns: Option<Columns>,
@@ -42,13 +47,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let columns = arguments.columns.clone().unwrap_or_default();
     let observations = observations::read(&arguments.points, &columns)?;
     let size_px = arguments.size;
-    let fits = Fits::of(
+    let test = arguments.test.as_deref();
+    let test = test
+        .map(|path| observations::read(path, &columns))
+        .transpose()?;
+    let mut fits = Fits::of(
         &arguments.points,
         &observations.views,
         models,
         size_px,
         false,
     )?;
+    if let Some(test) = &test {
+        fits.try_on(&test.views);
+    }
     let report = Report {
         camera: "camera",
         size_px,

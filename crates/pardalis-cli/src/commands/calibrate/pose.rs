@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::calibrate::{Calibration, FittedParameter, FittedView, fit_pose};
+use pardalis::calibrate::{Calibration, FittedParameter, FittedView, OUTLIER_SIGMAS, fit_pose};
 
-use super::fit::{Fits, all_sightings};
+use super::fit::{Fit, Fits, all_sightings};
 use super::model::{parse_size, read_camera};
 use super::observations::{self, Columns};
 use super::output;
@@ -56,7 +56,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             observations.views.len()
         ));
     };
-    let fit = fit_pose(&known.camera, &view.correspondences)
+    let fit = fit_pose(&known.camera, &view.correspondences, OUTLIER_SIGMAS)
         .map_err(|refusal| fault!("{}: {refusal}", arguments.points.display()))?;
     let held = |(name, value)| FittedParameter {
         name,
@@ -99,7 +99,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         size_px,
         observations: &observations,
         fits: &Fits {
-            fitted: vec![calibration],
+            fitted: vec![Fit {
+                calibration,
+                trial: None,
+            }],
             refused: Vec::new(),
         },
         images: &[],

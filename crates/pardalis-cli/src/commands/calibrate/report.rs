@@ -4,9 +4,10 @@ use std::fmt;
 
 use pardalis::calibrate::{Calibration, FittedView};
 
-use super::fit::{Fits, all_sightings, largest_residual_px, sightings};
+use super::fit::{Fit, Fits, all_sightings, largest_residual_px, sightings};
 use super::images::SearchedImage;
 use super::observations::Observations;
+use super::trial::Trial;
 use crate::draw::calibration::Sighting;
 
 /// The most outliers that are listed.
@@ -29,7 +30,7 @@ pub(super) struct Report<'a> {
 impl Report<'_> {
     /// The fit that is written.
     pub(super) fn best(&self) -> &Calibration {
-        &self.fits.fitted[0]
+        &self.fits.fitted[0].calibration
     }
 
     /// The points of a view of the best fit.
@@ -72,7 +73,7 @@ impl Report<'_> {
         let fits = &self.fits.fitted;
         let row = |name: &str, figure: &dyn Fn(&Calibration) -> String| {
             std::iter::once(name.to_owned())
-                .chain(fits.iter().map(figure))
+                .chain(fits.iter().map(|fit| figure(&fit.calibration)))
                 .collect()
         };
         let best = |fit: &Calibration| {
@@ -84,8 +85,6 @@ impl Report<'_> {
             format!("{}{mark}", fit.camera.kind())
         };
         let pixels = |px: f64| format!("{px:.3}");
-        let outliers =
-            |fit: &Calibration| fit.views.iter().map(|v| v.outliers.len()).sum::<usize>();
         let mut rows = vec![
             row("", &best),
             row("RMS, outliers left out (px)", &|fit| pixels(fit.rms_px)),
@@ -96,13 +95,27 @@ impl Report<'_> {
             row("largest residual (px)", &|fit| {
                 pixels(largest_residual_px(&self.all_sightings(fit)))
             }),
-            row("outliers", &|fit| outliers(fit).to_string()),
+            row("outliers", &|fit| outlier_count(fit).to_string()),
             row("farthest ray from the axis (deg)", &|fit| {
                 format!("{:.1}", fit.max_angle_rad.to_degrees())
             }),
         ];
+        if fits.iter().any(|fit| fit.trial.is_some()) {
+            let tried = |name: &str, figure: &dyn Fn(&Trial) -> String| {
+                let said = |fit: &Fit| fit.trial.as_ref().map_or_else(String::new, figure);
+                std::iter::once(name.to_owned())
+                    .chain(fits.iter().map(said))
+                    .collect()
+            };
+            rows.push(tried("RMS of test points (px)", &|trial| {
+                trial.rms_px.map_or_else(|| "-".to_owned(), pixels)
+            }));
+            rows.push(tried("test points not projected", &|trial| {
+                format!("{} of {}", trial.unseen, trial.points)
+            }));
+        }
         let mut names: Vec<&str> = Vec::new();
-        for parameter in fits.iter().flat_map(|fit| &fit.parameters) {
+        for parameter in fits.iter().flat_map(|fit| &fit.calibration.parameters) {
             if !names.contains(&parameter.name) {
                 names.push(parameter.name);
             }
@@ -229,6 +242,11 @@ impl fmt::Display for Report<'_> {
         }
         Ok(())
     }
+}
+
+/// How many points of all views were left out.
+pub(super) fn outlier_count(fit: &Calibration) -> usize {
+    fit.views.iter().map(|view| view.outliers.len()).sum()
 }
 
 /// Columns as wide as their widest cell, all but the first to the right.

@@ -57,7 +57,8 @@ pub(super) fn run(
             views: images.iter().map(images::view).collect(),
         });
     }
-    let calibration = calibrate_rig(&rig).map_err(|refusal| fault!("--rig: {refusal}"))?;
+    let calibration =
+        calibrate_rig(&rig, model.outliers).map_err(|refusal| fault!("--rig: {refusal}"))?;
     let path = folder.join("rig.toml");
     write_file(&path, calibration::write(&calibration.cameras).as_bytes())?;
     tell(&calibration, &rig);

@@ -1,0 +1,41 @@
+//! How well a camera sees views that it was not fitted to.
+
+use pardalis::calibrate::{CalibrationView, fit_pose};
+use pardalis::camera::Camera;
+use rayon::prelude::*;
+
+/// A camera's figures on test views: its intrinsics held, the pose of each view fitted to all of its points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Trial {
+    /// Root mean square distance between observed and projected points, none left out but those unseen; `None` where all are.
+    pub(super) rms_px: Option<f64>,
+    /// How many points there are.
+    pub(super) points: usize,
+    /// How many of them the camera projects nowhere, or belong to a view for which it finds no pose.
+    pub(super) unseen: usize,
+}
+
+impl Trial {
+    /// Tries a camera.
+    pub(super) fn of(camera: &Camera, views: &[CalibrationView]) -> Self {
+        let squares_px2: Vec<Option<f64>> = views
+            .par_iter()
+            .flat_map_iter(|view| {
+                let points = &view.correspondences;
+                let fit = fit_pose(camera, points, f64::INFINITY);
+                let residuals_px = fit.map_or(vec![None; points.len()], |fit| fit.residuals_px);
+                residuals_px
+                    .into_iter()
+                    .map(|residual| residual.map(|[du, dv]| du * du + dv * dv))
+            })
+            .collect();
+        let points = squares_px2.len();
+        let unseen = squares_px2.iter().filter(|square| square.is_none()).count();
+        let sum: f64 = squares_px2.into_iter().flatten().sum();
+        Self {
+            rms_px: (points > unseen).then(|| (sum / (points - unseen) as f64).sqrt()),
+            points,
+            unseen,
+        }
+    }
+}
