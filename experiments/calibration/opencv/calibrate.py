@@ -199,7 +199,6 @@ def fisheye(train, size):
             except (cv2.error, np.linalg.LinAlgError):
                 continue
             note = f"points within {limit_deg} degrees {name}".strip()
-            print(note, found, rms(residuals), flush=True)
             if best is None or rms(residuals) < best[0]:
                 best = rms(residuals), found, note
         if best is not None:
@@ -278,7 +277,7 @@ def main(data, work, results):
     rows = []
     for name in ("plane", "cube"):
         train, test, found = babelcalib(f"{data}/babelcalib-ov", name)
-        write_views(f"{work}/{name}-train.csv", train)
+        write_views(f"{work}/{name}-train.csv", dict(enumerate(sides(train.values()))))
         write_views(f"{work}/{name}-test.csv", test)
         rows += found
     views, row = omnidir(f"{data}/opencv-omnidir/omni_calib_data.xml")
