@@ -12,7 +12,7 @@ use crate::scene::read_text;
 
 /// Makes a Markdown table of a record
 ///
-/// Prints the median over the seeds of each run, with the lowest and the highest value; lengths in mm, angles in mrad. A record
+/// Prints the median over the seeds of each run, with the lowest and the highest value; lengths in mm, angles in mrad, pixels to 0.001. A record
 /// without seeds (of benchmarks, say) is printed as it is.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -153,7 +153,13 @@ fn table_of(path: &Path, columns: &[String]) -> Result<String> {
 
 /// A column's name with the unit that is shown.
 fn heading(name: &str) -> String {
-    let units = [("_m", " (mm)"), ("_rad", " (mrad)"), ("_us", " (µs)")];
+    let units = [
+        ("_m", " (mm)"),
+        ("_rad", " (mrad)"),
+        ("_us", " (µs)"),
+        ("_px", " (px)"),
+        ("_s", " (s)"),
+    ];
     let known = units
         .iter()
         .find_map(|(suffix, unit)| Some((name.strip_suffix(suffix)?, *unit)));
@@ -178,7 +184,9 @@ fn cell(name: &str, values: &[&str]) -> String {
     }
     numbers.sort_by(f64::total_cmp);
     let shown = |v: f64| {
-        let digits = if v.abs() >= 100.0 || v.fract() == 0.0 {
+        let digits = if name.ends_with("_px") {
+            3
+        } else if v.abs() >= 100.0 || v.fract() == 0.0 {
             0
         } else if v.abs() >= 10.0 {
             1

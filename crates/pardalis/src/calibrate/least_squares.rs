@@ -46,6 +46,14 @@ impl Loss {
             }
         }
     }
+
+    /// The relative gain of a step at which to stop: a robust fit only chooses between starts and names outliers; squares give the result.
+    fn least_gain(self) -> f64 {
+        match self {
+            Self::Squares => 1e-12,
+            Self::Cauchy(_) => 1e-8,
+        }
+    }
 }
 
 /// Cost, normal matrix and right-hand side at the present unknowns.
@@ -131,7 +139,7 @@ pub(super) fn minimise<P: Problem>(mut problem: P, loss: Loss, iterations: usize
         problem = candidate;
         lambda = (lambda / 8.0).max(1e-12);
         present = normal(&problem, loss);
-        if gain < 1e-12 {
+        if gain < loss.least_gain() {
             break;
         }
     }

@@ -137,12 +137,17 @@ pub(super) fn free_parameters(camera: &Camera) -> Vec<bool> {
     let fixed: &[&str] = match camera {
         Camera::Pinhole(_) => &["k4", "k5", "k6", "s1", "s2", "s3", "s4"],
         Camera::Unified(_) => &["f_px"],
-        Camera::Ocam(_) => &["e", "a1", "a5", "a6", "a7"],
+        Camera::Ocam(_) => &["e", "a1"],
         _ => &[],
     };
     let parameters = camera.parameters();
-    parameters
-        .iter()
-        .map(|&(name, _)| !fixed.contains(&name))
+    // A polynomial keeps its degree.
+    let used = match camera {
+        Camera::Ocam(model) => parameters.len() - 8 + model.polynomial().len(),
+        _ => parameters.len(),
+    };
+    let names = parameters.iter().map(|&(name, _)| name).enumerate();
+    names
+        .map(|(i, name)| i < used && !fixed.contains(&name))
         .collect()
 }
