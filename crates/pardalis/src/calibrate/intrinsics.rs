@@ -444,11 +444,11 @@ impl Bundle<'_> {
         for ((view, pose), used) in self.views.iter().zip(&self.poses).zip(&self.used) {
             for (c, _) in view.correspondences.iter().zip(used).filter(|(_, u)| **u) {
                 let p = pose * Point3::from(c.point_m);
-                let into_mirror = matches!(
-                    self.camera,
-                    Camera::Unified(_) | Camera::PerspectiveMirror(_)
-                );
-                let z = if into_mirror { -p.z } else { p.z };
+                let z = if self.camera.looks_into_mirror() {
+                    -p.z
+                } else {
+                    p.z
+                };
                 max = max.max(libm::atan2(p.x.hypot(p.y), z));
             }
         }

@@ -170,6 +170,14 @@ impl Camera {
         }
     }
 
+    /// Whether the camera looks along +z into a mirror, so that the scene lies about −z.
+    pub fn looks_into_mirror(&self) -> bool {
+        matches!(
+            self,
+            Self::Unified(_) | Self::PerspectiveMirror(_) | Self::ExactMirror(_)
+        )
+    }
+
     /// The names and values of the model's parameters, in the order of [`Camera::with_parameters`].
     pub fn parameters(&self) -> Vec<(&'static str, f64)> {
         fn named<const N: usize>(

@@ -181,10 +181,11 @@ impl Report<'_> {
         let world_from_camera = view.camera_from_target.inverse();
         let position = world_from_camera.translation.vector;
         let axis = world_from_camera.rotation * nalgebra::Vector3::z();
+        let into_mirror = self.best().camera.looks_into_mirror();
         Some(format!(
             "The camera is at {} m in the points' frame and looks along {}.",
             metres(position),
-            metres(axis)
+            metres(if into_mirror { -axis } else { axis })
         ))
     }
 

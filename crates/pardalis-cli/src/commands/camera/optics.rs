@@ -42,12 +42,11 @@ impl<'a> Optics<'a> {
             named("cx_px").unwrap_or(middle[0]),
             named("cy_px").unwrap_or(middle[1]),
         ];
-        // Some mirror models have no ray exactly at the centre.
-        let [u, v] = center_px;
-        let at_center = camera
-            .unproject(center_px)
-            .or_else(|| camera.unproject([u + 1.0, v]));
-        let facing = at_center.map_or(1.0, |ray| 1.0_f64.copysign(ray.direction[2]));
+        let facing = if camera.looks_into_mirror() {
+            -1.0
+        } else {
+            1.0
+        };
         Self {
             camera,
             size_px,
