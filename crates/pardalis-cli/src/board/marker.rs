@@ -60,6 +60,17 @@ impl Dictionary {
         })
     }
 
+    /// Modules along a side, without the border.
+    pub(crate) fn side(&self) -> usize {
+        self.side
+    }
+
+    /// Whether this module of an upright marker is white.
+    pub(crate) fn is_light(&self, id: usize, row: usize, column: usize) -> bool {
+        let place = row * self.side + column;
+        self.codes[id] >> (self.side * self.side - 1 - place) & 1 == 1
+    }
+
     /// How many markers there are.
     pub(crate) fn len(&self) -> usize {
         self.codes.len()

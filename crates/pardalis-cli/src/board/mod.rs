@@ -25,6 +25,7 @@ mod layout;
 mod marker;
 mod parse;
 mod place;
+mod print;
 mod saddle;
 #[cfg(test)]
 mod tests;
@@ -40,6 +41,9 @@ const MIN_SIDE_PX: u32 = 64;
 
 /// Images with a longer side than this are first searched at half their size, or less.
 const MAX_SIDE_PX: u32 = 1600;
+
+/// In drawings that no camera took, four pixels around a corner may be alike, so that none of them is the best; at this scale they differ.
+const UNEVEN_SCALE: f64 = 0.73;
 
 /// A corner needs this much room to be fitted: fewer pixels say too little.
 const MIN_FIT_RADIUS_PX: f64 = 2.5;
@@ -151,9 +155,10 @@ fn scales(image: &GrayImage) -> Vec<f64> {
         scale /= 2.0;
     }
     let mut scales = vec![scale, 2.0 * scale];
-    if scale / 2.0 * f64::from(image.width().min(image.height())) >= f64::from(MIN_SIDE_PX) {
-        scales.push(scale / 2.0);
-    }
+    let shorter_px = f64::from(image.width().min(image.height()));
+    let coarser = [scale / 2.0, UNEVEN_SCALE * scale];
+    let large_enough = |scale: &f64| scale * shorter_px >= f64::from(MIN_SIDE_PX);
+    scales.extend(coarser.into_iter().filter(large_enough));
     scales
 }
 

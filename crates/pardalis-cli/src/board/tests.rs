@@ -7,6 +7,7 @@ use image::imageops::{crop_imm, flip_horizontal, resize, rotate180};
 use image::{GrayImage, Luma};
 
 use super::*;
+use crate::draw::svg::rendered_grey;
 
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -67,6 +68,43 @@ fn all_corners_of_the_fisheye_boards_are_found_where_they_are() {
         let (median, most) = errors_px(&corners, &truth);
         println!("board {n}: median {median:.3} px, at most {most:.3} px");
         assert!(median <= 0.1 && most <= 0.25, "board {n}: {median} {most}");
+    }
+}
+
+#[test]
+fn printed_boards_are_found_whole_and_upright() {
+    for argument in [
+        "checkerboard:9x6:0.025",
+        "checkerboard:6x9:0.03",
+        "charuco:5x7:0.04:0.03:DICT_4X4_50",
+        "charuco:6x8:0.03:0.0225:DICT_5X5_100",
+        "aprilgrid:6x6:0.03:0.3",
+    ] {
+        let board = board(argument);
+        // Corners on the borders between pixels, all alike; and blurred as cameras blur, anywhere. SVG's millimetre has 96/25.4 pixels.
+        let drawn =
+            |px_per_m: f64| rendered_grey(&board.svg(), (px_per_m / 1000.0 * 25.4 / 96.0) as f32);
+        let corners =
+            detect(&board, &drawn(4000.0)).unwrap_or_else(|why| panic!("{argument}: {why}"));
+        assert_eq!(corners.len(), board.corner_count(), "{argument}");
+        let px_per_m = 3910.0;
+        let image = image::imageops::blur(&drawn(px_per_m), 0.8);
+        let corners = detect(&board, &image).unwrap_or_else(|why| panic!("{argument}: {why}"));
+        assert_eq!(corners.len(), board.corner_count(), "{argument}");
+        let origin = corners[0];
+        for corner in &corners {
+            for (axis, up) in [(0, 1.0), (1, -1.0)] {
+                let printed_px = up * (corner.pixel[axis] - origin.pixel[axis]);
+                let expected_px = px_per_m * (corner.board_m[axis] - origin.board_m[axis]);
+                let error_px = (printed_px - expected_px).abs();
+                // The renderer's edges lie on quarters of a pixel, and both corners may be an eighth off.
+                assert!(
+                    error_px < 0.25,
+                    "{argument}, corner {}: {error_px}",
+                    corner.id
+                );
+            }
+        }
     }
 }
 

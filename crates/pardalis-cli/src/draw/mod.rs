@@ -13,7 +13,7 @@ pub(crate) mod overlay;
 mod panel;
 pub(crate) mod picture;
 pub(crate) mod plots;
-mod svg;
+pub(crate) mod svg;
 
 /// Red, green, blue.
 pub(crate) type Rgb = [u8; 3];

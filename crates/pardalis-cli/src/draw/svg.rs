@@ -125,6 +125,14 @@ pub(super) fn parsed(document: &str) -> anyhow::Result<usvg::Tree> {
     Ok(usvg::Tree::from_str(document, &options)?)
 }
 
+/// The brightness of a document at `scale` pixels for each of its own.
+#[cfg(test)]
+pub(crate) fn rendered_grey(document: &str, scale: f32) -> image::GrayImage {
+    let pixmap = rendered(document, scale).expect("a document that can be drawn");
+    let red = pixmap.pixels().iter().map(|pixel| pixel.red()).collect();
+    image::GrayImage::from_raw(pixmap.width(), pixmap.height(), red).expect("as many pixels")
+}
+
 /// The pixels of a document at `scale` pixels for each of its own.
 fn rendered(document: &str, scale: f32) -> anyhow::Result<Pixmap> {
     let tree = parsed(document)?;

@@ -9,6 +9,7 @@ mod output;
 mod page;
 mod points;
 mod pose;
+mod print;
 mod report;
 mod rig;
 mod trial;
@@ -28,6 +29,7 @@ enum Command {
     Points(points::Arguments),
     Board(board::Arguments),
     Pose(pose::Arguments),
+    Print(print::Arguments),
 }
 
 /// Runs the command.
@@ -36,5 +38,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Command::Points(arguments) => points::run(arguments),
         Command::Board(arguments) => board::run(arguments),
         Command::Pose(arguments) => pose::run(arguments),
+        Command::Print(arguments) => print::run(arguments),
     }
 }

@@ -1,0 +1,35 @@
+//! `pardalis calibrate print`: a calibration board to print.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use crate::board::Board;
+use crate::files::write_file;
+use crate::say::say;
+
+/// Draws a calibration board to print, as an SVG document in true size
+///
+/// Print it at 100 % (not "fit to page"), glue it onto something flat, and measure a square: printers stretch.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  pardalis calibrate print --board checkerboard:9x6:0.025 -o board.svg
+  pardalis calibrate print --board charuco:5x7:0.04:0.03:DICT_4X4_50 -o board.svg
+
+A page of A4 has 210 x 297 mm. How boards are written: pardalis calibrate board --help.")]
+pub(crate) struct Arguments {
+    /// The board, as for `calibrate board`
+    #[arg(long, value_name = "BOARD")]
+    board: String,
+    /// The document to write
+    #[arg(short, long, value_name = "FILE.svg")]
+    output: PathBuf,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let board = Board::from_argument(&arguments.board)?;
+    write_file(&arguments.output, board.svg().as_bytes())?;
+    say(format!("{}", arguments.output.display()));
+    Ok(())
+}
