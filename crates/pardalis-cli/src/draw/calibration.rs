@@ -1,5 +1,7 @@
 //! Pictures of a calibration: where points were seen and where the camera says they are.
 
+use std::collections::BTreeMap;
+
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
@@ -21,6 +23,15 @@ const CAPTION_PX: f64 = 26.0;
 
 /// Arrows are magnified so that the typical one has this length on the picture.
 const ARROW_PX: f64 = 24.0;
+
+/// No arrow is longer on the picture.
+const MAX_ARROW_PX: f64 = 80.0;
+
+/// More arrows than this would hide one another.
+const MAX_ARROWS: usize = 600;
+
+/// Cells along the longer side of the image, where residuals are averaged.
+const MEAN_CELLS: f64 = 28.0;
 
 const OBSERVED: Rgb = PALETTE[0];
 const PROJECTED: Rgb = PALETTE[1];
@@ -69,29 +80,42 @@ pub(crate) fn observed_and_projected(
     })
 }
 
-/// Residuals as arrows from the projected to the observed points, magnified: an SVG document.
+/// Residuals as arrows from the projected to the observed points, magnified; of many points their means by cells: an SVG document.
 pub(crate) fn residual_arrows(
     size_px: (usize, usize),
     sightings: &[Sighting],
-    rms_px: f64,
 ) -> anyhow::Result<String> {
-    let shown_px = WIDTH_PX - 2.0 * MARGIN_PX;
-    let factor = round_factor(ARROW_PX / rms_px.max(1e-6) * size_px.0 as f64 / shown_px);
-    let caption =
-        format!("residuals, {factor} times as long as they are; violet: left out of the fit");
+    let (shown, [what, note]) = if sightings.len() > MAX_ARROWS {
+        let means = mean_residuals(size_px, sightings);
+        (means, ["mean residuals of small areas", ""])
+    } else {
+        let note = "; violet: left out of the fit";
+        (sightings.to_vec(), ["residuals", note])
+    };
+    let squares = shown
+        .iter()
+        .filter(|sighting| !sighting.outlier)
+        .filter_map(|sighting| sighting.residual_px)
+        .map(|[du, dv]| du * du + dv * dv);
+    let typical_px = (squares.clone().sum::<f64>() / squares.count().max(1) as f64).sqrt();
+    let picture_px = WIDTH_PX - 2.0 * MARGIN_PX;
+    let factor = round_factor(ARROW_PX / typical_px.max(1e-6) * size_px.0 as f64 / picture_px);
+    let caption = format!("{what}, {factor} times as long as they are{note}");
     image_picture(size_px, &caption, |plane, area| {
-        for sighting in sightings {
+        for sighting in &shown {
             let Some([du, dv]) = sighting.residual_px else {
                 continue;
             };
             let color = if sighting.outlier { OUTLIER } else { OBSERVED };
             let [u, v] = [sighting.observed[0] - du, sighting.observed[1] - dv];
-            // An outlier's arrow may leave the picture by far: it ends there.
-            let shaft = [factor * du, factor * dv].map(|d| d.clamp(-1e5, 1e5));
-            let tip = [u + shaft[0], v + shaft[1]];
             if !plane.is_near([u, v]) {
                 continue;
             }
+            // An outlier's arrow may leave the picture by far: it ends before.
+            let length = factor * du.hypot(dv).clamp(1e-9, 1e9);
+            let cut = (MAX_ARROW_PX / plane.scale / length).min(1.0) * factor;
+            let shaft = [du, dv].map(|d| cut * d.clamp(-1e9, 1e9));
+            let tip = [u + shaft[0], v + shaft[1]];
             let ends = [plane.at([u, v]), plane.at(tip)];
             area.draw(&PathElement::new(ends, line(color, 0.9, 1.2)))?;
             for side in [-0.45_f64, 0.45] {
@@ -108,6 +132,32 @@ pub(crate) fn residual_arrows(
         }
         Ok(())
     })
+}
+
+/// The mean residual of the fitted points in each cell of a grid over the image, at their mean place.
+fn mean_residuals((width, height): (usize, usize), sightings: &[Sighting]) -> Vec<Sighting> {
+    let cell_px = width.max(height) as f64 / MEAN_CELLS;
+    let mut sums: BTreeMap<[i64; 2], (f64, [f64; 4])> = BTreeMap::new();
+    for sighting in sightings.iter().filter(|sighting| !sighting.outlier) {
+        if let Some([du, dv]) = sighting.residual_px {
+            let [u, v] = sighting.observed;
+            let cell = [u, v].map(|at| (at / cell_px).floor() as i64);
+            let (count, sum) = sums.entry(cell).or_default();
+            *count += 1.0;
+            for (sum, value) in sum.iter_mut().zip([u, v, du, dv]) {
+                *sum += value;
+            }
+        }
+    }
+    let mean = |(count, sum): (f64, [f64; 4])| {
+        let [u, v, du, dv] = sum.map(|sum| sum / count);
+        Sighting {
+            observed: [u, v],
+            residual_px: Some([du, dv]),
+            outlier: false,
+        }
+    };
+    sums.into_values().map(mean).collect()
 }
 
 /// How many points were seen in each cell of a grid over the image: an SVG document.
@@ -229,8 +279,8 @@ pub(crate) fn rms_bars(views: &[(&str, f64)], overall_px: f64) -> anyhow::Result
             write_text(
                 area,
                 &value,
-                [end(*rms) + 6.0, y],
-                &text_style(12.0, HPos::Left),
+                [WIDTH_PX - 14.0, y],
+                &text_style(12.0, HPos::Right),
             )?;
         }
         let x = units(end(overall_px));

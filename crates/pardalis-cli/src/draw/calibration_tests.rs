@@ -29,7 +29,7 @@ fn pictures_are_drawn() {
     let (size, points) = ((640, 480), sightings());
     for (name, document) in [
         ("points", observed_and_projected(size, &points)),
-        ("arrows", residual_arrows(size, &points, 0.3)),
+        ("arrows", residual_arrows(size, &points)),
         ("scatter", residual_scatter(&points, 0.3)),
         ("coverage", coverage(size, &points)),
         (
@@ -51,7 +51,7 @@ fn pictures_take_any_numbers() {
         }];
         for document in [
             observed_and_projected((1, 1), &wild),
-            residual_arrows((1, 1), &wild, number.abs()),
+            residual_arrows((1, 1), &wild),
             residual_scatter(&[], 0.0),
             coverage((1, 1), &wild),
             rms_bars(&[("<&>", number)], number.abs()),
@@ -77,6 +77,30 @@ fn cells_count_the_points_in_them() {
     let counts = cell_counts((640, 480), &points);
     assert_eq!((counts[0][0], counts[9][9]), (2, 1));
     assert_eq!(counts.iter().flatten().sum::<usize>(), 3);
+}
+
+#[test]
+fn many_residuals_are_averaged_by_cells() {
+    let point = |u: f64, residual_px, outlier| Sighting {
+        observed: [u, 3.0],
+        residual_px,
+        outlier,
+    };
+    let points = [
+        point(1.0, Some([0.4, 0.0]), false),
+        point(5.0, Some([0.2, -0.6]), false),
+        point(5.0, Some([9.0, 9.0]), true),
+        point(4.0, None, false),
+        point(600.0, Some([1.0, 1.0]), false),
+    ];
+    let means = mean_residuals((640, 480), &points);
+    assert_eq!(means.len(), 2);
+    assert_eq!(means[0].observed, [3.0, 3.0]);
+    let [du, dv] = means[0].residual_px.unwrap();
+    assert!(
+        (du - 0.3).abs() < 1e-12 && (dv + 0.3).abs() < 1e-12,
+        "{du} {dv}"
+    );
 }
 
 #[test]

@@ -1,8 +1,10 @@
 //! Fitting one or several models to the same observations.
 
 use std::path::Path;
+use std::time::Duration;
 
 use anyhow::Result;
+use indicatif::{ProgressBar, ProgressStyle};
 use pardalis::calibrate::{Calibration, CalibrationSettings, CalibrationView, calibrate};
 use rayon::prelude::*;
 
@@ -38,6 +40,7 @@ impl Fits {
         size_px: (usize, usize),
         board: bool,
     ) -> Result<Self> {
+        let bar = progress_bar(models.len());
         let outcomes: Vec<_> = models
             .into_par_iter()
             .map(|model| {
@@ -47,9 +50,12 @@ impl Fits {
                     board,
                     outlier_sigmas: model.outlier_sigmas,
                 };
-                calibrate(views, &settings).map_err(|refusal| (model.name, refusal.to_string()))
+                let outcome = calibrate(views, &settings);
+                bar.inc(1);
+                outcome.map_err(|refusal| (model.name, refusal.to_string()))
             })
             .collect();
+        bar.finish_and_clear();
         let mut fits = Self {
             fitted: Vec::new(),
             refused: Vec::new(),
@@ -85,6 +91,16 @@ impl Fits {
         for fit in &mut self.fitted {
             fit.trial = Some(Trial::of(&fit.calibration.camera, views));
         }
+    }
+}
+
+/// A moving sign of life on a terminal, as how long a fit takes is not known; nothing elsewhere.
+fn progress_bar(models: usize) -> ProgressBar {
+    let bar = ProgressBar::new(models as u64);
+    bar.enable_steady_tick(Duration::from_millis(100));
+    match ProgressStyle::with_template("{spinner} fitting: {pos} of {len} models done, {elapsed}") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
     }
 }
 

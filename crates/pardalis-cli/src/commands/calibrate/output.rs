@@ -1,10 +1,11 @@
 //! The files of a calibration.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::calibrate::Calibration;
+use pardalis::calibrate::{Calibration, ModelKind};
 use pardalis::config::calibration;
 use pardalis::rig::CalibratedCamera;
 
@@ -40,6 +41,7 @@ pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
     };
     let text_of = |fit: &Calibration| calibration::write(&[camera_of(report, fit)]);
     write("camera.toml".to_owned(), text_of(report.best()))?;
+    remove_earlier(folder)?;
     if report.fits.fitted.len() > 1 {
         for Fit {
             calibration: fit, ..
@@ -54,6 +56,20 @@ pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
     write("report.html".to_owned(), page::page(report)?)?;
     say(report);
     say_written(&written);
+    Ok(())
+}
+
+/// Removes the models of an earlier run, which would pass for this one's.
+fn remove_earlier(folder: &Path) -> Result<()> {
+    for kind in ModelKind::ALL {
+        let path = folder.join(format!("camera-{}.toml", kind.name()));
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                return Err(fault!("{}: cannot be replaced: {error}", path.display()));
+            }
+            _ => {}
+        }
+    }
     Ok(())
 }
 

@@ -40,7 +40,7 @@ pub(super) fn page(report: &Report) -> Result<String> {
     );
     for picture in [
         observed_and_projected(size_px, &sightings)?,
-        residual_arrows(size_px, &sightings, best.rms_px)?,
+        residual_arrows(size_px, &sightings)?,
         residual_scatter(&sightings, best.rms_px)?,
         coverage(size_px, &sightings)?,
     ] {
