@@ -5,8 +5,18 @@ use std::fmt::Write as _;
 use super::reader::Table;
 use crate::camera::{ConstantResolution, MirrorForm, MirrorProfile, Resolution};
 
-/// The mirror under the one of these keys that the table has: `profile`, rows of t, F and perhaps F'; or a table of a shape's parameters.
+/// The mirror under the one of these keys that the table has: `profile`, rows of t, F and perhaps F'; or a table of a shape's parameters. With
+/// `vertex_m` it stands at another distance from the pinhole than those say.
 pub(super) fn read_profile(table: &Table) -> Option<MirrorProfile> {
+    let vertex_m = table.optional("vertex_m");
+    let profile = read_shape(table)?;
+    match vertex_m {
+        Some(vertex_m) => table.checked(profile.at_vertex(vertex_m)),
+        None => Some(profile),
+    }
+}
+
+fn read_shape(table: &Table) -> Option<MirrorProfile> {
     if let Some(rows) = table.optional::<Vec<Vec<f64>>>("profile") {
         for kind in KINDS.into_iter().filter(|kind| table.has(kind)) {
             table.table(kind);
@@ -41,6 +51,10 @@ pub(super) fn push_profile(text: &mut String, profile: &MirrorProfile) {
         MirrorForm::Hyperboloid {
             semi_axes_m: [a, b],
         } => ("hyperboloid", vec![("a_m", a), ("b_m", b)]),
+        MirrorForm::ConstantResolution(design) => {
+            push_design(text, &design, profile.vertex_m());
+            return;
+        }
         MirrorForm::Rows(rows) => {
             text.push_str("profile = [\n");
             // Writing to a String cannot fail.
@@ -58,6 +72,23 @@ pub(super) fn push_profile(text: &mut String, profile: &MirrorProfile) {
         .map(|(key, value)| format!("{key} = {value:?}"))
         .collect();
     let _ = writeln!(text, "{kind} = {{ {} }}", values.join(", "));
+}
+
+fn push_design(text: &mut String, design: &ConstantResolution, vertex_m: f64) {
+    let (key, value) = match design.resolution {
+        Resolution::PerMetre(a) => ("resolution_per_m", a),
+        Resolution::RimShows(r_m) => ("rim_shows_m", r_m),
+    };
+    let (designed_m, rim_m) = (design.vertex_m, design.rim_m);
+    let (plane_z_m, offset) = (design.plane_z_m, design.offset);
+    if vertex_m != designed_m {
+        let _ = writeln!(text, "vertex_m = {vertex_m:?}");
+    }
+    let _ = writeln!(
+        text,
+        "constant_resolution = {{ vertex_m = {designed_m:?}, rim_m = {rim_m:?}, plane_z_m = {plane_z_m:?}, \
+         {key} = {value:?}, offset = {offset:?} }}"
+    );
 }
 
 const KINDS: [&str; 5] = [

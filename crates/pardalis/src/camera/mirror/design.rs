@@ -64,7 +64,7 @@ impl ConstantResolution {
         }
         let a = self.per_metre();
         let rows = self.integrate(a);
-        let profile = MirrorProfile::from_rows_with_slopes(&rows)?;
+        let profile = MirrorProfile::designed(&rows, *self)?;
         if let Resolution::RimShows(r_m) = self.resolution {
             let shown_m = self.shown_by_rim(&rows, a);
             if !((shown_m - r_m).abs() <= 1e-9 * r_m) {

@@ -1,5 +1,6 @@
 //! Shapes of mirrors of revolution, and what makes a shape usable.
 
+use super::ConstantResolution;
 use super::table::ProfileTable;
 use crate::Error;
 
@@ -46,6 +47,8 @@ pub enum MirrorForm {
         /// Along the optical axis and across, in metres.
         semi_axes_m: [f64; 2],
     },
+    /// A design.
+    ConstantResolution(ConstantResolution),
     /// A table of t, F and F', t and F in metres.
     Rows(Vec<[f64; 3]>),
 }
@@ -57,8 +60,8 @@ enum Shape {
     Conic { curvature_per_m: f64, conic: f64 },
     /// s·t.
     Cone { slope: f64 },
-    /// Interpolated.
-    Table(ProfileTable),
+    /// Interpolated; where the table comes from a design, with that.
+    Table(ProfileTable, Option<ConstantResolution>),
 }
 
 impl MirrorProfile {
@@ -118,8 +121,18 @@ impl MirrorProfile {
     ///
     /// 5 to 100 000 rows, t growing from 0 to the rim.
     pub fn from_rows_with_slopes(rows: &[[f64; 3]]) -> Result<Self, Error> {
+        Self::from_table(rows, None)
+    }
+
+    /// A designed profile, from its rows t, F, F'.
+    pub(super) fn designed(rows: &[[f64; 3]], design: ConstantResolution) -> Result<Self, Error> {
+        Self::from_table(rows, Some(design))
+    }
+
+    fn from_table(rows: &[[f64; 3]], design: Option<ConstantResolution>) -> Result<Self, Error> {
         let table = ProfileTable::new(rows)?;
-        Self::checked(rows[0][1], rows[rows.len() - 1][0], Shape::Table(table))
+        let shape = Shape::Table(table, design);
+        Self::checked(rows[0][1], rows[rows.len() - 1][0], shape)
     }
 
     fn conic(vertex_m: f64, curvature_per_m: f64, conic: f64, rim_m: f64) -> Result<Self, Error> {
@@ -139,7 +152,7 @@ impl MirrorProfile {
             shape,
         };
         match &profile.shape {
-            Shape::Table(table) => table.places().try_for_each(|t| profile.check_at(t))?,
+            Shape::Table(table, _) => table.places().try_for_each(|t| profile.check_at(t))?,
             _ => (0..=CHECKED_PLACES)
                 .map(|i| rim_m * f64::from(i) / f64::from(CHECKED_PLACES))
                 .try_for_each(|t| profile.check_at(t))?,
@@ -147,8 +160,8 @@ impl MirrorProfile {
         Ok(profile)
     }
 
-    /// The same shape at another distance from the pinhole.
-    pub(in crate::camera) fn at_vertex(&self, vertex_m: f64) -> Result<Self, Error> {
+    /// The same shape at another distance from the pinhole, in metres.
+    pub fn at_vertex(&self, vertex_m: f64) -> Result<Self, Error> {
         Self::checked(vertex_m, self.rim_m, self.shape.clone())
     }
 
@@ -195,7 +208,7 @@ impl MirrorProfile {
         self.rim_m
     }
 
-    /// What the profile is made from, but for rounding.
+    /// What the profile is made from, but for rounding. A design may stand at another distance from the pinhole than the profile.
     pub fn form(&self) -> MirrorForm {
         match &self.shape {
             &Shape::Conic {
@@ -218,7 +231,8 @@ impl MirrorProfile {
             Shape::Cone { slope } => MirrorForm::Cone {
                 half_angle_rad: libm::atan(1.0 / slope),
             },
-            Shape::Table(table) => {
+            &Shape::Table(_, Some(design)) => MirrorForm::ConstantResolution(design),
+            Shape::Table(table, None) => {
                 let row = |&t: &f64| {
                     let [f, slope, _] = self.at(t);
                     [t, f, slope]
@@ -245,7 +259,7 @@ impl MirrorProfile {
                 [c * t * t / (1.0 + w), c * t / w, c / (w * w * w)]
             }
             &Shape::Cone { slope } => [slope * t, slope, 0.0],
-            Shape::Table(table) => table.at(t),
+            Shape::Table(table, _) => table.at(t),
         }
     }
 
