@@ -27,8 +27,8 @@ const ARROW_PX: f64 = 24.0;
 /// No arrow is longer on the picture.
 const MAX_ARROW_PX: f64 = 80.0;
 
-/// More arrows than this would hide one another.
-const MAX_ARROWS: usize = 600;
+/// More arrows or marks than this would hide one another.
+const MAX_MARKS: usize = 600;
 
 /// Cells along the longer side of the image, where residuals are averaged.
 const MEAN_CELLS: f64 = 28.0;
@@ -62,17 +62,27 @@ pub(crate) fn observed_and_projected(
     sightings: &[Sighting],
 ) -> anyhow::Result<String> {
     let caption = "circle: observed; cross: projected; violet: left out of the fit";
+    // Many points are drawn small; those left out are never, and lie above the others.
+    let small = (MAX_MARKS as f64 / sightings.len().max(1) as f64)
+        .sqrt()
+        .min(1.0);
+    let (left_out, fitted): (Vec<_>, Vec<_>) = sightings.iter().partition(|s| s.outlier);
     image_picture(size_px, caption, |plane, area| {
-        for sighting in sightings {
-            let color = if sighting.outlier { OUTLIER } else { OBSERVED };
+        for sighting in fitted.into_iter().chain(left_out) {
+            let (color, size) = if sighting.outlier {
+                (OUTLIER, 1.0)
+            } else {
+                (OBSERVED, small)
+            };
+            let style = |color| line(color, 0.9, 1.2 * size.max(0.5));
             let at = plane.at(sighting.observed);
-            area.draw(&Circle::new(at, units(4.5), line(color, 0.9, 1.2)))?;
+            area.draw(&Circle::new(at, units(4.5 * size), style(color)))?;
             if let Some(projected) = sighting.projected().filter(|p| plane.is_near(*p)) {
                 let (x, y) = plane.at(projected);
-                let arm = units(3.5);
+                let arm = units(3.5 * size);
                 for sign in [-1, 1] {
                     let ends = [(x - arm, y - sign * arm), (x + arm, y + sign * arm)];
-                    area.draw(&PathElement::new(ends, line(PROJECTED, 0.9, 1.2)))?;
+                    area.draw(&PathElement::new(ends, style(PROJECTED)))?;
                 }
             }
         }
@@ -85,7 +95,7 @@ pub(crate) fn residual_arrows(
     size_px: (usize, usize),
     sightings: &[Sighting],
 ) -> anyhow::Result<String> {
-    let (shown, [what, note]) = if sightings.len() > MAX_ARROWS {
+    let (shown, [what, note]) = if sightings.len() > MAX_MARKS {
         let means = mean_residuals(size_px, sightings);
         (means, ["mean residuals of small areas", ""])
     } else {
