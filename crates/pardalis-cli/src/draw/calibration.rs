@@ -66,7 +66,8 @@ pub(crate) fn observed_and_projected(
     let small = (MAX_MARKS as f64 / sightings.len().max(1) as f64)
         .sqrt()
         .min(1.0);
-    let (left_out, fitted): (Vec<_>, Vec<_>) = sightings.iter().partition(|s| s.outlier);
+    let (left_out, fitted): (Vec<&Sighting>, Vec<&Sighting>) =
+        sightings.iter().partition(|s| s.outlier);
     image_picture(size_px, caption, |plane, area| {
         for sighting in fitted.into_iter().chain(left_out) {
             let (color, size) = if sighting.outlier {
