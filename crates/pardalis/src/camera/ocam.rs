@@ -1,13 +1,18 @@
 //! Scaramuzza's polynomial model of mirror cameras and fisheyes, as written by OCamCalib.
 
+use std::sync::{Arc, OnceLock};
+
+use super::ocam_look_up::{OcamLookUp, Radii};
 use super::{Projection, Ray, check_coefficients, check_focal, check_principal_point};
 use crate::Error;
 use crate::real::Real;
 
 /// Most coefficients of the polynomial.
-const MAX_COEFFICIENTS: usize = 8;
+pub(super) const MAX_COEFFICIENTS: usize = 8;
 /// The share of the last radius below which a step ends the iteration.
 const SETTLED: f64 = 2e-7;
+/// Steps of the iteration at most: half of them would do for any lens.
+const MAX_STEPS: u32 = 60;
 
 /// The pixel (u, v) at (du, dv) from the centre is (x', y') = A⁻¹·(du, dv), A = [1 e; d c], and looks along (x', y', −f(ρ)), with
 /// ρ = √(x'² + y'²) and f(ρ) = a0 + a1·ρ + a2·ρ² + … (Scaramuzza, Martinelli and Siegwart 2006, with OCamCalib's signs, a0 < 0).
@@ -15,7 +20,7 @@ const SETTLED: f64 = 2e-7;
 /// coordinates (x, y, z) are (y, x, −z) here. To project, the ray's angle is solved for ρ; the inverse polynomial of the toolbox is not used.
 ///
 /// Domain: ρ up to `max_radius_px`, and only as far as the angle from the axis grows with ρ.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Ocam<R> {
     polynomial: [R; MAX_COEFFICIENTS],
     coefficients: usize,
@@ -26,6 +31,17 @@ pub struct Ocam<R> {
     max_radius_px: R,
     /// Where the angle stops growing, if that is less.
     last_radius_px: R,
+    /// Made when it is first asked for.
+    radii: Arc<OnceLock<Radii>>,
+}
+
+impl PartialEq for Ocam<f64> {
+    /// The same camera, whether its look-up table is made or not.
+    fn eq(&self, other: &Self) -> bool {
+        self.parameters() == other.parameters()
+            && self.coefficients == other.coefficients
+            && self.max_radius_px == other.max_radius_px
+    }
 }
 
 impl Ocam<f64> {
@@ -72,6 +88,7 @@ impl Ocam<f64> {
             affine,
             max_radius_px,
             last_radius_px: largest_growing_radius(&padded, max_radius_px),
+            radii: Arc::default(),
         })
     }
 
@@ -95,9 +112,28 @@ impl Ocam<f64> {
         )
     }
 
-    /// The same camera in single precision, for kernels.
-    pub fn to_f32(&self) -> Ocam<f32> {
-        self.vary(self.parameters().map(|p| p as f32))
+    /// The same camera in single precision, for kernels: its table is made at the first call.
+    pub fn to_f32(&self) -> OcamLookUp<'_> {
+        let radii = self.radii.get_or_init(|| Radii::new(self));
+        OcamLookUp {
+            radii,
+            polynomial: self.polynomial.map(|a| a as f32),
+            center_px: [self.cx_px as f32, self.cy_px as f32],
+            affine: self.affine.map(|a| a as f32),
+            last_radius_px: self.last_radius_px as f32,
+        }
+    }
+
+    /// Sine and cosine of the angle from the axis that is seen at this radius.
+    pub(super) fn angle_at(&self, rho_px: f64) -> [f64; 2] {
+        let (f, _) = value_and_slope(&self.polynomial, rho_px);
+        let length = libm::hypot(rho_px, f);
+        [rho_px / length, -f / length]
+    }
+
+    /// The largest radius of the domain, in pixels.
+    pub(super) fn last_radius_px(&self) -> f64 {
+        self.last_radius_px
     }
 }
 
@@ -127,7 +163,7 @@ fn largest_growing_radius(polynomial: &[f64; MAX_COEFFICIENTS], max_radius_px: f
 
 /// f(ρ) and f'(ρ).
 #[inline(always)]
-fn value_and_slope<R: Real>(polynomial: &[R; MAX_COEFFICIENTS], rho: R) -> (R, R) {
+pub(super) fn value_and_slope<R: Real>(polynomial: &[R; MAX_COEFFICIENTS], rho: R) -> (R, R) {
     let (mut value, mut slope) = (R::of(0.0), R::of(0.0));
     for &a in polynomial.iter().rev() {
         slope = slope * rho + value;
@@ -164,30 +200,20 @@ impl<R: Real> Ocam<R> {
             affine: [p[2], p[3], p[4]],
             max_radius_px: S::of(self.max_radius_px.to_f64()),
             last_radius_px: S::of(self.last_radius_px.to_f64()),
+            radii: Arc::default(),
         }
     }
-}
 
-impl<R: Real> Projection<R> for Ocam<R> {
-    /// Newton's iteration on z·ρ + r·f(ρ) = 0 (with r² + z² = 1), kept between the axis and the last radius, between which there is one root.
-    #[inline(always)]
-    fn project(&self, [x, y, z]: [R; 3]) -> ([R; 2], bool) {
-        let (zero, one) = (R::of(0.0), R::of(1.0));
-        let r = (x * x + y * y).sqrt();
-        let d = (x * x + y * y + z * z).sqrt();
-        let somewhere = d > zero;
-        let inverse = one / if somewhere { d } else { one };
-        let (sin, cos) = (r * inverse, z * inverse);
+    /// The radius at which the ray at an angle with this sine and cosine is seen: Newton's iteration on cos·ρ + sin·f(ρ) = 0, kept between
+    /// the axis and the last radius, between which there is one root.
+    pub(super) fn radius(&self, [sin, cos]: [R; 2]) -> R {
         let last = self.last_radius_px;
-        let (f_last, _) = value_and_slope(&self.polynomial, last);
-        let behind = !(sin > R::of(1e-30)) & !(cos > zero);
-        let valid = somewhere & !behind & (cos * last + sin * f_last >= zero);
-        let (mut low, mut high) = (zero, last);
+        let (mut low, mut high) = (R::of(0.0), last);
         let mut rho = sin * last;
-        for _ in 0..16 {
+        for _ in 0..MAX_STEPS {
             let (f, slope) = value_and_slope(&self.polynomial, rho);
             let error = cos * rho + sin * f;
-            let beyond = error > zero;
+            let beyond = error > R::of(0.0);
             high = if beyond { rho } else { high };
             low = if beyond { low } else { rho };
             let newton = rho - error / (cos + sin * slope);
@@ -203,6 +229,24 @@ impl<R: Real> Projection<R> for Ocam<R> {
                 break;
             }
         }
+        rho
+    }
+}
+
+impl<R: Real> Projection<R> for Ocam<R> {
+    /// An iteration in any precision: for kernels there is [`Ocam::to_f32`].
+    fn project(&self, [x, y, z]: [R; 3]) -> ([R; 2], bool) {
+        let (zero, one) = (R::of(0.0), R::of(1.0));
+        let r = (x * x + y * y).sqrt();
+        let d = (x * x + y * y + z * z).sqrt();
+        let somewhere = d > zero;
+        let inverse = one / if somewhere { d } else { one };
+        let (sin, cos) = (r * inverse, z * inverse);
+        let last = self.last_radius_px;
+        let (f_last, _) = value_and_slope(&self.polynomial, last);
+        let behind = !(sin > R::of(1e-30)) && !(cos > zero);
+        let valid = somewhere && !behind && cos * last + sin * f_last >= zero;
+        let rho = self.radius([sin, cos]);
         // ρ/r, which is −f(ρ)/z too: whichever of r and z is larger divides.
         let ahead = cos > sin;
         let (f, _) = value_and_slope(&self.polynomial, rho);
