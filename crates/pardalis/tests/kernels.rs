@@ -6,7 +6,8 @@ use common::{ball_colors, fisheye, frame, jump_picture, world_from_fisheye};
 use image::{Rgb, RgbImage};
 use nalgebra::Point3;
 use pardalis::camera::{
-    Camera, ExactMirror, Mask, MirrorProfile, PerspectiveMirror, Pinhole, Unified,
+    Camera, DoubleSphere, ExactMirror, ExtendedUnified, KannalaBrandt, Mask, Mei, MirrorProfile,
+    Ocam, PerspectiveMirror, Pinhole, Unified,
 };
 use pardalis::color::{ColorModel, Palette, YuvEncoding, YuvMatrix, YuvRange};
 use pardalis::likelihood::{ContourCue, ContourSettings, Likelihood};
@@ -47,6 +48,36 @@ fn cameras() -> Vec<Camera> {
         Camera::Unified(Unified::new(1.4, 0.8, 60.0, center).unwrap()),
         Camera::PerspectiveMirror(PerspectiveMirror::new(140.0, center).unwrap()),
         Camera::ExactMirror(ExactMirror::new([480.0, 485.0], center, mirror).unwrap()),
+        Camera::KannalaBrandt(
+            KannalaBrandt::new(
+                [145.0, 146.0],
+                center,
+                [0.0101, -0.0031, 0.0019, -0.0007],
+                1.6,
+            )
+            .unwrap(),
+        ),
+        Camera::Mei(
+            Mei::new(
+                [260.0, 262.0],
+                0.3,
+                center,
+                1.05,
+                [-0.02, 0.003, 0.0005, -0.0003],
+            )
+            .unwrap(),
+        ),
+        Camera::DoubleSphere(DoubleSphere::new([157.0, 158.0], center, -0.18, 0.59).unwrap()),
+        Camera::ExtendedUnified(ExtendedUnified::new([190.0, 191.0], center, 0.63, 1.04).unwrap()),
+        Camera::Ocam(
+            Ocam::new(
+                &[-131.48, 0.0, 1.849e-3, 2.251e-7, -7.343e-10],
+                center,
+                [0.999_8, 0.000_04, 0.000_01],
+                470.0,
+            )
+            .unwrap(),
+        ),
     ]
 }
 
