@@ -61,8 +61,39 @@ pub struct FittedView {
     pub rms_px: f64,
 }
 
+/// A polynomial of higher degree must bring the held-out points this much nearer.
+const HIGHER_DEGREE_GAIN: f64 = 0.97;
+
 /// Fits a camera and the pose of each view.
+///
+/// Of OCamCalib's model first with its usual polynomial of degree 4, then with one of degree 6, which very wide lenses need and few points do
+/// not determine: it is taken if held-out points say that it is better.
 pub fn calibrate(
+    views: &[CalibrationView],
+    settings: &CalibrationSettings,
+) -> Result<Calibration, Refusal> {
+    let found = calibrate_once(views, settings)?;
+    let (CalibrationStart::Model(_), Camera::Ocam(model)) = (&settings.start, &found.camera) else {
+        return Ok(found);
+    };
+    let wider = model.of_degree(6).map(Camera::Ocam).ok().and_then(|start| {
+        let settings = CalibrationSettings {
+            start: CalibrationStart::Near(start),
+            ..settings.clone()
+        };
+        calibrate_once(views, &settings).ok()
+    });
+    let better = |wider: &Calibration| {
+        let (wider, found) = (wider.held_out_rms_px?, found.held_out_rms_px?);
+        Some(wider < HIGHER_DEGREE_GAIN * found)
+    };
+    Ok(wider
+        .filter(|wider| better(wider) == Some(true))
+        .unwrap_or(found))
+}
+
+/// From one kind of start.
+fn calibrate_once(
     views: &[CalibrationView],
     settings: &CalibrationSettings,
 ) -> Result<Calibration, Refusal> {

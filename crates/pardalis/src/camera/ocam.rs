@@ -92,6 +92,17 @@ impl Ocam<f64> {
         })
     }
 
+    /// The same camera with a polynomial of at least this degree, up to 7: further coefficients are zero.
+    pub(crate) fn of_degree(&self, degree: usize) -> Result<Self, Error> {
+        let coefficients = self.coefficients.max(degree + 1);
+        Self::new(
+            &self.polynomial[..coefficients],
+            [self.cx_px, self.cy_px],
+            self.affine,
+            self.max_radius_px,
+        )
+    }
+
     /// The polynomial a0, a1, a2, …
     pub fn polynomial(&self) -> &[f64] {
         &self.polynomial[..self.coefficients]
