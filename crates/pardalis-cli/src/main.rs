@@ -25,6 +25,12 @@ use clap::{Parser, Subcommand};
   pardalis init images --fps 25 --colors ball.colors.toml --pixel 460,88
   pardalis track scene.toml --annotate
 
+Cameras:
+  pardalis init images --fps 25 --camera calibration.yml           a scene with a calibration of any program
+  pardalis camera show calibration.yml                             what it says: field of view, pose, pictures
+  pardalis calibrate board images --board checkerboard:9x6:0.025 --model all
+  pardalis calibrate pose points.csv --camera camera.toml          where the camera stands
+
 Exit codes: 0 done; 2 the input or the usage is at fault; 1 anything else.")]
 struct Arguments {
     #[command(subcommand)]

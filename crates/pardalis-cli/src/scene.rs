@@ -16,6 +16,7 @@ use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
 
 use crate::fault::{Fault, fault};
+use crate::say::warn;
 use crate::source::decode::decode_mask;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 
@@ -57,16 +58,20 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
         let line = error.as_bytes()[..error.utf8_error().valid_up_to()]
             .split(|&byte| byte == b'\n')
             .count();
-        fault!("{name}: line {line}: is no UTF-8 text; save the file as UTF-8")
+        fault!("{name}: line {line}: is not UTF-8 text; save the file as UTF-8")
     })
 }
 
-/// Reads and checks a scene file; of the files it names it opens calibrations only.
+/// Reads and checks a scene file; of the files it names it opens calibrations only. Warns of what may not be meant.
 pub(crate) fn read(path: &Path) -> Result<Scene> {
     let text = read_text(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    Scene::parse(&text, &|file, lens| read_calibration(folder, file, lens))
-        .map_err(|problems| all_of(path, &problems))
+    let scene = Scene::parse(&text, &|file, lens| read_calibration(folder, file, lens))
+        .map_err(|problems| all_of(path, &problems))?;
+    for warning in &scene.warnings {
+        warn(format!("{}: {warning}", path.display()));
+    }
+    Ok(scene)
 }
 
 /// The cameras of a calibration file that a scene in this folder names; on failure the message, with the file and its line.

@@ -182,6 +182,15 @@ impl Table {
         let mut builder = ReaderBuilder::new();
         let mut reader = builder.trim(Trim::All).from_path(path).map_err(failed)?;
         let header = reader.headers().map_err(failed)?.clone();
+        let separators = [(';', "semicolons"), ('\t', "tabs")];
+        if header.len() == 1
+            && let Some((_, name)) = separators.iter().find(|(c, _)| header[0].contains(*c))
+        {
+            return Err(fault!(
+                "{}, line 1: the columns are separated by {name}; they must be separated by commas, and numbers have a decimal point",
+                path.display()
+            ));
+        }
         let records: Vec<StringRecord> =
             reader.records().collect::<Result<_, _>>().map_err(failed)?;
         if let Some(twice) = header.iter().enumerate().find_map(|(i, name)| {
@@ -290,6 +299,10 @@ impl Row<'_> {
         }
         match cell.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(Some(number)),
+            Err(_) if cell.replacen(',', ".", 1).parse::<f64>().is_ok() => Err(self.misfit(
+                column,
+                "a number with a decimal point in place of the comma",
+            )),
             _ => Err(self.misfit(column, "a finite number")),
         }
     }
@@ -359,10 +372,17 @@ fn csv_fault(path: &Path, error: &csv::Error) -> anyhow::Error {
             pos,
             expected_len,
             len,
-        } => fault!(
-            "{path}, line {}: has {len} cells where the header has {expected_len} columns",
-            pos.as_ref().map_or(0, csv::Position::line)
-        ),
+        } => {
+            let hint = if len > expected_len {
+                "; numbers are written with a decimal point, not a comma"
+            } else {
+                ""
+            };
+            fault!(
+                "{path}, line {}: has {len} cells where the header has {expected_len} columns{hint}",
+                pos.as_ref().map_or(0, csv::Position::line)
+            )
+        }
         ErrorKind::Utf8 { pos, err } => fault!(
             "{path}, line {}, column {}: is not UTF-8 text; save the file as UTF-8",
             pos.as_ref().map_or(1, csv::Position::line),

@@ -298,10 +298,10 @@ fn files_that_are_no_scenes() {
         .refused(&["line 2: cameras: is empty", "line 3: targets: is empty"]);
     place
         .track((0..=255).collect::<Vec<u8>>())
-        .refused(&["scene.toml: line 2: is no UTF-8 text"]);
+        .refused(&["scene.toml: line 2: is not UTF-8 text"]);
     place
         .track(b"seed = 1\n# caf\xe9\n")
-        .refused(&["scene.toml: line 2: is no UTF-8 text; save"]);
+        .refused(&["scene.toml: line 2: is not UTF-8 text; save"]);
     place
         .track("seed = 1\0\n")
         .refused(&["scene.toml", "line 1"]);
@@ -310,7 +310,7 @@ fn files_that_are_no_scenes() {
         .refused(&["scene.toml: has 20971520 bytes; allowed: at most"]);
     place
         .track(fs::read(frame_file(0)).unwrap())
-        .refused(&["scene.toml: line 1: is no UTF-8"]);
+        .refused(&["scene.toml: line 1: is not UTF-8"]);
     let both = scene_with(
         "shape.sphere.radius_m",
         "shape.cube.side_m = 1\nshape.sphere.radius_m",
@@ -411,7 +411,7 @@ fn faulty_color_models() {
     refused_colors(&with("302", "-302"), &["line 6"]);
     refused_colors(&with("302", "1e308"), &["line 6"]);
     refused_colors(&with("302", "0"), &["line 6", "allowed: 1 to 2^40"]);
-    refused_colors(b"\xff\xfe", &["is no UTF-8"]);
+    refused_colors(b"\xff\xfe", &["is not UTF-8"]);
     refused_colors(&vec![b'#'; 20 << 20], &["allowed: at most"]);
     fs::remove_file(place.path("ball.toml")).unwrap();
     let run = place.track(SCENE);

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{SCENE, Workplace, scene_with};
+use common::{SCENE, Workplace, data, scene_with};
 
 /// The scene's own camera as a calibration file of ours.
 const RIG: &str = "[cameras.cam1]
@@ -55,10 +55,26 @@ fn a_calibration_file_tracks_as_the_model_in_the_scene() {
         .fine();
     assert_eq!(place.rows(), expected);
 
-    // The scene's pose wins over the file's.
-    place.write("moved.toml", RIG.replace("0.9]", "1.9]"));
+    // The scene's pose wins over the file's, which is said; the same pose needs no word.
     place
-        .track(scene("calibration = \"moved.toml\"", true))
+        .track(scene("calibration = \"rig.toml\"", true))
+        .fine();
+    place.write("moved.toml", RIG.replace("0.9]", "1.9]"));
+    let run = place.track(scene("calibration = \"moved.toml\"", true));
+    assert_eq!(
+        (run.code, &*run.stderr),
+        (
+            Some(0),
+            "warning: scene.toml: line 6: cameras.cam1.world_from_camera: stands in place of the pose in moved.toml; \
+             take it out to use that one\n"
+        )
+    );
+    assert_eq!(place.rows(), expected);
+
+    // The camera.json of a sequence folder is the same camera.
+    std::fs::copy(data().join("camera.json"), place.path("camera.json")).unwrap();
+    place
+        .track(scene("calibration = \"camera.json\"", false))
         .fine();
     assert_eq!(place.rows(), expected);
 

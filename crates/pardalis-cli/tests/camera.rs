@@ -10,7 +10,7 @@ use tempfile::TempDir;
 #[allow(dead_code)]
 mod common;
 
-use common::{Run, SCENE, frame_file};
+use common::{Run, SCENE, data, frame_file};
 
 /// A fisheye of 185 degrees with a circle of 470 pixels, 0.9 m above the floor and looking down.
 const LENS: &str = r"[cameras.cam1]
@@ -180,6 +180,142 @@ fn cameras_go_to_every_format_that_holds_them_and_back() {
 }
 
 #[test]
+fn the_camera_of_a_sequence_folder_is_read_as_any_other() {
+    let folder = folder_with("lens.toml", LENS);
+    fs::copy(
+        data().join("camera.json"),
+        folder.path().join("camera.json"),
+    )
+    .unwrap();
+    let ours = camera(folder.path(), "show lens.toml").fine();
+    let json = camera(folder.path(), "show camera.json").fine();
+    assert_eq!(json.stdout, ours.stdout);
+    camera(
+        folder.path(),
+        "convert camera.json --to pardalis -o back.toml",
+    )
+    .fine();
+    let back = camera(folder.path(), "show back.toml").fine();
+    assert_eq!(back.stdout, ours.stdout);
+
+    let mirrors = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/calibration/catadioptric");
+    let run = camera(&mirrors, "show camera.json").fine();
+    assert_says(
+        &run,
+        &["exact_mirror", "vertex_m           0.16", "z 0.8200 m"],
+    );
+    let text = fs::read_to_string(folder.path().join("camera.json")).unwrap();
+    for (piece, other, wanted) in [
+        (
+            "\"fisheye_equidistant\"",
+            "\"other\"",
+            &["line 3: model: is \"other\"; allowed: fisheye_equidistant"][..],
+        ),
+        ("\"f_px_per_rad\"", "\"f\"", &["f_px_per_rad is missing"]),
+        (
+            "145.5622506548578",
+            "-1",
+            &["line 3: model: f_px_per_rad is -1"],
+        ),
+        ("\"width\": 640", "\"width\": 0", &["line 5: width: is 0"]),
+    ] {
+        assert!(text.contains(piece), "{piece}");
+        fs::write(
+            folder.path().join("bad.json"),
+            text.replacen(piece, other, 1),
+        )
+        .unwrap();
+        camera(folder.path(), "show bad.json").refused(wanted);
+    }
+}
+
+#[test]
+fn what_a_format_leaves_out_is_listed() {
+    let folder = folder_with("lens.toml", LENS);
+    for (format, left_out) in [
+        ("ros", "no place for it: pose, field of view\n"),
+        ("kalibr", "no place for it: field of view\n"),
+        ("opencv-yaml", "no place for it: field of view, name\n"),
+    ] {
+        let run = camera(
+            folder.path(),
+            &format!("convert lens.toml --to {format} -o there"),
+        )
+        .fine();
+        assert_says(&run, &[&format!("not written, as {format} has {left_out}")]);
+    }
+    let run = camera(folder.path(), "convert lens.toml --to pardalis -o there").fine();
+    assert!(!run.stdout.contains("not written"), "{}", run.stdout);
+    // A fisheye that was read without an end loses none.
+    camera(folder.path(), "convert lens.toml --to ros -o lens.yaml").fine();
+    let run = camera(folder.path(), "convert lens.yaml --to kalibr -o there").fine();
+    assert!(!run.stdout.contains("field of view"), "{}", run.stdout);
+
+    camera(folder.path(), "convert lens.toml --to ros -o ./lens.toml")
+        .refused(&["-o ./lens.toml", "is the file that is read"]);
+    assert_eq!(
+        fs::read_to_string(folder.path().join("lens.toml")).unwrap(),
+        LENS
+    );
+}
+
+#[test]
+fn a_size_that_the_file_does_not_say_is_given_to_convert_too() {
+    let folder = folder_with("alone.toml", LENS_ALONE);
+    let convert = "convert alone.toml --to kalibr -o there";
+    camera(folder.path(), convert).refused(&[
+        "the size of the images of camera cam1 is not known",
+        "--size",
+    ]);
+    camera(folder.path(), &format!("{convert} --size 640x480")).fine();
+    assert_says(
+        &camera(folder.path(), "show there").fine(),
+        &["640 x 480 px"],
+    );
+}
+
+#[test]
+fn toml_is_told_as_toml() {
+    let folder = folder_with("lens.toml", LENS);
+    let refused = |text: &str, wanted: &str| {
+        fs::write(folder.path().join("bad.toml"), text).unwrap();
+        let run = camera(folder.path(), "show bad.toml");
+        run.refused(&[wanted]);
+        run.stderr
+    };
+    let swapped = LENS.replace("[cameras.cam1]", "[camera.cam1]");
+    refused(
+        &swapped,
+        "line 1: camera: is not a key; did you mean cameras?",
+    );
+    refused(
+        "[package]\nname = \"x\"\n",
+        "line 1: cameras: is missing; describe each camera in a table [cameras.NAME]",
+    );
+    // The fault of the text itself is told alone.
+    for cut in ["0.9], [0, 0, 0, 1]]", "480]"] {
+        let said = refused(
+            &LENS.replacen(cut, &cut[..cut.len() - 1], 1),
+            "bad.toml: line ",
+        );
+        assert_eq!(said.matches("line ").count(), 1, "{said}");
+        assert!(!said.contains("cameras.cam1"), "{said}");
+    }
+}
+
+#[test]
+fn what_the_file_says_and_what_is_asked_must_agree() {
+    let folder = folder_with("lens.toml", LENS);
+    camera(folder.path(), "show lens.toml --as fisheye").fine();
+    camera(folder.path(), "show lens.toml --as pinhole").refused(&[
+        "camera cam1 is equidistant by what the file says",
+        "read as pinhole",
+    ]);
+    let help = camera(folder.path(), "show --help").fine();
+    assert_says(&help, &["pinhole, fisheye, omnidir", "--size"]);
+}
+
+#[test]
 fn what_is_wrong_is_named_with_what_to_do() {
     let folder = folder_with("lens.toml", LENS);
     let path = folder.path();
@@ -208,7 +344,12 @@ fn what_is_wrong_is_named_with_what_to_do() {
         ),
         (
             "show alone.toml --grid image.jpg -o out",
-            &["alone.toml", "no pose", "world_from_camera"],
+            &[
+                "alone.toml",
+                "no pose",
+                "`pardalis calibrate pose`",
+                "world_from_camera",
+            ],
         ),
         (
             "show small.toml --grid image.jpg -o out",

@@ -205,12 +205,92 @@ fn a_pinhole_calibration_keeps_its_numbers() {
     )
     .fine();
     let text = scene(&place);
-    assert!(text.contains("f_px = [330.5, 331.5]"), "{text}");
     assert!(
-        text.contains("distortion = [0.1, -0.01, 0.0, 0.0, 0.0]"),
+        text.contains("calibration = \"ride/camera.json\""),
         "{text}"
     );
     assert_eq!(tracked(&place, &text), 3);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+    let command = command.current_dir(place.path(""));
+    let shown = Run::of(command.args(["camera", "show", "scene.toml"])).fine();
+    for number in ["330.5", "331.5", "0.1", "-0.01"] {
+        assert!(shown.stdout.contains(&format!(" {number}\n")), "{number}");
+    }
+}
+
+/// The camera of data/dioptric-jump as OpenCV's fisheye, which has no pose and does not say that it is one.
+const OPENCV: &str = "%YAML:1.0
+---
+image_width: 640
+image_height: 480
+K: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 145.5622506548578, 0., 319.5, 0., 145.5622506548578, 239.5, 0., 0., 1. ]
+D: !!opencv-matrix
+   rows: 1
+   cols: 4
+   dt: d
+   data: [ 0., 0., 0., 0. ]
+";
+
+#[test]
+fn a_calibration_of_any_format_is_named_in_the_scene() {
+    let place = Workplace::with_frames(2);
+    fs::create_dir(place.path("lens")).unwrap();
+    place.write("lens/cam.yml", OPENCV);
+    let common = [
+        "--fps",
+        "25",
+        "--colors",
+        "ball.toml",
+        "--pixel",
+        "460,88",
+        "--force",
+    ];
+    let arguments = |file| [&["images", "--camera", file], &common[..]].concat();
+    init(&place, &arguments("lens/cam.yml")).refused(&["lens/cam.yml", "line 10: D", "--as"]);
+    init(
+        &place,
+        &[&arguments("lens/cam.yml")[..], &["--as", "fisheye"]].concat(),
+    )
+    .fine();
+    let text = scene(&place);
+    for line in [
+        "calibration = \"lens/cam.yml\"",
+        "calibration_as = \"fisheye\"",
+    ] {
+        assert!(text.lines().any(|l| l.starts_with(line)), "{line}: {text}");
+    }
+    assert_eq!(marked(&text), ["world_from_camera"]);
+    assert_eq!(tracked(&place, &text), 2);
+
+    // With a pose there is nothing to guess.
+    let lens = "[cameras.left]
+model.equidistant = { f_px_per_rad = 145.5, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }
+world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]]
+";
+    place.write("lens/camera.toml", lens);
+    init(&place, &arguments("lens/camera.toml")).fine();
+    let text = scene(&place);
+    assert!(text.contains("[cameras.left]"), "{text}");
+    assert!(!text.contains("world_from_camera ="), "{text}");
+    assert_eq!(tracked(&place, &text), 2);
+
+    // Each camera of several has a folder of its own.
+    place.write(
+        "rig.toml",
+        format!("{lens}{}", lens.replace("left", "right")),
+    );
+    init(&place, &arguments("rig.toml")).refused(&["images/left", "rig.toml has 2 cameras"]);
+    for name in ["left", "right"] {
+        fs::create_dir(place.path(&format!("images/{name}"))).unwrap();
+        let to = place.path(&format!("images/{name}/000000.jpg"));
+        fs::copy(frame_file(0), to).unwrap();
+    }
+    init(&place, &arguments("rig.toml")).fine();
+    assert_eq!(tracked(&place, &scene(&place)), 1);
 }
 
 #[test]
@@ -324,7 +404,7 @@ fn bad_input_is_named_and_writes_nothing() {
         ),
         (
             &["images", "--camera", "ball.toml"],
-            &["ball.toml: is no camera.json"],
+            &["ball.toml", "cameras: is missing"],
         ),
         (
             &["images", "--camera", "moving.json"],

@@ -71,11 +71,13 @@ pub(crate) fn write_field_of_view(
         for (_, circle) in &view.circles {
             draw_curve(circle, line(PALETTE[0], 1.0, 1.6))?;
         }
-        for (label, circle) in &view.circles {
+        let mut boxes = Vec::new();
+        // From outside in: those in the middle crowd.
+        for (label, circle) in view.circles.iter().rev() {
             // Halfway between two spokes there is room; elsewhere where the image has no pixel there.
             let at = circle.get(circle.len() / 8).copied().flatten();
             if let Some(at) = at.or_else(|| circle.iter().copied().flatten().next()) {
-                write_boxed(area, label, place_px(at))?;
+                write_boxed(area, label, place_px(at), &mut boxes)?;
             }
         }
         Ok(())
@@ -101,13 +103,45 @@ fn draw_hatched(area: &Area<'_>, [width_px, height_px]: [f64; 2]) -> anyhow::Res
     Ok(())
 }
 
-/// Writes text on a patch of paper.
-fn write_boxed(area: &Area<'_>, text: &str, at_px: [f64; 2]) -> anyhow::Result<()> {
-    let half_width_px = 4.0 * text.chars().count() as f64 + 2.0;
-    let corners = [(-half_width_px, -8.0), (half_width_px, 8.0)]
-        .map(|(dx, dy)| (units(at_px[0] + dx), units(at_px[1] + dy)));
+/// Half of a label's height.
+const HALF_LABEL_PX: f64 = 8.0;
+
+/// Writes text on a patch of paper, unless it would touch one of those before.
+fn write_boxed(
+    area: &Area<'_>,
+    text: &str,
+    at_px: [f64; 2],
+    before: &mut Vec<LabelBox>,
+) -> anyhow::Result<()> {
+    let own = LabelBox {
+        center_px: at_px,
+        half_width_px: 4.0 * text.chars().count() as f64 + 2.0,
+    };
+    if before.iter().any(|other| own.touches(other)) {
+        return Ok(());
+    }
+    let corners = [-1.0, 1.0].map(|side| {
+        (
+            units(at_px[0] + side * own.half_width_px),
+            units(at_px[1] + side * HALF_LABEL_PX),
+        )
+    });
+    before.push(own);
     area.draw(&Rectangle::new(corners, fill([255; 3], 0.85)))?;
     write_text(area, text, at_px, &text_style(12.0, HPos::Center))
+}
+
+/// Where a label is.
+struct LabelBox {
+    center_px: [f64; 2],
+    half_width_px: f64,
+}
+
+impl LabelBox {
+    fn touches(&self, other: &Self) -> bool {
+        let apart = [0, 1].map(|i| (self.center_px[i] - other.center_px[i]).abs());
+        apart[0] < self.half_width_px + other.half_width_px && apart[1] < 2.0 * HALF_LABEL_PX
+    }
 }
 
 /// Draws the radius in pixels and the pixels per degree against the angle into `NAME.svg` and `NAME.png` of a folder
@@ -146,10 +180,15 @@ fn draw_curves(area: &Area<'_>, name: &'static str, curves: &[LensCurve]) -> any
     let mut entries = Vec::new();
     // The camera's own curve lies on top.
     for (index, curve) in curves.iter().enumerate().rev() {
-        let color = if index == 0 { INK } else { PALETTE[index - 1] };
+        // Thin, so that what it covers shows at both sides.
+        let (color, width_px) = if index == 0 {
+            (INK, 1.5)
+        } else {
+            (PALETTE[index - 1], 5.0)
+        };
         let fits = |p: &(f64, f64)| (p.1 <= ROOM * highest).then_some(*p);
         for run in runs(curve.points.iter().map(fits)) {
-            draw_path(&mut panel, &run, line(color, 1.0, 2.0))?;
+            draw_path(&mut panel, &run, line(color, 1.0, width_px))?;
         }
         entries.push((Key::Track(color), curve.name.to_owned()));
     }

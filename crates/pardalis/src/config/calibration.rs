@@ -19,12 +19,7 @@ pub fn read(text: &str) -> Result<Vec<CalibratedCamera>, Vec<Problem>> {
         .filter_map(|(name, table)| read_camera(name, table))
         .collect();
     table.finish();
-    let (problems, _) = journal.finish();
-    if problems.is_empty() {
-        Ok(cameras)
-    } else {
-        Err(problems)
-    }
+    journal.finish().map(|_| cameras)
 }
 
 fn read_camera(name: String, table: Table) -> Option<CalibratedCamera> {

@@ -124,6 +124,9 @@ impl CameraConfig {
     }
 }
 
+/// Elements of two matrices of the same pose differ by this much at most: files round.
+const SAME_POSE: f64 = 1e-6;
+
 /// What a scene says of a camera itself, or a calibration file in its place.
 struct Optics {
     camera: Camera,
@@ -156,6 +159,20 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
         table.problem("world_from_camera", format!("{missing}; give {wanted}"));
     }
     let given_pose = read_pose(table);
+    let file_pose = file.as_ref().and_then(|file| file.world_from_camera);
+    // A camera that was mounted anew keeps its file; but init's guess may have been forgotten.
+    if let (Some(given), Some(in_file)) = (&given_pose, &file_pose)
+        && (given.to_homogeneous() - in_file.to_homogeneous()).amax() > SAME_POSE
+    {
+        let path: Option<String> = table.optional("calibration");
+        table.warn(
+            "world_from_camera",
+            format!(
+                "stands in place of the pose in {}; take it out to use that one",
+                path.unwrap_or_default()
+            ),
+        );
+    }
     let given_size = table.located::<[f64; 2]>("size_px");
     let file_size = file
         .as_ref()
@@ -171,7 +188,7 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
     Some(Optics {
         camera: model?,
         size_px: given_size.or_else(|| file_size.map(|size| table.at("calibration", size))),
-        world_from_camera: given_pose.or(file.and_then(|file| file.world_from_camera))?,
+        world_from_camera: given_pose.or(file_pose)?,
     })
 }
 

@@ -22,6 +22,8 @@ pub struct Scene {
     pub cameras: Vec<CameraConfig>,
     /// The targets, in the order of the text.
     pub targets: Vec<TargetConfig>,
+    /// What is allowed but may not be meant.
+    pub warnings: Vec<Problem>,
     /// Every setting with its final value, given or default, for summaries.
     pub resolved: toml::Table,
 }
@@ -45,16 +47,13 @@ impl Scene {
             .filter_map(|(name, table)| TargetConfig::read(name, table, &camera_names))
             .collect();
         table.finish();
-        let (problems, resolved) = journal.finish();
-        if problems.is_empty() {
-            Ok(Self {
-                seed,
-                cameras,
-                targets,
-                resolved,
-            })
-        } else {
-            Err(problems)
-        }
+        let (warnings, resolved) = journal.finish()?;
+        Ok(Self {
+            seed,
+            cameras,
+            targets,
+            warnings,
+            resolved,
+        })
     }
 }

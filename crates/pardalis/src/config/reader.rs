@@ -59,20 +59,26 @@ pub(super) struct Journal {
     /// Where each line but the first begins.
     line_starts: Vec<usize>,
     problems: RefCell<Vec<Problem>>,
+    /// What is allowed but deserves a word.
+    warnings: RefCell<Vec<Problem>>,
     /// Every setting with its final value, given or default.
     resolved: RefCell<toml::Table>,
+    /// Why the text is no TOML: what else seems wrong with it follows from that.
+    syntax: Option<Problem>,
 }
 
 /// Characters of a problem's key or message that are shown at most.
 const MAX_SHOWN: usize = 300;
 
 impl Journal {
-    /// Parses the text. What TOML itself refuses (doubled keys, say) is noted, and the rest is still read.
+    /// Parses the text. Where it is no TOML the first fault is all that will be told; of doubled keys the first is taken, and the rest is still read.
     pub(super) fn parse(text: &str) -> (Self, Spanned<DeTable<'_>>) {
         let (root, errors) = DeTable::parse_recoverable(text);
-        let journal = Self {
+        let mut journal = Self {
             line_starts: text.match_indices('\n').map(|(at, _)| at + 1).collect(),
             problems: RefCell::default(),
+            warnings: RefCell::default(),
+            syntax: None,
             resolved: RefCell::default(),
         };
         for error in errors {
@@ -85,7 +91,12 @@ impl Journal {
                 "recursion limit" | "cannot recurse further; max recursion depth met" => {
                     "tables or lists lie too deep in one another; allowed: a few levels".to_owned()
                 }
-                message => message.replace('\n', ", "),
+                message => {
+                    let first =
+                        journal.problem_at(offset, String::new(), message.replace('\n', ", "));
+                    journal.syntax.get_or_insert(first);
+                    continue;
+                }
             };
             journal.add(offset, String::new(), message);
         }
@@ -96,21 +107,32 @@ impl Journal {
         self.line_starts.partition_point(|&start| start <= offset) + 1
     }
 
-    fn add(&self, offset: usize, key: String, message: String) {
-        let problem = Problem {
+    fn problem_at(&self, offset: usize, key: String, message: String) -> Problem {
+        Problem {
             line: self.line_of(offset),
             key: shortened(key),
             message: shortened(message),
-        };
+        }
+    }
+
+    fn add(&self, offset: usize, key: String, message: String) {
+        let problem = self.problem_at(offset, key, message);
         self.problems.borrow_mut().push(problem);
     }
 
-    /// All problems, in the order of their lines, and every setting with its final value.
-    pub(super) fn finish(self) -> (Vec<Problem>, toml::Table) {
+    /// All problems, in the order of their lines; where there are none, what deserves a word, and every setting with its final value.
+    pub(super) fn finish(self) -> Result<(Vec<Problem>, toml::Table), Vec<Problem>> {
+        if let Some(problem) = self.syntax {
+            return Err(vec![problem]);
+        }
         let mut problems = self.problems.into_inner();
         problems.sort();
         problems.dedup();
-        (problems, self.resolved.into_inner())
+        if problems.is_empty() {
+            Ok((self.warnings.into_inner(), self.resolved.into_inner()))
+        } else {
+            Err(problems)
+        }
     }
 
     fn record(&self, path: &str, value: toml::Value) {
@@ -178,6 +200,14 @@ impl<'a, 't> Table<'a, 't> {
     pub(super) fn problem(&self, key: &str, message: impl Into<String>) {
         self.journal
             .add(self.offset_of(key), self.path_of(key), message.into());
+    }
+
+    /// Something about a key of this table that is allowed but deserves a word.
+    pub(super) fn warn(&self, key: &str, message: impl Into<String>) {
+        let warning =
+            self.journal
+                .problem_at(self.offset_of(key), self.path_of(key), message.into());
+        self.journal.warnings.borrow_mut().push(warning);
     }
 
     /// A problem with the value of a key, which is shown as it was written.

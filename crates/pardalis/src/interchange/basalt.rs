@@ -115,8 +115,9 @@ pub(super) fn write(cameras: &[CalibratedCamera]) -> Result<String, Error> {
         None => {
             return Err(written::cannot_hold(
                 &cameras[0],
-                "without a pose",
-                "cameras with world_from_camera in a Basalt file of several; or write each camera into a file of its own",
+                "the pose",
+                "missing",
+                "world_from_camera for each camera of a Basalt file of several; or write each camera into a file of its own",
             ));
         }
     };
@@ -208,7 +209,8 @@ fn intrinsics_of(camera: &CalibratedCamera) -> Result<String, Error> {
                 None => {
                     return Err(written::cannot_hold(
                         camera,
-                        "with thin-prism distortion (s1 to s4)",
+                        "the distortion",
+                        "longer, with the thin prism's s1 to s4",
                         "k1 k2 p1 p2 k3 k4 k5 k6 in Basalt files; OpenCV files hold all twelve",
                     ));
                 }

@@ -156,8 +156,9 @@ pub(super) fn write(cameras: &[CalibratedCamera]) -> Result<String, Error> {
     if poses.is_none() && cameras.len() > 1 {
         return Err(written::cannot_hold(
             &cameras[0],
-            "without a pose",
-            "cameras with world_from_camera in a Kalibr file of several; or write each camera into a file of its own",
+            "the pose",
+            "missing",
+            "world_from_camera for each camera of a Kalibr file of several; or write each camera into a file of its own",
         ));
     }
     let mut text = String::new();
@@ -207,8 +208,9 @@ fn model_of(camera: &CalibratedCamera) -> Result<ModelParts, Error> {
             if skew != 0.0 {
                 return Err(written::cannot_hold(
                     camera,
-                    "with skew",
-                    "no skew in Kalibr files; OpenCV files hold it",
+                    "skew_px",
+                    skew,
+                    "0 in Kalibr files; OpenCV files hold it",
                 ));
             }
             let k = written::parameters(model, ["k1", "k2", "p1", "p2"]);
@@ -227,7 +229,8 @@ fn model_of(camera: &CalibratedCamera) -> Result<ModelParts, Error> {
             if written::count_of(&all, &[4]).is_none() {
                 return Err(written::cannot_hold(
                     camera,
-                    "with more than k1, k2, p1, p2",
+                    "the distortion",
+                    "longer than k1, k2, p1, p2",
                     "these four in Kalibr files; OpenCV and ROS files hold more",
                 ));
             }

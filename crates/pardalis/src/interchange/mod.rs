@@ -8,6 +8,7 @@
 //! | Kalibr camchain | pinhole with radtan, equidistant or none; omni, ds, eucm | yes, the IMU's frame is the world |
 //! | `OCamCalib` `calib_results.txt` | its polynomial | no |
 //! | Basalt JSON | pinhole, pinhole-radtan8, kb4, ds, eucm, ucm | yes, the IMU's frame is the world |
+//! | `camera.json` of sequence folders (read only) | `fisheye_equidistant`, pinhole, an exact mirror | yes |
 //!
 //! What a format cannot hold is refused by name when it is written; what a file says and we do not understand, or what contradicts itself, is refused when
 //! it is read. Fields of other purposes (IMU noise, vignettes, residuals) are passed over. Where a file of several cameras names no
@@ -20,9 +21,11 @@ mod kalibr;
 mod ocamcalib;
 mod opencv;
 mod ros;
+mod sequence;
 mod written;
 
 use crate::Error;
+use crate::camera::Camera;
 use crate::config::{Problem, calibration};
 use crate::rig::CalibratedCamera;
 use document::{Entry, fault_at, parse_xml, parse_yaml};
@@ -73,6 +76,15 @@ impl Lens {
             Self::Pinhole => "pinhole",
             Self::Fisheye => "fisheye",
             Self::Omnidir => "omnidir",
+        }
+    }
+
+    /// Whether a camera is of this lens.
+    fn is_of(self, camera: &Camera) -> bool {
+        match self {
+            Self::Pinhole => matches!(camera, Camera::Pinhole(_)),
+            Self::Fisheye => matches!(camera, Camera::KannalaBrandt(_) | Camera::Equidistant(_)),
+            Self::Omnidir => matches!(camera, Camera::Mei(_)),
         }
     }
 }
@@ -133,11 +145,6 @@ impl Format {
         if start.starts_with('<') {
             return Some(Self::OpenCvXml);
         }
-        let has = |what: &str| {
-            start
-                .lines()
-                .any(|line| line.trim_start().starts_with(what))
-        };
         let comments = |what: &str| {
             start
                 .lines()
@@ -146,16 +153,24 @@ impl Format {
         if comments("ocam_model") || comments("polynomial coefficients") {
             return Some(Self::OcamCalib);
         }
-        if has("[cameras") || has("cameras.") {
-            return Some(Self::Pardalis);
-        }
-        None
+        start.lines().any(is_toml_line).then_some(Self::Pardalis)
     }
+}
+
+/// Whether a line is a table's header or a setting, as no other format has them.
+fn is_toml_line(line: &str) -> bool {
+    let line = line.trim();
+    let begins_name = |text: &str| text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
+    let part_of_key = |c: char| c.is_ascii_alphanumeric() || "_-. ".contains(c);
+    begins_name(line.trim_start_matches('[')) && line.starts_with('[')
+        || line
+            .split_once('=')
+            .is_some_and(|(key, _)| begins_name(key) && key.chars().all(part_of_key))
 }
 
 /// Reads the cameras of a calibration file of any format, which is told by its content.
 ///
-/// `lens` says what the file is about where it does not: four coefficients alone may be a pinhole's or a fisheye's.
+/// `lens` says what the file is about where it does not: four coefficients alone may be a pinhole's or a fisheye's. A file that says so itself must agree.
 pub fn read(text: &str, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>, Error> {
     if text.len() > MAX_TEXT_BYTES {
         let message = format!(
@@ -170,6 +185,17 @@ pub fn read(text: &str, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>, Err
         Some(Format::OpenCvXml) => opencv::read(&Entry::root(&parse_xml(text)?), lens)?,
         _ => read_document(text, lens)?,
     };
+    if let Some(lens) = lens
+        && let Some(other) = cameras.iter().find(|camera| !lens.is_of(&camera.camera))
+    {
+        let message = format!(
+            "camera {} is {} by what the file says, but it was to be read as {}; leave that out (--as, or calibration_as in a scene)",
+            other.name,
+            other.camera.kind(),
+            lens.name()
+        );
+        return Err(fault_at(1, message));
+    }
     match cameras.len() {
         1..=MAX_CAMERAS => Ok(cameras),
         0 => Err(fault_at(1, "the file holds no camera".to_owned())),
@@ -203,6 +229,8 @@ fn read_document(text: &str, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>
         basalt::read(&root)
     } else if root.get("cam0").is_some() {
         kalibr::read(&root)
+    } else if sequence::recognises(&root) {
+        sequence::read(&root)
     } else if !is_opencv && ros::recognises(&root) {
         ros::read(&root, lens)
     } else if opencv::recognises(&root) {
@@ -211,7 +239,8 @@ fn read_document(text: &str, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>
         Err(fault_at(
             1,
             "is no calibration that is understood; allowed: OpenCV (camera_matrix and distortion_coefficients), ROS camera_info, \
-             Kalibr (cam0), OCamCalib (calib_results.txt), Basalt (value0) and Pardalis ([cameras.NAME])"
+             Kalibr (cam0), OCamCalib (calib_results.txt), Basalt (value0), camera.json of sequence folders (T_world_from_camera) \
+             and Pardalis ([cameras.NAME])"
                 .to_owned(),
         ))
     }

@@ -247,7 +247,8 @@ pub(super) fn write(cameras: &[CalibratedCamera], storage: Storage) -> Result<St
     if !sizes_agree {
         return Err(written::cannot_hold(
             &cameras[1],
-            "with images of another size than the first",
+            "the size of the images",
+            "another than the first camera's",
             "one size of images in an OpenCV file; write each camera into a file of its own",
         ));
     }
@@ -265,7 +266,8 @@ pub(super) fn write(cameras: &[CalibratedCamera], storage: Storage) -> Result<St
     } else if fisheyes > 0 {
         return Err(written::cannot_hold(
             &cameras[1],
-            "with another model than the first",
+            "the model",
+            "another than the first camera's",
             "a fisheye beside a fisheye only in an OpenCV file; write each camera into a file of its own",
         ));
     }

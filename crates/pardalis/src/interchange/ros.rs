@@ -148,7 +148,8 @@ pub(super) fn write(camera: &CalibratedCamera) -> Result<String, Error> {
             None => {
                 return Err(written::cannot_hold(
                     camera,
-                    "with thin-prism distortion (s1 to s4)",
+                    "the distortion",
+                    "longer, with the thin prism's s1 to s4",
                     "k1 k2 p1 p2 k3 k4 k5 k6 in ROS files; OpenCV files hold all twelve",
                 ));
             }

@@ -71,9 +71,14 @@ pub(super) fn count_of(distortion: &[f64; 12], counts: &[usize]) -> Option<usize
         .find(|&count| distortion[count..].iter().all(|&v| v == 0.0))
 }
 
-/// The fault that a format cannot hold what a camera has.
-pub(super) fn cannot_hold(camera: &CalibratedCamera, what: &str, remedy: &str) -> Error {
-    Error::out_of_range(&format!("camera {}", camera.name), what, remedy)
+/// The fault that a format cannot hold what a camera has: `what` of it is `value`, and what is allowed.
+pub(super) fn cannot_hold(
+    camera: &CalibratedCamera,
+    what: &str,
+    value: impl ToString,
+    allowed: &str,
+) -> Error {
+    Error::out_of_range(&format!("{what} of camera {}", camera.name), value, allowed)
 }
 
 /// The camera, if it is the only one.
@@ -99,8 +104,9 @@ pub(super) fn size_px(camera: &CalibratedCamera) -> Result<(usize, usize), Error
     camera.size_px.ok_or_else(|| {
         cannot_hold(
             camera,
-            "without the size of its images",
-            "a camera with size_px = [WIDTH, HEIGHT], which this format needs",
+            "the size of the images",
+            "not known",
+            "a known one, which this format needs: give it with --size, or as size_px in a Pardalis file",
         )
     })
 }
@@ -121,8 +127,9 @@ pub(super) fn poses(cameras: &[CalibratedCamera]) -> Result<Option<Vec<Pose>>, E
     match missing {
         Some(camera) if known > 0 => Err(cannot_hold(
             camera,
-            "without a pose where others have one",
-            "all cameras with world_from_camera, or none",
+            "the pose",
+            "missing where others have one",
+            "world_from_camera for all cameras, or for none",
         )),
         Some(_) => Ok(None),
         None => Ok(cameras.iter().map(|c| c.world_from_camera).collect()),

@@ -12,6 +12,10 @@ use crate::scene::read_calibration;
 #[derive(Debug, clap::Args)]
 pub(super) struct ModelOptions {
     /// The model to fit, or several to compare: names with commas between them, or all
+    ///
+    /// Ordinary lenses: pinhole (with distortion k1, k2, p1, p2, k3). Fisheyes: equidistant (one focal length), kannala_brandt,
+    /// double_sphere, extended_unified, ocam (a polynomial; mirrors too). Mirrors: unified (shape l, scale m), mei (shape xi, with
+    /// distortion; fisheyes too), perspective_mirror.
     #[arg(
         long,
         value_name = "NAME,NAME|all",
@@ -19,7 +23,9 @@ pub(super) struct ModelOptions {
         required_unless_present = "start"
     )]
     model: Vec<String>,
-    /// A calibration file to start from: its model is fitted, and what has to be held of it is
+    /// In place of --model: a calibration file whose camera is fitted anew, starting from its numbers
+    ///
+    /// Its model is kept, and so is what points cannot tell, such as the shape of an exact mirror.
     #[arg(long, value_name = "CAMERA.toml", conflicts_with = "model")]
     start: Option<PathBuf>,
     /// Leaves out points whose residual is more robust standard deviations than this; inf keeps all
@@ -43,7 +49,8 @@ impl ModelOptions {
     /// Faults: a name is unknown, or the file to start from cannot be read.
     pub(super) fn models(&self) -> Result<Vec<Model>> {
         if let Some(path) = &self.start {
-            let camera = read_camera(path, None)?.camera;
+            let remedy = "take one out with pardalis camera convert --camera NAME";
+            let camera = read_camera(path, None, remedy)?.camera;
             let name = camera.kind();
             let start = CalibrationStart::Near(camera);
             return Ok(vec![self.model(name, start)]);
@@ -51,6 +58,12 @@ impl ModelOptions {
         let mut kinds: Vec<ModelKind> = Vec::new();
         for name in &self.model {
             let named = match &**name {
+                "all" if self.model.len() > 1 => {
+                    return Err(fault!(
+                        "--model {}: all has every model already; give all alone, or the names of some",
+                        self.model.join(",")
+                    ));
+                }
                 "all" => ModelKind::ALL.to_vec(),
                 name => vec![ModelKind::from_name(name).ok_or_else(|| unknown_model(name))?],
             };
@@ -83,8 +96,12 @@ fn unknown_model(name: &str) -> anyhow::Error {
 
 /// A camera of a calibration file: the one of this name, or the only one.
 ///
-/// Faults: the file cannot be read, has no such camera, or has several and none is named.
-pub(super) fn read_camera(path: &Path, name: Option<&str>) -> Result<CalibratedCamera> {
+/// Faults: the file cannot be read, has no such camera, or has several and none is named, for which there is the remedy.
+pub(super) fn read_camera(
+    path: &Path,
+    name: Option<&str>,
+    remedy: &str,
+) -> Result<CalibratedCamera> {
     let cameras = read_calibration(Path::new(""), &path.to_string_lossy(), None)
         .map_err(|message| fault!("{message}"))?;
     let names: Vec<String> = cameras.iter().map(|camera| camera.name.clone()).collect();
@@ -100,7 +117,7 @@ pub(super) fn read_camera(path: &Path, name: Option<&str>) -> Result<CalibratedC
             name.unwrap_or("at all")
         )),
         (Some(_), None) if several => Err(fault!(
-            "{}: has several cameras ({names}); take one out with pardalis camera convert --camera NAME",
+            "{}: has several cameras ({names}); {remedy}",
             path.display()
         )),
         (Some(camera), _) => Ok(camera),
@@ -114,7 +131,7 @@ fn parse_sigmas(text: &str) -> Result<f64, String> {
 }
 
 /// Parses `WIDTHxHEIGHT`.
-pub(super) fn parse_size(text: &str) -> Result<(usize, usize), String> {
+pub(in crate::commands) fn parse_size(text: &str) -> Result<(usize, usize), String> {
     let sides = text
         .split_once('x')
         .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));

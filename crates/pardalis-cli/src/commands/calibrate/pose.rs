@@ -41,7 +41,11 @@ pub(crate) struct Arguments {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let known = read_camera(&arguments.camera, arguments.camera_name.as_deref())?;
+    let known = read_camera(
+        &arguments.camera,
+        arguments.camera_name.as_deref(),
+        "choose one with --camera-name NAME",
+    )?;
     let size_px = known.size_px.or(arguments.size).ok_or_else(|| {
         fault!(
             "{}: does not say the size of the images; give it with --size WIDTHxHEIGHT",

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use pardalis::camera::Camera;
 use pardalis::interchange::{self, Format};
+use pardalis::rig::CalibratedCamera;
 
 use super::load::Selection;
 use crate::fault::fault;
@@ -12,11 +14,13 @@ use crate::say::say;
 
 /// Writes cameras in another format
 ///
-/// Parameters keep every digit. What a format cannot hold is refused by name, so nothing is lost unsaid.
+/// Parameters keep every digit, and a model that the format cannot hold is refused. What else of a camera the format has no place for
+/// (its pose, where its field of view ends, its name, the size of its images) is left out and listed.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis camera convert calib.yml --to kalibr -o camchain.yaml
   pardalis camera convert four_numbers.yml --as fisheye --to pardalis -o lens.toml
+  pardalis camera convert calib_results.txt --size 1280x960 --to pardalis -o mirror.toml
   pardalis camera convert rig.toml --camera cam1 --to ros -o cam1.yaml")]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -38,13 +42,68 @@ fn format(word: &str) -> Result<Format, String> {
 
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
+    let (input, output) = (&arguments.selection.file, &arguments.output);
     let cameras = arguments.selection.cameras()?;
-    let text = interchange::write(arguments.to, &cameras)
-        .map_err(|error| fault!("{}: {error}", arguments.selection.file.display()))?;
-    write_file(&arguments.output, text.as_bytes())?;
-    for camera in &cameras {
-        say(format!("{}: {}", camera.name, camera.camera.kind()));
+    if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
+        && from == to
+    {
+        return Err(fault!(
+            "-o {}: is the file that is read; give another, so that nothing of it is lost",
+            output.display()
+        ));
     }
-    say(format!("  {}", arguments.output.display()));
+    let refuse = |error| fault!("{}: {error}", input.display());
+    let text = interchange::write(arguments.to, &cameras).map_err(refuse)?;
+    // What comes back from the text is what it holds.
+    let held = interchange::read(&text, None).map_err(refuse)?;
+    write_file(output, text.as_bytes())?;
+    for (camera, held) in cameras.iter().zip(&held) {
+        say(format!("{}: {}", camera.name, camera.camera.kind()));
+        let lost = lost(camera, held);
+        if !lost.is_empty() {
+            say(format!(
+                "  not written, as {} has no place for it: {}",
+                arguments.to.name(),
+                lost.join(", ")
+            ));
+        }
+    }
+    say(format!("  {}", output.display()));
     Ok(())
+}
+
+/// What one camera has and the other, read from what was written, has not.
+fn lost(camera: &CalibratedCamera, held: &CalibratedCamera) -> Vec<&'static str> {
+    let same_pose = match (&camera.world_from_camera, &held.world_from_camera) {
+        (Some(a), Some(b)) => (a.to_homogeneous() - b.to_homogeneous()).amax() < 1e-9,
+        (None, _) => true,
+        (Some(_), None) => false,
+    };
+    let same_end = match (lens_end(&camera.camera), lens_end(&held.camera)) {
+        (Some(a), Some(b)) => (a - b).abs() <= 1e-9 * a,
+        _ => true,
+    };
+    let parts = [
+        ("pose", same_pose),
+        ("field of view", same_end),
+        ("name", camera.name == held.name),
+        (
+            "size of the images",
+            camera.size_px.is_none() || camera.size_px == held.size_px,
+        ),
+    ];
+    parts
+        .into_iter()
+        .filter_map(|(part, kept)| (!kept).then_some(part))
+        .collect()
+}
+
+/// Where a model ends that is cut off at will: an angle in radians, or a radius in pixels.
+fn lens_end(camera: &Camera) -> Option<f64> {
+    match camera {
+        Camera::Equidistant(model) => Some(model.max_angle_rad()),
+        Camera::KannalaBrandt(model) => Some(model.max_angle_rad()),
+        Camera::Ocam(model) => Some(model.max_radius_px()),
+        _ => None,
+    }
 }

@@ -94,8 +94,8 @@ impl GridOptions {
     ) -> Result<()> {
         let Some(world_from_camera) = &camera.world_from_camera else {
             return Err(fault!(
-                "{}: camera {} has no pose, so that nothing says where the world's grid lies; add world_from_camera to a Pardalis calibration \
-                 (`pardalis camera convert --to pardalis` makes one)",
+                "{}: camera {} has no pose, so that nothing says where the world's grid lies; find it with \
+                 `pardalis calibrate pose`, or write world_from_camera into a Pardalis calibration (`pardalis camera convert --to pardalis` makes one)",
                 file.display(),
                 camera.name
             ));
@@ -203,6 +203,17 @@ impl Grid<'_> {
         (first..=last).map(|i| i as f64 * self.spacing_m).collect()
     }
 
+    /// Two cells; upwards not far on the way to the camera, near which a line is anywhere in the image.
+    fn axis_length_m(&self, axis: usize) -> f64 {
+        let length_m = 2.0 * self.spacing_m;
+        let camera_height_m = self.world_from_camera.translation.vector.z.abs();
+        if axis == 2 {
+            length_m.min(0.25 * camera_height_m)
+        } else {
+            length_m
+        }
+    }
+
     fn line(&self, from: [f64; 3], to: [f64; 3]) -> Line {
         let length_m = [0, 1, 2].map(|i| (to[i] - from[i]).abs());
         let cells = length_m.iter().fold(0.0_f64, |a, b| a.max(*b)) / self.spacing_m;
@@ -246,7 +257,7 @@ impl Grid<'_> {
         }
         for (axis, color) in AXIS_COLORS.into_iter().enumerate() {
             let mut tip = [0.0; 3];
-            tip[axis] = 2.0 * self.spacing_m;
+            tip[axis] = self.axis_length_m(axis);
             let line = self.line([0.0; 3], tip);
             if let Some((_, Some(at_px))) = line.last()
                 && in_image(*at_px)

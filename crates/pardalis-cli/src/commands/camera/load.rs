@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use pardalis::interchange::{self, Lens};
 use pardalis::rig::CalibratedCamera;
 
+use crate::commands::calibrate::parse_size;
 use crate::fault::fault;
 use crate::scene::{self, read_text};
 
@@ -16,24 +18,28 @@ pub(super) struct Selection {
     #[arg(value_name = "FILE")]
     pub(super) file: PathBuf,
     /// Of a file of several cameras this one only
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, visible_alias = "camera-name", value_name = "NAME")]
     camera: Option<String>,
     /// What the file's coefficients mean where it does not say so itself
-    #[arg(long = "as", value_name = "LENS", value_parser = lens)]
+    #[arg(long = "as", value_name = "LENS", value_parser = lens())]
     lens: Option<Lens>,
+    /// Size of the images in pixels, where the file does not say it
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
+    size: Option<(usize, usize)>,
 }
 
-fn lens(word: &str) -> Result<Lens, String> {
-    Lens::ALL
-        .into_iter()
-        .find(|lens| lens.name() == word)
-        .ok_or_else(|| format!("allowed: {}", Lens::ALL.map(Lens::name).join(", ")))
+/// Parses the word for a lens; help lists the words.
+pub(crate) fn lens() -> impl TypedValueParser<Value = Lens> {
+    PossibleValuesParser::new(Lens::ALL.map(Lens::name)).try_map(|word| {
+        let found = Lens::ALL.into_iter().find(|lens| lens.name() == word);
+        found.ok_or("is none of the possible values")
+    })
 }
 
 impl Selection {
     /// The cameras that are meant, at least one.
     ///
-    /// Faults: the file cannot be read or understood, or has no camera of that name.
+    /// Faults: the file cannot be read or understood, has no camera of that name, or says another size.
     pub(super) fn cameras(&self) -> Result<Vec<CalibratedCamera>> {
         let mut cameras = cameras_in(&self.file, self.lens)?;
         if let Some(name) = &self.camera {
@@ -47,7 +53,28 @@ impl Selection {
                 ));
             }
         }
+        for camera in &mut cameras {
+            self.apply_size(camera)?;
+        }
         Ok(cameras)
+    }
+
+    /// Gives a camera the size that was asked for, where its file has none.
+    fn apply_size(&self, camera: &mut CalibratedCamera) -> Result<()> {
+        match (self.size, camera.size_px) {
+            (Some((width, height)), Some(stated)) if stated != (width, height) => Err(fault!(
+                "--size {width}x{height}: {} says that the images of camera {} are {}x{}; leave --size out",
+                self.file.display(),
+                camera.name,
+                stated.0,
+                stated.1
+            )),
+            (Some(size), _) => {
+                camera.size_px = Some(size);
+                Ok(())
+            }
+            (None, _) => Ok(()),
+        }
     }
 
     /// The one camera that is meant.

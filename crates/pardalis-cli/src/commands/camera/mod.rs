@@ -2,7 +2,7 @@
 
 mod convert;
 mod grid;
-mod load;
+pub(super) mod load;
 pub(super) mod optics;
 mod show;
 
@@ -12,7 +12,7 @@ use clap::Subcommand;
 /// Shows calibrated cameras and converts their files
 ///
 /// Reads Pardalis calibrations and scenes, OpenCV YAML and XML, ROS camera_info, Kalibr camchains, OCamCalib's
-/// calib_results.txt and Basalt JSON; the format is told by the content.
+/// calib_results.txt, Basalt JSON and the camera.json of sequence folders; the format is told by the content.
 #[derive(Debug, clap::Args)]
 #[command(arg_required_else_help = true)]
 pub(crate) struct Arguments {

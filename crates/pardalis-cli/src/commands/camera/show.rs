@@ -30,9 +30,6 @@ const EXAMPLES: &str = "Examples:
 pub(super) struct Arguments {
     #[command(flatten)]
     selection: Selection,
-    /// Size of the images in pixels, where the file does not say it
-    #[arg(long, value_name = "WxH", value_parser = size)]
-    size: Option<(usize, usize)>,
     /// The folder for pictures
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -40,20 +37,10 @@ pub(super) struct Arguments {
     grid: GridOptions,
 }
 
-fn size(text: &str) -> Result<(usize, usize), String> {
-    let side = |side: &str| side.parse().ok().filter(|px| (1..=32768).contains(px));
-    text.split_once('x')
-        .and_then(|(width, height)| Some((side(width)?, side(height)?)))
-        .ok_or_else(|| "allowed: width and height from 1 to 32768, such as 640x480".to_owned())
-}
-
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let file = &arguments.selection.file;
     let mut cameras = arguments.selection.cameras()?;
-    for camera in &mut cameras {
-        apply_size(arguments, camera)?;
-    }
     let image = match &arguments.grid.grid {
         Some(path) => {
             let camera = Selection::only_camera(&cameras, "--grid")?;
@@ -108,24 +95,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         say(format!("  {}", file.display()));
     }
     Ok(())
-}
-
-/// Gives a camera the size that was asked for, where its file has none.
-fn apply_size(arguments: &Arguments, camera: &mut CalibratedCamera) -> Result<()> {
-    match (arguments.size, camera.size_px) {
-        (Some((width, height)), Some(stated)) if stated != (width, height) => Err(fault!(
-            "--size {width}x{height}: {} says that the images of camera {} are {}x{}; leave --size out",
-            arguments.selection.file.display(),
-            camera.name,
-            stated.0,
-            stated.1
-        )),
-        (Some(size), _) => {
-            camera.size_px = Some(size);
-            Ok(())
-        }
-        (None, _) => Ok(()),
-    }
 }
 
 /// A camera's name as part of a file's.

@@ -9,13 +9,17 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::ValueEnum;
 use pardalis::config::Scene;
+use pardalis::interchange::Lens;
+use pardalis::rig::CalibratedCamera;
 
+use crate::commands::camera::load::lens;
 use crate::fault::fault;
 use crate::files::write_file;
 use crate::say::say;
-use crate::scene::read_calibration;
+use crate::scene::{read_calibration, read_text};
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
-use text::{CameraText, SceneText};
+use sequence::Recording;
+use text::{Calibration, CameraText, SceneText};
 
 /// Writes a scene file to start from
 ///
@@ -25,7 +29,7 @@ use text::{CameraText, SceneText};
 #[command(after_help = "Examples:
   pardalis init images --fps 25 --camera equidistant        a folder of images from a fisheye camera
   pardalis init ride.mp4 --camera pinhole -o ride.toml      a video (needs an installed ffmpeg)
-  pardalis init images --fps 25 --camera rig/camera.json    with a known calibration
+  pardalis init images --fps 25 --camera lens/camera.toml   with a known calibration, ours or another program's
   pardalis init data/dioptric-jump                          a sequence folder that says all this itself")]
 pub(crate) struct Arguments {
     /// A folder of images, a sequence folder, or a video file
@@ -34,9 +38,13 @@ pub(crate) struct Arguments {
     #[arg(short, long, value_name = "SCENE.toml", default_value = "scene.toml")]
     output: PathBuf,
     /// The camera: equidistant, pinhole, unified or perspective_mirror (its parameters are then guessed from the image's size), or
-    /// a camera.json with a calibration [default: camera.json or cameras.json of a sequence folder, else equidistant]
+    /// a calibration file of any format, which the scene then names; of a file of several cameras each has a folder of its name in
+    /// the input [default: camera.json or cameras.json of a sequence folder, else equidistant]
     #[arg(long, value_name = "MODEL|FILE")]
     camera: Option<String>,
+    /// What the calibration's coefficients mean where the file does not say so itself
+    #[arg(long = "as", value_name = "LENS", value_parser = lens(), requires = "camera")]
+    lens: Option<Lens>,
     /// Frames a second of a folder of images without times.csv
     #[arg(long, value_parser = frames_a_second, allow_negative_numbers = true)]
     fps: Option<f64>,
@@ -79,15 +87,33 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut cameras = Vec::new();
     let mut radius_m = arguments.radius_m;
     match knowledge(arguments)? {
-        Knowledge::Calibration { file, sequence } => {
-            radius_m = radius_m.or(sequence.ball_radius_m);
-            let several = sequence.cameras.len() > 1;
-            for camera in &sequence.cameras {
-                let input = frames_of(&arguments.input, several.then_some(&*camera.name));
+        Knowledge::Calibration {
+            file,
+            cameras: known,
+        } => {
+            let recording = Recording::of(&read_text(&file)?);
+            radius_m = radius_m.or(recording.ball_radius_m);
+            for camera in &known {
+                let of_several = (known.len() > 1).then_some(&*camera.name);
+                let input = frames_of(&arguments.input, of_several);
+                if of_several.is_some() && !input.exists() {
+                    return Err(fault!(
+                        "{}: there is no such folder, but {} has {} cameras, and each needs one of its name; take one camera out with \
+                         pardalis camera convert --camera NAME",
+                        input.display(),
+                        file.display(),
+                        known.len()
+                    ));
+                }
                 let opened = open(&input, arguments.fps)?;
+                check_size(&file, camera, opened.size)?;
                 let shown = shown_path(&input, output);
-                let fps = arguments.fps.or(sequence.fps);
-                cameras.push(CameraText::known(camera, &file, &opened, &shown, fps)?);
+                let fps = arguments.fps.or(recording.fps);
+                let calibration = Calibration {
+                    file: shown_path(&file, output),
+                    lens: arguments.lens,
+                };
+                cameras.push(CameraText::known(camera, calibration, &opened, &shown, fps));
             }
         }
         Knowledge::Model(model) => {
@@ -201,7 +227,7 @@ enum Knowledge {
     /// What a file says of them.
     Calibration {
         file: PathBuf,
-        sequence: sequence::Sequence,
+        cameras: Vec<CalibratedCamera>,
     },
     /// The model alone.
     Model(Model),
@@ -211,7 +237,12 @@ enum Knowledge {
 fn knowledge(arguments: &Arguments) -> Result<Knowledge> {
     let file = if let Some(name) = &arguments.camera {
         if let Ok(model) = Model::from_str(name, false) {
-            return Ok(Knowledge::Model(model));
+            return match arguments.lens {
+                None => Ok(Knowledge::Model(model)),
+                Some(_) => Err(fault!(
+                    "--as: is for calibration files; leave it out beside --camera {name}"
+                )),
+            };
         }
         PathBuf::from(name)
     } else {
@@ -227,8 +258,25 @@ fn knowledge(arguments: &Arguments) -> Result<Knowledge> {
             file.display()
         ));
     }
-    let sequence = sequence::read(&file)?;
-    Ok(Knowledge::Calibration { file, sequence })
+    let cameras = read_calibration(Path::new(""), &file.to_string_lossy(), arguments.lens)
+        .map_err(|message| fault!("{message}"))?;
+    Ok(Knowledge::Calibration { file, cameras })
+}
+
+/// Faults: the calibration is for images of another size.
+fn check_size(file: &Path, camera: &CalibratedCamera, found: (usize, usize)) -> Result<()> {
+    match camera.size_px {
+        Some(stated) if stated != found => Err(fault!(
+            "{}: camera {}: the calibration is for {} x {} pixels, the images are {} x {}",
+            file.display(),
+            camera.name,
+            stated.0,
+            stated.1,
+            found.0,
+            found.1
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// Whether the name is that of a still image, which ffmpeg would take for a video of one frame.

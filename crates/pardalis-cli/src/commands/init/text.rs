@@ -1,12 +1,13 @@
 //! The text of a scene file that people go on from.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use anyhow::Result;
+use pardalis::camera::Camera;
+use pardalis::interchange::Lens;
+use pardalis::rig::CalibratedCamera;
 
-use super::sequence::SequenceCamera;
-use super::{Model, Opened};
+use super::{Model as ModelName, Opened};
 use crate::fault::fault;
 
 /// Where nobody says how many frames a second there are.
@@ -29,95 +30,49 @@ pub(super) struct CameraText {
     size: (usize, usize),
     /// The lines about frames and times.
     input: String,
-    /// The model's table without its header.
-    model: String,
-    /// The model's name in scenes.
-    kind: &'static str,
-    /// Rows of the pose.
-    pose: [[f64; 4]; 4],
-    /// Behind the pose and the model where they are guesses.
-    mark: &'static str,
+    model: Model,
+    /// Rows of the pose, where no file has it.
+    guessed_pose: Option<[[f64; 4]; 4]>,
 }
 
-const CHANGE: &str = "  # CHANGE: a guess";
+/// Where the scene has a camera's model from.
+enum Model {
+    InFile(Calibration),
+    /// The model's name in scenes and its table without the header.
+    Guessed(&'static str, String),
+}
+
+/// A calibration file as the scene names it.
+pub(super) struct Calibration {
+    pub(super) file: String,
+    pub(super) lens: Option<Lens>,
+}
 
 impl CameraText {
-    /// A camera whose calibration is known.
+    /// A camera of a calibration file, its pose guessed where the file has none.
     pub(super) fn known(
-        camera: &SequenceCamera,
-        file: &Path,
+        camera: &CalibratedCamera,
+        calibration: Calibration,
         opened: &Opened,
         path: &str,
         fps: Option<f64>,
-    ) -> Result<Self> {
-        let refuse = |what: &str| fault!("{}: camera {}: {what}", file.display(), camera.name);
-        if (camera.width, camera.height) != opened.size {
-            return Err(refuse(&format!(
-                "the calibration is for {} x {} pixels, the images are {} x {}",
-                camera.width, camera.height, opened.size.0, opened.size.1
-            )));
-        }
-        let needed = |value: Option<f64>, key: &str| {
-            value.ok_or_else(|| refuse(&format!("{key} is missing")))
+    ) -> Self {
+        let guessed_pose = match &camera.camera {
+            model if model.looks_into_mirror() => LOOKING_UP,
+            Camera::Pinhole(_) => LOOKING_AHEAD,
+            _ => LOOKING_DOWN,
         };
-        let center = || -> Result<String> {
-            let (cx, cy) = (needed(camera.cx, "cx")?, needed(camera.cy, "cy")?);
-            Ok(format!("center_px = [{cx:?}, {cy:?}]"))
-        };
-        let (kind, model) = match &*camera.model {
-            "fisheye_equidistant" => {
-                let f = needed(camera.f_px_per_rad, "f_px_per_rad")?;
-                let view = camera
-                    .fov_deg
-                    .map(|fov| format!("\nfield_of_view_deg = {fov:?}"))
-                    .unwrap_or_default();
-                (
-                    "equidistant",
-                    format!("f_px_per_rad = {f:?}\n{}{view}", center()?),
-                )
-            }
-            "pinhole" => {
-                let (fx, fy) = (needed(camera.fx, "fx")?, needed(camera.fy, "fy")?);
-                let mut distortion = camera.distortion.clone();
-                if distortion.len() > 5 {
-                    return Err(refuse(
-                        "distortion has more than five numbers, k1, k2, p1, p2, k3",
-                    ));
-                }
-                distortion.resize(5, 0.0);
-                (
-                    "pinhole",
-                    format!(
-                        "f_px = [{fx:?}, {fy:?}]\n{}\ndistortion = {distortion:?}  # k1, k2, p1, p2, k3",
-                        center()?
-                    ),
-                )
-            }
-            other => {
-                return Err(refuse(&format!(
-                    "the model {other} cannot be used yet; allowed: fisheye_equidistant, pinhole (or name a model of your own: --camera unified)"
-                )));
-            }
-        };
-        let pose = serde_json::from_value(camera.world_from_camera.clone()).map_err(|_| {
-            refuse(
-                "T_world_from_camera is no fixed 4 x 4 matrix; moving cameras cannot be used yet",
-            )
-        })?;
-        let input = input_lines(opened, path, fps);
-        Ok(Self {
+        Self {
             name: camera.name.clone(),
             size: opened.size,
-            input,
-            model,
-            kind,
-            pose,
-            mark: "",
-        })
+            input: input_lines(opened, path, fps),
+            model: Model::InFile(calibration),
+            guessed_pose: camera.world_from_camera.is_none().then_some(guessed_pose),
+        }
     }
 
     /// A camera of which only the model's name is known.
-    pub(super) fn guessed(model: Model, opened: &Opened, path: &str, fps: Option<f64>) -> Self {
+    pub(super) fn guessed(model: ModelName, opened: &Opened, path: &str, fps: Option<f64>) -> Self {
         let (width, height) = (opened.size.0 as f64, opened.size.1 as f64);
         let half = width.min(height) / 2.0;
         let center = format!(
@@ -127,27 +82,27 @@ impl CameraText {
         );
         // An image circle as high as the image; a pinhole of about 60 degrees; a mirror that shows 45 degrees below the horizon at half the radius.
         let (kind, parameters, pose) = match model {
-            Model::Equidistant => {
+            ModelName::Equidistant => {
                 let f = half / 92.5_f64.to_radians();
                 let parameters = format!(
                     "f_px_per_rad = {f:.1}  # CHANGE: pixels a radian\n{center}\nfield_of_view_deg = 185.0  # CHANGE: the full angle"
                 );
                 ("equidistant", parameters, LOOKING_DOWN)
             }
-            Model::Pinhole => {
+            ModelName::Pinhole => {
                 let f = 0.87 * width;
                 let parameters = format!(
                     "f_px = [{f:.1}, {f:.1}]  # CHANGE: focal lengths\n{center}\ndistortion = [0.0, 0.0, 0.0, 0.0, 0.0]  # k1, k2, p1, p2, k3"
                 );
                 ("pinhole", parameters, LOOKING_AHEAD)
             }
-            Model::Unified => {
+            ModelName::Unified => {
                 let parameters = format!(
                     "l = 0.9  # CHANGE: the mirror's shape: below 1 a hyperbola, 1 a parabola\nm = {half:.1}  # CHANGE: pixels; the horizon lies (l + m) / l pixels from center_px\n{center}"
                 );
                 ("unified", parameters, LOOKING_UP)
             }
-            Model::PerspectiveMirror => {
+            ModelName::PerspectiveMirror => {
                 let parameters = format!(
                     "m_px = {:.1}  # CHANGE: pixels from center_px to what lies 45 degrees below the horizon\n{center}",
                     half / 2.0
@@ -160,10 +115,8 @@ impl CameraText {
             name: "camera".to_owned(),
             size: opened.size,
             input,
-            model: parameters,
-            kind,
-            pose,
-            mark: CHANGE,
+            model: Model::Guessed(kind, parameters),
+            guessed_pose: Some(pose),
         }
     }
 
@@ -173,27 +126,49 @@ impl CameraText {
             size: (width, height),
             input,
             model,
-            kind,
-            pose,
-            mark,
+            guessed_pose,
         } = self;
         let _ = writeln!(text, "[cameras.{name}]\n{input}");
-        let _ = writeln!(
-            text,
-            "size_px = [{width}, {height}]  # the model below holds for this size only"
-        );
+        match model {
+            Model::InFile(Calibration { file, lens }) => {
+                let file = toml::Value::String(file.clone());
+                let holds = match guessed_pose {
+                    Some(_) => "the lens",
+                    None => "the lens and the pose",
+                };
+                let _ = writeln!(
+                    text,
+                    "calibration = {file}  # {holds}; `pardalis camera show` tells more"
+                );
+                if let Some(lens) = lens {
+                    let _ = writeln!(text, "calibration_as = \"{}\"", lens.name());
+                }
+            }
+            Model::Guessed(..) => {
+                let _ = writeln!(
+                    text,
+                    "size_px = [{width}, {height}]  # the model below holds for this size only"
+                );
+            }
+        }
         let half = width.min(height) / 2;
         text.push_str("# mask = \"mask.png\"     # white: pixels that may be used; black: the robot's own body, bars, rims\n");
         let _ = writeln!(
             text,
             "# mask_radius_px = {half}  # or a circle around center_px"
         );
-        text.push_str("# Takes camera coordinates (x right, y down, z forward) to world coordinates (metres, z up).\n");
-        let _ = writeln!(text, "world_from_camera = [{mark}");
-        for row in pose {
-            let _ = writeln!(text, "    {row:?},");
+        if let Some(rows) = guessed_pose {
+            text.push_str("# Takes camera coordinates (x right, y down, z forward) to world coordinates (metres, z up); `pardalis calibrate pose` finds it.\n");
+            text.push_str("world_from_camera = [  # CHANGE: a guess\n");
+            for row in rows {
+                let _ = writeln!(text, "    {row:?},");
+            }
+            text.push_str("]\n");
         }
-        let _ = writeln!(text, "]\n\n[cameras.{name}.model.{kind}]\n{model}\n");
+        text.push('\n');
+        if let Model::Guessed(kind, parameters) = model {
+            let _ = writeln!(text, "[cameras.{name}.model.{kind}]\n{parameters}\n");
+        }
     }
 }
 
