@@ -11,7 +11,8 @@ use crate::scene::read_calibration;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct ModelOptions {
-    /// The model to fit, or several to compare: names with commas between them, or all
+    /// The model to fit, or several to compare: names with commas between them, or all. Of several, the best is that of fewest
+    /// parameters whose held-out RMS is within 3 % of the least
     #[arg(
         long,
         value_name = "NAME,NAME|all",
