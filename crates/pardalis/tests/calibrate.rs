@@ -2,9 +2,9 @@
 
 use pardalis::calibrate::{
     Calibration, CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind,
-    OUTLIER_SIGMAS, calibrate, fit_pose,
+    OUTLIER_SIGMAS, calibrate, closest_pose, fit_pose,
 };
-use pardalis::camera::{Camera, Equidistant};
+use pardalis::camera::{Camera, Equidistant, Pinhole};
 use pardalis::rig::{Pose, pose_from_matrix};
 
 const SIZE_PX: (usize, usize) = (640, 480);
@@ -241,6 +241,20 @@ fn what_determines_no_camera_is_refused_with_a_remedy() {
         },
         "in a line",
     );
+    refused(
+        &|v| {
+            let point_m = v.correspondences[0].point_m;
+            v.correspondences
+                .iter_mut()
+                .for_each(|c| c.point_m = point_m);
+        },
+        "are the same",
+    );
+    // Before a model could have anything to do with it.
+    refused(
+        &|v| v.correspondences[7].pixel[0] = 9e5,
+        "outside of images",
+    );
     refused(&|v| v.correspondences.truncate(4), "too few");
     refused(
         &|v| {
@@ -283,6 +297,7 @@ fn a_known_camera_finds_its_pose_from_few_points() {
     let view = rendered("dioptric", "noisy");
     let fit = fit_pose(
         &Camera::Equidistant(fisheye),
+        SIZE_PX,
         &view.correspondences,
         OUTLIER_SIGMAS,
     )
@@ -297,8 +312,62 @@ fn a_known_camera_finds_its_pose_from_few_points() {
             pixel: [300.0 + 10.0 * f64::from(i), 240.0],
         })
         .collect();
-    assert!(fit_pose(&Camera::Equidistant(fisheye), &line, OUTLIER_SIGMAS).is_err());
-    assert!(fit_pose(&Camera::Equidistant(fisheye), &line[..3], OUTLIER_SIGMAS).is_err());
+    for few in [&line[..], &line[..3]] {
+        fit_pose(&Camera::Equidistant(fisheye), SIZE_PX, few, OUTLIER_SIGMAS).unwrap_err();
+    }
+}
+
+#[test]
+fn points_that_do_not_belong_to_a_camera_give_no_pose() {
+    let fisheye = Equidistant::new(145.562_250_654_857_8, [319.5, 239.5], 1.62).unwrap();
+    let fisheye = Camera::Equidistant(fisheye);
+    let points = rendered("dioptric", "noisy").correspondences;
+    let changed = |change: &dyn Fn(usize, &mut Correspondence)| {
+        let mut points = points.clone();
+        for (i, point) in points.iter_mut().enumerate() {
+            change(i, point);
+        }
+        points
+    };
+    let refused = |camera: &Camera, points: &[Correspondence], word: &str| {
+        let refusal = fit_pose(camera, SIZE_PX, points, OUTLIER_SIGMAS).unwrap_err();
+        assert!(refusal.to_string().contains(word), "{refusal}");
+    };
+    let mirrored = changed(&|_, c| c.point_m[0] *= -1.0);
+    refused(&fisheye, &mirrored, "only when mirrored");
+    // Both stay in the image.
+    let swapped: Vec<Correspondence> = changed(&|_, c| c.pixel.swap(0, 1))
+        .into_iter()
+        .filter(|c| c.pixel[1] < 480.0)
+        .collect();
+    refused(&fisheye, &swapped, "only with u and v exchanged");
+    let exchanged = changed(&|i, c| c.pixel = points[(7 * i + 3) % points.len()].pixel);
+    refused(&fisheye, &exchanged, "order of the points");
+    let outside = changed(&|_, c| c.pixel[0] += 200.0);
+    refused(&fisheye, &outside, "outside of images of 640 x 480");
+    let pinhole = Pinhole::new([500.0; 2], [319.5, 239.5], &[]).unwrap();
+    refused(
+        &Camera::Pinhole(pinhole),
+        &points,
+        "camera's file belongs to these images",
+    );
+    let same = changed(&|_, c| *c = points[0]);
+    refused(&fisheye, &same, "are the same");
+    // Four points do in a plane, six elsewhere.
+    refused(&fisheye, &points[..5], "not in one plane, which needs 6");
+    fit_pose(&fisheye, SIZE_PX, &points[..6], OUTLIER_SIGMAS).unwrap();
+}
+
+#[test]
+fn too_few_numbers_are_no_calibration_though_a_model_fits_them() {
+    let mut view = rendered("dioptric", "noisy");
+    view.correspondences.truncate(13);
+    let fit = |kind| calibrate(std::slice::from_ref(&view), &settings(kind));
+    let refusal = fit(ModelKind::KannalaBrandt).unwrap_err();
+    let expected = "26 coordinates are too few for 14 unknowns";
+    assert!(refusal.reason.starts_with(expected), "{refusal}");
+    assert!(refusal.remedy.contains("fewer parameters"), "{refusal}");
+    fit(ModelKind::Equidistant).unwrap();
 }
 
 /// The numbers of every `<data>` of a list in one of OpenCV's XML files.
@@ -412,7 +481,7 @@ fn real_fisheyes_are_fitted_as_well_as_by_opencv() {
                 let [x, y, z] = fit.camera.unproject(c.pixel).unwrap().direction;
                 x.hypot(y).atan2(z) < 89_f64.to_radians()
             });
-            let pose = fit_pose(&fit.camera, &view.correspondences, f64::INFINITY).unwrap();
+            let pose = closest_pose(&fit.camera, &view.correspondences, f64::INFINITY).unwrap();
             let lengths_px = pose.residuals_px.iter().map(|r| r.unwrap());
             squares_px2.extend(lengths_px.map(|[du, dv]| du * du + dv * dv));
         }

@@ -1,9 +1,10 @@
 //! A camera's intrinsics with the poses of its views.
 
-use nalgebra::{DVector, Point3};
+use nalgebra::DVector;
 
-use super::least_squares::{Loss, Problem, Slopes, covariance, minimise};
-use super::pose::{fit_pose, pose_from_rays, residuals_px, slopes_by_pose, stepped_pose};
+use super::bundle::Bundle;
+use super::least_squares::{Loss, Problem, covariance, minimise};
+use super::pose::{closest_pose, pose_from_rays, residuals_px};
 use super::start::free_parameters;
 use super::{
     CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, OUTLIER_SIGMAS,
@@ -97,6 +98,7 @@ fn calibrate_once(
     views: &[CalibrationView],
     settings: &CalibrationSettings,
 ) -> Result<Calibration, Refusal> {
+    check::points(views, settings.size_px)?;
     let starts = starts(views, settings);
     let Some(first) = starts.first() else {
         return Err(Refusal::new(
@@ -198,17 +200,11 @@ fn robust_fit<'a>(
 /// Signs of a calibration that means nothing.
 fn check_fit(fitted: &Bundle, settings: &CalibrationSettings) -> Result<(), Refusal> {
     let residuals: Vec<[f64; 2]> = fitted.inlier_residuals().collect();
-    let diagonal_px = (settings.size_px.0 as f64).hypot(settings.size_px.1 as f64);
     let rms_px = rms(residuals.into_iter());
-    if rms_px > 0.01 * diagonal_px {
+    if rms_px > check::largest_rms_px(settings.size_px) {
         let mirrored = fitted.mirrored_fits_better(rms_px);
         return Err(if mirrored {
-            Refusal::new(
-                format!(
-                    "points and pixels agree only when mirrored (otherwise {rms_px:.1} px apart)"
-                ),
-                "give right-handed coordinates: with x to the right and y up on a board, z points at who reads it",
-            )
+            check::mirrored(rms_px)
         } else {
             Refusal::new(
                 format!(
@@ -225,10 +221,7 @@ fn check_fit(fitted: &Bundle, settings: &CalibrationSettings) -> Result<(), Refu
         });
         let behind = from_behind.count();
         if 2 * behind > fitted.poses.len() {
-            return Err(Refusal::new(
-                "the board is seen from behind: its corners are ordered as in a mirror",
-                "check whether the images are flipped, and whether the model is for such a camera (a lens or a mirror)",
-            ));
+            return Err(check::from_behind(&fitted.camera));
         }
     }
     Ok(())
@@ -271,7 +264,7 @@ fn held_out_rms_px(fitted: &Bundle) -> Option<f64> {
             let pose = if single {
                 rest.poses[v]
             } else {
-                fit_pose(&rest.camera, &held, OUTLIER_SIGMAS)
+                closest_pose(&rest.camera, &held, OUTLIER_SIGMAS)
                     .ok()?
                     .camera_from_target
             };
@@ -285,8 +278,11 @@ fn held_out_rms_px(fitted: &Bundle) -> Option<f64> {
     Some(rms(residuals.into_iter()))
 }
 
-/// The largest relative s.d. of the focal length at the axis that still is a calibration.
-const MAX_FOCAL_SIGMA: f64 = 0.05;
+/// The largest relative s.d. of a focal length, of the model's parameter and at the axis, that still is a calibration.
+const MAX_FOCAL_SIGMA: f64 = 0.1;
+
+/// What models call their focal lengths.
+const FOCAL_LENGTHS: [&str; 4] = ["f_px", "fx_px", "fy_px", "f_px_per_rad"];
 
 /// Pixels per radian at the optical axis (the one from the camera, or back from a mirror).
 fn axial_focal_px(camera: &Camera) -> Option<f64> {
@@ -377,15 +373,27 @@ fn finish(
             FittedParameter { name, value, sigma }
         })
         .collect();
+    let undetermined_focal = |what: &str, value_px: f64, sigma_px: f64| {
+        undetermined(format!(
+            "the focal length ({what} {value_px:.1} px with a standard deviation of {sigma_px:.1}; allowed: 10 %)"
+        ))
+    };
+    // Where others take a parameter's place (a mirror's ξ, say), the image alone may be known well: still the model is the wrong one.
+    for p in parameters
+        .iter()
+        .filter(|p| FOCAL_LENGTHS.contains(&p.name))
+    {
+        if let Some(sigma) = p.sigma.filter(|s| !(*s < MAX_FOCAL_SIGMA * p.value.abs())) {
+            return Err(undetermined_focal(p.name, p.value, sigma));
+        }
+    }
     let focal = axial_focal_px(&fitted.camera).zip(axial_focal_slopes(&fitted));
     if let Some((focal_px, slopes)) = focal {
         let slopes = DVector::from_vec(slopes);
         let block = covariance.view((0, 0), (slopes.len(), slopes.len()));
         let sigma = sigma_px * slopes.dot(&(block * &slopes)).sqrt();
         if !(sigma < MAX_FOCAL_SIGMA * focal_px) {
-            return Err(undetermined(format!(
-                "the focal length ({focal_px:.1} px with a standard deviation of {sigma:.1})"
-            )));
+            return Err(undetermined_focal("at the axis", focal_px, sigma));
         }
     }
     let residuals = fitted.residuals();
@@ -436,158 +444,4 @@ fn coverage(views: &[CalibrationView], (width, height): (usize, usize)) -> f64 {
         seen[cell(c.pixel[1], height) * CELLS + cell(c.pixel[0], width)] = true;
     }
     seen.iter().filter(|s| **s).count() as f64 / seen.len() as f64
-}
-
-/// A camera with the poses of all its views. The unknowns: the free parameters, then six a view.
-#[derive(Clone)]
-struct Bundle<'a> {
-    views: &'a [CalibrationView],
-    free: &'a [bool],
-    camera: Camera,
-    poses: Vec<Pose>,
-    used: Vec<Vec<bool>>,
-}
-
-impl Bundle<'_> {
-    fn free_count(&self) -> usize {
-        self.free.iter().filter(|f| **f).count()
-    }
-
-    fn residuals(&self) -> Vec<Vec<Option<[f64; 2]>>> {
-        self.views
-            .iter()
-            .zip(&self.poses)
-            .map(|(v, pose)| residuals_px(&self.camera, pose, &v.correspondences))
-            .collect()
-    }
-
-    fn inlier_residuals(&self) -> impl Iterator<Item = [f64; 2]> {
-        let used = self.used.clone().into_iter().flatten();
-        let residuals = self.residuals().into_iter().flatten();
-        residuals
-            .zip(used)
-            .filter_map(|(r, used)| r.filter(|_| used))
-    }
-
-    /// The farthest ray of a used point from the axis.
-    fn max_angle_rad(&self) -> f64 {
-        let mut max = 0.0_f64;
-        for ((view, pose), used) in self.views.iter().zip(&self.poses).zip(&self.used) {
-            for (c, _) in view.correspondences.iter().zip(used).filter(|(_, u)| **u) {
-                let p = pose * Point3::from(c.point_m);
-                let z = if self.camera.looks_into_mirror() {
-                    -p.z
-                } else {
-                    p.z
-                };
-                max = max.max(libm::atan2(p.x.hypot(p.y), z));
-            }
-        }
-        max
-    }
-
-    /// The farthest observed pixel from the middle that the model has, the first two of the polynomial's parameters.
-    fn max_radius_px(&self) -> f64 {
-        let parameters = self.camera.parameters();
-        let (cx, cy) = (parameters[0].1, parameters[1].1);
-        let pixels = self.views.iter().flat_map(|v| &v.correspondences);
-        pixels
-            .map(|c| (c.pixel[0] - cx).hypot(c.pixel[1] - cy))
-            .fold(1.0, f64::max)
-    }
-
-    /// Whether the same points with x turned round fit much better.
-    fn mirrored_fits_better(&self, rms_px: f64) -> bool {
-        let views: Vec<CalibrationView> = self
-            .views
-            .iter()
-            .map(|v| {
-                let mut view = v.clone();
-                for c in &mut view.correspondences {
-                    c.point_m[0] = -c.point_m[0];
-                }
-                view
-            })
-            .collect();
-        let poses: Option<Vec<Pose>> = views
-            .iter()
-            .map(|v| pose_from_rays(&self.camera, &v.correspondences))
-            .collect();
-        let Some(poses) = poses else { return false };
-        let bundle = Bundle {
-            views: &views,
-            free: self.free,
-            camera: self.camera.clone(),
-            poses,
-            used: self.used.clone(),
-        };
-        let (bundle, _) = minimise(bundle, Loss::Cauchy(30.0), 100);
-        rms(bundle.inlier_residuals()) < 0.2 * rms_px
-    }
-}
-
-impl Problem for Bundle<'_> {
-    fn unknowns(&self) -> usize {
-        self.free_count() + 6 * self.poses.len()
-    }
-
-    fn stepped(&self, step: &DVector<f64>) -> Option<Self> {
-        let mut next = 0;
-        let values: Vec<f64> = self
-            .camera
-            .parameters()
-            .into_iter()
-            .zip(self.free)
-            .map(|((_, value), free)| {
-                if !free {
-                    return value;
-                }
-                next += 1;
-                value + step[next - 1]
-            })
-            .collect();
-        let camera = self.camera.with_parameters(&values).ok()?;
-        let poses = self
-            .poses
-            .iter()
-            .enumerate()
-            .map(|(v, pose)| stepped_pose(pose, &step.as_slice()[next + 6 * v..next + 6 * v + 6]))
-            .collect();
-        Some(Self {
-            camera,
-            poses,
-            used: self.used.clone(),
-            ..*self
-        })
-    }
-
-    fn visit(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
-        let free_count = self.free_count();
-        for (v, (view, pose)) in self.views.iter().zip(&self.poses).enumerate() {
-            let used = view.correspondences.iter().zip(&self.used[v]);
-            for (c, _) in used.filter(|(_, used)| **used) {
-                let point = pose * Point3::from(c.point_m);
-                let Some(jacobian) = self.camera.project_with_jacobian(point.into()) else {
-                    visit(None, Slopes { blocks: &[] });
-                    continue;
-                };
-                let by_pose = slopes_by_pose(point.coords - pose.translation.vector, &jacobian);
-                let mut by_parameters = [[0.0; 2]; 20];
-                let free = jacobian.by_parameters.iter().zip(self.free);
-                for (i, (slopes, _)) in free.filter(|(_, free)| **free).enumerate() {
-                    by_parameters[i] = *slopes;
-                }
-                let [u, v_px] = jacobian.pixel;
-                visit(
-                    Some([u - c.pixel[0], v_px - c.pixel[1]]),
-                    Slopes {
-                        blocks: &[
-                            (0, &by_parameters[..free_count]),
-                            (free_count + 6 * v, &by_pose),
-                        ],
-                    },
-                );
-            }
-        }
-    }
 }

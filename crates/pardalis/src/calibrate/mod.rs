@@ -5,6 +5,7 @@
 //! cameras of several fields of view are tried, each with poses from the rays of its pixels, and the best is refined. A robust loss comes first;
 //! points that then stand far out are named and left out; plain least squares on the rest gives the result and its covariance.
 
+mod bundle;
 mod check;
 mod intrinsics;
 mod least_squares;
@@ -13,7 +14,7 @@ mod rig;
 mod start;
 
 pub use intrinsics::{Calibration, FittedParameter, FittedView, calibrate};
-pub use pose::{PoseFit, fit_pose};
+pub use pose::{PoseFit, closest_pose, fit_pose};
 pub use rig::{RigCalibration, RigCamera, calibrate_rig};
 pub use start::ModelKind;
 
@@ -70,6 +71,9 @@ pub struct Refusal {
     pub reason: String,
     /// What to do.
     pub remedy: String,
+    /// Whether a board is seen from behind: its images are flipped, or the model is a lens' and the camera looks into a mirror, or the other
+    /// way round.
+    pub seen_from_behind: bool,
 }
 
 impl Refusal {
@@ -77,6 +81,7 @@ impl Refusal {
         Self {
             reason: reason.into(),
             remedy: remedy.into(),
+            seen_from_behind: false,
         }
     }
 }

@@ -25,18 +25,85 @@ pub struct PoseFit {
     pub rms_px: f64,
 }
 
-/// The pose of a calibrated camera from at least four correspondences (six where the points do not lie in a plane). Robust: points with residuals
-/// beyond `outlier_sigmas` ([`OUTLIER_SIGMAS`](super::OUTLIER_SIGMAS)) robust standard deviations are left out; infinity keeps all that project.
+/// The pose of a calibrated camera from at least four correspondences in a plane, or six. Robust: points with residuals beyond `outlier_sigmas`
+/// ([`OUTLIER_SIGMAS`](super::OUTLIER_SIGMAS)) robust standard deviations are left out; infinity keeps all that project.
+///
+/// Refused: what [`closest_pose`] refuses, pixels outside of images of `size_px`, and points and pixels that do not belong together.
 pub fn fit_pose(
+    camera: &Camera,
+    size_px: (usize, usize),
+    correspondences: &[Correspondence],
+    outlier_sigmas: f64,
+) -> Result<PoseFit, Refusal> {
+    check::enough_points("the pose", correspondences, 4)?;
+    check::pixels(correspondences.iter().map(|c| c.pixel), size_px)?;
+    let largest_rms_px = check::largest_rms_px(size_px);
+    let fit = closest_pose(camera, correspondences, outlier_sigmas);
+    let rms_px = match &fit {
+        Ok(found) if found.rms_px <= largest_rms_px => return fit,
+        Ok(found) => found.rms_px,
+        Err(_) => f64::INFINITY,
+    };
+    let fits = |changed: &[Correspondence]| {
+        closest_pose(camera, changed, outlier_sigmas)
+            .is_ok_and(|fit| fit.rms_px < 0.2 * rms_px.min(largest_rms_px))
+    };
+    if fits(&mirrored(correspondences)) {
+        return Err(check::mirrored(rms_px));
+    }
+    if fits(&swapped(correspondences)) {
+        return Err(Refusal::new(
+            "points and pixels agree only with u and v exchanged",
+            "u runs to the right, v down: check which column is which",
+        ));
+    }
+    // What could not be fitted at all has its reason.
+    fit.and_then(|_| {
+        Err(Refusal::new(
+            format!(
+                "no pose of this camera brings the points nearer than {rms_px:.1} px to their pixels"
+            ),
+            "check that the camera's file belongs to these images, the order of the points, and that all coordinates are in metres",
+        ))
+    })
+}
+
+/// The points as in a mirror: x turned round.
+pub(super) fn mirrored(correspondences: &[Correspondence]) -> Vec<Correspondence> {
+    let mirror = |c: &Correspondence| Correspondence {
+        point_m: [-c.point_m[0], c.point_m[1], c.point_m[2]],
+        ..*c
+    };
+    correspondences.iter().map(mirror).collect()
+}
+
+/// The pixels with u and v exchanged.
+fn swapped(correspondences: &[Correspondence]) -> Vec<Correspondence> {
+    let swap = |c: &Correspondence| Correspondence {
+        pixel: [c.pixel[1], c.pixel[0]],
+        ..*c
+    };
+    correspondences.iter().map(swap).collect()
+}
+
+/// The pose that brings the points nearest to their pixels, whether that is near or not: [`fit_pose`] for points that are known to be right, or
+/// to judge the camera by.
+///
+/// Refused: too few points, points in a line, and those most of which the camera does not see or that do not agree with one another.
+pub fn closest_pose(
     camera: &Camera,
     correspondences: &[Correspondence],
     outlier_sigmas: f64,
 ) -> Result<PoseFit, Refusal> {
     check::enough_points("the pose", correspondences, 4)?;
+    if !check::spread("the pose", correspondences)?.flat() {
+        // Four or five points have several poses that nearly fit, and no linear solution to tell which.
+        check::enough_points("a pose from points not in one plane", correspondences, 6)?;
+    }
     let start = pose_from_rays(camera, correspondences).ok_or_else(|| {
         Refusal::new(
-            "the points' pixels have no rays, or the points lie in a line",
-            "check that the camera file belongs to these images, and spread the points",
+            "most of the pixels have no rays in this camera",
+            "check that the camera's file belongs to these images",
         )
     })?;
     let problem = |pose, used| PoseProblem {

@@ -1,9 +1,9 @@
 //! Where several cameras stand to one another, from targets that two or more of them saw at the same time.
 
-use nalgebra::{DVector, Point3, Vector3};
+use nalgebra::{DVector, Point3, Unit, Vector3};
 
-use super::least_squares::{Loss, Problem, Slopes, minimise};
-use super::pose::{fit_pose, slopes_by_pose, stepped_pose};
+use super::least_squares::{Loss, Problem, Slopes, covariance, minimise};
+use super::pose::{PoseFit, closest_pose, slopes_by_pose, stepped_pose};
 use super::start::free_parameters;
 use super::{CalibrationView, Refusal, check, rms};
 use crate::camera::{Camera, ProjectionJacobian};
@@ -31,12 +31,27 @@ pub struct RigCalibration {
     pub world_from_target: Vec<Option<Pose>>,
     /// Root mean square distance of each camera's points, outliers left out.
     pub rms_px: Vec<f64>,
-    /// The points left out, as (camera, shot, point).
+    /// Observed minus projected pixels by camera, shot and point; `None` where a point projects nowhere or its shot was left out.
+    pub residuals_px: Vec<Vec<Vec<Option<[f64; 2]>>>>,
+    /// The points left out, as (camera, shot, point); those of shots left out are not among them.
     pub outliers: Vec<(usize, usize, usize)>,
+    /// The shots left out, because the cameras do not agree on where the target was: their images do not belong together.
+    pub out_of_step: Vec<usize>,
+    /// The standard deviation of each camera's distance from the first; zero for the first.
+    pub baseline_sigma_m: Vec<f64>,
+    /// The standard deviation of the angle by which each camera is turned from the first; zero for the first.
+    pub turn_sigma_rad: Vec<f64>,
 }
 
+/// A view belongs to its shot where the median residual of its points is within this many times that of the camera's views on their own...
+const STEP_RATIO: f64 = 10.0;
+
+/// ... or within so many pixels.
+const STEP_PX: f64 = 1.0;
+
 /// Fits the poses of all cameras and targets, and refines the cameras. Cameras may be chained: each needs a shot in common with one of the others.
-/// Points beyond `outlier_sigmas` robust standard deviations are left out, as by [`fit_pose`].
+/// Points beyond `outlier_sigmas` robust standard deviations are left out, as by [`closest_pose`]; so are whole shots in which the cameras do not agree on
+/// where the target was, if they are few.
 pub fn calibrate_rig(
     cameras: &[RigCamera],
     outlier_sigmas: f64,
@@ -48,7 +63,16 @@ pub fn calibrate_rig(
             "give images of all cameras, taken at the same instants",
         ));
     }
-    let (camera_from_world, world_from_target) = place(cameras, shots, outlier_sigmas)?;
+    let alone: Vec<Vec<Option<PoseFit>>> = cameras
+        .iter()
+        .map(|c| {
+            let fit = |view: &Option<CalibrationView>| {
+                closest_pose(&c.camera, &view.as_ref()?.correspondences, outlier_sigmas).ok()
+            };
+            c.views.iter().map(fit).collect()
+        })
+        .collect();
+    let (camera_from_world, world_from_target) = place(cameras, &alone)?;
     let free: Vec<Vec<bool>> = cameras.iter().map(|c| free_parameters(&c.camera)).collect();
     let used = cameras
         .iter()
@@ -69,51 +93,53 @@ pub fn calibrate_rig(
         used,
     };
     let (mut rig, _) = minimise(rig, Loss::Cauchy(2.0), 100);
+    let out_of_step = rig.out_of_step(&alone);
+    rig.check_step(&out_of_step)?;
+    for &shot in &out_of_step {
+        rig.world_from_target[shot] = None;
+    }
     for (c, shots) in rig.residuals().into_iter().enumerate() {
-        let residuals: Vec<_> = shots.iter().flatten().copied().collect();
+        let in_step = |s: &usize| !out_of_step.contains(s);
+        let residuals: Vec<_> = (0..shots.len())
+            .filter(in_step)
+            .flat_map(|s| shots[s].iter().copied())
+            .collect();
         let inliers = check::inliers(&residuals, outlier_sigmas);
         check::mostly_inliers(&format!("camera {}", cameras[c].name), &inliers)?;
         let mut inliers = inliers.into_iter();
-        for used in &mut rig.used[c] {
-            used.iter_mut()
+        for s in (0..shots.len()).filter(in_step) {
+            rig.used[c][s]
+                .iter_mut()
                 .zip(inliers.by_ref())
                 .for_each(|(u, i)| *u = i);
         }
     }
     let (rig, _) = minimise(rig, Loss::Squares, 100);
-    Ok(rig.finish())
+    rig.finish(out_of_step)
 }
 
-/// First poses: the first camera is the world, the others are chained to it by shots in common, the one with the best fit of a pair.
+/// First poses: the first camera is the world, the others are chained to it by shots in common, those with most of them first. What one shot
+/// says of two cameras is taken from the shot with which the others agree best.
 fn place(
     cameras: &[RigCamera],
-    shots: usize,
-    outlier_sigmas: f64,
+    alone: &[Vec<Option<PoseFit>>],
 ) -> Result<(Vec<Pose>, Vec<Option<Pose>>), Refusal> {
-    let mut fits: Vec<Vec<Option<(Pose, f64)>>> = Vec::new();
-    for camera in cameras {
-        let fit = |view: &Option<CalibrationView>| {
-            let points = &view.as_ref()?.correspondences;
-            let fit = fit_pose(&camera.camera, points, outlier_sigmas).ok()?;
-            Some((fit.camera_from_target, fit.rms_px))
-        };
-        fits.push(camera.views.iter().map(fit).collect());
-    }
     let mut placed: Vec<Option<Pose>> = vec![None; cameras.len()];
     placed[0] = Some(Pose::identity());
     loop {
-        let mut best: Option<(f64, usize, Pose)> = None;
+        let mut best: Option<(usize, usize, Pose)> = None;
         for (a, known) in placed.iter().enumerate() {
             let Some(a_from_world) = known else { continue };
             for b in (0..cameras.len()).filter(|&b| placed[b].is_none()) {
-                for shot in 0..shots {
-                    if let (Some((a_from_t, ra)), Some((b_from_t, rb))) =
-                        (&fits[a][shot], &fits[b][shot])
-                        && best.as_ref().is_none_or(|(least, ..)| ra + rb < *least)
-                    {
-                        let b_from_world = b_from_t * a_from_t.inverse() * a_from_world;
-                        best = Some((ra + rb, b, b_from_world));
-                    }
+                let shots = alone[a].iter().zip(&alone[b]);
+                let b_from_a: Vec<Pose> = shots
+                    .filter_map(|(a, b)| {
+                        let (a, b) = (a.as_ref()?, b.as_ref()?);
+                        Some(b.camera_from_target * a.camera_from_target.inverse())
+                    })
+                    .collect();
+                if b_from_a.len() > best.as_ref().map_or(0, |(most, ..)| *most) {
+                    best = Some((b_from_a.len(), b, most_agreed(&b_from_a) * a_from_world));
                 }
             }
         }
@@ -130,16 +156,44 @@ fn place(
         ));
     }
     let camera_from_world: Vec<Pose> = placed.into_iter().flatten().collect();
-    let world_from_target = (0..shots)
+    let world_from_target = (0..cameras[0].views.len())
         .map(|shot| {
-            let seen = (0..cameras.len()).filter_map(|c| Some((c, fits[c][shot]?)));
-            let best = seen.min_by(|a, b| a.1.1.total_cmp(&b.1.1));
-            best.map(|(c, (camera_from_target, _))| {
-                camera_from_world[c].inverse() * camera_from_target
-            })
+            let seen = (0..cameras.len()).filter_map(|c| Some((c, alone[c][shot].as_ref()?)));
+            let best = seen.min_by(|a, b| a.1.rms_px.total_cmp(&b.1.rms_px));
+            best.map(|(c, fit)| camera_from_world[c].inverse() * fit.camera_from_target)
         })
         .collect();
     Ok((camera_from_world, world_from_target))
+}
+
+/// The pose from which the others differ least, by the median of turn (in radians) and shift (by the distance of both).
+fn most_agreed(poses: &[Pose]) -> Pose {
+    let median_difference = |pose: &Pose| {
+        let mut differences: Vec<f64> = poses
+            .iter()
+            .map(|other| {
+                let turn = (other.rotation * pose.rotation.inverse()).angle();
+                let (a, b) = (pose.translation.vector, other.translation.vector);
+                turn + (a - b).norm() / (a.norm() + b.norm()).max(f64::MIN_POSITIVE)
+            })
+            .collect();
+        let middle = differences.len() / 2;
+        *differences.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    poses
+        .iter()
+        .min_by(|a, b| median_difference(a).total_cmp(&median_difference(b)))
+        .map_or_else(Pose::identity, |pose| *pose)
+}
+
+/// The median length of residuals; those of points without a pixel count as long.
+fn median_px(residuals_px: &[Option<[f64; 2]>]) -> Option<f64> {
+    let mut lengths: Vec<f64> = residuals_px
+        .iter()
+        .map(|r| r.map_or(f64::INFINITY, |[u, v]| u.hypot(v)))
+        .collect();
+    let middle = lengths.len() / 2;
+    (!lengths.is_empty()).then(|| *lengths.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// The unknowns: each camera's free parameters, then six for each camera but the first, then six for each shot.
@@ -169,8 +223,64 @@ impl Rig<'_> {
         self.parameters_at(self.cameras.len()) + 6 * (camera - 1)
     }
 
+    /// The first unknown of a shot's pose, for shots that have one.
     fn shot_at(&self, shot: usize) -> usize {
-        self.parameters_at(self.cameras.len()) + 6 * (self.cameras.len() - 1 + shot)
+        let before = self.world_from_target[..shot].iter().flatten().count();
+        self.parameters_at(self.cameras.len()) + 6 * (self.cameras.len() - 1 + before)
+    }
+
+    /// The shots in which a camera's view lies far off, measured by how well its views fit on their own.
+    fn out_of_step(&self, alone: &[Vec<Option<PoseFit>>]) -> Vec<usize> {
+        let residuals = self.residuals();
+        let bounds_px = alone.iter().map(|views| {
+            let fits = views.iter().flatten();
+            let own: Vec<_> = fits
+                .flat_map(|fit| fit.residuals_px.iter().copied())
+                .collect();
+            STEP_PX.max(STEP_RATIO * median_px(&own).unwrap_or(0.0))
+        });
+        let bounds_px: Vec<f64> = bounds_px.collect();
+        (0..self.world_from_target.len())
+            .filter(|&shot| {
+                let views = residuals.iter().zip(&bounds_px);
+                self.world_from_target[shot].is_some()
+                    && views
+                        .filter_map(|(shots, bound)| Some(median_px(&shots[shot])? > *bound))
+                        .any(|off| off)
+            })
+            .collect()
+    }
+
+    /// Few shots may be out of step: those that agree must be two in three.
+    fn check_step(&self, out_of_step: &[usize]) -> Result<(), Refusal> {
+        const MAX_NAMED: usize = 6;
+        let shots = self.world_from_target.iter().flatten().count();
+        if 3 * out_of_step.len() <= shots {
+            return Ok(());
+        }
+        let mut named: Vec<String> = out_of_step
+            .iter()
+            .take(MAX_NAMED)
+            .map(|&shot| self.shot_name(shot))
+            .collect();
+        if out_of_step.len() > MAX_NAMED {
+            named.push("...".to_owned());
+        }
+        Err(Refusal::new(
+            format!(
+                "the cameras do not agree on where the target was in {} of {shots} shots: {}",
+                out_of_step.len(),
+                named.join(", ")
+            ),
+            "give images that were taken at the same instants: is one missing, so that the others are out of step?",
+        ))
+    }
+
+    /// `left01.jpg with right01.jpg`.
+    fn shot_name(&self, shot: usize) -> String {
+        let views = self.cameras.iter().filter_map(|c| c.views[shot].as_ref());
+        let names: Vec<&str> = views.map(|view| &*view.name).collect();
+        names.join(" with ")
     }
 
     /// Observed minus projected pixels, by camera, shot, point.
@@ -196,13 +306,16 @@ impl Rig<'_> {
             .collect()
     }
 
-    fn finish(self) -> RigCalibration {
+    fn finish(self, out_of_step: Vec<usize>) -> Result<RigCalibration, Refusal> {
         let residuals = self.residuals();
         let mut outliers = Vec::new();
         let mut rms_px = Vec::new();
         for (c, shots) in residuals.iter().enumerate() {
             let mut inliers = Vec::new();
             for (s, points) in shots.iter().enumerate() {
+                if self.world_from_target[s].is_none() {
+                    continue;
+                }
                 for (i, residual) in points.iter().enumerate() {
                     match residual {
                         Some(residual) if self.used[c][s][i] => inliers.push(*residual),
@@ -212,6 +325,7 @@ impl Rig<'_> {
             }
             rms_px.push(rms(inliers.into_iter()));
         }
+        let (baseline_sigma_m, turn_sigma_rad) = self.pose_sigmas()?;
         let cameras = self
             .cameras
             .iter()
@@ -224,12 +338,47 @@ impl Rig<'_> {
                 world_from_camera: Some(pose.inverse()),
             })
             .collect();
-        RigCalibration {
+        Ok(RigCalibration {
             cameras,
             world_from_target: self.world_from_target,
             rms_px,
+            residuals_px: residuals,
             outliers,
+            out_of_step,
+            baseline_sigma_m,
+            turn_sigma_rad,
+        })
+    }
+
+    /// Standard deviations of each camera's distance from the first and of its turn.
+    fn pose_sigmas(&self) -> Result<(Vec<f64>, Vec<f64>), Refusal> {
+        let covariance = covariance(self).ok_or_else(|| {
+            Refusal::new(
+                "the shots do not determine where the cameras stand",
+                "take more shots in which several cameras see the target, near and far and turned",
+            )
+        })?;
+        let (mut squares, mut points) = (0.0, 0);
+        self.visit(&mut |residual, _| {
+            let [u, v] = residual.unwrap_or_default();
+            squares += u * u + v * v;
+            points += 1;
+        });
+        let freedom = (2 * points) as f64 - self.unknowns() as f64;
+        let sigma_px = (squares / freedom.max(1.0)).sqrt();
+        let along = |at: usize, direction: Option<Unit<Vector3<f64>>>| {
+            let block = covariance.fixed_view::<3, 3>(at, at);
+            direction.map_or(0.0, |d| sigma_px * d.dot(&(block * *d)).sqrt())
+        };
+        let mut sigmas = (vec![0.0], vec![0.0]);
+        for (c, pose) in self.camera_from_world.iter().enumerate().skip(1) {
+            let at = self.camera_at(c);
+            // The distance is the length of this shift: a turn of the frame does not change it.
+            let towards = Unit::try_new(pose.translation.vector, 0.0);
+            sigmas.0.push(along(at + 3, towards));
+            sigmas.1.push(along(at, pose.rotation.axis()));
         }
+        Ok(sigmas)
     }
 }
 
@@ -267,6 +416,7 @@ impl Problem for Rig<'_> {
                 let (Some(view), Some(pose)) = (view, &self.world_from_target[shot]) else {
                     continue;
                 };
+                let shot_at = self.shot_at(shot);
                 for (o, _) in view
                     .correspondences
                     .iter()
@@ -296,7 +446,7 @@ impl Problem for Rig<'_> {
                     let by_shot = slopes_by_pose(world.coords - pose.translation.vector, &by_world);
                     let [u, v] = by_world.pixel;
                     let parameters = (self.parameters_at(c), &by_parameters[..self.free_count(c)]);
-                    let shot_block = (self.shot_at(shot), &by_shot[..]);
+                    let shot_block = (shot_at, &by_shot[..]);
                     let residual = Some([u - o.pixel[0], v - o.pixel[1]]);
                     if c == 0 {
                         visit(

@@ -1,5 +1,6 @@
 //! `pardalis calibrate board`: cameras from images of a calibration board.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
@@ -15,6 +16,9 @@ use crate::fault::fault;
 
 /// A measured distance may be off by this share of it.
 const DISTANCE_TOLERANCE: f64 = 0.05;
+
+/// Sides of a board's squares and tags that need no word.
+const USUAL_SIDES_M: RangeInclusive<f64> = 0.002..=0.5;
 
 /// Calibrates a camera, or several at once, from images of a calibration board
 #[derive(Debug, clap::Args)]
@@ -82,6 +86,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         observations: &observations,
         fits: &fits,
         images: &images,
+        note: side_note(&board),
     };
     let folder = output::folder(arguments.output.as_deref(), source, "calibration");
     output::write(&folder, &report)
@@ -118,17 +123,30 @@ fn check_distance(
     if (ratio - 1.0).abs() <= DISTANCE_TOLERANCE {
         return Ok(());
     }
-    let (what, side_m) = match board {
-        Board::Checkerboard { square_m, .. } | Board::Charuco { square_m, .. } => {
-            ("square", square_m)
-        }
-        Board::AprilGrid { tag_m, .. } => ("tag", tag_m),
-    };
+    let (what, side_m) = side(board);
     Err(fault!(
         "--distance {image}: measured {measured_m} m, but {fitted_m:.3} m by the calibration: the ratio is {ratio:.3}, more than 5 % off; \
          a {what} of {:.5} m in place of {side_m} m would agree: measure the board, and mend --board or the distance",
         side_m * ratio
     ))
+}
+
+/// What a board is made of, and its side in metres.
+fn side(board: &Board) -> (&'static str, f64) {
+    match board {
+        Board::Checkerboard { square_m, .. } | Board::Charuco { square_m, .. } => {
+            ("square", *square_m)
+        }
+        Board::AprilGrid { tag_m, .. } => ("tag", *tag_m),
+    }
+}
+
+/// A word on a board whose side can hardly be meant in metres.
+pub(super) fn side_note(board: &Board) -> Option<String> {
+    let (what, side_m) = side(board);
+    (!USUAL_SIDES_M.contains(&side_m)).then(|| {
+        format!("a {what} of the board has a side of {side_m} m by --board: is it in metres?")
+    })
 }
 
 /// Parses `NAME=FOLDER`.

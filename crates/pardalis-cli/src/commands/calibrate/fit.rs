@@ -13,6 +13,9 @@ use super::trial::Trial;
 use crate::draw::calibration::Sighting;
 use crate::fault::fault;
 
+/// Errors within this ratio are alike: then fewer parameters are better, for they leave less to chance where no points were.
+const ALIKE: f64 = 1.03;
+
 /// A model that was fitted.
 pub(super) struct Fit {
     /// Its camera, poses and residuals.
@@ -23,7 +26,8 @@ pub(super) struct Fit {
 
 /// What became of the models.
 pub(super) struct Fits {
-    /// Those that could be fitted, the best first: by what the held-out points say, else by the fitted ones.
+    /// Those that could be fitted, the best first: the one of fewest free parameters among those whose error is within [`ALIKE`] of the least,
+    /// then the others by their errors. The error is that of held-out points where all models have it, else that of the fitted ones.
     pub(super) fitted: Vec<Fit>,
     /// Names of the others, and why.
     pub(super) refused: Vec<(&'static str, String)>,
@@ -52,29 +56,41 @@ impl Fits {
                 };
                 let outcome = calibrate(views, &settings);
                 bar.inc(1);
-                outcome.map_err(|refusal| (model.name, refusal.to_string()))
+                outcome.map_err(|refusal| (model.name, refusal))
             })
             .collect();
         bar.finish_and_clear();
-        let mut fits = Self {
-            fitted: Vec::new(),
-            refused: Vec::new(),
-        };
+        let (mut fitted, mut refusals) = (Vec::new(), Vec::new());
         for outcome in outcomes {
             match outcome {
-                Ok(calibration) => fits.fitted.push(Fit {
-                    calibration,
-                    trial: None,
-                }),
-                Err(refused) => fits.refused.push(refused),
+                Ok(calibration) => fitted.push(calibration),
+                Err(refused) => refusals.push(refused),
             }
         }
-        let figure = |fit: &Calibration| fit.held_out_rms_px.unwrap_or(f64::INFINITY);
-        fits.fitted.sort_by(|a, b| {
-            let (a, b) = (&a.calibration, &b.calibration);
-            let by_held_out = figure(a).total_cmp(&figure(b));
-            by_held_out.then(a.rms_px.total_cmp(&b.rms_px))
+        sort(&mut fitted);
+        let refused = refusals.into_iter().map(|(name, refusal)| {
+            // Where another model fits, the images are not flipped: it is the wrong kind.
+            let other = fitted.first().filter(|_| refusal.seen_from_behind);
+            let reason = other.map_or(refusal.to_string(), |other| {
+                let kinds = if other.camera.looks_into_mirror() {
+                    "mirror: it is a model of lenses"
+                } else {
+                    "lens: it is a model of mirrors"
+                };
+                format!("does not fit this {kinds}")
+            });
+            (name, reason)
         });
+        let fits = Self {
+            refused: refused.collect(),
+            fitted: fitted
+                .into_iter()
+                .map(|calibration| Fit {
+                    calibration,
+                    trial: None,
+                })
+                .collect(),
+        };
         if fits.fitted.is_empty() {
             let reasons: Vec<String> = fits
                 .refused
@@ -92,6 +108,29 @@ impl Fits {
             fit.trial = Some(Trial::of(&fit.calibration.camera, views));
         }
     }
+}
+
+/// Sorts fits, the best first.
+fn sort(fits: &mut [Calibration]) {
+    let held_out = fits.iter().all(|fit| fit.held_out_rms_px.is_some());
+    let error_px = |fit: &Calibration| match fit.held_out_rms_px {
+        Some(rms_px) if held_out => rms_px,
+        _ => fit.rms_px,
+    };
+    fits.sort_by(|a, b| error_px(a).total_cmp(&error_px(b)));
+    let Some(least_px) = fits.first().map(error_px) else {
+        return;
+    };
+    let alike = fits.partition_point(|fit| error_px(fit) <= ALIKE * least_px);
+    // Of equals the first, whose error is less.
+    if let Some(best) = (0..alike).min_by_key(|&i| free_parameters(&fits[i])) {
+        fits[..=best].rotate_right(1);
+    }
+}
+
+/// How many parameters were fitted.
+pub(super) fn free_parameters(fit: &Calibration) -> usize {
+    fit.parameters.iter().filter(|p| p.sigma.is_some()).count()
 }
 
 /// A moving sign of life on a terminal, as how long a fit takes is not known; nothing elsewhere.

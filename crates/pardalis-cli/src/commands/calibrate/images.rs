@@ -142,6 +142,7 @@ pub(super) fn observations(images: &[SearchedImage]) -> Observations {
             .map(|corners| corners.iter().map(|corner| corner.id).collect())
             .collect(),
         numbered_by: "corner",
+        repeated: 0,
     }
 }
 

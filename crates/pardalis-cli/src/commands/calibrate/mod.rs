@@ -12,6 +12,7 @@ mod pose;
 mod print;
 mod report;
 mod rig;
+mod rig_report;
 mod trial;
 
 use anyhow::Result;

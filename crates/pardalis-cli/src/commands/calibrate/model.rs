@@ -13,6 +13,8 @@ use crate::scene::read_calibration;
 pub(super) struct ModelOptions {
     /// The model to fit, or several to compare: names with commas between them, or all
     ///
+    /// Of several, the best is that of fewest parameters whose held-out RMS is within 3 % of the least.
+    ///
     /// Ordinary lenses: pinhole (with distortion k1, k2, p1, p2, k3). Fisheyes: equidistant (one focal length), kannala_brandt,
     /// double_sphere, extended_unified, ocam (a polynomial; mirrors too). Mirrors: unified (shape l, scale m), mei (shape xi, with
     /// distortion; fisheyes too), perspective_mirror.

@@ -1,5 +1,6 @@
 //! Known points and where they were seen, from a table.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use anyhow::Result;
@@ -11,6 +12,9 @@ use crate::tables::{Row, Table};
 /// The most faulty rows that are listed.
 const MAX_LISTED: usize = 10;
 
+/// The largest coordinate that can be metres.
+const MAX_COORDINATE_M: f64 = 1e6;
+
 /// What was seen, and how its points are called.
 pub(super) struct Observations {
     /// For each view its points.
@@ -19,6 +23,8 @@ pub(super) struct Observations {
     pub(super) numbers: Vec<Vec<usize>>,
     /// What the numbers count: `line` or `corner`.
     pub(super) numbered_by: &'static str,
+    /// How many rows were left out because they repeat others exactly: counted twice, they would make standard deviations too small.
+    pub(super) repeated: usize,
 }
 
 /// The names of a table's columns.
@@ -77,11 +83,19 @@ pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
         views: Vec::new(),
         numbers: Vec::new(),
         numbered_by: "line",
+        repeated: 0,
     };
+    let mut known = HashSet::new();
     let mut faults = Vec::new();
     for row in table.rows() {
         match parse(&row) {
-            Ok((name, correspondence)) => observations.add(name, row.line as usize, correspondence),
+            Ok((name, correspondence)) => {
+                if known.insert((name.clone(), bits(&correspondence))) {
+                    observations.add(name, row.line as usize, correspondence);
+                } else {
+                    observations.repeated += 1;
+                }
+            }
             Err(fault) => faults.push(format!("{fault:#}")),
         }
     }
@@ -94,6 +108,13 @@ pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
         faults.push(format!("and {more} more such rows"));
     }
     Err(fault!("{}", faults.join("\n")))
+}
+
+/// What is the same for the same point at the same pixel, and for nothing else.
+fn bits(correspondence: &Correspondence) -> [u64; 5] {
+    let ([x, y, z], [u, v]) = (correspondence.point_m, correspondence.pixel);
+    // Adding zero makes -0 the same as 0.
+    [x, y, z, u, v].map(|value| (value + 0.0).to_bits())
 }
 
 impl Observations {
@@ -109,6 +130,77 @@ impl Observations {
         });
         self.views[place].correspondences.push(correspondence);
         self.numbers[place].push(number);
+    }
+
+    /// Faults: coordinates are beyond what can be metres, or pixels lie outside of the images; they are named by line.
+    pub(super) fn check(&self, path: &Path, (width, height): (usize, usize)) -> Result<()> {
+        self.refuse_rows(
+            path,
+            |point| {
+                let far = point
+                    .point_m
+                    .iter()
+                    .any(|value| value.abs() > MAX_COORDINATE_M);
+                far.then(|| format!("{:?}", point.point_m))
+            },
+            "points are too far away to be in metres",
+            &format!("allowed: coordinates up to {MAX_COORDINATE_M} m"),
+        )?;
+        self.refuse_rows(
+            path,
+            |point| {
+                let [u, v] = point.pixel;
+                let inside =
+                    (-1.0..=width as f64).contains(&u) && (-1.0..=height as f64).contains(&v);
+                (!inside).then(|| format!("({u:?}, {v:?})"))
+            },
+            &format!("pixels lie outside of images of {width} x {height}"),
+            "mend these lines, or give the size of the images in which the points were seen",
+        )
+    }
+
+    /// Faults: there are points that `fault` has a word on.
+    fn refuse_rows(
+        &self,
+        path: &Path,
+        fault: impl Fn(&Correspondence) -> Option<String>,
+        what: &str,
+        remedy: &str,
+    ) -> Result<()> {
+        let points = self.views.iter().flat_map(|view| &view.correspondences);
+        let numbered = points.zip(self.numbers.iter().flatten());
+        let mut faults: Vec<String> = numbered
+            .filter_map(|(point, number)| {
+                Some(format!("{} {number} {}", self.numbered_by, fault(point)?))
+            })
+            .collect();
+        let count = faults.len();
+        if count == 0 {
+            return Ok(());
+        }
+        if count > MAX_LISTED {
+            faults.truncate(MAX_LISTED);
+            faults.push("...".to_owned());
+        }
+        Err(fault!(
+            "{}: {count} of {} {what}: {}; {remedy}",
+            path.display(),
+            self.point_count(),
+            faults.join(", ")
+        ))
+    }
+
+    /// The largest extent of all points along one of their axes, in metres.
+    pub(super) fn extent_m(&self) -> f64 {
+        let extent = |axis: usize| {
+            let points = self.views.iter().flat_map(|view| &view.correspondences);
+            let along = points.map(|point| point.point_m[axis]);
+            let ends = along.fold([f64::MAX, f64::MIN], |[low, high], value| {
+                [low.min(value), high.max(value)]
+            });
+            ends[1] - ends[0]
+        };
+        (0..3).map(extent).fold(0.0, f64::max)
     }
 
     /// How many points there are in all views.
@@ -139,11 +231,13 @@ mod tests {
         let path = folder.path().join("points.csv");
         std::fs::write(
             &path,
-            "view,v_px,u_px,x_m,y_m,z_m,id\na,2,1,3,4,5,0\nb,7,6,0,0,0,1\na,9,8,3,4,6,2\n",
+            "view,v_px,u_px,x_m,y_m,z_m,id\na,2,1,3,4,5,0\nb,7,6,0,0,0,1\na,9,8,3,4,6,2\na,2,1,3,4,5,3\n",
         )
         .unwrap();
         let read = read(&path, &Columns::default()).unwrap();
+        // The last row repeats the first.
         assert_eq!(read.numbers, [vec![2, 4], vec![3]]);
+        assert_eq!(read.repeated, 1);
         assert_eq!(read.views[0].correspondences[0].pixel, [1.0, 2.0]);
         assert_eq!(read.views[0].correspondences[1].point_m, [3.0, 4.0, 6.0]);
     }

@@ -9,7 +9,7 @@ use pardalis::calibrate::{Calibration, ModelKind};
 use pardalis::config::calibration;
 use pardalis::rig::CalibratedCamera;
 
-use super::fit::Fit;
+use super::fit::{Fit, free_parameters};
 use super::page;
 use super::report::{Report, outlier_count};
 use super::trial::Trial;
@@ -124,12 +124,11 @@ fn models(report: &Report) -> Result<String> {
     ])?;
     let points = report.observations.point_count().to_string();
     for Fit { calibration, trial } in &report.fits.fitted {
-        let free = calibration.parameters.iter().filter(|p| p.sigma.is_some());
         let held_out = calibration.held_out_rms_px;
         let tried = |figure: fn(&Trial) -> String| trial.as_ref().map_or_else(String::new, figure);
         table.write_record([
             calibration.camera.kind().to_owned(),
-            free.count().to_string(),
+            free_parameters(calibration).to_string(),
             points.clone(),
             outlier_count(calibration).to_string(),
             calibration.rms_px.to_string(),

@@ -19,17 +19,18 @@ pub(super) fn page(report: &Report) -> Result<String> {
     let best = report.best();
     let sightings = report.all_sightings(best);
     let size_px = report.size_px;
-    let title = escaped(&report.title());
-    let mut page = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title>\
-         <style>{STYLE}</style></head><body>\n<h1>Calibration</h1>\n<p>{title}.</p>\n"
-    );
+    let mut page = begin(&report.title());
     push_table(&mut page, &report.comparison());
     for (name, reason) in &report.fits.refused {
         push_paragraph(&mut page, &format!("{name}: {reason}"));
     }
     push_paragraph(&mut page, &report.coverage());
+    if let Some(end) = report.end() {
+        push_paragraph(&mut page, &end);
+    }
+    for warning in report.warnings() {
+        push_paragraph(&mut page, &format!("Warning: {warning}"));
+    }
     if let Some(pose) = report.pose() {
         push_paragraph(&mut page, &pose);
     }
@@ -70,8 +71,18 @@ pub(super) fn page(report: &Report) -> Result<String> {
     Ok(page)
 }
 
+/// A page's begin; `</body></html>` ends it.
+pub(super) fn begin(title: &str) -> String {
+    let title = escaped(title);
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title>\
+         <style>{STYLE}</style></head><body>\n<h1>Calibration</h1>\n<p>{title}.</p>\n"
+    )
+}
+
 /// Adds a table whose first row is its head.
-fn push_table(page: &mut String, rows: &[Vec<String>]) {
+pub(super) fn push_table(page: &mut String, rows: &[Vec<String>]) {
     page.push_str("<table>\n");
     for (number, row) in rows.iter().enumerate() {
         let cell = if number == 0 { "th" } else { "td" };
@@ -84,7 +95,7 @@ fn push_table(page: &mut String, rows: &[Vec<String>]) {
     page.push_str("</table>\n");
 }
 
-fn push_paragraph(page: &mut String, text: &str) {
+pub(super) fn push_paragraph(page: &mut String, text: &str) {
     let _ = writeln!(page, "<p>{}</p>", escaped(text));
 }
 

@@ -47,10 +47,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let columns = arguments.columns.clone().unwrap_or_default();
     let observations = observations::read(&arguments.points, &columns)?;
     let size_px = arguments.size;
-    let test = arguments.test.as_deref();
-    let test = test
-        .map(|path| observations::read(path, &columns))
-        .transpose()?;
+    observations.check(&arguments.points, size_px)?;
+    let read_test = |path: &PathBuf| {
+        let test = observations::read(path, &columns)?;
+        test.check(path, size_px)?;
+        anyhow::Ok(test)
+    };
+    let test = arguments.test.as_ref().map(read_test).transpose()?;
     let mut fits = Fits::of(
         &arguments.points,
         &observations.views,
@@ -67,6 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         observations: &observations,
         fits: &fits,
         images: &[],
+        note: None,
     };
     let folder = output::folder(
         arguments.output.as_deref(),

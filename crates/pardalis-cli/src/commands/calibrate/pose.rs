@@ -19,7 +19,7 @@ use crate::fault::fault;
 #[command(after_help = "Example:
   pardalis calibrate pose points.csv --camera camera.toml")]
 pub(crate) struct Arguments {
-    /// The table, as for `calibrate points`; all its points share one pose
+    /// The table, as for `calibrate points`; all its points share one pose: at least four in one plane, or six
     #[arg(value_name = "FILE.csv")]
     points: PathBuf,
     /// The camera: a calibration file of any format
@@ -61,8 +61,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             observations.views.len()
         ));
     };
-    let fit = fit_pose(&known.camera, &view.correspondences, OUTLIER_SIGMAS)
-        .map_err(|refusal| fault!("{}: {refusal}", arguments.points.display()))?;
+    observations.check(&arguments.points, size_px)?;
+    let fit = fit_pose(
+        &known.camera,
+        size_px,
+        &view.correspondences,
+        OUTLIER_SIGMAS,
+    )
+    .map_err(|refusal| fault!("{}: {refusal}", arguments.points.display()))?;
     let held = |(name, value)| FittedParameter {
         name,
         value,
@@ -110,6 +116,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             refused: Vec::new(),
         },
         images: &[],
+        note: None,
     };
     output::write(
         &output::folder(arguments.output.as_deref(), &arguments.points, "pose"),

@@ -1,17 +1,23 @@
 //! What a calibration says, for the terminal; [`super::page`] says the same with pictures.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use pardalis::calibrate::{Calibration, FittedParameter, FittedView};
+use pardalis::camera::Camera;
 
-use super::fit::{Fit, Fits, all_sightings, largest_residual_px, sightings};
+use super::fit::{Fit, Fits, all_sightings, free_parameters, largest_residual_px, sightings};
 use super::images::SearchedImage;
 use super::observations::Observations;
 use super::trial::Trial;
+use crate::commands::camera::optics::Optics;
 use crate::draw::calibration::Sighting;
 
 /// The most outliers that are listed.
 const MAX_LISTED: usize = 20;
+
+/// Extents of known points, and distances to them, that need no word.
+const USUAL_EXTENTS_M: RangeInclusive<f64> = 0.01..=100.0;
 
 /// All there is to say about a calibrated camera.
 pub(super) struct Report<'a> {
@@ -25,6 +31,8 @@ pub(super) struct Report<'a> {
     pub(super) fits: &'a Fits,
     /// What was found in images, where the points come from images.
     pub(super) images: &'a [SearchedImage],
+    /// What else there is to warn of.
+    pub(super) note: Option<String>,
 }
 
 impl Report<'_> {
@@ -146,6 +154,84 @@ impl Report<'_> {
         )
     }
 
+    /// Where a fitted camera ends that has an end: what it was fitted to chose it, and nothing is tracked beyond.
+    pub(super) fn end(&self) -> Option<String> {
+        let fit = self.best();
+        if free_parameters(fit) == 0 {
+            return None;
+        }
+        let (end_rad, key) = match &fit.camera {
+            Camera::Equidistant(model) => (model.max_angle_rad(), "field_of_view_deg"),
+            Camera::KannalaBrandt(model) => (model.max_angle_rad(), "field_of_view_deg"),
+            Camera::Ocam(model) => {
+                let optics = Optics::new(&fit.camera, self.size_px);
+                let [u, v] = optics.center_px;
+                let end_rad = optics.angle_rad([u + model.max_radius_px(), v])?;
+                (end_rad, "max_radius_px")
+            }
+            _ => return None,
+        };
+        let beyond = 100.0 * (end_rad / fit.max_angle_rad - 1.0);
+        Some(format!(
+            "The camera ends at {:.0} degrees from its axis, {beyond:.0} % beyond the farthest point: nothing is tracked farther out. \
+             Give points farther out, or edit {key} in its file.",
+            end_rad.to_degrees()
+        ))
+    }
+
+    /// What may be wrong, though a camera could be fitted.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let mut warnings: Vec<String> = self.note.iter().cloned().collect();
+        if self.images.is_empty() {
+            warnings.extend(self.unlikely_metres());
+        }
+        warnings.extend(self.unlikely_center());
+        let repeated = self.observations.repeated;
+        if repeated > 0 {
+            warnings.push(format!(
+                "rows that repeat others exactly count once: {repeated} left out"
+            ));
+        }
+        warnings
+    }
+
+    /// A word on points that are hardly in metres.
+    fn unlikely_metres(&self) -> Option<String> {
+        let extent_m = self.observations.extent_m();
+        let distances_m = self.best().views.iter().map(|view| view.camera_from_target);
+        let distance_m = distances_m.map(|pose| pose.translation.vector.norm());
+        let distance_m = distance_m.fold(0.0, f64::max);
+        if !USUAL_EXTENTS_M.contains(&extent_m) {
+            Some(format!(
+                "the points extend over {extent_m:.3} m: are their coordinates in metres?"
+            ))
+        } else if distance_m > *USUAL_EXTENTS_M.end() {
+            Some(format!(
+                "the camera is {distance_m:.0} m from the points' origin: are their coordinates in metres?"
+            ))
+        } else {
+            None
+        }
+    }
+
+    /// A word on a principal point far from the middle of the images.
+    fn unlikely_center(&self) -> Option<String> {
+        let center_px = Optics::new(&self.best().camera, self.size_px).center_px;
+        let sides = [self.size_px.0 as f64, self.size_px.1 as f64];
+        let is_far = |i: usize| (center_px[i] - 0.5 * (sides[i] - 1.0)).abs() > 0.2 * sides[i];
+        (is_far(0) || is_far(1)).then(|| {
+            let size = if self.images.is_empty() {
+                "is --size right, or were the images cut out of larger ones?"
+            } else {
+                "were they cut out of larger ones?"
+            };
+            format!(
+                "the principal point ({:.0}, {:.0}) is far from the middle of images of {} x {} pixels: {size}",
+                center_px[0], center_px[1], self.size_px.0, self.size_px.1
+            )
+        })
+    }
+
     /// A row a view: name, points, outliers, RMS, distance, standard deviations of its pose.
     pub(super) fn view_rows(&self) -> Vec<Vec<String>> {
         let head = [
@@ -192,19 +278,12 @@ impl Report<'_> {
     /// The points that were left out, by name, with their residuals.
     pub(super) fn outliers(&self) -> Vec<String> {
         let views = self.best().views.iter().zip(&self.observations.numbers);
-        let mut outliers: Vec<String> = views
-            .flat_map(|(view, numbers)| {
-                view.outliers
-                    .iter()
-                    .map(move |&i| self.outlier(view, i, numbers[i]))
-            })
-            .collect();
-        let more = outliers.len().saturating_sub(MAX_LISTED);
-        outliers.truncate(MAX_LISTED);
-        if more > 0 {
-            outliers.push(format!("and {more} more (see residuals.csv)"));
-        }
-        outliers
+        let outliers = views.flat_map(|(view, numbers)| {
+            view.outliers
+                .iter()
+                .map(move |&i| self.outlier(view, i, numbers[i]))
+        });
+        listed(outliers.collect(), " (see residuals.csv)")
     }
 
     fn outlier(&self, view: &FittedView, index: usize, number: usize) -> String {
@@ -236,6 +315,12 @@ impl fmt::Display for Report<'_> {
             writeln!(f, "{pose}")?;
         }
         write!(f, "{}", self.coverage())?;
+        if let Some(end) = self.end() {
+            write!(f, "\n{end}")?;
+        }
+        for warning in self.warnings() {
+            write!(f, "\nWarning: {warning}")?;
+        }
         let outliers = self.outliers();
         if !outliers.is_empty() {
             write!(f, "\nLeft out as outliers:\n  {}", outliers.join("\n  "))?;
@@ -244,13 +329,23 @@ impl fmt::Display for Report<'_> {
     }
 }
 
+/// The first of many lines, and how many more there are and where.
+pub(super) fn listed(mut lines: Vec<String>, place: &str) -> Vec<String> {
+    let more = lines.len().saturating_sub(MAX_LISTED);
+    lines.truncate(MAX_LISTED);
+    if more > 0 {
+        lines.push(format!("and {more} more{place}"));
+    }
+    lines
+}
+
 /// How many points of all views were left out.
 pub(super) fn outlier_count(fit: &Calibration) -> usize {
     fit.views.iter().map(|view| view.outliers.len()).sum()
 }
 
 /// Columns as wide as their widest cell, all but the first to the right.
-fn write_table(f: &mut fmt::Formatter<'_>, rows: &[Vec<String>]) -> fmt::Result {
+pub(super) fn write_table(f: &mut fmt::Formatter<'_>, rows: &[Vec<String>]) -> fmt::Result {
     let width = |column: usize| {
         let cells = rows.iter().filter_map(|row| row.get(column));
         cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
@@ -281,7 +376,7 @@ pub(super) fn metres(v: nalgebra::Vector3<f64>) -> String {
 }
 
 /// A value with as many digits as its standard deviation justifies.
-fn with_sigma(value: f64, sigma: Option<f64>) -> String {
+pub(super) fn with_sigma(value: f64, sigma: Option<f64>) -> String {
     let Some(sigma) = sigma else {
         // Six digits tell it again; the camera's file has all of them.
         let short: f64 = format!("{value:.5e}").parse().unwrap_or(value);

@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::calibrate::{RigCalibration, RigCamera, calibrate_rig};
+use pardalis::calibrate::{RigCamera, calibrate_rig};
 use pardalis::config::calibration;
 
-use super::board::check_found;
+use super::board::{check_found, side_note};
 use super::fit::Fits;
-use super::images::SearchedImage;
 use super::model::ModelOptions;
-use super::report::{Report, metres};
+use super::report::Report;
+use super::rig_report::RigReport;
 use super::{images, output};
 use crate::board::Board;
 use crate::fault::fault;
@@ -35,37 +35,51 @@ pub(super) fn run(
         .map(|(name, path)| Ok((&**name, images::files(path)?)))
         .collect::<Result<_>>()?;
     check_cameras(&cameras)?;
-    let mut rig = Vec::new();
-    let mut searched = Vec::new();
+    let mut seen = Vec::new();
     for (name, files) in &cameras {
         let (images, size_px) = images::search(board, files)?;
         let source = Path::new(name);
         check_found(source, &images)?;
         let observations = images::observations(&images);
         let fits = Fits::of(source, &observations.views, model.models()?, size_px, true)?;
-        let report = Report {
-            camera: name,
-            size_px,
-            observations: &observations,
-            fits: &fits,
-            images: &images,
-        };
-        output::write(&folder.join(name), &report)?;
-        say("");
-        rig.push(RigCamera {
-            name: (*name).to_owned(),
-            camera: report.best().camera.clone(),
-            size_px,
-            views: images.iter().map(images::view).collect(),
-        });
-        searched.push(images);
+        seen.push((*name, size_px, images, observations, fits));
     }
+    let reports: Vec<Report> = seen
+        .iter()
+        .map(|(name, size_px, images, observations, fits)| Report {
+            camera: name,
+            size_px: *size_px,
+            observations,
+            fits,
+            images,
+            note: side_note(board),
+        })
+        .collect();
+    let rig: Vec<RigCamera> = reports
+        .iter()
+        .map(|report| RigCamera {
+            name: report.camera.to_owned(),
+            camera: report.best().camera.clone(),
+            size_px: report.size_px,
+            views: report.images.iter().map(images::view).collect(),
+        })
+        .collect();
+    // Nothing is written where the cameras do not agree.
     let calibration =
         calibrate_rig(&rig, model.outliers).map_err(|refusal| fault!("--rig: {refusal}"))?;
-    let path = folder.join("rig.toml");
+    for report in &reports {
+        output::write(&folder.join(report.camera), report)?;
+        say("");
+    }
+    let report = RigReport {
+        calibration: &calibration,
+        cameras: &reports,
+    };
+    let [path, page] = ["rig.toml", "report.html"].map(|name| folder.join(name));
     write_file(&path, calibration::write(&calibration.cameras).as_bytes())?;
-    tell(&calibration, &searched);
-    output::say_written(&[path]);
+    write_file(&page, report.page()?.as_bytes())?;
+    say(&report);
+    output::say_written(&[path, page]);
     Ok(())
 }
 
@@ -94,30 +108,4 @@ fn check_cameras(cameras: &[(&str, Vec<PathBuf>)]) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Prints what the cameras' common fit says; the first camera is the world.
-fn tell(calibration: &RigCalibration, searched: &[Vec<SearchedImage>]) {
-    let first = &calibration.cameras[0].name;
-    say(format!("Rig, in the frame of {first}:"));
-    for (camera, rms_px) in calibration.cameras.iter().zip(&calibration.rms_px) {
-        let pose = camera.world_from_camera.unwrap_or_default();
-        let position = pose.translation.vector;
-        say(format!(
-            "  {}: RMS {rms_px:.3} px; at {} m, {:.4} m away, turned by {:.3} degrees",
-            camera.name,
-            metres(position),
-            position.norm(),
-            pose.rotation.angle().to_degrees()
-        ));
-    }
-    for &(camera, shot, point) in &calibration.outliers {
-        let image = &searched[camera][shot];
-        if let Ok(corners) = &image.found {
-            say(format!(
-                "  left out: {}, {}, corner {}",
-                calibration.cameras[camera].name, image.name, corners[point].id
-            ));
-        }
-    }
 }

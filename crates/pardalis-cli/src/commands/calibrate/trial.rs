@@ -1,6 +1,6 @@
 //! How well a camera sees views that it was not fitted to.
 
-use pardalis::calibrate::{CalibrationView, fit_pose};
+use pardalis::calibrate::{CalibrationView, closest_pose};
 use pardalis::camera::Camera;
 use rayon::prelude::*;
 
@@ -22,7 +22,7 @@ impl Trial {
             .par_iter()
             .flat_map_iter(|view| {
                 let points = &view.correspondences;
-                let fit = fit_pose(camera, points, f64::INFINITY);
+                let fit = closest_pose(camera, points, f64::INFINITY);
                 let residuals_px = fit.map_or(vec![None; points.len()], |fit| fit.residuals_px);
                 residuals_px
                     .into_iter()

@@ -16,7 +16,7 @@ pub(crate) struct Optics<'a> {
     camera: &'a Camera,
     size_px: (usize, usize),
     /// The pixel on the optical axis.
-    pub(super) center_px: [f64; 2],
+    pub(crate) center_px: [f64; 2],
     /// 1 where the camera looks along its z axis, -1 where a mirror makes it look back.
     facing: f64,
 }
