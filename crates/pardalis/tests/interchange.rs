@@ -276,7 +276,7 @@ fn round_trips_through_every_format_change_nothing() {
             match write(format, std::slice::from_ref(&sizeless)) {
                 Ok(text) => assert_eq!(read(&text, None).unwrap()[0].size_px, None),
                 Err(error) => assert!(
-                    error.to_string().contains("size_px = [WIDTH, HEIGHT]"),
+                    error.to_string().contains("--size, or as size_px"),
                     "{error}"
                 ),
             }
