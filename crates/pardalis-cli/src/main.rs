@@ -26,10 +26,10 @@ use clap::{Parser, Subcommand};
   pardalis track scene.toml --annotate
 
 Cameras:
-  pardalis init images --fps 25 --camera calibration.yml           a scene with a calibration of any program
-  pardalis camera show calibration.yml                             what it says: field of view, pose, pictures
+  pardalis camera show calib.yml                     what a calibration of any program says
+  pardalis init images --fps 25 --camera calib.yml   a scene with it
   pardalis calibrate board images --board checkerboard:9x6:0.025 --model all
-  pardalis calibrate pose points.csv --camera camera.toml          where the camera stands
+  pardalis calibrate pose points.csv --camera calib.yml
 
 Exit codes: 0 done; 2 the input or the usage is at fault; 1 anything else.")]
 struct Arguments {

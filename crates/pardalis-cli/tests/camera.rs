@@ -82,6 +82,25 @@ fn pictures_of_the_lens_are_drawn() {
 }
 
 #[test]
+fn labels_of_angles_that_would_touch_are_left_out() {
+    let folder = folder_with("lens.toml", LENS);
+    let labels = |file: &str| -> Vec<usize> {
+        let run = camera(folder.path(), &format!("show {file} -o out")).fine();
+        let svg = run
+            .stdout
+            .lines()
+            .find(|line| line.ends_with("field-of-view.svg"));
+        let svg = fs::read_to_string(folder.path().join(svg.unwrap().trim())).unwrap();
+        let label = |i: &usize| svg.contains(&format!("\n{i}°\n"));
+        (10..100).step_by(10).filter(label).collect()
+    };
+    assert_eq!(labels("lens.toml"), [10, 20, 30, 40, 50, 60, 70, 80, 90]);
+    let mirror = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../data/calibration/catadioptric/camera.toml");
+    assert_eq!(labels(mirror.to_str().unwrap()), [20, 40, 50, 60, 70]);
+}
+
+#[test]
 fn the_grids_lines_lie_where_the_camera_projects_them() {
     let folder = folder_with("lens.toml", LENS);
     fs::copy(frame_file(0), folder.path().join("image.jpg")).unwrap();
@@ -311,6 +330,8 @@ fn what_the_file_says_and_what_is_asked_must_agree() {
         "camera cam1 is equidistant by what the file says",
         "read as pinhole",
     ]);
+    fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
+    camera(folder.path(), "show scene.toml --as fisheye").refused(&["--as fisheye", "is a scene"]);
     let help = camera(folder.path(), "show --help").fine();
     assert_says(&help, &["pinhole, fisheye, omnidir", "--size"]);
 }

@@ -27,6 +27,36 @@ fn rows(name: &str) -> Option<Vec<[f64; 5]>> {
 }
 
 #[test]
+fn the_cameras_of_a_sequence_folder() {
+    let cameras = read(&sample("sequence-cameras.json"), None).unwrap();
+    let names: Vec<_> = cameras.iter().map(|camera| &*camera.name).collect();
+    assert_eq!(names, ["fisheye", "web_cam", "camera"]);
+    let [fisheye, pinhole, mirror] = &cameras[..] else {
+        panic!("three cameras");
+    };
+    assert_eq!(fisheye.size_px, Some((640, 480)));
+    let pose = fisheye.world_from_camera.unwrap();
+    assert_eq!(pose.translation.vector.z, 0.9);
+    // rho = f a at 90 degrees and beyond, to 92.5.
+    let ahead = fisheye.camera.project([1.0, 0.0, 0.0]).unwrap();
+    let rho_px = 145.562_250_654_857_8 * std::f64::consts::FRAC_PI_2;
+    assert!((ahead[0] - 319.5 - rho_px).abs() < 1e-9);
+    assert_eq!(fisheye.camera.project([1.0, 0.0, -0.05]), None);
+    let expected = [330.5, 331.5, 159.5, 119.5, 0.1, -0.01, 0.0, 0.0, 0.002];
+    for ((_, value), expected) in pinhole.camera.parameters().iter().zip(expected) {
+        assert_eq!(*value, expected);
+    }
+    assert_eq!(mirror.camera.kind(), "exact_mirror");
+    assert_eq!(mirror.world_from_camera, None);
+    // The mirror's point at t = 0.03 is seen at rho = f t / F.
+    let ray = mirror
+        .camera
+        .unproject([319.5 + 579.5 * 0.03 / 0.163, 239.5])
+        .unwrap();
+    assert!((ray.origin[0] - 0.03).abs() < 1e-9 && (ray.origin[2] - 0.163).abs() < 1e-9);
+}
+
+#[test]
 fn files_of_other_programs_project_as_they_do() {
     let mut tables = 0;
     for (name, lens) in SAMPLES {
@@ -40,7 +70,12 @@ fn files_of_other_programs_project_as_they_do() {
             };
             let Some(rows) = rows(&table) else {
                 assert!(
-                    name == "pardalis.toml" || name == "opencv-omnidir.xml",
+                    [
+                        "pardalis.toml",
+                        "opencv-omnidir.xml",
+                        "sequence-cameras.json"
+                    ]
+                    .contains(&name),
                     "{table}"
                 );
                 continue;
@@ -241,7 +276,7 @@ fn round_trips_through_every_format_change_nothing() {
             match write(format, std::slice::from_ref(&sizeless)) {
                 Ok(text) => assert_eq!(read(&text, None).unwrap()[0].size_px, None),
                 Err(error) => assert!(
-                    error.to_string().contains("size_px = [WIDTH, HEIGHT]"),
+                    error.to_string().contains("--size, or as size_px"),
                     "{error}"
                 ),
             }

@@ -29,7 +29,7 @@ fn zoom_of((width, height): (u32, u32)) -> u32 {
     }
 }
 
-/// Draws marks and labels over an image; labels that would lie on one another are left out, the first stays.
+/// Draws marks and labels over an image; labels stand right of their points, or left where there is no room; those without room are left out.
 pub(crate) fn drawn_over(
     image: &RgbImage,
     marks: Vec<Mark>,
@@ -55,15 +55,20 @@ pub(crate) fn drawn_over(
     };
     let mut boxes: Vec<[f32; 4]> = Vec::new();
     for label in labels {
-        let [x, y] = place(label.at_px).map(|c| c as f32 + 3.0);
+        let [at_x, y] = place(label.at_px).map(|c| c as f32);
+        let y = y + 3.0;
         let width_px = 0.65 * TEXT_PX * label.text.chars().count() as f32;
-        let own = [x, y - TEXT_PX, x + width_px, y + 3.0];
-        let free = boxes
-            .iter()
-            .all(|b| own[0] > b[2] || b[0] > own[2] || own[1] > b[3] || b[1] > own[3]);
-        if !free {
+        let box_at = |x: f32| [x, y - TEXT_PX, x + width_px, y + 3.0];
+        let free = |own: &[f32; 4]| {
+            boxes
+                .iter()
+                .all(|b| own[0] > b[2] || b[0] > own[2] || own[1] > b[3] || b[1] > own[3])
+        };
+        let sides = [at_x + 3.0, at_x - 3.0 - width_px].map(box_at);
+        let Some(own) = sides.into_iter().find(free) else {
             continue;
-        }
+        };
+        let x = own[0];
         boxes.push(own);
         // A shadow keeps text legible on any image.
         for (offset_px, color) in [(1.0, [0; 3]), (0.0, label.color)] {

@@ -184,7 +184,7 @@ fn draw_curves(area: &Area<'_>, name: &'static str, curves: &[LensCurve]) -> any
         let (color, width_px) = if index == 0 {
             (INK, 1.5)
         } else {
-            (PALETTE[index - 1], 5.0)
+            (PALETTE[index - 1], 4.0)
         };
         let fits = |p: &(f64, f64)| (p.1 <= ROOM * highest).then_some(*p);
         for run in runs(curve.points.iter().map(fits)) {

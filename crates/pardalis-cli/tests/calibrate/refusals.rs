@@ -49,6 +49,23 @@ fn tables_that_are_no_points() {
         good.replacen("y_m", "x_m", 1),
         &["points.csv, line 1: column \"x_m\" occurs twice"],
     );
+    for (separator, name) in [(";", "semicolons"), ("\t", "tabs")] {
+        let wanted = format!(
+            "points.csv, line 1: the columns are separated by {name}; they must be separated by commas"
+        );
+        refused(good.replace(',', separator), &[&wanted]);
+    }
+    refused(
+        format!("{good}\n1,2,3,4,5,25"),
+        &[
+            "line 42: has 6 cells where the header has 5",
+            "decimal point",
+        ],
+    );
+    refused(
+        format!("{good}\n1,2,3,4,\"5,25\""),
+        &["line 42, column v_px: holds \"5,25\"; allowed: a number with a decimal point"],
+    );
     let with = |cell: &str| format!("{good}\n1,2,3,4,{cell}");
     for cell in ["NaN", "inf", "12px"] {
         let place = format!("points.csv, line 42, column v_px: holds \"{cell}\"");
@@ -160,4 +177,24 @@ fn boards_that_are_not_there() {
         &format!("--rig left=data/opencv-stereo {board}"),
         &["--rig: left is the only camera"],
     );
+}
+
+#[test]
+fn models_and_cameras_that_are_not_chosen() {
+    let folder = folder();
+    fs::write(folder.path().join("points.csv"), table_of(&rows())).unwrap();
+    let points = "calibrate points points.csv --size 640x480 --model";
+    pardalis(&folder, &format!("{points} all,pinhole"))
+        .refused(&["--model all,pinhole: all has every model already"]);
+    let help = pardalis(&folder, "calibrate points --help").fine();
+    for model in ::pardalis::calibrate::ModelKind::ALL {
+        assert!(help.stdout.contains(model.name()), "{}", help.stdout);
+    }
+
+    let lens = "[cameras.a.model.pinhole]\nf_px = [300, 300]\ncenter_px = [320, 240]\n";
+    let two = format!("{lens}{}", lens.replace(".a.", ".b."));
+    fs::write(folder.path().join("two.toml"), two).unwrap();
+    let pose = "calibrate pose points.csv --size 640x480 --camera two.toml";
+    pardalis(&folder, pose)
+        .refused(&["two.toml: has several cameras (a, b)", "--camera-name NAME"]);
 }

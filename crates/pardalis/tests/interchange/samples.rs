@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use pardalis::interchange::Lens;
 
 /// The sample files, with the lens where the file does not say it.
-pub(crate) const SAMPLES: [(&str, Option<Lens>); 23] = [
+pub(crate) const SAMPLES: [(&str, Option<Lens>); 24] = [
     ("basalt.json", None),
     ("kalibr-chain.yaml", None),
     ("kalibr-imu.yaml", None),
@@ -30,6 +30,7 @@ pub(crate) const SAMPLES: [(&str, Option<Lens>); 23] = [
     ("ros-message.yaml", None),
     ("ros-plumb_bob.yaml", None),
     ("ros-rational_polynomial.yaml", None),
+    ("sequence-cameras.json", None),
 ];
 
 /// Where the samples lie.

@@ -23,10 +23,10 @@ pub(super) use model::parse_size;
 #[derive(Debug, clap::Args)]
 #[command(arg_required_else_help = true)]
 #[command(after_help = "Examples, in the order of use:
-  pardalis calibrate print --board checkerboard:9x6:0.025 -o board.svg                    a board to print
-  pardalis calibrate board images --board checkerboard:9x6:0.025 --model all -o lens      the lens, from its pictures
-  pardalis calibrate pose points.csv --camera lens/camera.toml -o pose                    where the camera stands
-  pardalis calibrate points points.csv --model all --size 640x480                         lens and pose at once, without a board")]
+  pardalis calibrate print --board checkerboard:9x6:0.025 -o board.svg
+  pardalis calibrate board images --board checkerboard:9x6:0.025 --model all -o lens
+  pardalis calibrate pose points.csv --camera lens/camera.toml -o pose
+  pardalis calibrate points points.csv --model all --size 640x480   lens and pose without a board")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,

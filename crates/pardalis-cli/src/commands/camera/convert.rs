@@ -20,7 +20,7 @@ use crate::say::say;
 #[command(after_help = "Examples:
   pardalis camera convert calib.yml --to kalibr -o camchain.yaml
   pardalis camera convert four_numbers.yml --as fisheye --to pardalis -o lens.toml
-  pardalis camera convert calib_results.txt --size 1280x960 --to pardalis -o mirror.toml
+  pardalis camera convert lens.xml --size 1280x960 --to kalibr -o camchain.yaml
   pardalis camera convert rig.toml --camera cam1 --to ros -o cam1.yaml")]
 pub(super) struct Arguments {
     #[command(flatten)]

@@ -108,6 +108,13 @@ fn cameras_in(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>> 
         return interchange::read(&text, lens)
             .map_err(|error| fault!("{}: {error}", path.display()));
     }
+    if let Some(lens) = lens {
+        return Err(fault!(
+            "--as {}: {} is a scene, which says itself what its calibrations mean (calibration_as); leave --as out",
+            lens.name(),
+            path.display()
+        ));
+    }
     let scene = scene::read(path)?;
     let calibrated = scene.cameras.into_iter().map(|camera| CalibratedCamera {
         name: camera.name,

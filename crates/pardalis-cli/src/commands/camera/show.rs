@@ -16,10 +16,10 @@ use crate::say::say;
 
 const EXAMPLES: &str = "Examples:
   pardalis camera show scene.toml                        the cameras of a scene, in numbers
-  pardalis camera show calib_results.txt --size 640x480  for a file that does not say the images' size
-  pardalis camera show rig.toml -o rig-cameras           also pictures of field of view and distortion
-  pardalis camera show rig.toml --camera cam1 --grid image.jpg --spacing 0.5 --heights 0,0.5 -o rig-cameras
-                                                         also the world's grid over an image, to judge the pose by eye";
+  pardalis camera show lens.xml --size 640x480           where the file does not say the size
+  pardalis camera show rig.toml -o rig-cameras           also pictures of what the lens sees
+  pardalis camera show cam.toml --grid image.jpg -o out  also the world's grid over an image, to see
+                                                         whether the pose is right";
 
 /// Shows cameras: model, field of view, resolution, pose
 ///
