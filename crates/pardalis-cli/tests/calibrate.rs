@@ -209,12 +209,15 @@ fn a_stereo_pair_agrees_with_the_published_intrinsics() {
     // The squares' size is only supposed; the right camera is to the right at any size.
     assert!(right[0][3] > 0.05 && right[0][3] < 0.12);
     assert!(right[1][3].abs() < 0.01 && right[2][3].abs() < 0.01);
-    assert!(
-        folder
-            .path()
-            .join("rig-calibration/left/report.html")
-            .exists()
-    );
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
+    assert!(read("rig-calibration/left/report.html").contains("<figure>"));
+    let page = read("rig-calibration/report.html");
+    assert_eq!(page.matches("<figure>").count(), 4);
+    for text in [&run.stdout, &page] {
+        assert!(text.contains("one pose a shot"));
+        assert!(text.contains("RMS on its own (px)"));
+        assert!(text.contains("0.083169 ± 0.0000"), "{text}");
+    }
 }
 
 #[test]
@@ -260,3 +263,5 @@ fn a_true_camera_finds_its_pose_from_true_points() {
 
 #[path = "calibrate/refusals.rs"]
 mod refusals;
+#[path = "calibrate/words.rs"]
+mod words;

@@ -135,10 +135,113 @@ fn points_that_determine_no_camera() {
     refused(
         table_of(&outside),
         &[
-            "outside of images of 640 x 480",
+            "pixels lie outside of images of 640 x 480: line ",
             "give the size of the images",
         ],
     );
+    let mut far = rows.clone();
+    far[4][0] = 1e300;
+    refused(
+        table_of(&far),
+        &["points.csv: 1 of 40 points are too far away to be in metres: line 6 [1e300, "],
+    );
+    far[4] = [0.1, 0.2, 0.0, 1e9, 240.0];
+    refused(
+        table_of(&far),
+        &[
+            "points.csv: 1 of 40 pixels lie outside of images of 640 x 480: line 6 (1000000000.0, 240.0)",
+        ],
+    );
+    let same: Vec<[f64; 5]> = rows.iter().map(|r| [0.1, 0.2, 0.3, r[3], r[4]]).collect();
+    refused(
+        table_of(&same),
+        &["all points of the table are the same; spread them"],
+    );
+    refused(
+        table_of(&rows[..8]),
+        &[
+            "16 coordinates are too few for 9 unknowns",
+            "at least 9 points",
+        ],
+    );
+}
+
+#[test]
+fn points_that_do_not_belong_to_the_camera_give_no_pose() {
+    let rows = rows();
+    let folder = folder();
+    let refused = |rows: &[[f64; 5]], camera: &str, wanted: &[&str]| {
+        fs::write(folder.path().join("points.csv"), table_of(rows)).unwrap();
+        let camera = format!("[cameras.lens]\nsize_px = [640, 480]\n{camera}\n");
+        fs::write(folder.path().join("lens.toml"), camera).unwrap();
+        pardalis(&folder, "calibrate pose points.csv --camera lens.toml").refused(wanted);
+        assert!(!folder.path().join("points-pose").exists());
+    };
+    let lens = "model.equidistant = { f_px_per_rad = 145.5622506548578, center_px = [319.5, 239.5], field_of_view_deg = 185 }";
+    let changed = |change: &dyn Fn([f64; 5]) -> [f64; 5]| -> Vec<[f64; 5]> {
+        rows.iter().map(|row| change(*row)).collect()
+    };
+    let mirrored = changed(&|[x, y, z, u, v]| [-x, y, z, u, v]);
+    refused(
+        &mirrored,
+        lens,
+        &[
+            "points.csv: points and pixels agree only when mirrored",
+            "right-handed coordinates",
+        ],
+    );
+    let swapped = changed(&|[x, y, z, u, v]| [x, y, z, v, u]);
+    refused(
+        &swapped,
+        lens,
+        &["of 40 pixels lie outside of images of 640 x 480: line 13 "],
+    );
+    let inside: Vec<[f64; 5]> = swapped.into_iter().filter(|row| row[4] < 480.0).collect();
+    refused(
+        &inside,
+        lens,
+        &["agree only with u and v exchanged", "which column is which"],
+    );
+    let moved: Vec<[f64; 5]> = (0..40)
+        .map(|i| {
+            let ([x, y, z, ..], [.., u, v]) = (rows[i], rows[(7 * i + 3) % 40]);
+            [x, y, z, u, v]
+        })
+        .collect();
+    refused(&moved, lens, &["the order of the points"]);
+    let pinhole = "model.pinhole = { f_px = [300, 300], center_px = [319.5, 239.5] }";
+    refused(
+        &rows,
+        pinhole,
+        &["the camera's file belongs to these images"],
+    );
+    refused(
+        &rows[..4],
+        lens,
+        &["4 points are too few for a pose from points not in one plane, which needs 6"],
+    );
+}
+
+#[test]
+fn rigs_whose_images_are_out_of_step() {
+    let folder = folder();
+    for (camera, left_out) in [("left", "left14"), ("right", "right01")] {
+        fs::create_dir(folder.path().join(camera)).unwrap();
+        for entry in fs::read_dir(data("opencv-stereo")).unwrap() {
+            let file = entry.unwrap().path();
+            let name = file.file_name().unwrap().to_str().unwrap();
+            if name.starts_with(camera) && !name.starts_with(left_out) {
+                fs::copy(&file, folder.path().join(camera).join(name)).unwrap();
+            }
+        }
+    }
+    let run = "calibrate board --rig left=left --rig right=right --board checkerboard:9x6:0.025 --model pinhole -o out";
+    pardalis(&folder, run).refused(&[
+        "--rig: the cameras do not agree on where the target was in ",
+        " of 12 shots: left01.jpg with right02.jpg, left02.jpg with right03.jpg",
+        "is one missing",
+    ]);
+    assert!(!folder.path().join("out").exists());
 }
 
 #[test]

@@ -139,7 +139,7 @@ pub(super) fn views(
                 "{numbers} coordinates are too few for {unknowns} unknowns: they would be fitted whether the model is right or not"
             ),
             format!(
-                "give more points or more views ({wanted} points for as many views), or take a model with fewer parameters"
+                "give more points or more views (at least {wanted} points in as many views), or take a model with fewer parameters"
             ),
         ));
     }
