@@ -278,11 +278,8 @@ fn held_out_rms_px(fitted: &Bundle) -> Option<f64> {
     Some(rms(residuals.into_iter()))
 }
 
-/// The largest relative s.d. of a focal length, of the model's parameter and at the axis, that still is a calibration.
-const MAX_FOCAL_SIGMA: f64 = 0.1;
-
-/// What models call their focal lengths.
-const FOCAL_LENGTHS: [&str; 4] = ["f_px", "fx_px", "fy_px", "f_px_per_rad"];
+/// The largest relative s.d. of the focal length at the axis that still is a calibration.
+const MAX_FOCAL_SIGMA: f64 = 0.05;
 
 /// Pixels per radian at the optical axis (the one from the camera, or back from a mirror).
 fn axial_focal_px(camera: &Camera) -> Option<f64> {
@@ -373,27 +370,17 @@ fn finish(
             FittedParameter { name, value, sigma }
         })
         .collect();
-    let undetermined_focal = |what: &str, value_px: f64, sigma_px: f64| {
-        undetermined(format!(
-            "the focal length ({what} {value_px:.1} px with a standard deviation of {sigma_px:.1}; allowed: 10 %)"
-        ))
-    };
-    // Where others take a parameter's place (a mirror's ξ, say), the image alone may be known well: still the model is the wrong one.
-    for p in parameters
-        .iter()
-        .filter(|p| FOCAL_LENGTHS.contains(&p.name))
-    {
-        if let Some(sigma) = p.sigma.filter(|s| !(*s < MAX_FOCAL_SIGMA * p.value.abs())) {
-            return Err(undetermined_focal(p.name, p.value, sigma));
-        }
-    }
+    // Not each parameter, where others may take its place (a mirror's ξ, say), but what the image shows must be known.
     let focal = axial_focal_px(&fitted.camera).zip(axial_focal_slopes(&fitted));
     if let Some((focal_px, slopes)) = focal {
         let slopes = DVector::from_vec(slopes);
         let block = covariance.view((0, 0), (slopes.len(), slopes.len()));
         let sigma = sigma_px * slopes.dot(&(block * &slopes)).sqrt();
         if !(sigma < MAX_FOCAL_SIGMA * focal_px) {
-            return Err(undetermined_focal("at the axis", focal_px, sigma));
+            return Err(undetermined(format!(
+                "the focal length ({focal_px:.1} px at the axis with a standard deviation of {sigma:.1}, more than {:.0} %)",
+                100.0 * MAX_FOCAL_SIGMA
+            )));
         }
     }
     let residuals = fitted.residuals();

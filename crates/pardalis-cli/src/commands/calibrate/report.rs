@@ -186,6 +186,7 @@ impl Report<'_> {
             warnings.extend(self.unlikely_metres());
         }
         warnings.extend(self.unlikely_center());
+        warnings.extend(self.exchangeable());
         let repeated = self.observations.repeated;
         if repeated > 0 {
             warnings.push(format!(
@@ -193,6 +194,21 @@ impl Report<'_> {
             ));
         }
         warnings
+    }
+
+    /// A word on parameters that take each other's place.
+    fn exchangeable(&self) -> Option<String> {
+        let unsure = |p: &&FittedParameter| {
+            let is_focal = p.name.starts_with('f') && p.name.contains("_px");
+            is_focal && p.sigma.is_some_and(|sigma| sigma > 0.1 * p.value.abs())
+        };
+        let focal = self.best().parameters.iter().find(unsure)?;
+        Some(format!(
+            "{} is known to {:.0} % only, as other parameters make up for it: the camera as a whole is better known, but a model with fewer \
+             parameters would say the same",
+            focal.name,
+            100.0 * focal.sigma? / focal.value.abs()
+        ))
     }
 
     /// A word on points that are hardly in metres.
