@@ -344,7 +344,7 @@ fn finish(
         .collect();
     let undetermined_focal = |what: &str, value_px: f64, sigma_px: f64| {
         undetermined(format!(
-            "the focal length ({what} {value_px:.1} px with a standard deviation of {sigma_px:.1}, more than 10 %)"
+            "the focal length ({what} {value_px:.1} px with a standard deviation of {sigma_px:.1}; allowed: 10 %)"
         ))
     };
     // Where others take a parameter's place (a mirror's ξ, say), the image alone may be known well: still the model is the wrong one.
