@@ -166,7 +166,8 @@ impl Report<'_> {
             Camera::Ocam(model) => {
                 let optics = Optics::new(&fit.camera, self.size_px);
                 let [u, v] = optics.center_px;
-                let end_rad = optics.angle_rad([u + model.max_radius_px(), v])?;
+                // Just inside, for rounding, along the axis that the affine part leaves as it is.
+                let end_rad = optics.angle_rad([u, v + 0.999 * model.max_radius_px()])?;
                 (end_rad, "max_radius_px")
             }
             _ => return None,
