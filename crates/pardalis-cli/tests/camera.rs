@@ -253,7 +253,7 @@ fn what_a_format_leaves_out_is_listed() {
     let folder = folder_with("lens.toml", LENS);
     for (format, left_out) in [
         ("ros", "no place for it: pose, field of view\n"),
-        ("kalibr", "no place for it: field of view\n"),
+        ("kalibr", "no place for it: field of view, name\n"),
         ("opencv-yaml", "no place for it: field of view, name\n"),
     ] {
         let run = camera(

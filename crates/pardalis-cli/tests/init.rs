@@ -263,7 +263,10 @@ fn a_calibration_of_any_format_is_named_in_the_scene() {
     ] {
         assert!(text.lines().any(|l| l.starts_with(line)), "{line}: {text}");
     }
-    assert_eq!(marked(&text), ["world_from_camera"]);
+    assert_eq!(
+        marked(&text),
+        ["world_from_camera", "shape.sphere.radius_m"]
+    );
     assert_eq!(tracked(&place, &text), 2);
 
     // With a pose there is nothing to guess.
@@ -416,7 +419,7 @@ fn bad_input_is_named_and_writes_nothing() {
         ),
         (
             &["images", "--camera", "no-f.json"],
-            &["no-f.json", "f_px_per_rad is missing"],
+            &["no-f.json", "f_px_per_rad: is empty"],
         ),
         (
             &["images", "--pixel", "640,3"],

@@ -83,22 +83,25 @@ impl Journal {
         };
         for error in errors {
             let offset = error.span().map_or(0, |span| span.start);
-            let message = match error.message() {
+            match error.message() {
                 "duplicate key" => {
                     let key = text.get(error.span().unwrap_or(0..0)).unwrap_or_default();
-                    format!("the key {} stands there twice; keep one", key.trim())
+                    let message = format!("the key {} stands there twice; keep one", key.trim());
+                    journal.add(offset, String::new(), message);
                 }
                 "recursion limit" | "cannot recurse further; max recursion depth met" => {
-                    "tables or lists lie too deep in one another; allowed: a few levels".to_owned()
+                    let message =
+                        "tables or lists lie too deep in one another; allowed: a few levels";
+                    // Brackets that seem not to be closed follow from it.
+                    let problem = journal.problem_at(offset, String::new(), message.to_owned());
+                    journal.syntax = Some(problem);
                 }
                 message => {
-                    let first =
-                        journal.problem_at(offset, String::new(), message.replace('\n', ", "));
-                    journal.syntax.get_or_insert(first);
-                    continue;
+                    let message = message.replace('\n', ", ");
+                    let problem = journal.problem_at(offset, String::new(), message);
+                    journal.syntax.get_or_insert(problem);
                 }
-            };
-            journal.add(offset, String::new(), message);
+            }
         }
         (journal, root)
     }

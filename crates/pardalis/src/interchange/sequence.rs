@@ -64,10 +64,12 @@ fn read_model(entry: &Entry) -> Result<Camera, Error> {
             model.checked(camera).map(Camera::Equidistant)
         }
         "pinhole" => {
-            let distortion = match entry.get("distortion") {
+            let mut distortion = match entry.get("distortion") {
                 Some(distortion) => distortion.numbers()?,
                 None => Vec::new(),
             };
+            // The first of k1, k2, p1, p2, k3; the others are zero.
+            distortion.resize(distortion.len().max(5), 0.0);
             let camera = Pinhole::new(focals_px(entry)?, center_px(entry)?, &distortion);
             model.checked(camera).map(Camera::Pinhole)
         }
