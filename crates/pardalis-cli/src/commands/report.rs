@@ -93,13 +93,23 @@ fn table_of(path: &Path, columns: &[String]) -> Result<String> {
         .map(|row| Ok(row?.iter().map(str::to_owned).collect()))
         .collect::<Result<_, csv::Error>>()
         .map_err(broken)?;
+    // A column of windows says something only where there are any.
     let keys: Vec<usize> = (0..headers.len())
-        .filter(|&i| matches!(&*headers[i], "run" | "target"))
+        .filter(|&i| match &*headers[i] {
+            "run" | "target" => true,
+            "window" => rows.iter().any(|row| !row[i].is_empty()),
+            _ => false,
+        })
         .collect();
     let seed = headers.iter().position(|h| h == "seed");
     let shown: Vec<usize> = if columns.is_empty() {
         (0..headers.len())
-            .filter(|i| !keys.contains(i) && Some(*i) != seed && headers[*i] != "object")
+            .filter(|i| {
+                !matches!(
+                    &*headers[*i],
+                    "run" | "target" | "window" | "seed" | "object"
+                )
+            })
             .collect()
     } else {
         let find = |name: &String| {
@@ -133,7 +143,11 @@ fn table_of(path: &Path, columns: &[String]) -> Result<String> {
     table.push_str(&"---:|".repeat(shown.len()));
     for (key, members) in groups {
         table.push_str("\n|");
-        for part in key {
+        for (part, &i) in key.iter().zip(&keys) {
+            let part = match *part {
+                "" if headers[i] == "window" => "all frames",
+                part => part,
+            };
             let _ = write!(table, " {part} |");
         }
         for &i in &shown {

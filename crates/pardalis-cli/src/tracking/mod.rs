@@ -7,22 +7,23 @@ mod series;
 mod summary;
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use pardalis::config::Scene;
 use pardalis::tracker::Observed;
 use pardalis::{Estimate, Frame, Tracker};
 use serde::Serialize;
 
 use crate::fault::fault;
+use crate::interrupt;
 use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
 use annotate::Annotator;
 use frame_sets::FrameSets;
 use rows::Rows;
-pub(crate) use series::SeriesCollector;
+pub(crate) use series::{SeriesCollector, draw_tracks};
 
 /// Where results go and what else is wanted.
 #[derive(Debug, Clone)]
@@ -37,6 +38,8 @@ pub(crate) struct Options {
     pub(crate) annotate: bool,
     /// Whether to draw plots.
     pub(crate) plots: bool,
+    /// Whether to show how far it is, on a terminal.
+    pub(crate) progress: bool,
 }
 
 /// Where results go.
@@ -87,9 +90,6 @@ pub(crate) struct Outcome {
     pub(crate) writing_s: f64,
 }
 
-/// Set when the user presses Ctrl-C or the program is asked to end.
-static STOP: AtomicBool = AtomicBool::new(false);
-
 /// A finished run, for those who show it.
 pub(crate) struct Run {
     /// The scene, as run.
@@ -104,13 +104,13 @@ pub(crate) struct Run {
 
 /// Tracks a scene. What was written stays, whatever ends the run; an error that ended it is given back after all files are complete.
 pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
-    let mut open = scene::open(scene_path, options.seed)?;
-    // The second Ctrl-C ends the program at once. Experiments track many times: the handler of the first time stays.
-    let _ = ctrlc::set_handler(|| {
-        if STOP.swap(true, Ordering::SeqCst) {
-            std::process::exit(1);
-        }
-    });
+    run_scene(scene_path, scene::read(scene_path)?, options)
+}
+
+/// Tracks a scene as [`run`] does, read before from the file of that name.
+pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> Result<Run> {
+    let mut open = scene::open(scene_path, scene, options.seed)?;
+    interrupt::listen();
     let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
     let mut rows = Rows::create(&options.output, names.clone())?;
     let mut annotator = match &options.output {
@@ -126,7 +126,7 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
     if let Some(annotator) = &mut annotator {
         sinks.push(annotator);
     }
-    let (outcome, ended_by) = pool.install(|| track(&mut open, &mut sinks));
+    let (outcome, ended_by) = pool.install(|| track(&mut open, &mut sinks, options.progress));
     let mut files = Vec::new();
     if let Output::Folder(folder) = &options.output {
         files.push(folder.join("tracks.csv"));
@@ -155,14 +155,22 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
 }
 
 /// The loop. Never fails: what ended it early comes back beside the outcome.
-fn track(open: &mut OpenScene, sinks: &mut [&mut dyn Sink]) -> (Outcome, Option<anyhow::Error>) {
+fn track(
+    open: &mut OpenScene,
+    sinks: &mut [&mut dyn Sink],
+    progress: bool,
+) -> (Outcome, Option<anyhow::Error>) {
     let mut outcome = Outcome::default();
-    let progress = progress_bar(open.sources.iter().map(Source::frame_count).max().flatten());
+    let progress = if progress {
+        progress_bar(open.sources.iter().map(Source::frame_count).max().flatten())
+    } else {
+        ProgressBar::hidden()
+    };
     let mut frame_sets = FrameSets::new(&mut open.sources);
     let target_count = open.scene.targets.len();
     let mut estimates = Vec::with_capacity(target_count);
     let ended_by = loop {
-        if STOP.load(Ordering::SeqCst) {
+        if interrupt::requested() {
             outcome.interrupted = true;
             break Some(anyhow::anyhow!(
                 "interrupted after {} frames; the rows written so far are complete",

@@ -42,11 +42,6 @@ impl SeriesCollector {
         }
     }
 
-    /// Adds the tracks of another run, to be drawn over these.
-    pub(crate) fn append(&mut self, other: Self) {
-        self.tracks.extend(other.tracks);
-    }
-
     /// The rows in each state, a target each.
     pub(crate) fn states(&self) -> &[StateCounts] {
         &self.states
@@ -59,28 +54,38 @@ impl SeriesCollector {
         scene: &Scene,
         truth: &[Series<TrueState>],
     ) -> Result<Vec<PathBuf>> {
-        let cameras: Vec<_> = scene
-            .cameras
-            .iter()
-            .map(|camera| {
-                (
-                    camera.name.clone(),
-                    camera.world_from_camera.translation.vector.into(),
-                )
-            })
-            .collect();
-        let truth: Vec<_> = truth
-            .iter()
-            .map(|object| TruthSeries {
-                rows: object
-                    .rows
-                    .iter()
-                    .map(|(time_s, state)| (*time_s, state.position_m))
-                    .collect(),
-            })
-            .collect();
-        write_track_plots(folder, &self.tracks, &truth, &cameras)
+        draw_tracks(folder, scene, &self.tracks, truth)
     }
+}
+
+/// Draws tracks over one another, with the scene's cameras and the truth.
+pub(crate) fn draw_tracks(
+    folder: &Path,
+    scene: &Scene,
+    tracks: &[TrackSeries],
+    truth: &[Series<TrueState>],
+) -> Result<Vec<PathBuf>> {
+    let cameras: Vec<_> = scene
+        .cameras
+        .iter()
+        .map(|camera| {
+            (
+                camera.name.clone(),
+                camera.world_from_camera.translation.vector.into(),
+            )
+        })
+        .collect();
+    let truth: Vec<_> = truth
+        .iter()
+        .map(|object| TruthSeries {
+            rows: object
+                .rows
+                .iter()
+                .map(|(time_s, state)| (*time_s, state.position_m))
+                .collect(),
+        })
+        .collect();
+    write_track_plots(folder, tracks, &truth, &cameras)
 }
 
 impl Sink for SeriesCollector {
