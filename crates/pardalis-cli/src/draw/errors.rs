@@ -21,6 +21,9 @@ const MIN_BIN_VALUES: usize = 4;
 /// Finer differences are rounding.
 const MIN_SPAN: f64 = 0.1;
 
+/// Distance in metres; errors of distance, elevation and azimuth in millimetres and milliradians.
+type InPlotUnits = (f64, [f64; 3]);
+
 /// The error of one estimated position as a camera sees it: estimate minus truth.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SphericalError {
@@ -35,8 +38,7 @@ pub(crate) struct SphericalError {
 }
 
 impl SphericalError {
-    /// Distance in metres, and the errors in millimetres and milliradians.
-    fn in_plot_units(&self) -> (f64, [f64; 3]) {
+    fn in_plot_units(&self) -> InPlotUnits {
         let errors = [
             self.distance_error_m,
             self.elevation_error_rad,
@@ -64,11 +66,11 @@ pub(crate) fn write_error_figures(
     stem: &str,
     groups: &[ErrorGroup],
 ) -> anyhow::Result<Vec<PathBuf>> {
-    let groups: Vec<(&str, Vec<(f64, [f64; 3])>)> = groups
+    let groups: Vec<(&str, Vec<InPlotUnits>)> = groups
         .iter()
         .map(|group| {
             let errors = group.errors.iter().map(SphericalError::in_plot_units);
-            let drawable = |(distance, errors): &(f64, [f64; 3])| {
+            let drawable = |(distance, errors): &InPlotUnits| {
                 distance.abs() < 1e5 && errors.iter().all(|e| e.abs() < 1e9)
             };
             (&*group.name, errors.filter(drawable).collect())
@@ -120,7 +122,7 @@ fn draw_panel(
     // Pale where marks lie over one another.
     let opacity = (200.0 / all.len().max(1) as f64).clamp(0.25, 0.9);
     for (i, points) in groups.iter().enumerate() {
-        let inside = points.iter().filter(|point| is_inside(*point, &ranges));
+        let inside = points.iter().filter(|point| is_inside(point, &ranges));
         panel.draw_series(
             inside.map(|[x, y]| EmptyElement::at((*x, *y)) + group_mark(i, opacity)),
         )?;

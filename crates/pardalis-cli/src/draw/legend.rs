@@ -90,8 +90,8 @@ fn draw_key(area: &Area<'_>, key: Key, y_px: f64) -> anyhow::Result<()> {
             let corners = [(left, y - units(6.0)), (right, y + units(6.0))];
             area.draw(&Rectangle::new(corners, fill([128; 3], 0.3)))?;
         }
-        Key::Start => area.draw(&start_mark((middle, y), [128; 3]))?,
-        Key::End => area.draw(&end_mark((middle, y), [128; 3]))?,
+        Key::Start => area.draw(&start_mark((middle, y), [128; 3], 1.0))?,
+        Key::End => area.draw(&end_mark((middle, y), [128; 3], 1.0))?,
         Key::Camera => area.draw(&camera_mark((middle, y)))?,
         Key::Mark(group) => {
             let mark = EmptyElement::at((middle, y)) + group_mark(group, 1.0);
@@ -105,14 +105,14 @@ fn draw_key(area: &Area<'_>, key: Key, y_px: f64) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// An open circle.
-pub(super) fn start_mark<C>(at: C, color: Rgb) -> Circle<C, i32> {
-    Circle::new(at, units(4.5), line(color, 1.0, 2.0))
+/// An open circle of this relative size.
+pub(super) fn start_mark<C>(at: C, color: Rgb, size: f64) -> Circle<C, i32> {
+    Circle::new(at, units(4.5 * size), line(color, 1.0, 2.0 * size))
 }
 
-/// A filled circle.
-pub(super) fn end_mark<C>(at: C, color: Rgb) -> Circle<C, i32> {
-    Circle::new(at, units(4.5), fill(color, 1.0))
+/// A filled circle of this relative size.
+pub(super) fn end_mark<C>(at: C, color: Rgb, size: f64) -> Circle<C, i32> {
+    Circle::new(at, units(4.5 * size), fill(color, 1.0))
 }
 
 /// A dark triangle.

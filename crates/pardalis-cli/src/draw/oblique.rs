@@ -5,11 +5,11 @@ use std::ops::Range;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::legend::{end_mark, start_mark};
+use super::legend::{self, end_mark, start_mark};
 use super::limits::{clipped, is_inside};
 use super::panel::{tick_label, ticks, write_note};
 use super::paths::CameraSymbol;
-use super::plots::{Figures, PLOT_WIDTH_PX, Point, Trace, WIDTH_PX, free_row};
+use super::plots::{Figures, Point, Trace, WIDTH_PX, free_row};
 use super::svg::{Area, document, fill, line, text_style, units, write_text};
 use super::{INK, Rgb, shortened};
 
@@ -20,14 +20,17 @@ const ELEVATION_DEG: f64 = 24.0;
 const AZIMUTHS_DEG: [f64; 8] = [-60.0, -30.0, 30.0, 60.0, 120.0, 150.0, -150.0, -120.0];
 
 /// Space around the drawing for tick labels and the axes' names, and above it for notes.
-const SIDE_PX: f64 = 74.0;
+const SIDE_PX: f64 = 84.0;
 const TOP_PX: f64 = 46.0;
 const BOTTOM_PX: f64 = 62.0;
 const MAX_HEIGHT_PX: f64 = 560.0;
 
 /// From an edge to its tick labels and to its name.
 const LABEL_PX: f64 = 17.0;
-const NAME_PX: f64 = 44.0;
+const NAME_PX: f64 = 40.0;
+
+/// Labels are wider than high: beside an edge its name is this much farther.
+const NAME_ASIDE_PX: f64 = 20.0;
 
 /// The pyramid of a camera, by the longest side of what is shown.
 const CAMERA_SHARE: f64 = 0.05;
@@ -123,7 +126,7 @@ impl Stage {
                 high[i] = high[i].max(corner[i]);
             }
         }
-        let room_px = PLOT_WIDTH_PX - 2.0 * SIDE_PX + 60.0;
+        let room_px = WIDTH_PX - legend::WIDTH_PX - 2.0 * SIDE_PX;
         let px_per_m = (room_px / (high[0] - low[0])).min(MAX_HEIGHT_PX / (high[1] - low[1]));
         let middle_px = 0.5 * (room_px + 2.0 * SIDE_PX);
         Self {
@@ -175,6 +178,11 @@ impl Stage {
         } else {
             self.ranges_m[axis].start
         }
+    }
+
+    /// The mark at the rear end of a horizontal axis.
+    fn rear_mark_m(&self, axis: usize) -> f64 {
+        (self.end_m(axis, false) / self.step_m).round() * self.step_m
     }
 
     /// The horizontal axis across the wall, which is that of the two rear walls that faces the viewer more.
@@ -318,6 +326,10 @@ impl Stage {
             let at = at_px(at_m);
             let tick = [at, beside(at, 4.0)].map(|[x, y]| (units(x), units(y)));
             area.draw(&PathElement::new(tick, line(INK, 1.0, 1.0)))?;
+            // Where the wall stands, the lowest height has its label.
+            if axis == self.wall_axis() && at_m == self.rear_mark_m(axis) {
+                continue;
+            }
             let style = text_style(12.0, HPos::Center);
             write_text(
                 area,
@@ -327,7 +339,8 @@ impl Stage {
             )?;
         }
         let name = ["x (m)", "y (m)", "z (m)"][axis];
-        let middle = beside(at_px(0.5 * (range.start + range.end)), NAME_PX);
+        let name_px = NAME_PX + NAME_ASIDE_PX * outward[0].abs();
+        let middle = beside(at_px(0.5 * (range.start + range.end)), name_px);
         write_text(area, name, middle, &text_style(13.0, HPos::Center))
     }
 
@@ -416,10 +429,18 @@ impl Figures<'_> {
             let seen = |point: &&Point| is_inside(&point.position_m, &stage.ranges_m);
             let (first, last) = track.ends();
             if let Some(point) = first.filter(seen) {
-                area.draw(&start_mark(stage.at(point.position_m), track.color))?;
+                area.draw(&start_mark(
+                    stage.at(point.position_m),
+                    track.color,
+                    self.mark_size,
+                ))?;
             }
             if let Some(point) = last.filter(seen) {
-                area.draw(&end_mark(stage.at(point.position_m), track.color))?;
+                area.draw(&end_mark(
+                    stage.at(point.position_m),
+                    track.color,
+                    self.mark_size,
+                ))?;
             }
         }
         Ok(())

@@ -226,18 +226,17 @@ fn draw_stroke(area: &Area<'_>, ends_px: [[f64; 2]; 2], color: Rgb) -> anyhow::R
     Ok(())
 }
 
-/// Says at the top of an area's panel why it is empty.
+/// Says at the top of an area's panel why it is empty, or what it leaves out.
 pub(super) fn write_note(area: &Area<'_>, note: &str) -> anyhow::Result<()> {
     let middle_px = 0.5 * (LEFT_PX + size_px(area)[0] - RIGHT_PX);
-    let top_px = TOP_PX + 8.0;
-    let half_width_px = 5.0 * note.chars().count() as f64;
+    let half_width_px = 4.0 * note.chars().count() as f64;
     let paper = [
-        (units(middle_px - half_width_px), units(top_px)),
-        (units(middle_px + half_width_px), units(top_px + 22.0)),
+        (units(middle_px - half_width_px), units(TOP_PX)),
+        (units(middle_px + half_width_px), units(TOP_PX + 17.0)),
     ];
-    area.draw(&Rectangle::new(paper, fill([255; 3], 1.0)))?;
-    let style = text_style(14.0, HPos::Center);
-    write_text(area, note, [middle_px, top_px + 11.0], &style)
+    area.draw(&Rectangle::new(paper, fill([255; 3], 0.9)))?;
+    let style = text_style(13.0, HPos::Center);
+    write_text(area, note, [middle_px, TOP_PX + 8.0], &style)
 }
 
 /// Draws a line through points in the coordinates of the axes; a point alone becomes a dot.

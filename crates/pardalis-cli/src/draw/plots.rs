@@ -45,7 +45,7 @@ pub(crate) struct TruthSeries {
 
 /// Width of every figure and of the plots in it.
 pub(super) const WIDTH_PX: f64 = 960.0;
-pub(super) const PLOT_WIDTH_PX: f64 = WIDTH_PX - legend::WIDTH_PX - LEFT_PX - RIGHT_PX;
+const PLOT_WIDTH_PX: f64 = WIDTH_PX - legend::WIDTH_PX - LEFT_PX - RIGHT_PX;
 
 /// Further away is a number gone wrong, not a place: it would make all else one dot.
 const MAX_DISTANCE_M: f64 = 1e5;
@@ -113,6 +113,8 @@ pub(super) struct Figures<'a> {
     names: Vec<&'a str>,
     /// Of tracks: opacity and width in pixels; pale and thin where many lie over one another.
     pub(super) stroke: (f64, f64),
+    /// Of the marks at the ends of tracks, by that in the legend.
+    pub(super) mark_size: f64,
     /// The shown extents of x, y and z.
     shown_m: [Option<RangeInclusive<f64>>; 3],
 }
@@ -189,12 +191,10 @@ impl<'a> Figures<'a> {
         let cameras = cameras
             .iter()
             .filter(|camera| drawable_position(&camera.position_m()));
+        let are_many = tracks.len() > 2 * names.len();
         let mut figures = Self {
-            stroke: if tracks.len() > 2 * names.len() {
-                (0.5, 1.5)
-            } else {
-                (1.0, 2.5)
-            },
+            stroke: if are_many { (0.5, 1.5) } else { (1.0, 2.5) },
+            mark_size: if are_many { 0.6 } else { 1.0 },
             truth: truth.collect(),
             cameras: cameras.collect(),
             tracks,
@@ -409,10 +409,10 @@ impl<'a> Figures<'a> {
         for track in &self.tracks {
             let (first, last) = track.ends();
             if let Some(place) = first.and_then(seen) {
-                panel.draw_series([start_mark(place, track.color)])?;
+                panel.draw_series([start_mark(place, track.color, self.mark_size)])?;
             }
             if let Some(place) = last.and_then(seen) {
-                panel.draw_series([end_mark(place, track.color)])?;
+                panel.draw_series([end_mark(place, track.color, self.mark_size)])?;
             }
         }
         let middle_m = 0.5 * (ranges_m[0].start + ranges_m[0].end);

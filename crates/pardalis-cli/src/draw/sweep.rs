@@ -19,6 +19,9 @@ const HEIGHT_PX: f64 = 420.0;
 /// An axis whose largest value is more times its smallest is logarithmic.
 const LOGARITHMIC_OVER: f64 = 20.0;
 
+/// Room for the label of a point.
+const LABEL_PX: f64 = 130.0;
+
 /// Series are drawn beside one another by this share of the axis, so that their bars are told apart.
 const SHIFT_SHARE: f64 = 0.009;
 
@@ -203,21 +206,27 @@ impl<'a> Sweep<'a> {
         let place = |point: &SweepPoint| usable_time(point).map(|ms| scale.at(ms));
         let axis = scale.axis("time for a frame (ms)");
         let panel = self.draw_points(area, &axis, place, false)?;
-        let middle = 0.5 * (scale.range.start + scale.range.end);
+        // Near the end of the axis labels stand on the other side.
+        let last = scale.range.start + 0.75 * (scale.range.end - scale.range.start);
         let mut rows = Vec::new();
-        for point in self.points() {
-            let Some(x) = place(point) else { continue };
-            let at = (x, self.error_mm.at(point.errors_mm()[1]));
-            let (side, aside_px) = if x > middle {
-                (HPos::Right, -8.0)
-            } else {
-                (HPos::Left, 8.0)
-            };
-            let mark = panel.backend_coord(&at);
-            let row = free_row(&mut rows, (mark.0, mark.1 - units(9.0)));
-            let offset = (units(aside_px), row - mark.1);
-            let text = Text::new(shortened(&point.label, 18), offset, text_style(11.0, side));
-            panel.plotting_area().draw(&(EmptyElement::at(at) + text))?;
+        for (i, (_, points)) in self.series.iter().enumerate() {
+            let [red, green, blue] = PALETTE[i % PALETTE.len()];
+            let color = RGBColor(red, green, blue);
+            for point in points {
+                let Some(x) = place(point) else { continue };
+                let at = (x, self.error_mm.at(point.errors_mm()[1]));
+                let (side, aside_px, left_px) = if x > last {
+                    (HPos::Right, -8.0, -LABEL_PX)
+                } else {
+                    (HPos::Left, 8.0, 0.0)
+                };
+                let mark = panel.backend_coord(&at);
+                let row = free_row(&mut rows, (mark.0 + units(left_px), mark.1 - units(9.0)));
+                let style = text_style(11.0, side).color(&color);
+                let offset = (units(aside_px), row - mark.1);
+                let text = Text::new(shortened(&point.label, 18), offset, style);
+                panel.plotting_area().draw(&(EmptyElement::at(at) + text))?;
+            }
         }
         Ok(())
     }
