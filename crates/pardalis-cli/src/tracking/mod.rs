@@ -23,7 +23,7 @@ use crate::timing::Stopwatch;
 use annotate::Annotator;
 use frame_sets::FrameSets;
 use rows::Rows;
-pub(crate) use series::{SeriesCollector, draw_tracks};
+pub(crate) use series::{SeriesCollector, truth_series};
 
 /// Where results go and what else is wanted.
 #[derive(Debug, Clone)]

@@ -8,6 +8,7 @@ use pardalis::score::TrueState;
 use pardalis::tracker::TrackState;
 
 use super::{Instant, Sink};
+use crate::draw::paths::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
 use crate::tables::Series;
 
@@ -54,38 +55,21 @@ impl SeriesCollector {
         scene: &Scene,
         truth: &[Series<TrueState>],
     ) -> Result<Vec<PathBuf>> {
-        draw_tracks(folder, scene, &self.tracks, truth)
+        let truth = truth_series(truth);
+        write_track_plots(folder, &self.tracks, &truth, &CameraSymbol::of_scene(scene))
     }
 }
 
-/// Draws tracks over one another, with the scene's cameras and the truth.
-pub(crate) fn draw_tracks(
-    folder: &Path,
-    scene: &Scene,
-    tracks: &[TrackSeries],
-    truth: &[Series<TrueState>],
-) -> Result<Vec<PathBuf>> {
-    let cameras: Vec<_> = scene
-        .cameras
-        .iter()
-        .map(|camera| {
-            (
-                camera.name.clone(),
-                camera.world_from_camera.translation.vector.into(),
-            )
-        })
-        .collect();
-    let truth: Vec<_> = truth
-        .iter()
-        .map(|object| TruthSeries {
-            rows: object
-                .rows
-                .iter()
-                .map(|(time_s, state)| (*time_s, state.position_m))
-                .collect(),
-        })
-        .collect();
-    write_track_plots(folder, tracks, &truth, &cameras)
+/// Where objects really were, to be drawn.
+pub(crate) fn truth_series(truth: &[Series<TrueState>]) -> Vec<TruthSeries> {
+    let series = truth.iter().map(|object| TruthSeries {
+        rows: object
+            .rows
+            .iter()
+            .map(|(time_s, state)| (*time_s, state.position_m))
+            .collect(),
+    });
+    series.collect()
 }
 
 impl Sink for SeriesCollector {

@@ -276,3 +276,78 @@ fn a_track_that_ends_on_another_object_is_told() {
         Some(1.0)
     );
 }
+
+const FIGURES: &str = r#"
+[[sweeps]]
+name = "particles"
+scene = "scene.toml"
+truth = "truth.csv"
+seeds = 2
+timed = true
+key = "targets.ball.filter.particles"
+values = [50, 60]
+[[figures]]
+name = "over-one-another"
+kind = "paths"
+runs = ["a", "particles"]
+[[figures]]
+name = "distances"
+kind = "errors"
+runs = ["a", "particles: 60"]
+[[figures]]
+name = "cost"
+kind = "sweep"
+runs = ["particles"]
+x_name = "particles"
+"#;
+
+#[test]
+fn figures_show_several_runs_and_are_copied_as_png() {
+    let place = workplace(&run_with(FIGURES));
+    pardalis(&place, &["measure", "small.toml", "--figures", "pictures"]).fine();
+    let svg =
+        |name: &str| fs::read_to_string(place.path(&format!("out/small/{name}.svg"))).unwrap();
+    for text in ["a", "particles: 50", "particles: 60"] {
+        assert!(svg("over-one-another-top").contains(text), "{text}");
+    }
+    let errors = svg("distances-errors");
+    assert!(errors.contains("particles: 60") && !errors.contains("particles: 50"));
+    let sweep = svg("cost-sweep");
+    assert!(
+        sweep.contains("particles") && sweep.contains("ms a frame"),
+        "{sweep}"
+    );
+    let mut copied: Vec<_> = fs::read_dir(place.path("pictures"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    copied.sort();
+    let wanted = [
+        "cost-sweep.png",
+        "distances-errors.png",
+        "over-one-another-3d.png",
+        "over-one-another-top.png",
+    ];
+    assert_eq!(copied, wanted);
+
+    for (piece, other, wanted) in [
+        (
+            "\"particles: 60\"",
+            "\"particles: 70\"",
+            "\"particles: 70\" is no run or sweep",
+        ),
+        ("[\"particles\"]", "[\"a\"]", "\"a\" is no sweep"),
+        ("\"cost\"", "\"distances\"", "another figure has that name"),
+        ("\"cost\"", "\"../cost\"", "allowed: the characters"),
+        (
+            "x_name = \"particles\"",
+            "figure = \"mean_nees\"",
+            "allowed: mean_m, sd_m",
+        ),
+        ("\"errors\"", "\"erors\"", "erors"),
+    ] {
+        assert!(FIGURES.contains(piece), "{piece}");
+        place.write("small.toml", run_with(&FIGURES.replace(piece, other)));
+        pardalis(&place, &["measure", "small.toml"]).refused(&["small.toml", wanted]);
+    }
+}

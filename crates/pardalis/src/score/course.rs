@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::summary::{distribution, wrapped_rad};
+use super::spherical::wrapped_rad;
+use super::summary::distribution;
 use super::{EstimatedState, TrueState};
 
 /// An object that is slower over the ground has no direction of travel, in metres a second.

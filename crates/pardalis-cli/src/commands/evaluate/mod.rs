@@ -7,6 +7,7 @@ mod report;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
@@ -97,13 +98,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     let truth_path = file_in(truth, "truth.csv");
     let tracks = tables::read_tracks(&tracks_path)?;
     let objects = tables::read_truth(&truth_path)?;
-    let around = match options.around {
-        Some(position_m) => Point {
-            position_m,
-            source: "--around".to_owned(),
-        },
-        None => first_camera(&tracks_path.with_file_name("summary.json"))?,
-    };
+    let around = around(options, &tracks_path)?;
     let settings = Settings {
         around_m: around.position_m,
         visible_over: options.visible_over,
@@ -133,18 +128,13 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         options.lost_beyond_m,
     )?;
 
-    let (from_s, to_s) = (
-        options.from_s.unwrap_or(f64::NEG_INFINITY),
-        options.to_s.unwrap_or(f64::INFINITY),
-    );
-    let window = frames.between(from_s, to_s);
-    if window.is_empty() {
-        return Err(fault!(
-            "no frame of {} (times {}) lies from {from_s} to {to_s} s; give another time",
+    let window = window(options, &frames).ok_or_else(|| {
+        fault!(
+            "no frame of {} (times {}) lies in the time that is to be scored; give another",
             truth_path.display(),
             time_range(&objects)
-        ));
-    }
+        )
+    })?;
 
     let identities = (pairs.len() > 1).then(|| {
         let of_tracks: Vec<_> = pairs
@@ -190,6 +180,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
                 &others,
             ),
             scores: score::score(&samples, &settings),
+            samples,
         }
     });
     let targets = targets.collect();
@@ -211,6 +202,24 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         targets_without_object: without(names(&tracks), pairs.iter().map(|p| p.target).collect()),
         objects_without_target: without(names(&objects), pairs.iter().map(|p| p.object).collect()),
     })
+}
+
+/// Where distance, elevation and azimuth are taken from.
+fn around(options: &Options, tracks_path: &Path) -> Result<Point> {
+    match options.around {
+        Some(position_m) => Ok(Point {
+            position_m,
+            source: "--around".to_owned(),
+        }),
+        None => first_camera(&tracks_path.with_file_name("summary.json")),
+    }
+}
+
+/// The frames that are scored; none where there are none.
+fn window(options: &Options, frames: &Frames) -> Option<Range<usize>> {
+    let from_s = options.from_s.unwrap_or(f64::NEG_INFINITY);
+    let window = frames.between(from_s, options.to_s.unwrap_or(f64::INFINITY));
+    (!window.is_empty()).then_some(window)
 }
 
 /// The file of that name in a folder, or the file itself.

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::score::{Errors, Identities, MeanSd, Scores, Summary};
+use pardalis::score::{Errors, Identities, MeanSd, Sample, Scores, Summary};
 use serde::Serialize;
 
 pub(crate) use super::pairing::MatchedBy;
@@ -65,6 +65,9 @@ pub(crate) struct TargetReport {
     /// The figures.
     #[serde(flatten)]
     pub(crate) scores: Scores,
+    /// The frames that they are of.
+    #[serde(skip)]
+    pub(crate) samples: Vec<Sample>,
 }
 
 impl Report {

@@ -22,6 +22,8 @@ struct File {
     runs: Vec<Run>,
     #[serde(default)]
     sweeps: Vec<Run>,
+    #[serde(default)]
+    figures: Vec<Figure>,
 }
 
 /// An experiment: runs that belong together.
@@ -31,6 +33,92 @@ pub(super) struct Experiment {
     pub(super) name: String,
     /// Its runs, then those of its sweeps.
     pub(super) runs: Vec<Run>,
+    /// What is drawn of several runs at once.
+    pub(super) figures: Vec<Figure>,
+}
+
+/// A figure of several runs.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Figure {
+    /// Names its files.
+    pub(super) name: String,
+    pub(super) kind: FigureKind,
+    /// Names of runs, and of sweeps for all their runs.
+    pub(super) runs: Vec<String>,
+    /// Of a sweep: what stands at the axis of the values.
+    #[serde(default)]
+    pub(super) x_name: String,
+    /// Of a sweep: the figure of merit, a length.
+    #[serde(default = "rmse_m")]
+    pub(super) figure: String,
+}
+
+fn rmse_m() -> String {
+    "rmse_m".to_owned()
+}
+
+/// What a figure shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum FigureKind {
+    /// The paths of all seeds, a colour a run.
+    Paths,
+    /// Errors of distance, elevation and azimuth against distance, a mark a run.
+    Errors,
+    /// A figure of merit against the values of sweeps, and against the time a frame.
+    Sweep,
+}
+
+impl Figure {
+    /// Whether it shows this run.
+    pub(super) fn shows(&self, run: &Run) -> bool {
+        let sweep = run.swept.as_ref().map(|swept| &swept.sweep);
+        (self.runs.iter()).any(|name| *name == run.name || Some(name) == sweep)
+    }
+
+    /// What is wrong with it.
+    fn check(&self, runs: &[Run]) -> Result<(), String> {
+        check_name(&self.name)?;
+        let sweep_of = |run: &Run| run.swept.as_ref().map(|swept| swept.sweep.clone());
+        let sweeps = runs.iter().filter_map(sweep_of);
+        let known: Vec<String> = match self.kind {
+            FigureKind::Sweep => sweeps.collect(),
+            _ => runs
+                .iter()
+                .map(|run| run.name.clone())
+                .chain(sweeps)
+                .collect(),
+        };
+        if let Some(unknown) = self.runs.iter().find(|name| !known.contains(name)) {
+            let what = match self.kind {
+                FigureKind::Sweep => "sweep",
+                _ => "run or sweep",
+            };
+            return Err(format!("runs: \"{unknown}\" is no {what} of this file"));
+        }
+        let lengths = METRICS.iter().map(|(name, _)| *name);
+        let lengths: Vec<_> = lengths.filter(|name| name.ends_with("_m")).collect();
+        if !lengths.contains(&&*self.figure) {
+            return Err(format!(
+                "figure is \"{}\"; allowed: {}",
+                self.figure,
+                lengths.join(", ")
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Where a run of a sweep belongs.
+#[derive(Debug, Clone)]
+pub(super) struct Swept {
+    /// The sweep's name.
+    pub(super) sweep: String,
+    /// The value's name.
+    pub(super) label: String,
+    /// The value, if it is a number.
+    pub(super) value: Option<f64>,
 }
 
 /// One scene with several seeds.
@@ -66,6 +154,9 @@ pub(super) struct Run {
     values: Option<Vec<Value>>,
     /// Of a sweep: a name for each value, where the values themselves are no good names.
     names: Option<Vec<String>>,
+    /// Of a run that was made from a sweep.
+    #[serde(skip)]
+    pub(super) swept: Option<Swept>,
 }
 
 /// Lowest and highest value of figures, by their names.
@@ -138,6 +229,11 @@ impl Run {
             };
             Ok(Self {
                 name: format!("{}: {label}", self.name),
+                swept: Some(Swept {
+                    sweep: self.name.clone(),
+                    label,
+                    value: number(value),
+                }),
                 set,
                 key: None,
                 values: None,
@@ -191,6 +287,22 @@ fn label(value: &Value) -> Result<String, String> {
     }
 }
 
+fn number(value: &Value) -> Option<f64> {
+    let whole = value.as_integer().map(|number| number as f64);
+    whole.or_else(|| value.as_float())
+}
+
+/// A name of files or folders.
+fn check_name(name: &str) -> Result<(), String> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if name.is_empty() || !name.chars().all(plain) {
+        return Err(format!(
+            "name is \"{name}\"; allowed: the characters A-Z a-z 0-9 _ -, as it names files"
+        ));
+    }
+    Ok(())
+}
+
 fn known_figures(expect: &Bands, place: &str) -> Result<(), String> {
     let unknown = |metric: &&String| METRICS.iter().all(|(name, _)| name != metric);
     let Some(metric) = expect.keys().find(unknown) else {
@@ -209,13 +321,7 @@ impl Experiment {
         let text = read_text(path)?;
         let place = path.display();
         let file: File = toml::from_str(&text).map_err(|error| fault!("{place}: {error}"))?;
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-        if file.name.is_empty() || !file.name.chars().all(plain) {
-            return Err(fault!(
-                "{place}: name is \"{}\"; allowed: the characters A-Z a-z 0-9 _ -, as it names a folder",
-                file.name
-            ));
-        }
+        check_name(&file.name).map_err(|wrong| fault!("{place}: {wrong}"))?;
         let mut runs = file.runs;
         for sweep in file.sweeps {
             let name = sweep.name.clone();
@@ -234,9 +340,18 @@ impl Experiment {
                 ));
             }
         }
+        for (i, figure) in file.figures.iter().enumerate() {
+            let name = &figure.name;
+            let mut checked = figure.check(&runs);
+            if file.figures[..i].iter().any(|other| other.name == *name) {
+                checked = Err("another figure has that name".to_owned());
+            }
+            checked.map_err(|wrong| fault!("{place}: figure \"{name}\": {wrong}"))?;
+        }
         Ok(Self {
             name: file.name,
             runs,
+            figures: file.figures,
         })
     }
 }

@@ -1,26 +1,25 @@
 //! `pardalis measure`: runs an experiment's scenes with several seeds and scores them against the truth.
 
 mod definition;
+mod figures;
 mod finished;
 mod jobs;
+mod plan;
 mod results;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use pardalis::config::Scene;
 
-use super::evaluate;
-use crate::draw::plots::{Sample, TrackSeries};
 use crate::fault::fault;
 use crate::files::write_file;
 use crate::say::say;
-use crate::{scene, tables, tracking};
-use definition::{Experiment, Run};
+use definition::Experiment;
 use finished::Finished;
 use jobs::Job;
-use results::{Figures, Results};
+use plan::Plan;
+use results::Results;
 
 /// Runs an experiment with several seeds and scores it
 ///
@@ -31,7 +30,35 @@ use results::{Figures, Results};
 #[command(after_help = "Examples:
   pardalis measure experiments/fisheye/experiment.toml
   pardalis measure experiments/fisheye/experiment.toml --verify      the few seeds that the gate runs
-  pardalis measure experiments/fisheye/experiment.toml --record experiments/record/2026-11-21")]
+  pardalis measure experiments/fisheye/experiment.toml --record experiments/record/2026-11-21 --figures experiments/fisheye/figures
+
+EXPERIMENT.toml:
+  name = \"ball\"
+  question = \"How many particles does it need?\"
+  [[runs]]
+  name = \"near\"
+  scene = \"ball.toml\"                # paths start at this file's folder
+  truth = \"truth.csv\"
+  seeds = 10
+  verify_seeds = 1                   # with --verify
+  expect = { rmse_m = [0, 0.3] }     # a band for every seed
+  set = { \"targets.ball.contour.points\" = 30 }                                # in place of the scene's values
+  windows = [{ name = \"hidden\", from_s = 1.2, to_s = 2.4, expect = { max_m = [0, 1] } }]
+  origin_m = [0, 0, 0.9]             # for distance, elevation and azimuth; else the first camera
+  [[sweeps]]                         # as a run, but one a value
+  name = \"particles\"
+  scene = \"ball.toml\"
+  truth = \"truth.csv\"
+  seeds = 10
+  timed = true                       # one seed at a time, and ms_a_frame is told
+  key = \"targets.ball.filter.particles\"   # or [\"KEY\", \"KEY\"], and a list for each value
+  values = [100, 1000]               # names = [..] where the values are no good names
+  [[figures]]
+  name = \"cost\"                    # kind: paths, errors or sweep
+  kind = \"sweep\"
+  runs = [\"particles\"]              # names of runs or sweeps
+  x_name = \"particles\"
+  figure = \"rmse_m\"")]
 pub(crate) struct Arguments {
     /// The experiment
     #[arg(value_name = "EXPERIMENT.toml")]
@@ -45,6 +72,9 @@ pub(crate) struct Arguments {
     /// Also keeps results.csv, under the experiment's name, with the commit and facts about the machine
     #[arg(long, value_name = "FOLDER", conflicts_with = "verify")]
     record: Option<PathBuf>,
+    /// Also copies the figures that the experiment names, as PNG, into this folder
+    #[arg(long, value_name = "FOLDER", conflicts_with = "verify")]
+    figures: Option<PathBuf>,
     /// Tracks all seeds anew
     #[arg(long)]
     fresh: bool,
@@ -82,6 +112,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 
     let mut results = Results::default();
     let mut outside = Vec::new();
+    let mut measured = Vec::new();
     for plan in &plans {
         let figures = plan.score().with_context(|| {
             format!(
@@ -93,7 +124,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         plan.draw(&figures)?;
         say(results::told(plan.run, &figures));
         outside.extend(results::outside_bands(plan.run, &figures));
-        results.extend(plan.run, figures);
+        results.extend(plan.run, &figures);
+        measured.push((plan, figures));
     }
     let csv = output.join("results.csv");
     write_file(&csv, results.to_csv().as_bytes())?;
@@ -101,14 +133,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(record) = &arguments.record {
         fs::create_dir_all(record)
             .map_err(|error| fault!("--record {}: {error}", record.display()))?;
-        write_file(
-            &record.join(format!("{}.csv", experiment.name)),
-            results.to_csv().as_bytes(),
-        )?;
-        write_file(
-            &record.join(format!("{}.facts.txt", experiment.name)),
-            facts.as_bytes(),
-        )?;
+        let file = |ending| record.join(format!("{}.{ending}", experiment.name));
+        write_file(&file("csv"), results.to_csv().as_bytes())?;
+        write_file(&file("facts.txt"), facts.as_bytes())?;
+    }
+    let drawn = figures::draw_all(&experiment.figures, &measured, &output)?;
+    if let Some(folder) = &arguments.figures {
+        figures::copy_pngs(&drawn, folder)?;
     }
     if outside.is_empty() {
         return Ok(());
@@ -118,20 +149,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         outside.len(),
         outside.join("\n  ")
     ))
-}
-
-/// A run whose scene and truth were found to be fine.
-struct Plan<'a> {
-    run: &'a Run,
-    /// How many are tracked.
-    seeds: u32,
-    scene_path: PathBuf,
-    scene: Scene,
-    truth_path: PathBuf,
-    /// Takes the results.
-    folder: PathBuf,
-    /// See [`finished::of_run`].
-    fingerprint: u64,
 }
 
 /// Everything that will be run, so that what is wrong shows before anything is tracked.
@@ -154,95 +171,4 @@ fn plans<'a>(
         }
     }
     Ok(plans)
-}
-
-impl<'a> Plan<'a> {
-    /// `folder` is the experiment's.
-    fn new(run: &'a Run, seeds: u32, folder: &Path, output: &Path) -> Result<Self> {
-        let scene_path = folder.join(&run.scene);
-        let scene = scene::read_with(&scene_path, &run.set)?;
-        let truth_path = folder.join(&run.truth);
-        tables::read_truth(&truth_path)?;
-        let scene_folder = scene_path.parent().unwrap_or(Path::new(""));
-        Ok(Self {
-            run,
-            seeds,
-            fingerprint: finished::of_run(&scene, scene_folder),
-            scene_path,
-            scene,
-            truth_path,
-            folder: output.join(run.slug()),
-        })
-    }
-
-    fn seed_folder(&self, seed: u32) -> PathBuf {
-        self.folder.join(format!("seed-{seed:02}"))
-    }
-
-    /// One a seed.
-    fn jobs(&self) -> impl Iterator<Item = Job<'_>> {
-        (1..=self.seeds).map(|seed| Job {
-            run: self.run,
-            scene_path: &self.scene_path,
-            scene: &self.scene,
-            seed,
-            folder: self.seed_folder(seed),
-            fingerprint: finished::of_seed(self.fingerprint, seed, self.run.timed),
-        })
-    }
-
-    /// The figures of all seeds over all frames, then over each window.
-    fn score(&self) -> Result<Vec<Figures>> {
-        let whole = ("", None, None);
-        let windows = self.run.windows.iter();
-        let windows = windows.map(|w| (&*w.name, Some(w.from_s), Some(w.to_s)));
-        let mut figures = Vec::new();
-        for (window, from_s, to_s) in std::iter::once(whole).chain(windows) {
-            let options = evaluate::Options {
-                around: self.run.origin_m,
-                from_s,
-                to_s,
-                ..evaluate::Options::default()
-            };
-            for seed in 1..=self.seeds {
-                let folder = self.seed_folder(seed);
-                let report = evaluate::score_files(&folder, &self.truth_path, &options)?;
-                let finished = Finished::read(&folder).filter(|_| window.is_empty());
-                let ms_a_frame = finished.and_then(|f| f.ms_a_frame);
-                figures.extend(Figures::of(seed, window, &report, ms_a_frame));
-            }
-        }
-        Ok(figures)
-    }
-
-    /// The tracks of all seeds, in their order.
-    fn tracks(&self) -> Result<Vec<TrackSeries>> {
-        let mut tracks = Vec::new();
-        for seed in 1..=self.seeds {
-            let read = tables::read_tracks(&self.seed_folder(seed).join("tracks.csv"))?;
-            tracks.extend(read.into_iter().map(|track| {
-                TrackSeries {
-                    name: track.name,
-                    rows: track
-                        .rows
-                        .into_iter()
-                        .map(|(time_s, estimate)| Sample {
-                            time_s,
-                            position_m: estimate.map(|e| e.position_m),
-                            covariance_m2: estimate.and_then(|e| e.covariance_m2),
-                        })
-                        .collect(),
-                }
-            }));
-        }
-        Ok(tracks)
-    }
-
-    /// Draws all seeds over one another, with the truth of the objects that they were scored against.
-    fn draw(&self, figures: &[Figures]) -> Result<()> {
-        let mut truth = tables::read_truth(&self.truth_path)?;
-        truth.retain(|object| figures.iter().any(|f| f.object == object.name));
-        tracking::draw_tracks(&self.folder, &self.scene, &self.tracks()?, &truth)?;
-        Ok(())
-    }
 }

@@ -74,6 +74,7 @@ fn one_or_zero(yes: bool) -> f64 {
 }
 
 /// The figures of one seed and target over one stretch of time.
+#[derive(Clone)]
 pub(super) struct Figures {
     pub(super) seed: u32,
     target: String,
@@ -122,9 +123,9 @@ pub(super) struct Results {
 
 impl Results {
     /// Adds a run's figures.
-    pub(super) fn extend(&mut self, run: &Run, figures: Vec<Figures>) {
-        self.rows
-            .extend(figures.into_iter().map(|f| (run.name.clone(), f)));
+    pub(super) fn extend(&mut self, run: &Run, figures: &[Figures]) {
+        let rows = figures.iter().map(|f| (run.name.clone(), f.clone()));
+        self.rows.extend(rows);
     }
 
     /// Columns `run, seed, target, object, window` and the figures.
