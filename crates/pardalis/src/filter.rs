@@ -89,6 +89,14 @@ impl GaussianStart {
         }
         Ok(())
     }
+
+    /// The same without vertical scatter and velocity.
+    fn in_plane(mut self) -> Self {
+        self.position_sigma_m[2] = 0.0;
+        self.velocity_mps[2] = 0.0;
+        self.velocity_sigma_mps[2] = 0.0;
+        self
+    }
 }
 
 /// Whether an update found any particle possible.
@@ -161,8 +169,13 @@ impl Filter {
         Ok(filter)
     }
 
-    /// Draws all particles anew around `start`.
+    /// Draws all particles anew around `start`; in a plane at its height, without vertical velocity.
     pub fn restart(&mut self, start: &GaussianStart) {
+        let start = &if self.settings.motion.is_planar() {
+            start.in_plane()
+        } else {
+            *start
+        };
         let velocity_columns = self.settings.motion.velocity_columns();
         for i in 0..self.particles.count() {
             let particle = i as u32;
@@ -188,6 +201,11 @@ impl Filter {
         }
         self.particles.reset_weights();
         self.weights.fill(1.0 / self.particles.count() as f64);
+    }
+
+    /// How the state changes with time.
+    pub fn motion(&self) -> &Motion {
+        &self.settings.motion
     }
 
     /// The particles.
@@ -318,7 +336,12 @@ impl Filter {
             }
         }
         let noise = self.settings.motion.position_variance_m2(ahead_s);
-        for diagonal in [0, 3, 5] {
+        let free_axes = if self.settings.motion.is_planar() {
+            2
+        } else {
+            3
+        };
+        for diagonal in [0, 3, 5].into_iter().take(free_axes) {
             covariance_m2[diagonal] += noise;
         }
         let best = (0..self.weights.len())

@@ -127,10 +127,13 @@ impl PixelStart {
 
     /// Looks along the ray, which must be there ([`PixelStart::check_in`]). The distances are spread evenly in their logarithm (apparent
     /// sizes then differ by equal factors), each drawn at random within its share.
+    ///
+    /// A target whose height is fixed (`is_planar`) stands on the ground below the point of the ray.
     pub fn search(
         &self,
         view: &View,
         likelihood: &mut impl Likelihood,
+        is_planar: bool,
         draws: Draws,
     ) -> GaussianStart {
         let clicked_ray = self
@@ -147,7 +150,10 @@ impl PixelStart {
                 self.pixel[1] + self.pixel_sigma_px * dv,
             ];
             let (origin, direction, [near, far]) = self.ray(view, pixel).unwrap_or(clicked_ray);
-            let position = origin + direction * near * libm::pow(far / near, share);
+            let mut position = origin + direction * near * libm::pow(far / near, share);
+            if is_planar {
+                position.z = self.ground_z_m;
+            }
             for axis in 0..3 {
                 particles.columns_mut()[axis][i] = position[axis] as f32;
             }

@@ -219,6 +219,7 @@ impl Target {
             filter.restart(&start.search(
                 &views[start.camera],
                 &mut cue.of(views, frames),
+                filter.motion().is_planar(),
                 self.draws,
             ));
         }

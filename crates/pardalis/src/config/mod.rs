@@ -1,5 +1,6 @@
 //! Scene files: from their text to checked settings. Configuration enters here once; the rest of the library takes values that are valid.
 
+mod appearance;
 pub mod calibration;
 mod camera;
 mod mirror;

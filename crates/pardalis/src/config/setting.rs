@@ -25,6 +25,19 @@ impl Setting for f64 {
     }
 }
 
+impl Setting for bool {
+    const ALLOWED: &'static str = "true or false";
+    fn read(value: &DeValue) -> Option<Self> {
+        match value {
+            DeValue::Boolean(value) => Some(*value),
+            _ => None,
+        }
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Boolean(*self)
+    }
+}
+
 impl Setting for i64 {
     const ALLOWED: &'static str = "a whole number";
     fn read(value: &DeValue) -> Option<Self> {

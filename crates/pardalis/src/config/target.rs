@@ -1,12 +1,13 @@
 //! The targets of a scene.
 
+use super::appearance::{read_contour, read_shape};
 use super::reader::{Located, Table};
 use super::setting::PerAxis;
 use crate::filter::{FilterSettings, GaussianStart, MAX_PARTICLES};
 use crate::likelihood::ContourSettings;
 use crate::motion::{ConstantVelocity, Disturbance, Motion};
 use crate::resample::Resampling;
-use crate::shape::{Shape, Sphere, SphereOutline};
+use crate::shape::Shape;
 use crate::start::{PixelStart, Start};
 
 /// One target of a scene.
@@ -33,8 +34,8 @@ impl TargetConfig {
         let colors = table
             .required("colors")
             .map(|file| table.at("colors", file));
-        let contour = read_contour(&table);
-        let filter = read_filter(&table);
+        let contour = read_contour(&table, shape.as_ref());
+        let filter = read_filter(&table, shape.as_ref());
         let start = read_start(&table, cameras);
         table.finish();
         Some(Self {
@@ -49,7 +50,7 @@ impl TargetConfig {
 }
 
 /// A table that holds one of several kinds of things.
-fn kind_of<'a, 't>(
+pub(super) fn kind_of<'a, 't>(
     table: &Table<'a, 't>,
     key: &'static str,
     kinds: &[&'static str],
@@ -70,43 +71,8 @@ fn kind_of<'a, 't>(
     found
 }
 
-fn read_shape(table: &Table) -> Option<Shape> {
-    let (_, sphere) = kind_of(table, "shape", &["sphere"])?;
-    let radius_m = sphere.required("radius_m");
-    let outlines = [
-        ("tangent", SphereOutline::Tangent),
-        ("greatcircle", SphereOutline::Greatcircle),
-    ];
-    let outline = sphere.word("outline", &outlines, "tangent");
-    let shape = match (radius_m, outline) {
-        (Some(radius_m), Some(outline)) => sphere
-            .checked(Sphere::new(radius_m, outline))
-            .map(Shape::Sphere),
-        _ => None,
-    };
-    sphere.finish();
-    shape
-}
-
-fn read_contour(table: &Table) -> Option<ContourSettings> {
-    let default = ContourSettings::default();
-    let Some(contour) = table.table("contour") else {
-        return Some(default);
-    };
-    let settings = ContourSettings {
-        inner_scale: contour.or("inner_scale", default.inner_scale),
-        outer_scale: contour.or("outer_scale", default.outer_scale),
-        points: contour.or("points", default.points),
-        kappa: contour.or("kappa", default.kappa),
-        b: contour.or("b", default.b),
-    };
-    let checked = contour.checked(settings.check().map(|()| settings));
-    contour.finish();
-    checked
-}
-
-fn read_filter(table: &Table) -> Option<FilterSettings> {
-    let motion = read_motion(table);
+fn read_filter(table: &Table, shape: Option<&Shape>) -> Option<FilterSettings> {
+    let motion = read_motion(table, shape);
     let Some(filter) = table.table("filter") else {
         return Some(FilterSettings {
             motion: motion?,
@@ -144,12 +110,19 @@ const DEFAULT_FILTER: FilterSettings = FilterSettings {
     resample_below: 1.0,
 };
 
-fn read_motion(table: &Table) -> Option<Motion> {
+/// Upright bodies stay on the ground where nothing else is said.
+fn read_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
     if !table.has("motion") {
         let _ = table.table("motion");
-        return Some(DEFAULT_FILTER.motion);
+        return Some(match shape {
+            Some(Shape::Upright(_)) => {
+                Motion::ConstantVelocity(ConstantVelocity::DEFAULT.in_plane())
+            }
+            _ => DEFAULT_FILTER.motion,
+        });
     }
-    let (_, motion) = kind_of(table, "motion", &["constant_velocity"])?;
+    let kinds = ["constant_velocity", "planar_constant_velocity"];
+    let (kind, motion) = kind_of(table, "motion", &kinds)?;
     let sigma = motion.optional("acceleration_sigma_mps2");
     let density = motion.optional("acceleration_density_m2ps3");
     let disturbance = match (sigma, density) {
@@ -171,6 +144,13 @@ fn read_motion(table: &Table) -> Option<Motion> {
     };
     let model = motion
         .checked(ConstantVelocity::new(disturbance))
+        .map(|model| {
+            if kind == kinds[1] {
+                model.in_plane()
+            } else {
+                model
+            }
+        })
         .map(Motion::ConstantVelocity);
     motion.finish();
     model

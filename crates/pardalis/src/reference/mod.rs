@@ -2,56 +2,17 @@
 //!
 //! It is what every optimised path is tested against and shares none of their code; it is slow and allocates freely.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Vector3};
+
+mod outline;
+
+pub use outline::{boundary, boundary_along_normals, boundary_of_scales, outline_points};
 
 use crate::Frame;
 use crate::color::{ColorModel, Histogram, Palette, PixelKind};
 use crate::likelihood::ContourSettings;
-use crate::shape::{Sphere, SphereOutline};
+use crate::shape::Shape;
 use crate::view::View;
-
-/// `count` points on the outline of a sphere around `center` as seen from the origin of the camera's frame, metres; none from
-/// inside the sphere.
-///
-/// For centre C at distance d and radius R, the tangent circle has radius R·√(1 − R²/d²) and lies at distance d − R²/d; the great
-/// circle has radius R and lies at distance d.
-pub fn outline_points(
-    center: Point3<f64>,
-    radius_m: f64,
-    outline: SphereOutline,
-    count: usize,
-) -> Vec<Point3<f64>> {
-    let distance = center.coords.norm();
-    if !(distance > radius_m) {
-        return Vec::new();
-    }
-    let ray = center.coords / distance;
-    let (circle_distance, circle_radius) = match outline {
-        SphereOutline::Tangent => (
-            distance - radius_m * radius_m / distance,
-            radius_m * (1.0 - (radius_m / distance).powi(2)).sqrt(),
-        ),
-        SphereOutline::Greatcircle => (distance, radius_m),
-    };
-    let [a, b] = directions_across(ray);
-    (0..count)
-        .map(|k| {
-            let angle = k as f64 / count as f64 * std::f64::consts::TAU;
-            let across = a * libm::cos(angle) + b * libm::sin(angle);
-            Point3::from(ray * circle_distance + across * circle_radius)
-        })
-        .collect()
-}
-
-/// The two directions across a ray from which contours count their angle: the shortest rotation that turns z into the ray turns x
-/// and y into them. For rays that point backwards it is −z that is turned, and y is mirrored.
-fn directions_across(ray: Vector3<f64>) -> [Vector3<f64>; 2] {
-    let sign = 1_f64.copysign(ray.z);
-    let pole = Vector3::z() * sign;
-    // The shortest rotation of `pole` into `ray`, for vectors perpendicular to `pole`.
-    let turned = |v: Vector3<f64>| v - (pole + ray) * v.dot(&ray) / (1.0 + pole.dot(&ray));
-    [turned(Vector3::x()), turned(Vector3::y() * sign)]
-}
 
 /// A pixel of the view by its coordinates, rounded to the nearest; `None` outside the image and where the mask is closed.
 pub fn open_pixel(view: &View, [u, v]: [f64; 2]) -> Option<[usize; 2]> {
@@ -63,23 +24,6 @@ pub fn open_pixel(view: &View, [u, v]: [f64; 2]) -> Option<[usize; 2]> {
     let (x, y) = (x as usize, y as usize);
     let open = view.mask().is_none_or(|mask| mask.open()[y * width + x]);
     open.then_some([x, y])
-}
-
-/// The pixels of the valid points on the outline of a sphere at this position in the world, scaled by `scale`: those in the camera
-/// model's domain, in the image and not masked.
-pub fn contour_pixels(
-    view: &View,
-    sphere: &Sphere,
-    position_m: [f64; 3],
-    scale: f64,
-    count: usize,
-) -> Vec<[usize; 2]> {
-    let center = view.camera_from_world() * Point3::from(position_m);
-    outline_points(center, scale * sphere.radius_m, sphere.outline, count)
-        .into_iter()
-        .filter_map(|point| view.camera().project(point.into()))
-        .filter_map(|pixel| open_pixel(view, pixel))
-        .collect()
 }
 
 /// The bin of three raw bytes. Bytes are told apart in steps of four, each step standing for its middle, as pixel tables do.
@@ -98,6 +42,12 @@ pub fn bin_of_bytes(palette: Palette, kind: PixelKind, bytes: [u8; 3]) -> u16 {
     }
 }
 
+/// The open pixels at these coordinates.
+fn open_pixels(view: &View, coordinates: &[Option<[f64; 2]>]) -> Vec<[usize; 2]> {
+    let valid = coordinates.iter().flatten();
+    valid.filter_map(|&pixel| open_pixel(view, pixel)).collect()
+}
+
 /// The colour histogram of some pixels of a frame (Taiana 2007, eq. 4.9); `None` of no pixels.
 pub fn histogram(palette: Palette, frame: &Frame, pixels: &[[usize; 2]]) -> Option<Histogram> {
     let mut counts = vec![0; palette.bin_count()];
@@ -108,24 +58,25 @@ pub fn histogram(palette: Palette, frame: &Frame, pixels: &[[usize; 2]]) -> Opti
     Histogram::from_counts(&counts)
 }
 
-/// The contour cue's log-likelihood of a sphere at this position in the world: the product over the frames of one instant, each
+/// The contour cue's log-likelihood of a body at this position in the world: the product over the frames of one instant, each
 /// with its camera's number.
 ///
 /// D = ((1 − S(model, inner)) + κ·S(outer, inner)) / (κ + 1), p = exp(−|D|/b); a camera that sees fewer than half the points of either
 /// contour counts as pure background, S(model, inner) = 0 and S(outer, inner) = 1, so that D = 1.
 pub fn contour_log_likelihood(
     settings: &ContourSettings,
-    sphere: &Sphere,
+    shape: &Shape,
     colors: &ColorModel,
     views: &[View],
     frames: &[(usize, Frame)],
     position_m: [f64; 3],
 ) -> f64 {
     let of_camera = |(camera, frame): &(usize, Frame)| {
-        let pixels = [settings.inner_scale, settings.outer_scale].map(|scale| {
-            contour_pixels(&views[*camera], sphere, position_m, scale, settings.points)
-        });
-        if pixels.iter().any(|valid| 2 * valid.len() < settings.points) {
+        let view = &views[*camera];
+        let samples = settings.sampling.samples(settings.points);
+        let pixels =
+            boundary(view, shape, settings, position_m).map(|side| open_pixels(view, &side));
+        if pixels.iter().any(|valid| 2 * valid.len() < samples) {
             return -1.0 / settings.b;
         }
         let [inner, outer] = pixels.map(|pixels| histogram(colors.palette(), frame, &pixels));
