@@ -206,9 +206,9 @@ fn robots_have_settings_of_their_own_that_each_scene_may_change() {
     };
     assert_eq!(
         (spline.control_points, spline.steps, spline.middle),
-        (12, 2, true)
+        (12, 2, false)
     );
-    assert_eq!(ball.contour.sampling.samples(50), 150);
+    assert_eq!(ball.contour.sampling.samples(50), 100);
 }
 
 #[test]
