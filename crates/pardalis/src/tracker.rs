@@ -145,6 +145,16 @@ impl Tracker {
         &self.views
     }
 
+    /// The number of targets.
+    pub fn target_count(&self) -> usize {
+        self.targets.len()
+    }
+
+    /// Where a target starts.
+    pub fn start(&self, target: usize) -> &Start {
+        &self.targets[target].start
+    }
+
     /// The time of the last frames, in seconds.
     pub fn time_s(&self) -> Option<f64> {
         self.time_s
