@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use pardalis::config::Scene;
 use pardalis::tracker::Observed;
 use pardalis::{Estimate, Frame, Tracker};
 use serde::Serialize;
@@ -20,6 +21,7 @@ use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
 use annotate::Annotator;
+pub(crate) use frame_sets::FrameSet;
 use frame_sets::FrameSets;
 use rows::Rows;
 pub(crate) use series::SeriesCollector;
@@ -102,9 +104,39 @@ pub(crate) struct Run {
     pub(crate) files: Vec<PathBuf>,
 }
 
+/// Makes estimates, one a target, of the frames of one instant, whose number is given; none where the frames tell nothing new.
+pub(crate) type Step<'a> =
+    &'a mut (dyn FnMut(&mut Tracker, usize, &FrameSet) -> Result<Option<Vec<Estimate>>> + Send);
+
 /// Tracks a scene. What was written stays, whatever ends the run; an error that ended it is given back after all files are complete.
 pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
-    let mut open = scene::open(scene_path, options.seed)?;
+    let scene = scene::read(scene_path)?;
+    run_steps(scene_path, scene, &[], options, &mut observe)
+}
+
+/// One step of tracking.
+fn observe(tracker: &mut Tracker, index: usize, set: &FrameSet) -> Result<Option<Vec<Estimate>>> {
+    let observed = tracker.observe(&set.frames, set.time_s);
+    match observed.map_err(|error| fault!("frame {index}: {error}"))? {
+        Observed::Used => {
+            let estimate = |target| tracker.estimate_at(target, set.time_s);
+            Ok(Some((0..tracker.target_count()).map(estimate).collect()))
+        }
+        // The sources hand on no late frames.
+        Observed::Repeated | Observed::Late => Ok(None),
+    }
+}
+
+/// Takes a scene, read from the file of that name, through all its frames, or through `stills` in their place, by these steps. Results
+/// and errors as [`run`].
+pub(crate) fn run_steps(
+    scene_path: &Path,
+    scene: Scene,
+    stills: &[PathBuf],
+    options: &Options,
+    step: Step,
+) -> Result<Run> {
+    let mut open = scene::open(scene_path, scene, options.seed, stills)?;
     // The second Ctrl-C ends the program at once. Experiments track many times: the handler of the first time stays.
     let _ = ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::SeqCst) {
@@ -126,7 +158,7 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
     if let Some(annotator) = &mut annotator {
         sinks.push(annotator);
     }
-    let (outcome, ended_by) = pool.install(|| track(&mut open, &mut sinks));
+    let (outcome, ended_by) = pool.install(|| track(&mut open, step, &mut sinks));
     let mut files = Vec::new();
     if let Output::Folder(folder) = &options.output {
         files.push(folder.join("tracks.csv"));
@@ -155,12 +187,14 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
 }
 
 /// The loop. Never fails: what ended it early comes back beside the outcome.
-fn track(open: &mut OpenScene, sinks: &mut [&mut dyn Sink]) -> (Outcome, Option<anyhow::Error>) {
+fn track(
+    open: &mut OpenScene,
+    step: Step,
+    sinks: &mut [&mut dyn Sink],
+) -> (Outcome, Option<anyhow::Error>) {
     let mut outcome = Outcome::default();
     let progress = progress_bar(open.sources.iter().map(Source::frame_count).max().flatten());
     let mut frame_sets = FrameSets::new(&mut open.sources);
-    let target_count = open.scene.targets.len();
-    let mut estimates = Vec::with_capacity(target_count);
     let ended_by = loop {
         if STOP.load(Ordering::SeqCst) {
             outcome.interrupted = true;
@@ -179,18 +213,15 @@ fn track(open: &mut OpenScene, sinks: &mut [&mut dyn Sink]) -> (Outcome, Option<
 
         let watch = Stopwatch::start();
         let index = outcome.frame_sets + outcome.repeated_frame_sets;
-        match open.tracker.observe(&set.frames, set.time_s) {
-            Ok(Observed::Used) => outcome.frame_sets += 1,
-            // The sources hand on no late frames.
-            Ok(Observed::Repeated | Observed::Late) => {
+        let estimates = match step(&mut open.tracker, index, &set) {
+            Ok(Some(estimates)) => estimates,
+            Ok(None) => {
                 outcome.repeated_frame_sets += 1;
                 continue;
             }
-            Err(error) => break Some(fault!("frame {index}: {error}")),
-        }
-        estimates.clear();
-        estimates
-            .extend((0..target_count).map(|target| open.tracker.estimate_at(target, set.time_s)));
+            Err(error) => break Some(error),
+        };
+        outcome.frame_sets += 1;
         outcome.tracking_s += watch.elapsed_s();
 
         let watch = Stopwatch::start();

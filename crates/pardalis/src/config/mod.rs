@@ -6,10 +6,12 @@ mod camera;
 mod mirror;
 mod reader;
 mod setting;
+mod start;
 mod target;
 
 pub use camera::{CameraConfig, Input, MaskCircle, ReadCalibration};
 pub use reader::{Located, Problem};
+pub use start::{StartConfig, TrackStart};
 pub use target::TargetConfig;
 
 use reader::{Journal, Table};

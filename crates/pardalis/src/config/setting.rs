@@ -129,6 +129,7 @@ impl<const N: usize> Setting for [f64; N] {
         3 => "three finite numbers, [a, b, c]",
         4 => "four finite numbers, [a, b, c, d]",
         5 => "five finite numbers, [a, b, c, d, e]",
+        6 => "six finite numbers, [xx, xy, xz, yy, yz, zz]",
         _ => "a list of finite numbers",
     };
     fn read(value: &DeValue) -> Option<Self> {

@@ -2,13 +2,12 @@
 
 use super::appearance::{read_contour, read_shape};
 use super::reader::{Located, Table};
-use super::setting::PerAxis;
-use crate::filter::{FilterSettings, GaussianStart, MAX_PARTICLES};
+use super::start::{StartConfig, read_start};
+use crate::filter::{FilterSettings, MAX_PARTICLES};
 use crate::likelihood::ContourSettings;
 use crate::motion::{ConstantVelocity, Disturbance, Motion};
 use crate::resample::Resampling;
 use crate::shape::Shape;
-use crate::start::{PixelStart, Start};
 
 /// One target of a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,8 +22,8 @@ pub struct TargetConfig {
     pub contour: ContourSettings,
     /// Its filter.
     pub filter: FilterSettings,
-    /// Where its particles start, with the place of the position or pixel.
-    pub start: Located<Start>,
+    /// Where its particles start, with the place of the position, pixel or file.
+    pub start: Located<StartConfig>,
 }
 
 impl TargetConfig {
@@ -36,7 +35,7 @@ impl TargetConfig {
             .map(|file| table.at("colors", file));
         let contour = read_contour(&table, shape.as_ref());
         let filter = read_filter(&table, shape.as_ref());
-        let start = read_start(&table, cameras);
+        let start = read_start(&table, &name, cameras);
         table.finish();
         Some(Self {
             name,
@@ -154,73 +153,4 @@ fn read_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
         .map(Motion::ConstantVelocity);
     motion.finish();
     model
-}
-
-fn read_start(table: &Table, cameras: &[String]) -> Option<Located<Start>> {
-    let (kind, start) = kind_of(table, "start", &["gaussian", "pixel"])?;
-    let read = if kind == "gaussian" {
-        read_gaussian(&start)
-    } else {
-        read_pixel(&start, cameras)
-    };
-    start.finish();
-    read
-}
-
-fn read_gaussian(table: &Table) -> Option<Located<Start>> {
-    let position_m = table.required("position_m");
-    let position_sigma_m = table.or("position_sigma_m", PerAxis([0.1; 3])).0;
-    let velocity_mps = table.or("velocity_mps", [0.0; 3]);
-    let velocity_sigma_mps = table.or("velocity_sigma_mps", PerAxis([0.5; 3])).0;
-    let start = GaussianStart {
-        position_m: position_m?,
-        position_sigma_m,
-        velocity_mps,
-        velocity_sigma_mps,
-    };
-    table.checked(
-        start
-            .check()
-            .map(|()| table.at("position_m", Start::Gaussian(start))),
-    )
-}
-
-fn read_pixel(table: &Table, cameras: &[String]) -> Option<Located<Start>> {
-    let pixel = table.required("pixel");
-    let camera: Option<String> = if cameras.len() == 1 {
-        Some(table.or("camera", cameras[0].clone()))
-    } else {
-        table.required("camera")
-    };
-    let pixel_sigma_px = table.or("pixel_sigma_px", 3.0);
-    let min_range_m = table.or("min_range_m", 0.3);
-    let max_range_m = table.or("max_range_m", 8.0);
-    let ground_z_m = table.or("ground_z_m", 0.0);
-    let ray_particles = table.or("ray_particles", 2000);
-    let position_sigma_m = table.or("position_sigma_m", PerAxis([0.1; 3])).0;
-    let velocity_sigma_mps = table.or("velocity_sigma_mps", PerAxis([0.5; 3])).0;
-    let camera = camera?;
-    let Some(camera_number) = cameras.iter().position(|name| *name == camera) else {
-        table.problem(
-            "camera",
-            format!("is \"{camera}\"; allowed: {}", cameras.join(", ")),
-        );
-        return None;
-    };
-    let start = PixelStart {
-        camera: camera_number,
-        pixel: pixel?,
-        pixel_sigma_px,
-        min_range_m,
-        max_range_m,
-        ground_z_m,
-        ray_particles,
-        position_sigma_m,
-        velocity_sigma_mps,
-    };
-    table.checked(
-        start
-            .check()
-            .map(|()| table.at("pixel", Start::Pixel(start))),
-    )
 }
