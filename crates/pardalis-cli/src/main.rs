@@ -11,6 +11,7 @@ mod scene;
 mod source;
 mod tables;
 mod timing;
+mod track_start;
 mod tracking;
 
 use std::process::ExitCode;
@@ -25,6 +26,7 @@ use clap::{Parser, Subcommand};
   pardalis learn --image a.jpg --rect 10,20,30,40 -o ball.colors.toml
   pardalis init images --fps 25 --colors ball.colors.toml --pixel 460,88
   pardalis track scene.toml --annotate
+  pardalis locate scene.toml --at 460,88             single images, each on its own
 
 Cameras:
   pardalis camera show calib.yml                     what a calibration of any program says
@@ -47,6 +49,7 @@ enum Command {
     Learn(commands::learn::Arguments),
     Camera(commands::camera::Arguments),
     Track(commands::track::Arguments),
+    Locate(commands::locate::Arguments),
     Evaluate(commands::evaluate::Arguments),
     Measure(commands::measure::Arguments),
     Report(commands::report::Arguments),
@@ -60,6 +63,7 @@ fn main() -> ExitCode {
         Command::Learn(arguments) => commands::learn::run(&arguments),
         Command::Camera(arguments) => commands::camera::run(&arguments),
         Command::Track(arguments) => commands::track::run(&arguments),
+        Command::Locate(arguments) => commands::locate::run(&arguments),
         Command::Evaluate(arguments) => commands::evaluate::run(&arguments),
         Command::Measure(arguments) => commands::measure::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),

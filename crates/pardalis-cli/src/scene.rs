@@ -7,7 +7,7 @@ use anyhow::Result;
 use pardalis::Tracker;
 use pardalis::camera::Mask;
 use pardalis::color::ColorModel;
-use pardalis::config::{CameraConfig, Input, Problem, Scene, TargetConfig};
+use pardalis::config::{CameraConfig, Input, Problem, Scene, StartConfig, TargetConfig};
 use pardalis::interchange::{self, Lens};
 use pardalis::rig::CalibratedCamera;
 use pardalis::simd::Level;
@@ -19,6 +19,7 @@ use crate::fault::{Fault, fault};
 use crate::say::warn;
 use crate::source::decode::decode_mask;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
+use crate::track_start;
 
 /// The largest scene or colour model file that is read, in bytes: they are written by people.
 const MAX_TEXT_BYTES: u64 = 4 << 20;
@@ -92,8 +93,21 @@ pub(crate) fn read_calibration(
     interchange::read(&text, lens).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Opens all that a scene names, which was read from the file at `path`. `seed` takes the place of the scene's.
-pub(crate) fn open(path: &Path, mut scene: Scene, seed: Option<u32>) -> Result<OpenScene> {
+/// Opens all that a scene names, which was read from the file at `path`. `seed` takes the place of the scene's, `stills`, where there are any,
+/// that of its one camera's frames.
+pub(crate) fn open(
+    path: &Path,
+    mut scene: Scene,
+    seed: Option<u32>,
+    stills: &[PathBuf],
+) -> Result<OpenScene> {
+    if !stills.is_empty() && scene.cameras.len() != 1 {
+        return Err(fault!(
+            "{}: the scene has {} cameras, and images of the command line do not say which took them; leave them out, or give a scene with one camera",
+            path.display(),
+            scene.cameras.len()
+        ));
+    }
     if let Some(seed) = seed {
         scene.seed = seed;
         scene
@@ -105,7 +119,12 @@ pub(crate) fn open(path: &Path, mut scene: Scene, seed: Option<u32>) -> Result<O
     let mut sources = Vec::new();
     let mut views = Vec::new();
     for camera in &scene.cameras {
-        match open_source(camera, folder) {
+        let source = if stills.is_empty() {
+            open_source(camera, folder)
+        } else {
+            Ok(Source::stills(stills)?)
+        };
+        match source {
             Ok(source) => {
                 views.push(view_of(camera, folder, source.size(), &mut problems));
                 sources.push(source);
@@ -117,22 +136,37 @@ pub(crate) fn open(path: &Path, mut scene: Scene, seed: Option<u32>) -> Result<O
         }
     }
     let mut targets = Vec::new();
-    for target in &scene.targets {
-        if let Start::Pixel(start) = &target.start.value
+    let mut handed_over = Vec::new();
+    for (number, target) in scene.targets.iter().enumerate() {
+        let start = match &target.start.value {
+            StartConfig::Here(start) => Ok(*start),
+            StartConfig::Track(track) => {
+                let first_time_s = sources.iter_mut().filter_map(Source::next_time_s);
+                let first_time_s = first_time_s.reduce(f64::min);
+                let path = resolve(folder, &track.file);
+                track_start::read(track, &path, first_time_s).map(|(start, time_s)| {
+                    handed_over.push((number, start, time_s));
+                    Start::Gaussian(start)
+                })
+            }
+        };
+        let start =
+            start.map_err(|error| problems.push(target.start.problem(format!("{error:#}"))));
+        if let Ok(Start::Pixel(start)) = &start
             && let Some(view) = &views[start.camera]
             && let Err(error) = start.check_in(view)
         {
             problems.push(target.start.problem(error.to_string()));
         }
-        match read_colors(target, folder) {
-            Ok(colors) => targets.push(TargetSettings {
+        let colors = read_colors(target, folder).map_err(|problem| problems.push(problem));
+        if let (Ok(start), Ok(colors)) = (start, colors) {
+            targets.push(TargetSettings {
                 shape: target.shape,
                 colors,
                 contour: target.contour,
                 filter: target.filter,
-                start: target.start.value,
-            }),
-            Err(problem) => problems.push(problem),
+                start,
+            });
         }
     }
     if !problems.is_empty() {
@@ -140,7 +174,10 @@ pub(crate) fn open(path: &Path, mut scene: Scene, seed: Option<u32>) -> Result<O
         return Err(all_of(path, &problems));
     }
     let views = views.into_iter().flatten().collect();
-    let tracker = Tracker::new(views, targets, scene.seed, Level::best())?;
+    let mut tracker = Tracker::new(views, targets, scene.seed, Level::best())?;
+    for (number, start, time_s) in &handed_over {
+        tracker.hand_over(*number, start, *time_s)?;
+    }
     Ok(OpenScene {
         scene,
         sources,

@@ -322,8 +322,14 @@ impl Row<'_> {
         Ok(numbers)
     }
 
+    /// A whole number from 0.
+    pub(crate) fn count(&self, column: Column<'_>) -> Result<usize> {
+        let count = self.cell(column).parse();
+        count.map_err(|_| self.misfit(column, "a whole number from 0"))
+    }
+
     /// Finite numbers, none where there are no such columns or all their cells are empty.
-    fn all_or_none<const N: usize>(
+    pub(crate) fn all_or_none<const N: usize>(
         &self,
         columns: Option<[Column<'_>; N]>,
     ) -> Result<Option<[f64; N]>> {

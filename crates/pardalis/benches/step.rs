@@ -108,7 +108,7 @@ impl Scene {
                 let position_m = particles.position_m(i);
                 reference::contour_log_likelihood(
                     &settings,
-                    &ball(),
+                    &Shape::Sphere(ball()),
                     &self.colors,
                     &self.views,
                     &self.frames,

@@ -1,6 +1,7 @@
 //! The particle filter: propose, reweight, estimate, resample. It knows nothing of images.
 
 use crate::Error;
+use crate::gaussian::GaussianStart;
 use crate::likelihood::Likelihood;
 use crate::motion::Motion;
 use crate::particles::Particles;
@@ -10,10 +11,6 @@ use crate::simd::Level;
 
 /// The most particles a filter may have.
 pub const MAX_PARTICLES: usize = 1_000_000;
-
-/// The farthest that a start may be from the world's origin along an axis, in metres, and its fastest speed, in m/s: single precision then
-/// holds all that comes of it.
-pub(crate) const MAX_START: f64 = 1e6;
 
 /// What a filter is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,47 +42,6 @@ impl FilterSettings {
                 self.resample_below,
                 "above 0 and at most 1",
             ));
-        }
-        Ok(())
-    }
-}
-
-/// A Gaussian around a rough guess of the state (thesis 5.2). Standard deviations are per axis.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct GaussianStart {
-    /// Mean position in the world, metres.
-    pub position_m: [f64; 3],
-    /// Standard deviation of the position, metres.
-    pub position_sigma_m: [f64; 3],
-    /// Mean velocity, m/s.
-    pub velocity_mps: [f64; 3],
-    /// Standard deviation of the velocity, m/s.
-    pub velocity_sigma_mps: [f64; 3],
-}
-
-impl GaussianStart {
-    /// Refuses numbers that are not finite or beyond 1e6, and negative deviations.
-    pub fn check(&self) -> Result<(), Error> {
-        let sigma = |v: &f64| (0.0..=MAX_START).contains(v);
-        for (name, values) in [
-            ("position_m", self.position_m),
-            ("velocity_mps", self.velocity_mps),
-        ] {
-            if let Some(value) = values.iter().find(|v| !(v.abs() <= MAX_START)) {
-                return Err(Error::out_of_range(
-                    name,
-                    value,
-                    "numbers between -1e6 and 1e6",
-                ));
-            }
-        }
-        for (name, values) in [
-            ("position_sigma_m", self.position_sigma_m),
-            ("velocity_sigma_mps", self.velocity_sigma_mps),
-        ] {
-            if let Some(value) = values.iter().find(|v| !sigma(v)) {
-                return Err(Error::out_of_range(name, value, "0 to 1e6"));
-            }
         }
         Ok(())
     }
@@ -161,33 +117,53 @@ impl Filter {
         Ok(filter)
     }
 
-    /// Draws all particles anew around `start`.
+    /// Draws all particles anew around `start`, by the numbers of the observation at hand; in a plane at its height, without vertical velocity.
     pub fn restart(&mut self, start: &GaussianStart) {
+        let start = &if self.settings.motion.is_planar() {
+            start.in_plane()
+        } else {
+            *start
+        };
         let velocity_columns = self.settings.motion.velocity_columns();
+        let position_of = start.sampler();
         for i in 0..self.particles.count() {
             let particle = i as u32;
-            let a = self
-                .draws
-                .normals(particle, self.observation, Stage::Start, 0);
-            let b = self
-                .draws
-                .normals(particle, self.observation, Stage::Start, 1);
+            let [a, b] = [0, 1].map(|draw| {
+                let [x, y, z, _] =
+                    self.draws
+                        .normals(particle, self.observation, Stage::Start, draw);
+                [x, y, z].map(f64::from)
+            });
             let columns = self.particles.columns_mut();
-            for axis in 0..3 {
-                columns[axis][i] = (start.position_m[axis]
-                    + start.position_sigma_m[axis] * f64::from(a[axis]))
-                    as f32;
+            for (axis, position_m) in position_of(a).into_iter().enumerate() {
+                columns[axis][i] = position_m as f32;
             }
             if let Some(velocities) = velocity_columns {
                 for axis in 0..3 {
                     columns[velocities[axis]][i] = (start.velocity_mps[axis]
-                        + start.velocity_sigma_mps[axis] * f64::from(b[axis]))
+                        + start.velocity_sigma_mps[axis] * b[axis])
                         as f32;
                 }
             }
         }
         self.particles.reset_weights();
         self.weights.fill(1.0 / self.particles.count() as f64);
+    }
+
+    /// As [`Filter::restart`], as a new observation: by numbers that no start had before.
+    pub fn start_over(&mut self, start: &GaussianStart) {
+        self.observation += 1;
+        self.restart(start);
+    }
+
+    /// The number of the observation at hand, part of the random numbers' counter.
+    pub(crate) fn observation(&self) -> u32 {
+        self.observation
+    }
+
+    /// How the state changes with time.
+    pub fn motion(&self) -> &Motion {
+        &self.settings.motion
     }
 
     /// The particles.
@@ -318,7 +294,12 @@ impl Filter {
             }
         }
         let noise = self.settings.motion.position_variance_m2(ahead_s);
-        for diagonal in [0, 3, 5] {
+        let free_axes = if self.settings.motion.is_planar() {
+            2
+        } else {
+            3
+        };
+        for diagonal in [0, 3, 5].into_iter().take(free_axes) {
             covariance_m2[diagonal] += noise;
         }
         let best = (0..self.weights.len())

@@ -3,7 +3,7 @@
 //! From camera images it tells, frame after frame, where a coloured object is in 3D, how fast it moves and how sure that is. The
 //! modules, in the order in which data flows (and in which they read best):
 //!
-//! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`filter`] →
+//! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`gaussian`], [`filter`] →
 //! [`likelihood`] → [`start`], [`tracker`] → [`score`]
 //!
 //! [`config`] turns the text of a scene file into checked settings, [`interchange`] reads and writes other programs' calibrations. [`rng`], [`real`] and [`simd`] serve the kernels.
@@ -21,6 +21,7 @@ pub mod config;
 mod error;
 pub mod filter;
 pub mod frame;
+pub mod gaussian;
 pub mod interchange;
 pub mod likelihood;
 pub mod motion;

@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::Error;
-use crate::filter::{GaussianStart, MAX_START};
+use crate::gaussian::{GaussianStart, MAX_START, check_sigma, diagonal_m2};
 use crate::likelihood::Likelihood;
 use crate::particles::Particles;
 use crate::rng::{Draws, Stage};
@@ -29,9 +29,9 @@ pub struct PixelStart {
     /// How far the click may be from the target's middle, as a standard deviation in pixels: each particle has its own ray, through a
     /// pixel drawn around the clicked one. 0 for the one ray of the thesis.
     pub pixel_sigma_px: f64,
-    /// The ray begins at this distance from the camera, metres.
+    /// The search begins at this distance along the ray, or at the ground where that is nearer, metres.
     pub min_range_m: f64,
-    /// The ray ends at this distance where it does not meet the ground before, metres.
+    /// It ends at this distance where the ray does not meet the ground before, metres.
     pub max_range_m: f64,
     /// The height of the ground in the world, metres.
     pub ground_z_m: f64,
@@ -44,6 +44,21 @@ pub struct PixelStart {
 }
 
 impl PixelStart {
+    /// A pixel of a camera, the rest as scenes have it by default: clicks 3 px off, 0.3 to 8 m away, above the ground z = 0.
+    pub const fn at(camera: usize, pixel: [f64; 2]) -> Self {
+        Self {
+            camera,
+            pixel,
+            pixel_sigma_px: 3.0,
+            min_range_m: 0.3,
+            max_range_m: 8.0,
+            ground_z_m: 0.0,
+            ray_particles: 2000,
+            position_sigma_m: [0.1; 3],
+            velocity_sigma_mps: [0.5; 3],
+        }
+    }
+
     /// Refuses what makes no ray.
     pub fn check(&self) -> Result<(), Error> {
         let positive = |v: f64| v > 0.0 && v <= MAX_START;
@@ -85,7 +100,8 @@ impl PixelStart {
                 "2 to 100000",
             ));
         }
-        self.around([0.0; 3]).check()
+        check_sigma("position_sigma_m", self.position_sigma_m)?;
+        check_sigma("velocity_sigma_mps", self.velocity_sigma_mps)
     }
 
     /// Refuses a pixel that this camera, the start's own, does not have or has no ray for.
@@ -106,32 +122,38 @@ impl PixelStart {
     fn around(&self, position_m: [f64; 3]) -> GaussianStart {
         GaussianStart {
             position_m,
-            position_sigma_m: self.position_sigma_m,
+            covariance_m2: diagonal_m2(self.position_sigma_m),
             velocity_mps: [0.0; 3],
             velocity_sigma_mps: self.velocity_sigma_mps,
         }
     }
 
-    /// The ray's origin and direction in the world, and the distances at which it begins and ends; `None` where the camera has no ray.
+    /// The ray's origin (the camera, or the point of its mirror) and direction in the world, and the distances at which the search begins and
+    /// ends; `None` where the camera has no ray. A ray that never comes to the ground, such as one above the horizon, ends at the longest range.
     fn ray(&self, view: &View, pixel: [f64; 2]) -> Option<(Point3<f64>, Vector3<f64>, [f64; 2])> {
         let ray = view.camera().unproject(pixel)?;
         let origin = view.world_from_camera() * Point3::from(ray.origin);
         let direction = view.world_from_camera() * Vector3::from(ray.direction);
-        let mut end = self.max_range_m;
         let to_ground = (self.ground_z_m - origin.z) / direction.z;
-        if to_ground > self.min_range_m {
-            end = end.min(to_ground);
-        }
-        Some((origin, direction, [self.min_range_m, end]))
+        let end = if to_ground > 0.0 {
+            self.max_range_m.min(to_ground)
+        } else {
+            self.max_range_m
+        };
+        Some((origin, direction, [self.min_range_m.min(end), end]))
     }
 
     /// Looks along the ray, which must be there ([`PixelStart::check_in`]). The distances are spread evenly in their logarithm (apparent
-    /// sizes then differ by equal factors), each drawn at random within its share.
+    /// sizes then differ by equal factors), each drawn at random within its share, by the numbers of this observation.
+    ///
+    /// A target whose height is fixed (`is_planar`) stands on the ground below the point of the ray.
     pub fn search(
         &self,
         view: &View,
         likelihood: &mut impl Likelihood,
+        is_planar: bool,
         draws: Draws,
+        observation: u32,
     ) -> GaussianStart {
         let clicked_ray = self
             .ray(view, self.pixel)
@@ -140,14 +162,20 @@ impl PixelStart {
         let mut particles = Particles::new(count, 3);
         for i in 0..count {
             let particle = i as u32;
-            let share = (i as f64 + draws.uniform(particle, 0, Stage::Ray)) / count as f64;
-            let [du, dv, ..] = draws.normals(particle, 0, Stage::Ray, 1).map(f64::from);
+            let share =
+                (i as f64 + draws.uniform(particle, observation, Stage::Ray)) / count as f64;
+            let [du, dv, ..] = draws
+                .normals(particle, observation, Stage::Ray, 1)
+                .map(f64::from);
             let pixel = [
                 self.pixel[0] + self.pixel_sigma_px * du,
                 self.pixel[1] + self.pixel_sigma_px * dv,
             ];
             let (origin, direction, [near, far]) = self.ray(view, pixel).unwrap_or(clicked_ray);
-            let position = origin + direction * near * libm::pow(far / near, share);
+            let mut position = origin + direction * near * libm::pow(far / near, share);
+            if is_planar {
+                position.z = self.ground_z_m;
+            }
             for axis in 0..3 {
                 particles.columns_mut()[axis][i] = position[axis] as f32;
             }

@@ -1,12 +1,14 @@
 //! Tracking: frames in, estimates out, for any number of cameras and targets.
 
 use crate::color::ColorModel;
-use crate::filter::{Filter, FilterSettings, GaussianStart, StateEstimate, Update};
+use crate::filter::{Filter, FilterSettings, StateEstimate, Update};
+use crate::frame::MAX_TIME_S;
+use crate::gaussian::{GaussianStart, MAX_START, diagonal_m2};
 use crate::likelihood::{ContourCue, ContourSettings};
 use crate::rng::Draws;
 use crate::shape::Shape;
 use crate::simd::Level;
-use crate::start::Start;
+use crate::start::{PixelStart, Start};
 use crate::view::View;
 use crate::{Error, Frame};
 
@@ -81,6 +83,8 @@ struct Target {
     filter: Filter,
     /// Whether it has seen its first frames.
     started: bool,
+    /// Where it starts anew with its next frames, and the time in seconds for which that holds.
+    handed_over: Option<(GaussianStart, f64)>,
     state: TrackState,
 }
 
@@ -107,11 +111,7 @@ impl Tracker {
                 let start = match &settings.start {
                     Start::Gaussian(start) => *start,
                     Start::Pixel(start) => {
-                        start.check()?;
-                        let view = views.get(start.camera).ok_or_else(|| {
-                            Error::out_of_range("camera", start.camera, "a camera of the tracker")
-                        })?;
-                        start.check_in(view)?;
+                        check_pixel(start, &views)?;
                         // Known with the first frame; until then the particles lie at the origin.
                         GaussianStart::default()
                     }
@@ -128,6 +128,7 @@ impl Tracker {
                     start: settings.start,
                     draws,
                     started: false,
+                    handed_over: None,
                     state: TrackState::Searching,
                 })
             })
@@ -142,6 +143,16 @@ impl Tracker {
     /// The cameras.
     pub fn views(&self) -> &[View] {
         &self.views
+    }
+
+    /// The number of targets.
+    pub fn target_count(&self) -> usize {
+        self.targets.len()
+    }
+
+    /// Where a target starts.
+    pub fn start(&self, target: usize) -> &Start {
+        &self.targets[target].start
     }
 
     /// The time of the last frames, in seconds.
@@ -165,39 +176,99 @@ impl Tracker {
         if self.time_s.is_some() && dt_s == 0.0 {
             return Ok(Observed::Repeated);
         }
-        for (camera, frame) in frames {
-            for target in &self.targets {
-                self.views[*camera].prepare(frame, target.cue.palette())?;
-            }
-        }
+        self.prepare(frames)?;
         for target in &mut self.targets {
-            target.observe(&self.views, frames, dt_s);
+            target.observe(&self.views, frames, time_s, dt_s);
         }
         self.time_s = Some(time_s);
         Ok(Observed::Used)
     }
 
+    /// Starts a target anew with its next frames, whatever becomes of it until then: from another robot's estimate, say
+    /// ([`GaussianStart::from_estimate`], [`GaussianStart::moved`]). `time_s` is the time of that estimate; what has passed since then is predicted.
+    pub fn hand_over(
+        &mut self,
+        target: usize,
+        start: &GaussianStart,
+        time_s: f64,
+    ) -> Result<(), Error> {
+        start.check()?;
+        if !(time_s.abs() <= MAX_TIME_S) {
+            return Err(Error::out_of_range("time_s", time_s, "-1e12 to 1e12"));
+        }
+        let count = self.targets.len();
+        let Some(found) = self.targets.get_mut(target) else {
+            let allowed = format!("the number of a target, below {count}");
+            return Err(Error::out_of_range("target", target, &allowed));
+        };
+        found.handed_over = Some((*start, time_s));
+        Ok(())
+    }
+
+    /// Locates every target in the frames of one instant, each with its camera's number, by these frames alone: no time passes, velocities
+    /// play no role (thesis 6.1.3). The particles are drawn around the start's mean, then around the mean of what the frames make of them, and so
+    /// on, once for each standard deviation of `passes_sigma_m` (metres), such as [`PASSES_SIGMA_M`]. A start in a pixel is first searched for
+    /// along its ray. There is one start a target.
+    ///
+    /// What is found holds until the next frames, also for [`Tracker::filter`]; where no particle is more likely than background, nothing is.
+    /// Fails on an image whose size is not its camera's and on faulty starts or passes; nothing has changed then.
+    pub fn locate(
+        &mut self,
+        frames: &[(usize, Frame)],
+        time_s: f64,
+        starts: &[Start],
+        passes_sigma_m: &[f64],
+    ) -> Result<Vec<Estimate>, Error> {
+        if starts.len() != self.targets.len() {
+            let allowed = format!("{}, one a target", self.targets.len());
+            return Err(Error::out_of_range("starts", starts.len(), &allowed));
+        }
+        for start in starts {
+            match start {
+                Start::Gaussian(start) => start.check()?,
+                Start::Pixel(start) => check_pixel(start, &self.views)?,
+            }
+        }
+        check_passes(passes_sigma_m)?;
+        self.prepare(frames)?;
+        self.time_s = Some(time_s);
+        let located = |(target, start): (&mut Target, &Start)| {
+            let kinematics = target.locate(&self.views, frames, start, passes_sigma_m);
+            Estimate {
+                state: target.state,
+                kinematics,
+                confidence: kinematics.map_or(0.0, |k| target.confidence(&k)),
+            }
+        };
+        Ok(self.targets.iter_mut().zip(starts).map(located).collect())
+    }
+
+    /// Makes sure that the frames can be looked up for every target.
+    fn prepare(&mut self, frames: &[(usize, Frame)]) -> Result<(), Error> {
+        for (camera, frame) in frames {
+            for target in &self.targets {
+                self.views[*camera].prepare(frame, target.cue.palette())?;
+            }
+        }
+        Ok(())
+    }
+
     /// What is known of a target at this time, at or after the last frames; nothing changes.
     pub fn estimate_at(&self, target: usize, time_s: f64) -> Estimate {
-        let Target {
-            filter,
-            state,
-            shape,
-            ..
-        } = &self.targets[target];
+        let target = &self.targets[target];
+        let state = target.state;
         let ahead_s = self.time_s.map_or(0.0, |before| time_s - before);
         match state {
             TrackState::Tracking | TrackState::Occluded => {
-                let kinematics = filter.estimate(ahead_s);
-                let confidence = filter.weight_within(kinematics.position_m, shape.diameter_m());
+                let kinematics = target.filter.estimate(ahead_s);
                 Estimate {
-                    state: *state,
+                    state,
                     kinematics: Some(kinematics),
-                    confidence,
+                    confidence: target.confidence(&kinematics),
                 }
             }
             TrackState::Searching | TrackState::Lost => Estimate {
-                state: *state,
+                state,
                 kinematics: None,
                 confidence: 0.0,
             },
@@ -205,23 +276,73 @@ impl Tracker {
     }
 }
 
+/// The standard deviations around the start, in metres, of the three passes with which single images were published (thesis 6.1.3).
+pub const PASSES_SIGMA_M: [f64; 3] = [0.1, 0.07, 0.04];
+
+/// Refuses standard deviations that [`Tracker::locate`] cannot draw by.
+pub fn check_passes(passes_sigma_m: &[f64]) -> Result<(), Error> {
+    let allowed = "one or more numbers of metres, above 0 and at most 1e6";
+    let fine = |sigma: &f64| *sigma > 0.0 && *sigma <= MAX_START;
+    if !passes_sigma_m.is_empty() && passes_sigma_m.iter().all(fine) {
+        return Ok(());
+    }
+    let value = format!("{passes_sigma_m:?}");
+    Err(Error::out_of_range("passes_sigma_m", value, allowed))
+}
+
+/// Refuses a start that is no pixel of these cameras.
+fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
+    start.check()?;
+    let view = views.get(start.camera);
+    let camera = || {
+        Error::out_of_range(
+            "camera",
+            start.camera,
+            "the number of a camera of the tracker",
+        )
+    };
+    start.check_in(view.ok_or_else(camera)?)
+}
+
 impl Target {
     /// One step: predict, or start with the first frames, then weigh.
-    fn observe(&mut self, views: &[View], frames: &[(usize, Frame)], dt_s: f64) {
-        let Self { filter, cue, .. } = self;
-        if self.started {
-            filter.predict(dt_s);
-        } else if let Start::Pixel(start) = &self.start {
-            if frames.iter().all(|(camera, _)| *camera != start.camera) {
-                // The clicked camera has no frame yet.
-                return;
+    fn observe(&mut self, views: &[View], frames: &[(usize, Frame)], time_s: f64, dt_s: f64) {
+        if let Some((start, since_s)) = self.handed_over.take() {
+            self.filter.start_over(&start);
+            if time_s > since_s {
+                self.filter.predict(time_s - since_s);
             }
-            filter.restart(&start.search(
-                &views[start.camera],
-                &mut cue.of(views, frames),
-                self.draws,
-            ));
+        } else if self.started {
+            self.filter.predict(dt_s);
+        } else if let Start::Pixel(start) = self.start {
+            let Some(found) = self.search(views, frames, &start) else {
+                return;
+            };
+            self.filter.restart(&found);
         }
+        self.weigh(views, frames);
+    }
+
+    /// Looks along the ray of a pixel; nothing where its camera has no frame yet.
+    fn search(
+        &mut self,
+        views: &[View],
+        frames: &[(usize, Frame)],
+        start: &PixelStart,
+    ) -> Option<GaussianStart> {
+        frames.iter().find(|(camera, _)| *camera == start.camera)?;
+        Some(start.search(
+            &views[start.camera],
+            &mut self.cue.of(views, frames),
+            self.filter.motion().is_planar(),
+            self.draws,
+            self.filter.observation(),
+        ))
+    }
+
+    /// Weighs the particles by the frames and says what that tells.
+    fn weigh(&mut self, views: &[View], frames: &[(usize, Frame)]) {
+        let Self { filter, cue, .. } = self;
         self.started = true;
         let update = filter.update(&mut cue.of(views, frames));
         let background = frames.len() as f64 * cue.settings().background_log_likelihood();
@@ -232,5 +353,45 @@ impl Target {
             }
             Update::Weighted => TrackState::Tracking,
         };
+    }
+
+    /// Where these frames alone say that it is; nothing where they do not show it.
+    fn locate(
+        &mut self,
+        views: &[View],
+        frames: &[(usize, Frame)],
+        start: &Start,
+        passes_sigma_m: &[f64],
+    ) -> Option<StateEstimate> {
+        self.state = TrackState::Searching;
+        let mut around_m = match start {
+            Start::Gaussian(start) => start.position_m,
+            Start::Pixel(start) => self.search(views, frames, start)?.position_m,
+        };
+        let mut found = None;
+        for &sigma_m in passes_sigma_m {
+            self.filter.start_over(&GaussianStart {
+                position_m: around_m,
+                covariance_m2: diagonal_m2([sigma_m; 3]),
+                ..GaussianStart::default()
+            });
+            self.weigh(views, frames);
+            if self.state != TrackState::Tracking {
+                return None;
+            }
+            let estimate = self.filter.estimate(0.0);
+            around_m = estimate.position_m;
+            found = Some(estimate);
+        }
+        found.map(|estimate| StateEstimate {
+            velocity_mps: None,
+            ..estimate
+        })
+    }
+
+    /// The filter's own belief that the target is where it is estimated.
+    fn confidence(&self, estimate: &StateEstimate) -> f64 {
+        let diameter_m = self.shape.diameter_m();
+        self.filter.weight_within(estimate.position_m, diameter_m)
     }
 }

@@ -2,7 +2,8 @@
 //! converge to it as σ/√N.
 
 use nalgebra::{Matrix2, Vector2};
-use pardalis::filter::{Filter, FilterSettings, GaussianStart, StateEstimate, Update};
+use pardalis::filter::{Filter, FilterSettings, StateEstimate, Update};
+use pardalis::gaussian::{GaussianStart, diagonal_m2};
 use pardalis::likelihood::Likelihood;
 use pardalis::motion::{ConstantVelocity, Disturbance, Motion};
 use pardalis::particles::Particles;
@@ -33,7 +34,7 @@ const STEPS_S: [f64; 12] = [
 const MEASUREMENT_SIGMA_M: [f64; 3] = [0.08, 0.1, 0.09];
 const START: GaussianStart = GaussianStart {
     position_m: [1.0, -0.5, 0.3],
-    position_sigma_m: [0.1, 0.08, 0.05],
+    covariance_m2: diagonal_m2([0.1, 0.08, 0.05]),
     velocity_mps: [0.5, 0.0, -0.3],
     velocity_sigma_mps: [0.2, 0.15, 0.25],
 };
@@ -74,7 +75,7 @@ struct Kalman {
 impl Kalman {
     fn new(axis: usize) -> Self {
         let variances = [
-            START.position_sigma_m[axis].powi(2),
+            START.covariance_m2[[0, 3, 5][axis]],
             START.velocity_sigma_mps[axis].powi(2),
         ];
         Self {

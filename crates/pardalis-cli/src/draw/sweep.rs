@@ -8,7 +8,6 @@ use plotters::style::text_anchor::HPos;
 
 use super::legend::{self, Key, group_mark};
 use super::panel::{Axis, Panel, draw_path, extent, padded, panel, write_note};
-use super::plots::free_row;
 use super::svg::{Area, document, line, text_style, units, write_svg_and_png};
 use super::{PALETTE, Rgb, shortened};
 
@@ -19,8 +18,8 @@ const HEIGHT_PX: f64 = 420.0;
 /// An axis whose largest value is more times its smallest is logarithmic.
 const LOGARITHMIC_OVER: f64 = 20.0;
 
-/// Room for the label of a point.
-const LABEL_PX: f64 = 130.0;
+/// About the width of a character of a point's label.
+const LABEL_CHAR_PX: f64 = 6.6;
 
 /// Series are drawn beside one another by this share of the axis, so that their bars are told apart.
 const SHIFT_SHARE: f64 = 0.009;
@@ -206,25 +205,42 @@ impl<'a> Sweep<'a> {
         let place = |point: &SweepPoint| usable_time(point).map(|ms| scale.at(ms));
         let axis = scale.axis("time for a frame (ms)");
         let panel = self.draw_points(area, &axis, place, false)?;
-        // Near the end of the axis labels stand on the other side.
-        let last = scale.range.start + 0.75 * (scale.range.end - scale.range.start);
-        let mut rows = Vec::new();
+        let right_end = area.get_pixel_range().0.end;
+        let mut taken: Vec<[i32; 4]> = Vec::new();
         for (i, (_, points)) in self.series.iter().enumerate() {
             let [red, green, blue] = PALETTE[i % PALETTE.len()];
             let color = RGBColor(red, green, blue);
             for point in points {
                 let Some(x) = place(point) else { continue };
                 let at = (x, self.error_mm.at(point.errors_mm()[1]));
-                let (side, aside_px, left_px) = if x > last {
-                    (HPos::Right, -8.0, -LABEL_PX)
-                } else {
-                    (HPos::Left, 8.0, 0.0)
-                };
+                let label = shortened(&point.label, 18);
+                let width = units(LABEL_CHAR_PX * label.chars().count() as f64);
                 let mark = panel.backend_coord(&at);
-                let row = free_row(&mut rows, (mark.0 + units(left_px), mark.1 - units(9.0)));
-                let style = text_style(11.0, side).color(&color);
-                let offset = (units(aside_px), row - mark.1);
-                let text = Text::new(shortened(&point.label, 18), offset, style);
+                // Right of the mark or left, above or below; a label without room is left out.
+                let places = [(1, -1), (-1, 1), (1, 1), (-1, -1)];
+                let boxes = places.map(|(side, down)| {
+                    let near = mark.0 + side * units(7.0);
+                    let far = near + side * width;
+                    let middle = mark.1 + down * units(9.0);
+                    let (top, bottom) = (middle - units(7.0), middle + units(7.0));
+                    [near.min(far), top, near.max(far), bottom]
+                });
+                let is_free = |own: &[i32; 4]| {
+                    own[2] <= right_end
+                        && taken.iter().all(|other| {
+                            own[0] > other[2]
+                                || other[0] > own[2]
+                                || own[1] > other[3]
+                                || other[1] > own[3]
+                        })
+                };
+                let Some(own) = boxes.into_iter().find(is_free) else {
+                    continue;
+                };
+                taken.push(own);
+                let offset = (own[0] - mark.0, i32::midpoint(own[1], own[3]) - mark.1);
+                let style = text_style(11.0, HPos::Left).color(&color);
+                let text = Text::new(label, offset, style);
                 panel.plotting_area().draw(&(EmptyElement::at(at) + text))?;
             }
         }

@@ -1,4 +1,4 @@
-//! A folder of JPEG and PNG images, in natural order.
+//! JPEG and PNG images: a folder of them in natural order, or some by name.
 
 use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
@@ -43,16 +43,27 @@ impl ImageFrames {
             .skip(first_frame)
             .take(frame_limit.unwrap_or(usize::MAX))
             .collect();
-        let Some((first_file, _)) = taken.first() else {
+        if taken.is_empty() {
             return Err(fault!(
                 "{}: frame_limit is 0; allowed: 1 or more",
                 folder.display()
             ));
-        };
-        let first_file = first_file.clone();
+        }
+        Self::of(taken)
+    }
+
+    /// These images, a second apart.
+    pub(super) fn stills(files: &[PathBuf]) -> Result<Self> {
+        let times_s = (0..files.len()).map(|index| index as f64);
+        Self::of(files.iter().cloned().zip(times_s).collect())
+    }
+
+    /// One or more files, each with its time stamp in seconds.
+    fn of(files: Vec<(PathBuf, f64)>) -> Result<Self> {
+        let first_file = files[0].0.clone();
         Ok(Self {
             size_px: image_size(&first_file)?,
-            files: taken.into_iter(),
+            files: files.into_iter(),
             first_file,
         })
     }
@@ -91,7 +102,7 @@ impl Iterator for ImageFrames {
             if (image.width, image.height) != self.size_px {
                 return Err(fault!(
                     "{}: the image is {} x {} pixels where {} has {width} x {height}; \
-                     all images of a folder must have one size",
+                     all images must have one size",
                     file.display(),
                     image.width,
                     image.height,

@@ -116,6 +116,8 @@ pub(crate) struct Source {
     description: Description,
     counters: Counters,
     last_time_s: f64,
+    /// A frame that was fetched to know its time.
+    peeked: Option<Result<Frame>>,
     /// Nothing once the thread has ended.
     decoding: Option<(Receiver<Decoded>, JoinHandle<()>)>,
     process: Option<Arc<Process>>,
@@ -130,15 +132,8 @@ impl Source {
         match &config.kind {
             SourceKind::Images { folder, timing } => {
                 let frames = ImageFrames::open(folder, timing, first, limit)?;
-                let description = Description {
-                    input: folder.display().to_string(),
-                    content: frames.content(),
-                    size_px: frames.size_px(),
-                    pixel_format: PixelFormat::Rgb8,
-                    encoding: None,
-                    frame_count: Some(frames.frame_count()),
-                };
-                Ok(Self::start(description, config.time_offset_s, frames, None))
+                let input = folder.display().to_string();
+                Ok(Self::of_images(input, frames, config.time_offset_s))
             }
             SourceKind::Video {
                 input,
@@ -159,6 +154,24 @@ impl Source {
                 ))
             }
         }
+    }
+
+    /// One or more JPEG and PNG images of one size that have nothing to do with one another; their times are a second apart.
+    pub(crate) fn stills(files: &[PathBuf]) -> Result<Self> {
+        let input = "images of the command line".to_owned();
+        Ok(Self::of_images(input, ImageFrames::stills(files)?, 0.0))
+    }
+
+    fn of_images(input: String, frames: ImageFrames, time_offset_s: f64) -> Self {
+        let description = Description {
+            input,
+            content: frames.content(),
+            size_px: frames.size_px(),
+            pixel_format: PixelFormat::Rgb8,
+            encoding: None,
+            frame_count: Some(frames.frame_count()),
+        };
+        Self::start(description, time_offset_s, frames, None)
     }
 
     fn start(
@@ -193,6 +206,7 @@ impl Source {
             description,
             counters: Counters::default(),
             last_time_s: f64::NEG_INFINITY,
+            peeked: None,
             decoding: Some((receiver, thread)),
             process,
         }
@@ -206,6 +220,15 @@ impl Source {
     /// How many frames there will be, where that is known.
     pub(crate) fn frame_count(&self) -> Option<usize> {
         self.description.frame_count
+    }
+
+    /// The time stamp of the next frame in seconds, once it is decoded; nothing where there is no such frame.
+    pub(crate) fn next_time_s(&mut self) -> Option<f64> {
+        if self.peeked.is_none() {
+            self.peeked = self.next();
+        }
+        let next = self.peeked.as_ref()?.as_ref().ok()?;
+        Some(next.time_s())
     }
 
     /// What the source delivers.
@@ -241,6 +264,9 @@ impl Iterator for Source {
     type Item = Result<Frame>;
 
     fn next(&mut self) -> Option<Self::Item> {
+        if let Some(peeked) = self.peeked.take() {
+            return Some(peeked);
+        }
         loop {
             let (receiver, _) = self.decoding.as_ref()?;
             let Ok((frame, decode_s)) = receiver.recv() else {

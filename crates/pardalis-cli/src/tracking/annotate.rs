@@ -96,13 +96,13 @@ impl Annotator {
             };
             marks.extend(cloud(instant, number, view));
             let target = &self.targets[number];
-            let scales = [target.contour.inner_scale, target.contour.outer_scale];
+            let scales = target.contour.sampling.shown_scales();
             let hypotheses = [
                 (kinematics.position_m, [0; 3]),
                 (kinematics.best_position_m, [255; 3]),
             ];
             for (position_m, color) in hypotheses {
-                for scale in scales {
+                for &scale in &scales {
                     let points_px = target.shape.outline_px(
                         view.camera(),
                         view.camera_from_world(),

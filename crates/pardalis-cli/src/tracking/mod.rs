@@ -21,6 +21,7 @@ use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
 use annotate::Annotator;
+pub(crate) use frame_sets::FrameSet;
 use frame_sets::FrameSets;
 use rows::Rows;
 pub(crate) use series::{SeriesCollector, truth_series};
@@ -102,6 +103,10 @@ pub(crate) struct Run {
     pub(crate) files: Vec<PathBuf>,
 }
 
+/// Makes estimates, one a target, of the frames of one instant, whose number is given; none where the frames tell nothing new.
+pub(crate) type Step<'a> =
+    &'a mut (dyn FnMut(&mut Tracker, usize, &FrameSet) -> Result<Option<Vec<Estimate>>> + Send);
+
 /// Tracks a scene. What was written stays, whatever ends the run; an error that ended it is given back after all files are complete.
 pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
     run_scene(scene_path, scene::read(scene_path)?, options)
@@ -109,7 +114,32 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
 
 /// Tracks a scene as [`run`] does, read before from the file of that name.
 pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> Result<Run> {
-    let mut open = scene::open(scene_path, scene, options.seed)?;
+    run_steps(scene_path, scene, &[], options, &mut observe)
+}
+
+/// One step of tracking.
+fn observe(tracker: &mut Tracker, index: usize, set: &FrameSet) -> Result<Option<Vec<Estimate>>> {
+    let observed = tracker.observe(&set.frames, set.time_s);
+    match observed.map_err(|error| fault!("frame {index}: {error}"))? {
+        Observed::Used => {
+            let estimate = |target| tracker.estimate_at(target, set.time_s);
+            Ok(Some((0..tracker.target_count()).map(estimate).collect()))
+        }
+        // The sources hand on no late frames.
+        Observed::Repeated | Observed::Late => Ok(None),
+    }
+}
+
+/// Takes a scene, read from the file of that name, through all its frames, or through `stills` in their place, by these steps. Results
+/// and errors as [`run`].
+pub(crate) fn run_steps(
+    scene_path: &Path,
+    scene: Scene,
+    stills: &[PathBuf],
+    options: &Options,
+    step: Step,
+) -> Result<Run> {
+    let mut open = scene::open(scene_path, scene, options.seed, stills)?;
     interrupt::listen();
     let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
     let mut rows = Rows::create(&options.output, names.clone())?;
@@ -126,7 +156,7 @@ pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> R
     if let Some(annotator) = &mut annotator {
         sinks.push(annotator);
     }
-    let (outcome, ended_by) = pool.install(|| track(&mut open, &mut sinks, options.progress));
+    let (outcome, ended_by) = pool.install(|| track(&mut open, step, &mut sinks, options.progress));
     let mut files = Vec::new();
     if let Output::Folder(folder) = &options.output {
         files.push(folder.join("tracks.csv"));
@@ -157,6 +187,7 @@ pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> R
 /// The loop. Never fails: what ended it early comes back beside the outcome.
 fn track(
     open: &mut OpenScene,
+    step: Step,
     sinks: &mut [&mut dyn Sink],
     progress: bool,
 ) -> (Outcome, Option<anyhow::Error>) {
@@ -167,8 +198,6 @@ fn track(
         ProgressBar::hidden()
     };
     let mut frame_sets = FrameSets::new(&mut open.sources);
-    let target_count = open.scene.targets.len();
-    let mut estimates = Vec::with_capacity(target_count);
     let ended_by = loop {
         if interrupt::requested() {
             outcome.interrupted = true;
@@ -187,18 +216,15 @@ fn track(
 
         let watch = Stopwatch::start();
         let index = outcome.frame_sets + outcome.repeated_frame_sets;
-        match open.tracker.observe(&set.frames, set.time_s) {
-            Ok(Observed::Used) => outcome.frame_sets += 1,
-            // The sources hand on no late frames.
-            Ok(Observed::Repeated | Observed::Late) => {
+        let estimates = match step(&mut open.tracker, index, &set) {
+            Ok(Some(estimates)) => estimates,
+            Ok(None) => {
                 outcome.repeated_frame_sets += 1;
                 continue;
             }
-            Err(error) => break Some(fault!("frame {index}: {error}")),
-        }
-        estimates.clear();
-        estimates
-            .extend((0..target_count).map(|target| open.tracker.estimate_at(target, set.time_s)));
+            Err(error) => break Some(error),
+        };
+        outcome.frame_sets += 1;
         outcome.tracking_s += watch.elapsed_s();
 
         let watch = Stopwatch::start();

@@ -64,6 +64,16 @@ impl ExactMirror<f64> {
         Self::new([fx, fy], [cx, cy], self.profile.at_vertex(vertex_m)?)
     }
 
+    /// Where the ray halfway between vertex and rim seems to come from, on the axis, metres.
+    pub(super) fn viewpoint_m(&self) -> [f64; 3] {
+        let t = 0.5 * self.profile.rim_m();
+        let [f, slope, _] = self.at(t);
+        // The ray from the pinhole (t, f), mirrored at the normal (slope, −1).
+        let along_normal = 2.0 * (t * slope - f) / (slope * slope + 1.0);
+        let (dr, dz) = (t - along_normal * slope, f + along_normal);
+        [0.0, 0.0, f - t * dz / dr]
+    }
+
     /// The same camera in single precision, for kernels: a look-up within 0.02 px, whose table is made at the first call.
     pub fn to_f32(&self) -> MirrorLookUp<'_> {
         let rays = self

@@ -156,6 +156,15 @@ impl Camera {
         with_model!(self, model => model.unproject(pixel))
     }
 
+    /// The point that all of its rays pass through, in metres in the camera's frame; for the exact mirror, which has none, a point near to
+    /// them all. Outlines are what is seen from there.
+    pub fn viewpoint_m(&self) -> [f64; 3] {
+        match self {
+            Self::ExactMirror(mirror) => mirror.viewpoint_m(),
+            _ => [0.0; 3],
+        }
+    }
+
     /// The model's name, as scene files have it.
     pub fn kind(&self) -> &'static str {
         match self {

@@ -1,15 +1,18 @@
 //! Scene files: from their text to checked settings. Configuration enters here once; the rest of the library takes values that are valid.
 
+mod appearance;
 pub mod calibration;
 mod camera;
 mod mirror;
 mod reader;
 mod replaced;
 mod setting;
+mod start;
 mod target;
 
 pub use camera::{CameraConfig, Input, MaskCircle, ReadCalibration};
 pub use reader::{Located, Problem};
+pub use start::{StartConfig, TrackStart};
 pub use target::TargetConfig;
 
 use reader::{Journal, Table};

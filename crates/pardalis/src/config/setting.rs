@@ -25,6 +25,19 @@ impl Setting for f64 {
     }
 }
 
+impl Setting for bool {
+    const ALLOWED: &'static str = "true or false";
+    fn read(value: &DeValue) -> Option<Self> {
+        match value {
+            DeValue::Boolean(value) => Some(*value),
+            _ => None,
+        }
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Boolean(*self)
+    }
+}
+
 impl Setting for i64 {
     const ALLOWED: &'static str = "a whole number";
     fn read(value: &DeValue) -> Option<Self> {
@@ -116,6 +129,7 @@ impl<const N: usize> Setting for [f64; N] {
         3 => "three finite numbers, [a, b, c]",
         4 => "four finite numbers, [a, b, c, d]",
         5 => "five finite numbers, [a, b, c, d, e]",
+        6 => "six finite numbers, [xx, xy, xz, yy, yz, zz]",
         _ => "a list of finite numbers",
     };
     fn read(value: &DeValue) -> Option<Self> {

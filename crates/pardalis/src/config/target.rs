@@ -1,13 +1,13 @@
 //! The targets of a scene.
 
+use super::appearance::{read_contour, read_shape};
 use super::reader::{Located, Table};
-use super::setting::PerAxis;
-use crate::filter::{FilterSettings, GaussianStart, MAX_PARTICLES};
+use super::start::{StartConfig, read_start};
+use crate::filter::{FilterSettings, MAX_PARTICLES};
 use crate::likelihood::ContourSettings;
 use crate::motion::{ConstantVelocity, Disturbance, Motion};
 use crate::resample::Resampling;
-use crate::shape::{Shape, Sphere, SphereOutline};
-use crate::start::{PixelStart, Start};
+use crate::shape::Shape;
 
 /// One target of a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,8 +22,8 @@ pub struct TargetConfig {
     pub contour: ContourSettings,
     /// Its filter.
     pub filter: FilterSettings,
-    /// Where its particles start, with the place of the position or pixel.
-    pub start: Located<Start>,
+    /// Where its particles start, with the place of the position, pixel or file.
+    pub start: Located<StartConfig>,
 }
 
 impl TargetConfig {
@@ -33,9 +33,9 @@ impl TargetConfig {
         let colors = table
             .required("colors")
             .map(|file| table.at("colors", file));
-        let contour = read_contour(&table);
-        let filter = read_filter(&table);
-        let start = read_start(&table, cameras);
+        let contour = read_contour(&table, shape.as_ref());
+        let filter = read_filter(&table, shape.as_ref());
+        let start = read_start(&table, &name, cameras);
         table.finish();
         Some(Self {
             name,
@@ -49,7 +49,7 @@ impl TargetConfig {
 }
 
 /// A table that holds one of several kinds of things.
-fn kind_of<'a, 't>(
+pub(super) fn kind_of<'a, 't>(
     table: &Table<'a, 't>,
     key: &'static str,
     kinds: &[&'static str],
@@ -70,43 +70,8 @@ fn kind_of<'a, 't>(
     found
 }
 
-fn read_shape(table: &Table) -> Option<Shape> {
-    let (_, sphere) = kind_of(table, "shape", &["sphere"])?;
-    let radius_m = sphere.required("radius_m");
-    let outlines = [
-        ("tangent", SphereOutline::Tangent),
-        ("greatcircle", SphereOutline::Greatcircle),
-    ];
-    let outline = sphere.word("outline", &outlines, "tangent");
-    let shape = match (radius_m, outline) {
-        (Some(radius_m), Some(outline)) => sphere
-            .checked(Sphere::new(radius_m, outline))
-            .map(Shape::Sphere),
-        _ => None,
-    };
-    sphere.finish();
-    shape
-}
-
-fn read_contour(table: &Table) -> Option<ContourSettings> {
-    let default = ContourSettings::default();
-    let Some(contour) = table.table("contour") else {
-        return Some(default);
-    };
-    let settings = ContourSettings {
-        inner_scale: contour.or("inner_scale", default.inner_scale),
-        outer_scale: contour.or("outer_scale", default.outer_scale),
-        points: contour.or("points", default.points),
-        kappa: contour.or("kappa", default.kappa),
-        b: contour.or("b", default.b),
-    };
-    let checked = contour.checked(settings.check().map(|()| settings));
-    contour.finish();
-    checked
-}
-
-fn read_filter(table: &Table) -> Option<FilterSettings> {
-    let motion = read_motion(table);
+fn read_filter(table: &Table, shape: Option<&Shape>) -> Option<FilterSettings> {
+    let motion = read_motion(table, shape);
     let Some(filter) = table.table("filter") else {
         return Some(FilterSettings {
             motion: motion?,
@@ -144,12 +109,19 @@ const DEFAULT_FILTER: FilterSettings = FilterSettings {
     resample_below: 1.0,
 };
 
-fn read_motion(table: &Table) -> Option<Motion> {
+/// Upright bodies stay on the ground where nothing else is said.
+fn read_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
     if !table.has("motion") {
         let _ = table.table("motion");
-        return Some(DEFAULT_FILTER.motion);
+        return Some(match shape {
+            Some(Shape::Upright(_)) => {
+                Motion::ConstantVelocity(ConstantVelocity::DEFAULT.in_plane())
+            }
+            _ => DEFAULT_FILTER.motion,
+        });
     }
-    let (_, motion) = kind_of(table, "motion", &["constant_velocity"])?;
+    let kinds = ["constant_velocity", "planar_constant_velocity"];
+    let (kind, motion) = kind_of(table, "motion", &kinds)?;
     let sigma = motion.optional("acceleration_sigma_mps2");
     let density = motion.optional("acceleration_density_m2ps3");
     let disturbance = match (sigma, density) {
@@ -171,76 +143,14 @@ fn read_motion(table: &Table) -> Option<Motion> {
     };
     let model = motion
         .checked(ConstantVelocity::new(disturbance))
+        .map(|model| {
+            if kind == kinds[1] {
+                model.in_plane()
+            } else {
+                model
+            }
+        })
         .map(Motion::ConstantVelocity);
     motion.finish();
     model
-}
-
-fn read_start(table: &Table, cameras: &[String]) -> Option<Located<Start>> {
-    let (kind, start) = kind_of(table, "start", &["gaussian", "pixel"])?;
-    let read = if kind == "gaussian" {
-        read_gaussian(&start)
-    } else {
-        read_pixel(&start, cameras)
-    };
-    start.finish();
-    read
-}
-
-fn read_gaussian(table: &Table) -> Option<Located<Start>> {
-    let position_m = table.required("position_m");
-    let position_sigma_m = table.or("position_sigma_m", PerAxis([0.1; 3])).0;
-    let velocity_mps = table.or("velocity_mps", [0.0; 3]);
-    let velocity_sigma_mps = table.or("velocity_sigma_mps", PerAxis([0.5; 3])).0;
-    let start = GaussianStart {
-        position_m: position_m?,
-        position_sigma_m,
-        velocity_mps,
-        velocity_sigma_mps,
-    };
-    table.checked(
-        start
-            .check()
-            .map(|()| table.at("position_m", Start::Gaussian(start))),
-    )
-}
-
-fn read_pixel(table: &Table, cameras: &[String]) -> Option<Located<Start>> {
-    let pixel = table.required("pixel");
-    let camera: Option<String> = if cameras.len() == 1 {
-        Some(table.or("camera", cameras[0].clone()))
-    } else {
-        table.required("camera")
-    };
-    let pixel_sigma_px = table.or("pixel_sigma_px", 3.0);
-    let min_range_m = table.or("min_range_m", 0.3);
-    let max_range_m = table.or("max_range_m", 8.0);
-    let ground_z_m = table.or("ground_z_m", 0.0);
-    let ray_particles = table.or("ray_particles", 2000);
-    let position_sigma_m = table.or("position_sigma_m", PerAxis([0.1; 3])).0;
-    let velocity_sigma_mps = table.or("velocity_sigma_mps", PerAxis([0.5; 3])).0;
-    let camera = camera?;
-    let Some(camera_number) = cameras.iter().position(|name| *name == camera) else {
-        table.problem(
-            "camera",
-            format!("is \"{camera}\"; allowed: {}", cameras.join(", ")),
-        );
-        return None;
-    };
-    let start = PixelStart {
-        camera: camera_number,
-        pixel: pixel?,
-        pixel_sigma_px,
-        min_range_m,
-        max_range_m,
-        ground_z_m,
-        ray_particles,
-        position_sigma_m,
-        velocity_sigma_mps,
-    };
-    table.checked(
-        start
-            .check()
-            .map(|()| table.at("pixel", Start::Pixel(start))),
-    )
 }

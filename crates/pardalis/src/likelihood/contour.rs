@@ -4,11 +4,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Likelihood;
-use crate::camera::{Mask, Projection, with_model};
+use super::boundary::{Sampling, ScaledSampling, SplineBasis, normals_by_neighbours};
+use super::outline::{Coordinates, LANES, OutlineKernel, Points, Projector};
+use crate::camera::Mask;
 use crate::color::{ColorModel, Palette};
 use crate::frame::with_pixels;
 use crate::particles::Particles;
-use crate::shape::{OutlineCircle, Shape, SphereOutline};
+use crate::shape::Shape;
 use crate::simd::Level;
 use crate::view::{Evidence, View};
 use crate::{Error, Frame};
@@ -16,12 +18,10 @@ use crate::{Error, Frame};
 /// Parameters of the contour cue.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ContourSettings {
-    /// The inner contour is the outline of the shape scaled by this, below 1.
-    pub inner_scale: f64,
-    /// The outer contour is the outline of the shape scaled by this, above 1.
-    pub outer_scale: f64,
-    /// Points on each contour.
+    /// Points on the outline.
     pub points: usize,
+    /// How the points on either side of it are found.
+    pub sampling: Sampling,
     /// κ: how much more the difference between inside and outside counts than the likeness of inside and model.
     pub kappa: f64,
     /// b of the Laplacian exp(−D/b).
@@ -29,12 +29,15 @@ pub struct ContourSettings {
 }
 
 impl Default for ContourSettings {
-    /// The paper's offline settings.
+    /// The paper's offline settings for a ball.
     fn default() -> Self {
         Self {
-            inner_scale: 0.9,
-            outer_scale: 1.1,
             points: 50,
+            sampling: Sampling::Scaled(ScaledSampling {
+                inner_scale: 0.9,
+                outer_scale: 1.1,
+                overlap: None,
+            }),
             kappa: 1.5,
             b: 1.0 / 30.0,
         }
@@ -42,18 +45,30 @@ impl Default for ContourSettings {
 }
 
 impl ContourSettings {
+    /// The default for a shape: the paper's offline settings for balls and for robots (sections 6.1 and 6.1.2).
+    pub fn of_shape(shape: &Shape) -> Self {
+        let ball = Self::default();
+        match shape {
+            Shape::Sphere(_) => ball,
+            Shape::Upright(_) => Self {
+                points: 120,
+                sampling: Sampling::Scaled(ScaledSampling {
+                    inner_scale: 0.75,
+                    outer_scale: 1.25,
+                    overlap: None,
+                }),
+                ..ball
+            },
+        }
+    }
+
     /// Refuses what makes no contour.
     pub fn check(&self) -> Result<(), Error> {
         let fail = |name, value: f64, allowed| Err(Error::out_of_range(name, value, allowed));
-        if !(self.inner_scale > 0.0 && self.inner_scale < 1.0) {
-            return fail("inner_scale", self.inner_scale, "above 0 and below 1");
-        }
-        if !(self.outer_scale > 1.0 && self.outer_scale <= 10.0) {
-            return fail("outer_scale", self.outer_scale, "above 1 and at most 10");
-        }
         if !(3..=10_000).contains(&self.points) {
             return fail("points", self.points as f64, "3 to 10000");
         }
+        self.sampling.check(self.points)?;
         if !(self.kappa >= 0.0 && self.kappa <= 1e6) {
             return fail("kappa", self.kappa, "0 to 1e6");
         }
@@ -77,8 +92,6 @@ impl ContourSettings {
     }
 }
 
-/// Particles a block: the lanes of the projection kernel.
-const LANES: usize = 16;
 /// Particles whose points are counted side by side: counting waits for memory, and one waits while the other counts.
 const ABREAST: usize = 4;
 /// Rows apart in the number of a pixel, where look-ups need both its coordinates.
@@ -95,14 +108,16 @@ const NO_PIXEL: u32 = u32::MAX;
 #[derive(Debug)]
 pub struct ContourCue {
     settings: ContourSettings,
-    shape: Shape,
+    /// Points on either side of the outline.
+    samples: usize,
+    outline: OutlineKernel,
+    /// Only where a spline is fitted.
+    spline: Option<SplineBasis>,
     palette: Palette,
     /// √h of the colour model, and 0 for the bin of points without a pixel.
     sqrt_model: Vec<f32>,
-    /// √n for n up to the number of points.
+    /// √n for n up to the number of samples.
     square_roots: Vec<f32>,
-    /// Cosine and sine of each contour point's angle.
-    angles: Vec<(f32, f32)>,
     scratch: Vec<Scratch>,
     /// The bin of every pixel of the camera at hand, row by row, or the bin of points without a pixel where it is masked. Empty where the
     /// particles are so few that each looks up the frame itself.
@@ -113,6 +128,11 @@ pub struct ContourCue {
 /// Buffers of one piece of work.
 #[derive(Debug, Clone)]
 struct Scratch {
+    /// Outlines in the camera's frame and in the image, their normals, and the control points of their splines.
+    points: Vec<Points>,
+    coordinates: Vec<Coordinates>,
+    normals: Vec<Coordinates>,
+    control: Vec<Coordinates>,
     /// Pixels of the inner contours, then of the outer: `y * stride + x` or [`NO_PIXEL`], point by point, a lane a particle.
     pixels: Vec<[u32; LANES]>,
     /// Bins of the inner points of a few particles, then of their outer.
@@ -133,9 +153,15 @@ impl ContourCue {
     ) -> Result<Self, Error> {
         settings.check()?;
         let points = settings.points;
+        let samples = settings.sampling.samples(points);
         Ok(Self {
             settings,
-            shape,
+            samples,
+            outline: OutlineKernel::new(shape, points),
+            spline: match settings.sampling {
+                Sampling::Scaled(_) => None,
+                Sampling::Spline(spline) => Some(SplineBasis::new(points, spline.control_points)),
+            },
             palette: colors.palette(),
             sqrt_model: colors
                 .histogram()
@@ -144,13 +170,7 @@ impl ContourCue {
                 .map(|h| h.sqrt() as f32)
                 .chain([0.0])
                 .collect(),
-            square_roots: (0..=points).map(|n| (n as f64).sqrt() as f32).collect(),
-            angles: (0..points)
-                .map(|k| {
-                    let (sin, cos) = libm::sincos(k as f64 / points as f64 * std::f64::consts::TAU);
-                    (cos as f32, sin as f32)
-                })
-                .collect(),
+            square_roots: (0..=samples).map(|n| (n as f64).sqrt() as f32).collect(),
             scratch: Vec::new(),
             binned: Vec::new(),
             level,
@@ -205,15 +225,24 @@ impl ContourCue {
     fn add_camera(&mut self, evidence: &Evidence, [x, y, z]: [&[f32]; 3], out: &mut [f32]) {
         let chunks = out.len().div_ceil(CHUNK);
         if self.scratch.len() < chunks {
+            let (no_coordinates, points) = ([[0.0; LANES]; 2], self.settings.points);
+            let control_points = match self.settings.sampling {
+                Sampling::Scaled(_) => 0,
+                Sampling::Spline(spline) => spline.control_points,
+            };
             let empty = Scratch {
-                pixels: vec![[NO_PIXEL; LANES]; 2 * self.settings.points],
-                bins: vec![[0; ABREAST]; 2 * self.settings.points],
+                points: vec![[[0.0; LANES]; 3]; points],
+                coordinates: vec![no_coordinates; points],
+                normals: vec![no_coordinates; points],
+                control: vec![no_coordinates; control_points],
+                pixels: vec![[NO_PIXEL; LANES]; 2 * self.samples],
+                bins: vec![[0; ABREAST]; 2 * self.samples],
                 inner_counts: vec![[0; ABREAST]; self.palette.bin_count() + 1],
                 outer_counts: vec![[0; ABREAST]; self.palette.bin_count() + 1],
             };
             self.scratch.resize(chunks, empty);
         }
-        self.bin_image(evidence, 2 * self.settings.points * out.len());
+        self.bin_image(evidence, 2 * self.samples * out.len());
         let mut scratch = std::mem::take(&mut self.scratch);
         let this = &*self;
         let work = |(chunk, (out, scratch)): (usize, (&mut [f32], &mut Scratch))| {
@@ -270,7 +299,8 @@ impl ContourCue {
         } else {
             width as u32
         };
-        let projector = Projector::new(evidence.view(), stride);
+        let projector = Projector::new(evidence.view());
+        let raster = Raster::new(evidence.view(), stride);
         let table = evidence.table(self.palette);
         let no_bin = self.palette.bin_count() as u16;
         for start in (0..out.len()).step_by(LANES) {
@@ -279,7 +309,7 @@ impl ContourCue {
             for (center, column) in centers.iter_mut().zip([x, y, z]) {
                 center[..lanes].copy_from_slice(&column[start..start + lanes]);
             }
-            self.find_pixels(evidence.view(), &projector, &centers, &mut scratch.pixels);
+            self.find_pixels(&projector, raster, &centers, scratch);
             let out = &mut out[start..start + lanes];
             if self.binned.is_empty() {
                 Self::close_masked(evidence.view(), &mut scratch.pixels);
@@ -299,26 +329,108 @@ impl ContourCue {
         }
     }
 
-    /// Writes the pixels of both contours of a block of particles, as `y * stride + x`.
+    /// Writes the pixels on either side of the outlines of a block of particles.
     fn find_pixels(
         &self,
-        view: &View,
         projector: &Projector,
-        centers: &[[f32; LANES]; 3],
-        pixels: &mut [[u32; LANES]],
+        raster: Raster,
+        positions: &[[f32; LANES]; 3],
+        scratch: &mut Scratch,
     ) {
-        let Shape::Sphere(sphere) = self.shape;
-        let (inner, outer) = pixels.split_at_mut(self.settings.points);
-        with_model!(view.camera(), model => {
-            let model = model.to_f32();
-            for (scale, pixels) in [(self.settings.inner_scale, inner), (self.settings.outer_scale, outer)] {
-                let radius = (scale * sphere.radius_m) as f32;
-                self.level.run(
+        let level = self.level;
+        let Scratch {
+            points,
+            coordinates,
+            normals,
+            control,
+            pixels,
+            ..
+        } = scratch;
+        let (inner, outer) = pixels.split_at_mut(self.samples);
+        match &self.settings.sampling {
+            Sampling::Scaled(scaled) => {
+                for (scale, pixels) in [
+                    (scaled.inner_scale, &mut *inner),
+                    (scaled.outer_scale, outer),
+                ] {
+                    self.outline
+                        .project(level, projector, positions, scale, points, coordinates);
+                    level.run(
+                        #[inline(always)]
+                        || raster.write_pixels(coordinates, pixels),
+                    );
+                }
+                let Some(overlap) = scaled.overlap else {
+                    return;
+                };
+                let mut spread = [false; LANES];
+                level.run(
                     #[inline(always)]
-                    || projector.project_circles(&model, centers, radius, sphere.outline, &self.angles, pixels),
+                    || spread = overlaps(inner, outer, overlap.max_share as f32),
+                );
+                if spread.contains(&true) {
+                    self.outline
+                        .project(level, projector, positions, 1.0, points, coordinates);
+                    let distance_px = overlap.distance_px as f32;
+                    level.run(
+                        #[inline(always)]
+                        || {
+                            normals_by_neighbours(coordinates, normals);
+                            raster.write_along_normals(
+                                coordinates,
+                                normals,
+                                -distance_px,
+                                &spread,
+                                inner,
+                            );
+                            raster.write_along_normals(
+                                coordinates,
+                                normals,
+                                distance_px,
+                                &spread,
+                                outer,
+                            );
+                        },
+                    );
+                }
+            }
+            Sampling::Spline(spline) => {
+                let basis = self.spline.as_ref().expect("made with the settings");
+                self.outline
+                    .project(level, projector, positions, 1.0, points, coordinates);
+                level.run(
+                    #[inline(always)]
+                    || {
+                        basis.fit(coordinates, control);
+                        let origin = coordinates[0];
+                        basis.trace(&origin, control, coordinates, normals);
+                        let steps = usize::from(!spline.middle)..=spline.steps;
+                        let sides = inner
+                            .chunks_mut(self.settings.points)
+                            .zip(outer.chunks_mut(self.settings.points));
+                        for (step, (inner, outer)) in steps.zip(sides) {
+                            let distance_px =
+                                (spline.reach_px * step as f64 / spline.steps as f64) as f32;
+                            let all = [true; LANES];
+                            raster.write_along_normals(
+                                coordinates,
+                                normals,
+                                -distance_px,
+                                &all,
+                                inner,
+                            );
+                            raster.write_along_normals(
+                                coordinates,
+                                normals,
+                                distance_px,
+                                &all,
+                                outer,
+                            );
+                        }
+                    },
                 );
             }
-        });
+        }
     }
 
     /// Takes the evidence from the pixels that the mask closes.
@@ -340,6 +452,7 @@ impl ContourCue {
             bins,
             inner_counts,
             outer_counts,
+            ..
         } = scratch;
         for (group, out) in out.chunks_mut(ABREAST).enumerate() {
             for (pixels, bins) in pixels.iter().zip(&mut *bins) {
@@ -347,7 +460,7 @@ impl ContourCue {
                     *bin = bin_at(pixels[group * ABREAST + i]);
                 }
             }
-            let (inner, outer) = bins.split_at(self.settings.points);
+            let (inner, outer) = bins.split_at(self.samples);
             let log_likelihoods = self.log_likelihoods(inner, outer, inner_counts, outer_counts);
             for (out, log_likelihood) in out.iter_mut().zip(log_likelihoods) {
                 *out += log_likelihood;
@@ -367,7 +480,7 @@ impl ContourCue {
         inner_counts: &mut [[u16; ABREAST]],
         outer_counts: &mut [[u16; ABREAST]],
     ) -> [f32; ABREAST] {
-        let points = self.settings.points;
+        let samples = self.samples;
         let no_bin = self.palette.bin_count();
         for (inner, outer) in inner.iter().zip(outer) {
             for i in 0..ABREAST {
@@ -375,7 +488,7 @@ impl ContourCue {
                 outer_counts[usize::from(outer[i])][i] += 1;
             }
         }
-        let seen = |unseen: [u16; ABREAST]| unseen.map(|n| points - usize::from(n));
+        let seen = |unseen: [u16; ABREAST]| unseen.map(|n| samples - usize::from(n));
         let inner_seen = seen(std::mem::take(&mut inner_counts[no_bin]));
         let outer_seen = seen(outer_counts[no_bin]);
         let root = |n: u16| self.square_roots[usize::from(n)];
@@ -395,7 +508,7 @@ impl ContourCue {
             }
         }
         std::array::from_fn(|i| {
-            if 2 * inner_seen[i] < points || 2 * outer_seen[i] < points {
+            if 2 * inner_seen[i] < samples || 2 * outer_seen[i] < samples {
                 return self.settings.background_log_likelihood() as f32;
             }
             let sqrt_inner = self.square_roots[inner_seen[i]];
@@ -407,10 +520,29 @@ impl ContourCue {
     }
 }
 
-/// A camera's pose and image size in single precision.
-struct Projector {
-    rotation: [[f32; 3]; 3],
-    translation: [f32; 3],
+/// Which inner contours share more than this part of their pixels with the outer ones.
+#[inline(always)]
+fn overlaps(inner: &[[u32; LANES]], outer: &[[u32; LANES]], max_share: f32) -> [bool; LANES] {
+    let (mut shared, mut valid) = ([0_u32; LANES], [0_u32; LANES]);
+    for inner in inner {
+        let mut found = [0_u32; LANES];
+        for outer in outer {
+            for lane in 0..LANES {
+                found[lane] |= u32::from(inner[lane] == outer[lane]);
+            }
+        }
+        for lane in 0..LANES {
+            let is_pixel = u32::from(inner[lane] != NO_PIXEL);
+            shared[lane] += found[lane] & is_pixel;
+            valid[lane] += is_pixel;
+        }
+    }
+    std::array::from_fn(|lane| shared[lane] as f32 > max_share * valid[lane] as f32)
+}
+
+/// The pixels of an image by their coordinates.
+#[derive(Clone, Copy)]
+struct Raster {
     /// Pixels up to these coordinates lie in the image.
     last_u_px: f32,
     last_v_px: f32,
@@ -418,63 +550,48 @@ struct Projector {
     stride: u32,
 }
 
-impl Projector {
+impl Raster {
     fn new(view: &View, stride: u32) -> Self {
-        let pose = view.camera_from_world();
         let (width, height) = view.size();
         Self {
-            rotation: [0, 1, 2].map(|i| [0, 1, 2].map(|j| pose.rotation[(i, j)] as f32)),
-            translation: [0, 1, 2].map(|i| pose.translation.vector[i] as f32),
             last_u_px: width as f32 - 0.5,
             last_v_px: height as f32 - 0.5,
             stride,
         }
     }
 
-    /// Projects the outlines of spheres around `centers` in the world. Lanes are particles; plain loops that the compiler vectorises.
+    /// `y * stride + x` of the pixel at these coordinates; [`NO_PIXEL`] outside the image.
     #[inline(always)]
-    fn project_circles<P: Projection<f32>>(
-        &self,
-        model: &P,
-        centers: &[[f32; LANES]; 3],
-        radius: f32,
-        outline: SphereOutline,
-        angles: &[(f32, f32)],
-        pixels: &mut [[u32; LANES]],
-    ) {
-        let mut center = [[0_f32; LANES]; 3];
-        let mut a = [[0_f32; LANES]; 3];
-        let mut b = [[0_f32; LANES]; 3];
-        let mut outside = [false; LANES];
-        for lane in 0..LANES {
-            let [x, y, z] = [centers[0][lane], centers[1][lane], centers[2][lane]];
-            let in_camera = |i: usize| {
-                let [r0, r1, r2] = self.rotation[i];
-                r0 * x + r1 * y + r2 * z + self.translation[i]
-            };
-            let (circle, is_outside) = OutlineCircle::of_sphere(
-                [in_camera(0), in_camera(1), in_camera(2)],
-                radius,
-                outline,
-            );
-            outside[lane] = is_outside;
-            for axis in 0..3 {
-                center[axis][lane] = circle.center[axis];
-                a[axis][lane] = circle.a[axis];
-                b[axis][lane] = circle.b[axis];
+    fn pixel(self, u: f32, v: f32) -> u32 {
+        let inside = (u > -0.5) & (u < self.last_u_px) & (v > -0.5) & (v < self.last_v_px);
+        let pixel = rounded(v) * self.stride + rounded(u);
+        if inside { pixel } else { NO_PIXEL }
+    }
+
+    #[inline(always)]
+    fn write_pixels(self, coordinates: &[Coordinates], pixels: &mut [[u32; LANES]]) {
+        for ([u, v], pixels) in coordinates.iter().zip(pixels) {
+            for lane in 0..LANES {
+                pixels[lane] = self.pixel(u[lane], v[lane]);
             }
         }
-        for (&(cos, sin), pixels) in angles.iter().zip(pixels) {
+    }
+
+    /// Writes the pixels at this distance from the outlines, for the lanes that are chosen.
+    #[inline(always)]
+    fn write_along_normals(
+        self,
+        outline: &[Coordinates],
+        normals: &[Coordinates],
+        distance_px: f32,
+        chosen: &[bool; LANES],
+        pixels: &mut [[u32; LANES]],
+    ) {
+        for ((point, normal), pixels) in outline.iter().zip(normals).zip(pixels) {
             for lane in 0..LANES {
-                let at = |i: usize| center[i][lane] + cos * a[i][lane] + sin * b[i][lane];
-                let ([u, v], valid) = model.project([at(0), at(1), at(2)]);
-                let inside = (u > -0.5) & (u < self.last_u_px) & (v > -0.5) & (v < self.last_v_px);
-                let pixel = rounded(v) * self.stride + rounded(u);
-                pixels[lane] = if valid & inside & outside[lane] {
-                    pixel
-                } else {
-                    NO_PIXEL
-                };
+                let at = |axis: usize| point[axis][lane] + distance_px * normal[axis][lane];
+                let pixel = self.pixel(at(0), at(1));
+                pixels[lane] = if chosen[lane] { pixel } else { pixels[lane] };
             }
         }
     }

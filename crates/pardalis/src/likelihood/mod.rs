@@ -1,7 +1,10 @@
 //! Cues: how likely the images are, given where a particle says the target is.
 
+mod boundary;
 mod contour;
+mod outline;
 
+pub use boundary::{Overlap, Sampling, ScaledSampling, SplineSampling};
 pub use contour::{ContourCue, ContourSettings};
 
 use crate::particles::Particles;

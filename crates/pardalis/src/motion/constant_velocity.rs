@@ -26,6 +26,8 @@ pub enum Disturbance {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConstantVelocity {
     disturbance: Disturbance,
+    /// Whether the target stays at the height of its start and has no vertical velocity.
+    planar: bool,
 }
 
 /// Particles a piece of work for one thread.
@@ -37,6 +39,7 @@ impl ConstantVelocity {
         disturbance: Disturbance::White {
             acceleration_density_m2ps3: 100.0,
         },
+        planar: false,
     };
 
     /// The number of columns.
@@ -55,7 +58,23 @@ impl ConstantVelocity {
         if !(0.0..=1e9).contains(&value) {
             return Err(Error::out_of_range(name, value, "0 to 1e9"));
         }
-        Ok(Self { disturbance })
+        Ok(Self {
+            disturbance,
+            planar: false,
+        })
+    }
+
+    /// The same in a horizontal plane: the state is x, y, vx, vy, the height that of the start (Taiana 2007, section 6.1.2).
+    pub fn in_plane(self) -> Self {
+        Self {
+            planar: true,
+            ..self
+        }
+    }
+
+    /// Whether the height is fixed.
+    pub fn is_planar(&self) -> bool {
+        self.planar
     }
 
     /// How accelerations disturb the state.
@@ -95,6 +114,7 @@ impl ConstantVelocity {
     ) {
         let gains = self.noise_gains(dt_s).map(|g| g as f32);
         let dt_s = dt_s as f32;
+        let axes = if self.planar { 2 } else { 3 };
         let [x, y, z, vx, vy, vz] = particles.columns_mut() else {
             unreachable!("a constant velocity filter has {} columns", Self::COLUMNS)
         };
@@ -115,8 +135,10 @@ impl ConstantVelocity {
                 let first = (chunk * CHUNK) as u32;
                 let rows = normals.each_mut().map(|row| &mut row[..count]);
                 draws.fill_normals(level, first, observation, Stage::Motion, rows);
-                for (axis, (position, velocity)) in
-                    [(x, vx), (y, vy), (z, vz)].into_iter().enumerate()
+                for (axis, (position, velocity)) in [(x, vx), (y, vy), (z, vz)]
+                    .into_iter()
+                    .take(axes)
+                    .enumerate()
                 {
                     let (n1, n2) = (&normals[axis], &normals[axis + 3]);
                     for i in 0..count {
@@ -205,6 +227,28 @@ mod tests {
                     / count as f64;
                 assert!((cross / pv - 1.0).abs() < 0.03, "{cross} {pv}");
             }
+        }
+    }
+
+    #[test]
+    fn in_a_plane_height_and_its_velocity_never_change() {
+        let space = ConstantVelocity::DEFAULT;
+        let plane = space.in_plane();
+        assert!(plane.is_planar() && !space.is_planar());
+        let mut particles = [(); 2].map(|()| Particles::new(2000, ConstantVelocity::COLUMNS));
+        for (particles, model) in particles.iter_mut().zip([space, plane]) {
+            particles.columns_mut()[2].fill(0.3);
+            for observation in 0..3 {
+                model.propagate(particles, 0.1, Draws::new(5, 0), observation, Level::best());
+            }
+        }
+        let [space, plane] = &particles;
+        assert!(plane.columns()[2].iter().all(|&z| z == 0.3));
+        assert!(plane.columns()[5].iter().all(|&vz| vz == 0.0));
+        assert!(space.columns()[2].iter().any(|&z| z != 0.3));
+        // The other axes move as they do in space.
+        for column in [0, 1, 3, 4] {
+            assert_eq!(space.columns()[column], plane.columns()[column]);
         }
     }
 

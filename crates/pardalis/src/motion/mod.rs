@@ -30,6 +30,13 @@ impl Motion {
         }
     }
 
+    /// Whether the height is fixed: particles then start at one height, without vertical velocity.
+    pub fn is_planar(&self) -> bool {
+        match self {
+            Self::ConstantVelocity(model) => model.is_planar(),
+        }
+    }
+
     /// Moves every particle by `dt_s` seconds. The noise is a function of the draws' key, the observation's number and the particle's.
     pub fn propagate(
         &self,
@@ -46,7 +53,7 @@ impl Motion {
         }
     }
 
-    /// The variance, on each axis, that the noise adds to the position over `dt_s` seconds, in m².
+    /// The variance, on each axis along which the target may move, that the noise adds to the position over `dt_s` seconds, in m².
     pub fn position_variance_m2(&self, dt_s: f64) -> f64 {
         match self {
             Self::ConstantVelocity(model) => model.noise_gains(dt_s)[0].powi(2),

@@ -126,8 +126,16 @@ impl<const N: usize> Real for Dual<N> {
         let (sin, cos) = Real::sin_cos(self.value);
         (self.chain(sin, cos), self.chain(cos, -sin))
     }
+    fn sin_cos_turns(self) -> (Self, Self) {
+        let (sin, cos) = Real::sin_cos_turns(self.value);
+        let turn = std::f64::consts::TAU;
+        (self.chain(sin, turn * cos), self.chain(cos, -turn * sin))
+    }
     fn signum(self) -> Self {
         Self::constant(Real::signum(self.value))
+    }
+    fn floor(self) -> Self {
+        Self::constant(Real::floor(self.value))
     }
 }
 
@@ -138,7 +146,12 @@ mod tests {
     /// Everything that a number can do, in one formula of two variables.
     fn formula<R: Real>(x: R, y: R) -> R {
         let (sin, cos) = (x * y).sin_cos();
-        (x / y + sin * cos).abs().sqrt() * (y - x).atan2(x) - -x * (x - y).signum()
+        let (sine, cosine) = (x + y).sin_cos_turns();
+        (x / y + sin * cos + sine - cosine * (x - x.floor()))
+            .abs()
+            .sqrt()
+            * (y - x).atan2(x)
+            - -x * (x - y).signum()
     }
 
     #[test]

@@ -35,8 +35,12 @@ pub trait Real:
     fn atan2(self, x: Self) -> Self;
     /// Sine and cosine of an angle in radians.
     fn sin_cos(self) -> (Self, Self);
+    /// Sine and cosine of an angle in full turns.
+    fn sin_cos_turns(self) -> (Self, Self);
     /// `magnitude` 1 with the sign of `self`.
     fn signum(self) -> Self;
+    /// The greatest whole number that is not greater.
+    fn floor(self) -> Self;
 }
 
 impl Real for f64 {
@@ -62,9 +66,16 @@ impl Real for f64 {
     fn sin_cos(self) -> (Self, Self) {
         libm::sincos(self)
     }
+    fn sin_cos_turns(self) -> (Self, Self) {
+        libm::sincos(self * std::f64::consts::TAU)
+    }
     #[inline(always)]
     fn signum(self) -> Self {
         1_f64.copysign(self)
+    }
+    #[inline(always)]
+    fn floor(self) -> Self {
+        f64::floor(self)
     }
 }
 
@@ -93,8 +104,16 @@ impl Real for f32 {
         libm::sincosf(self)
     }
     #[inline(always)]
+    fn sin_cos_turns(self) -> (Self, Self) {
+        sin_cos_turns_f32(self - self.floor())
+    }
+    #[inline(always)]
     fn signum(self) -> Self {
         1_f32.copysign(self)
+    }
+    #[inline(always)]
+    fn floor(self) -> Self {
+        f32::floor(self)
     }
 }
 
@@ -153,7 +172,7 @@ pub(crate) fn ln_f32(x: f32) -> f32 {
     s * p + e as f32 * std::f32::consts::LN_2
 }
 
-/// Sine and cosine of `turns` full turns, for `turns` in 0..1, within 2e-7, without branches.
+/// Sine and cosine of `turns` full turns, for `turns` from 0 to 1, within 2e-7, without branches.
 #[inline(always)]
 pub(crate) fn sin_cos_turns_f32(turns: f32) -> (f32, f32) {
     let quadrant = (turns * 4.0 + 0.5) as i32;

@@ -1,8 +1,13 @@
 //! Shapes of targets, and their outlines as seen by a camera.
 
 mod sphere;
+mod upright;
 
 pub use sphere::{OutlineCircle, Sphere, SphereOutline};
+pub(crate) use upright::{Place, Seen, Sides, SidesKind};
+pub use upright::{Section, Upright, UprightOutline};
+
+use nalgebra::Point3;
 
 use crate::camera::Camera;
 use crate::rig::Pose;
@@ -12,13 +17,16 @@ use crate::rig::Pose;
 pub enum Shape {
     /// A ball.
     Sphere(Sphere),
+    /// A cylinder or prism whose axis is vertical: a robot, a post.
+    Upright(Upright),
 }
 
 impl Shape {
-    /// Its largest width in metres.
+    /// Its largest width in metres; that of an upright body across its axis.
     pub fn diameter_m(&self) -> f64 {
         match self {
             Self::Sphere(sphere) => 2.0 * sphere.radius_m,
+            Self::Upright(upright) => upright.width_m(),
         }
     }
 
@@ -32,11 +40,12 @@ impl Shape {
         scale: f64,
         count: usize,
     ) -> Vec<Option<[f64; 2]>> {
+        let viewpoint = Point3::from(camera.viewpoint_m());
         match self {
             Self::Sphere(sphere) => {
-                let center = camera_from_world * nalgebra::Point3::from(position_in_world_m);
+                let center = camera_from_world * Point3::from(position_in_world_m);
                 let (circle, outside) = OutlineCircle::of_sphere(
-                    center.into(),
+                    (center - viewpoint).into(),
                     scale * sphere.radius_m,
                     sphere.outline,
                 );
@@ -44,9 +53,21 @@ impl Shape {
                     .map(|i| {
                         let angle = i as f64 / count as f64 * std::f64::consts::TAU;
                         let (sin, cos) = libm::sincos(angle);
-                        outside
-                            .then(|| camera.project(circle.point(cos, sin)))
-                            .flatten()
+                        let point = Point3::from(circle.point(cos, sin)) + viewpoint.coords;
+                        outside.then(|| camera.project(point.into())).flatten()
+                    })
+                    .collect()
+            }
+            Self::Upright(upright) => {
+                let viewpoint = camera_from_world.inverse() * viewpoint;
+                let sides = upright.sides(scale);
+                let (seen, outside) = sides.seen_from(position_in_world_m, viewpoint.into());
+                upright
+                    .places(count)
+                    .iter()
+                    .map(|place| {
+                        let point = camera_from_world * Point3::from(sides.point(&seen, place));
+                        outside.then(|| camera.project(point.into())).flatten()
                     })
                     .collect()
             }

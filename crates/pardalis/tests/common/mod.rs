@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use image::RgbImage;
 use pardalis::camera::{Camera, Equidistant};
 use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
-use pardalis::filter::{FilterSettings, GaussianStart};
+use pardalis::filter::FilterSettings;
+use pardalis::gaussian::{GaussianStart, diagonal_m2};
 use pardalis::likelihood::ContourSettings;
 use pardalis::motion::{ConstantVelocity, Disturbance, Motion};
 use pardalis::resample::Resampling;
@@ -26,7 +27,7 @@ pub(crate) const RADIUS_M: f64 = 0.11;
 /// Where the ball is in the first frames, metres.
 pub(crate) const FIRST_POSITION_M: [f64; 3] = [1.35, -1.25, 0.62];
 
-fn data(path: &str) -> PathBuf {
+pub(crate) fn data(path: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("../../data")
         .join(path)
@@ -159,7 +160,7 @@ pub(crate) fn ball_filter(particle_count: usize) -> FilterSettings {
 pub(crate) fn ball_start() -> GaussianStart {
     GaussianStart {
         position_m: FIRST_POSITION_M,
-        position_sigma_m: [0.1; 3],
+        covariance_m2: diagonal_m2([0.1; 3]),
         velocity_mps: [0.0; 3],
         velocity_sigma_mps: [0.5; 3],
     }

@@ -1,0 +1,206 @@
+//! `pardalis locate`: single images, without dynamics.
+
+mod starts;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::Estimate;
+use pardalis::config::Scene;
+use pardalis::tracker::{PASSES_SIGMA_M, check_passes};
+
+use crate::fault::fault;
+use crate::say::say;
+use crate::scene;
+use crate::tracking::{self, FrameSet, Options, Output, Run};
+pub(crate) use starts::StartsFrom;
+use starts::{Starts, parse_pixel};
+
+/// Locates the targets of a scene in single images
+///
+/// Each image is taken on its own: no time passes between images, nothing moves. Particles are drawn around the start, weighed, and
+/// drawn anew, closer and closer, around the mean of the pass before; the mean of the last is the answer. A start that is a clicked pixel is
+/// first searched for along its ray, to the ground. Writes into a folder: tracks.csv (a row an image and target, without
+/// velocities) and summary.json.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  pardalis locate ball.toml                          the scene's images, each from the scene's start
+  pardalis locate ball.toml a.jpg b.jpg --at 412,96  these images, the ball near that pixel
+  pardalis locate ball.toml --starts data/catadioptric-static/truth.csv
+  pardalis locate ball.toml --clicks clicks.csv --annotate -o located")]
+pub(crate) struct Arguments {
+    /// The scene file, with camera, target and start
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Images in place of the scene's, for scenes with one camera
+    #[arg(value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+    #[command(flatten)]
+    starts: StartOptions,
+    /// The standard deviation of the particles' positions around the start in metres, in each pass
+    #[arg(long, value_name = "SIGMA,...", value_delimiter = ',', default_values_t = PASSES_SIGMA_M)]
+    passes_m: Vec<f64>,
+    /// The folder for the results, or - for the rows alone on standard output [default: the scene's name with -located]
+    #[arg(short, long, value_name = "FOLDER|-")]
+    output: Option<PathBuf>,
+    /// Takes the place of the scene's seed
+    #[arg(long)]
+    seed: Option<u32>,
+    /// Threads to work with; results do not depend on it [default: one a core]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Also writes every image with contours and particles drawn in
+    #[arg(long)]
+    annotate: bool,
+}
+
+/// Where the targets are looked for, in place of the scene's start.
+#[derive(Debug, clap::Args)]
+struct StartOptions {
+    /// A pixel near the middle of the target, the same in all images
+    #[arg(long, value_name = "U,V", value_parser = parse_pixel, conflicts_with_all = ["starts", "clicks"])]
+    at: Option<[f64; 2]>,
+    /// A table with a rough position for each image: columns frame,x_m,y_m,z_m, as truth.csv has them
+    ///
+    /// Frames count the images of the scene's folder from 0, or those of the command line.
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "clicks")]
+    starts: Option<PathBuf>,
+    /// A table with a pixel near the middle of the target for each image: columns frame,u_px,v_px, and camera where there are several
+    #[arg(long, value_name = "FILE.csv")]
+    clicks: Option<PathBuf>,
+    /// Whose rows to take where the table's column `object` has several names [default: the target's name]
+    #[arg(long, value_name = "NAME")]
+    object: Option<String>,
+}
+
+impl StartOptions {
+    fn from(&self) -> Result<StartsFrom> {
+        let object = self.object.clone();
+        let from = match (&self.at, &self.starts, &self.clicks) {
+            (Some(pixel), ..) => StartsFrom::Pixel(*pixel),
+            (_, Some(file), _) => return Ok(StartsFrom::Positions(file.clone(), object)),
+            (.., Some(file)) => return Ok(StartsFrom::Clicks(file.clone(), object)),
+            _ => StartsFrom::Scene,
+        };
+        match object {
+            None => Ok(from),
+            Some(name) => Err(fault!(
+                "--object {name}: says whose rows of a table to take; give --starts or --clicks beside it"
+            )),
+        }
+    }
+}
+
+/// What is located from where.
+#[derive(Debug, Clone)]
+pub(crate) struct Settings {
+    /// Images in place of the scene's; empty for the scene's own.
+    pub(crate) stills: Vec<PathBuf>,
+    /// Where the targets are looked for.
+    pub(crate) starts: StartsFrom,
+    /// Standard deviation around the start in each pass, metres.
+    pub(crate) passes_m: Vec<f64>,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let output = match &arguments.output {
+        Some(path) if path.as_os_str() == "-" => Output::Stdout,
+        Some(folder) => Output::Folder(folder.clone()),
+        None => {
+            let stem = arguments.scene.file_stem().unwrap_or_default();
+            Output::Folder(PathBuf::from(format!("{}-located", stem.to_string_lossy())))
+        }
+    };
+    let to_stdout = output == Output::Stdout;
+    let options = Options {
+        output,
+        seed: arguments.seed,
+        threads: arguments.threads.map(usize::from),
+        annotate: arguments.annotate,
+        plots: false,
+        progress: true,
+    };
+    let settings = Settings {
+        stills: arguments.images.clone(),
+        starts: arguments.starts.from()?,
+        passes_m: arguments.passes_m.clone(),
+    };
+    let scene = scene::read(&arguments.scene)?;
+    let (run, told) = locate(&arguments.scene, scene, &options, &settings)?;
+    if !to_stdout {
+        say(told.trim_end());
+        for file in &run.files {
+            say(format!("  {}", file.display()));
+        }
+    }
+    Ok(())
+}
+
+/// Locates the targets of a scene, read from the file of that name, in every image on its own. Results as those of [`tracking::run`], and a line for people about each image.
+pub(crate) fn locate(
+    scene_path: &Path,
+    mut scene: Scene,
+    options: &Options,
+    settings: &Settings,
+) -> Result<(Run, String)> {
+    check_passes(&settings.passes_m).map_err(|error| fault!("--passes-m: {error}"))?;
+    let starts = Starts::read(&settings.starts, &scene, scene_path)?;
+    scene
+        .resolved
+        .insert("locate".to_owned(), settings.written().into());
+    let names: Vec<String> = scene.targets.iter().map(|t| t.name.clone()).collect();
+    // The tables of starts count all images of the folder.
+    let first_frame = if settings.stills.is_empty() {
+        scene.cameras[0].first_frame
+    } else {
+        0
+    };
+    let mut told = String::new();
+    let mut step = |tracker: &mut pardalis::Tracker, index: usize, set: &FrameSet| {
+        let frame = first_frame + index;
+        let starts_here = starts.of_frame(tracker, frame)?;
+        let located = tracker.locate(&set.frames, set.time_s, &starts_here, &settings.passes_m);
+        let estimates =
+            located.map_err(|error| fault!("{}: {error}", starts.place_of_frame(frame)))?;
+        for (name, estimate) in names.iter().zip(&estimates) {
+            tell(&mut told, index, name, estimate);
+        }
+        Ok(Some(estimates))
+    };
+    let run = tracking::run_steps(scene_path, scene, &settings.stills, options, &mut step)?;
+    Ok((run, told))
+}
+
+/// A line about one target in one image.
+fn tell(text: &mut String, index: usize, name: &str, estimate: &Estimate) {
+    let _ = match &estimate.kinematics {
+        Some(found) => {
+            let [x, y, z] = found.position_m;
+            let sigma_mm = [0, 3, 5].map(|i| 1e3 * found.covariance_m2[i].sqrt());
+            writeln!(
+                text,
+                "frame {index}: {name} at {x:.3}, {y:.3}, {z:.3} m ± {:.0}, {:.0}, {:.0} mm",
+                sigma_mm[0], sigma_mm[1], sigma_mm[2]
+            )
+        }
+        None => writeln!(
+            text,
+            "frame {index}: {name} not seen around the start ({})",
+            estimate.state.name()
+        ),
+    };
+}
+
+impl Settings {
+    /// For the summary.
+    fn written(&self) -> toml::Table {
+        let (from, what) = self.starts.written();
+        let passes: Vec<toml::Value> = self.passes_m.iter().map(|&m| m.into()).collect();
+        [("passes_m", toml::Value::Array(passes)), (from, what)]
+            .into_iter()
+            .map(|(key, value)| (key.to_owned(), value))
+            .collect()
+    }
+}

@@ -1,0 +1,75 @@
+//! Starts from a track: another robot's, or an earlier run's.
+
+use std::path::Path;
+
+use anyhow::Result;
+use pardalis::config::TrackStart;
+use pardalis::gaussian::GaussianStart;
+
+use crate::fault::fault;
+use crate::tables;
+
+/// The oldest estimate that is taken, in seconds before the first frame: what a target does for longer than that is anybody's guess.
+const MAX_AGE_S: f64 = 10.0;
+
+/// The track's last estimate at or before the first frame, moved into the scene's world, and its time in seconds.
+///
+/// Faults: the file is no track, has no such target, or no estimate of it in the last seconds before that frame.
+pub(crate) fn read(
+    start: &TrackStart,
+    path: &Path,
+    first_time_s: Option<f64>,
+) -> Result<(GaussianStart, f64)> {
+    let name = path.display();
+    let tracks = tables::read_tracks(path)?;
+    let Some(track) = tracks.iter().find(|track| track.name == start.target) else {
+        let names: Vec<&str> = tracks.iter().map(|track| &*track.name).collect();
+        return Err(fault!(
+            "{name}: has no target \"{}\"; allowed: {}",
+            start.target,
+            names.join(", ")
+        ));
+    };
+    // Where no frame can be had, tracking says so; the track alone is checked here.
+    let first_time_s = first_time_s.unwrap_or(f64::INFINITY);
+    let before = track
+        .rows
+        .iter()
+        .rev()
+        .find(|(time_s, estimate)| *time_s <= first_time_s && estimate.is_some());
+    let Some((time_s, Some(estimate))) = before else {
+        return Err(fault!(
+            "{name}: has no estimate of \"{}\" at or before the first frame, at {first_time_s} s; give a track that begins before, \
+             or set time_offset_s if the clocks differ",
+            start.target
+        ));
+    };
+    let age_s = first_time_s - time_s;
+    if age_s.is_finite() && age_s > MAX_AGE_S {
+        return Err(fault!(
+            "{name}: the last estimate of \"{}\" before the first frame, at {first_time_s} s, is of {time_s} s; \
+             allowed: at most {MAX_AGE_S} s older; set time_offset_s if the clocks differ",
+            start.target
+        ));
+    }
+    let Some(covariance_m2) = estimate.covariance_m2 else {
+        return Err(fault!(
+            "{name}: the estimate of \"{}\" at {time_s} s has no covariance; needed: the columns xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2",
+            start.target
+        ));
+    };
+    let there = GaussianStart {
+        position_m: estimate.position_m,
+        covariance_m2,
+        velocity_mps: estimate.velocity_mps.unwrap_or_default(),
+        velocity_sigma_mps: [start.velocity_sigma_mps; 3],
+    };
+    let here = there.moved(&start.world_from_other);
+    here.check().map_err(|error| {
+        fault!(
+            "{name}: the estimate of \"{}\" at {time_s} s cannot be started from: {error}",
+            start.target
+        )
+    })?;
+    Ok((here, *time_s))
+}

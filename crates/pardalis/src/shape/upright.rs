@@ -1,0 +1,552 @@
+//! Upright bodies: a cylinder or prism whose axis is vertical in the world, and its outline seen from a point.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::real::Real;
+
+/// The largest width and height in metres.
+const MAX_SIZE_M: f64 = 1000.0;
+
+/// A body's horizontal section, the same at every height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Section {
+    /// A circle: the body is a cylinder.
+    Circle {
+        /// Its radius in metres.
+        radius_m: f64,
+    },
+    /// A regular polygon: the body is a prism.
+    Polygon {
+        /// Its number of sides.
+        sides: usize,
+        /// Distance of its sides from the axis in metres.
+        apothem_m: f64,
+        /// The angle of a corner from the world's x axis, counterclockwise from above, in full turns.
+        turn: f64,
+    },
+}
+
+impl Section {
+    /// A circle, up to a kilometre wide.
+    pub fn circle(radius_m: f64) -> Result<Self, Error> {
+        check_size("radius_m", radius_m)?;
+        Ok(Self::Circle { radius_m })
+    }
+
+    /// A regular polygon of this width from side to opposite side (twice the sides' distance from the axis), with a corner at `turn_rad`
+    /// from the world's x axis.
+    pub fn polygon(sides: usize, across_flats_m: f64, turn_rad: f64) -> Result<Self, Error> {
+        check_size("across_flats_m", across_flats_m)?;
+        if !(3..=100).contains(&sides) {
+            return Err(Error::out_of_range("sides", sides, "3 to 100"));
+        }
+        if !(turn_rad.abs() <= std::f64::consts::TAU) {
+            return Err(Error::out_of_range(
+                "turn",
+                turn_rad,
+                "within one full turn",
+            ));
+        }
+        Ok(Self::Polygon {
+            sides,
+            apothem_m: 0.5 * across_flats_m,
+            turn: turn_rad / std::f64::consts::TAU,
+        })
+    }
+
+    /// The greatest distance from the axis in metres.
+    fn circumradius_m(&self) -> f64 {
+        match *self {
+            Self::Circle { radius_m } => radius_m,
+            Self::Polygon {
+                sides, apothem_m, ..
+            } => apothem_m / libm::cos(std::f64::consts::PI / sides as f64),
+        }
+    }
+
+    /// Half the width seen from far away, in metres, on average over all directions: perimeter/2π (Cauchy).
+    fn mean_half_width_m(&self) -> f64 {
+        match *self {
+            Self::Circle { radius_m } => radius_m,
+            Self::Polygon {
+                sides, apothem_m, ..
+            } => {
+                let half_angle = std::f64::consts::PI / sides as f64;
+                apothem_m * libm::tan(half_angle) / half_angle
+            }
+        }
+    }
+}
+
+/// Which line stands for the outline of an upright body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum UprightOutline {
+    /// Where rays from the camera touch the body: the true outline.
+    #[default]
+    Exact,
+    /// A rectangle in the plane through the axis that faces the camera, as wide as the body is on average (Taiana 2007, section 4.2 and figure 4.4).
+    Facing,
+}
+
+/// An upright body. Its position is the centre of its base.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Upright {
+    /// Its horizontal section.
+    pub section: Section,
+    /// Its height in metres.
+    pub height_m: f64,
+    /// Which line stands for its outline.
+    pub outline: UprightOutline,
+}
+
+impl Upright {
+    /// A body of this section, up to a kilometre high.
+    pub fn new(section: Section, height_m: f64, outline: UprightOutline) -> Result<Self, Error> {
+        check_size("height_m", height_m)?;
+        Ok(Self {
+            section,
+            height_m,
+            outline,
+        })
+    }
+
+    /// Its largest horizontal width in metres.
+    pub fn width_m(&self) -> f64 {
+        2.0 * self.section.circumradius_m()
+    }
+
+    /// Where `count` points lie on the outline, which runs over the top, down one side, back along the base and up the other side; evenly spaced along
+    /// a rectangle as wide and high as the body.
+    pub(crate) fn places<R: Real>(&self, count: usize) -> Vec<Place<R>> {
+        let (width, height) = (2.0 * self.section.mean_half_width_m(), self.height_m);
+        let perimeter = 2.0 * (width + height);
+        (0..count)
+            .map(|k| {
+                let around = (k as f64 + 0.5) / count as f64;
+                let mut rest = around * perimeter;
+                let mut place = [0.0; 5];
+                if rest < width {
+                    let share = rest / width;
+                    place = [1.0, share, 0.0, 1.0, 1.0 - 2.0 * share];
+                } else if rest < width + height {
+                    rest -= width;
+                    place[3] = 1.0 - rest / height;
+                    place[4] = -1.0;
+                } else if rest < 2.0 * width + height {
+                    let share = (rest - width - height) / width;
+                    place[2] = share;
+                    place[4] = 2.0 * share - 1.0;
+                } else {
+                    rest -= 2.0 * width + height;
+                    place = [1.0, 0.0, 0.0, rest / height, 1.0];
+                }
+                let [seen_side, along_top, along_base, height, across] = place.map(R::of);
+                Place {
+                    seen_side,
+                    along_top,
+                    along_base,
+                    height,
+                    across,
+                    around: R::of(around),
+                }
+            })
+            .collect()
+    }
+
+    /// What kernels need of the section, scaled.
+    pub(crate) fn sides<R: Real>(&self, scale: f64) -> Sides<R> {
+        let (kind, inradius_m) = match (self.outline, self.section) {
+            (UprightOutline::Facing, section) => (SidesKind::Flat, section.mean_half_width_m()),
+            (UprightOutline::Exact, Section::Circle { radius_m }) => (SidesKind::Round, radius_m),
+            (
+                UprightOutline::Exact,
+                Section::Polygon {
+                    sides,
+                    apothem_m,
+                    turn,
+                },
+            ) => {
+                let count = sides as f64;
+                let half_side = libm::tan(std::f64::consts::PI / count);
+                let kind = SidesKind::Corners {
+                    count: R::of(count),
+                    turn: R::of(turn),
+                    half_side: R::of(half_side),
+                };
+                (kind, apothem_m)
+            }
+        };
+        let half_height = 0.5 * scale * self.height_m;
+        Sides {
+            kind,
+            inradius_m: R::of(scale * inradius_m),
+            base_m: R::of(0.5 * self.height_m - half_height),
+            top_m: R::of(0.5 * self.height_m + half_height),
+        }
+    }
+}
+
+fn check_size(name: &str, value: f64) -> Result<(), Error> {
+    if value > 0.0 && value <= MAX_SIZE_M {
+        return Ok(());
+    }
+    Err(Error::out_of_range(name, value, "above 0 and at most 1000"))
+}
+
+/// A place on the outline, as factors of what [`Seen`] holds.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place<R> {
+    /// Of the way around the side that is seen.
+    seen_side: R,
+    /// Of the way along the outline of the top.
+    along_top: R,
+    /// Of the way along the outline of the base.
+    along_base: R,
+    /// Of the height.
+    height: R,
+    /// From −1 to 1 across the plane that faces the viewpoint.
+    across: R,
+    /// Of the way around the whole outline.
+    around: R,
+}
+
+/// A body's sides, scaled about its centre.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sides<R> {
+    kind: SidesKind<R>,
+    /// Distance of the sides from the axis; half the width of the rectangle that faces the viewpoint.
+    inradius_m: R,
+    /// Heights above the position.
+    base_m: R,
+    top_m: R,
+}
+
+/// What the sides look like.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum SidesKind<R> {
+    Round,
+    Corners {
+        count: R,
+        /// Of a corner, in full turns.
+        turn: R,
+        /// Half a side's length for an inradius of 1.
+        half_side: R,
+    },
+    Flat,
+}
+
+/// A body as seen from one viewpoint. Places around it are counted in full turns, or in corners of a polygon.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Seen<R> {
+    axis: [R; 2],
+    base: R,
+    height: R,
+    /// Where the side that is seen begins, and how far it reaches; for the flat outline the direction across, in metres.
+    first: R,
+    seen: R,
+    /// From its ends, the way that the outline of the top and of the base takes: along the near rim or around the far one.
+    top_way: R,
+    base_way: R,
+    /// 1 where only the top or only the base is seen, from above or below: then all points lie around it.
+    whole: R,
+}
+
+impl<R: Real> Sides<R> {
+    /// The body at `position` seen from `viewpoint`, both in the world; and whether it has an outline: not from inside. Without branches but on
+    /// what is the same for all particles.
+    #[inline(always)]
+    pub(crate) fn seen_from(&self, position: [R; 3], viewpoint: [R; 3]) -> (Seen<R>, bool) {
+        let (zero, one) = (R::of(0.0), R::of(1.0));
+        let (dx, dy) = (viewpoint[0] - position[0], viewpoint[1] - position[1]);
+        let distance2 = dx * dx + dy * dy;
+        let (base, top) = (position[2] + self.base_m, position[2] + self.top_m);
+        let (over, under) = (viewpoint[2] > top, viewpoint[2] < base);
+        let inradius2 = self.inradius_m * self.inradius_m;
+        let mut seen = Seen {
+            axis: [position[0], position[1]],
+            base,
+            height: top - base,
+            ..Seen::zero()
+        };
+        let beside = match self.kind {
+            SidesKind::Flat => {
+                let ok = distance2 > zero;
+                let scale = self.inradius_m / (if ok { distance2 } else { one }).sqrt();
+                seen.first = -dy * scale;
+                seen.seen = dx * scale;
+                return (seen, ok);
+            }
+            SidesKind::Round => {
+                let beside = distance2 > inradius2;
+                let tangent = if beside { distance2 - inradius2 } else { zero };
+                let half = tangent.sqrt().atan2(self.inradius_m) * R::of(IN_TURNS);
+                let bearing = dy.atan2(dx) * R::of(IN_TURNS);
+                seen.first = bearing - half;
+                seen.seen = half + half;
+                beside
+            }
+            SidesKind::Corners { count, turn, .. } => {
+                let outer = if distance2 > inradius2 {
+                    distance2 - inradius2
+                } else {
+                    zero
+                };
+                // The sides whose normals lie within this of the bearing are seen.
+                let half = outer.sqrt().atan2(self.inradius_m) * R::of(IN_TURNS) * count;
+                let bearing = (dy.atan2(dx) * R::of(IN_TURNS) - turn) * count - R::of(0.5);
+                let first = -(half - bearing).floor();
+                let last = (bearing + half).floor();
+                seen.first = first;
+                seen.seen = last + one - first;
+                (distance2 > inradius2) & (last >= first)
+            }
+        };
+        let period = self.period();
+        let far = period - seen.seen;
+        seen.top_way = if over { far } else { -seen.seen };
+        seen.base_way = if under { -far } else { seen.seen };
+        if !beside {
+            seen.whole = one;
+            seen.base = if over { top } else { base };
+        }
+        (seen, beside | over | under)
+    }
+
+    pub(crate) fn kind(&self) -> &SidesKind<R> {
+        &self.kind
+    }
+
+    /// The places around the body after which they repeat.
+    fn period(&self) -> R {
+        match self.kind {
+            SidesKind::Corners { count, .. } => count,
+            SidesKind::Round | SidesKind::Flat => R::of(1.0),
+        }
+    }
+
+    /// A point of the outline in the world, metres. Kernels call [`Self::round`] and its like themselves.
+    pub(crate) fn point(&self, seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
+        match self.kind {
+            SidesKind::Round => self.round(seen, place),
+            SidesKind::Corners { .. } => self.cornered(seen, place),
+            SidesKind::Flat => Self::flat(seen, place),
+        }
+    }
+
+    /// A point of the outline of a cylinder.
+    #[inline(always)]
+    pub(crate) fn round(&self, seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
+        let (sin, cos) = seen.around(place, R::of(1.0)).sin_cos_turns();
+        seen.at(place, [self.inradius_m * cos, self.inradius_m * sin])
+    }
+
+    /// A point of the outline of a prism.
+    #[inline(always)]
+    pub(crate) fn cornered(&self, seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
+        let SidesKind::Corners {
+            count,
+            turn,
+            half_side,
+        } = self.kind
+        else {
+            return seen.at(place, [R::of(f64::NAN); 2]);
+        };
+        let around = seen.around(place, count);
+        let corner = around.floor();
+        let (sin, cos) = ((corner + R::of(0.5)) / count + turn).sin_cos_turns();
+        let along = (R::of(2.0) * (around - corner) - R::of(1.0)) * half_side;
+        let offset = [
+            self.inradius_m * (cos - along * sin),
+            self.inradius_m * (sin + along * cos),
+        ];
+        seen.at(place, offset)
+    }
+
+    /// A point of the rectangle that faces the viewpoint.
+    #[inline(always)]
+    pub(crate) fn flat(seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
+        seen.at(place, [seen.first * place.across, seen.seen * place.across])
+    }
+}
+
+impl<R: Real> Seen<R> {
+    /// The number of fields, for kernels that keep them as columns.
+    pub(crate) const FIELDS: usize = 9;
+
+    fn zero() -> Self {
+        Self::of_fields([R::of(0.0); 9])
+    }
+
+    /// The place around the body of a place on its outline.
+    #[inline(always)]
+    fn around(&self, place: &Place<R>, period: R) -> R {
+        let beside = R::of(1.0) - self.whole;
+        beside
+            * (self.first
+                + place.seen_side * self.seen
+                + place.along_top * self.top_way
+                + place.along_base * self.base_way)
+            + self.whole * place.around * period
+    }
+
+    /// The point at this offset from the axis.
+    #[inline(always)]
+    fn at(&self, place: &Place<R>, [x, y]: [R; 2]) -> [R; 3] {
+        let beside = R::of(1.0) - self.whole;
+        let z = self.base + place.height * self.height * beside;
+        [self.axis[0] + x, self.axis[1] + y, z]
+    }
+
+    #[inline(always)]
+    pub(crate) fn to_fields(self) -> [R; 9] {
+        let [x, y] = self.axis;
+        let Self {
+            base,
+            height,
+            first,
+            seen,
+            top_way,
+            base_way,
+            whole,
+            ..
+        } = self;
+        [x, y, base, height, first, seen, top_way, base_way, whole]
+    }
+
+    #[inline(always)]
+    pub(crate) fn of_fields(fields: [R; 9]) -> Self {
+        let [x, y, base, height, first, seen, top_way, base_way, whole] = fields;
+        Self {
+            axis: [x, y],
+            base,
+            height,
+            first,
+            seen,
+            top_way,
+            base_way,
+            whole,
+        }
+    }
+}
+
+const IN_TURNS: f64 = 1.0 / std::f64::consts::TAU;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bodies(outline: UprightOutline) -> Vec<Upright> {
+        [
+            Section::circle(0.25).unwrap(),
+            Section::polygon(8, 0.5, 0.3).unwrap(),
+            Section::polygon(3, 0.3, -1.0).unwrap(),
+        ]
+        .map(|section| Upright::new(section, 0.8, outline).unwrap())
+        .into()
+    }
+
+    /// How far a point lies outside the body that stands on the origin, at most: negative inside.
+    fn outside_m(upright: &Upright, [x, y, z]: [f64; 3]) -> f64 {
+        let beside = match upright.section {
+            Section::Circle { radius_m } => x.hypot(y) - radius_m,
+            Section::Polygon {
+                sides,
+                apothem_m,
+                turn,
+            } => (0..sides)
+                .map(|j| {
+                    let normal = (turn + (j as f64 + 0.5) / sides as f64) * std::f64::consts::TAU;
+                    x * normal.cos() + y * normal.sin() - apothem_m
+                })
+                .fold(f64::NEG_INFINITY, f64::max),
+        };
+        beside.max(-z).max(z - upright.height_m)
+    }
+
+    #[test]
+    fn rays_to_exact_outlines_touch_the_body_and_do_not_enter_it() {
+        for upright in bodies(UprightOutline::Exact) {
+            for viewpoint in [
+                [2.0, 0.3, 0.5],
+                [-0.4, 0.5, 1.6],
+                [0.6, -0.9, -1.0],
+                [0.0, -0.41, 0.82],
+                [0.05, 0.02, 2.0],
+                [0.05, 0.02, -0.5],
+            ] {
+                let sides = upright.sides::<f64>(1.0);
+                let (seen, outside) = sides.seen_from([0.0; 3], viewpoint);
+                assert!(outside);
+                for place in upright.places(40) {
+                    let point = sides.point(&seen, &place);
+                    assert!(outside_m(&upright, point).abs() < 1e-12, "{point:?}");
+                    for share in [0.5, 0.9, 0.999, 1.001, 1.1, 1.5] {
+                        let along =
+                            [0, 1, 2].map(|i| viewpoint[i] + share * (point[i] - viewpoint[i]));
+                        let clear = outside_m(&upright, along);
+                        assert!(
+                            clear > -1e-9,
+                            "{upright:?} {viewpoint:?} {point:?}: {clear}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_facing_outline_is_a_rectangle_across_the_line_of_sight() {
+        for upright in bodies(UprightOutline::Facing) {
+            let viewpoint = [1.2, -1.6, 0.8];
+            let position = [0.4, 0.2, 0.1];
+            let sides = upright.sides::<f64>(1.25);
+            let (seen, outside) = sides.seen_from(position, viewpoint);
+            assert!(outside);
+            let (mut width, mut low, mut high) = (0.0_f64, f64::INFINITY, f64::NEG_INFINITY);
+            for place in upright.places(40) {
+                let [x, y, z] = sides.point(&seen, &place);
+                let (dx, dy) = (x - position[0], y - position[1]);
+                let towards = dx * (viewpoint[0] - position[0]) + dy * (viewpoint[1] - position[1]);
+                assert!(towards.abs() < 1e-12, "in the plane through the axis");
+                width = width.max(dx.hypot(dy));
+                (low, high) = (low.min(z), high.max(z));
+            }
+            assert!((width - 1.25 * upright.section.mean_half_width_m()).abs() < 1e-12);
+            assert!((low - (0.1 + 0.4 - 0.5)).abs() < 1e-12 && (high - 1.0).abs() < 1e-12);
+        }
+        let octagon = Section::polygon(8, 0.5, 0.0).unwrap();
+        assert!((octagon.mean_half_width_m() - 0.263_7).abs() < 1e-4);
+        assert!((octagon.circumradius_m() - 0.270_6).abs() < 1e-4);
+    }
+
+    #[test]
+    fn points_are_spread_evenly_along_the_outline() {
+        let upright = bodies(UprightOutline::Facing)[0];
+        let sides = upright.sides::<f64>(1.0);
+        let (seen, _) = sides.seen_from([0.0; 3], [3.0, 0.0, 0.4]);
+        let places = upright.places(52);
+        let points: Vec<_> = places.iter().map(|p| sides.point(&seen, p)).collect();
+        let perimeter = 2.0 * (0.5 + 0.8);
+        for k in 0..52 {
+            let (a, b) = (points[k], points[(k + 1) % 52]);
+            // Around a corner the way is longer than the straight line.
+            let along: f64 = (0..3).map(|i| (a[i] - b[i]).abs()).sum();
+            assert!((along - perimeter / 52.0).abs() < 1e-12, "{k}: {along}");
+        }
+    }
+
+    #[test]
+    fn from_inside_there_is_no_outline_and_bad_sizes_are_refused() {
+        for upright in bodies(UprightOutline::Exact) {
+            let sides = upright.sides::<f64>(1.0);
+            assert!(!sides.seen_from([0.0; 3], [0.02, 0.0, 0.4]).1);
+            assert!(sides.seen_from([0.0; 3], [0.02, 0.0, 0.9]).1);
+        }
+        assert!(Section::circle(0.0).is_err() && Section::circle(f64::NAN).is_err());
+        assert!(Section::polygon(2, 0.5, 0.0).is_err() && Section::polygon(8, 0.5, 7.0).is_err());
+        let circle = Section::circle(0.2).unwrap();
+        assert!(Upright::new(circle, f64::INFINITY, UprightOutline::Exact).is_err());
+    }
+}
