@@ -313,10 +313,7 @@ fn figures_show_several_runs_and_are_copied_as_png() {
     let errors = svg("distances-errors");
     assert!(errors.contains("particles: 60") && !errors.contains("particles: 50"));
     let sweep = svg("cost-sweep");
-    assert!(
-        sweep.contains("particles") && sweep.contains("time for a frame (ms)"),
-
-    );
+    assert!(sweep.contains("particles") && sweep.contains("time for a frame (ms)"),);
     let mut copied: Vec<_> = fs::read_dir(place.path("pictures"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -350,4 +347,38 @@ fn figures_show_several_runs_and_are_copied_as_png() {
         place.write("small.toml", run_with(&FIGURES.replace(piece, other)));
         pardalis(&place, &["measure", "small.toml"]).refused(&["small.toml", wanted]);
     }
+}
+
+#[test]
+fn single_images_are_located_from_their_starts() {
+    let place = workplace(&run_with("method = \"locate\"\nstarts = \"truth.csv\""));
+    pardalis(&place, &["measure", "small.toml"]).fine();
+    let first = results(&place);
+    let figures = figures_of(&first[0]);
+    assert_eq!(value(&figures, "estimates"), Some(3.0));
+    assert_eq!(value(&figures, "velocity_rmse_mps"), None);
+    assert!(
+        value(&figures, "rmse_m").is_some_and(|m| m < 0.3),
+        "{first:?}"
+    );
+    assert_eq!(
+        setting(&place, "a", "/locate/starts").as_str(),
+        Some("truth.csv")
+    );
+    // Other starts, another result.
+    let taken = pardalis(&place, &["measure", "small.toml"]).fine().stdout;
+    assert!(taken.starts_with("1 of 1 seeds"), "{taken}");
+    let truth = fs::read_to_string(place.path("truth.csv")).unwrap();
+    place.write("starts.csv", truth.replace("1.350000", "1.300000"));
+    place.write(
+        "small.toml",
+        run_with("method = \"locate\"\nstarts = \"starts.csv\""),
+    );
+    pardalis(&place, &["measure", "small.toml"]).fine();
+    assert_ne!(results(&place), first);
+
+    place.write("small.toml", run_with("starts = \"truth.csv\""));
+    pardalis(&place, &["measure", "small.toml"]).refused(&["run \"a\"", "method = \"locate\""]);
+    place.write("small.toml", run_with("method = \"find\""));
+    pardalis(&place, &["measure", "small.toml"]).refused(&["small.toml", "find", "locate"]);
 }

@@ -46,9 +46,8 @@ pub(super) struct Figure {
     pub(super) kind: FigureKind,
     /// Names of runs, and of sweeps for all their runs.
     pub(super) runs: Vec<String>,
-    /// Of a sweep: what stands at the axis of the values.
-    #[serde(default)]
-    pub(super) x_name: String,
+    /// Of a sweep: what stands at the axis of the values; else what the first sweep changes.
+    pub(super) x_name: Option<String>,
     /// Of a sweep: the figure of merit, a length.
     #[serde(default = "rmse_m")]
     pub(super) figure: String,
@@ -115,6 +114,8 @@ impl Figure {
 pub(super) struct Swept {
     /// The sweep's name.
     pub(super) sweep: String,
+    /// What changes, without the tables it lies in.
+    pub(super) key: String,
     /// The value's name.
     pub(super) label: String,
     /// The value, if it is a number.
@@ -142,6 +143,11 @@ pub(super) struct Run {
     pub(super) timed: bool,
     /// The point around which distance, elevation and azimuth are taken, in the world frame; else the first camera.
     pub(super) origin_m: Option<[f64; 3]>,
+    /// How positions are found.
+    #[serde(default)]
+    pub(super) method: Method,
+    /// Of `locate`: a table with a rough position for each image, as truth.csv has them; else the scene's start.
+    pub(super) starts: Option<String>,
     /// Lowest and highest value of a figure, for every seed and target.
     #[serde(default)]
     pub(super) expect: Bands,
@@ -162,6 +168,17 @@ pub(super) struct Run {
 /// Lowest and highest value of figures, by their names.
 pub(super) type Bands = BTreeMap<String, [f64; 2]>;
 
+/// How positions are found.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Method {
+    /// From frame to frame, as `pardalis track`.
+    #[default]
+    Track,
+    /// In each image on its own, as `pardalis locate`.
+    Locate,
+}
+
 /// A stretch of time.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -181,6 +198,18 @@ pub(super) struct Window {
 enum Keys {
     One(String),
     Several(Vec<String>),
+}
+
+impl Keys {
+    /// The last words of the keys.
+    fn shown(&self) -> String {
+        let keys = match self {
+            Self::One(key) => std::slice::from_ref(key),
+            Self::Several(keys) => keys,
+        };
+        let last = keys.iter().map(|key| key.rsplit('.').next().unwrap_or(key));
+        last.collect::<Vec<_>>().join(", ").replace('_', " ")
+    }
 }
 
 impl Run {
@@ -231,6 +260,7 @@ impl Run {
                 name: format!("{}: {label}", self.name),
                 swept: Some(Swept {
                     sweep: self.name.clone(),
+                    key: key.shown(),
                     label,
                     value: number(value),
                 }),

@@ -135,5 +135,8 @@ fn sweep(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<Path
             }),
         }
     }
-    write_sweep_figures(folder, &figure.name, &figure.x_name, &series)
+    let key = shown.iter().find_map(|(plan, _)| plan.run.swept.as_ref());
+    let x_name = figure.x_name.as_ref().or(key.map(|swept| &swept.key));
+    let x_name = x_name.map_or("", |name| name);
+    write_sweep_figures(folder, &figure.name, x_name, &series)
 }

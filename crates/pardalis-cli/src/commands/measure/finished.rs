@@ -9,6 +9,7 @@ use pardalis::config::Scene;
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
+use super::definition::Method;
 use crate::fault::fault;
 use crate::files::write_file;
 
@@ -53,8 +54,9 @@ impl Finished {
     }
 }
 
-/// The fingerprint of a run: the program, the scene's settings and the files that they name; `folder` is the scene's.
-pub(super) fn of_run(scene: &Scene, folder: &Path) -> u64 {
+/// The fingerprint of a run: the program, the scene's settings and the files that they name, the method with its starts; `folder`
+/// is the scene's.
+pub(super) fn of_run(scene: &Scene, folder: &Path, method: Method, starts: Option<&Path>) -> u64 {
     let mut hasher = DefaultHasher::new();
     env!("CARGO_PKG_VERSION").hash(&mut hasher);
     if let Ok(program) = std::env::current_exe() {
@@ -63,6 +65,10 @@ pub(super) fn of_run(scene: &Scene, folder: &Path) -> u64 {
     let settings = Value::Table(scene.resolved.clone());
     settings.to_string().hash(&mut hasher);
     add_named_files(&settings, folder, &mut hasher);
+    method.hash(&mut hasher);
+    if let Some(starts) = starts {
+        add_file(starts, &mut hasher);
+    }
     hasher.finish()
 }
 

@@ -10,6 +10,7 @@ use pardalis::config::Scene;
 
 use super::definition::Run;
 use super::finished::Finished;
+use crate::commands::locate;
 use crate::interrupt;
 use crate::tracking::{self, Options, Output};
 
@@ -19,6 +20,8 @@ pub(super) struct Job<'a> {
     /// The file that the scene was read from.
     pub(super) scene_path: &'a Path,
     pub(super) scene: &'a Scene,
+    /// Where single images are searched; none for tracks.
+    pub(super) located_from: Option<&'a locate::Settings>,
     pub(super) seed: u32,
     /// Takes the results.
     pub(super) folder: PathBuf,
@@ -36,8 +39,14 @@ impl Job<'_> {
             plots: false,
             progress: false,
         };
-        let tracked = tracking::run_scene(self.scene_path, self.scene.clone(), &options)?;
-        let outcome = tracked.outcome;
+        let scene = self.scene.clone();
+        let outcome = match self.located_from {
+            None => tracking::run_scene(self.scene_path, scene, &options)?.outcome,
+            Some(settings) => {
+                let (run, _) = locate::locate(self.scene_path, scene, &options, settings)?;
+                run.outcome
+            }
+        };
         let finished = Finished {
             fingerprint: self.fingerprint.clone(),
             ms_a_frame: (self.run.timed)

@@ -11,6 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
+use rayon::prelude::*;
 
 use crate::fault::fault;
 use crate::files::write_file;
@@ -19,7 +20,7 @@ use definition::Experiment;
 use finished::Finished;
 use jobs::Job;
 use plan::Plan;
-use results::Results;
+use results::{Figures, Results};
 
 /// Runs an experiment with several seeds and scores it
 ///
@@ -89,8 +90,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     // Before anything is written: a record that is replaced would count as an uncommitted change.
     let facts = results::facts(&arguments.experiment);
     let output = arguments.output.join(&experiment.name);
-    let plans = plans(&experiment, arguments, &output)
-        .with_context(|| arguments.experiment.display().to_string())?;
+    let place = || arguments.experiment.display().to_string();
+    let plans = plans(&experiment, arguments, &output).with_context(place)?;
     let all: Vec<Job> = plans.iter().flat_map(Plan::jobs).collect();
     let seeds = all.len();
     let jobs: Vec<Job> = all
@@ -107,21 +108,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    jobs::track_all(&jobs, arguments.threads.map_or(cores, usize::from))
-        .with_context(|| arguments.experiment.display().to_string())?;
+    let threads = arguments.threads.map_or(cores, usize::from);
+    jobs::track_all(&jobs, threads).with_context(place)?;
 
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .context("the threads cannot be started")?;
+    let figures: Vec<Result<Vec<Figures>>> =
+        pool.install(|| plans.par_iter().map(Plan::score_and_draw).collect());
     let mut results = Results::default();
     let mut outside = Vec::new();
     let mut measured = Vec::new();
-    for plan in &plans {
-        let figures = plan.score().with_context(|| {
-            format!(
-                "{}: run \"{}\"",
-                arguments.experiment.display(),
-                plan.run.name
-            )
-        })?;
-        plan.draw(&figures)?;
+    for (plan, figures) in plans.iter().zip(figures) {
+        let figures = figures.with_context(place)?;
         say(results::told(plan.run, &figures));
         outside.extend(results::outside_bands(plan.run, &figures));
         results.extend(plan.run, &figures);

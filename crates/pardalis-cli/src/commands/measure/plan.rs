@@ -2,14 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use pardalis::config::Scene;
+use pardalis::tracker::PASSES_SIGMA_M;
 
-use super::definition::Run;
+use super::definition::{Method, Run};
 use super::finished::{self, Finished};
 use super::jobs::Job;
 use super::results::Figures;
 use crate::commands::evaluate::{self, Report};
+use crate::commands::locate::{self, StartsFrom};
 use crate::draw::paths::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
 use crate::{scene, tables, tracking};
@@ -21,6 +23,8 @@ pub(super) struct Plan<'a> {
     seeds: u32,
     scene_path: PathBuf,
     pub(super) scene: Scene,
+    /// Where single images are searched; none for tracks.
+    located_from: Option<locate::Settings>,
     truth_path: PathBuf,
     /// Takes the results.
     folder: PathBuf,
@@ -36,10 +40,20 @@ impl<'a> Plan<'a> {
         let truth_path = folder.join(&run.truth);
         tables::read_truth(&truth_path)?;
         let scene_folder = scene_path.parent().unwrap_or(Path::new(""));
+        let starts = run.starts.as_ref().map(|file| folder.join(file));
+        let located_from = (run.method == Method::Locate).then(|| locate::Settings {
+            stills: Vec::new(),
+            starts: match &starts {
+                Some(file) => StartsFrom::Positions(file.clone(), None),
+                None => StartsFrom::Scene,
+            },
+            passes_m: PASSES_SIGMA_M.to_vec(),
+        });
         Ok(Self {
             run,
             seeds,
-            fingerprint: finished::of_run(&scene, scene_folder),
+            fingerprint: finished::of_run(&scene, scene_folder, run.method, starts.as_deref()),
+            located_from,
             scene_path,
             scene,
             truth_path,
@@ -57,14 +71,23 @@ impl<'a> Plan<'a> {
             run: self.run,
             scene_path: &self.scene_path,
             scene: &self.scene,
+            located_from: self.located_from.as_ref(),
             seed,
             folder: self.seed_folder(seed),
             fingerprint: finished::of_seed(self.fingerprint, seed, self.run.timed),
         })
     }
 
-    /// The figures of all seeds over all frames, then over each window.
-    pub(super) fn score(&self) -> Result<Vec<Figures>> {
+    /// The figures of all seeds over all frames, then over each window; draws all seeds over one another.
+    pub(super) fn score_and_draw(&self) -> Result<Vec<Figures>> {
+        let done = self.score().and_then(|figures| {
+            self.draw(&figures)?;
+            Ok(figures)
+        });
+        done.with_context(|| format!("run \"{}\"", self.run.name))
+    }
+
+    fn score(&self) -> Result<Vec<Figures>> {
         let whole = ("", None, None);
         let windows = self.run.windows.iter();
         let windows = windows.map(|w| (&*w.name, Some(w.from_s), Some(w.to_s)));
@@ -130,8 +153,7 @@ impl<'a> Plan<'a> {
         Ok(tracking::truth_series(&truth))
     }
 
-    /// Draws all seeds over one another.
-    pub(super) fn draw(&self, figures: &[Figures]) -> Result<()> {
+    fn draw(&self, figures: &[Figures]) -> Result<()> {
         let truth = self.truth(figures)?;
         let cameras = CameraSymbol::of_scene(&self.scene);
         write_track_plots(&self.folder, &self.tracks()?, &truth, &cameras)?;
