@@ -35,8 +35,8 @@ fn the_demo_tracks_the_ball_and_says_how_well() {
 
     let results = folder.path().join("pardalis-demo");
     let files = ["tracks.csv", "summary.json"];
-    let plots =
-        ["above", "side", "coordinates"].map(|plot| [format!("{plot}.svg"), format!("{plot}.png")]);
+    let plots = ["above", "side", "3d", "coordinates"]
+        .map(|plot| [format!("{plot}.svg"), format!("{plot}.png")]);
     for file in files
         .into_iter()
         .chain(plots.iter().flatten().map(|plot| &**plot))

@@ -218,6 +218,8 @@ fn pictures_and_quiet() {
         "above.png",
         "side.svg",
         "side.png",
+        "3d.svg",
+        "3d.png",
         "coordinates.svg",
         "coordinates.png",
         "annotated",

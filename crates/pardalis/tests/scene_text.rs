@@ -4,6 +4,7 @@ use pardalis::Error;
 use pardalis::color::ColorModel;
 use pardalis::config::Scene;
 use pardalis::interchange::Lens;
+use pardalis::likelihood::Sampling;
 use pardalis::rig::CalibratedCamera;
 
 const SCENE: &str = r#"# Everything that a scene may say.
@@ -36,6 +37,17 @@ world_from_camera = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0.82], [0, 0, 0, 1]]
 f_px = [579, 579]
 center_px = [319.5, 239.5]
 constant_resolution = { vertex_m = 0.16, rim_m = 0.08, plane_z_m = -0.82, rim_shows_m = 5, offset = 0 }
+[targets.robot]
+shape.prism = { sides = 8, across_flats_m = 0.5, height_m = 0.8, turn_deg = 22.5, outline = "facing" }
+colors = "robot.toml"
+contour.spline = { control_points = 30, reach_px = 1.5, steps = 2, middle = false }
+motion.planar_constant_velocity.acceleration_density_m2ps3 = 2
+start.gaussian.position_m = [1, 2, 0]
+[targets.post]
+shape.cylinder = { radius_m = 0.1, height_m = 1, outline = "exact" }
+colors = "post.toml"
+contour.overlap = { max_share = 0.4, distance_px = 3 }
+start.gaussian.position_m = [1, 2, 0]
 [targets.ball]
 shape.sphere = { radius_m = 0.11, outline = "tangent" }
 colors = "ball.toml"
@@ -103,9 +115,9 @@ fn check_colors(text: &str) -> bool {
 fn texts_cut_off_at_any_byte() {
     assert!(check_scene(SCENE) && check_colors(COLORS));
     let cut = |text: &'static str| (0..text.len()).filter_map(move |end| text.get(..end));
-    // What is left is a scene only where it ends among the last settings of a target, all of which have defaults.
+    // What is left is a scene only at the end of a target or where it ends among the last settings of one, all of which have defaults.
     let sound: Vec<_> = cut(SCENE).filter(|text| check_scene(text)).collect();
-    let begun = SCENE.find("\nmin_range_m").unwrap_or_default();
+    let begun = SCENE.find("\n[targets.post]").unwrap_or_default();
     assert!(sound.len() < 30, "{}", sound.len());
     assert!(sound.iter().all(|text| text.len() >= begun));
     let sound = cut(COLORS).filter(|text| check_colors(text)).count();
@@ -153,5 +165,117 @@ fn a_doubled_key_hides_no_other_problem() {
         .replace("[cameras.web]", "[cameras.web]\nwide = 1");
     let problems = Scene::parse(&text, &no_calibration).unwrap_err();
     let lines: Vec<_> = problems.iter().map(|p| p.line).collect();
-    assert_eq!(lines, [6, 17, 34], "{problems:?}");
+    assert_eq!(lines, [6, 17, 45], "{problems:?}");
+}
+
+/// A scene with one target whose shape and contour are given.
+fn target(settings: &str) -> Result<Scene, Vec<String>> {
+    let text = format!(
+        "[cameras.a]\nimages = \"a\"\nfps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
+         model.equidistant = {{ f_px_per_rad = 145.56, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }}\n\
+         [targets.t]\ncolors = \"c\"\nstart.gaussian.position_m = [1, 2, 0]\n{settings}\n"
+    );
+    Scene::parse(&text, &no_calibration)
+        .map_err(|problems| problems.iter().map(ToString::to_string).collect())
+}
+
+#[test]
+fn robots_have_settings_of_their_own_that_each_scene_may_change() {
+    let cylinder = "shape.cylinder = { radius_m = 0.25, height_m = 0.8 }";
+    let robot = &target(cylinder).unwrap().targets[0];
+    assert_eq!(robot.contour.points, 120);
+    let Sampling::Scaled(scaled) = robot.contour.sampling else {
+        panic!("{:?}", robot.contour)
+    };
+    assert_eq!((scaled.inner_scale, scaled.outer_scale), (0.75, 1.25));
+    assert_eq!(scaled.overlap, None);
+    assert!(robot.filter.motion.is_planar(), "robots stay on the ground");
+    let flying = format!("{cylinder}\nmotion.constant_velocity.acceleration_density_m2ps3 = 2");
+    assert!(
+        !target(&flying).unwrap().targets[0]
+            .filter
+            .motion
+            .is_planar()
+    );
+    let ball = &target("shape.sphere.radius_m = 0.11\ncontour.spline = {}")
+        .unwrap()
+        .targets[0];
+    assert!(!ball.filter.motion.is_planar());
+    let Sampling::Spline(spline) = ball.contour.sampling else {
+        panic!("{:?}", ball.contour)
+    };
+    assert_eq!(
+        (spline.control_points, spline.steps, spline.middle),
+        (12, 2, false)
+    );
+    assert_eq!(ball.contour.sampling.samples(50), 100);
+}
+
+#[test]
+fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
+    let cylinder = "shape.cylinder = { radius_m = 0.25, height_m = 0.8 }";
+    for (settings, key, allowed) in [
+        ("shape.cylinder.radius_m = 0.25", "height_m", "missing"),
+        (
+            "shape.prism = { sides = 2, across_flats_m = 0.5, height_m = 1 }",
+            "sides",
+            "3 to 100",
+        ),
+        (
+            "shape.prism = { sides = 8, across_flats_m = -1, height_m = 1 }",
+            "across_flats_m",
+            "above 0",
+        ),
+        (
+            "shape.cylinder = { radius_m = 1, height_m = 1, outline = \"round\" }",
+            "outline",
+            "exact",
+        ),
+        (
+            &format!("{cylinder}\nshape.sphere.radius_m = 1"),
+            "shape",
+            "sphere",
+        ),
+        (
+            &format!("{cylinder}\ncontour = {{ spline = {{}}, inner_scale = 0.9 }}"),
+            "inner_scale",
+            "spline",
+        ),
+        (
+            &format!("{cylinder}\ncontour.spline.control_points = 61"),
+            "control_points",
+            "3 to half of points, 60",
+        ),
+        (
+            &format!("{cylinder}\ncontour.spline.reach_px = 0"),
+            "reach_px",
+            "above 0",
+        ),
+        (
+            &format!("{cylinder}\ncontour.spline.middle = 1"),
+            "middle",
+            "true or false",
+        ),
+        (
+            &format!("{cylinder}\ncontour.overlap.max_share = 1"),
+            "max_share",
+            "below 1",
+        ),
+        (
+            &format!("{cylinder}\ncontour.overlap.reach_px = 1"),
+            "reach_px",
+            "distance_px",
+        ),
+        (
+            &format!("{cylinder}\nmotion.planar_constant_velocity.acceleration_sigma_mps2 = -1"),
+            "acceleration_sigma_mps2",
+            "0 to",
+        ),
+    ] {
+        let problems = target(settings).unwrap_err().join("\n");
+        assert!(
+            problems.contains(key) && problems.contains(allowed),
+            "{settings}: {problems}"
+        );
+    }
 }

@@ -10,7 +10,8 @@ use crate::tracking::{self, Options, Output, Run};
 /// Tracks the targets of a scene
 ///
 /// Reads a scene file (`pardalis init` writes one to start from), tracks every target through all its frames and writes
-/// into a folder: tracks.csv (position, velocity and covariance, a row a frame and target), summary.json, and plots.
+/// into a folder: tracks.csv (position, velocity and covariance, a row a frame and target), summary.json, and plots
+/// (from above, from the side, in an oblique view, against time).
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis track ball.toml                      results into the folder ball-tracks

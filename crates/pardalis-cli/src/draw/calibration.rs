@@ -225,11 +225,10 @@ pub(crate) fn residual_scatter(sightings: &[Sighting], rms_px: f64) -> anyhow::R
         .count();
     document(size, |area| {
         let (above, below) = area.split_vertically(units(size[1] - CAPTION_PX));
-        let axis = |range, name| Axis { range, name };
         let mut panel = panel(
             &above,
-            &axis(x, "observed − projected, u (px)"),
-            &axis(y, "observed − projected, v (px)"),
+            &Axis::new(x, "observed − projected, u (px)"),
+            &Axis::new(y, "observed − projected, v (px)"),
         )?;
         let residuals = sightings
             .iter()

@@ -144,15 +144,9 @@ fn draw_scores(area: &Area<'_>, plot: &ColorModelPlot) -> anyhow::Result<()> {
         .flatten()
         .map(|(_, percent)| *percent)
         .fold(0.0, f64::max);
-    let x = Axis {
-        range: range.clone(),
-        name: "log odds of object against background",
-    };
-    let y = Axis {
-        range: 0.0..(1.1 * largest).max(1.0),
-        name: "share of the pixels (%)",
-    };
-    let top = y.range.end;
+    let x = Axis::new(range.clone(), "log odds of object against background");
+    let top = (1.1 * largest).max(1.0);
+    let y = Axis::new(0.0..top, "share of the pixels (%)");
     let mut panel = panel(&area, &x, &y)?;
     for (outline, color) in outlines.iter().zip([BACKGROUND, OBJECT]) {
         if !outline.is_empty() {

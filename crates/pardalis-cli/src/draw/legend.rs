@@ -4,12 +4,16 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::svg::{Area, fill, line, size_px, text_style, units, write_text};
-use super::{INK, Rgb, shortened};
+use super::{INK, PALETTE, Rgb, shortened};
 
 /// Width of the column.
 pub(super) const WIDTH_PX: f64 = 180.0;
 
 const ROW_PX: f64 = 20.0;
+/// From line to line of one entry.
+const LINE_PX: f64 = 15.0;
+const LINE_CHARS: usize = 17;
+const MAX_LINES: usize = 3;
 const TOP_PX: f64 = 22.0;
 
 /// What stands before an entry's text.
@@ -27,22 +31,52 @@ pub(super) enum Key {
     End,
     /// A camera.
     Camera,
+    /// The mark of a group, by its number.
+    Mark(usize),
+    /// A bar from a lowest to a highest value.
+    Bar,
 }
 
 /// Writes the entries one below the other, as many as there is room for.
 pub(super) fn draw(area: &Area<'_>, entries: &[(Key, String)]) -> anyhow::Result<()> {
-    let room = ((size_px(area)[1] - TOP_PX) / ROW_PX).floor().max(1.0) as usize;
+    let height_px = size_px(area)[1];
     let style = text_style(13.0, HPos::Left);
-    for (row, (key, name)) in entries.iter().take(room).enumerate() {
-        let y_px = TOP_PX + ROW_PX * row as f64;
-        if row + 1 == room && entries.len() > room {
+    let mut y_px = TOP_PX;
+    for (row, (key, name)) in entries.iter().enumerate() {
+        let lines = wrapped(name);
+        let next_px = y_px + LINE_PX * (lines.len() - 1) as f64 + ROW_PX;
+        let is_last = row + 1 == entries.len();
+        let needed_px = if is_last { next_px - ROW_PX } else { next_px };
+        if row > 0 && needed_px > height_px {
             let more = format!("… and {} more", entries.len() - row);
             return write_text(area, &more, [44.0, y_px], &style);
         }
         draw_key(area, *key, y_px)?;
-        write_text(area, &shortened(name, 16), [44.0, y_px], &style)?;
+        for (i, text) in lines.iter().enumerate() {
+            write_text(area, text, [44.0, y_px + LINE_PX * i as f64], &style)?;
+        }
+        y_px = next_px;
     }
     Ok(())
+}
+
+/// The lines of a name, broken between words; the end of a long one is left out.
+fn wrapped(name: &str) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in name.split_whitespace() {
+        let line = lines.len() - 1;
+        let chars = lines[line].chars().count();
+        if chars == 0 {
+            lines[line].push_str(word);
+        } else if chars + 1 + word.chars().count() <= LINE_CHARS || lines.len() == MAX_LINES {
+            lines[line].push(' ');
+            lines[line].push_str(word);
+        } else {
+            lines.push(word.to_owned());
+        }
+    }
+    let lines = lines.iter().map(|line| shortened(line, LINE_CHARS));
+    lines.collect()
 }
 
 fn draw_key(area: &Area<'_>, key: Key, y_px: f64) -> anyhow::Result<()> {
@@ -56,24 +90,98 @@ fn draw_key(area: &Area<'_>, key: Key, y_px: f64) -> anyhow::Result<()> {
             let corners = [(left, y - units(6.0)), (right, y + units(6.0))];
             area.draw(&Rectangle::new(corners, fill([128; 3], 0.3)))?;
         }
-        Key::Start => area.draw(&start_mark((middle, y), [128; 3]))?,
-        Key::End => area.draw(&end_mark((middle, y), [128; 3]))?,
+        Key::Start => area.draw(&start_mark((middle, y), [128; 3], 1.0))?,
+        Key::End => area.draw(&end_mark((middle, y), [128; 3], 1.0))?,
         Key::Camera => area.draw(&camera_mark((middle, y)))?,
+        Key::Mark(group) => {
+            let mark = EmptyElement::at((middle, y)) + group_mark(group, 1.0);
+            area.draw(&mark)?;
+        }
+        Key::Bar => {
+            let ends = [(middle, y - units(7.0)), (middle, y + units(7.0))];
+            area.draw(&PathElement::new(ends, line([128; 3], 1.0, 1.5)))?;
+        }
     }
     Ok(())
 }
 
-/// An open circle.
-pub(super) fn start_mark<C>(at: C, color: Rgb) -> Circle<C, i32> {
-    Circle::new(at, units(4.5), line(color, 1.0, 2.0))
+/// An open circle of this relative size.
+pub(super) fn start_mark<C>(at: C, color: Rgb, size: f64) -> Circle<C, i32> {
+    Circle::new(at, units(4.5 * size), line(color, 1.0, 2.0 * size))
 }
 
-/// A filled circle.
-pub(super) fn end_mark<C>(at: C, color: Rgb) -> Circle<C, i32> {
-    Circle::new(at, units(4.5), fill(color, 1.0))
+/// A filled circle of this relative size.
+pub(super) fn end_mark<C>(at: C, color: Rgb, size: f64) -> Circle<C, i32> {
+    Circle::new(at, units(4.5 * size), fill(color, 1.0))
 }
 
 /// A dark triangle.
 pub(super) fn camera_mark<C>(at: C) -> TriangleMarker<C, i32> {
     TriangleMarker::new(at, units(6.0), fill(INK, 1.0))
+}
+
+/// The mark of a group by its number, about its middle: another shape and colour for each of the first six.
+pub(super) fn group_mark(group: usize, opacity: f64) -> PathElement<(i32, i32)> {
+    let shapes: [&[(f64, f64)]; 6] = [
+        &[(-1.0, 0.0), (1.0, 0.0), (0.0, 0.0), (0.0, -1.0), (0.0, 1.0)],
+        &[
+            (-0.8, -0.8),
+            (0.8, 0.8),
+            (0.0, 0.0),
+            (-0.8, 0.8),
+            (0.8, -0.8),
+        ],
+        &[
+            (0.0, -1.0),
+            (1.0, 0.8),
+            (-1.0, 0.8),
+            (0.0, -1.0),
+            (1.0, 0.8),
+        ],
+        &[
+            (-0.8, -0.8),
+            (0.8, -0.8),
+            (0.8, 0.8),
+            (-0.8, 0.8),
+            (-0.8, -0.8),
+        ],
+        &[
+            (0.0, -1.1),
+            (1.1, 0.0),
+            (0.0, 1.1),
+            (-1.1, 0.0),
+            (0.0, -1.1),
+        ],
+        &[
+            (-1.0, -0.8),
+            (1.0, -0.8),
+            (0.0, 1.0),
+            (-1.0, -0.8),
+            (1.0, -0.8),
+        ],
+    ];
+    let shape = shapes[group % shapes.len()].iter();
+    let outline: Vec<_> = shape
+        .map(|(x, y)| (units(3.6 * x), units(3.6 * y)))
+        .collect();
+    PathElement::new(outline, line(PALETTE[group % PALETTE.len()], opacity, 1.6))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_broken_between_words() {
+        assert_eq!(wrapped("ball"), ["ball"]);
+        assert_eq!(wrapped(""), [""]);
+        assert_eq!(
+            wrapped("occlusion by a robot, real time"),
+            ["occlusion by a", "robot, real time"]
+        );
+        let long = wrapped(&"word ".repeat(40));
+        assert_eq!(long.len(), MAX_LINES);
+        assert!(long.iter().all(|line| line.chars().count() <= LINE_CHARS));
+        assert!(long[2].ends_with('…'));
+    }
 }

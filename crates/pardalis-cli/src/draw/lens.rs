@@ -168,14 +168,8 @@ fn draw_curves(area: &Area<'_>, name: &'static str, curves: &[LensCurve]) -> any
     let own = curves.first().map_or(&[][..], |curve| &curve.points);
     let highest = own.iter().map(|p| p.1).fold(0.0, f64::max).max(1e-6);
     let widest_deg = own.iter().map(|p| p.0).fold(0.0, f64::max).max(1e-6);
-    let across = Axis {
-        range: 0.0..widest_deg,
-        name: "angle from the axis (°)",
-    };
-    let up = Axis {
-        range: 0.0..ROOM * highest,
-        name,
-    };
+    let across = Axis::new(0.0..widest_deg, "angle from the axis (°)");
+    let up = Axis::new(0.0..ROOM * highest, name);
     let mut panel = panel(&plot, &across, &up)?;
     let mut entries = Vec::new();
     // The camera's own curve lies on top.

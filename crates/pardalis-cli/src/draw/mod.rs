@@ -4,16 +4,23 @@
 //! every machine. Overlays and mosaics are drawn into the pixels of an image.
 
 pub(crate) mod calibration;
+#[cfg_attr(not(test), expect(dead_code, reason = "experiments will draw it"))]
+pub(crate) mod errors;
 pub(crate) mod grid;
 pub(crate) mod histogram;
 mod legend;
 pub(crate) mod lens;
+mod limits;
 pub(crate) mod mosaic;
+mod oblique;
 pub(crate) mod overlay;
 mod panel;
+pub(crate) mod paths;
 pub(crate) mod picture;
 pub(crate) mod plots;
 pub(crate) mod svg;
+#[cfg_attr(not(test), expect(dead_code, reason = "experiments will draw it"))]
+pub(crate) mod sweep;
 
 /// Red, green, blue.
 pub(crate) type Rgb = [u8; 3];

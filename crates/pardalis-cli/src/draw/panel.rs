@@ -8,7 +8,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::svg::{Area, fill, line, size_px, text_style, units, write_text};
-use super::{INK, Rgb};
+use super::{INK, Rgb, shortened};
 
 /// A panel to draw into, in the coordinates of its axes.
 pub(super) type Panel<'a> =
@@ -28,11 +28,67 @@ const TICK_PX: f64 = 4.0;
 const GRID: Rgb = [224, 224, 224];
 
 /// What one axis shows.
-pub(super) struct Axis {
+pub(super) struct Axis<'a> {
     /// Lowest and highest value; must not be empty.
-    pub(super) range: Range<f64>,
+    range: Range<f64>,
     /// What is shown, with its unit.
-    pub(super) name: &'static str,
+    name: &'a str,
+    marks: Marks<'a>,
+}
+
+/// Where an axis has ticks, and what they say.
+enum Marks<'a> {
+    /// At round numbers.
+    Round,
+    /// At 1, 2 and 5 times powers of ten; the axis holds decadic logarithms.
+    Decades,
+    /// These, at 0, 1, 2 and so on.
+    Names(&'a [String]),
+}
+
+impl<'a> Axis<'a> {
+    /// Of these values.
+    pub(super) fn new(range: Range<f64>, name: &'a str) -> Self {
+        let marks = Marks::Round;
+        Self { range, name, marks }
+    }
+
+    /// Of values whose decadic logarithms are in the range; points are given by their logarithms.
+    pub(super) fn logarithmic(range: Range<f64>, name: &'a str) -> Self {
+        let marks = Marks::Decades;
+        Self { range, name, marks }
+    }
+
+    /// Of things with names, the first at 0, the next at 1.
+    pub(super) fn of_names(names: &'a [String], name: &'a str) -> Self {
+        Self {
+            range: -0.5..names.len().max(1) as f64 - 0.5,
+            name,
+            marks: Marks::Names(names),
+        }
+    }
+
+    /// Lowest and highest value.
+    pub(super) fn range(&self) -> Range<f64> {
+        self.range.clone()
+    }
+
+    /// Ticks with their labels, about `max_count` at most.
+    fn ticks(&self, max_count: f64) -> Vec<(f64, String)> {
+        match self.marks {
+            Marks::Round => {
+                let (values, decimals) = ticks(&self.range, max_count);
+                let labelled = values.into_iter().map(|v| (v, tick_label(v, decimals)));
+                labelled.collect()
+            }
+            Marks::Decades => decade_ticks(&self.range, max_count),
+            Marks::Names(names) => names
+                .iter()
+                .enumerate()
+                .map(|(i, name)| (i as f64, name.clone()))
+                .collect(),
+        }
+    }
 }
 
 /// The range of all values, or nothing where there are none.
@@ -67,8 +123,26 @@ pub(super) fn equal_scales(
     (widened(x, plot_px[0]), widened(y, plot_px[1]))
 }
 
+/// Logarithms of 1, 2 and 5 times powers of ten, or of powers of ten alone where those would be too many, with the numbers.
+fn decade_ticks(range: &Range<f64>, max_count: f64) -> Vec<(f64, String)> {
+    let decades = range.start.floor() as i32..=range.end.ceil() as i32;
+    let digits: &[u32] = if 3.0 * (range.end - range.start) <= max_count {
+        &[1, 2, 5]
+    } else {
+        &[1]
+    };
+    decades
+        .flat_map(|decade| digits.iter().map(move |digit| (decade, *digit)))
+        .map(|(decade, digit)| {
+            let value = f64::from(digit) * 10_f64.powi(decade);
+            (value.log10(), tick_label(value, (-decade).max(0) as usize))
+        })
+        .filter(|(at, _)| (range.start..=range.end).contains(at))
+        .collect()
+}
+
 /// Multiples of 1, 2 or 5 times a power of ten, about `max_count` at most, with the decimals they need.
-fn ticks(range: &Range<f64>, max_count: f64) -> (Vec<f64>, usize) {
+pub(super) fn ticks(range: &Range<f64>, max_count: f64) -> (Vec<f64>, usize) {
     let spacing = (range.end - range.start) / max_count.max(1.0);
     let exponent = spacing.log10().floor();
     let power = 10_f64.powf(exponent);
@@ -88,41 +162,43 @@ fn ticks(range: &Range<f64>, max_count: f64) -> (Vec<f64>, usize) {
 }
 
 /// A tick's label, with a true minus sign.
-fn tick_label(value: f64, decimals: usize) -> String {
+pub(super) fn tick_label(value: f64, decimals: usize) -> String {
     format!("{value:.decimals$}").replace('-', "−")
 }
 
 /// Draws grid, ticks and names of the axes of a panel that fills the area.
-pub(super) fn panel<'a>(area: &Area<'a>, x: &Axis, y: &Axis) -> anyhow::Result<Panel<'a>> {
+pub(super) fn panel<'a>(area: &Area<'a>, x: &Axis<'_>, y: &Axis<'_>) -> anyhow::Result<Panel<'a>> {
     let [width_px, height_px] = size_px(area);
     let plot_px = [
         width_px - LEFT_PX - RIGHT_PX,
         height_px - TOP_PX - BOTTOM_PX,
     ];
     // Labels of large times are long: the fewer of them fit.
-    let label_chars = tick_label(x.range.end, ticks(&x.range, 8.0).1)
-        .chars()
-        .count();
+    let label_chars = x
+        .ticks(8.0)
+        .last()
+        .map_or(1, |(_, label)| label.chars().count());
     let x_room = plot_px[0] / (TICK_CHAR_PX * label_chars as f64 + 30.0);
-    let (x_ticks, x_decimals) = ticks(&x.range, x_room);
-    let (y_ticks, y_decimals) = ticks(&y.range, (plot_px[1] / 30.0).min(10.0));
+    let x_ticks = x.ticks(x_room);
+    let y_ticks = y.ticks((plot_px[1] / 30.0).min(10.0));
+    // Names are cut where they would reach into one another.
+    let most_chars = (plot_px[0] / x_ticks.len().max(1) as f64 / TICK_CHAR_PX * 1.2).max(4.0);
 
     let [left, top] = [LEFT_PX, TOP_PX];
     let [right, bottom] = [left + plot_px[0], top + plot_px[1]];
     let share = |range: &Range<f64>, value: f64| (value - range.start) / (range.end - range.start);
-    for value in x_ticks {
+    for (value, label) in x_ticks {
         let at = left + plot_px[0] * share(&x.range, value);
         draw_stroke(area, [[at, top], [at, bottom]], GRID)?;
         draw_stroke(area, [[at, bottom], [at, bottom + TICK_PX]], INK)?;
-        let label = tick_label(value, x_decimals);
+        let label = shortened(&label, most_chars as usize);
         let style = text_style(TICK_TEXT_PX, HPos::Center);
         write_text(area, &label, [at, bottom + 13.0], &style)?;
     }
-    for value in y_ticks {
+    for (value, label) in y_ticks {
         let at = bottom - plot_px[1] * share(&y.range, value);
         draw_stroke(area, [[left, at], [right, at]], GRID)?;
         draw_stroke(area, [[left - TICK_PX, at], [left, at]], INK)?;
-        let label = tick_label(value, y_decimals);
         let style = text_style(TICK_TEXT_PX, HPos::Right);
         write_text(area, &label, [left - 8.0, at], &style)?;
     }
@@ -150,18 +226,17 @@ fn draw_stroke(area: &Area<'_>, ends_px: [[f64; 2]; 2], color: Rgb) -> anyhow::R
     Ok(())
 }
 
-/// Says at the top of an area's panel why it is empty.
+/// Says at the top of an area's panel why it is empty, or what it leaves out.
 pub(super) fn write_note(area: &Area<'_>, note: &str) -> anyhow::Result<()> {
     let middle_px = 0.5 * (LEFT_PX + size_px(area)[0] - RIGHT_PX);
-    let top_px = TOP_PX + 8.0;
-    let half_width_px = 5.0 * note.chars().count() as f64;
+    let half_width_px = 4.0 * note.chars().count() as f64;
     let paper = [
-        (units(middle_px - half_width_px), units(top_px)),
-        (units(middle_px + half_width_px), units(top_px + 22.0)),
+        (units(middle_px - half_width_px), units(TOP_PX)),
+        (units(middle_px + half_width_px), units(TOP_PX + 17.0)),
     ];
-    area.draw(&Rectangle::new(paper, fill([255; 3], 1.0)))?;
-    let style = text_style(14.0, HPos::Center);
-    write_text(area, note, [middle_px, top_px + 11.0], &style)
+    area.draw(&Rectangle::new(paper, fill([255; 3], 0.9)))?;
+    let style = text_style(13.0, HPos::Center);
+    write_text(area, note, [middle_px, TOP_PX + 8.0], &style)
 }
 
 /// Draws a line through points in the coordinates of the axes; a point alone becomes a dot.
@@ -211,6 +286,16 @@ mod tests {
                 "{range:?}: {values:?}"
             );
         }
+    }
+
+    #[test]
+    fn logarithmic_ticks_say_the_numbers_themselves() {
+        let labels = |range| -> Vec<String> {
+            let ticks = decade_ticks(&range, 8.0);
+            ticks.into_iter().map(|(_, label)| label).collect()
+        };
+        assert_eq!(labels(-1.1..0.4), ["0.1", "0.2", "0.5", "1", "2"]);
+        assert_eq!(labels(0.0..4.0), ["1", "10", "100", "1000", "10000"]);
     }
 
     #[test]

@@ -1,16 +1,18 @@
-//! Plots of tracks: from above, from the side, and each coordinate against time.
+//! Plots of tracks: from above, from the side, in an oblique view, and each coordinate against time.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::legend::{self, Key, camera_mark, end_mark, start_mark};
+use super::limits::{clipped, is_inside, outside_note, shown_ranges_m};
 use super::panel::{
     Axis, BOTTOM_PX, LEFT_PX, Panel, RIGHT_PX, TOP_PX, draw_path, equal_scales, extent, padded,
     panel, runs, write_note,
 };
+use super::paths::CameraSymbol;
 use super::svg::{Area, document, fill, line, text_style, units, write_svg_and_png};
 use super::{INK, PALETTE, Rgb, shortened};
 
@@ -42,7 +44,7 @@ pub(crate) struct TruthSeries {
 }
 
 /// Width of every figure and of the plots in it.
-const WIDTH_PX: f64 = 960.0;
+pub(super) const WIDTH_PX: f64 = 960.0;
 const PLOT_WIDTH_PX: f64 = WIDTH_PX - legend::WIDTH_PX - LEFT_PX - RIGHT_PX;
 
 /// Further away is a number gone wrong, not a place: it would make all else one dot.
@@ -54,21 +56,24 @@ const MIN_SPAN_M: f64 = 0.02;
 
 const COORDINATES: [&str; 3] = ["x (m)", "y (m)", "z (m)"];
 
-/// Draws tracks, truth and named camera positions (world frame, metres) into `above`, `side` and
-/// `coordinates`, each `.svg` and `.png`, in a folder that must exist. Gives the paths of the files.
+/// Draws tracks, truth and cameras (world frame, metres) into `above`, `side`, `3d` and `coordinates`, each `.svg` and `.png`,
+/// in a folder that must exist. Gives the paths of the files.
 ///
-/// Positions that are not finite or beyond 100 km count as no estimate.
+/// Positions that are not finite or beyond 100 km count as no estimate. What lies far from the truth (without truth, from 98 %
+/// of the estimates) is cut off, and a note says how much.
 pub(crate) fn write_track_plots(
     folder: &Path,
     series: &[TrackSeries],
     truth: &[TruthSeries],
-    cameras: &[(String, [f64; 3])],
+    cameras: &[CameraSymbol],
 ) -> anyhow::Result<Vec<PathBuf>> {
-    let figures = Figures::new(series, truth, cameras);
+    let tracks = series.iter().map(|track| (&*track.name, track));
+    let figures = Figures::new(tracks, truth, cameras);
     let mut paths = Vec::new();
     for (name, document) in [
         ("above", figures.above()?),
         ("side", figures.side()?),
+        ("3d", figures.oblique()?),
         ("coordinates", figures.coordinates()?),
     ] {
         paths.extend(write_svg_and_png(folder, name, &document)?);
@@ -77,28 +82,41 @@ pub(crate) fn write_track_plots(
 }
 
 /// One instant of a series, with numbers that can be drawn.
-struct Point {
+pub(super) struct Point {
     time_s: f64,
-    position_m: [f64; 3],
+    pub(super) position_m: [f64; 3],
     /// Twice the standard deviation of each coordinate.
     two_sigma_m: Option<[f64; 3]>,
 }
 
 /// The stretches without gaps of one track or one target's truth.
-struct Trace {
-    /// Of a track: its target's.
-    color: Rgb,
-    runs: Vec<Vec<Point>>,
+pub(super) struct Trace {
+    /// Of a track: its target's or group's.
+    pub(super) color: Rgb,
+    pub(super) runs: Vec<Vec<Point>>,
 }
 
-struct Figures<'a> {
-    tracks: Vec<Trace>,
-    truth: Vec<Trace>,
-    cameras: Vec<(&'a str, [f64; 3])>,
-    /// The targets' names, each once.
+impl Trace {
+    /// Its first and last point.
+    pub(super) fn ends(&self) -> (Option<&Point>, Option<&Point>) {
+        let (first, last) = (self.runs.first(), self.runs.last());
+        (first.and_then(|r| r.first()), last.and_then(|r| r.last()))
+    }
+}
+
+/// What figures of paths show.
+pub(super) struct Figures<'a> {
+    pub(super) tracks: Vec<Trace>,
+    pub(super) truth: Vec<Trace>,
+    pub(super) cameras: Vec<&'a CameraSymbol>,
+    /// The names of targets or groups, each once.
     names: Vec<&'a str>,
-    /// Of tracks: pale where many lie over one another.
-    opacity: f64,
+    /// Of tracks: opacity and width in pixels; pale and thin where many lie over one another.
+    pub(super) stroke: (f64, f64),
+    /// Of the marks at the ends of tracks, by that in the legend.
+    pub(super) mark_size: f64,
+    /// The shown extents of x, y and z.
+    shown_m: [Option<RangeInclusive<f64>>; 3],
 }
 
 fn drawable_position(position_m: &[f64; 3]) -> bool {
@@ -120,19 +138,39 @@ fn point(sample: &Sample) -> Option<Point> {
     })
 }
 
+/// All places of some paths.
+fn places_m(paths: &[Trace]) -> Vec<[f64; 3]> {
+    let points = paths.iter().flat_map(|path| path.runs.iter().flatten());
+    points.map(|point| point.position_m).collect()
+}
+
+/// The height of a name beside a mark, in units: names that would lie on one another are moved down.
+pub(super) fn free_row(taken: &mut Vec<(i32, i32)>, mark: (i32, i32)) -> i32 {
+    let same_place = |a: (i32, i32), b: (i32, i32)| {
+        (a.0 - b.0).abs() < units(130.0) && (a.1 - b.1).abs() < units(14.0)
+    };
+    let mut row = mark;
+    while taken.iter().any(|&other| same_place(row, other)) {
+        row.1 += units(14.0);
+    }
+    taken.push(row);
+    row.1
+}
+
 impl<'a> Figures<'a> {
-    fn new(
-        series: &'a [TrackSeries],
+    /// Of tracks with the names of their targets or groups.
+    pub(super) fn new(
+        series: impl Iterator<Item = (&'a str, &'a TrackSeries)>,
         truth: &[TruthSeries],
-        cameras: &'a [(String, [f64; 3])],
+        cameras: &'a [CameraSymbol],
     ) -> Self {
         let mut names: Vec<&str> = Vec::new();
         let mut tracks = Vec::new();
-        for one in series {
-            let known = names.iter().position(|name| *name == one.name);
+        for (name, one) in series {
+            let known = names.iter().position(|known| *known == name);
             let index = known.unwrap_or(names.len());
             if known.is_none() {
-                names.push(&one.name);
+                names.push(name);
             }
             tracks.push(Trace {
                 color: PALETTE[index % PALETTE.len()],
@@ -152,38 +190,70 @@ impl<'a> Figures<'a> {
         });
         let cameras = cameras
             .iter()
-            .filter(|(_, position_m)| drawable_position(position_m))
-            .map(|(name, position_m)| (name.as_str(), *position_m));
-        Self {
-            opacity: if tracks.len() > 2 * names.len() {
-                0.5
-            } else {
-                1.0
-            },
+            .filter(|camera| drawable_position(&camera.position_m()));
+        let are_many = tracks.len() > 2 * names.len();
+        let mut figures = Self {
+            stroke: if are_many { (0.5, 1.5) } else { (1.0, 2.5) },
+            mark_size: if are_many { 0.6 } else { 1.0 },
             truth: truth.collect(),
             cameras: cameras.collect(),
             tracks,
             names,
-        }
+            shown_m: [None, None, None],
+        };
+        let cameras_m: Vec<_> = figures.cameras.iter().map(|c| c.position_m()).collect();
+        figures.shown_m = shown_ranges_m(
+            &places_m(&figures.tracks),
+            &places_m(&figures.truth),
+            &cameras_m,
+        );
+        figures
+    }
+
+    /// All estimates of all tracks.
+    pub(super) fn estimates(&self) -> impl Iterator<Item = &Point> {
+        self.tracks.iter().flat_map(|t| t.runs.iter().flatten())
     }
 
     fn points(&self) -> impl Iterator<Item = &Point> {
-        let paths = self.tracks.iter().chain(&self.truth);
-        paths.flat_map(|path| path.runs.iter().flatten())
+        let truth = self.truth.iter().flat_map(|t| t.runs.iter().flatten());
+        self.estimates().chain(truth)
+    }
+
+    /// The path that the oblique view is chosen for: the truth where it is known.
+    pub(super) fn main_path_m(&self) -> Vec<[f64; 3]> {
+        if self.truth.is_empty() {
+            places_m(&self.tracks)
+        } else {
+            places_m(&self.truth)
+        }
+    }
+
+    /// What to say of a plot that leaves out estimates, or has none.
+    pub(super) fn note(&self, outside: usize) -> Option<String> {
+        let all = self.estimates().count();
+        if all == 0 {
+            return Some("no estimate".to_owned());
+        }
+        outside_note(outside, all)
     }
 
     fn has_estimate(&self) -> bool {
-        self.tracks.iter().any(|track| !track.runs.is_empty())
+        self.estimates().next().is_some()
     }
 
-    /// The range of one coordinate over tracks, truth and cameras.
-    fn range_m(&self, axis: usize) -> Range<f64> {
-        let places = self.points().map(|point| point.position_m[axis]);
-        let cameras = self.cameras.iter().map(|(_, position_m)| position_m[axis]);
-        padded(extent(places.chain(cameras)), MIN_SPAN_M)
+    /// The range of one coordinate over truth, cameras, and tracks that are not far from them.
+    pub(super) fn range_m(&self, axis: usize) -> Range<f64> {
+        padded(self.shown_m[axis].clone(), MIN_SPAN_M)
     }
 
-    fn above(&self) -> anyhow::Result<String> {
+    /// The lowest height shown; 0 where there is none.
+    pub(super) fn lowest_m(&self) -> f64 {
+        self.shown_m[2].as_ref().map_or(0.0, |range| *range.start())
+    }
+
+    /// All from above: an SVG document.
+    pub(super) fn above(&self) -> anyhow::Result<String> {
         let ranges = [self.range_m(0), self.range_m(1)];
         let [x_span, y_span] = [&ranges[0], &ranges[1]].map(|r| r.end - r.start);
         let plot_px = [
@@ -230,22 +300,16 @@ impl<'a> Figures<'a> {
             let plots = self.draw_legend(area, true)?;
             for (axis, area) in plots.split_evenly((3, 1)).iter().enumerate() {
                 let range_m = self.range_with_bands_m(axis);
-                let time = Axis {
-                    range: time_s.clone(),
-                    name: "time (s)",
-                };
-                let coordinate = Axis {
-                    range: range_m.clone(),
-                    name: COORDINATES[axis],
-                };
+                let time = Axis::new(time_s.clone(), "time (s)");
+                let coordinate = Axis::new(range_m.clone(), COORDINATES[axis]);
                 let mut panel = panel(area, &time, &coordinate)?;
                 for track in &self.tracks {
                     self.draw_band(&mut panel, track, axis, &range_m)?;
                 }
-                self.draw_paths(&mut panel, |p| (p.time_s, p.position_m[axis]))?;
-                if !self.has_estimate() {
-                    write_note(area, "no estimate")?;
-                }
+                let ranges = [time_s.clone(), range_m];
+                self.draw_paths(area, &mut panel, &ranges, |p| {
+                    [p.time_s, p.position_m[axis]]
+                })?;
             }
             Ok(())
         })
@@ -254,10 +318,7 @@ impl<'a> Figures<'a> {
     /// The range of one coordinate over tracks and truth, and over the bands as long as the paths
     /// remain legible.
     fn range_with_bands_m(&self, axis: usize) -> Range<f64> {
-        let paths = padded(
-            extent(self.points().map(|p| p.position_m[axis])),
-            MIN_SPAN_M,
-        );
+        let paths = self.range_m(axis);
         let room_m = (paths.end - paths.start).max(0.2);
         let (low_m, high_m) = (paths.start - room_m, paths.end + room_m);
         let bands = self.points().filter_map(|p| {
@@ -280,7 +341,7 @@ impl<'a> Figures<'a> {
         axis: usize,
         range_m: &Range<f64>,
     ) -> anyhow::Result<()> {
-        let style = fill(track.color, 0.22 * self.opacity);
+        let style = fill(track.color, 0.22 * self.stroke.0);
         for run in &track.runs {
             for stretch in runs(run.iter().map(|p| Some((p, p.two_sigma_m?[axis])))) {
                 let edge = |sign: f64| {
@@ -301,21 +362,30 @@ impl<'a> Figures<'a> {
         Ok(())
     }
 
-    /// Draws tracks, and the truth thin on top of them so that both are seen.
+    /// Draws tracks, and the truth thin on top of them so that both are seen, as far as they are within the panel; a note says
+    /// how much is not.
     fn draw_paths(
         &self,
+        area: &Area<'_>,
         panel: &mut Panel<'_>,
-        place: impl Fn(&Point) -> (f64, f64),
+        ranges: &[Range<f64>; 2],
+        place: impl Fn(&Point) -> [f64; 2],
     ) -> anyhow::Result<()> {
-        for (paths, opacity, width_px) in
-            [(&self.tracks, self.opacity, 2.5), (&self.truth, 1.0, 1.0)]
+        for (paths, (opacity, width_px)) in [(&self.tracks, self.stroke), (&self.truth, (1.0, 1.0))]
         {
             for path in paths {
                 for run in &path.runs {
                     let points: Vec<_> = run.iter().map(&place).collect();
-                    draw_path(panel, &points, line(path.color, opacity, width_px))?;
+                    for piece in clipped(&points, ranges) {
+                        let piece: Vec<_> = piece.into_iter().map(|[x, y]| (x, y)).collect();
+                        draw_path(panel, &piece, line(path.color, opacity, width_px))?;
+                    }
                 }
             }
+        }
+        let outside = self.estimates().filter(|p| !is_inside(&place(p), ranges));
+        if let Some(note) = self.note(outside.count()) {
+            write_note(area, &note)?;
         }
         Ok(())
     }
@@ -327,63 +397,49 @@ impl<'a> Figures<'a> {
         axes: [usize; 2],
         ranges_m: [Range<f64>; 2],
     ) -> anyhow::Result<()> {
-        let [across, up] = ranges_m;
-        let middle_m = 0.5 * (across.start + across.end);
-        let horizontal = Axis {
-            range: across,
-            name: COORDINATES[axes[0]],
-        };
-        let vertical = Axis {
-            range: up,
-            name: COORDINATES[axes[1]],
-        };
+        let [horizontal, vertical] =
+            [0, 1].map(|i| Axis::new(ranges_m[i].clone(), COORDINATES[axes[i]]));
         let mut panel = panel(area, &horizontal, &vertical)?;
-        let flat = |position_m: [f64; 3]| (position_m[axes[0]], position_m[axes[1]]);
-        self.draw_paths(&mut panel, |p| flat(p.position_m))?;
+        let flat = |position_m: [f64; 3]| axes.map(|axis| position_m[axis]);
+        self.draw_paths(area, &mut panel, &ranges_m, |p| flat(p.position_m))?;
+        let seen = |point: &Point| {
+            let place_m = flat(point.position_m);
+            is_inside(&place_m, &ranges_m).then_some((place_m[0], place_m[1]))
+        };
         for track in &self.tracks {
-            let (first, last) = (track.runs.first(), track.runs.last());
-            if let Some(point) = first.and_then(|run| run.first()) {
-                panel.draw_series([start_mark(flat(point.position_m), track.color)])?;
+            let (first, last) = track.ends();
+            if let Some(place) = first.and_then(seen) {
+                panel.draw_series([start_mark(place, track.color, self.mark_size)])?;
             }
-            if let Some(point) = last.and_then(|run| run.last()) {
-                panel.draw_series([end_mark(flat(point.position_m), track.color)])?;
+            if let Some(place) = last.and_then(seen) {
+                panel.draw_series([end_mark(place, track.color, self.mark_size)])?;
             }
         }
-        self.draw_cameras(&mut panel, flat, middle_m)?;
-        if !self.has_estimate() {
-            write_note(area, "no estimate")?;
-        }
-        Ok(())
+        let middle_m = 0.5 * (ranges_m[0].start + ranges_m[0].end);
+        self.draw_cameras(&mut panel, flat, middle_m)
     }
 
     /// Marks the cameras and writes their names, on the side where there is room.
     fn draw_cameras(
         &self,
         panel: &mut Panel<'_>,
-        flat: impl Fn([f64; 3]) -> (f64, f64),
+        flat: impl Fn([f64; 3]) -> [f64; 2],
         middle_m: f64,
     ) -> anyhow::Result<()> {
-        // Names that would lie on one another are moved down.
-        let mut rows: Vec<(i32, i32)> = Vec::new();
-        let same_place = |a: (i32, i32), b: (i32, i32)| {
-            (a.0 - b.0).abs() < units(130.0) && (a.1 - b.1).abs() < units(14.0)
-        };
-        for &(name, position_m) in &self.cameras {
-            let place = flat(position_m);
+        let mut rows = Vec::new();
+        for camera in &self.cameras {
+            let [x_m, y_m] = flat(camera.position_m());
+            let place = (x_m, y_m);
             let mark = panel.backend_coord(&place);
-            let mut row = mark;
-            while rows.iter().any(|&other| same_place(row, other)) {
-                row.1 += units(14.0);
-            }
-            rows.push(row);
+            let row = free_row(&mut rows, mark);
             let (side, aside_px) = if place.0 > middle_m {
                 (HPos::Right, -9.0)
             } else {
                 (HPos::Left, 9.0)
             };
             let text = Text::new(
-                shortened(name, 16),
-                (units(aside_px), row.1 - mark.1),
+                shortened(&camera.name, 16),
+                (units(aside_px), row - mark.1),
                 text_style(12.0, side),
             );
             let marked = EmptyElement::at(place) + camera_mark((0, 0)) + text;
@@ -393,7 +449,11 @@ impl<'a> Figures<'a> {
     }
 
     /// Draws the legend of a plot against time or of a map; gives the area left of it.
-    fn draw_legend<'b>(&self, area: &Area<'b>, against_time: bool) -> anyhow::Result<Area<'b>> {
+    pub(super) fn draw_legend<'b>(
+        &self,
+        area: &Area<'b>,
+        against_time: bool,
+    ) -> anyhow::Result<Area<'b>> {
         let (plots, column) = area.split_horizontally(units(WIDTH_PX - legend::WIDTH_PX));
         let mut entries: Vec<(Key, String)> = self
             .names

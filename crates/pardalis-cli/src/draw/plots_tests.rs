@@ -1,3 +1,6 @@
+use nalgebra::{Rotation3, Vector3};
+use pardalis::rig::Pose;
+
 use super::*;
 use crate::draw::test_folder;
 
@@ -23,6 +26,16 @@ fn helix(name: &str, phase: f64) -> TrackSeries {
     }
 }
 
+/// A camera that looks down.
+fn camera(name: &str, position_m: [f64; 3]) -> CameraSymbol {
+    let down = Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    CameraSymbol {
+        name: name.to_owned(),
+        world_from_camera: Pose::from_parts(position_m.into(), down),
+        looks_into_mirror: false,
+    }
+}
+
 fn one_row(position_m: Option<[f64; 3]>, covariance_m2: Option<[f64; 6]>) -> TrackSeries {
     let row = Sample {
         time_s: 0.0,
@@ -37,7 +50,7 @@ fn one_row(position_m: Option<[f64; 3]>, covariance_m2: Option<[f64; 6]>) -> Tra
 
 /// A file per figure and format, the PNG decodable and not blank.
 fn check_files(paths: &[PathBuf]) {
-    assert_eq!(paths.len(), 6);
+    assert_eq!(paths.len(), 8);
     for path in paths {
         if path.extension().is_some_and(|e| e == "svg") {
             let svg = std::fs::read_to_string(path).unwrap();
@@ -67,9 +80,9 @@ fn tracks_truth_and_cameras_are_drawn_in_their_colours() {
             .collect(),
     };
     let cameras = [
-        ("left".to_owned(), [1.0, 1.0, 1.0]),
-        ("right".to_owned(), [1.02, 1.0, 1.0]),
-        ("top".to_owned(), [-1.0, 0.0, 2.0]),
+        camera("left", [1.0, 1.0, 1.0]),
+        camera("right", [1.02, 1.0, 1.0]),
+        camera("top", [-1.0, 0.0, 2.0]),
     ];
     let paths = write_track_plots(&folder, &series, &[truth], &cameras).unwrap();
     check_files(&paths);
@@ -134,7 +147,7 @@ fn degenerate_tracks_make_plots_nevertheless() {
         check_files(&write_track_plots(&folder, &series, &[], &[]).unwrap());
     }
     let folder = test_folder("plots-nowhere");
-    let nowhere = [("c".to_owned(), [nan; 3])];
+    let nowhere = [camera("c", [nan; 3])];
     let truth = [TruthSeries {
         rows: vec![(nan, [0.0; 3])],
     }];
@@ -219,7 +232,7 @@ fn the_true_path_of_a_thrown_ball_is_drawn() {
             })
             .collect(),
     };
-    let cameras = [("cam1".to_owned(), [0.0, 0.0, 0.9])];
+    let cameras = [camera("cam1", [0.0, 0.0, 0.9])];
     let folder = test_folder("plots-jump");
     check_files(&write_track_plots(&folder, &[series], &[TruthSeries { rows }], &cameras).unwrap());
 }
@@ -233,7 +246,7 @@ fn a_target_that_stands_still_is_seen_at_every_instant() {
     }
     let folder = test_folder("plots-still");
     let paths = write_track_plots(&folder, &[track], &[], &[]).unwrap();
-    let picture = image::open(&paths[5]).unwrap().to_rgb8();
+    let picture = image::open(&paths[7]).unwrap().to_rgb8();
     // Without the legend.
     let plots = image::imageops::crop_imm(&picture, 0, 0, 1560, picture.height()).to_image();
     assert!(plots.pixels().any(|p| p.0 == PALETTE[0]));

@@ -8,6 +8,7 @@ use pardalis::score::TrueState;
 use pardalis::tracker::TrackState;
 
 use super::{Instant, Sink};
+use crate::draw::paths::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
 use crate::tables::Series;
 
@@ -59,16 +60,6 @@ impl SeriesCollector {
         scene: &Scene,
         truth: &[Series<TrueState>],
     ) -> Result<Vec<PathBuf>> {
-        let cameras: Vec<_> = scene
-            .cameras
-            .iter()
-            .map(|camera| {
-                (
-                    camera.name.clone(),
-                    camera.world_from_camera.translation.vector.into(),
-                )
-            })
-            .collect();
         let truth: Vec<_> = truth
             .iter()
             .map(|object| TruthSeries {
@@ -79,7 +70,7 @@ impl SeriesCollector {
                     .collect(),
             })
             .collect();
-        write_track_plots(folder, &self.tracks, &truth, &cameras)
+        write_track_plots(folder, &self.tracks, &truth, &CameraSymbol::of_scene(scene))
     }
 }
 

@@ -111,9 +111,9 @@ fn read_scaled(contour: &Table, default: &Sampling) -> Sampling {
 fn read_spline(spline: Table, points: usize) -> SplineSampling {
     let settings = SplineSampling {
         control_points: spline.or("control_points", (points / 4).max(3)),
-        reach_px: spline.or("reach_px", 1.0),
+        reach_px: spline.or("reach_px", 2.0),
         steps: spline.or("steps", 2),
-        middle: spline.or("middle", true),
+        middle: spline.or("middle", false),
     };
     spline.finish();
     settings

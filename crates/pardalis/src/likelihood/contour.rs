@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Likelihood;
 use super::boundary::{Sampling, ScaledSampling, SplineBasis, normals_by_neighbours};
-use super::outline::{Coordinates, LANES, OutlineKernel, Projector};
+use super::outline::{Coordinates, LANES, OutlineKernel, Points, Projector};
 use crate::camera::Mask;
 use crate::color::{ColorModel, Palette};
 use crate::frame::with_pixels;
@@ -128,7 +128,8 @@ pub struct ContourCue {
 /// Buffers of one piece of work.
 #[derive(Debug, Clone)]
 struct Scratch {
-    /// Outlines, their normals, and the control points of their splines.
+    /// Outlines in the camera's frame and in the image, their normals, and the control points of their splines.
+    points: Vec<Points>,
     coordinates: Vec<Coordinates>,
     normals: Vec<Coordinates>,
     control: Vec<Coordinates>,
@@ -230,6 +231,7 @@ impl ContourCue {
                 Sampling::Spline(spline) => spline.control_points,
             };
             let empty = Scratch {
+                points: vec![[[0.0; LANES]; 3]; points],
                 coordinates: vec![no_coordinates; points],
                 normals: vec![no_coordinates; points],
                 control: vec![no_coordinates; control_points],
@@ -337,6 +339,7 @@ impl ContourCue {
     ) {
         let level = self.level;
         let Scratch {
+            points,
             coordinates,
             normals,
             control,
@@ -351,7 +354,7 @@ impl ContourCue {
                     (scaled.outer_scale, outer),
                 ] {
                     self.outline
-                        .project(level, projector, positions, scale, coordinates);
+                        .project(level, projector, positions, scale, points, coordinates);
                     level.run(
                         #[inline(always)]
                         || raster.write_pixels(coordinates, pixels),
@@ -367,7 +370,7 @@ impl ContourCue {
                 );
                 if spread.contains(&true) {
                     self.outline
-                        .project(level, projector, positions, 1.0, coordinates);
+                        .project(level, projector, positions, 1.0, points, coordinates);
                     let distance_px = overlap.distance_px as f32;
                     level.run(
                         #[inline(always)]
@@ -394,7 +397,7 @@ impl ContourCue {
             Sampling::Spline(spline) => {
                 let basis = self.spline.as_ref().expect("made with the settings");
                 self.outline
-                    .project(level, projector, positions, 1.0, coordinates);
+                    .project(level, projector, positions, 1.0, points, coordinates);
                 level.run(
                     #[inline(always)]
                     || {

@@ -1,14 +1,16 @@
 //! Where the outlines of a block of particles lie in a camera's image: the projection kernel of the contour cue.
 
 use crate::camera::{Projection, with_model};
-use crate::shape::{OutlineCircle, Place, Seen, Shape, Sides, SphereOutline};
+use crate::shape::{OutlineCircle, Place, Seen, Shape, Sides, SidesKind, SphereOutline};
 use crate::simd::Level;
 use crate::view::View;
 
 /// Particles a block: the lanes of the kernels.
 pub(super) const LANES: usize = 16;
 
-/// Image coordinates of one point of a block's outlines: u, then v; NaN outside the camera's domain.
+/// One point of each of a block's outlines, in the camera's frame; NaN where there is none.
+pub(super) type Points = [[f32; LANES]; 3];
+/// Its image coordinates: u, then v; NaN outside the camera's domain.
 pub(super) type Coordinates = [[f32; LANES]; 2];
 
 /// A camera's pose in single precision.
@@ -84,60 +86,74 @@ impl OutlineKernel {
         }
     }
 
-    /// Writes the image coordinates of the outlines of the shape, scaled, at these places in the world: one element a point.
+    /// Writes the image coordinates of the outlines of the shape, scaled, at these places in the world: one element a point. `points` is as long and
+    /// holds what lies between.
     pub(super) fn project(
         &self,
         level: Level,
         projector: &Projector,
         positions: &[[f32; LANES]; 3],
         scale: f64,
+        points: &mut [Points],
         coordinates: &mut [Coordinates],
     ) {
+        match self {
+            Self::Sphere {
+                radius_m,
+                outline,
+                angles,
+            } => level.run(
+                #[inline(always)]
+                || {
+                    let radius_m = (scale * radius_m) as f32;
+                    let circles = Circles::new(projector, positions, radius_m, *outline);
+                    for (point, angle) in points.iter_mut().zip(angles) {
+                        circles.write_points(*angle, point);
+                    }
+                },
+            ),
+            Self::Upright { upright, places } => {
+                let sides = upright.sides(scale);
+                level.run(
+                    #[inline(always)]
+                    || {
+                        let bodies = Bodies::new(projector, positions, sides);
+                        match sides.kind() {
+                            SidesKind::Round => bodies.write(places, points, Sides::round),
+                            SidesKind::Corners { .. } => {
+                                bodies.write(places, points, Sides::cornered);
+                            }
+                            SidesKind::Flat => {
+                                bodies.write(places, points, |_, seen, place| {
+                                    Sides::flat(seen, place)
+                                });
+                            }
+                        }
+                    },
+                );
+            }
+        }
         with_model!(projector.view.camera(), model => {
             let model = model.to_f32();
-            match self {
-                Self::Sphere { radius_m, outline, angles } => {
-                    let radius_m = (scale * radius_m) as f32;
-                    level.run(
-                        #[inline(always)]
-                        || {
-                            let circles = Circles::new(projector, positions, radius_m, *outline, angles);
-                            project_points(&model, &circles, coordinates);
-                        },
-                    );
-                }
-                Self::Upright { upright, places } => {
-                    let sides = upright.sides(scale);
-                    level.run(
-                        #[inline(always)]
-                        || {
-                            let bodies = Bodies::new(projector, positions, sides, places);
-                            project_points(&model, &bodies, coordinates);
-                        },
-                    );
-                }
-            }
+            level.run(
+                #[inline(always)]
+                || project_points(&model, points, coordinates),
+            );
         });
     }
-}
-
-/// Outlines of a block of particles, in the camera's frame.
-trait BlockOutline {
-    /// A point of one particle's outline; NaN where it has none.
-    fn point(&self, k: usize, lane: usize) -> [f32; 3];
 }
 
 /// Plain loops that the compiler vectorises; with the choice in the first one it would branch instead.
 #[inline(always)]
 fn project_points<P: Projection<f32>>(
     model: &P,
-    outline: &impl BlockOutline,
+    points: &[Points],
     coordinates: &mut [Coordinates],
 ) {
-    for (k, [u, v]) in coordinates.iter_mut().enumerate() {
+    for ([x, y, z], [u, v]) in points.iter().zip(coordinates) {
         let mut valid = [false; LANES];
         for lane in 0..LANES {
-            ([u[lane], v[lane]], valid[lane]) = model.project(outline.point(k, lane));
+            ([u[lane], v[lane]], valid[lane]) = model.project([x[lane], y[lane], z[lane]]);
         }
         for lane in 0..LANES {
             u[lane] = if valid[lane] { u[lane] } else { f32::NAN };
@@ -146,28 +162,25 @@ fn project_points<P: Projection<f32>>(
     }
 }
 
-/// Outlines of spheres.
-struct Circles<'a> {
+/// Outlines of spheres: centre and two radii at a right angle.
+struct Circles {
     center: [[f32; LANES]; 3],
     a: [[f32; LANES]; 3],
     b: [[f32; LANES]; 3],
-    angles: &'a [(f32, f32)],
 }
 
-impl<'a> Circles<'a> {
+impl Circles {
     #[inline(always)]
     fn new(
         projector: &Projector,
         positions: &[[f32; LANES]; 3],
         radius_m: f32,
         outline: SphereOutline,
-        angles: &'a [(f32, f32)],
     ) -> Self {
         let mut circles = Self {
             center: [[0.0; LANES]; 3],
             a: [[0.0; LANES]; 3],
             b: [[0.0; LANES]; 3],
-            angles,
         };
         let viewpoint = projector.viewpoint;
         for lane in 0..LANES {
@@ -184,33 +197,29 @@ impl<'a> Circles<'a> {
         }
         circles
     }
-}
 
-impl BlockOutline for Circles<'_> {
+    /// The points at the angle of this cosine and sine.
     #[inline(always)]
-    fn point(&self, k: usize, lane: usize) -> [f32; 3] {
-        let (cos, sin) = self.angles[k];
-        let at = |i: usize| self.center[i][lane] + cos * self.a[i][lane] + sin * self.b[i][lane];
-        [at(0), at(1), at(2)]
+    fn write_points(&self, (cos, sin): (f32, f32), points: &mut Points) {
+        for (axis, point) in points.iter_mut().enumerate() {
+            for lane in 0..LANES {
+                point[lane] =
+                    self.center[axis][lane] + cos * self.a[axis][lane] + sin * self.b[axis][lane];
+            }
+        }
     }
 }
 
-/// Outlines of upright bodies.
+/// Upright bodies as they are seen.
 struct Bodies<'a> {
     sides: Sides<f32>,
     seen: [[f32; LANES]; Seen::<f32>::FIELDS],
-    places: &'a [Place<f32>],
     projector: &'a Projector<'a>,
 }
 
 impl<'a> Bodies<'a> {
     #[inline(always)]
-    fn new(
-        projector: &'a Projector<'a>,
-        positions: &[[f32; LANES]; 3],
-        sides: Sides<f32>,
-        places: &'a [Place<f32>],
-    ) -> Self {
+    fn new(projector: &'a Projector<'a>, positions: &[[f32; LANES]; 3], sides: Sides<f32>) -> Self {
         let mut fields = [[0.0; LANES]; Seen::<f32>::FIELDS];
         for lane in 0..LANES {
             let position = [positions[0][lane], positions[1][lane], positions[2][lane]];
@@ -222,17 +231,24 @@ impl<'a> Bodies<'a> {
         Self {
             sides,
             seen: fields,
-            places,
             projector,
         }
     }
-}
 
-impl BlockOutline for Bodies<'_> {
+    /// Writes the points at these places; `point` is that of the kind of sides.
     #[inline(always)]
-    fn point(&self, k: usize, lane: usize) -> [f32; 3] {
-        let seen = Seen::of_fields(self.seen.map(|field| field[lane]));
-        self.projector
-            .in_camera(self.sides.point(&seen, &self.places[k]))
+    fn write(
+        &self,
+        places: &[Place<f32>],
+        points: &mut [Points],
+        point: impl Fn(&Sides<f32>, &Seen<f32>, &Place<f32>) -> [f32; 3],
+    ) {
+        for (place, [x, y, z]) in places.iter().zip(points) {
+            for lane in 0..LANES {
+                let seen = Seen::of_fields(self.seen.map(|field| field[lane]));
+                let in_world = point(&self.sides, &seen, place);
+                [x[lane], y[lane], z[lane]] = self.projector.in_camera(in_world);
+            }
+        }
     }
 }

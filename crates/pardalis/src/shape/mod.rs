@@ -4,7 +4,7 @@ mod sphere;
 mod upright;
 
 pub use sphere::{OutlineCircle, Sphere, SphereOutline};
-pub(crate) use upright::{Place, Seen, Sides};
+pub(crate) use upright::{Place, Seen, Sides, SidesKind};
 pub use upright::{Section, Upright, UprightOutline};
 
 use nalgebra::Point3;

@@ -223,8 +223,9 @@ pub(crate) struct Sides<R> {
     top_m: R,
 }
 
+/// What the sides look like.
 #[derive(Debug, Clone, Copy)]
-enum SidesKind<R> {
+pub(crate) enum SidesKind<R> {
     Round,
     Corners {
         count: R,
@@ -313,6 +314,11 @@ impl<R: Real> Sides<R> {
         (seen, beside | over | under)
     }
 
+    pub(crate) fn kind(&self) -> &SidesKind<R> {
+        &self.kind
+    }
+
+    /// The places around the body after which they repeat.
     fn period(&self) -> R {
         match self.kind {
             SidesKind::Corners { count, .. } => count,
@@ -320,39 +326,48 @@ impl<R: Real> Sides<R> {
         }
     }
 
-    /// A point of the outline in the world.
-    #[inline(always)]
+    /// A point of the outline in the world, metres. Kernels call [`Self::round`] and its like themselves.
     pub(crate) fn point(&self, seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
-        let (half, one) = (R::of(0.5), R::of(1.0));
-        let beside = one - seen.whole;
-        let z = seen.base + place.height * seen.height * beside;
-        let around = beside
-            * (seen.first
-                + place.seen_side * seen.seen
-                + place.along_top * seen.top_way
-                + place.along_base * seen.base_way)
-            + seen.whole * place.around * self.period();
-        let [x, y] = match self.kind {
-            SidesKind::Flat => [seen.first * place.across, seen.seen * place.across],
-            SidesKind::Round => {
-                let (sin, cos) = around.sin_cos_turns();
-                [self.inradius_m * cos, self.inradius_m * sin]
-            }
-            SidesKind::Corners {
-                count,
-                turn,
-                half_side,
-            } => {
-                let corner = around.floor();
-                let (sin, cos) = ((corner + half) / count + turn).sin_cos_turns();
-                let along = (R::of(2.0) * (around - corner) - one) * half_side;
-                [
-                    self.inradius_m * (cos - along * sin),
-                    self.inradius_m * (sin + along * cos),
-                ]
-            }
+        match self.kind {
+            SidesKind::Round => self.round(seen, place),
+            SidesKind::Corners { .. } => self.cornered(seen, place),
+            SidesKind::Flat => Self::flat(seen, place),
+        }
+    }
+
+    /// A point of the outline of a cylinder.
+    #[inline(always)]
+    pub(crate) fn round(&self, seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
+        let (sin, cos) = seen.around(place, R::of(1.0)).sin_cos_turns();
+        seen.at(place, [self.inradius_m * cos, self.inradius_m * sin])
+    }
+
+    /// A point of the outline of a prism.
+    #[inline(always)]
+    pub(crate) fn cornered(&self, seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
+        let SidesKind::Corners {
+            count,
+            turn,
+            half_side,
+        } = self.kind
+        else {
+            return seen.at(place, [R::of(f64::NAN); 2]);
         };
-        [seen.axis[0] + x, seen.axis[1] + y, z]
+        let around = seen.around(place, count);
+        let corner = around.floor();
+        let (sin, cos) = ((corner + R::of(0.5)) / count + turn).sin_cos_turns();
+        let along = (R::of(2.0) * (around - corner) - R::of(1.0)) * half_side;
+        let offset = [
+            self.inradius_m * (cos - along * sin),
+            self.inradius_m * (sin + along * cos),
+        ];
+        seen.at(place, offset)
+    }
+
+    /// A point of the rectangle that faces the viewpoint.
+    #[inline(always)]
+    pub(crate) fn flat(seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
+        seen.at(place, [seen.first * place.across, seen.seen * place.across])
     }
 }
 
@@ -362,6 +377,26 @@ impl<R: Real> Seen<R> {
 
     fn zero() -> Self {
         Self::of_fields([R::of(0.0); 9])
+    }
+
+    /// The place around the body of a place on its outline.
+    #[inline(always)]
+    fn around(&self, place: &Place<R>, period: R) -> R {
+        let beside = R::of(1.0) - self.whole;
+        beside
+            * (self.first
+                + place.seen_side * self.seen
+                + place.along_top * self.top_way
+                + place.along_base * self.base_way)
+            + self.whole * place.around * period
+    }
+
+    /// The point at this offset from the axis.
+    #[inline(always)]
+    fn at(&self, place: &Place<R>, [x, y]: [R; 2]) -> [R; 3] {
+        let beside = R::of(1.0) - self.whole;
+        let z = self.base + place.height * self.height * beside;
+        [self.axis[0] + x, self.axis[1] + y, z]
     }
 
     #[inline(always)]
@@ -397,3 +432,121 @@ impl<R: Real> Seen<R> {
 }
 
 const IN_TURNS: f64 = 1.0 / std::f64::consts::TAU;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bodies(outline: UprightOutline) -> Vec<Upright> {
+        [
+            Section::circle(0.25).unwrap(),
+            Section::polygon(8, 0.5, 0.3).unwrap(),
+            Section::polygon(3, 0.3, -1.0).unwrap(),
+        ]
+        .map(|section| Upright::new(section, 0.8, outline).unwrap())
+        .into()
+    }
+
+    /// How far a point lies outside the body that stands on the origin, at most: negative inside.
+    fn outside_m(upright: &Upright, [x, y, z]: [f64; 3]) -> f64 {
+        let beside = match upright.section {
+            Section::Circle { radius_m } => x.hypot(y) - radius_m,
+            Section::Polygon {
+                sides,
+                apothem_m,
+                turn,
+            } => (0..sides)
+                .map(|j| {
+                    let normal = (turn + (j as f64 + 0.5) / sides as f64) * std::f64::consts::TAU;
+                    x * normal.cos() + y * normal.sin() - apothem_m
+                })
+                .fold(f64::NEG_INFINITY, f64::max),
+        };
+        beside.max(-z).max(z - upright.height_m)
+    }
+
+    #[test]
+    fn rays_to_exact_outlines_touch_the_body_and_do_not_enter_it() {
+        for upright in bodies(UprightOutline::Exact) {
+            for viewpoint in [
+                [2.0, 0.3, 0.5],
+                [-0.4, 0.5, 1.6],
+                [0.6, -0.9, -1.0],
+                [0.0, -0.41, 0.82],
+                [0.05, 0.02, 2.0],
+                [0.05, 0.02, -0.5],
+            ] {
+                let sides = upright.sides::<f64>(1.0);
+                let (seen, outside) = sides.seen_from([0.0; 3], viewpoint);
+                assert!(outside);
+                for place in upright.places(40) {
+                    let point = sides.point(&seen, &place);
+                    assert!(outside_m(&upright, point).abs() < 1e-12, "{point:?}");
+                    for share in [0.5, 0.9, 0.999, 1.001, 1.1, 1.5] {
+                        let along =
+                            [0, 1, 2].map(|i| viewpoint[i] + share * (point[i] - viewpoint[i]));
+                        let clear = outside_m(&upright, along);
+                        assert!(
+                            clear > -1e-9,
+                            "{upright:?} {viewpoint:?} {point:?}: {clear}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_facing_outline_is_a_rectangle_across_the_line_of_sight() {
+        for upright in bodies(UprightOutline::Facing) {
+            let viewpoint = [1.2, -1.6, 0.8];
+            let position = [0.4, 0.2, 0.1];
+            let sides = upright.sides::<f64>(1.25);
+            let (seen, outside) = sides.seen_from(position, viewpoint);
+            assert!(outside);
+            let (mut width, mut low, mut high) = (0.0_f64, f64::INFINITY, f64::NEG_INFINITY);
+            for place in upright.places(40) {
+                let [x, y, z] = sides.point(&seen, &place);
+                let (dx, dy) = (x - position[0], y - position[1]);
+                let towards = dx * (viewpoint[0] - position[0]) + dy * (viewpoint[1] - position[1]);
+                assert!(towards.abs() < 1e-12, "in the plane through the axis");
+                width = width.max(dx.hypot(dy));
+                (low, high) = (low.min(z), high.max(z));
+            }
+            assert!((width - 1.25 * upright.section.mean_half_width_m()).abs() < 1e-12);
+            assert!((low - (0.1 + 0.4 - 0.5)).abs() < 1e-12 && (high - 1.0).abs() < 1e-12);
+        }
+        let octagon = Section::polygon(8, 0.5, 0.0).unwrap();
+        assert!((octagon.mean_half_width_m() - 0.263_7).abs() < 1e-4);
+        assert!((octagon.circumradius_m() - 0.270_6).abs() < 1e-4);
+    }
+
+    #[test]
+    fn points_are_spread_evenly_along_the_outline() {
+        let upright = bodies(UprightOutline::Facing)[0];
+        let sides = upright.sides::<f64>(1.0);
+        let (seen, _) = sides.seen_from([0.0; 3], [3.0, 0.0, 0.4]);
+        let places = upright.places(52);
+        let points: Vec<_> = places.iter().map(|p| sides.point(&seen, p)).collect();
+        let perimeter = 2.0 * (0.5 + 0.8);
+        for k in 0..52 {
+            let (a, b) = (points[k], points[(k + 1) % 52]);
+            // Around a corner the way is longer than the straight line.
+            let along: f64 = (0..3).map(|i| (a[i] - b[i]).abs()).sum();
+            assert!((along - perimeter / 52.0).abs() < 1e-12, "{k}: {along}");
+        }
+    }
+
+    #[test]
+    fn from_inside_there_is_no_outline_and_bad_sizes_are_refused() {
+        for upright in bodies(UprightOutline::Exact) {
+            let sides = upright.sides::<f64>(1.0);
+            assert!(!sides.seen_from([0.0; 3], [0.02, 0.0, 0.4]).1);
+            assert!(sides.seen_from([0.0; 3], [0.02, 0.0, 0.9]).1);
+        }
+        assert!(Section::circle(0.0).is_err() && Section::circle(f64::NAN).is_err());
+        assert!(Section::polygon(2, 0.5, 0.0).is_err() && Section::polygon(8, 0.5, 7.0).is_err());
+        let circle = Section::circle(0.2).unwrap();
+        assert!(Upright::new(circle, f64::INFINITY, UprightOutline::Exact).is_err());
+    }
+}

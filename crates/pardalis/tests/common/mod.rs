@@ -27,7 +27,7 @@ pub(crate) const RADIUS_M: f64 = 0.11;
 /// Where the ball is in the first frames, metres.
 pub(crate) const FIRST_POSITION_M: [f64; 3] = [1.35, -1.25, 0.62];
 
-fn data(path: &str) -> PathBuf {
+pub(crate) fn data(path: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("../../data")
         .join(path)

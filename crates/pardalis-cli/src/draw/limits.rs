@@ -1,0 +1,188 @@
+//! What part of the world a plot shows: estimates that went astray must not make all else one dot.
+
+use std::ops::{Range, RangeInclusive};
+
+use super::panel::extent;
+
+/// Plots reach beyond what is trusted by this share of its longest side.
+const GROWTH: f64 = 0.25;
+
+/// They reach at least as far.
+const MIN_GROWTH_M: f64 = 0.1;
+
+/// All but the lowest and the highest percent of the values.
+pub(super) fn central(values: impl Iterator<Item = f64>) -> Option<RangeInclusive<f64>> {
+    let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+    values.sort_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    let at = |share: f64| values[(share * last as f64).round() as usize];
+    Some(at(0.01)..=at(0.99))
+}
+
+/// The ranges of x, y and z in metres that hold truth, cameras and the estimates that are not far from them; without truth,
+/// not far from 98 % of the estimates. `None` where there is nothing.
+pub(super) fn shown_ranges_m(
+    estimates_m: &[[f64; 3]],
+    truth_m: &[[f64; 3]],
+    cameras_m: &[[f64; 3]],
+) -> [Option<RangeInclusive<f64>>; 3] {
+    let column = |places: &[[f64; 3]], axis: usize| -> Vec<f64> {
+        places.iter().map(|place| place[axis]).collect()
+    };
+    let trusted = [0, 1, 2].map(|axis| {
+        let path = if truth_m.is_empty() {
+            central(column(estimates_m, axis).into_iter())
+        } else {
+            extent(column(truth_m, axis).into_iter())
+        };
+        let ends = path
+            .into_iter()
+            .flat_map(|path| [*path.start(), *path.end()]);
+        extent(ends.chain(column(cameras_m, axis)))
+    });
+    let growth_m = trusted
+        .iter()
+        .flatten()
+        .map(|range| GROWTH * (range.end() - range.start()))
+        .fold(MIN_GROWTH_M, f64::max);
+    let mut axes = 0..3;
+    trusted.map(|trusted| {
+        let (axis, trusted) = (axes.next()?, trusted?);
+        let (low_m, high_m) = (trusted.start() - growth_m, trusted.end() + growth_m);
+        let reached = column(estimates_m, axis).into_iter();
+        let reached = reached.map(|at_m| at_m.clamp(low_m, high_m));
+        extent(reached.chain([*trusted.start(), *trusted.end()]))
+    })
+}
+
+/// The range of 0 and of the values that are not far from 98 % of them.
+pub(super) fn shown_range_with_zero(values: &[f64]) -> RangeInclusive<f64> {
+    let trusted = central(values.iter().copied()).unwrap_or(0.0..=0.0);
+    let (low, high) = (trusted.start().min(0.0), trusted.end().max(0.0));
+    let growth = GROWTH * (high - low);
+    let reached = values.iter().filter(|value| value.is_finite());
+    let reached = reached.map(|value| value.clamp(low - growth, high + growth));
+    extent(reached.chain([low, high])).unwrap_or(trusted)
+}
+
+/// Whether a point lies in the ranges of its coordinates.
+pub(super) fn is_inside<const N: usize>(point: &[f64; N], ranges: &[Range<f64>; N]) -> bool {
+    let mut both = point.iter().zip(ranges);
+    both.all(|(at, range)| (range.start..=range.end).contains(at))
+}
+
+/// The pieces of a path within the ranges of its coordinates, cut off where it crosses them.
+pub(super) fn clipped<const N: usize>(
+    path: &[[f64; N]],
+    ranges: &[Range<f64>; N],
+) -> Vec<Vec<[f64; N]>> {
+    if let [point] = path {
+        return if is_inside(point, ranges) {
+            vec![vec![*point]]
+        } else {
+            Vec::new()
+        };
+    }
+    let mut pieces: Vec<Vec<[f64; N]>> = Vec::new();
+    // Whether the last piece ends where the next segment begins.
+    let mut goes_on = false;
+    for ends in path.windows(2) {
+        let (from, to) = (ends[0], ends[1]);
+        let Some([enters, leaves]) = shares_inside(&from, &to, ranges) else {
+            goes_on = false;
+            continue;
+        };
+        let at = |share: f64| match share {
+            0.0 => from,
+            1.0 => to,
+            _ => std::array::from_fn(|i| from[i] + share * (to[i] - from[i])),
+        };
+        if !goes_on {
+            pieces.push(vec![at(enters)]);
+        }
+        if let Some(piece) = pieces.last_mut() {
+            piece.push(at(leaves));
+        }
+        goes_on = leaves == 1.0;
+    }
+    pieces
+}
+
+/// From which to which share of its length a segment is within the ranges (Liang and Barsky 1984).
+fn shares_inside<const N: usize>(
+    from: &[f64; N],
+    to: &[f64; N],
+    ranges: &[Range<f64>; N],
+) -> Option<[f64; 2]> {
+    let [mut enters, mut leaves] = [0.0_f64, 1.0_f64];
+    for ((from, to), range) in from.iter().zip(to).zip(ranges) {
+        if from == to {
+            if !(range.start..=range.end).contains(from) {
+                return None;
+            }
+        } else {
+            let crossings = [range.start, range.end].map(|edge| (edge - from) / (to - from));
+            enters = enters.max(crossings[0].min(crossings[1]));
+            leaves = leaves.min(crossings[0].max(crossings[1]));
+        }
+    }
+    (enters <= leaves).then_some([enters, leaves])
+}
+
+/// The words about points that a plot leaves out, where there are any.
+pub(super) fn outside_note(outside: usize, all: usize) -> Option<String> {
+    (outside > 0).then(|| format!("{outside} of {all} estimates are outside"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_cut_at_the_edges() {
+        let square = [0.0..1.0, 0.0..1.0];
+        let path = [
+            [-1.0, 0.5],
+            [0.5, 0.5],
+            [0.5, 0.75],
+            [0.5, 2.0],
+            [3.0, 2.0],
+            [-1.0, -2.0],
+        ];
+        let pieces = clipped(&path, &square);
+        assert_eq!(pieces[0], [[0.0, 0.5], [0.5, 0.5], [0.5, 0.75], [0.5, 1.0]]);
+        assert_eq!(pieces.len(), 2, "{pieces:?}");
+        assert_eq!(clipped(&[[0.5, 0.5]], &square), [[[0.5, 0.5]]]);
+        assert!(clipped(&[[0.5, 1.5]], &square).is_empty());
+        assert!(clipped(&[[2.0, 0.0], [2.0, 1.0]], &square).is_empty());
+        assert!(clipped(&[], &square).is_empty());
+    }
+
+    #[test]
+    fn the_truth_or_the_many_tell_what_is_shown() {
+        let mut estimates: Vec<_> = (0..1000)
+            .map(|i| [0.001 * f64::from(i), 0.0, 0.0])
+            .collect();
+        let close = |ranges: [Option<RangeInclusive<f64>>; 3], low: f64, high: f64| {
+            let x = ranges[0].clone().unwrap();
+            assert!(
+                (x.start() - low).abs() < 0.02 && (x.end() - high).abs() < 0.02,
+                "{x:?}"
+            );
+        };
+        close(shown_ranges_m(&estimates, &[], &[]), 0.0, 1.0);
+        estimates.push([1e4, 0.0, 0.0]);
+        close(shown_ranges_m(&estimates, &[], &[]), 0.0, 1.235);
+        close(
+            shown_ranges_m(&estimates, &[[0.5, 0.0, 0.0]], &[]),
+            0.4,
+            0.6,
+        );
+        close(
+            shown_ranges_m(&estimates, &[[0.5, 0.0, 0.0]], &[[1.5, 0.0, 0.0]]),
+            0.25,
+            1.75,
+        );
+        assert_eq!(shown_ranges_m(&[], &[], &[]), [None, None, None]);
+    }
+}
