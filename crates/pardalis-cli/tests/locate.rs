@@ -422,3 +422,74 @@ fn tracks_that_cannot_be_started_from_are_refused() {
         .track(from_track(1, ""))
         .refused(&[place_in_scene, "other/tracks.csv: No such file"]);
 }
+
+/// The scene with a second camera, at the same place.
+fn two_cameras() -> String {
+    let camera = &SCENE[SCENE.find("[cameras.cam1]").unwrap()..SCENE.find("[targets").unwrap()];
+    let second = camera.replace("cam1", "cam2");
+    SCENE.replace("[targets.ball]\n", &format!("{second}[targets.ball]\n"))
+}
+
+#[test]
+fn clicks_say_which_camera_and_target_they_are_of() {
+    let place = Workplace::with_frames(1);
+    let target = &SCENE[SCENE.find("[targets.ball]").unwrap()..];
+    let two_targets = format!("{SCENE}{}", target.replace("targets.ball", "targets.cup"));
+    place.write(
+        "clicks.csv",
+        "frame,camera,object,u_px,v_px\n0,cam1,ball,,\n0,cam2,ball,460,88\n0,cam1,cup,250,200\n",
+    );
+    let run = locate(
+        &place,
+        &two_cameras(),
+        &["--clicks", "clicks.csv", "-o", "-"],
+    )
+    .fine();
+    assert!(off_m(&rows_in(&run.stdout)[0], [1.35, -1.25, 0.62]) < 0.4);
+    let run = locate(&place, &two_targets, &["--clicks", "clicks.csv", "-o", "-"]).fine();
+    let rows = rows_in(&run.stdout);
+    assert_eq!((&*rows[0][2], &*rows[1][2]), ("ball", "cup"));
+    assert!(off_m(&rows[0], [1.35, -1.25, 0.62]) < 0.4);
+    place.write("bare.csv", "frame,u_px,v_px\n0,460,88\n");
+    place.write("third.csv", "frame,camera,u_px,v_px\n0,cam3,460,88\n");
+    for (scene, arguments, wanted) in [
+        (
+            two_cameras(),
+            "--at 460,88",
+            "--at: scene.toml has 2 cameras and 1 targets",
+        ),
+        (
+            two_cameras(),
+            "images/000000.jpg",
+            "scene.toml: the scene has 2 cameras, and images of the command line",
+        ),
+        (
+            two_cameras(),
+            "--clicks bare.csv",
+            "bare.csv, line 1: column \"camera\" is missing",
+        ),
+        (
+            two_cameras(),
+            "--clicks third.csv",
+            "third.csv, line 2, column camera: \"cam3\" is no camera of the scene; allowed: cam1, cam2",
+        ),
+        (
+            two_targets.clone(),
+            "--at 460,88",
+            "--at: scene.toml has 1 cameras and 2 targets",
+        ),
+        (
+            two_targets.clone(),
+            "--clicks bare.csv",
+            "bare.csv, line 1: column \"object\" is missing",
+        ),
+        (
+            two_targets,
+            "--clicks clicks.csv --object ball",
+            "--object: the scene has 2 targets; leave it out",
+        ),
+    ] {
+        let arguments: Vec<&str> = arguments.split(' ').chain(["-o", "out"]).collect();
+        locate(&place, &scene, &arguments).refused(&[wanted]);
+    }
+}
