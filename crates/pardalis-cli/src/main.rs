@@ -5,6 +5,7 @@ mod commands;
 mod draw;
 mod fault;
 mod files;
+mod interrupt;
 mod say;
 mod scene;
 mod source;

@@ -65,10 +65,17 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
 
 /// Reads and checks a scene file; of the files it names it opens calibrations only. Warns of what may not be meant.
 pub(crate) fn read(path: &Path) -> Result<Scene> {
+    read_with(path, &toml::Table::new())
+}
+
+/// Reads and checks a scene file as [`read`] does, with settings replaced: full keys, as `targets.ball.filter.particles`, with their values.
+pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
     let text = read_text(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let scene = Scene::parse(&text, &|file, lens| read_calibration(folder, file, lens))
-        .map_err(|problems| all_of(path, &problems))?;
+    let scene = Scene::parse_with(&text, replaced, &|file, lens| {
+        read_calibration(folder, file, lens)
+    })
+    .map_err(|problems| all_of(path, &problems))?;
     for warning in &scene.warnings {
         warn(format!("{}: {warning}", path.display()));
     }

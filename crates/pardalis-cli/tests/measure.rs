@@ -25,7 +25,8 @@ seeds = 2
 "#;
 
 const FIGURES: &str = "coverage,lost_frames,ends_on_target,mean_m,sd_m,rmse_m,max_m,distance_mean_m,distance_sd_m,\
-    elevation_mean_rad,elevation_sd_rad,azimuth_mean_rad,azimuth_sd_rad,direction_max_rad,mean_nees";
+    elevation_mean_rad,elevation_sd_rad,azimuth_mean_rad,azimuth_sd_rad,direction_max_rad,mean_nees,\
+    planar_rmse_m,velocity_rmse_mps,course_error_median_rad,course_rad,true_course_rad,changed_target,estimates,ms_a_frame";
 
 /// A folder with the experiment, its scene of three frames and their truth.
 fn workplace(experiment: &str) -> Workplace {
@@ -49,9 +50,24 @@ fn results(place: &Workplace) -> Vec<String> {
     let mut lines = text.lines().map(str::to_owned);
     assert_eq!(
         lines.next().unwrap(),
-        format!("run,seed,target,object,{FIGURES}")
+        format!("run,seed,target,object,window,{FIGURES}")
     );
     lines.collect()
+}
+
+/// The figures of a row, none where the field is empty.
+fn figures_of(row: &str) -> Vec<Option<f64>> {
+    let fields: Vec<&str> = row.split(',').collect();
+    let figures = &fields[fields.len() - FIGURES.split(',').count()..];
+    figures
+        .iter()
+        .map(|f| (!f.is_empty()).then(|| f.parse().unwrap()))
+        .collect()
+}
+
+/// The figure of that name.
+fn value(figures: &[Option<f64>], name: &str) -> Option<f64> {
+    figures[FIGURES.split(',').position(|f| f == name).unwrap()]
 }
 
 #[test]
@@ -77,21 +93,35 @@ fn every_seed_of_every_run_is_tracked_scored_and_recorded() {
     let again = "\"again\"";
     let wanted = [(first, 1), (first, 2), (first, 3), (again, 1), (again, 2)];
     assert_eq!(starts, wanted.map(|(run, seed)| format!("{run},{seed}")));
-    let figures: Vec<Vec<f64>> = rows
-        .iter()
-        .map(|row| row.split(",ball,ball,").nth(1).unwrap())
-        .map(|figures| figures.split(',').map(|f| f.parse().unwrap()).collect())
-        .collect();
+    let figures: Vec<_> = rows.iter().map(|row| figures_of(row)).collect();
     // A seed says all of a run; another gives another.
     assert_eq!(figures[0], figures[3]);
     assert_ne!(figures[0], figures[1]);
     for row in &figures {
-        assert_eq!(row.len(), 15);
-        assert_eq!(row[..3], [1.0, 0.0, 1.0]);
-        let [mean_m, _, rmse_m, max_m] = row[3..7] else {
-            unreachable!()
-        };
-        assert!(mean_m <= rmse_m && rmse_m <= max_m, "{row:?}");
+        let of = |name| value(row, name);
+        assert_eq!(
+            ["coverage", "lost_frames", "ends_on_target", "estimates"].map(of),
+            [Some(1.0), Some(0.0), Some(1.0), Some(3.0)]
+        );
+        assert!(
+            of("mean_m") <= of("rmse_m") && of("rmse_m") <= of("max_m"),
+            "{row:?}"
+        );
+        assert!(
+            of("planar_rmse_m") < of("rmse_m") && of("velocity_rmse_mps") > Some(0.0),
+            "{row:?}"
+        );
+        // The ball is at rest and alone; nothing was timed.
+        assert_eq!(
+            [
+                "course_rad",
+                "true_course_rad",
+                "changed_target",
+                "ms_a_frame"
+            ]
+            .map(of),
+            [None; 4]
+        );
     }
     for file in [
         "first-frames--few-particles/seed-03/tracks.csv",
@@ -170,7 +200,7 @@ fn figures_outside_their_bands_are_named_and_fail() {
 
 #[test]
 fn bad_experiments_are_refused_by_name() {
-    let cases: [(&str, &str, &[&str]); 5] = [
+    let cases: [(&str, &str, &[&str]); 6] = [
         ("question", "qestion", &["small.toml", "qestion"]),
         ("seeds = 3\n", "", &["small.toml", "seeds"]),
         (
@@ -180,6 +210,11 @@ fn bad_experiments_are_refused_by_name() {
         ),
         ("scene.toml", "none.toml", &["none.toml"]),
         ("truth.csv", "none.csv", &["none.csv"]),
+        (
+            "\"again\"",
+            "\"First frames- few particles\"",
+            &["small.toml", "one folder", "names"],
+        ),
     ];
     for (piece, other, wanted) in cases {
         assert!(EXPERIMENT.contains(piece), "{piece}");
@@ -240,3 +275,8 @@ fn a_record_becomes_a_table_that_is_checked() {
     place.write("page.md", "no mark");
     pardalis(&place, &splice).refused(&["page.md", "<!-- table small -->"]);
 }
+
+#[path = "measure/definition.rs"]
+mod definition;
+#[path = "measure/resume.rs"]
+mod resume;

@@ -117,7 +117,7 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
             let mut tracker =
                 Tracker::new(vec![view.clone()], vec![target], 1, Level::best()).unwrap();
             let frames = [(0, rgb_frame(&picture(&view, center, is_soft)))];
-            let start = tracker.start(0).clone();
+            let start = *tracker.start(0);
             let found = tracker.locate(&frames, 0.0, &[start], &PASSES_M).unwrap();
             let found = Point3::from(found[0].kinematics.unwrap().position_m);
             errors.push((found - mirror).norm() - (Point3::from(center) - mirror).norm());

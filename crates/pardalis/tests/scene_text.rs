@@ -279,3 +279,51 @@ fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
         );
     }
 }
+
+#[test]
+fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
+    let replaced: toml::Table = r#"
+        "targets.ball.filter.particles" = 77
+        "targets.ball.motion" = { constant_velocity = { acceleration_density_m2ps3 = 5 } }
+        "targets.ball.start" = { gaussian = { position_m = [1, 2, 3], position_sigma_m = 0.1 } }
+        "targets.other.contour.points" = 30
+    "#
+    .parse()
+    .unwrap();
+    let scene = Scene::parse_with(SCENE, &replaced, &no_calibration).unwrap();
+    let plain = Scene::parse(SCENE, &no_calibration).unwrap();
+    assert_eq!(scene.targets[0].filter.particle_count, 77);
+    assert_eq!(
+        scene.targets[0].filter.resampling,
+        plain.targets[0].filter.resampling
+    );
+    assert_ne!(scene.targets[0].start.value, plain.targets[0].start.value);
+    assert_eq!(scene.targets[1].contour.points, 30);
+    assert_eq!(scene.cameras, plain.cameras);
+
+    let wrong: toml::Table = r#"
+        "targets.ball.filter.particles" = 0
+        "targets.ball.filter.partikles" = 5
+        "targets.ball.shape" = { sphere = { radius_m = "big" } }
+        "seed.x" = 1
+    "#
+    .parse()
+    .unwrap();
+    // Lines of the text are those of the text alone.
+    let text = SCENE.replace("fps = 25.0", "fps = 0");
+    let problems = Scene::parse_with(&text, &wrong, &no_calibration).unwrap_err();
+    let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    for wanted in [
+        "as set: seed: is a table; allowed: a whole number",
+        "as set: targets.ball.filter.particles: is 0; allowed:",
+        "as set: targets.ball.filter.partikles: is not a key; did you mean particles?",
+        "as set: targets.ball.shape.sphere.radius_m: is the text \"big\"; allowed: a finite number",
+        "line 5: cameras.dioptric.fps: is 0",
+    ] {
+        assert!(
+            told.iter().any(|t| t.starts_with(wanted)),
+            "no {wanted:?} in {told:#?}"
+        );
+    }
+    assert_eq!(told.len(), 5, "{told:#?}");
+}

@@ -33,6 +33,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         threads: None,
         annotate: true,
         plots: false,
+        progress: true,
     };
     say(format!(
         "tracking an orange ball through {}",

@@ -12,7 +12,7 @@ use crate::scene::read_text;
 
 /// Makes a Markdown table of a record
 ///
-/// Prints the median over the seeds of each run, with the lowest and the highest value; lengths in mm, angles in mrad, pixels to 0.001. A record
+/// Prints the median over the seeds of each run, with the lowest and the highest value; lengths in mm, angles in mrad, courses in degrees, pixels to 0.001. A record
 /// without seeds (of benchmarks, say) is printed as it is.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -26,7 +26,8 @@ pub(crate) struct Arguments {
     /// The figures to show [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,NAME")]
     columns: Vec<String>,
-    /// Puts the table into this file, between the lines `<!-- table NAME -->` and `<!-- end -->`, NAME being the record's
+    /// Puts tables into this file, wherever lines `<!-- table NAME: COLUMNS -->` and `<!-- end -->` stand, NAME being the record's; the
+    /// columns may be left out, and `<!-- table NAME of RUN*: COLUMNS -->` shows only the runs whose names begin so
     #[arg(long, value_name = "FILE.md")]
     splice: Option<PathBuf>,
     /// Changes nothing, but fails where the file's table is another
@@ -36,18 +37,22 @@ pub(crate) struct Arguments {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let table = table_of(&arguments.record, &arguments.columns)?;
+    let record = &arguments.record;
     let Some(path) = &arguments.splice else {
-        say(table.trim_end());
+        say(table_of(record, &arguments.columns, "")?.trim_end());
         return Ok(());
     };
     let text = read_text(path)?;
-    let name = arguments
-        .record
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy();
-    let spliced = splice(&text, &name, &table).ok_or_else(|| {
+    let name = record.file_stem().unwrap_or_default().to_string_lossy();
+    let spliced = splice(&text, &name, |mark| {
+        let columns = if mark.columns.is_empty() {
+            &arguments.columns
+        } else {
+            &mark.columns
+        };
+        table_of(record, columns, mark.runs)
+    })?
+    .ok_or_else(|| {
         fault!(
             "{}: has no line <!-- table {name} --> followed by a line <!-- end -->",
             path.display()
@@ -65,20 +70,59 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     write_file(path, spliced.as_bytes())
 }
 
-/// The text with the table in its place.
-fn splice(text: &str, name: &str, table: &str) -> Option<String> {
-    let begin = format!("<!-- table {name} -->\n");
-    let after_begin = text.find(&begin)? + begin.len();
-    let end = after_begin + text[after_begin..].find("<!-- end -->")?;
-    Some(format!(
-        "{}\n{table}\n{}",
-        &text[..after_begin],
-        &text[end..]
-    ))
+/// Which table stands at a place of a page.
+struct Mark<'t> {
+    /// Only runs whose names begin so.
+    runs: &'t str,
+    /// The figures to show; none: those of the command line.
+    columns: Vec<String>,
 }
 
-/// The record as a Markdown table.
-fn table_of(path: &Path, columns: &[String]) -> Result<String> {
+impl<'t> Mark<'t> {
+    /// The mark of this record's table that a line is, if it is one.
+    fn of(line: &'t str, name: &str) -> Option<Self> {
+        let inside = line.strip_prefix("<!-- table ")?.strip_suffix(" -->")?;
+        let rest = inside.strip_prefix(name)?;
+        let (runs, columns) = match rest.strip_prefix(" of ") {
+            Some(rest) => rest.split_once("*").map(|(runs, rest)| (runs, rest))?,
+            None => ("", rest),
+        };
+        let columns = match columns.strip_prefix(':') {
+            Some(columns) => columns.split(',').map(|c| c.trim().to_owned()).collect(),
+            None if columns.is_empty() => Vec::new(),
+            None => return None,
+        };
+        Some(Self { runs, columns })
+    }
+}
+
+/// The text with each of the record's tables in its place; none where there is no place.
+fn splice(
+    text: &str,
+    name: &str,
+    table: impl Fn(&Mark) -> Result<String>,
+) -> Result<Option<String>> {
+    let mut spliced = String::new();
+    let mut found = false;
+    let mut rest = text;
+    while let Some((line, after)) = rest.split_once('\n') {
+        spliced.push_str(line);
+        spliced.push('\n');
+        rest = after;
+        if let Some(mark) = Mark::of(line, name)
+            && let Some(end) = after.find("<!-- end -->")
+        {
+            let _ = write!(spliced, "\n{}\n", table(&mark)?);
+            rest = &after[end..];
+            found = true;
+        }
+    }
+    spliced.push_str(rest);
+    Ok(found.then_some(spliced))
+}
+
+/// The record as a Markdown table of the runs whose names begin with `runs`.
+fn table_of(path: &Path, columns: &[String], runs: &str) -> Result<String> {
     let text = read_text(path)?;
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let broken = |error: csv::Error| fault!("{}: {error}", path.display());
@@ -88,18 +132,35 @@ fn table_of(path: &Path, columns: &[String]) -> Result<String> {
         .iter()
         .map(str::to_owned)
         .collect();
-    let rows: Vec<Vec<String>> = reader
+    let mut rows: Vec<Vec<String>> = reader
         .records()
         .map(|row| Ok(row?.iter().map(str::to_owned).collect()))
         .collect::<Result<_, csv::Error>>()
         .map_err(broken)?;
+    if !runs.is_empty() {
+        let run = headers.iter().position(|h| h == "run");
+        rows.retain(|row| run.is_some_and(|i| row[i].starts_with(runs)));
+        if rows.is_empty() {
+            return Err(fault!("{}: has no run {runs}*", path.display()));
+        }
+    }
+    // A column of windows says something only where there are any.
     let keys: Vec<usize> = (0..headers.len())
-        .filter(|&i| matches!(&*headers[i], "run" | "target"))
+        .filter(|&i| match &*headers[i] {
+            "run" | "target" => true,
+            "window" => rows.iter().any(|row| !row[i].is_empty()),
+            _ => false,
+        })
         .collect();
     let seed = headers.iter().position(|h| h == "seed");
     let shown: Vec<usize> = if columns.is_empty() {
         (0..headers.len())
-            .filter(|i| !keys.contains(i) && Some(*i) != seed && headers[*i] != "object")
+            .filter(|i| {
+                !matches!(
+                    &*headers[*i],
+                    "run" | "target" | "window" | "seed" | "object"
+                )
+            })
             .collect()
     } else {
         let find = |name: &String| {
@@ -133,7 +194,11 @@ fn table_of(path: &Path, columns: &[String]) -> Result<String> {
     table.push_str(&"---:|".repeat(shown.len()));
     for (key, members) in groups {
         table.push_str("\n|");
-        for part in key {
+        for (part, &i) in key.iter().zip(&keys) {
+            let part = match *part {
+                "" if headers[i] == "window" => "all frames",
+                part => part,
+            };
             let _ = write!(table, " {part} |");
         }
         for &i in &shown {
@@ -151,29 +216,31 @@ fn table_of(path: &Path, columns: &[String]) -> Result<String> {
     Ok(table)
 }
 
+/// How figures whose names end so are shown: the unit, and what they are multiplied by.
+const UNITS: [(&str, &str, f64); 8] = [
+    ("_mps", "mm/s", 1e3),
+    ("course_rad", "°", 180.0 / std::f64::consts::PI),
+    ("course_error_median_rad", "°", 180.0 / std::f64::consts::PI),
+    ("_rad", "mrad", 1e3),
+    ("_m", "mm", 1e3),
+    ("_us", "µs", 1.0),
+    ("_px", "px", 1.0),
+    ("_s", "s", 1.0),
+];
+
 /// A column's name with the unit that is shown.
 fn heading(name: &str) -> String {
-    let units = [
-        ("_m", " (mm)"),
-        ("_rad", " (mrad)"),
-        ("_us", " (µs)"),
-        ("_px", " (px)"),
-        ("_s", " (s)"),
-    ];
-    let known = units
-        .iter()
-        .find_map(|(suffix, unit)| Some((name.strip_suffix(suffix)?, *unit)));
-    let (words, unit) = known.unwrap_or((name, ""));
-    format!("{}{unit}", words.replace('_', " "))
+    let Some((_, unit, _)) = UNITS.iter().find(|(end, ..)| name.ends_with(end)) else {
+        return name.replace('_', " ");
+    };
+    let words = name.rsplit_once('_').map_or(name, |(words, _)| words);
+    format!("{} ({unit})", words.replace('_', " "))
 }
 
 /// Median, lowest and highest of a column's values, or the value itself where there is one.
 fn cell(name: &str, values: &[&str]) -> String {
-    let scale = if name.ends_with("_m") || name.ends_with("_rad") {
-        1e3
-    } else {
-        1.0
-    };
+    let unit = UNITS.iter().find(|(end, ..)| name.ends_with(end));
+    let scale = unit.map_or(1.0, |(.., scale)| *scale);
     let mut numbers: Vec<f64> = values
         .iter()
         .filter_map(|v| v.parse().ok())
@@ -217,12 +284,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let record = folder.path().join("jump.csv");
         std::fs::write(&record, "run,seed,target,rmse_m,lost_frames\na,1,ball,0.3,0\na,2,ball,0.35,0\na,3,ball,0.31,0\nb,1,ball,1,2\n").unwrap();
-        let table = table_of(&record, &[]).unwrap();
+        let table = table_of(&record, &[], "").unwrap();
         let expected = "| run | target | rmse (mm) | lost frames |\n|---|---|---:|---:|\n\
                         | a | ball | 310 (300 to 350) | 0 |\n| b | ball | 1000 | 2 |\n";
         assert_eq!(table, expected);
         assert!(
-            table_of(&record, &["rsme_m".to_owned()])
+            table_of(&record, &["rsme_m".to_owned()], "")
                 .unwrap_err()
                 .to_string()
                 .contains("rsme_m")
@@ -230,14 +297,36 @@ mod tests {
     }
 
     #[test]
-    fn a_table_takes_the_place_between_its_marks() {
-        let text = "a\n<!-- table jump -->\nold\n<!-- end -->\nb\n";
-        let spliced = splice(text, "jump", "| new |\n").unwrap();
+    fn tables_take_their_places_between_marks() {
+        let text = "a\n<!-- table jump -->\nold\n<!-- end -->\nb\n<!-- table jump of near*: rmse_m, max_m -->\n<!-- end -->\n\
+                    <!-- table jumps -->\n<!-- end -->\n";
+        let table = |mark: &Mark| Ok(format!("| {}/{} |\n", mark.runs, mark.columns.join("+")));
+        let spliced = splice(text, "jump", table).unwrap().unwrap();
         assert_eq!(
             spliced,
-            "a\n<!-- table jump -->\n\n| new |\n\n<!-- end -->\nb\n"
+            "a\n<!-- table jump -->\n\n| / |\n\n<!-- end -->\nb\n<!-- table jump of near*: rmse_m, max_m -->\n\n\
+             | near/rmse_m+max_m |\n\n<!-- end -->\n<!-- table jumps -->\n<!-- end -->\n"
         );
-        assert_eq!(splice(&spliced, "jump", "| new |\n").unwrap(), spliced);
-        assert!(splice(text, "other", "").is_none());
+        let again = splice(&spliced, "jump", table).unwrap();
+        assert_eq!(again, Some(spliced));
+        assert_eq!(splice(text, "other", table).unwrap(), None);
+    }
+
+    #[test]
+    fn runs_are_chosen_by_the_beginning_of_their_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let record = folder.path().join("jump.csv");
+        std::fs::write(
+            &record,
+            "run,seed,target,window,course_rad\nnear: a,1,ball,,0.1\nfar,1,ball,,2\n",
+        )
+        .unwrap();
+        let table = table_of(&record, &[], "near").unwrap();
+        assert_eq!(
+            table,
+            "| run | target | course (°) |\n|---|---|---:|\n| near: a | ball | 5.73 |\n"
+        );
+        let error = table_of(&record, &[], "none").unwrap_err().to_string();
+        assert!(error.contains("no run none*"), "{error}");
     }
 }

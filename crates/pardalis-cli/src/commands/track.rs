@@ -59,6 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         threads: arguments.threads.map(usize::from),
         annotate: arguments.annotate,
         plots: !arguments.no_plots,
+        progress: true,
     };
     let run = tracking::run(&arguments.scene, &options)?;
     let _ = std::io::stderr().write_all(warnings(&run).as_bytes());

@@ -4,7 +4,6 @@
 //! every machine. Overlays and mosaics are drawn into the pixels of an image.
 
 pub(crate) mod calibration;
-#[cfg_attr(not(test), expect(dead_code, reason = "experiments will draw it"))]
 pub(crate) mod errors;
 pub(crate) mod grid;
 pub(crate) mod histogram;
@@ -19,7 +18,6 @@ pub(crate) mod paths;
 pub(crate) mod picture;
 pub(crate) mod plots;
 pub(crate) mod svg;
-#[cfg_attr(not(test), expect(dead_code, reason = "experiments will draw it"))]
 pub(crate) mod sweep;
 
 /// Red, green, blue.

@@ -87,7 +87,6 @@ impl CameraSymbol {
 ///
 /// Positions are in the world frame, in metres; those that are not finite or beyond 100 km count as no estimate. What lies far
 /// from the truth (without truth, from 98 % of the estimates) is cut off, and a note says how much.
-#[cfg_attr(not(test), expect(dead_code, reason = "experiments will draw it"))]
 pub(crate) fn write_path_figures(
     folder: &Path,
     stem: &str,

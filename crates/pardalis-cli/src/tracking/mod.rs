@@ -7,7 +7,6 @@ mod series;
 mod summary;
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
@@ -17,6 +16,7 @@ use pardalis::{Estimate, Frame, Tracker};
 use serde::Serialize;
 
 use crate::fault::fault;
+use crate::interrupt;
 use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
@@ -24,7 +24,7 @@ use annotate::Annotator;
 pub(crate) use frame_sets::FrameSet;
 use frame_sets::FrameSets;
 use rows::Rows;
-pub(crate) use series::SeriesCollector;
+pub(crate) use series::{SeriesCollector, truth_series};
 
 /// Where results go and what else is wanted.
 #[derive(Debug, Clone)]
@@ -39,6 +39,8 @@ pub(crate) struct Options {
     pub(crate) annotate: bool,
     /// Whether to draw plots.
     pub(crate) plots: bool,
+    /// Whether to show how far it is, on a terminal.
+    pub(crate) progress: bool,
 }
 
 /// Where results go.
@@ -89,9 +91,6 @@ pub(crate) struct Outcome {
     pub(crate) writing_s: f64,
 }
 
-/// Set when the user presses Ctrl-C or the program is asked to end.
-static STOP: AtomicBool = AtomicBool::new(false);
-
 /// A finished run, for those who show it.
 pub(crate) struct Run {
     /// The scene, as run.
@@ -110,7 +109,11 @@ pub(crate) type Step<'a> =
 
 /// Tracks a scene. What was written stays, whatever ends the run; an error that ended it is given back after all files are complete.
 pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
-    let scene = scene::read(scene_path)?;
+    run_scene(scene_path, scene::read(scene_path)?, options)
+}
+
+/// Tracks a scene as [`run`] does, read before from the file of that name.
+pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> Result<Run> {
     run_steps(scene_path, scene, &[], options, &mut observe)
 }
 
@@ -137,12 +140,7 @@ pub(crate) fn run_steps(
     step: Step,
 ) -> Result<Run> {
     let mut open = scene::open(scene_path, scene, options.seed, stills)?;
-    // The second Ctrl-C ends the program at once. Experiments track many times: the handler of the first time stays.
-    let _ = ctrlc::set_handler(|| {
-        if STOP.swap(true, Ordering::SeqCst) {
-            std::process::exit(1);
-        }
-    });
+    interrupt::listen();
     let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
     let mut rows = Rows::create(&options.output, names.clone())?;
     let mut annotator = match &options.output {
@@ -158,7 +156,7 @@ pub(crate) fn run_steps(
     if let Some(annotator) = &mut annotator {
         sinks.push(annotator);
     }
-    let (outcome, ended_by) = pool.install(|| track(&mut open, step, &mut sinks));
+    let (outcome, ended_by) = pool.install(|| track(&mut open, step, &mut sinks, options.progress));
     let mut files = Vec::new();
     if let Output::Folder(folder) = &options.output {
         files.push(folder.join("tracks.csv"));
@@ -191,12 +189,17 @@ fn track(
     open: &mut OpenScene,
     step: Step,
     sinks: &mut [&mut dyn Sink],
+    progress: bool,
 ) -> (Outcome, Option<anyhow::Error>) {
     let mut outcome = Outcome::default();
-    let progress = progress_bar(open.sources.iter().map(Source::frame_count).max().flatten());
+    let progress = if progress {
+        progress_bar(open.sources.iter().map(Source::frame_count).max().flatten())
+    } else {
+        ProgressBar::hidden()
+    };
     let mut frame_sets = FrameSets::new(&mut open.sources);
     let ended_by = loop {
-        if STOP.load(Ordering::SeqCst) {
+        if interrupt::requested() {
             outcome.interrupted = true;
             break Some(anyhow::anyhow!(
                 "interrupted after {} frames; the rows written so far are complete",

@@ -43,11 +43,6 @@ impl SeriesCollector {
         }
     }
 
-    /// Adds the tracks of another run, to be drawn over these.
-    pub(crate) fn append(&mut self, other: Self) {
-        self.tracks.extend(other.tracks);
-    }
-
     /// The rows in each state, a target each.
     pub(crate) fn states(&self) -> &[StateCounts] {
         &self.states
@@ -60,18 +55,21 @@ impl SeriesCollector {
         scene: &Scene,
         truth: &[Series<TrueState>],
     ) -> Result<Vec<PathBuf>> {
-        let truth: Vec<_> = truth
-            .iter()
-            .map(|object| TruthSeries {
-                rows: object
-                    .rows
-                    .iter()
-                    .map(|(time_s, state)| (*time_s, state.position_m))
-                    .collect(),
-            })
-            .collect();
+        let truth = truth_series(truth);
         write_track_plots(folder, &self.tracks, &truth, &CameraSymbol::of_scene(scene))
     }
+}
+
+/// Where objects really were, to be drawn.
+pub(crate) fn truth_series(truth: &[Series<TrueState>]) -> Vec<TruthSeries> {
+    let series = truth.iter().map(|object| TruthSeries {
+        rows: object
+            .rows
+            .iter()
+            .map(|(time_s, state)| (*time_s, state.position_m))
+            .collect(),
+    });
+    series.collect()
 }
 
 impl Sink for SeriesCollector {

@@ -5,6 +5,7 @@ pub mod calibration;
 mod camera;
 mod mirror;
 mod reader;
+mod replaced;
 mod setting;
 mod start;
 mod target;
@@ -15,6 +16,7 @@ pub use start::{StartConfig, TrackStart};
 pub use target::TargetConfig;
 
 use reader::{Journal, Table};
+use toml::de::DeTable;
 
 /// All that a scene file says.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +36,22 @@ pub struct Scene {
 impl Scene {
     /// Reads a scene's text whole; calibration files that it names are read by way of the caller. On failure: every problem, in the order of lines.
     pub fn parse(text: &str, read_calibration: ReadCalibration) -> Result<Self, Vec<Problem>> {
-        let (journal, root) = Journal::parse(text);
+        Self::parse_with(text, &toml::Table::new(), read_calibration)
+    }
+
+    /// Reads a scene's text as [`Scene::parse`] does, with some of its settings replaced or added.
+    ///
+    /// `replaced` maps full keys, as `targets.ball.filter.particles`, to values; a table replaces all of the table that stands there.
+    /// Problems with these values have no line.
+    pub fn parse_with(
+        text: &str,
+        replaced: &toml::Table,
+        read_calibration: ReadCalibration,
+    ) -> Result<Self, Vec<Problem>> {
+        let (journal, mut root) = Journal::parse(text);
+        let values = replaced::text_behind(text, replaced);
+        let (values, _) = DeTable::parse_recoverable(&values);
+        replaced::put_all(root.get_mut(), replaced, values.into_inner());
         let table = Table::root(&journal, &root);
         let seed = table.or("seed", 1_u32);
         let camera_tables = table.named_tables("cameras", "camera");

@@ -14,7 +14,7 @@ use crate::Error;
 /// What is wrong with a text, and where.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Problem {
-    /// The line, from 1.
+    /// The line, from 1; 0 where a value that was put in the place of the text's is at fault.
     pub line: usize,
     /// The full key, as `targets.ball.shape.sphere.radius_m`; empty for the text as a whole.
     pub key: String,
@@ -24,10 +24,14 @@ pub struct Problem {
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.line {
+            0 => f.write_str("as set")?,
+            line => write!(f, "line {line}")?,
+        }
         if self.key.is_empty() {
-            write!(f, "line {}: {}", self.line, self.message)
+            write!(f, ": {}", self.message)
         } else {
-            write!(f, "line {}: {}: {}", self.line, self.key, self.message)
+            write!(f, ": {}: {}", self.key, self.message)
         }
     }
 }
@@ -39,7 +43,7 @@ pub struct Located<T> {
     pub value: T,
     /// Its full key.
     pub key: String,
-    /// Its line, from 1.
+    /// Its line, from 1; 0 where it was put in the place of the text's.
     pub line: usize,
 }
 
@@ -58,6 +62,8 @@ impl<T> Located<T> {
 pub(super) struct Journal {
     /// Where each line but the first begins.
     line_starts: Vec<usize>,
+    /// The text's length in bytes; what lies behind it was put in from outside.
+    text_len: usize,
     problems: RefCell<Vec<Problem>>,
     /// What is allowed but deserves a word.
     warnings: RefCell<Vec<Problem>>,
@@ -76,6 +82,7 @@ impl Journal {
         let (root, errors) = DeTable::parse_recoverable(text);
         let mut journal = Self {
             line_starts: text.match_indices('\n').map(|(at, _)| at + 1).collect(),
+            text_len: text.len(),
             problems: RefCell::default(),
             warnings: RefCell::default(),
             syntax: None,
@@ -106,7 +113,11 @@ impl Journal {
         (journal, root)
     }
 
+    /// The line of a place in the text, from 1; 0 behind the text.
     fn line_of(&self, offset: usize) -> usize {
+        if offset > self.text_len {
+            return 0;
+        }
         self.line_starts.partition_point(|&start| start <= offset) + 1
     }
 

@@ -74,6 +74,30 @@ where
     found
 }
 
+/// Whether a track has gone over to another object at the end: over more than half of the last tenth of the frames it is nearer to
+/// one of `others` than to `object`; none without others or without an estimate then. Positions are as for [`assign`].
+pub fn ends_on_another<O>(
+    track: &[Option<[f64; 3]>],
+    object: &[Option<[f64; 3]>],
+    others: &[O],
+) -> Option<bool>
+where
+    O: AsRef<[Option<[f64; 3]>]>,
+{
+    let count = track.len().min(object.len());
+    let (mut frames, mut nearer_to_another) = (0, 0);
+    for f in count - count.div_ceil(10)..count {
+        let (Some(track_m), Some(object_m)) = (track[f], object[f]) else {
+            continue;
+        };
+        let own_m = distance_m(track_m, object_m);
+        let mut others_m = others.iter().filter_map(|o| *o.as_ref().get(f)?);
+        frames += 1;
+        nearer_to_another += usize::from(others_m.any(|o| distance_m(track_m, o) < own_m));
+    }
+    (frames > 0 && !others.is_empty()).then_some(2 * nearer_to_another > frames)
+}
+
 /// How much nearer than `cap_m` two positions are: 10⁹ at the same place, 0 at the cap or where one is unknown.
 ///
 /// Whole numbers, because the assignment needs exact sums; the largest total closeness is the least total capped error.
@@ -204,6 +228,21 @@ mod tests {
             swapped_frames: 1,
         };
         assert_eq!(identities(&tracks, &objects, 0.66), expected);
+    }
+
+    #[test]
+    fn a_track_that_ends_on_another_object_is_told_by_its_last_tenth() {
+        let far = |y_m: f64| -> Path { (0..40).map(|f| Some([f as f64, y_m, 0.0])).collect() };
+        let (own, other) = (far(0.0), far(1.0));
+        let others = [other.clone(), far(9.0)];
+        // Frames 36 to 39 decide: all but one, then two of four.
+        let late = |first: usize| spliced(&own, &other, move |f| f < first);
+        assert_eq!(ends_on_another(&late(37), &own, &others), Some(true));
+        assert_eq!(ends_on_another(&late(38), &own, &others), Some(false));
+        assert_eq!(ends_on_another(&own, &own, &[] as &[Path]), None);
+        let lost = spliced(&own, &vec![None; 40], |f| f < 36);
+        assert_eq!(ends_on_another(&lost, &own, &others), None);
+        assert_eq!(ends_on_another(&[], &own, &others), None);
     }
 
     #[test]

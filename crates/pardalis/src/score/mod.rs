@@ -1,9 +1,13 @@
 //! Estimates against truth: errors, coverage, consistency, and which track follows which object.
 
+mod course;
 mod identity;
+mod spherical;
 mod summary;
 
-pub use identity::{Identities, assign, identities};
+pub use course::Course;
+pub use identity::{Identities, assign, ends_on_another, identities};
+pub use spherical::{SphericalError, spherical_error};
 pub use summary::{Consistency, Distribution, Errors, MeanSd, Scores, Summary, score};
 
 /// What a track says of one frame, in the world frame.

@@ -1,10 +1,10 @@
 //! Error figures of one track against its object.
 
-use std::f64::consts::PI;
-
 use nalgebra::{Cholesky, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use serde::Serialize;
 
+use super::course::Course;
+use super::spherical::{SphericalError, angle_between, spherical_error};
 use super::{EstimatedState, Sample, Settings, TrueState, difference, distance_m, norm};
 
 /// What a chi-square variable of three degrees of freedom stays below with probability 0.95.
@@ -43,6 +43,8 @@ pub struct Summary {
 pub struct Errors {
     /// Length of the position error in metres.
     pub position_m: Distribution,
+    /// Root mean square length of the position error in the world's x and y in metres.
+    pub planar_rmse_m: f64,
     /// Mean position error along the world's x, y and z in metres.
     pub bias_m: [f64; 3],
     /// Error of the distance from [`Settings::around_m`] in metres.
@@ -57,6 +59,8 @@ pub struct Errors {
     pub direction_max_rad: f64,
     /// Root mean square length of the velocity error in metres a second, where both sides give velocities.
     pub velocity_rmse_mps: Option<f64>,
+    /// Directions of travel; none where the object does not travel or a side gives no velocities.
+    pub course: Option<Course>,
     /// Whether the covariances speak the truth about the errors.
     pub consistency: Consistency,
 }
@@ -147,16 +151,9 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
         .iter()
         .map(|(e, t)| difference(e.position_m, t.position_m))
         .collect();
-    let spherical_errors: Vec<[f64; 3]> = pairs
+    let spherical_errors: Vec<SphericalError> = pairs
         .iter()
-        .map(|(e, t)| {
-            let estimated = spherical_from_point(difference(e.position_m, around_m));
-            let error = difference(
-                estimated,
-                spherical_from_point(difference(t.position_m, around_m)),
-            );
-            [error[0], error[1], wrapped_rad(error[2])]
-        })
+        .map(|(e, t)| spherical_error(e, t, around_m))
         .collect();
     let direction_errors_rad: Vec<f64> = pairs
         .iter()
@@ -165,44 +162,27 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
             angle_between(estimated, difference(t.position_m, around_m))
         })
         .collect();
+    let squared_planar_errors: Vec<f64> = position_errors_m
+        .iter()
+        .map(|[x, y, _]| x * x + y * y)
+        .collect();
     let squared_velocity_errors: Vec<f64> = pairs
         .iter()
         .filter_map(|(e, t)| Some(norm(difference(e.velocity_mps?, t.velocity_mps?)).powi(2)))
         .collect();
-    let axis = |errors: &[[f64; 3]], axis: usize| mean_sd(errors.iter().map(|e| e[axis]));
+    let spherical = |of: fn(&SphericalError) -> f64| mean_sd(spherical_errors.iter().map(of));
     Errors {
         position_m: distribution(position_errors_m.iter().map(|&e| norm(e)).collect()),
-        bias_m: [0, 1, 2].map(|i| axis(&position_errors_m, i).mean),
-        distance_m: axis(&spherical_errors, 0),
-        elevation_rad: axis(&spherical_errors, 1),
-        azimuth_rad: axis(&spherical_errors, 2),
+        planar_rmse_m: mean(&squared_planar_errors).unwrap_or(0.0).sqrt(),
+        bias_m: [0, 1, 2].map(|i| mean_sd(position_errors_m.iter().map(|e| e[i])).mean),
+        distance_m: spherical(|e| e.distance_m),
+        elevation_rad: spherical(|e| e.elevation_rad),
+        azimuth_rad: spherical(|e| e.azimuth_rad),
         direction_mean_rad: mean(&direction_errors_rad).unwrap_or(0.0),
         direction_max_rad: direction_errors_rad.iter().copied().fold(0.0, f64::max),
         velocity_rmse_mps: mean(&squared_velocity_errors).map(f64::sqrt),
+        course: Course::of(pairs),
         consistency: consistency(pairs),
-    }
-}
-
-/// Distance in metres, elevation and azimuth in radians of a vector in metres.
-fn spherical_from_point([x, y, z]: [f64; 3]) -> [f64; 3] {
-    let elevation_rad = libm::atan2(z, libm::hypot(x, y));
-    [norm([x, y, z]), elevation_rad, libm::atan2(y, x)]
-}
-
-/// Between two vectors, in radians, accurate for small angles too; 0 where one has no direction.
-fn angle_between(a: [f64; 3], b: [f64; 3]) -> f64 {
-    let (a, b) = (Vector3::from(a), Vector3::from(b));
-    libm::atan2(a.cross(&b).norm(), a.dot(&b))
-}
-
-/// The same direction between -π and π, for a difference of two such angles.
-fn wrapped_rad(angle_rad: f64) -> f64 {
-    if angle_rad > PI {
-        angle_rad - 2.0 * PI
-    } else if angle_rad < -PI {
-        angle_rad + 2.0 * PI
-    } else {
-        angle_rad
     }
 }
 
@@ -223,7 +203,7 @@ fn mean_sd(values: impl Iterator<Item = f64> + Clone) -> MeanSd {
 }
 
 /// The distribution of at least one number.
-fn distribution(mut values: Vec<f64>) -> Distribution {
+pub(super) fn distribution(mut values: Vec<f64>) -> Distribution {
     values.sort_by(f64::total_cmp);
     let last = values.len() - 1;
     let quantile = |share: f64| {
@@ -300,6 +280,8 @@ fn nees<const D: usize>(error: SVector<f64, D>, covariance: SMatrix<f64, D, D>) 
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     /// A visible object at `true_m` and an estimate at `estimated_m`.

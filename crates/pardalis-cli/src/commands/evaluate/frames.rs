@@ -1,5 +1,7 @@
 //! The frames of the truth, and what tracks say of them.
 
+use std::ops::Range;
+
 use crate::tables::Series;
 
 /// A row may be this far from the time of the truth that it is scored against, in seconds.
@@ -29,6 +31,13 @@ impl Frames {
             times_s,
             tolerance_s: median_s.map_or(TOLERANCE_S, |&median_s| TOLERANCE_S.min(median_s / 10.0)),
         }
+    }
+
+    /// The frames from one time to another, both in seconds and included.
+    pub(super) fn between(&self, from_s: f64, to_s: f64) -> Range<usize> {
+        let first = self.times_s.partition_point(|&t| t < from_s);
+        let behind = self.times_s.partition_point(|&t| t <= to_s);
+        first..behind.max(first)
     }
 
     /// For each frame the row nearest in time, none where none lies within the tolerance.

@@ -7,6 +7,7 @@ mod report;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
@@ -50,6 +51,12 @@ pub(crate) struct Options {
     /// An estimate farther than this from the truth has lost its object
     #[arg(long, value_name = "METRES", value_parser = length, default_value_t = Settings::LOST_BEYOND_M)]
     pub(crate) lost_beyond_m: f64,
+    /// Scores only the frames from this time on
+    #[arg(long = "from", value_name = "SECONDS", value_parser = finite, allow_hyphen_values = true)]
+    pub(crate) from_s: Option<f64>,
+    /// Scores only the frames up to this time
+    #[arg(long = "to", value_name = "SECONDS", value_parser = finite, allow_hyphen_values = true)]
+    pub(crate) to_s: Option<f64>,
 }
 
 impl Default for Options {
@@ -59,6 +66,8 @@ impl Default for Options {
             around: None,
             visible_over: Settings::VISIBLE_OVER,
             lost_beyond_m: Settings::LOST_BEYOND_M,
+            from_s: None,
+            to_s: None,
         }
     }
 }
@@ -89,13 +98,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     let truth_path = file_in(truth, "truth.csv");
     let tracks = tables::read_tracks(&tracks_path)?;
     let objects = tables::read_truth(&truth_path)?;
-    let around = match options.around {
-        Some(position_m) => Point {
-            position_m,
-            source: "--around".to_owned(),
-        },
-        None => first_camera(&tracks_path.with_file_name("summary.json"))?,
-    };
+    let around = around(options, &tracks_path)?;
     let settings = Settings {
         around_m: around.position_m,
         visible_over: options.visible_over,
@@ -125,9 +128,23 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         options.lost_beyond_m,
     )?;
 
+    let window = window(options, &frames).ok_or_else(|| {
+        fault!(
+            "no frame of {} (times {}) lies in the time that is to be scored; give another",
+            truth_path.display(),
+            time_range(&objects)
+        )
+    })?;
+
     let identities = (pairs.len() > 1).then(|| {
-        let of_tracks: Vec<_> = pairs.iter().map(|p| &track_paths[p.target]).collect();
-        let of_objects: Vec<_> = pairs.iter().map(|p| &object_paths[p.object]).collect();
+        let of_tracks: Vec<_> = pairs
+            .iter()
+            .map(|p| &track_paths[p.target][window.clone()])
+            .collect();
+        let of_objects: Vec<_> = pairs
+            .iter()
+            .map(|p| &object_paths[p.object][window.clone()])
+            .collect();
         score::identities(&of_tracks, &of_objects, options.lost_beyond_m)
     });
     let targets = pairs.iter().map(|pair| {
@@ -136,6 +153,8 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
             .zip(&object_rows[pair.object]);
         let samples: Vec<Sample> = rows
             .clone()
+            .skip(window.start)
+            .take(window.len())
             .filter_map(|(row, truth)| {
                 Some(Sample {
                     estimate: row.copied().flatten(),
@@ -145,13 +164,23 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
             .collect();
         let with_truth = rows.filter(|(r, t)| r.is_some() && t.is_some()).count();
         let track = &tracks[pair.target];
+        let others: Vec<_> = (0..objects.len())
+            .filter(|&o| o != pair.object && !objects[o].name.starts_with(pairing::OCCLUDER))
+            .map(|o| &object_paths[o][window.clone()])
+            .collect();
         TargetReport {
             target: track.name.clone(),
             object: objects[pair.object].name.clone(),
             matched_by: pair.matched_by,
             rows: track.rows.len(),
             rows_without_truth: track.rows.len() - with_truth,
+            changed_target: score::ends_on_another(
+                &track_paths[pair.target][window.clone()],
+                &object_paths[pair.object][window.clone()],
+                &others,
+            ),
             scores: score::score(&samples, &settings),
+            samples,
         }
     });
     let targets = targets.collect();
@@ -165,12 +194,32 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         around,
         visible_over: options.visible_over,
         lost_beyond_m: options.lost_beyond_m,
+        from_s: options.from_s,
+        to_s: options.to_s,
         time_tolerance_s: frames.tolerance_s,
         targets,
         identities,
         targets_without_object: without(names(&tracks), pairs.iter().map(|p| p.target).collect()),
         objects_without_target: without(names(&objects), pairs.iter().map(|p| p.object).collect()),
     })
+}
+
+/// Where distance, elevation and azimuth are taken from.
+fn around(options: &Options, tracks_path: &Path) -> Result<Point> {
+    match options.around {
+        Some(position_m) => Ok(Point {
+            position_m,
+            source: "--around".to_owned(),
+        }),
+        None => first_camera(&tracks_path.with_file_name("summary.json")),
+    }
+}
+
+/// The frames that are scored; none where there are none.
+fn window(options: &Options, frames: &Frames) -> Option<Range<usize>> {
+    let from_s = options.from_s.unwrap_or(f64::NEG_INFINITY);
+    let window = frames.between(from_s, options.to_s.unwrap_or(f64::INFINITY));
+    (!window.is_empty()).then_some(window)
 }
 
 /// The file of that name in a folder, or the file itself.

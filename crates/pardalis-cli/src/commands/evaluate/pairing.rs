@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::fault::fault;
 
 /// Objects whose names begin so hide others: they are no target's by position alone.
-const OCCLUDER: &str = "occluder";
+pub(super) const OCCLUDER: &str = "occluder";
 
 /// Why a target is scored against its object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

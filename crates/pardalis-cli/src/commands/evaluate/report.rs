@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::score::{Errors, Identities, MeanSd, Scores, Summary};
+use pardalis::score::{Errors, Identities, MeanSd, Sample, Scores, Summary};
 use serde::Serialize;
 
 pub(crate) use super::pairing::MatchedBy;
@@ -22,6 +22,10 @@ pub(crate) struct Report {
     pub(crate) visible_over: f64,
     /// An estimate farther than this from the truth has lost its object.
     pub(crate) lost_beyond_m: f64,
+    /// Only frames from this time on are scored, in seconds.
+    pub(crate) from_s: Option<f64>,
+    /// Only frames up to this time are scored, in seconds.
+    pub(crate) to_s: Option<f64>,
     /// A row may be this far from the time of the truth that it is scored against.
     pub(crate) time_tolerance_s: f64,
     /// In the order of the tracks.
@@ -56,9 +60,14 @@ pub(crate) struct TargetReport {
     pub(crate) rows: usize,
     /// Those that are not scored, because the object has no truth then, or another row is nearer to it in time.
     pub(crate) rows_without_truth: usize,
+    /// Whether it ends nearer to another object than to its own (occluders aside); none where there is no other.
+    pub(crate) changed_target: Option<bool>,
     /// The figures.
     #[serde(flatten)]
     pub(crate) scores: Scores,
+    /// The frames that they are of.
+    #[serde(skip)]
+    pub(crate) samples: Vec<Sample>,
 }
 
 impl Report {
@@ -79,6 +88,16 @@ impl fmt::Display for Report {
             "visible  more than {} of the object seen; lost: beyond {} m; times matched within {} s",
             self.visible_over, self.lost_beyond_m, self.time_tolerance_s
         )?;
+        if self.from_s.is_some() || self.to_s.is_some() {
+            let shown = |time_s: Option<f64>, end: &str| {
+                time_s.map_or_else(|| end.to_owned(), |time_s| format!("{time_s} s"))
+            };
+            let (from, to) = (
+                shown(self.from_s, "the first"),
+                shown(self.to_s, "the last"),
+            );
+            writeln!(f, "frames   from {from} to {to}")?;
+        }
         for target in &self.targets {
             writeln!(f)?;
             target.fmt(f)?;
@@ -132,6 +151,9 @@ impl fmt::Display for TargetReport {
         let yes_or_no = |yes| if yes { "yes" } else { "no" }.to_owned();
         let ends = s.ends_on_target.map_or_else(none, yes_or_no);
         line(f, "last visible frame on target", &ends, "")?;
+        if let Some(changed) = self.changed_target {
+            line(f, "ends nearer to another object", "", &yes_or_no(changed))?;
+        }
         for (label, figure) in FIGURES {
             let of = |summary: &Summary| summary.errors.as_ref().map_or_else(none, figure);
             line(f, label, &of(visible), &of(all))?;
@@ -150,7 +172,7 @@ fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fm
 type Figure = (&'static str, fn(&Errors) -> String);
 
 /// The lines about errors, in their order.
-const FIGURES: [Figure; 17] = [
+const FIGURES: [Figure; 19] = [
     ("position error, mean, mm", |e| {
         thousandths(e.position_m.mean)
     }),
@@ -159,6 +181,9 @@ const FIGURES: [Figure; 17] = [
     ("    median", |e| thousandths(e.position_m.median)),
     ("    95 % below", |e| thousandths(e.position_m.p95)),
     ("    maximum", |e| thousandths(e.position_m.max)),
+    ("    root mean square over x and y alone", |e| {
+        thousandths(e.planar_rmse_m)
+    }),
     ("bias along x, mm", |e| thousandths(e.bias_m[0])),
     ("    y", |e| thousandths(e.bias_m[1])),
     ("    z", |e| thousandths(e.bias_m[2])),
@@ -180,6 +205,10 @@ const FIGURES: [Figure; 17] = [
     }),
     ("velocity error, root mean square, mm/s", |e| {
         e.velocity_rmse_mps.map_or_else(none, thousandths)
+    }),
+    ("course error while it moves, median, mrad", |e| {
+        e.course
+            .map_or_else(none, |c| thousandths(c.error_median_rad))
     }),
     ("NEES, mean (expected)", |e| {
         let c = &e.consistency;

@@ -119,6 +119,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         threads: arguments.threads.map(usize::from),
         annotate: arguments.annotate,
         plots: false,
+        progress: true,
     };
     let settings = Settings {
         stills: arguments.images.clone(),

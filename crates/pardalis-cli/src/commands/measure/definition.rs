@@ -5,25 +5,124 @@ use std::path::Path;
 
 use anyhow::Result;
 use serde::Deserialize;
+use toml::Value;
 
 use super::results::METRICS;
 use crate::fault::fault;
 use crate::scene::read_text;
 
-/// An experiment: runs that belong together.
+/// The file's text, as it stands.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
+struct File {
+    name: String,
+    #[expect(dead_code, reason = "for the reader of the file")]
+    question: String,
+    #[serde(default)]
+    runs: Vec<Run>,
+    #[serde(default)]
+    sweeps: Vec<Run>,
+    #[serde(default)]
+    figures: Vec<Figure>,
+}
+
+/// An experiment: runs that belong together.
+#[derive(Debug)]
 pub(super) struct Experiment {
     /// Names its results.
     pub(super) name: String,
-    /// What it asks.
-    #[expect(dead_code, reason = "for the reader of the file")]
-    question: String,
+    /// Its runs, then those of its sweeps.
     pub(super) runs: Vec<Run>,
+    /// What is drawn of several runs at once.
+    pub(super) figures: Vec<Figure>,
+}
+
+/// A figure of several runs.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Figure {
+    /// Names its files.
+    pub(super) name: String,
+    pub(super) kind: FigureKind,
+    /// Names of runs, and of sweeps for all their runs.
+    pub(super) runs: Vec<String>,
+    /// Of a sweep: what stands at the axis of the values.
+    #[serde(default)]
+    pub(super) x_name: String,
+    /// Of a sweep: the figure of merit, a length.
+    #[serde(default = "rmse_m")]
+    pub(super) figure: String,
+}
+
+fn rmse_m() -> String {
+    "rmse_m".to_owned()
+}
+
+/// What a figure shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum FigureKind {
+    /// The paths of all seeds, a colour a run.
+    Paths,
+    /// Errors of distance, elevation and azimuth against distance, a mark a run.
+    Errors,
+    /// A figure of merit against the values of sweeps, and against the time a frame.
+    Sweep,
+}
+
+impl Figure {
+    /// Whether it shows this run.
+    pub(super) fn shows(&self, run: &Run) -> bool {
+        let sweep = run.swept.as_ref().map(|swept| &swept.sweep);
+        (self.runs.iter()).any(|name| *name == run.name || Some(name) == sweep)
+    }
+
+    /// What is wrong with it.
+    fn check(&self, runs: &[Run]) -> Result<(), String> {
+        check_name(&self.name)?;
+        let sweep_of = |run: &Run| run.swept.as_ref().map(|swept| swept.sweep.clone());
+        let sweeps = runs.iter().filter_map(sweep_of);
+        let known: Vec<String> = match self.kind {
+            FigureKind::Sweep => sweeps.collect(),
+            _ => runs
+                .iter()
+                .map(|run| run.name.clone())
+                .chain(sweeps)
+                .collect(),
+        };
+        if let Some(unknown) = self.runs.iter().find(|name| !known.contains(name)) {
+            let what = match self.kind {
+                FigureKind::Sweep => "sweep",
+                _ => "run or sweep",
+            };
+            return Err(format!("runs: \"{unknown}\" is no {what} of this file"));
+        }
+        let lengths = METRICS.iter().map(|(name, _)| *name);
+        let lengths: Vec<_> = lengths.filter(|name| name.ends_with("_m")).collect();
+        if !lengths.contains(&&*self.figure) {
+            return Err(format!(
+                "figure is \"{}\"; allowed: {}",
+                self.figure,
+                lengths.join(", ")
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Where a run of a sweep belongs.
+#[derive(Debug, Clone)]
+pub(super) struct Swept {
+    /// The sweep's name.
+    pub(super) sweep: String,
+    /// The value's name.
+    pub(super) label: String,
+    /// The value, if it is a number.
+    pub(super) value: Option<f64>,
 }
 
 /// One scene with several seeds.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Run {
     pub(super) name: String,
@@ -35,9 +134,53 @@ pub(super) struct Run {
     /// How many of them `--verify` runs.
     #[serde(default)]
     pub(super) verify_seeds: u32,
+    /// Values that take the place of the scene's, by their full keys.
+    #[serde(default)]
+    pub(super) set: toml::Table,
+    /// Whether its seeds run alone, and the time a frame is told.
+    #[serde(default)]
+    pub(super) timed: bool,
+    /// The point around which distance, elevation and azimuth are taken, in the world frame; else the first camera.
+    pub(super) origin_m: Option<[f64; 3]>,
     /// Lowest and highest value of a figure, for every seed and target.
     #[serde(default)]
-    pub(super) expect: BTreeMap<String, [f64; 2]>,
+    pub(super) expect: Bands,
+    /// Times over which the figures are told once more.
+    #[serde(default)]
+    pub(super) windows: Vec<Window>,
+    /// Of a sweep: the full key, or keys, whose value changes from run to run.
+    key: Option<Keys>,
+    /// Of a sweep: the values; with several keys each is a list, a value a key.
+    values: Option<Vec<Value>>,
+    /// Of a sweep: a name for each value, where the values themselves are no good names.
+    names: Option<Vec<String>>,
+    /// Of a run that was made from a sweep.
+    #[serde(skip)]
+    pub(super) swept: Option<Swept>,
+}
+
+/// Lowest and highest value of figures, by their names.
+pub(super) type Bands = BTreeMap<String, [f64; 2]>;
+
+/// A stretch of time.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Window {
+    pub(super) name: String,
+    /// The first and the last instant, in seconds.
+    pub(super) from_s: f64,
+    pub(super) to_s: f64,
+    /// As a run's, over this time.
+    #[serde(default)]
+    pub(super) expect: Bands,
+}
+
+/// What a sweep changes.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged)]
+enum Keys {
+    One(String),
+    Several(Vec<String>),
 }
 
 impl Run {
@@ -54,29 +197,161 @@ impl Run {
             })
             .collect()
     }
+
+    /// The runs of a sweep, one a value; without a value's place in the message.
+    fn expanded(self) -> Result<Vec<Self>, String> {
+        let (Some(key), Some(values)) = (&self.key, &self.values) else {
+            return Err("needs key and values".to_owned());
+        };
+        if self.names.as_ref().is_some_and(|n| n.len() != values.len()) {
+            return Err("has another number of names than of values".to_owned());
+        }
+        let one_run = |(i, value): (usize, &Value)| {
+            let mut set = self.set.clone();
+            match key {
+                Keys::One(key) => {
+                    set.insert(key.clone(), value.clone());
+                }
+                Keys::Several(keys) => {
+                    let parts = value.as_array().filter(|parts| parts.len() == keys.len());
+                    let parts = parts.ok_or_else(|| {
+                        format!(
+                            "value {value} is no list of {} values, one a key",
+                            keys.len()
+                        )
+                    })?;
+                    set.extend(keys.iter().cloned().zip(parts.iter().cloned()));
+                }
+            }
+            let label = match &self.names {
+                Some(names) => names[i].clone(),
+                None => label(value)?,
+            };
+            Ok(Self {
+                name: format!("{}: {label}", self.name),
+                swept: Some(Swept {
+                    sweep: self.name.clone(),
+                    label,
+                    value: number(value),
+                }),
+                set,
+                key: None,
+                values: None,
+                names: None,
+                ..self.clone()
+            })
+        };
+        values.iter().enumerate().map(one_run).collect()
+    }
+
+    /// What is wrong with it.
+    fn check(&self) -> Result<(), String> {
+        if self.key.is_some() || self.values.is_some() || self.names.is_some() {
+            return Err(
+                "key, values and names are a sweep's; write it under [[sweeps]]".to_owned(),
+            );
+        }
+        if self
+            .origin_m
+            .is_some_and(|o| !o.iter().all(|c| c.is_finite()))
+        {
+            return Err("origin_m: allowed: three finite numbers".to_owned());
+        }
+        known_figures(&self.expect, "expect")?;
+        for (i, window) in self.windows.iter().enumerate() {
+            let name = &window.name;
+            if name.is_empty() || self.windows[..i].iter().any(|w| w.name == *name) {
+                return Err(format!("the window \"{name}\": allowed: a name of its own"));
+            }
+            if !(window.from_s < window.to_s) {
+                return Err(format!("the window \"{name}\": from_s must be before to_s"));
+            }
+            known_figures(&window.expect, &format!("the window \"{name}\": expect"))?;
+        }
+        Ok(())
+    }
+}
+
+/// A value as a part of a name.
+fn label(value: &Value) -> Result<String, String> {
+    match value {
+        Value::String(text) => Ok(text.clone()),
+        Value::Table(_) => {
+            Err("has tables for values; give each a name in names = [..]".to_owned())
+        }
+        Value::Array(parts) => {
+            let parts: Result<Vec<_>, _> = parts.iter().map(label).collect();
+            Ok(parts?.join(", "))
+        }
+        other => Ok(other.to_string()),
+    }
+}
+
+fn number(value: &Value) -> Option<f64> {
+    let whole = value.as_integer().map(|number| number as f64);
+    whole.or_else(|| value.as_float())
+}
+
+/// A name of files or folders.
+fn check_name(name: &str) -> Result<(), String> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if name.is_empty() || !name.chars().all(plain) {
+        return Err(format!(
+            "name is \"{name}\"; allowed: the characters A-Z a-z 0-9 _ -, as it names files"
+        ));
+    }
+    Ok(())
+}
+
+fn known_figures(expect: &Bands, place: &str) -> Result<(), String> {
+    let unknown = |metric: &&String| METRICS.iter().all(|(name, _)| name != metric);
+    let Some(metric) = expect.keys().find(unknown) else {
+        return Ok(());
+    };
+    let allowed: Vec<_> = METRICS.iter().map(|(name, _)| *name).collect();
+    Err(format!(
+        "{place}.{metric} is no figure; allowed: {}",
+        allowed.join(", ")
+    ))
 }
 
 impl Experiment {
     /// Reads and checks the file.
     pub(super) fn read(path: &Path) -> Result<Self> {
         let text = read_text(path)?;
-        let experiment: Self =
-            toml::from_str(&text).map_err(|error| fault!("{}: {error}", path.display()))?;
-        for run in &experiment.runs {
-            if let Some(metric) = run
-                .expect
-                .keys()
-                .find(|m| METRICS.iter().all(|(name, _)| name != m))
-            {
-                let allowed: Vec<_> = METRICS.iter().map(|(name, _)| *name).collect();
+        let place = path.display();
+        let file: File = toml::from_str(&text).map_err(|error| fault!("{place}: {error}"))?;
+        check_name(&file.name).map_err(|wrong| fault!("{place}: {wrong}"))?;
+        let mut runs = file.runs;
+        for sweep in file.sweeps {
+            let name = sweep.name.clone();
+            let expanded = sweep.expanded();
+            runs.extend(expanded.map_err(|wrong| fault!("{place}: sweep \"{name}\": {wrong}"))?);
+        }
+        for (i, run) in runs.iter().enumerate() {
+            run.check()
+                .map_err(|wrong| fault!("{place}: run \"{}\": {wrong}", run.name))?;
+            if let Some(other) = runs[..i].iter().find(|other| other.slug() == run.slug()) {
                 return Err(fault!(
-                    "{}: run \"{}\": expect.{metric} is no figure; allowed: {}",
-                    path.display(),
+                    "{place}: the runs \"{}\" and \"{}\" would write into one folder, {}; give names that differ in letters or digits",
+                    other.name,
                     run.name,
-                    allowed.join(", ")
+                    run.slug()
                 ));
             }
         }
-        Ok(experiment)
+        for (i, figure) in file.figures.iter().enumerate() {
+            let name = &figure.name;
+            let mut checked = figure.check(&runs);
+            if file.figures[..i].iter().any(|other| other.name == *name) {
+                checked = Err("another figure has that name".to_owned());
+            }
+            checked.map_err(|wrong| fault!("{place}: figure \"{name}\": {wrong}"))?;
+        }
+        Ok(Self {
+            name: file.name,
+            runs,
+            figures: file.figures,
+        })
     }
 }

@@ -1,31 +1,64 @@
 //! `pardalis measure`: runs an experiment's scenes with several seeds and scores them against the truth.
 
 mod definition;
+mod figures;
+mod finished;
+mod jobs;
+mod plan;
 mod results;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 
-use super::evaluate;
 use crate::fault::fault;
 use crate::files::write_file;
 use crate::say::say;
-use crate::tables;
-use crate::tracking::{self, Options, Output, SeriesCollector};
-use definition::{Experiment, Run};
-use results::{Figures, Results};
+use definition::Experiment;
+use finished::Finished;
+use jobs::Job;
+use plan::Plan;
+use results::Results;
 
 /// Runs an experiment with several seeds and scores it
 ///
 /// EXPERIMENT.toml names scenes, their truth, and the bands that every seed's figures must lie in. Writes results.csv
-/// (a row a run, seed and target), every track, and plots with all seeds over one another.
+/// (a row a run, seed, target and window), every track, and plots with all seeds over one another. An experiment that was
+/// interrupted goes on where it stopped: seeds that are finished, with the same program, scene and frames, are taken as they are.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis measure experiments/fisheye/experiment.toml
   pardalis measure experiments/fisheye/experiment.toml --verify      the few seeds that the gate runs
-  pardalis measure experiments/fisheye/experiment.toml --record experiments/record/2026-11-21")]
+  pardalis measure experiments/fisheye/experiment.toml --record experiments/record/2026-11-21 --figures experiments/fisheye/figures
+
+EXPERIMENT.toml:
+  name = \"ball\"
+  question = \"How many particles does it need?\"
+  [[runs]]
+  name = \"near\"
+  scene = \"ball.toml\"                # paths start at this file's folder
+  truth = \"truth.csv\"
+  seeds = 10
+  verify_seeds = 1                   # with --verify
+  expect = { rmse_m = [0, 0.3] }     # a band for every seed
+  set = { \"targets.ball.contour.points\" = 30 }                                # in place of the scene's values
+  windows = [{ name = \"hidden\", from_s = 1.2, to_s = 2.4, expect = { max_m = [0, 1] } }]
+  origin_m = [0, 0, 0.9]             # for distance, elevation and azimuth; else the first camera
+  [[sweeps]]                         # as a run, but one a value
+  name = \"particles\"
+  scene = \"ball.toml\"
+  truth = \"truth.csv\"
+  seeds = 10
+  timed = true                       # one seed at a time, and ms_a_frame is told
+  key = \"targets.ball.filter.particles\"   # or [\"KEY\", \"KEY\"], and a list for each value
+  values = [100, 1000]               # names = [..] where the values are no good names
+  [[figures]]
+  name = \"cost\"                    # kind: paths, errors or sweep
+  kind = \"sweep\"
+  runs = [\"particles\"]              # names of runs or sweeps
+  x_name = \"particles\"
+  figure = \"rmse_m\"")]
 pub(crate) struct Arguments {
     /// The experiment
     #[arg(value_name = "EXPERIMENT.toml")]
@@ -39,7 +72,13 @@ pub(crate) struct Arguments {
     /// Also keeps results.csv, under the experiment's name, with the commit and facts about the machine
     #[arg(long, value_name = "FOLDER", conflicts_with = "verify")]
     record: Option<PathBuf>,
-    /// Threads to track with [default: one a core]
+    /// Also copies the figures that the experiment names, as PNG, into this folder
+    #[arg(long, value_name = "FOLDER", conflicts_with = "verify")]
+    figures: Option<PathBuf>,
+    /// Tracks all seeds anew
+    #[arg(long)]
+    fresh: bool,
+    /// How many seeds are tracked at a time, a thread each; results do not depend on it [default: one a core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
 }
@@ -49,23 +88,44 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let experiment = Experiment::read(&arguments.experiment)?;
     // Before anything is written: a record that is replaced would count as an uncommitted change.
     let facts = results::facts(&arguments.experiment);
-    let folder = arguments.experiment.parent().unwrap_or(Path::new(""));
     let output = arguments.output.join(&experiment.name);
+    let plans = plans(&experiment, arguments, &output)
+        .with_context(|| arguments.experiment.display().to_string())?;
+    let all: Vec<Job> = plans.iter().flat_map(Plan::jobs).collect();
+    let seeds = all.len();
+    let jobs: Vec<Job> = all
+        .into_iter()
+        .filter(|job| {
+            let found = Finished::read(&job.folder);
+            arguments.fresh || found.is_none_or(|f| f.fingerprint != job.fingerprint)
+        })
+        .collect();
+    if jobs.len() < seeds {
+        say(format!(
+            "{} of {seeds} seeds were tracked before and are taken (--fresh tracks them anew)",
+            seeds - jobs.len()
+        ));
+    }
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    jobs::track_all(&jobs, arguments.threads.map_or(cores, usize::from))
+        .with_context(|| arguments.experiment.display().to_string())?;
+
     let mut results = Results::default();
     let mut outside = Vec::new();
-    for run in &experiment.runs {
-        let seeds = if arguments.verify {
-            run.verify_seeds.min(run.seeds)
-        } else {
-            run.seeds
-        };
-        if seeds == 0 {
-            continue;
-        }
-        let figures = measure(run, folder, &output, seeds, arguments.threads)?;
-        say(results::told(run, &figures));
-        outside.extend(results::outside_bands(run, &figures));
-        results.extend(run, figures);
+    let mut measured = Vec::new();
+    for plan in &plans {
+        let figures = plan.score().with_context(|| {
+            format!(
+                "{}: run \"{}\"",
+                arguments.experiment.display(),
+                plan.run.name
+            )
+        })?;
+        plan.draw(&figures)?;
+        say(results::told(plan.run, &figures));
+        outside.extend(results::outside_bands(plan.run, &figures));
+        results.extend(plan.run, &figures);
+        measured.push((plan, figures));
     }
     let csv = output.join("results.csv");
     write_file(&csv, results.to_csv().as_bytes())?;
@@ -73,14 +133,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(record) = &arguments.record {
         fs::create_dir_all(record)
             .map_err(|error| fault!("--record {}: {error}", record.display()))?;
-        write_file(
-            &record.join(format!("{}.csv", experiment.name)),
-            results.to_csv().as_bytes(),
-        )?;
-        write_file(
-            &record.join(format!("{}.facts.txt", experiment.name)),
-            facts.as_bytes(),
-        )?;
+        let file = |ending| record.join(format!("{}.{ending}", experiment.name));
+        write_file(&file("csv"), results.to_csv().as_bytes())?;
+        write_file(&file("facts.txt"), facts.as_bytes())?;
+    }
+    let drawn = figures::draw_all(&experiment.figures, &measured, &output)?;
+    if let Some(folder) = &arguments.figures {
+        figures::copy_pngs(&drawn, folder)?;
     }
     if outside.is_empty() {
         return Ok(());
@@ -92,40 +151,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// Tracks one run with the seeds from 1 on, scores each and draws them over one another.
-fn measure(
-    run: &Run,
-    folder: &Path,
+/// Everything that will be run, so that what is wrong shows before anything is tracked.
+fn plans<'a>(
+    experiment: &'a Experiment,
+    arguments: &Arguments,
     output: &Path,
-    seeds: u32,
-    threads: Option<u16>,
-) -> Result<Vec<Figures>> {
-    let truth_path = folder.join(&run.truth);
-    let run_folder = output.join(run.slug());
-    let mut figures = Vec::new();
-    let mut all_seeds: Option<(SeriesCollector, pardalis::config::Scene)> = None;
-    for seed in 1..=seeds {
-        let seed_folder = run_folder.join(format!("seed-{seed:02}"));
-        let options = Options {
-            output: Output::Folder(seed_folder.clone()),
-            seed: Some(seed),
-            threads: threads.map(usize::from),
-            annotate: false,
-            plots: false,
+) -> Result<Vec<Plan<'a>>> {
+    let folder = arguments.experiment.parent().unwrap_or(Path::new(""));
+    let mut plans = Vec::new();
+    for run in &experiment.runs {
+        let seeds = if arguments.verify {
+            run.verify_seeds.min(run.seeds)
+        } else {
+            run.seeds
         };
-        let tracked = tracking::run(&folder.join(&run.scene), &options)?;
-        let report =
-            evaluate::score_files(&seed_folder, &truth_path, &evaluate::Options::default())?;
-        figures.extend(Figures::of(seed, &report));
-        match &mut all_seeds {
-            None => all_seeds = Some((tracked.series, tracked.open.scene)),
-            Some((series, _)) => series.append(tracked.series),
+        if seeds > 0 {
+            let plan = Plan::new(run, seeds, folder, output);
+            plans.push(plan.with_context(|| format!("run \"{}\"", run.name))?);
         }
     }
-    if let Some((series, scene)) = all_seeds {
-        let mut truth = tables::read_truth(&truth_path)?;
-        truth.retain(|object| figures.iter().any(|f| f.object == object.name));
-        series.draw(&run_folder, &scene, &truth)?;
-    }
-    Ok(figures)
+    Ok(plans)
 }

@@ -4,77 +4,110 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use pardalis::score::{Errors, Scores};
+use pardalis::score::{Course, Errors};
 
-use super::definition::Run;
-use crate::commands::evaluate::Report;
+use super::definition::{Bands, Run};
+use crate::commands::evaluate::{Report, TargetReport};
 use crate::commands::report::median;
 
-/// A figure's name and how it is read from scores; without a value where there is no estimate.
-type Metric = (&'static str, fn(&Scores) -> Option<f64>);
-
-/// The figures, in the order of the columns; errors over all frames that have an estimate.
-pub(super) const METRICS: [Metric; 15] = [
-    ("coverage", |s| s.coverage),
-    ("lost_frames", |s| Some(s.lost_frames as f64)),
-    ("ends_on_target", |s| {
-        s.ends_on_target.map(|yes| f64::from(u8::from(yes)))
-    }),
-    ("mean_m", |s| errors(s).map(|e| e.position_m.mean)),
-    ("sd_m", |s| errors(s).map(|e| e.position_m.sd)),
-    ("rmse_m", |s| errors(s).map(|e| e.position_m.rmse)),
-    ("max_m", |s| errors(s).map(|e| e.position_m.max)),
-    ("distance_mean_m", |s| errors(s).map(|e| e.distance_m.mean)),
-    ("distance_sd_m", |s| errors(s).map(|e| e.distance_m.sd)),
-    ("elevation_mean_rad", |s| {
-        errors(s).map(|e| e.elevation_rad.mean)
-    }),
-    ("elevation_sd_rad", |s| {
-        errors(s).map(|e| e.elevation_rad.sd)
-    }),
-    ("azimuth_mean_rad", |s| {
-        errors(s).map(|e| e.azimuth_rad.mean)
-    }),
-    ("azimuth_sd_rad", |s| errors(s).map(|e| e.azimuth_rad.sd)),
-    ("direction_max_rad", |s| {
-        errors(s).map(|e| e.direction_max_rad)
-    }),
-    ("mean_nees", |s| {
-        errors(s).and_then(|e| e.consistency.mean_nees)
-    }),
-];
-
-fn errors(scores: &Scores) -> Option<&Errors> {
-    scores.all.errors.as_ref()
+/// What is known of one seed and target.
+pub(super) struct Measured<'a> {
+    report: &'a TargetReport,
+    ms_a_frame: Option<f64>,
 }
 
-/// The figures of one seed and target.
+/// A figure's name and how it is found; without a value where there is no estimate, or where it means nothing.
+type Metric = (&'static str, fn(&Measured) -> Option<f64>);
+
+/// The figures, in the order of the columns; errors over all frames that have an estimate.
+pub(super) const METRICS: [Metric; 23] = [
+    ("coverage", |m| m.report.scores.coverage),
+    ("lost_frames", |m| Some(m.report.scores.lost_frames as f64)),
+    ("ends_on_target", |m| {
+        m.report.scores.ends_on_target.map(one_or_zero)
+    }),
+    ("mean_m", |m| errors(m).map(|e| e.position_m.mean)),
+    ("sd_m", |m| errors(m).map(|e| e.position_m.sd)),
+    ("rmse_m", |m| errors(m).map(|e| e.position_m.rmse)),
+    ("max_m", |m| errors(m).map(|e| e.position_m.max)),
+    ("distance_mean_m", |m| errors(m).map(|e| e.distance_m.mean)),
+    ("distance_sd_m", |m| errors(m).map(|e| e.distance_m.sd)),
+    ("elevation_mean_rad", |m| {
+        errors(m).map(|e| e.elevation_rad.mean)
+    }),
+    ("elevation_sd_rad", |m| {
+        errors(m).map(|e| e.elevation_rad.sd)
+    }),
+    ("azimuth_mean_rad", |m| {
+        errors(m).map(|e| e.azimuth_rad.mean)
+    }),
+    ("azimuth_sd_rad", |m| errors(m).map(|e| e.azimuth_rad.sd)),
+    ("direction_max_rad", |m| {
+        errors(m).map(|e| e.direction_max_rad)
+    }),
+    ("mean_nees", |m| errors(m)?.consistency.mean_nees),
+    ("planar_rmse_m", |m| errors(m).map(|e| e.planar_rmse_m)),
+    ("velocity_rmse_mps", |m| errors(m)?.velocity_rmse_mps),
+    ("course_error_median_rad", |m| {
+        course(m).map(|c| c.error_median_rad)
+    }),
+    ("course_rad", |m| course(m).map(|c| c.estimated_rad)),
+    ("true_course_rad", |m| course(m).map(|c| c.true_rad)),
+    ("changed_target", |m| {
+        m.report.changed_target.map(one_or_zero)
+    }),
+    // With it, a mean and its standard deviation give the mean's standard error.
+    ("estimates", |m| Some(m.report.scores.all.estimates as f64)),
+    ("ms_a_frame", |m| m.ms_a_frame),
+];
+
+fn errors<'a>(measured: &Measured<'a>) -> Option<&'a Errors> {
+    measured.report.scores.all.errors.as_ref()
+}
+
+fn course(measured: &Measured) -> Option<Course> {
+    errors(measured)?.course
+}
+
+fn one_or_zero(yes: bool) -> f64 {
+    f64::from(u8::from(yes))
+}
+
+/// The figures of one seed and target over one stretch of time.
+#[derive(Clone)]
 pub(super) struct Figures {
-    seed: u32,
+    pub(super) seed: u32,
     target: String,
     pub(super) object: String,
+    /// The name of the run's window; empty for all frames.
+    pub(super) window: String,
     /// In the order of [`METRICS`].
     values: Vec<Option<f64>>,
 }
 
 impl Figures {
-    /// One for each scored target of a report.
-    pub(super) fn of(seed: u32, report: &Report) -> Vec<Self> {
-        let targets = report.targets.iter();
-        targets
-            .map(|target| Self {
-                seed,
-                target: target.target.clone(),
-                object: target.object.clone(),
-                values: METRICS
-                    .iter()
-                    .map(|(_, metric)| metric(&target.scores))
-                    .collect(),
-            })
-            .collect()
+    /// One for each scored target of a report over a window.
+    pub(super) fn of(
+        seed: u32,
+        window: &str,
+        report: &Report,
+        ms_a_frame: Option<f64>,
+    ) -> Vec<Self> {
+        let of_target = |report: &TargetReport| Self {
+            seed,
+            target: report.target.clone(),
+            object: report.object.clone(),
+            window: window.to_owned(),
+            values: METRICS
+                .iter()
+                .map(|(_, metric)| metric(&Measured { report, ms_a_frame }))
+                .collect(),
+        };
+        report.targets.iter().map(of_target).collect()
     }
 
-    fn value(&self, metric: &str) -> Option<f64> {
+    /// The figure of that name.
+    pub(super) fn value(&self, metric: &str) -> Option<f64> {
         METRICS
             .iter()
             .position(|(name, _)| *name == metric)
@@ -90,25 +123,30 @@ pub(super) struct Results {
 
 impl Results {
     /// Adds a run's figures.
-    pub(super) fn extend(&mut self, run: &Run, figures: Vec<Figures>) {
-        self.rows
-            .extend(figures.into_iter().map(|f| (run.name.clone(), f)));
+    pub(super) fn extend(&mut self, run: &Run, figures: &[Figures]) {
+        let rows = figures.iter().map(|f| (run.name.clone(), f.clone()));
+        self.rows.extend(rows);
     }
 
-    /// Columns `run, seed, target, object` and the figures.
+    /// Columns `run, seed, target, object, window` and the figures.
     pub(super) fn to_csv(&self) -> String {
-        let mut text = "run,seed,target,object".to_owned();
+        let mut text = "run,seed,target,object,window".to_owned();
         for (name, _) in METRICS {
             let _ = write!(text, ",{name}");
         }
         text.push('\n');
         for (run, figures) in &self.rows {
-            // Names of runs are the experiment's own and hold no quotes.
             let _ = write!(
                 text,
-                "\"{run}\",{},{},{}",
-                figures.seed, figures.target, figures.object
+                "{},{},{},{},",
+                quoted(run),
+                figures.seed,
+                figures.target,
+                figures.object
             );
+            if !figures.window.is_empty() {
+                text.push_str(&quoted(&figures.window));
+            }
             for value in &figures.values {
                 let _ = match value {
                     Some(value) => write!(text, ",{value}"),
@@ -121,10 +159,16 @@ impl Results {
     }
 }
 
-/// A run's main figures in a line.
+/// A field of a CSV file.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
+/// A run's main figures, over all frames, in a line.
 pub(super) fn told(run: &Run, figures: &[Figures]) -> String {
+    let whole: Vec<&Figures> = figures.iter().filter(|f| f.window.is_empty()).collect();
     let of = |metric: &str| {
-        let mut values: Vec<f64> = figures.iter().filter_map(|f| f.value(metric)).collect();
+        let mut values: Vec<f64> = whole.iter().filter_map(|f| f.value(metric)).collect();
         values.sort_by(f64::total_cmp);
         values
     };
@@ -140,25 +184,34 @@ pub(super) fn told(run: &Run, figures: &[Figures]) -> String {
     format!(
         "{}: {} tracks, RMSE {:.0} mm (median; {:.0} to {:.0}); {lost} of them with lost frames, {off} end off the target",
         run.name,
-        figures.len(),
+        whole.len(),
         1e3 * median(&rmse_m),
         1e3 * lowest,
         1e3 * highest,
     )
 }
 
-/// What lies outside the run's bands, a line each.
+/// What lies outside the run's bands and those of its windows, a line each.
 pub(super) fn outside_bands(run: &Run, figures: &[Figures]) -> Vec<String> {
+    let whole: (&str, &Bands) = ("", &run.expect);
+    let windows = run.windows.iter().map(|w| (&*w.name, &w.expect));
     let mut outside = Vec::new();
-    for (metric, [lowest, highest]) in &run.expect {
-        for f in figures {
-            let value = f.value(metric);
-            if !value.is_some_and(|v| (*lowest..=*highest).contains(&v)) {
-                let shown = value.map_or_else(|| "missing".to_owned(), |v| format!("{v:.4}"));
-                outside.push(format!(
-                    "{}, seed {}, {}: {metric} is {shown}, expected {lowest} to {highest}",
-                    run.name, f.seed, f.target
-                ));
+    for (window, expect) in std::iter::once(whole).chain(windows) {
+        let place = if window.is_empty() {
+            run.name.clone()
+        } else {
+            format!("{}, {window}", run.name)
+        };
+        for (metric, [lowest, highest]) in expect {
+            for f in figures.iter().filter(|f| f.window == window) {
+                let value = f.value(metric);
+                if !value.is_some_and(|v| (*lowest..=*highest).contains(&v)) {
+                    let shown = value.map_or_else(|| "missing".to_owned(), |v| format!("{v:.4}"));
+                    outside.push(format!(
+                        "{place}, seed {}, {}: {metric} is {shown}, expected {lowest} to {highest}",
+                        f.seed, f.target
+                    ));
+                }
             }
         }
     }

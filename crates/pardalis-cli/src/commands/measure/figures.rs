@@ -1,0 +1,139 @@
+//! Figures of several runs at once.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::score::spherical_error;
+
+use super::definition::{Figure, FigureKind};
+use super::plan::Plan;
+use super::results::Figures;
+use crate::commands::report::median;
+use crate::draw::errors::{ErrorGroup, SphericalError, write_error_figures};
+use crate::draw::paths::{CameraSymbol, PathGroup, write_path_figures};
+use crate::draw::sweep::{SweepPoint, SweepSeries, write_sweep_figures};
+use crate::fault::fault;
+
+/// A run with its figures.
+type Measured<'a> = (&'a Plan<'a>, Vec<Figures>);
+
+/// Draws the figures of an experiment into a folder, those that show no run (of the few that `--verify` runs) aside. Gives the files.
+pub(super) fn draw_all(
+    figures: &[Figure],
+    measured: &[Measured],
+    folder: &Path,
+) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for figure in figures {
+        let shown = measured.iter().filter(|(plan, _)| figure.shows(plan.run));
+        let shown: Vec<_> = shown.collect();
+        if shown.is_empty() {
+            continue;
+        }
+        files.extend(match figure.kind {
+            FigureKind::Paths => paths(figure, &shown, folder),
+            FigureKind::Errors => errors(figure, &shown, folder),
+            FigureKind::Sweep => sweep(figure, &shown, folder),
+        }?);
+    }
+    Ok(files)
+}
+
+/// Copies the PNG files among them.
+pub(super) fn copy_pngs(files: &[PathBuf], folder: &Path) -> Result<()> {
+    let refuse = |error| {
+        fault!(
+            "--figures {}: {error}; give a folder that can be written",
+            folder.display()
+        )
+    };
+    fs::create_dir_all(folder).map_err(refuse)?;
+    for file in files {
+        if let (Some(name), Some("png")) = (
+            file.file_name(),
+            file.extension().and_then(|ending| ending.to_str()),
+        ) {
+            fs::copy(file, folder.join(name)).map_err(refuse)?;
+        }
+    }
+    Ok(())
+}
+
+/// All seeds of all runs, with the truth and the cameras of the first run.
+fn paths(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut groups = Vec::new();
+    for (plan, _) in shown {
+        groups.push(PathGroup {
+            name: plan.run.name.clone(),
+            tracks: plan.tracks()?,
+        });
+    }
+    let (first, figures) = shown[0];
+    let truth = first.truth(figures)?;
+    let cameras = CameraSymbol::of_scene(&first.scene);
+    write_path_figures(folder, &figure.name, &groups, &truth, &cameras)
+}
+
+/// A mark a frame, seed and target, around the runs' origins.
+fn errors(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut groups = Vec::new();
+    for (plan, _) in shown {
+        let mut errors = Vec::new();
+        for report in plan.reports(&plan.options())? {
+            let around_m = report.around.position_m;
+            let samples = report.targets.iter().flat_map(|target| &target.samples);
+            errors.extend(samples.filter_map(|sample| {
+                let error = spherical_error(&sample.estimate?, &sample.truth, around_m);
+                Some(SphericalError {
+                    distance_m: error.true_distance_m,
+                    distance_error_m: error.distance_m,
+                    elevation_error_rad: error.elevation_rad,
+                    azimuth_error_rad: error.azimuth_rad,
+                })
+            }));
+        }
+        groups.push(ErrorGroup {
+            name: plan.run.name.clone(),
+            errors,
+        });
+    }
+    write_error_figures(folder, &figure.name, &groups)
+}
+
+/// A series a sweep, a point a run: median, lowest and highest over seeds and targets.
+fn sweep(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut series: Vec<SweepSeries> = Vec::new();
+    for (plan, figures) in shown {
+        let Some(swept) = &plan.run.swept else {
+            continue;
+        };
+        let sorted = |metric: &str| {
+            let whole = figures.iter().filter(|f| f.window.is_empty());
+            let mut values: Vec<f64> = whole.filter_map(|f| f.value(metric)).collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let lengths_m = sorted(&figure.figure);
+        let (Some(lowest_m), Some(highest_m)) = (lengths_m.first(), lengths_m.last()) else {
+            continue;
+        };
+        let times_ms = sorted("ms_a_frame");
+        let point = SweepPoint {
+            label: swept.label.clone(),
+            value: swept.value,
+            ms_a_frame: (!times_ms.is_empty()).then(|| median(&times_ms)),
+            median_m: median(&lengths_m),
+            lowest_m: *lowest_m,
+            highest_m: *highest_m,
+        };
+        match series.iter_mut().find(|one| one.name == swept.sweep) {
+            Some(one) => one.points.push(point),
+            None => series.push(SweepSeries {
+                name: swept.sweep.clone(),
+                points: vec![point],
+            }),
+        }
+    }
+    write_sweep_figures(folder, &figure.name, &figure.x_name, &series)
+}

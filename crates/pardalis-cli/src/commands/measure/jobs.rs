@@ -1,0 +1,111 @@
+//! Many seeds at a time, a thread each; timed ones alone.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{Context as _, Result, anyhow};
+use indicatif::{ProgressBar, ProgressStyle};
+use pardalis::config::Scene;
+
+use super::definition::Run;
+use super::finished::Finished;
+use crate::interrupt;
+use crate::tracking::{self, Options, Output};
+
+/// One seed of a run that is to be tracked.
+pub(super) struct Job<'a> {
+    pub(super) run: &'a Run,
+    /// The file that the scene was read from.
+    pub(super) scene_path: &'a Path,
+    pub(super) scene: &'a Scene,
+    pub(super) seed: u32,
+    /// Takes the results.
+    pub(super) folder: PathBuf,
+    pub(super) fingerprint: String,
+}
+
+impl Job<'_> {
+    fn track(&self) -> Result<()> {
+        Finished::remove(&self.folder)?;
+        let options = Options {
+            output: Output::Folder(self.folder.clone()),
+            seed: Some(self.seed),
+            threads: Some(1),
+            annotate: false,
+            plots: false,
+            progress: false,
+        };
+        let tracked = tracking::run_scene(self.scene_path, self.scene.clone(), &options)?;
+        let outcome = tracked.outcome;
+        let finished = Finished {
+            fingerprint: self.fingerprint.clone(),
+            ms_a_frame: (self.run.timed)
+                .then(|| 1e3 * outcome.tracking_s / outcome.frame_sets as f64),
+        };
+        finished.write(&self.folder)
+    }
+}
+
+/// Tracks all seeds with so many threads, in the order of the list but for timed ones, which come last and one by one.
+///
+/// Ctrl-C, or the first failure, ends it; what is finished by then stays.
+pub(super) fn track_all(jobs: &[Job], threads: usize) -> Result<()> {
+    interrupt::listen();
+    let bar = progress_bar(jobs.len());
+    let (timed, others): (Vec<&Job>, Vec<&Job>) = jobs.iter().partition(|job| job.run.timed);
+    let done = track_with(&others, threads, &bar).and_then(|()| track_with(&timed, 1, &bar));
+    bar.finish_and_clear();
+    if done.is_err() && interrupt::requested() {
+        return Err(anyhow!(
+            "interrupted: {} of {} seeds were tracked and are kept; the same command goes on from there",
+            bar.position(),
+            jobs.len()
+        ));
+    }
+    done
+}
+
+fn track_with(jobs: &[&Job], threads: usize, bar: &ProgressBar) -> Result<()> {
+    let next = AtomicUsize::new(0);
+    let failures = Mutex::new(Vec::new());
+    let work = || {
+        while let Some((number, job)) = {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            jobs.get(number).map(|job| (number, job))
+        } {
+            bar.set_message(format!("{}, seed {}", job.run.name, job.seed));
+            match job.track() {
+                Ok(()) => bar.inc(1),
+                Err(error) => {
+                    let error = error.context(format!("run \"{}\"", job.run.name));
+                    if let Ok(mut failures) = failures.lock() {
+                        failures.push((number, error));
+                    }
+                    next.store(jobs.len(), Ordering::Relaxed);
+                }
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..threads.min(jobs.len()) {
+            scope.spawn(work);
+        }
+    });
+    let mut failures = failures.into_inner().context("a thread has failed")?;
+    // The first of the list, whichever thread was faster.
+    failures.sort_by_key(|(number, _)| *number);
+    match failures.into_iter().next() {
+        Some((_, error)) => Err(error),
+        None => Ok(()),
+    }
+}
+
+/// A bar on a terminal; nothing elsewhere.
+fn progress_bar(seeds: usize) -> ProgressBar {
+    let bar = ProgressBar::new(seeds as u64);
+    match ProgressStyle::with_template("{bar:32} {pos}/{len} seeds, {eta} left: {msg}") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}

@@ -1,0 +1,140 @@
+//! A run that is ready to be tracked, scored and drawn.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::config::Scene;
+
+use super::definition::Run;
+use super::finished::{self, Finished};
+use super::jobs::Job;
+use super::results::Figures;
+use crate::commands::evaluate::{self, Report};
+use crate::draw::paths::CameraSymbol;
+use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
+use crate::{scene, tables, tracking};
+
+/// A run whose scene and truth were found to be fine.
+pub(super) struct Plan<'a> {
+    pub(super) run: &'a Run,
+    /// How many are tracked.
+    seeds: u32,
+    scene_path: PathBuf,
+    pub(super) scene: Scene,
+    truth_path: PathBuf,
+    /// Takes the results.
+    folder: PathBuf,
+    /// See [`finished::of_run`].
+    fingerprint: u64,
+}
+
+impl<'a> Plan<'a> {
+    /// `folder` is the experiment's.
+    pub(super) fn new(run: &'a Run, seeds: u32, folder: &Path, output: &Path) -> Result<Self> {
+        let scene_path = folder.join(&run.scene);
+        let scene = scene::read_with(&scene_path, &run.set)?;
+        let truth_path = folder.join(&run.truth);
+        tables::read_truth(&truth_path)?;
+        let scene_folder = scene_path.parent().unwrap_or(Path::new(""));
+        Ok(Self {
+            run,
+            seeds,
+            fingerprint: finished::of_run(&scene, scene_folder),
+            scene_path,
+            scene,
+            truth_path,
+            folder: output.join(run.slug()),
+        })
+    }
+
+    fn seed_folder(&self, seed: u32) -> PathBuf {
+        self.folder.join(format!("seed-{seed:02}"))
+    }
+
+    /// One a seed.
+    pub(super) fn jobs(&self) -> impl Iterator<Item = Job<'_>> {
+        (1..=self.seeds).map(|seed| Job {
+            run: self.run,
+            scene_path: &self.scene_path,
+            scene: &self.scene,
+            seed,
+            folder: self.seed_folder(seed),
+            fingerprint: finished::of_seed(self.fingerprint, seed, self.run.timed),
+        })
+    }
+
+    /// The figures of all seeds over all frames, then over each window.
+    pub(super) fn score(&self) -> Result<Vec<Figures>> {
+        let whole = ("", None, None);
+        let windows = self.run.windows.iter();
+        let windows = windows.map(|w| (&*w.name, Some(w.from_s), Some(w.to_s)));
+        let mut figures = Vec::new();
+        for (window, from_s, to_s) in std::iter::once(whole).chain(windows) {
+            let options = evaluate::Options {
+                from_s,
+                to_s,
+                ..self.options()
+            };
+            for (seed, report) in (1..).zip(self.reports(&options)?) {
+                let finished =
+                    Finished::read(&self.seed_folder(seed)).filter(|_| window.is_empty());
+                let ms_a_frame = finished.and_then(|f| f.ms_a_frame);
+                figures.extend(Figures::of(seed, window, &report, ms_a_frame));
+            }
+        }
+        Ok(figures)
+    }
+
+    /// Scores all frames, around the run's origin.
+    pub(super) fn options(&self) -> evaluate::Options {
+        evaluate::Options {
+            around: self.run.origin_m,
+            ..evaluate::Options::default()
+        }
+    }
+
+    /// Each seed's scores.
+    pub(super) fn reports(&self, options: &evaluate::Options) -> Result<Vec<Report>> {
+        (1..=self.seeds)
+            .map(|seed| evaluate::score_files(&self.seed_folder(seed), &self.truth_path, options))
+            .collect()
+    }
+
+    /// The tracks of all seeds, in their order.
+    pub(super) fn tracks(&self) -> Result<Vec<TrackSeries>> {
+        let mut tracks = Vec::new();
+        for seed in 1..=self.seeds {
+            let read = tables::read_tracks(&self.seed_folder(seed).join("tracks.csv"))?;
+            tracks.extend(read.into_iter().map(|track| {
+                TrackSeries {
+                    name: track.name,
+                    rows: track
+                        .rows
+                        .into_iter()
+                        .map(|(time_s, estimate)| Sample {
+                            time_s,
+                            position_m: estimate.map(|e| e.position_m),
+                            covariance_m2: estimate.and_then(|e| e.covariance_m2),
+                        })
+                        .collect(),
+                }
+            }));
+        }
+        Ok(tracks)
+    }
+
+    /// The truth of the objects that were scored, to be drawn.
+    pub(super) fn truth(&self, figures: &[Figures]) -> Result<Vec<TruthSeries>> {
+        let mut truth = tables::read_truth(&self.truth_path)?;
+        truth.retain(|object| figures.iter().any(|f| f.object == object.name));
+        Ok(tracking::truth_series(&truth))
+    }
+
+    /// Draws all seeds over one another.
+    pub(super) fn draw(&self, figures: &[Figures]) -> Result<()> {
+        let truth = self.truth(figures)?;
+        let cameras = CameraSymbol::of_scene(&self.scene);
+        write_track_plots(&self.folder, &self.tracks()?, &truth, &cameras)?;
+        Ok(())
+    }
+}

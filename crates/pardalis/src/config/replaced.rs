@@ -1,0 +1,47 @@
+//! Settings that take the place of a scene's own before it is checked: the sweeps of experiments.
+
+use std::fmt::Write as _;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// The values as a TOML text whose places all lie behind those of the scene's text, so that no line is told for them.
+pub(super) fn text_behind(scene_text: &str, replaced: &toml::Table) -> String {
+    let mut text = " ".repeat(scene_text.len() + 1);
+    for (number, value) in replaced.values().enumerate() {
+        let _ = writeln!(text, "{number} = {value}");
+    }
+    text
+}
+
+/// Puts each value, as parsed from [`text_behind`], in its place; of what stands there nothing is kept. Tables on the way are made.
+pub(super) fn put_all<'t>(
+    root: &mut DeTable<'t>,
+    replaced: &'t toml::Table,
+    mut values: DeTable<'t>,
+) {
+    // In the order of the keys: what lies deeper comes later.
+    for (number, path) in replaced.keys().enumerate() {
+        if let Some(value) = values.remove(&*number.to_string()) {
+            put(root, path, value);
+        }
+    }
+}
+
+fn put<'t>(table: &mut DeTable<'t>, path: &'t str, value: Spanned<DeValue<'t>>) {
+    let span = value.span();
+    let Some((name, rest)) = path.split_once('.') else {
+        table.insert(Spanned::new(span, path.into()), value);
+        return;
+    };
+    let empty = || Spanned::new(span.clone(), DeValue::Table(DeTable::new()));
+    let inner = table
+        .entry(Spanned::new(span.clone(), name.into()))
+        .or_insert_with(empty);
+    if !inner.get_ref().is_table() {
+        *inner = empty();
+    }
+    if let DeValue::Table(inner) = inner.get_mut() {
+        put(inner, rest, value);
+    }
+}
