@@ -4,7 +4,7 @@ use super::{Camera, Projection, with_model};
 use crate::simd::Level;
 
 /// Points a block.
-const LANES: usize = 16;
+pub(crate) const LANES: usize = 16;
 
 impl Camera {
     /// Writes the pixels of points given by columns x, y, z in the camera's frame, in metres, as columns u, v: NaN where a point has none.
@@ -45,9 +45,10 @@ fn project_columns<P: Projection<f32>>(model: &P, points: [&[f32]; 3], [u, v]: [
     v_rest.copy_from_slice(&last_v[..v_rest.len()]);
 }
 
-/// Plain loops that the compiler vectorises; with the choice in the first loop it would branch instead.
+/// The pixels of a block of points, NaN where a point has none. Plain loops that the compiler vectorises; with the choice in the first loop it would
+/// branch instead.
 #[inline(always)]
-fn project_block<P: Projection<f32>>(
+pub(crate) fn project_block<P: Projection<f32>>(
     model: &P,
     [x, y, z]: &[[f32; LANES]; 3],
 ) -> [[f32; LANES]; 2] {

@@ -19,6 +19,7 @@ mod perspective_mirror;
 mod pinhole;
 mod unified;
 
+pub(crate) use batch::{LANES, project_block};
 pub use double_sphere::DoubleSphere;
 pub use equidistant::Equidistant;
 pub use exact_mirror::ExactMirror;

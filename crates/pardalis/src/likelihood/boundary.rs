@@ -3,8 +3,9 @@
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use super::outline::{Coordinates, LANES};
+use super::outline::Coordinates;
 use crate::Error;
+use crate::camera::LANES;
 
 /// How the points on either side of the outline are found.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

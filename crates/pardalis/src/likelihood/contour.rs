@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Likelihood;
 use super::boundary::{Sampling, ScaledSampling, SplineBasis, normals_by_neighbours};
-use super::outline::{Coordinates, LANES, OutlineKernel, Points, Projector};
-use crate::camera::Mask;
+use super::outline::{Coordinates, OutlineKernel, Points, Projector};
+use crate::camera::{LANES, Mask};
 use crate::color::{ColorModel, Palette};
 use crate::frame::with_pixels;
 use crate::particles::Particles;

@@ -1,12 +1,9 @@
 //! Where the outlines of a block of particles lie in a camera's image: the projection kernel of the contour cue.
 
-use crate::camera::{Projection, with_model};
+use crate::camera::{LANES, project_block, with_model};
 use crate::shape::{OutlineCircle, Place, Seen, Shape, Sides, SidesKind, SphereOutline};
 use crate::simd::Level;
 use crate::view::View;
-
-/// Particles a block: the lanes of the kernels.
-pub(super) const LANES: usize = 16;
 
 /// One point of each of a block's outlines, in the camera's frame; NaN where there is none.
 pub(super) type Points = [[f32; LANES]; 3];
@@ -137,28 +134,13 @@ impl OutlineKernel {
             let model = model.to_f32();
             level.run(
                 #[inline(always)]
-                || project_points(&model, points, coordinates),
+                || {
+                    for (points, coordinates) in points.iter().zip(coordinates) {
+                        *coordinates = project_block(&model, points);
+                    }
+                },
             );
         });
-    }
-}
-
-/// Plain loops that the compiler vectorises; with the choice in the first one it would branch instead.
-#[inline(always)]
-fn project_points<P: Projection<f32>>(
-    model: &P,
-    points: &[Points],
-    coordinates: &mut [Coordinates],
-) {
-    for ([x, y, z], [u, v]) in points.iter().zip(coordinates) {
-        let mut valid = [false; LANES];
-        for lane in 0..LANES {
-            ([u[lane], v[lane]], valid[lane]) = model.project([x[lane], y[lane], z[lane]]);
-        }
-        for lane in 0..LANES {
-            u[lane] = if valid[lane] { u[lane] } else { f32::NAN };
-            v[lane] = if valid[lane] { v[lane] } else { f32::NAN };
-        }
     }
 }
 
