@@ -29,9 +29,9 @@ use results::{Figures, Results};
 /// interrupted goes on where it stopped: seeds that are finished, with the same program, scene and frames, are taken as they are.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  pardalis measure experiments/fisheye/experiment.toml
-  pardalis measure experiments/fisheye/experiment.toml --verify      the few seeds that the gate runs
-  pardalis measure experiments/fisheye/experiment.toml --record experiments/record/2026-11-21 --figures experiments/fisheye/figures
+  pardalis measure experiments/jump/experiment.toml
+  pardalis measure experiments/jump/experiment.toml --verify      the few seeds that the gate runs
+  pardalis measure experiments/jump/experiment.toml --record experiments/record/2026-11-21 --figures experiments/jump/figures
 
 EXPERIMENT.toml:
   name = \"ball\"
@@ -43,9 +43,11 @@ EXPERIMENT.toml:
   seeds = 10
   verify_seeds = 1                   # with --verify
   expect = { rmse_m = [0, 0.3] }     # a band for every seed
-  set = { \"targets.ball.contour.points\" = 30 }                                # in place of the scene's values
+  set = { \"targets.ball.contour.points\" = 30 }   # in place of the scene's values
   windows = [{ name = \"hidden\", from_s = 1.2, to_s = 2.4, expect = { max_m = [0, 1] } }]
   origin_m = [0, 0, 0.9]             # for distance, elevation and azimuth; else the first camera
+  method = \"locate\"                 # each image on its own, as `pardalis locate`,
+  starts = \"truth.csv\"              # from these positions; else from the scene's start
   [[sweeps]]                         # as a run, but one a value
   name = \"particles\"
   scene = \"ball.toml\"
