@@ -94,6 +94,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let output = arguments.output.join(&experiment.name);
     let place = || arguments.experiment.display().to_string();
     let plans = plans(&experiment, arguments, &output).with_context(place)?;
+    if plans.is_empty() {
+        say("nothing to run: no run has any seeds (with --verify: verify_seeds)");
+        return Ok(());
+    }
     let all: Vec<Job> = plans.iter().flat_map(Plan::jobs).collect();
     let seeds = all.len();
     let jobs: Vec<Job> = all
@@ -153,7 +157,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// Everything that will be run, so that what is wrong shows before anything is tracked.
+/// Every run that has seeds. What is wrong with any run shows before anything is tracked.
 fn plans<'a>(
     experiment: &'a Experiment,
     arguments: &Arguments,
@@ -167,9 +171,10 @@ fn plans<'a>(
         } else {
             run.seeds
         };
+        let plan = Plan::new(run, seeds, folder, output)
+            .with_context(|| format!("run \"{}\"", run.name))?;
         if seeds > 0 {
-            let plan = Plan::new(run, seeds, folder, output);
-            plans.push(plan.with_context(|| format!("run \"{}\"", run.name))?);
+            plans.push(plan);
         }
     }
     Ok(plans)
