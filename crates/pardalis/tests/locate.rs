@@ -103,13 +103,28 @@ fn balls_are_located_through_mirrors_from_positions_and_from_clicks() {
         let mut tracker = mirror_tracker(model);
         for (number, still) in NEAR.into_iter().zip(stills(NEAR)) {
             let click = Start::Pixel(PixelStart::at(0, still.pixel));
-            for (from, start) in [("position", around(still.position_m)), ("click", click)] {
+            // Along a ray the ball's size alone tells its distance: one pixel of ten is a tenth.
+            let range_m = distance_m(still.position_m, [0.0, 0.0, 0.82]);
+            for (from, start, allowed_m) in [
+                ("position", around(still.position_m), 0.25),
+                ("click", click, 0.1 + 0.15 * range_m),
+            ] {
                 let estimate = located(&mut tracker, &still, start);
                 assert_eq!(estimate.state, TrackState::Tracking);
                 let found = estimate.kinematics.unwrap();
                 let off_m = distance_m(found.position_m, still.position_m);
-                println!("{model} {number} from a {from}: {:.0} mm off", 1e3 * off_m);
-                assert!(off_m < 0.2, "{model} {number} from a {from}: {off_m} m off");
+                assert!(
+                    off_m < allowed_m,
+                    "{model} {number} from a {from}: {off_m} m off"
+                );
+                // Its direction is known far better. The ball is seen from the mirror, 0.16 m above the pinhole.
+                let direction =
+                    |p: [f64; 3]| (Point3::from(p) - Point3::new(0.0, 0.0, 0.98)).normalize();
+                let off_rad = direction(found.position_m).angle(&direction(still.position_m));
+                assert!(
+                    off_rad < 0.05,
+                    "{model} {number} from a {from}: {off_rad} rad off"
+                );
                 assert_eq!(found.velocity_mps, None);
                 assert!(estimate.confidence > 0.5);
             }
@@ -118,11 +133,11 @@ fn balls_are_located_through_mirrors_from_positions_and_from_clicks() {
 }
 
 #[test]
-fn where_there_is_no_ball_nothing_is_found() {
+fn out_of_view_nothing_is_found() {
     let mut tracker = mirror_tracker("exact");
     let still = &stills([1])[0];
-    let [x, y, z] = still.position_m;
-    for start in [around([-x, y, z]), around([x, y, 50.0])] {
+    // Beyond the mirror's rim.
+    for start in [around([1.3, 0.0, 50.0]), around([0.0, 0.0, 1.5])] {
         let estimate = located(&mut tracker, still, start);
         assert_eq!(estimate.state, TrackState::Occluded);
         assert_eq!((estimate.kinematics, estimate.confidence), (None, 0.0));
@@ -353,7 +368,8 @@ fn another_robots_estimate_brings_a_lost_ball_back() {
         let frames = [(0, frame)];
         if index == 6 {
             let lost = ours.estimate_at(0, time_s);
-            assert_ne!(lost.state, TrackState::Tracking);
+            let off_m = distance_m(lost.kinematics.unwrap().position_m, jump_truth_m(5));
+            assert!(off_m > 1.0, "{off_m}");
             // Their estimate is two frames old when it comes.
             let (estimate, told_s): (_, f64) = told.unwrap();
             ours.hand_over(0, &estimate, told_s).unwrap();

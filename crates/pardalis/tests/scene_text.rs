@@ -42,12 +42,12 @@ shape.prism = { sides = 8, across_flats_m = 0.5, height_m = 0.8, turn_deg = 22.5
 colors = "robot.toml"
 contour.spline = { control_points = 30, reach_px = 1.5, steps = 2, middle = false }
 motion.planar_constant_velocity.acceleration_density_m2ps3 = 2
-start.gaussian.position_m = [1, 2, 0]
+start.gaussian = { position_m = [1, 2, 0], covariance_m2 = [0.04, 0.03, 0, 0.09, 0, 0.01] }
 [targets.post]
 shape.cylinder = { radius_m = 0.1, height_m = 1, outline = "exact" }
 colors = "post.toml"
 contour.overlap = { max_share = 0.4, distance_px = 3 }
-start.gaussian.position_m = [1, 2, 0]
+start.track = { file = "theirs.csv", target = "post2", velocity_sigma_mps = 0.1, world_from_other = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]] }
 [targets.ball]
 shape.sphere = { radius_m = 0.11, outline = "tangent" }
 colors = "ball.toml"
