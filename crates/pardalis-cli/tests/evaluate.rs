@@ -462,6 +462,30 @@ fn bad_truth_is_refused_with_file_line_and_column() {
 }
 
 #[test]
+fn only_the_frames_of_a_time_are_scored() {
+    let folder = Folder::new("window");
+    let rows = truth("dioptric-two-balls");
+    let file = folder.write("tracks.csv", tracks(&rows, [0.0, 0.3, 0.4]));
+    let options = ["--from", "0.4", "--to", "0.8"];
+    let scored = figures(&file, &sequence("dioptric-two-balls"), &options);
+    assert_eq!(
+        (&scored["from_s"], &scored["to_s"]),
+        (&0.4.into(), &0.8.into())
+    );
+    let ball = &scored["targets"][0];
+    // Both ends are included, at 25 frames a second.
+    assert_eq!(ball["all"]["frames"], 11);
+    assert_eq!(ball["changed_target"], false);
+    let errors = &ball["all"]["errors"];
+    let near = |found: &serde_json::Value, wanted: f64| {
+        let found = found.as_f64().unwrap();
+        assert!((found - wanted).abs() < 1e-6, "{found} is not {wanted}");
+    };
+    near(&errors["planar_rmse_m"], 0.3);
+    near(&errors["position_m"]["rmse"], 0.5);
+}
+
+#[test]
 fn bad_options_are_refused_and_say_what_is_allowed() {
     let folder = Folder::new("bad-options");
     let rows = truth("dioptric-two-balls");
@@ -489,6 +513,8 @@ fn bad_options_are_refused_and_say_what_is_allowed() {
         (&["--visible-over", "1"], "0 up to"),
         (&["--lost-beyond-m", "0"], "more than 0"),
         (&["--lost-beyond-m", "NaN"], "a finite number"),
+        (&["--from", "x"], "a finite number"),
+        (&["--from", "100"], "no frame of"),
         (&["--json", "/nowhere/at/all.json"], "can be written"),
     ] {
         let message = fault(&file, &sequence("dioptric-two-balls"), options);

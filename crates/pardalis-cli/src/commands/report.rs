@@ -84,7 +84,7 @@ impl<'t> Mark<'t> {
         let inside = line.strip_prefix("<!-- table ")?.strip_suffix(" -->")?;
         let rest = inside.strip_prefix(name)?;
         let (runs, columns) = match rest.strip_prefix(" of ") {
-            Some(rest) => rest.split_once("*").map(|(runs, rest)| (runs, rest))?,
+            Some(rest) => rest.split_once('*')?,
             None => ("", rest),
         };
         let columns = match columns.strip_prefix(':') {

@@ -382,3 +382,14 @@ fn single_images_are_located_from_their_starts() {
     place.write("small.toml", run_with("method = \"find\""));
     pardalis(&place, &["measure", "small.toml"]).refused(&["small.toml", "find", "locate"]);
 }
+
+#[test]
+fn the_example_of_the_help_is_an_experiment() {
+    let place = workplace(RUN);
+    let help = pardalis(&place, &["measure", "--help"]).fine().stdout;
+    let example = help.split("EXPERIMENT.toml:\n").nth(1).unwrap();
+    place.write("small.toml", example.replace("ball.toml", "none.toml"));
+    // Only its scene is missing.
+    let run = pardalis(&place, &["measure", "small.toml"]);
+    run.refused(&["run \"near\": none.toml: can not be read: there is no such file"]);
+}

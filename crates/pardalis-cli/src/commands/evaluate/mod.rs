@@ -109,14 +109,8 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     let track_rows: Vec<_> = tracks.iter().map(|t| frames.place(t)).collect();
     let object_rows: Vec<_> = objects.iter().map(|o| frames.place(o)).collect();
     if track_rows.iter().flatten().all(Option::is_none) {
-        return Err(fault!(
-            "no row of {} (times {}) has a row of {} (times {}) within {} s; both must use the same clock",
-            tracks_path.display(),
-            time_range(&tracks),
-            truth_path.display(),
-            time_range(&objects),
-            frames.tolerance_s
-        ));
+        let (tracks, truth) = ((&*tracks_path, &*tracks), (&*truth_path, &*objects));
+        return Err(other_clock(tracks, truth, frames.tolerance_s));
     }
 
     let track_paths: Vec<_> = track_rows.iter().map(|rows| estimated_path(rows)).collect();
@@ -220,6 +214,21 @@ fn window(options: &Options, frames: &Frames) -> Option<Range<usize>> {
     let from_s = options.from_s.unwrap_or(f64::NEG_INFINITY);
     let window = frames.between(from_s, options.to_s.unwrap_or(f64::INFINITY));
     (!window.is_empty()).then_some(window)
+}
+
+/// No row of the tracks has a time of the truth's.
+fn other_clock<T, O>(
+    (tracks_path, tracks): (&Path, &[Series<T>]),
+    (truth_path, objects): (&Path, &[Series<O>]),
+    tolerance_s: f64,
+) -> anyhow::Error {
+    fault!(
+        "no row of {} (times {}) has a row of {} (times {}) within {tolerance_s} s; both must use the same clock",
+        tracks_path.display(),
+        time_range(tracks),
+        truth_path.display(),
+        time_range(objects)
+    )
 }
 
 /// The file of that name in a folder, or the file itself.

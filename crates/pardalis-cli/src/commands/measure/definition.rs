@@ -281,6 +281,9 @@ impl Run {
                 "key, values and names are a sweep's; write it under [[sweeps]]".to_owned(),
             );
         }
+        if self.starts.is_some() && self.method != Method::Locate {
+            return Err("starts needs method = \"locate\" beside it".to_owned());
+        }
         if self
             .origin_m
             .is_some_and(|o| !o.iter().all(|c| c.is_finite()))

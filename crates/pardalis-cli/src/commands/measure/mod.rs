@@ -29,37 +29,40 @@ use results::{Figures, Results};
 /// interrupted goes on where it stopped: seeds that are finished, with the same program, scene and frames, are taken as they are.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  pardalis measure experiments/fisheye/experiment.toml
-  pardalis measure experiments/fisheye/experiment.toml --verify      the few seeds that the gate runs
-  pardalis measure experiments/fisheye/experiment.toml --record experiments/record/2026-11-21 --figures experiments/fisheye/figures
+  pardalis measure experiments/jump/experiment.toml
+  pardalis measure experiments/jump/experiment.toml --verify     the few seeds that the gate runs
+  pardalis measure experiments/jump/experiment.toml --record experiments/record/2026-11-21
+  pardalis measure experiments/jump/experiment.toml --figures experiments/jump/figures
 
 EXPERIMENT.toml:
   name = \"ball\"
   question = \"How many particles does it need?\"
   [[runs]]
   name = \"near\"
-  scene = \"ball.toml\"                # paths start at this file's folder
+  scene = \"ball.toml\"           # paths start at this file's folder
   truth = \"truth.csv\"
   seeds = 10
-  verify_seeds = 1                   # with --verify
-  expect = { rmse_m = [0, 0.3] }     # a band for every seed
-  set = { \"targets.ball.contour.points\" = 30 }                                # in place of the scene's values
+  verify_seeds = 1              # with --verify
+  expect = { rmse_m = [0, 0.3] }  # a band for every seed
+  set = { \"targets.ball.contour.points\" = 30 }    # in place of the scene's values
   windows = [{ name = \"hidden\", from_s = 1.2, to_s = 2.4, expect = { max_m = [0, 1] } }]
-  origin_m = [0, 0, 0.9]             # for distance, elevation and azimuth; else the first camera
-  [[sweeps]]                         # as a run, but one a value
+  origin_m = [0, 0, 0.9]        # for distance, elevation, azimuth; else the first camera
+  method = \"locate\"             # each image on its own, as `pardalis locate`,
+  starts = \"truth.csv\"          # from these positions; else from the scene's start
+  [[sweeps]]                    # as a run, but one a value
   name = \"particles\"
   scene = \"ball.toml\"
   truth = \"truth.csv\"
   seeds = 10
-  timed = true                       # one seed at a time, and ms_a_frame is told
-  key = \"targets.ball.filter.particles\"   # or [\"KEY\", \"KEY\"], and a list for each value
-  values = [100, 1000]               # names = [..] where the values are no good names
+  timed = true                  # one seed at a time; ms_a_frame is told
+  key = \"targets.ball.filter.particles\"           # or [\"KEY\", \"KEY\"], each value a list
+  values = [100, 1000]          # names = [..] where the values are no good names
   [[figures]]
-  name = \"cost\"                    # kind: paths, errors or sweep
-  kind = \"sweep\"
-  runs = [\"particles\"]              # names of runs or sweeps
-  x_name = \"particles\"
-  figure = \"rmse_m\"")]
+  name = \"cost\"
+  kind = \"sweep\"                # paths, errors or sweep
+  runs = [\"particles\"]          # names of runs or sweeps
+  x_name = \"particles\"          # of a sweep: the name of the axis
+  figure = \"rmse_m\"             # of a sweep: the figure of merit")]
 pub(crate) struct Arguments {
     /// The experiment
     #[arg(value_name = "EXPERIMENT.toml")]
@@ -92,6 +95,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let output = arguments.output.join(&experiment.name);
     let place = || arguments.experiment.display().to_string();
     let plans = plans(&experiment, arguments, &output).with_context(place)?;
+    if plans.is_empty() {
+        say("nothing to run: no run has any seeds (with --verify: verify_seeds)");
+        return Ok(());
+    }
     let all: Vec<Job> = plans.iter().flat_map(Plan::jobs).collect();
     let seeds = all.len();
     let jobs: Vec<Job> = all
@@ -151,7 +158,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// Everything that will be run, so that what is wrong shows before anything is tracked.
+/// Every run that has seeds. What is wrong with any run shows before anything is tracked.
 fn plans<'a>(
     experiment: &'a Experiment,
     arguments: &Arguments,
@@ -165,9 +172,10 @@ fn plans<'a>(
         } else {
             run.seeds
         };
+        let plan = Plan::new(run, seeds, folder, output)
+            .with_context(|| format!("run \"{}\"", run.name))?;
         if seeds > 0 {
-            let plan = Plan::new(run, seeds, folder, output);
-            plans.push(plan.with_context(|| format!("run \"{}\"", run.name))?);
+            plans.push(plan);
         }
     }
     Ok(plans)
