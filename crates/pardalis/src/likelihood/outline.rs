@@ -217,7 +217,8 @@ impl<'a> Bodies<'a> {
         }
     }
 
-    /// Writes the points at these places; `point` is that of the kind of sides.
+    /// Writes the points at these places; `point` is that of the kind of sides. Each block is filled apart from the columns it goes to: only then does
+    /// the compiler make vector code of it.
     #[inline(always)]
     fn write(
         &self,
@@ -225,12 +226,16 @@ impl<'a> Bodies<'a> {
         points: &mut [Points],
         point: impl Fn(&Sides<f32>, &Seen<f32>, &Place<f32>) -> [f32; 3],
     ) {
-        for (place, [x, y, z]) in places.iter().zip(points) {
+        for (place, points) in places.iter().zip(points) {
+            let mut block = [[0.0; LANES]; 3];
             for lane in 0..LANES {
-                let seen = Seen::of_fields(self.seen.map(|field| field[lane]));
-                let in_world = point(&self.sides, &seen, place);
-                [x[lane], y[lane], z[lane]] = self.projector.in_camera(in_world);
+                let seen = Seen::of_fields(std::array::from_fn(|i| self.seen[i][lane]));
+                let [x, y, z] = self.projector.in_camera(point(&self.sides, &seen, place));
+                block[0][lane] = x;
+                block[1][lane] = y;
+                block[2][lane] = z;
             }
+            *points = block;
         }
     }
 }
