@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Likelihood;
 use super::boundary::{Sampling, ScaledSampling, SplineBasis, normals_by_neighbours};
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
+use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster, overlaps};
 use crate::camera::{LANES, Mask};
 use crate::color::{ColorModel, Palette};
 use crate::frame::with_pixels;
@@ -94,15 +95,11 @@ impl ContourSettings {
 
 /// Particles whose points are counted side by side: counting waits for memory, and one waits while the other counts.
 const ABREAST: usize = 4;
-/// Rows apart in the number of a pixel, where look-ups need both its coordinates.
-const COORDINATES_STRIDE: u32 = 1 << 16;
 /// Particles a piece of work for one thread.
 const CHUNK: usize = 16 * LANES;
 /// Look-ups for each pixel of the image above which the whole image is turned into bins first: measured on 640 x 480 images, where
 /// that costs about as much as 300 000 look-ups save.
 const LOOK_UPS_A_PIXEL: usize = 1;
-/// A contour point that carries no evidence.
-const NO_PIXEL: u32 = u32::MAX;
 
 /// The contour cue of one target, with the buffers that its kernels need.
 #[derive(Debug)]
@@ -518,87 +515,4 @@ impl ContourCue {
                 .log_likelihood(f64::from(model_inner), f64::from(outer_inner)) as f32
         })
     }
-}
-
-/// Which inner contours share more than this part of their pixels with the outer ones.
-#[inline(always)]
-fn overlaps(inner: &[[u32; LANES]], outer: &[[u32; LANES]], max_share: f32) -> [bool; LANES] {
-    let (mut shared, mut valid) = ([0_u32; LANES], [0_u32; LANES]);
-    for inner in inner {
-        let mut found = [0_u32; LANES];
-        for outer in outer {
-            for lane in 0..LANES {
-                found[lane] |= u32::from(inner[lane] == outer[lane]);
-            }
-        }
-        for lane in 0..LANES {
-            let is_pixel = u32::from(inner[lane] != NO_PIXEL);
-            shared[lane] += found[lane] & is_pixel;
-            valid[lane] += is_pixel;
-        }
-    }
-    std::array::from_fn(|lane| shared[lane] as f32 > max_share * valid[lane] as f32)
-}
-
-/// The pixels of an image by their coordinates.
-#[derive(Clone, Copy)]
-struct Raster {
-    /// Pixels up to these coordinates lie in the image.
-    last_u_px: f32,
-    last_v_px: f32,
-    /// Rows apart in the number of a pixel.
-    stride: u32,
-}
-
-impl Raster {
-    fn new(view: &View, stride: u32) -> Self {
-        let (width, height) = view.size();
-        Self {
-            last_u_px: width as f32 - 0.5,
-            last_v_px: height as f32 - 0.5,
-            stride,
-        }
-    }
-
-    /// `y * stride + x` of the pixel at these coordinates; [`NO_PIXEL`] outside the image.
-    #[inline(always)]
-    fn pixel(self, u: f32, v: f32) -> u32 {
-        let inside = (u > -0.5) & (u < self.last_u_px) & (v > -0.5) & (v < self.last_v_px);
-        let pixel = rounded(v) * self.stride + rounded(u);
-        if inside { pixel } else { NO_PIXEL }
-    }
-
-    #[inline(always)]
-    fn write_pixels(self, coordinates: &[Coordinates], pixels: &mut [[u32; LANES]]) {
-        for ([u, v], pixels) in coordinates.iter().zip(pixels) {
-            for lane in 0..LANES {
-                pixels[lane] = self.pixel(u[lane], v[lane]);
-            }
-        }
-    }
-
-    /// Writes the pixels at this distance from the outlines, for the lanes that are chosen.
-    #[inline(always)]
-    fn write_along_normals(
-        self,
-        outline: &[Coordinates],
-        normals: &[Coordinates],
-        distance_px: f32,
-        chosen: &[bool; LANES],
-        pixels: &mut [[u32; LANES]],
-    ) {
-        for ((point, normal), pixels) in outline.iter().zip(normals).zip(pixels) {
-            for lane in 0..LANES {
-                let at = |axis: usize| point[axis][lane] + distance_px * normal[axis][lane];
-                let pixel = self.pixel(at(0), at(1));
-                pixels[lane] = if chosen[lane] { pixel } else { pixels[lane] };
-            }
-        }
-    }
-}
-
-/// The nearest whole number to a number between −0.5 and 2^14, ties to even: the addition shifts the fraction out.
-#[inline(always)]
-fn rounded(x: f32) -> u32 {
-    (x + 12_582_912.0).to_bits() & 0xffff
 }

@@ -3,6 +3,7 @@
 mod boundary;
 mod contour;
 mod outline;
+mod raster;
 
 pub use boundary::{Overlap, Sampling, ScaledSampling, SplineSampling};
 pub use contour::{ContourCue, ContourSettings};
