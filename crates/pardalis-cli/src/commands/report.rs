@@ -16,9 +16,9 @@ use crate::scene::read_text;
 /// without seeds (of benchmarks, say) is printed as it is.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  pardalis report experiments/record/2026-11-21/fisheye.csv --columns rmse_m,distance_mean_m
-  pardalis report experiments/record/2026-11-21/fisheye.csv --columns rmse_m --splice README.md
-  pardalis report experiments/record/2026-11-21/fisheye.csv --columns rmse_m --splice README.md --check")]
+  pardalis report experiments/record/2026-11-21/jump.csv --columns rmse_m,distance_mean_m
+  pardalis report experiments/record/2026-11-21/jump.csv --columns rmse_m --splice README.md
+  pardalis report experiments/record/2026-11-21/jump.csv --columns rmse_m --splice README.md --check")]
 pub(crate) struct Arguments {
     /// The record
     #[arg(value_name = "RECORD.csv")]
@@ -237,7 +237,10 @@ fn heading(name: &str) -> String {
     format!("{} ({unit})", words.replace('_', " "))
 }
 
-/// Median, lowest and highest of a column's values, or the value itself where there is one.
+/// Figures that are 1 where something is so, and 0 where it is not.
+const YES_OR_NO: [&str; 2] = ["ends_on_target", "changed_target"];
+
+/// Median, lowest and highest of a column's values, or the value itself where there is one; of figures that say yes or no, how often they say yes.
 fn cell(name: &str, values: &[&str]) -> String {
     let unit = UNITS.iter().find(|(end, ..)| name.ends_with(end));
     let scale = unit.map_or(1.0, |(.., scale)| *scale);
@@ -248,6 +251,10 @@ fn cell(name: &str, values: &[&str]) -> String {
         .collect();
     if numbers.len() != values.len() {
         return values.first().copied().unwrap_or_default().to_owned();
+    }
+    if YES_OR_NO.contains(&name) {
+        let yes = numbers.iter().filter(|&&v| v > 0.0).count();
+        return format!("{yes} of {}", numbers.len());
     }
     numbers.sort_by(f64::total_cmp);
     let shown = |v: f64| {
@@ -283,10 +290,10 @@ mod tests {
     fn tables_give_median_and_range_over_seeds() {
         let folder = tempfile::tempdir().unwrap();
         let record = folder.path().join("jump.csv");
-        std::fs::write(&record, "run,seed,target,rmse_m,lost_frames\na,1,ball,0.3,0\na,2,ball,0.35,0\na,3,ball,0.31,0\nb,1,ball,1,2\n").unwrap();
+        std::fs::write(&record, "run,seed,target,rmse_m,lost_frames,ends_on_target\na,1,ball,0.3,0,1\na,2,ball,0.35,0,0\na,3,ball,0.31,0,1\nb,1,ball,1,2,0\n").unwrap();
         let table = table_of(&record, &[], "").unwrap();
-        let expected = "| run | target | rmse (mm) | lost frames |\n|---|---|---:|---:|\n\
-                        | a | ball | 310 (300 to 350) | 0 |\n| b | ball | 1000 | 2 |\n";
+        let expected = "| run | target | rmse (mm) | lost frames | ends on target |\n|---|---|---:|---:|---:|\n\
+                        | a | ball | 310 (300 to 350) | 0 | 2 of 3 |\n| b | ball | 1000 | 2 | 0 of 1 |\n";
         assert_eq!(table, expected);
         assert!(
             table_of(&record, &["rsme_m".to_owned()], "")
