@@ -46,6 +46,8 @@ pub(super) struct Figure {
     pub(super) kind: FigureKind,
     /// Names of runs, and of sweeps for all their runs.
     pub(super) runs: Vec<String>,
+    /// Of paths: shows only so many seeds, where all would hide one another.
+    pub(super) seeds: Option<u32>,
     /// Of a sweep: what stands at the axis of the values; else what the first sweep changes.
     pub(super) x_name: Option<String>,
     /// Of a sweep: the figure of merit, a length.

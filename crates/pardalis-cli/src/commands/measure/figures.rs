@@ -60,14 +60,23 @@ pub(super) fn copy_pngs(files: &[PathBuf], folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// All seeds of all runs, with the truth and the cameras of the first run.
+/// The seeds of all runs, a group a run and target, with the truth and the cameras of the first run.
 fn paths(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
     let mut groups = Vec::new();
     for (plan, _) in shown {
-        groups.push(PathGroup {
-            name: plan.run.name.clone(),
-            tracks: plan.tracks()?,
-        });
+        let tracks = plan.tracks(figure.seeds.unwrap_or(u32::MAX))?;
+        let targets = &plan.scene.targets;
+        for target in targets {
+            let name = match &targets[..] {
+                [_] => plan.run.name.clone(),
+                _ => format!("{}: {}", plan.run.name, target.name),
+            };
+            let tracks = tracks.iter().filter(|track| track.name == target.name);
+            groups.push(PathGroup {
+                name,
+                tracks: tracks.cloned().collect(),
+            });
+        }
     }
     let (first, figures) = shown[0];
     let truth = first.truth(figures)?;

@@ -59,7 +59,7 @@ EXPERIMENT.toml:
   values = [100, 1000]          # names = [..] where the values are no good names
   [[figures]]
   name = \"cost\"
-  kind = \"sweep\"                # paths, errors or sweep
+  kind = \"sweep\"                # paths (seeds = 10 draws only so many), errors or sweep
   runs = [\"particles\"]          # names of runs or sweeps
   x_name = \"particles\"          # of a sweep: the name of the axis
   figure = \"rmse_m\"             # of a sweep: the figure of merit")]

@@ -123,10 +123,10 @@ impl<'a> Plan<'a> {
             .collect()
     }
 
-    /// The tracks of all seeds, in their order.
-    pub(super) fn tracks(&self) -> Result<Vec<TrackSeries>> {
+    /// The tracks of the first so many seeds, in their order.
+    pub(super) fn tracks(&self, seeds: u32) -> Result<Vec<TrackSeries>> {
         let mut tracks = Vec::new();
-        for seed in 1..=self.seeds {
+        for seed in 1..=self.seeds.min(seeds) {
             let read = tables::read_tracks(&self.seed_folder(seed).join("tracks.csv"))?;
             tracks.extend(read.into_iter().map(|track| {
                 TrackSeries {
@@ -156,7 +156,7 @@ impl<'a> Plan<'a> {
     fn draw(&self, figures: &[Figures]) -> Result<()> {
         let truth = self.truth(figures)?;
         let cameras = CameraSymbol::of_scene(&self.scene);
-        write_track_plots(&self.folder, &self.tracks()?, &truth, &cameras)?;
+        write_track_plots(&self.folder, &self.tracks(self.seeds)?, &truth, &cameras)?;
         Ok(())
     }
 }
