@@ -336,6 +336,8 @@ impl Filter {
             .enumerate()
             .filter(|&(i, _)| near(i))
             // From +0: the sum of nothing would be -0.
-            .fold(0.0, |sum, (_, w)| sum + w)
+            .fold(0.0_f64, |sum, (_, w)| sum + w)
+            // Rounding aside, they sum to one.
+            .min(1.0)
     }
 }

@@ -3,6 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::Error;
+use crate::camera::Mask;
 use crate::gaussian::{GaussianStart, MAX_START, check_sigma, diagonal_m2};
 use crate::likelihood::Likelihood;
 use crate::particles::Particles;
@@ -110,7 +111,16 @@ impl PixelStart {
         let inside = |v: f64, size: usize| v >= -0.5 && v <= size as f64 - 0.5;
         let [u, v] = self.pixel;
         if inside(u, width) && inside(v, height) && self.ray(view, self.pixel).is_some() {
-            return Ok(());
+            let pixel = v.round().max(0.0) as usize * width + u.round().max(0.0) as usize;
+            let is_open = |mask: &Mask| mask.open().get(pixel) == Some(&true);
+            if view.mask().is_none_or(is_open) {
+                return Ok(());
+            }
+            return Err(Error::out_of_range(
+                "pixel",
+                format!("{:?}", self.pixel),
+                "a pixel that the camera's mask leaves open",
+            ));
         }
         Err(Error::out_of_range(
             "pixel",

@@ -2,7 +2,7 @@
 
 use pardalis::Error;
 use pardalis::color::ColorModel;
-use pardalis::config::Scene;
+use pardalis::config::{Scene, TargetConfig};
 use pardalis::interchange::Lens;
 use pardalis::likelihood::Sampling;
 use pardalis::rig::CalibratedCamera;
@@ -280,6 +280,11 @@ fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
     }
 }
 
+fn target_of<'a>(scene: &'a Scene, name: &str) -> &'a TargetConfig {
+    let mut targets = scene.targets.iter();
+    targets.find(|target| target.name == name).unwrap()
+}
+
 #[test]
 fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
     let replaced: toml::Table = r#"
@@ -292,13 +297,11 @@ fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
     .unwrap();
     let scene = Scene::parse_with(SCENE, &replaced, &no_calibration).unwrap();
     let plain = Scene::parse(SCENE, &no_calibration).unwrap();
-    assert_eq!(scene.targets[0].filter.particle_count, 77);
-    assert_eq!(
-        scene.targets[0].filter.resampling,
-        plain.targets[0].filter.resampling
-    );
-    assert_ne!(scene.targets[0].start.value, plain.targets[0].start.value);
-    assert_eq!(scene.targets[1].contour.points, 30);
+    let [ball, plain_ball] = [&scene, &plain].map(|scene| target_of(scene, "ball"));
+    assert_eq!(ball.filter.particle_count, 77);
+    assert_eq!(ball.filter.resampling, plain_ball.filter.resampling);
+    assert_ne!(ball.start.value, plain_ball.start.value);
+    assert_eq!(target_of(&scene, "other").contour.points, 30);
     assert_eq!(scene.cameras, plain.cameras);
 
     let wrong: toml::Table = r#"

@@ -8,7 +8,7 @@ use super::{evaluate, track};
 use crate::fault::fault;
 use crate::say::say;
 use crate::tables;
-use crate::tracking::{self, Options, Output};
+use crate::tracking::{self, Annotate, Options, Output};
 
 /// Tracks the bundled sequence
 ///
@@ -31,7 +31,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         output: Output::Folder(arguments.output.clone()),
         seed: None,
         threads: None,
-        annotate: true,
+        annotate: Annotate::Trails,
         plots: false,
         progress: true,
     };

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::tracking::{self, Options, Output, Run};
+use crate::tracking::{self, Annotate, Options, Output, Run};
 
 /// Tracks the targets of a scene
 ///
@@ -57,7 +57,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         output,
         seed: arguments.seed,
         threads: arguments.threads.map(usize::from),
-        annotate: arguments.annotate,
+        annotate: if arguments.annotate {
+            Annotate::Trails
+        } else {
+            Annotate::No
+        },
         plots: !arguments.no_plots,
         progress: true,
     };

@@ -167,8 +167,10 @@ impl Stage {
         (first..=last).map(move |i| i as f64 * step_m)
     }
 
+    /// The height of the floor, where the picture reaches it; else the picture's lower end.
     fn floor_m(&self) -> f64 {
-        self.ranges_m[2].start
+        let Range { start, end } = self.ranges_m[2];
+        if end > 0.0 { start.max(0.0) } else { start }
     }
 
     /// The end of a horizontal axis that is nearer to the viewer (`front`) or farther.
@@ -228,7 +230,7 @@ impl Stage {
         let along = 1 - wall;
         let wall_m = self.end_m(wall, false);
         let front_m = [0, 1].map(|axis| self.end_m(axis, true));
-        let [low_m, high_m] = [self.ranges_m[2].start, self.ranges_m[2].end];
+        let [low_m, high_m] = [self.floor_m(), self.ranges_m[2].end];
         // A place by its coordinates across the wall, along it, and upwards.
         let place = |across: f64, along_m: f64, up: f64| {
             let mut place_m = [0.0, 0.0, up];
@@ -272,18 +274,10 @@ impl Stage {
                 1.0,
             )?;
         }
-        for at in self.marks(2) {
+        for at in self.marks(2).filter(|&at| at >= low_m) {
             stroke(
                 [place(wall_m, left_m, at), place(wall_m, right_m, at)],
                 GRID,
-                1.0,
-            )?;
-        }
-        // Where estimates are below it, the true floor is a line on the wall.
-        if low_m < 0.0 && high_m > 0.0 {
-            stroke(
-                [place(wall_m, left_m, 0.0), place(wall_m, right_m, 0.0)],
-                INK,
                 1.0,
             )?;
         }

@@ -114,8 +114,8 @@ impl Scale {
         let range = if is_logarithmic {
             padded(range.map(|r| r.start().log10()..=r.end().log10()), 0.1)
         } else if from_zero {
-            let top = range.map_or(1.0, |r| 1.08 * r.end());
-            0.0..top.max(1e-6)
+            let (low, high) = range.map_or((0.0, 1.0), |r| (1.08 * r.start(), 1.08 * r.end()));
+            low.min(0.0)..high.max(1e-6)
         } else {
             let size = range
                 .as_ref()

@@ -9,7 +9,7 @@ use pardalis::config::{Scene, TargetConfig};
 use pardalis::tracker::Estimate;
 use pardalis::view::View;
 
-use super::{Instant, Sink};
+use super::{Annotate, Instant, Sink};
 use crate::draw::PALETTE;
 use crate::draw::overlay::{Mark, Overlay, Shape, annotated};
 use crate::draw::picture::{picture_of, write_picture};
@@ -41,13 +41,14 @@ pub(crate) struct Annotator {
     /// The folder of each camera.
     camera_folders: Vec<PathBuf>,
     targets: Vec<TargetConfig>,
+    has_trails: bool,
     /// The last positions of each target; nothing where there was no estimate.
     trails: Vec<VecDeque<Option<[f64; 3]>>>,
 }
 
 impl Annotator {
     /// Creates the folders: `annotated`, with one for each camera in it where there are several; frames of an earlier run are removed.
-    pub(crate) fn create(output: &Path, scene: &Scene) -> Result<Self> {
+    pub(crate) fn create(output: &Path, scene: &Scene, annotate: Annotate) -> Result<Self> {
         let folder = output.join("annotated");
         let camera_folders: Vec<PathBuf> = match &scene.cameras[..] {
             [_] => vec![folder.clone()],
@@ -69,6 +70,7 @@ impl Annotator {
             folder,
             camera_folders,
             targets: scene.targets.clone(),
+            has_trails: annotate == Annotate::Trails,
             trails: vec![VecDeque::new(); scene.targets.len()],
         })
     }
@@ -166,7 +168,8 @@ fn pixel_of(view: &View, position_m: [f64; 3]) -> Option<[f64; 2]> {
 impl Sink for Annotator {
     fn take(&mut self, instant: &Instant) -> Result<()> {
         for (trail, estimate) in self.trails.iter_mut().zip(instant.estimates) {
-            trail.push_back(estimate.kinematics.map(|k| k.position_m));
+            let shown = estimate.kinematics.filter(|_| self.has_trails);
+            trail.push_back(shown.map(|k| k.position_m));
             if trail.len() > TRAIL {
                 trail.pop_front();
             }

@@ -36,11 +36,22 @@ pub(crate) struct Options {
     /// Threads to track with; the CPU's number of cores where there is none.
     pub(crate) threads: Option<usize>,
     /// Whether to write annotated frames.
-    pub(crate) annotate: bool,
+    pub(crate) annotate: Annotate,
     /// Whether to draw plots.
     pub(crate) plots: bool,
     /// Whether to show how far it is, on a terminal.
     pub(crate) progress: bool,
+}
+
+/// Whether annotated frames are written, and what they show beside estimates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Annotate {
+    /// None are written.
+    No,
+    /// The frame alone.
+    Frame,
+    /// Where the targets were in the frames before, too.
+    Trails,
 }
 
 /// Where results go.
@@ -144,7 +155,9 @@ pub(crate) fn run_steps(
     let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
     let mut rows = Rows::create(&options.output, names.clone())?;
     let mut annotator = match &options.output {
-        Output::Folder(folder) if options.annotate => Some(Annotator::create(folder, &open.scene)?),
+        Output::Folder(folder) if options.annotate != Annotate::No => {
+            Some(Annotator::create(folder, &open.scene, options.annotate)?)
+        }
         _ => None,
     };
     let mut series = SeriesCollector::new(&names);

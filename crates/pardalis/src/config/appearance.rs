@@ -61,7 +61,7 @@ pub(super) fn read_contour(table: &Table, shape: Option<&Shape>) -> Option<Conto
     let points = contour.or("points", default.points);
     let sampling = if contour.has("spline") {
         for key in ["inner_scale", "outer_scale", "overlap"] {
-            if contour.has(key) {
+            if contour.knows(key) {
                 contour.problem(
                     key,
                     "stands beside spline, which does without it; remove one of them",
@@ -70,7 +70,7 @@ pub(super) fn read_contour(table: &Table, shape: Option<&Shape>) -> Option<Conto
         }
         contour
             .table("spline")
-            .map(|spline| Sampling::Spline(read_spline(spline, points)))
+            .and_then(|spline| read_spline(spline, points))
     } else {
         Some(read_scaled(&contour, &default.sampling))
     };
@@ -108,13 +108,14 @@ fn read_scaled(contour: &Table, default: &Sampling) -> Sampling {
     })
 }
 
-fn read_spline(spline: Table, points: usize) -> SplineSampling {
-    let settings = SplineSampling {
+fn read_spline(spline: Table, points: usize) -> Option<Sampling> {
+    let settings = Sampling::Spline(SplineSampling {
         control_points: spline.or("control_points", (points / 4).max(3)),
         reach_px: spline.or("reach_px", 2.0),
         steps: spline.or("steps", 2),
         middle: spline.or("middle", false),
-    };
+    });
+    let checked = spline.checked(settings.check(points).map(|()| settings));
     spline.finish();
-    settings
+    checked
 }

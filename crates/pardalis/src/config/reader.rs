@@ -244,6 +244,11 @@ impl<'a, 't> Table<'a, 't> {
         self.table.get(key).is_some()
     }
 
+    /// Whether the key is given; it counts as known from now on.
+    pub(super) fn knows(&self, key: &'static str) -> bool {
+        self.get(key).is_some()
+    }
+
     /// The setting, if it is given and of the right type.
     pub(super) fn optional<T: Setting>(&self, key: &'static str) -> Option<T> {
         let value = self.get(key)?;

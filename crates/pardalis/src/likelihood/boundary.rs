@@ -79,7 +79,7 @@ impl Sampling {
     }
 
     /// Refuses what finds no points on an outline of `points` points.
-    pub(super) fn check(&self, points: usize) -> Result<(), Error> {
+    pub fn check(&self, points: usize) -> Result<(), Error> {
         let inside = |name, value: f64, ok, allowed| {
             if ok {
                 return Ok(());

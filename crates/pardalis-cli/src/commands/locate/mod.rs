@@ -13,7 +13,7 @@ use pardalis::tracker::{PASSES_SIGMA_M, check_passes};
 use crate::fault::fault;
 use crate::say::say;
 use crate::scene;
-use crate::tracking::{self, FrameSet, Options, Output, Run};
+use crate::tracking::{self, Annotate, FrameSet, Options, Output, Run};
 pub(crate) use starts::StartsFrom;
 use starts::{Starts, parse_pixel};
 
@@ -118,7 +118,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         output,
         seed: arguments.seed,
         threads: arguments.threads.map(usize::from),
-        annotate: arguments.annotate,
+        annotate: if arguments.annotate {
+            Annotate::Frame
+        } else {
+            Annotate::No
+        },
         plots: false,
         progress: true,
     };

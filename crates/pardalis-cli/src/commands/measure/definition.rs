@@ -167,6 +167,9 @@ pub(super) struct Run {
     pub(super) swept: Option<Swept>,
 }
 
+/// The most seeds of a run.
+const MAX_SEEDS: u32 = 10_000;
+
 /// Lowest and highest value of figures, by their names.
 pub(super) type Bands = BTreeMap<String, [f64; 2]>;
 
@@ -292,6 +295,15 @@ impl Run {
         {
             return Err("origin_m: allowed: three finite numbers".to_owned());
         }
+        if !(1..=MAX_SEEDS).contains(&self.seeds) {
+            return Err(format!(
+                "seeds is {}; allowed: 1 to {MAX_SEEDS}",
+                self.seeds
+            ));
+        }
+        if self.set.contains_key("seed") {
+            return Err("set: seed has no effect, as seeds 1, 2, … are run; remove it".to_owned());
+        }
         known_figures(&self.expect, "expect")?;
         for (i, window) in self.windows.iter().enumerate() {
             let name = &window.name;
@@ -339,6 +351,12 @@ fn check_name(name: &str) -> Result<(), String> {
 }
 
 fn known_figures(expect: &Bands, place: &str) -> Result<(), String> {
+    if let Some((metric, [lowest, highest])) = expect.iter().find(|(_, [low, high])| !(low <= high))
+    {
+        return Err(format!(
+            "{place}.{metric} is [{lowest}, {highest}]; allowed: the lowest and the highest value"
+        ));
+    }
     let unknown = |metric: &&String| METRICS.iter().all(|(name, _)| name != metric);
     let Some(metric) = expect.keys().find(unknown) else {
         return Ok(());

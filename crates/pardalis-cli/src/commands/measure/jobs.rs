@@ -12,7 +12,7 @@ use super::definition::Run;
 use super::finished::Finished;
 use crate::commands::locate;
 use crate::interrupt;
-use crate::tracking::{self, Options, Output};
+use crate::tracking::{self, Annotate, Options, Output};
 
 /// One seed of a run that is to be tracked.
 pub(super) struct Job<'a> {
@@ -35,7 +35,7 @@ impl Job<'_> {
             output: Output::Folder(self.folder.clone()),
             seed: Some(self.seed),
             threads: Some(1),
-            annotate: false,
+            annotate: Annotate::No,
             plots: false,
             progress: false,
         };
@@ -62,20 +62,28 @@ impl Job<'_> {
 pub(super) fn track_all(jobs: &[Job], threads: usize) -> Result<()> {
     interrupt::listen();
     let bar = progress_bar(jobs.len());
+    let done_count = AtomicUsize::new(0);
     let (timed, others): (Vec<&Job>, Vec<&Job>) = jobs.iter().partition(|job| job.run.timed);
-    let done = track_with(&others, threads, &bar).and_then(|()| track_with(&timed, 1, &bar));
+    let done = track_with(&others, threads, &bar, &done_count)
+        .and_then(|()| track_with(&timed, 1, &bar, &done_count));
     bar.finish_and_clear();
     if done.is_err() && interrupt::requested() {
         return Err(anyhow!(
             "interrupted: {} of {} seeds were tracked and are kept; the same command goes on from there",
-            bar.position(),
+            done_count.load(Ordering::Relaxed),
             jobs.len()
         ));
     }
     done
 }
 
-fn track_with(jobs: &[&Job], threads: usize, bar: &ProgressBar) -> Result<()> {
+/// Adds those that are tracked to `done_count`.
+fn track_with(
+    jobs: &[&Job],
+    threads: usize,
+    bar: &ProgressBar,
+    done_count: &AtomicUsize,
+) -> Result<()> {
     let next = AtomicUsize::new(0);
     let failures = Mutex::new(Vec::new());
     let work = || {
@@ -85,7 +93,10 @@ fn track_with(jobs: &[&Job], threads: usize, bar: &ProgressBar) -> Result<()> {
         } {
             bar.set_message(format!("{}, seed {}", job.run.name, job.seed));
             match job.track() {
-                Ok(()) => bar.inc(1),
+                Ok(()) => {
+                    done_count.fetch_add(1, Ordering::Relaxed);
+                    bar.inc(1);
+                }
                 Err(error) => {
                     let error = error.context(format!("run \"{}\"", job.run.name));
                     if let Ok(mut failures) = failures.lock() {
