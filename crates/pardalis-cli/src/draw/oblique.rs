@@ -88,7 +88,7 @@ impl View {
 /// What is shown of the world, and how it comes onto the picture.
 struct Stage {
     view: View,
-    /// Of x, y and z, in metres; their ends are multiples of the step.
+    /// Of x, y and z, in metres; their ends are multiples of the step, but for one below the floor.
     ranges_m: [Range<f64>; 3],
     step_m: f64,
     decimals: usize,
@@ -103,11 +103,15 @@ impl Stage {
         let longest_m = shown_m.iter().map(|r| r.end - r.start).fold(0.0, f64::max);
         let (marks, decimals) = ticks(&(0.0..longest_m), 8.0);
         let step_m = marks.get(1).map_or(longest_m, |mark| mark - marks[0]);
-        let ranges_m = shown_m.map(|range| {
+        let mut ranges_m = shown_m.clone().map(|range| {
             let first = (range.start / step_m + 1e-9).floor();
             let last = (range.end / step_m - 1e-9).ceil().max(first + 1.0);
             first * step_m..last * step_m
         });
+        // Below the floor is only what strays there.
+        if shown_m[2].contains(&0.0) {
+            ranges_m[2].start = shown_m[2].start;
+        }
         let corners = (0..8).map(|i| {
             let end = |axis: usize| {
                 let range: &Range<f64> = &ranges_m[axis];
@@ -161,7 +165,7 @@ impl Stage {
     /// The multiples of the step in the range of an axis.
     fn marks(&self, axis: usize) -> impl Iterator<Item = f64> + use<> {
         let range = &self.ranges_m[axis];
-        let first = (range.start / self.step_m).round() as i64;
+        let first = (range.start / self.step_m - 1e-6).ceil() as i64;
         let last = (range.end / self.step_m).round() as i64;
         let step_m = self.step_m;
         (first..=last).map(move |i| i as f64 * step_m)
