@@ -2,9 +2,9 @@
 
 mod common;
 
-use common::{FPS, ball_target, fisheye_view, frame, jump_picture};
+use common::{FPS, ball_target, data, fisheye_view, frame, jump_picture};
 use nalgebra::Point3;
-use pardalis::camera::Camera;
+use pardalis::camera::{Camera, Mask};
 use pardalis::color::{ColorModel, Palette, YuvEncoding};
 use pardalis::config::calibration;
 use pardalis::filter::Filter;
@@ -18,12 +18,6 @@ use pardalis::start::{PixelStart, Start};
 use pardalis::tracker::{PASSES_SIGMA_M, TrackState};
 use pardalis::view::View;
 use pardalis::{Estimate, Frame, PixelFormat, Tracker};
-
-/// A file of the folder data.
-fn data(path: &str) -> std::path::PathBuf {
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data");
-    std::path::Path::new(root).join(path)
-}
 
 /// The calibrated mirror camera in a model: unified, perspective or exact.
 fn mirror(model: &str) -> (Camera, Pose) {
@@ -443,5 +437,24 @@ fn faulty_hand_overs_are_refused() {
     ] {
         let error = tracker.hand_over(target, &start, time_s).unwrap_err();
         assert!(error.to_string().starts_with(wanted), "{error}");
+    }
+}
+
+#[test]
+fn clicks_where_the_mask_is_closed_are_refused() {
+    let (camera, world_from_camera) = mirror("unified");
+    let mask = Mask::from_radius(640, 480, [319.5, 239.5], 236.0).unwrap();
+    let size = (640, 480);
+    let view = View::new(camera, world_from_camera, size, Some(mask)).unwrap();
+    for (pixel, is_open) in [
+        ([319.5, 60.0], true),
+        ([5.0, 5.0], false),
+        ([600.0, 239.5], false),
+    ] {
+        let checked = PixelStart::at(0, pixel).check_in(&view);
+        assert_eq!(checked.is_ok(), is_open, "{pixel:?}: {checked:?}");
+        if let Err(error) = checked {
+            assert!(error.to_string().contains("mask"), "{error}");
+        }
     }
 }
