@@ -369,10 +369,12 @@ impl Row<'_> {
 
 /// The fault of a file that cannot be read as a table.
 fn csv_fault(path: &Path, error: &csv::Error) -> anyhow::Error {
+    let is_folder = path.is_dir();
     let path = path.display();
     match error.kind() {
+        ErrorKind::Io(_) if is_folder => fault!("{path}: is a folder; give the CSV file in it"),
         ErrorKind::Io(error) => {
-            fault!("{path}: {error}; give a CSV file or the folder that holds it")
+            fault!("{path}: {error}; give a CSV file")
         }
         ErrorKind::UnequalLengths {
             pos,
