@@ -183,9 +183,9 @@ fn target(settings: &str) -> Result<Scene, Vec<String>> {
 fn robots_have_settings_of_their_own_that_each_scene_may_change() {
     let cylinder = "shape.cylinder = { radius_m = 0.25, height_m = 0.8 }";
     let robot = &target(cylinder).unwrap().targets[0];
-    assert_eq!(robot.contour.points, 120);
-    let Sampling::Scaled(scaled) = robot.contour.sampling else {
-        panic!("{:?}", robot.contour)
+    assert_eq!(robot.contour().unwrap().points, 120);
+    let Sampling::Scaled(scaled) = robot.contour().unwrap().sampling else {
+        panic!("{:?}", robot.contour().unwrap())
     };
     assert_eq!((scaled.inner_scale, scaled.outer_scale), (0.75, 1.25));
     assert_eq!(scaled.overlap, None);
@@ -201,14 +201,14 @@ fn robots_have_settings_of_their_own_that_each_scene_may_change() {
         .unwrap()
         .targets[0];
     assert!(!ball.filter.motion.is_planar());
-    let Sampling::Spline(spline) = ball.contour.sampling else {
-        panic!("{:?}", ball.contour)
+    let Sampling::Spline(spline) = ball.contour().unwrap().sampling else {
+        panic!("{:?}", ball.contour().unwrap())
     };
     assert_eq!(
         (spline.control_points, spline.steps, spline.middle),
         (12, 2, false)
     );
-    assert_eq!(ball.contour.sampling.samples(50), 100);
+    assert_eq!(ball.contour().unwrap().sampling.samples(50), 100);
 }
 
 #[test]
@@ -301,7 +301,7 @@ fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
     assert_eq!(ball.filter.particle_count, 77);
     assert_eq!(ball.filter.resampling, plain_ball.filter.resampling);
     assert_ne!(ball.start.value, plain_ball.start.value);
-    assert_eq!(target_of(&scene, "other").contour.points, 30);
+    assert_eq!(target_of(&scene, "other").contour().unwrap().points, 30);
     assert_eq!(scene.cameras, plain.cameras);
 
     let wrong: toml::Table = r#"

@@ -1,5 +1,6 @@
 //! `pardalis evaluate`: tracks against truth.
 
+mod between;
 mod frames;
 mod pairing;
 mod report;
@@ -57,6 +58,13 @@ pub(crate) struct Options {
     /// Scores only the frames up to this time
     #[arg(long = "to", value_name = "SECONDS", value_parser = finite, allow_hyphen_values = true)]
     pub(crate) to_s: Option<f64>,
+    /// Scores only the frames in which so many cameras see more than half of the object
+    #[arg(long, value_name = "CAMERAS")]
+    pub(crate) seen_by: Option<usize>,
+    /// Scores every row of the tracks, also between the times of the truth, which is interpolated there (with velocities: by a cubic
+    /// that has them)
+    #[arg(long)]
+    pub(crate) interpolate: bool,
 }
 
 impl Default for Options {
@@ -68,6 +76,8 @@ impl Default for Options {
             lost_beyond_m: Settings::LOST_BEYOND_M,
             from_s: None,
             to_s: None,
+            seen_by: None,
+            interpolate: false,
         }
     }
 }
@@ -97,7 +107,10 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     let tracks_path = file_in(tracks, "tracks.csv");
     let truth_path = file_in(truth, "truth.csv");
     let tracks = tables::read_tracks(&tracks_path)?;
-    let objects = tables::read_truth(&truth_path)?;
+    let mut objects = tables::read_truth(&truth_path)?;
+    if options.interpolate {
+        objects = between::at_times_of(&tracks, &objects);
+    }
     let around = around(options, &tracks_path)?;
     let settings = Settings {
         around_m: around.position_m,
@@ -155,6 +168,10 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
                     truth: *(*truth)?,
                 })
             })
+            .filter(|sample| {
+                let seen_by = |cameras| sample.truth.seeing_cameras == Some(cameras);
+                options.seen_by.is_none_or(seen_by)
+            })
             .collect();
         let with_truth = rows.filter(|(r, t)| r.is_some() && t.is_some()).count();
         let track = &tracks[pair.target];
@@ -190,6 +207,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         lost_beyond_m: options.lost_beyond_m,
         from_s: options.from_s,
         to_s: options.to_s,
+        seen_by: options.seen_by,
         time_tolerance_s: frames.tolerance_s,
         targets,
         identities,
