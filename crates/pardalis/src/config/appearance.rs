@@ -80,7 +80,7 @@ pub(super) fn read_cues(
         let cameras = read_cameras(&table, cameras);
         table.finish();
         match (cue, cameras) {
-            (Some(cue), Some(cameras)) => cues.push(CueSettings { cue, cameras }),
+            (Some(cue), Ok(cameras)) => cues.push(CueSettings { cue, cameras }),
             _ => fine = false,
         }
     }
@@ -99,29 +99,35 @@ pub(super) fn read_cues(
     (fine && !cues.is_empty()).then_some(cues)
 }
 
-/// The numbers of the cameras that a cue names; no list where it names none.
-fn read_cameras(cue: &Table, cameras: &[String]) -> Option<Option<Vec<usize>>> {
+/// The numbers of the cameras that a cue names; none where it names none, and an error, which the journal says, where it names wrong ones.
+fn read_cameras(cue: &Table, cameras: &[String]) -> Result<Option<Vec<usize>>, ()> {
     let names = cue.optional::<Vec<String>>("cameras");
     let Some(names) = names else {
-        return (!cue.has("cameras")).then_some(None);
+        return if cue.has("cameras") {
+            Err(())
+        } else {
+            Ok(None)
+        };
     };
-    let number = |name: &String| {
-        let found = cameras.iter().position(|camera| camera == name);
-        if found.is_none() {
-            let allowed = cameras.join(", ");
-            cue.problem("cameras", format!("names \"{name}\"; allowed: {allowed}"));
-        }
-        found
-    };
-    let numbers: Option<Vec<usize>> = names.iter().map(number).collect();
     if names.is_empty() {
         cue.problem(
             "cameras",
-            "is empty; leave it out for all cameras, or the cue",
+            "is empty; leave it out for all cameras, or leave out the cue",
         );
-        return None;
+        return Err(());
     }
-    numbers.map(Some)
+    let number = |name: &String| {
+        let found = cameras.iter().position(|camera| camera == name);
+        found.ok_or_else(|| {
+            let allowed = cameras.join(", ");
+            cue.problem("cameras", format!("names \"{name}\"; allowed: {allowed}"));
+        })
+    };
+    names
+        .iter()
+        .map(number)
+        .collect::<Result<_, ()>>()
+        .map(Some)
 }
 
 fn read_window(window: &Table) -> Option<WindowSettings> {

@@ -38,7 +38,7 @@ impl WindowSettings {
 
     /// Refuses what makes no window.
     pub fn check(&self) -> Result<(), Error> {
-        if self.size_px % 2 == 0 || self.size_px > 101 {
+        if self.size_px.is_multiple_of(2) || self.size_px > 101 {
             let allowed = "an odd number from 1 to 101";
             return Err(Error::out_of_range("size_px", self.size_px, allowed));
         }

@@ -155,25 +155,13 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         score::identities(&of_tracks, &of_objects, options.lost_beyond_m)
     });
     let targets = pairs.iter().map(|pair| {
-        let rows = track_rows[pair.target]
-            .iter()
-            .zip(&object_rows[pair.object]);
-        let samples: Vec<Sample> = rows
-            .clone()
-            .skip(window.start)
-            .take(window.len())
-            .filter_map(|(row, truth)| {
-                Some(Sample {
-                    estimate: row.copied().flatten(),
-                    truth: *(*truth)?,
-                })
-            })
-            .filter(|sample| {
-                let seen_by = |cameras| sample.truth.seeing_cameras == Some(cameras);
-                options.seen_by.is_none_or(seen_by)
-            })
-            .collect();
-        let with_truth = rows.filter(|(r, t)| r.is_some() && t.is_some()).count();
+        let rows = || {
+            track_rows[pair.target]
+                .iter()
+                .zip(&object_rows[pair.object])
+        };
+        let with_truth = rows().filter(|(r, t)| r.is_some() && t.is_some()).count();
+        let samples = samples(rows().skip(window.start).take(window.len()), options);
         let track = &tracks[pair.target];
         let others: Vec<_> = (0..objects.len())
             .filter(|&o| o != pair.object && !objects[o].name.starts_with(pairing::OCCLUDER))
@@ -214,6 +202,25 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         targets_without_object: without(names(&tracks), pairs.iter().map(|p| p.target).collect()),
         objects_without_target: without(names(&objects), pairs.iter().map(|p| p.object).collect()),
     })
+}
+
+/// The frames that are scored, of rows of a track and of the truth.
+fn samples<'a>(
+    rows: impl Iterator<Item = (Option<&'a Option<EstimatedState>>, Option<&'a TrueState>)>,
+    options: &Options,
+) -> Vec<Sample> {
+    let seen_by_so_many = |sample: &Sample| {
+        let cameras = options.seen_by;
+        cameras.is_none_or(|cameras| sample.truth.seeing_cameras == Some(cameras))
+    };
+    rows.filter_map(|(row, truth)| {
+        Some(Sample {
+            estimate: row.copied().flatten(),
+            truth: *truth?,
+        })
+    })
+    .filter(seen_by_so_many)
+    .collect()
 }
 
 /// Where distance, elevation and azimuth are taken from.
