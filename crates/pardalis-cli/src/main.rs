@@ -53,6 +53,7 @@ enum Command {
     Evaluate(commands::evaluate::Arguments),
     Measure(commands::measure::Arguments),
     Report(commands::report::Arguments),
+    Simulate(commands::simulate::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -67,6 +68,7 @@ fn main() -> ExitCode {
         Command::Evaluate(arguments) => commands::evaluate::run(&arguments),
         Command::Measure(arguments) => commands::measure::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),
+        Command::Simulate(arguments) => commands::simulate::run(&arguments),
     };
     fault::exit_code_of(&outcome)
 }

@@ -156,8 +156,8 @@ mod tests {
             let mut hits = 0;
             for i in 0..200 {
                 let (a, b) = (f64::from(i) * 0.37, f64::from(i) * 0.011 - 1.1);
-                let origin = middle
-                    + 3.0 * Vector3::new(a.cos() * b.cos(), a.sin() * b.cos(), b.sin());
+                let origin =
+                    middle + 3.0 * Vector3::new(a.cos() * b.cos(), a.sin() * b.cos(), b.sin());
                 let aim = middle + radius_m * Vector3::new((3.0 * a).sin(), (5.0 * a).cos(), 0.0);
                 let direction = (aim - origin).normalize();
                 let Some(hit) = body.hit(&origin, &direction) else {

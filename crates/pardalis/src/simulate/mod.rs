@@ -196,7 +196,9 @@ fn on_path(object: &Object, path: &Path, time_s: f64) -> Placed {
     Placed {
         position_m,
         velocity_mps,
-        heading_rad: object.heading_rad.unwrap_or_else(|| path.course_rad(time_s)),
+        heading_rad: object
+            .heading_rad
+            .unwrap_or_else(|| path.course_rad(time_s)),
     }
 }
 

@@ -96,7 +96,8 @@ impl<'a> Renderer<'a> {
                 for x in seen.x[0]..seen.x[1] {
                     let rays = rays_of(self.camera, x, y);
                     let is_met = |ray: &WorldRay| {
-                        let meets = |s: &Snapshot| self.moving.iter().any(|&o| s.hit(o, ray).is_some());
+                        let meets =
+                            |s: &Snapshot| self.moving.iter().any(|&o| s.hit(o, ray).is_some());
                         snapshots.iter().any(meets)
                     };
                     if rays.iter().flatten().any(is_met) {
@@ -125,7 +126,9 @@ impl<'a> Renderer<'a> {
             for x in seen.x[0]..seen.x[1] {
                 let rays = rays_of(self.camera, x, y);
                 let shows = |ray: &&WorldRay| {
-                    snapshot.first(ray).is_some_and(|(first, _)| first == object)
+                    snapshot
+                        .first(ray)
+                        .is_some_and(|(first, _)| first == object)
                 };
                 let hits = rays.iter().flatten().filter(shows).count();
                 coverage[y * width + x] = hits as f32 / rays.len() as f32;
@@ -269,9 +272,8 @@ fn blur(
 impl Rectangle {
     /// With as many pixels more on each side as the image has.
     fn grown(self, by: usize, (width, height): (usize, usize)) -> Self {
-        let grow = |[from, to]: [usize; 2], count: usize| {
-            [from.saturating_sub(by), (to + by).min(count)]
-        };
+        let grow =
+            |[from, to]: [usize; 2], count: usize| [from.saturating_sub(by), (to + by).min(count)];
         Self {
             x: grow(self.x, width),
             y: grow(self.y, height),

@@ -165,7 +165,10 @@ mod tests {
         let square = |&b: &u8| (f64::from(b) - mean).powi(2);
         let sigma = (bytes.iter().map(square).sum::<f64>() / bytes.len() as f64).sqrt();
         // Rounding adds a twelfth to the variance.
-        assert!((mean - 128.0).abs() < 0.1 && (sigma - 3.014).abs() < 0.05, "{mean} {sigma}");
+        assert!(
+            (mean - 128.0).abs() < 0.1 && (sigma - 3.014).abs() < 0.05,
+            "{mean} {sigma}"
+        );
         assert_eq!(bytes, noisy.develop(&light, draws, 4, 0.0));
         assert_ne!(bytes, noisy.develop(&light, draws, 5, 0.0));
     }

@@ -118,8 +118,8 @@ mod tests {
             .collect();
         assert!(values.iter().all(|v| (0.0..=1.0).contains(v)));
         assert!(values.windows(2).all(|w| (w[1] - w[0]).abs() < 0.02));
-        let spread = values.iter().copied().fold(0.0, f64::max)
-            - values.iter().copied().fold(1.0, f64::min);
+        let spread =
+            values.iter().copied().fold(0.0, f64::max) - values.iter().copied().fold(1.0, f64::min);
         assert!(spread > 0.3, "{spread}");
     }
 }

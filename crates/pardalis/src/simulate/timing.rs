@@ -73,8 +73,9 @@ pub struct Delivery {
 const WHOLE_CAMERA: u32 = u32::MAX;
 
 impl Timing {
-    /// What arrives of a camera that runs from 0 up to a time, in the order of its exposures.
-    pub fn deliveries(&self, draws: Draws, duration_s: f64) -> Vec<Delivery> {
+    /// What arrives of the camera of this number, which runs from 0 up to a time in seconds, in the order of its exposures.
+    pub fn deliveries(&self, seed: u32, camera: u32, duration_s: f64) -> Vec<Delivery> {
+        let draws = Draws::new(seed, camera);
         let normals = |exposure: u32| {
             let four = draws.normals(exposure, 0, Stage::Clock, 0);
             four.map(|n| f64::from(n).clamp(-3.0, 3.0))
@@ -88,7 +89,9 @@ impl Timing {
             self.phase_s
         };
         let within = |spans: &[[f64; 2]], time_s: f64| {
-            spans.iter().any(|&[from, to]| from <= time_s && time_s < to)
+            spans
+                .iter()
+                .any(|&[from, to]| from <= time_s && time_s < to)
         };
         let mut deliveries: Vec<Delivery> = Vec::new();
         for exposure in 0.. {
@@ -129,7 +132,7 @@ mod tests {
 
     #[test]
     fn a_triggered_camera_delivers_all_on_time() {
-        let deliveries = Timing::default().deliveries(Draws::new(1, 0), 0.4);
+        let deliveries = Timing::default().deliveries(1, 0, 0.4);
         assert_eq!(deliveries.len(), 10);
         for (number, delivery) in deliveries.iter().enumerate() {
             let time_s = number as f64 * 0.04;
@@ -151,7 +154,7 @@ mod tests {
             broken_frames: vec![3],
             ..Timing::default()
         };
-        let deliveries = timing.deliveries(Draws::new(1, 0), 1.0);
+        let deliveries = timing.deliveries(1, 0, 1.0);
         assert_eq!(deliveries.len(), 20);
         assert!(deliveries.iter().all(|d| !(0.2..0.4).contains(&d.time_s)));
         for delivery in &deliveries {
@@ -176,7 +179,7 @@ mod tests {
             delay_jitter_s: 0.02,
             ..Timing::default()
         };
-        let of_camera = |camera| timing.deliveries(Draws::new(1, camera), 100.0);
+        let of_camera = |camera| timing.deliveries(1, camera, 100.0);
         let deliveries = of_camera(0);
         let count = deliveries.len() as f64;
         assert!((count - 9000.0).abs() < 120.0, "{count}");
@@ -184,7 +187,11 @@ mod tests {
         let jitter_s = (jitter.sum::<f64>() / count).sqrt();
         assert!((jitter_s - 0.001).abs() < 5e-5, "{jitter_s}");
         assert!(deliveries.windows(2).all(|w| w[0].stamp_s < w[1].stamp_s));
-        assert!(deliveries.windows(2).any(|w| w[0].arrival_s > w[1].arrival_s));
+        assert!(
+            deliveries
+                .windows(2)
+                .any(|w| w[0].arrival_s > w[1].arrival_s)
+        );
         assert!(deliveries.iter().all(|d| d.arrival_s >= d.time_s));
         let other = of_camera(1);
         assert_ne!(other[0].time_s, deliveries[0].time_s);

@@ -148,9 +148,8 @@ impl WorldRay {
 
 impl super::Tape {
     fn covers(&self, point: &Vector3<f64>) -> bool {
-        let from_rim = |axis: usize| {
-            0.5 * self.size_m[axis] - (point[axis] - self.center_m[axis]).abs()
-        };
+        let from_rim =
+            |axis: usize| 0.5 * self.size_m[axis] - (point[axis] - self.center_m[axis]).abs();
         let inward_m = from_rim(0).min(from_rim(1));
         (0.0..=self.width_m).contains(&inward_m)
     }

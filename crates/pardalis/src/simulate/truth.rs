@@ -57,7 +57,9 @@ fn visible_fraction(snapshot: &Snapshot, camera: &WorldCamera, object: usize) ->
             continue;
         };
         alone += 1;
-        let is_first = snapshot.first(&ray).is_some_and(|(first, _)| first == object);
+        let is_first = snapshot
+            .first(&ray)
+            .is_some_and(|(first, _)| first == object);
         let point = camera_from_world * Point3::from(ray.at(hit.distance_m));
         let pixel = camera.camera.project(point.into());
         seen += i32::from(is_first && pixel.is_some_and(|pixel| camera.shows(pixel)));
