@@ -36,7 +36,7 @@ const MODELS: [(&str, [f64; 3]); 10] = [
         AHEAD,
     ),
     (
-        "ocam = { center_px = [160, 120], polynomial = [110, 0, -0.002, 1e-6, 0], max_radius_px = 150 }",
+        "ocam = { center_px = [160, 120], polynomial = [-110, 0, 0.002], max_radius_px = 150 }",
         AHEAD,
     ),
     (
@@ -64,7 +64,8 @@ const RADIUS_M: f64 = 0.11;
 fn world_of(model: &str, [x, y, z]: [f64; 3], more: &str) -> World {
     world(&format!(
         "duration_s = 1
-        image.samples = 8
+        image.samples = 6
+        room.texture.plain.color_srgb = [90, 90, 90]
         [cameras.eye]
         size_px = [320, 240]
         model.{model}
@@ -115,7 +116,7 @@ fn silhouettes_are_the_exact_outlines_through_every_camera_model() {
         );
         let outline: Vec<_> = outline.into_iter().map(Option::unwrap).collect();
         let (true_area, center) = moments(&outline);
-        assert!(true_area > 500.0, "{model}: {true_area} pixels are few");
+        assert!(true_area > 150.0, "{model}: {true_area} pixels are few");
         let off_px = (moment[0] / area - center[0]).hypot(moment[1] / area - center[1]);
         // The exact mirror has no one point from which its outline is seen.
         let (area_limit, off_limit) = if model.starts_with("exact") {
@@ -133,10 +134,15 @@ fn silhouettes_are_the_exact_outlines_through_every_camera_model() {
 
 #[test]
 fn what_moves_is_rendered_as_if_all_were_rendered_anew() {
-    let more = "light.ambient = 0.3
-        image.blur_px = 0.8
-        image.read_noise = 2
-        ground = { z_m = -0.8, texture.checker = { size_m = 0.2, colors_srgb = [[90, 90, 90], [160, 150, 140]] } }
+    let more = "[light]
+        ambient = 0.3
+        [cameras.eye.image]
+        samples = 1
+        blur_px = 0.8
+        read_noise = 2
+        [ground]
+         z_m = -0.8
+        texture.checker = { size_m = 0.2, colors_srgb = [[90, 90, 90], [160, 150, 140]] }
         [objects.post]
         shape.cylinder = { radius_m = 0.1, height_m = 0.4 }
         color_srgb = [20, 90, 30]
@@ -146,14 +152,9 @@ fn what_moves_is_rendered_as_if_all_were_rendered_anew() {
         color_srgb = [20, 90, 130]
         path.still.position_m = [0.4, 0.1, 0.7]";
     for (model, position_m) in MODELS {
-        let mut moving = world_of(
-            model,
-            position_m,
-            &more.replace("image.", "cameras.eye.image."),
-        );
-        moving.cameras[0].image.samples = 2;
+        let moving = world_of(model, position_m, more);
         let renderer = Renderer::new(&moving, 0);
-        for time_s in [-1.0, 0.0, 0.4, 1.0, 2.5] {
+        for time_s in [0.0, 0.9] {
             let mut still = moving.clone();
             for (object, placed) in still.objects.iter_mut().zip(moving.placed(time_s)) {
                 object.heading_rad = Some(placed.heading_rad);

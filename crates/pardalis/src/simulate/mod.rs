@@ -160,7 +160,8 @@ impl World {
                 };
                 let at = |time_s: f64| {
                     let carrier = on_path(carrier, path, time_s);
-                    let position_m = carrier.position_m + turned(offset_m, carrier.heading_rad);
+                    let position_m =
+                        carrier.position_m + turned(offset_m, libm::sincos(carrier.heading_rad));
                     (position_m, carrier.heading_rad)
                 };
                 let (position_m, heading_rad) = at(time_s);
@@ -202,8 +203,7 @@ fn on_path(object: &Object, path: &Path, time_s: f64) -> Placed {
     }
 }
 
-/// A vector turned about the vertical.
-fn turned(v: &Vector3<f64>, angle_rad: f64) -> Vector3<f64> {
-    let (sin, cos) = libm::sincos(angle_rad);
+/// A vector turned about the vertical by an angle of this sine and cosine.
+fn turned(v: &Vector3<f64>, (sin, cos): (f64, f64)) -> Vector3<f64> {
     Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z)
 }

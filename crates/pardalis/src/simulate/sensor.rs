@@ -86,19 +86,21 @@ impl ImageSettings {
         let tint = self.white_balance_drift * drift(1);
         let gains = [gain * (1.0 + tint), gain, gain * (1.0 - tint)].map(|g| g as f32);
         let (shot, read) = (self.shot_noise as f32, self.read_noise as f32);
+        let is_noisy = shot > 0.0 || read > 0.0;
         let mut bytes = Vec::with_capacity(3 * light.len());
         for (pixel, color) in light.iter().enumerate() {
-            let normals = |on: bool, draw: u32| match on {
-                true => draws.normals(pixel as u32, exposure, Stage::Pixel, draw),
-                false => [0.0; 4],
+            let normals = if is_noisy {
+                draws.normals(pixel as u32, exposure, Stage::Pixel, 0)
+            } else {
+                [0.0; 4]
             };
-            let (of_shots, of_reading) = (normals(shot > 0.0, 0), normals(read > 0.0, 1));
             for channel in 0..3 {
-                let level = (color[channel] * gains[channel]).max(0.0);
-                let level = level + shot * level.sqrt() * of_shots[channel];
-                let grey = 255.0 * srgb_from_linear(level) + read * of_reading[channel];
+                let level = color[channel] * gains[channel];
+                let (grey, slope) = grey_from_linear(level);
+                // The noise of the light as it shows in grey levels, and that of reading.
+                let variance = (slope * shot).powi(2) * level + read * read;
                 // Casts of floats saturate.
-                bytes.push((grey + 0.5) as u8);
+                bytes.push((grey + variance.sqrt() * normals[channel] + 0.5) as u8);
             }
         }
         bytes
@@ -117,8 +119,8 @@ pub fn linear_from_srgb(srgb: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// The sRGB value, 0 to 1, of linear light; from a table, within 0.1 grey levels.
-fn srgb_from_linear(level: f32) -> f32 {
+/// The sRGB value, 0 to 255, of linear light, and its derivative; from a table, within 0.1 grey levels.
+fn grey_from_linear(level: f32) -> (f32, f32) {
     const STEPS: usize = 4096;
     static TABLE: OnceLock<Vec<f32>> = OnceLock::new();
     let table = TABLE.get_or_init(|| {
@@ -130,12 +132,15 @@ fn srgb_from_linear(level: f32) -> f32 {
                 1.055 * libm::pow(v, 1.0 / 2.4) - 0.055
             }
         };
-        (0..=STEPS).map(|i| exact(i) as f32).collect()
+        (0..=STEPS).map(|i| (255.0 * exact(i)) as f32).collect()
     });
     let place = level.clamp(0.0, 1.0) * STEPS as f32;
     let cell = (place as usize).min(STEPS - 1);
-    let share = place - cell as f32;
-    table[cell] + (table[cell + 1] - table[cell]) * share
+    let step = table[cell + 1] - table[cell];
+    (
+        table[cell] + step * (place - cell as f32),
+        step * STEPS as f32,
+    )
 }
 
 #[cfg(test)]

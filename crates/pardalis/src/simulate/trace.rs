@@ -11,6 +11,8 @@ use crate::rig::Pose;
 pub(super) struct Snapshot<'a> {
     world: &'a World,
     placed: Vec<Placed>,
+    /// Sine and cosine of each object's heading.
+    turns: Vec<(f64, f64)>,
     /// The objects that are there.
     present: Vec<usize>,
 }
@@ -20,9 +22,11 @@ const SHININESS: i32 = 30;
 
 impl<'a> Snapshot<'a> {
     pub(super) fn new(world: &'a World, time_s: f64) -> Self {
+        let placed = world.placed(time_s);
         Self {
             world,
-            placed: world.placed(time_s),
+            turns: placed.iter().map(|p| libm::sincos(p.heading_rad)).collect(),
+            placed,
             present: (0..world.objects.len()).collect(),
         }
     }
@@ -48,12 +52,12 @@ impl<'a> Snapshot<'a> {
     /// Where a ray in the world meets one object.
     pub(super) fn hit(&self, object: usize, ray: &WorldRay) -> Option<Hit> {
         let placed = &self.placed[object];
-        let heading_rad = placed.heading_rad;
-        let origin = turned(&(ray.origin - placed.position_m), -heading_rad);
-        let direction = turned(&ray.direction, -heading_rad);
+        let (sin, cos) = self.turns[object];
+        let origin = turned(&(ray.origin - placed.position_m), (-sin, cos));
+        let direction = turned(&ray.direction, (-sin, cos));
         let hit = self.world.objects[object].body.hit(&origin, &direction)?;
         Some(Hit {
-            normal: turned(&hit.normal, heading_rad),
+            normal: turned(&hit.normal, (sin, cos)),
             ..hit
         })
     }

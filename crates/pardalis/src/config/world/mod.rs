@@ -183,9 +183,10 @@ fn read_texture(table: &Table) -> Option<Texture> {
     let rows = texture.required::<Vec<Vec<f64>>>("colors_srgb");
     let colors = rows.and_then(|rows| {
         let colors = match &rows[..] {
-            [first, second] => Some([checked_color(first)?, checked_color(second)?]),
+            [first, second] => checked_color(first).zip(checked_color(second)),
             _ => None,
         };
+        let colors = colors.map(<[_; 2]>::from);
         if colors.is_none() {
             let allowed = "two colours, [[red, green, blue], [red, green, blue]], 0 to 255";
             texture.refuse("colors_srgb", allowed);
