@@ -28,6 +28,9 @@ use clap::{Parser, Subcommand};
   pardalis track scene.toml --annotate
   pardalis locate scene.toml --at 460,88             single images, each on its own
 
+Without cameras:
+  pardalis simulate data/worlds/ring.toml -o ring    images of a made-up world, with truth
+
 Cameras:
   pardalis camera show calib.yml                     what a calibration of any program says
   pardalis init images --fps 25 --camera calib.yml   a scene with it

@@ -77,7 +77,7 @@ impl Body {
                 let y = crossing_of_slab(origin.y, direction.y, [-half.y, half.y])?;
                 let z = crossing_of_slab(origin.z, direction.z, [0.0, size_m.z])?;
                 let enter = x[0].max(y[0]);
-                let axis = if x[0] >= y[0] { 0 } else { 1 };
+                let axis = usize::from(x[0] < y[0]);
                 let mut side = Vector3::zeros();
                 side[axis] = -direction[axis].signum();
                 entry(&[[enter, x[1].min(y[1])], z], |_| side, direction)

@@ -134,10 +134,10 @@ impl Waypoints {
                 "two or more points in positions_m, and a time for each",
             ));
         }
-        if let Some(pair) = times_s.windows(2).find(|pair| !(pair[1] > pair[0])) {
+        if let Some([before, after]) = times_s.array_windows().find(|[a, b]| !(b > a)) {
             return Err(Error::out_of_range(
                 "times_s",
-                format!("{} after {}", pair[1], pair[0]),
+                format!("{after} after {before}"),
                 "times that ascend",
             ));
         }

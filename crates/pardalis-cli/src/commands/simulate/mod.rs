@@ -10,8 +10,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::config::WorldConfig;
-use pardalis::simulate::Delivery;
-use pardalis::simulate::World;
+use pardalis::simulate::{Delivery, World};
 
 use crate::fault::fault;
 use crate::say::say;
@@ -28,8 +27,8 @@ use folder::Folder;
   pardalis simulate data/worlds/ring.toml -o ring
   pardalis track ring/scene.toml -o ring-tracks && pardalis evaluate ring-tracks ring
 
-Times in truth.csv are those at which the images were truly taken, which is what evaluate goes by. Where stamps err, truth_at_stamps.csv says what
-is true at the times that they name: pardalis evaluate ring-tracks ring/truth_at_stamps.csv")]
+Times in truth.csv are those at which the images were truly taken. Where cameras run on clocks of their own, or their stamps err, let evaluate
+--interpolate the truth at the times of the tracks.")]
 pub(crate) struct Arguments {
     /// The world file
     #[arg(value_name = "WORLD.toml")]
@@ -138,15 +137,7 @@ fn write(sequence: &Sequence, world_text: &str, folder: &Folder) -> Result<()> {
     for camera in 0..world.cameras.len() {
         frames::write(sequence, camera, folder, &progress)?;
     }
-    folder.write(
-        "truth.csv",
-        tables::truth(sequence, |d| d.time_s).as_bytes(),
-    )?;
-    let is_off = |d: &Delivery| d.stamp_s != d.time_s;
-    if sequence.deliveries.iter().flatten().any(is_off) {
-        let table = tables::truth(sequence, |d| d.stamp_s);
-        folder.write("truth_at_stamps.csv", table.as_bytes())?;
-    }
+    folder.write("truth.csv", tables::truth(sequence).as_bytes())?;
     tables::write_cameras(world, folder)?;
     if sequence.config.training_stills > 0 {
         training::write(sequence, folder, &progress)?;

@@ -6,7 +6,7 @@ use anyhow::Result;
 use pardalis::camera::Camera;
 use pardalis::interchange::{self, Format};
 use pardalis::rig::{CalibratedCamera, Pose};
-use pardalis::simulate::{Body, Course, Delivery, World, WorldCamera, truth as truth_of};
+use pardalis::simulate::{Body, Course, Object, World, WorldCamera, truth as truth_of};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -15,13 +15,13 @@ use super::folder::Folder;
 
 const HEADER: &str = "frame,time_s,object,camera,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,xc_m,yc_m,zc_m,u_px,v_px,visible_fraction,heading_rad\n";
 
-/// The text of a truth.csv: of each image that is delivered, in the order of the times that are asked for, a row an object. `frame` is
-/// the number of the image in its camera's folder.
-pub(super) fn truth(sequence: &Sequence, time_of: impl Fn(&Delivery) -> f64) -> String {
+/// The text of truth.csv: of each image that is delivered, in the order of true times, a row an object. `frame` is the number of the image in its
+/// camera's folder.
+pub(super) fn truth(sequence: &Sequence) -> String {
     let mut images: Vec<(f64, usize, usize)> = Vec::new();
     for (camera, deliveries) in sequence.deliveries.iter().enumerate() {
         let frames = deliveries.iter().enumerate();
-        images.extend(frames.map(|(frame, delivery)| (time_of(delivery), camera, frame)));
+        images.extend(frames.map(|(frame, delivery)| (delivery.time_s, camera, frame)));
     }
     images.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let rows: Vec<String> = images
@@ -61,7 +61,8 @@ fn rows_of(world: &World, time_s: f64, camera: usize, frame: usize) -> String {
 
 /// Whether a heading says something: of what is no ball, and of what carries something.
 fn has_heading(world: &World, object: usize) -> bool {
-    let carries = |other: &pardalis::simulate::Object| matches!(other.course, Course::Rides { carrier, .. } if carrier == object);
+    let carries =
+        |other: &Object| matches!(other.course, Course::Rides { carrier, .. } if carrier == object);
     !matches!(world.objects[object].body, Body::Sphere { .. }) || world.objects.iter().any(carries)
 }
 

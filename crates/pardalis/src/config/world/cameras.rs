@@ -27,7 +27,7 @@ pub(super) fn read(
 ) -> Vec<WorldCamera> {
     let duration_s = duration_s.unwrap_or(0.0);
     let image = read_image(table, ImageSettings::default());
-    let timing = read_timing(table, &Timing::default(), duration_s);
+    let timing = read_timing(table, &Timing::default());
     let mut cameras = table
         .table("ring")
         .map(|ring| read_ring(ring, image, &timing, read_calibration))
@@ -38,10 +38,18 @@ pub(super) fn read(
                 table.problem_here("is the name of a camera of the ring; give it another name");
             }
             let image = read_image(&table, image);
-            let timing = read_timing(&table, &timing, duration_s);
+            let timing = read_timing(&table, &timing);
             cameras.extend(read_camera(name, &table, image, timing, read_calibration));
             table.finish();
         }
+    }
+    let exposures = |camera: &&WorldCamera| camera.timing.fps * duration_s > MAX_EXPOSURES;
+    if let Some(camera) = cameras.iter().find(exposures) {
+        let message = format!(
+            "gives more than {MAX_EXPOSURES} images of camera {} at {} a second; shorten it",
+            camera.name, camera.timing.fps
+        );
+        table.problem("duration_s", message);
     }
     if cameras.len() > MAX_CAMERAS {
         let message = format!("are {}; allowed: at most {MAX_CAMERAS}", cameras.len());
@@ -223,18 +231,12 @@ fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
 }
 
 /// The table `timing`, or what stands in its place.
-fn read_timing(table: &Table, default: &Timing, duration_s: f64) -> Timing {
+fn read_timing(table: &Table, default: &Timing) -> Timing {
     let Some(table) = table.table("timing") else {
         return default.clone();
     };
     let d = default;
     let fps = bounded(&table, "fps", d.fps, 0.001..=10_000.0);
-    if fps * duration_s > MAX_EXPOSURES {
-        table.problem(
-            "fps",
-            format!("gives more than {MAX_EXPOSURES} frames; shorten duration_s"),
-        );
-    }
     let stamp_jitter_s = non_negative(&table, "stamp_jitter_s", d.stamp_jitter_s, 1e6);
     if stamp_jitter_s * fps > MAX_JITTER {
         let allowed = format!("at most {MAX_JITTER} / fps, so that stamps ascend");
