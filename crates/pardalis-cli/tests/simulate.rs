@@ -214,7 +214,7 @@ fn folders_that_hold_something_else_are_left_alone() {
     let hidden = WORLD.replace("center_m = [0, 0, 0.25]", "center_m = [0, 0, -5]");
     fs::write(place.path("hidden.toml"), hidden).unwrap();
     let run = place.run(&["simulate", "hidden.toml"]);
-    run.refused(&["objects.ball", "colours cannot be learnt"]);
+    run.refused(&["hidden.toml: objects.ball", "colours cannot be learnt"]);
     assert_eq!(fs::read_dir(place.0.path()).unwrap().count(), 3);
 }
 

@@ -49,6 +49,8 @@ pub(crate) struct Arguments {
 
 /// A world and what its cameras deliver.
 struct Sequence {
+    /// The world file.
+    path: PathBuf,
     config: WorldConfig,
     /// Of each camera, in the order of its frames.
     deliveries: Vec<Vec<Delivery>>,
@@ -99,7 +101,11 @@ impl Sequence {
                 camera.name
             ));
         }
-        Ok(Self { config, deliveries })
+        Ok(Self {
+            path: path.to_owned(),
+            config,
+            deliveries,
+        })
     }
 
     fn world(&self) -> &World {

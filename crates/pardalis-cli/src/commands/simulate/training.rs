@@ -77,7 +77,8 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
         let target = &world.objects[target];
         let model = learner.learn().map_err(|_| {
             fault!(
-                "objects.{}: no still of {} shows it, so that its colours cannot be learnt; let cameras see it, or set training_stills (0 for none)",
+                "{}: objects.{}: no still of {} shows it, so that its colours cannot be learnt; let cameras see it, or set training_stills (0 for none)",
+                sequence.path.display(),
                 target.name,
                 sequence.config.training_stills
             )
