@@ -6,7 +6,7 @@
 //! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`gaussian`], [`filter`] →
 //! [`likelihood`] → [`start`], [`tracker`] → [`score`]
 //!
-//! [`config`] turns the text of a scene file into checked settings, [`interchange`] reads and writes other programs' calibrations. [`rng`], [`real`] and [`simd`] serve the kernels.
+//! [`simulate`] makes images with exact truth. [`config`] turns the text of a scene file into checked settings, [`interchange`] reads and writes other programs' calibrations. [`rng`], [`real`] and [`simd`] serve the kernels.
 //!
 //! # Conventions
 //!
@@ -34,6 +34,7 @@ pub mod rng;
 pub mod score;
 pub mod shape;
 pub mod simd;
+pub mod simulate;
 pub mod start;
 pub mod tracker;
 pub mod view;
