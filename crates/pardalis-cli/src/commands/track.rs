@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::tracking::{self, Annotate, Options, Output, Run};
+use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
 
 /// Tracks the targets of a scene
 ///
@@ -78,7 +78,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 fn warnings(run: &Run) -> String {
     use std::fmt::Write as _;
     let mut text = String::new();
-    for (camera, source) in run.open.scene.cameras.iter().zip(&run.open.sources) {
+    let records = run.open.sources.iter().zip(&run.outcome.cameras);
+    for (camera, (source, record)) in run.open.scene.cameras.iter().zip(records) {
         let counters = source.counters();
         let name = &camera.name;
         if counters.ffmpeg_errors > 0 {
@@ -89,13 +90,52 @@ fn warnings(run: &Run) -> String {
                 source.describe().input
             );
         }
-        if counters.dropped_late > 0 {
+        if record.frames.dropped_late > 0 {
             let _ = writeln!(
                 text,
-                "warning: cameras.{name}: {} frames left out, whose time stamps run backwards",
-                counters.dropped_late
+                "warning: cameras.{name}: {} frames left out that came too late; timing.max_delay_s is {}, the longest time that frames wait for others",
+                record.frames.dropped_late, run.open.scene.max_delay_s
             );
         }
+    }
+    text
+}
+
+/// A table of what became of the frames of each camera; nothing for one camera with which all went well.
+fn camera_table(run: &Run) -> String {
+    use std::fmt::Write as _;
+    let records = &run.outcome.cameras;
+    let went_well = |record: &CameraRecord| record.frames.used == record.frames.delivered;
+    if records.len() == 1 && records.iter().all(went_well) {
+        return String::new();
+    }
+    let mut text = format!(
+        "{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16}\n",
+        "camera",
+        "frames",
+        "used",
+        "sorted in",
+        "dropped",
+        "frozen",
+        "repeated",
+        "broken",
+        "longest gap (s)"
+    );
+    for (camera, record) in run.open.scene.cameras.iter().zip(records) {
+        let frames = &record.frames;
+        let _ = writeln!(
+            text,
+            "{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16.3}",
+            camera.name,
+            frames.delivered,
+            frames.used,
+            frames.sorted_in_late,
+            frames.dropped_late,
+            frames.frozen,
+            frames.repeated,
+            frames.broken,
+            frames.longest_gap_s
+        );
     }
     text
 }
@@ -115,6 +155,7 @@ pub(crate) fn told(run: &Run) -> String {
             target.name, states.tracking, states.occluded, states.lost
         );
     }
+    text += &camera_table(run);
     for file in &run.files {
         let _ = writeln!(text, "  {}", file.display());
     }

@@ -20,14 +20,17 @@ pub(crate) fn write(
 ) -> Result<PathBuf> {
     let mut decoding_s = 0.0;
     let mut cameras = Map::new();
-    for (camera, source) in open.scene.cameras.iter().zip(&open.sources) {
+    let records = open.sources.iter().zip(&outcome.cameras);
+    for (camera, (source, record)) in open.scene.cameras.iter().zip(records) {
         let counters = source.counters();
         decoding_s += counters.decode_s;
         let position_m: [f64; 3] = camera.world_from_camera.translation.vector.into();
         let entry = json!({
             "position_m": position_m,
             "source": source.describe(),
-            "frames": counters,
+            "frames": record.frames,
+            "stopped": record.stopped,
+            "ffmpeg_errors": counters.ffmpeg_errors,
         });
         cameras.insert(camera.name.clone(), entry);
     }
@@ -45,7 +48,7 @@ pub(crate) fn write(
         "seed": open.scene.seed,
         "threads": threads,
         "frame_sets": outcome.frame_sets,
-        "repeated_frame_sets": outcome.repeated_frame_sets,
+        "max_delay_s": open.scene.max_delay_s,
         "interrupted": outcome.interrupted,
         "error": outcome.error,
         "time": {

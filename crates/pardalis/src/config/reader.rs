@@ -93,7 +93,14 @@ impl Journal {
             match error.message() {
                 "duplicate key" => {
                     let key = text.get(error.span().unwrap_or(0..0)).unwrap_or_default();
-                    let message = format!("the key {} stands there twice; keep one", key.trim());
+                    let key = key.trim();
+                    let message = match first_of_name(text, root.get_ref(), offset, key) {
+                        Some((kind, first)) => format!(
+                            "two {kind} are named {key}, the first in line {}; give each a name of its own",
+                            journal.line_of(first)
+                        ),
+                        None => format!("the key {key} stands there twice; keep one"),
+                    };
                     journal.add(offset, String::new(), message);
                 }
                 "recursion limit" | "cannot recurse further; max recursion depth met" => {
@@ -463,6 +470,26 @@ impl<'a, 't> Table<'a, 't> {
             );
         }
     }
+}
+
+/// Where a doubled key is the name of a camera or target: which of them, and where the name stands first.
+fn first_of_name(
+    text: &str,
+    root: &DeTable,
+    offset: usize,
+    key: &str,
+) -> Option<(&'static str, usize)> {
+    let before = text.get(..offset)?.trim_end();
+    let kind = ["cameras", "targets"].into_iter().find(|kind| {
+        before
+            .strip_suffix('.')
+            .is_some_and(|before| before.ends_with(kind))
+    })?;
+    let DeValue::Table(named) = root.get(kind)?.get_ref() else {
+        return None;
+    };
+    let (name, _) = named.iter().find(|(name, _)| name.get_ref() == key)?;
+    Some((kind, name.span().start))
 }
 
 fn shortened(text: String) -> String {
