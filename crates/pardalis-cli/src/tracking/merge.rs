@@ -44,9 +44,9 @@ pub(crate) struct FrameCounts {
     pub(crate) repeated: usize,
     /// No images, or of another size.
     pub(crate) broken: usize,
-    /// The first time stamp that was handed on, in seconds.
+    /// The earliest time stamp, in seconds.
     pub(crate) first_time_s: Option<f64>,
-    /// The last one, in seconds.
+    /// The latest one, in seconds.
     pub(crate) last_time_s: Option<f64>,
     /// The longest time from one frame that was handed on to the next, in seconds.
     pub(crate) longest_gap_s: f64,
@@ -69,6 +69,8 @@ struct Seen {
     counts: FrameCounts,
     /// The image that came last.
     last: Option<Frame>,
+    /// The time stamp of the frame that was handed on last, in seconds.
+    handed_on_s: Option<f64>,
 }
 
 /// The set that was handed on last.
@@ -128,8 +130,12 @@ impl Merge {
         self.arriving.latest_s = self.arriving.latest_s.max(time_s);
 
         let seen = &mut self.cameras[camera];
-        let number = seen.counts.delivered;
-        seen.counts.delivered += 1;
+        let counts = &mut seen.counts;
+        let number = counts.delivered;
+        counts.delivered += 1;
+        let known = |known: Option<f64>| known.unwrap_or(time_s);
+        counts.first_time_s = Some(known(counts.first_time_s).min(time_s));
+        counts.last_time_s = Some(known(counts.last_time_s).max(time_s));
         let frozen = seen
             .last
             .as_ref()
@@ -184,7 +190,8 @@ impl Merge {
             frozen: Vec::new(),
         };
         for held in members {
-            let counts = &mut self.cameras[held.camera].counts;
+            let seen = &mut self.cameras[held.camera];
+            let counts = &mut seen.counts;
             let time_s = held.frame.time_s();
             // Sorting kept the order of delivery.
             if set
@@ -202,8 +209,7 @@ impl Merge {
                 counts.used += 1;
             }
             counts.sorted_in_late += usize::from(held.late);
-            counts.first_time_s.get_or_insert(time_s);
-            if let Some(last_s) = counts.last_time_s.replace(time_s) {
+            if let Some(last_s) = seen.handed_on_s.replace(time_s) {
                 counts.longest_gap_s = counts.longest_gap_s.max(time_s - last_s);
             }
             set.time_s = set.time_s.max(time_s);
