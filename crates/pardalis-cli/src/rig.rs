@@ -15,23 +15,24 @@ const APART_S: f64 = 1.0;
 /// A camera of the scene with its opened source, where it could be opened.
 pub(crate) type Opened<'a> = (&'a CameraConfig, Option<&'a Source>);
 
-/// The problems of cameras with one another; each is told once, at the later camera.
+/// The problems of cameras with those before them; what is at odds with a camera that has a problem itself is not told again.
 pub(crate) fn problems(cameras: &[Opened], folder: &Path) -> Vec<Problem> {
+    let mut sound: Vec<&Opened> = Vec::new();
     let mut problems = Vec::new();
-    for (number, later) in cameras.iter().enumerate() {
-        let with_earlier = cameras[..number].iter().find_map(|earlier| {
-            let message = same_input(earlier.0, later.0, folder).or_else(|| {
-                let sources = [earlier, later].map(|(camera, source)| Some((*camera, (*source)?)));
-                let [Some(earlier), Some(later)] = sources else {
-                    return None;
-                };
+    for later in cameras {
+        let message = sound.iter().find_map(|earlier| {
+            same_input(earlier.0, later.0, folder).or_else(|| {
+                let earlier = (earlier.0, earlier.1?);
+                let later = (later.0, later.1?);
                 live_and_recorded(earlier, later)
                     .or_else(|| other_frame_count(earlier, later))
                     .or_else(|| other_clock(earlier, later))
-            })?;
-            Some(later.0.input.place().problem(message))
+            })
         });
-        problems.extend(with_earlier);
+        match message {
+            Some(message) => problems.push(later.0.input.place().problem(message)),
+            None => sound.push(later),
+        }
     }
     problems
 }

@@ -82,7 +82,7 @@ fn a_faulty_image_is_left_out_and_told() {
         .track(SCENE)
         .refused(&["scene.toml", "line 3", "000000.jpg", "60000 x 60000"]);
     for number in 0..3 {
-        fs::write(place.image(number), &whole[..whole.len() / 2]).unwrap();
+        fs::write(place.image(number), png_of_size(640, 480)).unwrap();
     }
     place.track(SCENE).refused(&[
         "no frame came from any camera",

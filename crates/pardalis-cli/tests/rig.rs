@@ -8,7 +8,7 @@ mod rig {
 }
 
 use common::rows_in;
-use rig::place::{FRAMES, Rig, STEP_S};
+use rig::place::{FPS, FRAMES, Rig};
 use serde_json::json;
 
 #[test]
@@ -57,11 +57,12 @@ fn four_sound_cameras() {
 
 #[test]
 fn one_camera_frozen() {
-    for (from, to) in [(50, 75), (1, FRAMES)] {
+    // The ball's radius is 35 mm. Without the first camera all the time, two must do for long.
+    for (from, to, bound_m) in [(50, 75, 0.012), (1, FRAMES, 0.020)] {
         let rig = Rig::new();
         rig.freeze("cam1", from..to);
         rig.track("").fine();
-        rig.assert_followed();
+        rig.assert_followed_within(bound_m);
         let frames = rig.frames("cam1");
         assert_eq!(
             (&frames["frozen"], &frames["used"]),
@@ -103,7 +104,7 @@ fn one_camera_without_frames_for_a_second() {
         (&95.into(), &95.into())
     );
     let gap_s = frames["longest_gap_s"].as_f64().unwrap();
-    assert!((gap_s - 26.0 * STEP_S).abs() < 1e-9, "{gap_s}");
+    assert!((gap_s - 26.0 / FPS).abs() < 1e-9, "{gap_s}");
 }
 
 #[test]
@@ -112,7 +113,7 @@ fn one_camera_arrives_late() {
     sound.track("").fine();
     let rig = Rig::new();
     rig.times("cam2", true, |frame| {
-        (frame as f64 * STEP_S, (frame + 1) as f64 * STEP_S)
+        (frame as f64 / FPS, (frame + 1) as f64 / FPS)
     });
     rig.track("").fine();
     assert!(
@@ -171,7 +172,7 @@ fn one_camera_shuffled() {
 #[test]
 fn one_camera_with_a_wrong_clock() {
     let rig = Rig::new();
-    rig.times("cam2", false, |frame| ((frame + 1) as f64 * STEP_S, 0.0));
+    rig.times("cam2", false, |frame| ((frame + 1) as f64 / FPS, 0.0));
     rig.edit("cam2", "time_offset_s = -0.04\n");
     rig.track("").fine();
     rig.assert_followed();

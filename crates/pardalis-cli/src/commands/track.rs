@@ -12,6 +12,9 @@ use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
 /// Reads a scene file (`pardalis init` writes one to start from), tracks every target through all its frames and writes
 /// into a folder: tracks.csv (position, velocity and covariance, a row a frame and target), summary.json, and plots
 /// (from above, from the side, in an oblique view, against time).
+///
+/// With several cameras a frame waits, from its arrival, for earlier ones of the others: timing.max_delay_s of the scene (0.1, with one
+/// camera 0). A camera that fails, ends or freezes does not stop the others; a table at the end and summary.json tell what became of its frames.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis track ball.toml                      results into the folder ball-tracks

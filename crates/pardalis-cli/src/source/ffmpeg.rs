@@ -61,7 +61,7 @@ impl Programs {
                 "-select_streams",
                 "V:0",
             ])
-            .args(input_options)
+            .args(options_of_ffprobe(input_options))
             .args(["-i", &input_argument(input, input_options)])
             .stdin(Stdio::null())
             .output()
@@ -169,6 +169,20 @@ const DEVICE_FORMATS: [&str; 12] = [
     "fbdev",
     "kmsgrab",
 ];
+
+/// Those of ffmpeg's input options that ffprobe knows: it reads nothing at a rate.
+fn options_of_ffprobe(input_options: &[String]) -> Vec<&String> {
+    let mut options = input_options.iter();
+    let mut known = Vec::new();
+    while let Some(option) = options.next() {
+        match option.as_str() {
+            "-re" => {}
+            "-readrate" => drop(options.next()),
+            _ => known.push(option),
+        }
+    }
+    known
+}
 
 /// Whether frames come as they are taken: from a device, from an address, or from a file that is read at its own rate.
 pub(super) fn is_live(input: &str, input_options: &[String]) -> bool {

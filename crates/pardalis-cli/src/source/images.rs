@@ -59,7 +59,7 @@ impl ImageFrames {
         Self::of(files.iter().cloned().zip(times).collect())
     }
 
-    /// One or more files, each with its times. The first whose header is sound sets the size of all; where there is none, the first's fault is given.
+    /// One or more files, each with its times. The first that is whole sets the size of all; where there is none, the first's fault is given.
     fn of(files: Vec<(PathBuf, ImageTimes)>) -> Result<Self> {
         let mut sizes = files.iter().map(|(file, _)| (file, image_size(file)));
         let first = sizes.by_ref().find(|(_, size)| size.is_ok());

@@ -86,7 +86,10 @@ impl<'a> FrameSets<'a> {
                 let reason = failure.or_else(|| {
                     let early =
                         end_s.is_some_and(|end_s| time_s.is_none_or(|s| s < end_s - EARLY_S));
-                    let reason = early.then_some("its frames end before those of others");
+                    let reason = early.then_some(match time_s {
+                        Some(_) => "its frames end before those of others",
+                        None => "it gave no frame",
+                    });
                     self.warnings.extend(reason.map(|reason| {
                         let at = time_s.map_or_else(String::new, |s| format!(" at {s} s"));
                         format!("cameras.{name}: stopped{at}: {reason}")

@@ -39,21 +39,29 @@ fn broken_images_are_left_out() {
 }
 
 #[test]
-fn a_camera_of_broken_images_alone_does_not_stop_the_others() {
+fn cameras_of_broken_images_alone() {
     let rig = Rig::new();
+    // Whole by its header, and yet no image.
+    let no_image = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\x01\x40\0\0\0\xf0\x08\x02\0\0\0\0\0\0\0\0\0\0\0IEND\xae\x42\x60\x82";
     for place in 0..FRAMES {
-        let path = rig.image("cam1", place);
-        let whole = fs::read(&path).unwrap();
-        fs::write(path, &whole[..whole.len() / 2]).unwrap();
+        fs::write(rig.image("cam4", place), no_image).unwrap();
     }
     let run = rig.track("");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     rig.assert_followed();
-    assert_eq!(rig.frames("cam1")["broken"], FRAMES);
+    assert_eq!(rig.frames("cam4")["broken"], FRAMES);
+    let stopped = &rig.summary()["cameras"]["cam4"]["stopped"];
     assert_eq!(
-        rig.summary()["cameras"]["cam1"]["stopped"]["time_s"],
-        json!(null)
+        (&stopped["time_s"], &stopped["reason"]),
+        (&json!(null), &json!("it gave no frame"))
     );
+
+    for place in 0..FRAMES {
+        fs::write(rig.image("cam4", place), "no image").unwrap();
+    }
+    rig.track("").refused(&[
+        "line 11: cameras.cam4.images: cam4/000000.jpg: this is not a JPEG or PNG image",
+    ]);
 }
 
 #[test]
@@ -162,7 +170,9 @@ mod with_ffmpeg {
         let mut child = {
             let path = std::env::var("PATH").unwrap();
             let bin = rig.path("bin");
-            let mut command = rig.command(&rig.scene(""), &["-o", "out", "--no-plots"]);
+            // Each counts from its own start, and the second starts later.
+            let scene = rig.scene("[timing]\nmax_delay_s = 3\n");
+            let mut command = rig.command(&scene, &["-o", "out", "--no-plots"]);
             command.env("PATH", format!("{}:{path}", bin.display()));
             command.spawn().unwrap()
         };

@@ -72,13 +72,13 @@ fn time_stamps_of_other_units_and_clocks() {
     let rig = Rig::new();
     rig.times("cam2", false, |frame| (frame as f64 * 40.0, 0.0));
     rig.track("").refused(&[
-        "line 4: cameras.cam2.images: camera cam1's time stamps run from 0 to 4.76 s, 0.040000 s apart",
+        "line 5: cameras.cam2.images: camera cam1's time stamps run from 0 to 4.76 s, 0.040000 s apart",
         "camera cam2's time stamps run from 0 to 4760 s, 40.000000 s apart",
         "those of cam2 look like milliseconds; time stamps must be in seconds",
     ]);
     rig.times("cam2", false, |frame| (1.7e9 + frame as f64 * 0.04, 0.0));
     rig.track("").refused(&[
-        "line 4: cameras.cam2.images: ",
+        "scene.toml: a problem in the scene:\n  line 5: cameras.cam2.images: ",
         "they have no time in common, so their clocks differ (one may count from 1970",
         "set time_offset_s (with -1700000000 for cam2",
     ]);
