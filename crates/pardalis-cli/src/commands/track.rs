@@ -104,7 +104,7 @@ fn warnings(run: &Run) -> String {
     text
 }
 
-/// A table of what became of the frames of each camera; nothing for one camera with which all went well.
+/// A table of what became of the frames of each camera, and in how many it saw each target; nothing for one camera with which all went well.
 fn camera_table(run: &Run) -> String {
     use std::fmt::Write as _;
     let records = &run.outcome.cameras;
@@ -113,7 +113,7 @@ fn camera_table(run: &Run) -> String {
         return String::new();
     }
     let mut text = format!(
-        "{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16}\n",
+        "{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16}",
         "camera",
         "frames",
         "used",
@@ -124,11 +124,19 @@ fn camera_table(run: &Run) -> String {
         "broken",
         "longest gap (s)"
     );
-    for (camera, record) in run.open.scene.cameras.iter().zip(records) {
-        let frames = &record.frames;
-        let _ = writeln!(
+    let targets = &run.open.scene.targets;
+    let heads: Vec<String> = targets
+        .iter()
+        .map(|t| format!("  saw {}", t.name))
+        .collect();
+    for head in &heads {
+        text += head;
+    }
+    for (number, camera) in run.open.scene.cameras.iter().enumerate() {
+        let frames = &records[number].frames;
+        let _ = write!(
             text,
-            "{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16.3}",
+            "\n{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16.3}",
             camera.name,
             frames.delivered,
             frames.used,
@@ -139,8 +147,12 @@ fn camera_table(run: &Run) -> String {
             frames.broken,
             frames.longest_gap_s
         );
+        for (target, head) in heads.iter().enumerate() {
+            let seen = run.open.tracker.contributions(target)[number].seen_frames;
+            let _ = write!(text, "{seen:>width$}", width = head.len());
+        }
     }
-    text
+    text + "\n"
 }
 
 /// What a run did, in words.

@@ -10,6 +10,7 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
+use std::task::Poll;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -324,18 +325,18 @@ impl Source {
         }
     }
 
-    /// What has come already: the next delivery, or that there are no more; nothing where it must be waited for.
-    pub(crate) fn try_next(&mut self) -> Option<Option<Result<Delivery>>> {
+    /// What has come already: the next delivery, or that there are no more; pending where it must be waited for.
+    pub(crate) fn poll_next(&mut self) -> Poll<Option<Result<Delivery>>> {
         if !self.peeked.is_empty() {
-            return Some(self.next());
+            return Poll::Ready(self.next());
         }
         let Some((receiver, _)) = &self.decoding else {
-            return Some(None);
+            return Poll::Ready(None);
         };
         match receiver.try_recv() {
-            Ok(decoded) => Some(Some(self.counted(decoded))),
-            Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(self.end()),
+            Ok(decoded) => Poll::Ready(Some(self.counted(decoded))),
+            Err(TryRecvError::Empty) => Poll::Pending,
+            Err(TryRecvError::Disconnected) => Poll::Ready(self.end()),
         }
     }
 

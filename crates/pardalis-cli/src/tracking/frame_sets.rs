@@ -1,5 +1,6 @@
 //! The frames of a scene's cameras as sets in order of time. A camera that fails stops alone.
 
+use std::task::Poll;
 use std::time::Duration;
 
 use pardalis::Frame;
@@ -164,13 +165,13 @@ impl<'a> FrameSets<'a> {
             let mut ended = 0;
             for camera in 0..self.sources.len() {
                 loop {
-                    match self.sources[camera].try_next() {
-                        Some(Some(delivery)) => arrived.extend(self.sort(camera, delivery)),
-                        Some(None) => {
+                    match self.sources[camera].poll_next() {
+                        Poll::Ready(Some(delivery)) => arrived.extend(self.sort(camera, delivery)),
+                        Poll::Ready(None) => {
                             ended += 1;
                             break;
                         }
-                        None => break,
+                        Poll::Pending => break,
                     }
                 }
             }

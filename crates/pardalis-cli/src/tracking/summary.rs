@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use serde_json::{Map, Value, json};
+use serde_json::{Map, json};
 
 use super::{Outcome, SeriesCollector};
 use crate::files::write_file;
@@ -34,13 +34,23 @@ pub(crate) fn write(
         });
         cameras.insert(camera.name.clone(), entry);
     }
-    let targets: Map<String, Value> = open
-        .scene
-        .targets
-        .iter()
-        .zip(series.states())
-        .map(|(target, states)| (target.name.clone(), json!({ "rows": states })))
-        .collect();
+    let mut targets = Map::new();
+    for (number, (target, states)) in open.scene.targets.iter().zip(series.states()).enumerate() {
+        let mut told = Map::new();
+        let contributions = open.tracker.contributions(number);
+        for (camera, contribution) in open.scene.cameras.iter().zip(contributions) {
+            let frames = contribution.frames;
+            let mean_nats = (frames > 0).then(|| contribution.evidence_nats / frames as f64);
+            let entry = json!({
+                "weighed_frames": frames,
+                "seen_frames": contribution.seen_frames,
+                "mean_evidence_nats": mean_nats,
+            });
+            told.insert(camera.name.clone(), entry);
+        }
+        let entry = json!({ "rows": states, "cameras": told });
+        targets.insert(target.name.clone(), entry);
+    }
     let summary = json!({
         "program": "pardalis",
         "version": env!("CARGO_PKG_VERSION"),

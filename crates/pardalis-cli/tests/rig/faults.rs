@@ -84,7 +84,7 @@ mod with_ffmpeg {
     use std::process::Command;
 
     use super::*;
-    use crate::common::{Run, rows_in};
+    use crate::run::{Run, rows_in};
 
     /// A rig whose second camera is a video that is decoded as the shell script says, where FFMPEG stands for the installed one; none where there is
     /// none.

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -9,7 +10,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::common::{Run, rows_in};
+use crate::run::{Run, rows_in};
 
 /// Frames of each camera.
 pub(crate) const FRAMES: usize = 120;
@@ -93,10 +94,10 @@ impl Rig {
         .to_owned();
         for place in 0..FRAMES {
             let (time_s, arrival_s) = times_s(place);
-            text += &if arrivals {
-                format!("{place},{time_s},{arrival_s}\n")
+            let _ = if arrivals {
+                writeln!(text, "{place},{time_s},{arrival_s}")
             } else {
-                format!("{place},{time_s}\n")
+                writeln!(text, "{place},{time_s}")
             };
         }
         fs::write(self.path(&format!("{camera}/times.csv")), text).unwrap();
@@ -145,7 +146,7 @@ impl Rig {
     pub(crate) fn scene(&self, before: &str) -> String {
         let mut scene = before.to_owned();
         for (camera, table) in self.settings.borrow().iter() {
-            scene += &format!("[cameras.{camera}]\n{table}");
+            let _ = write!(scene, "[cameras.{camera}]\n{table}");
         }
         scene + TARGET
     }

@@ -3,6 +3,7 @@
 use std::fs;
 
 use super::place::Rig;
+use crate::run::Run;
 
 #[test]
 fn another_number_of_images() {
@@ -50,12 +51,12 @@ fn cameras_without_pose() {
 fn two_cameras_of_one_name() {
     let rig = Rig::new();
     let scene = rig.scene("").replace("[cameras.cam3]", "[cameras.cam1]");
-    let run = crate::common::Run::of(&mut rig.command(&scene, &["-o", "out"]));
+    let run = Run::of(&mut rig.command(&scene, &["-o", "out"]));
     run.refused(&[
         "line 7: two cameras are named cam1, the first in line 1; give each a name of its own",
     ]);
     let scene = rig.scene("") + "[targets.ball]\n";
-    let run = crate::common::Run::of(&mut rig.command(&scene, &["-o", "out"]));
+    let run = Run::of(&mut rig.command(&scene, &["-o", "out"]));
     run.refused(&["two targets are named ball, the first in line 13"]);
 
     let text = fs::read_to_string(rig.path("cameras.json")).unwrap();
@@ -93,7 +94,7 @@ fn two_cameras_of_one_input_or_place() {
     let scene = rig
         .scene("")
         .replace("images = \"cam4\"", "images = \"./cam2/../cam3\"");
-    let run = crate::common::Run::of(&mut rig.command(&scene, &["-o", "out"]));
+    let run = Run::of(&mut rig.command(&scene, &["-o", "out"]));
     run.refused(&["line 11: cameras.cam4.images: cameras cam3 and cam4 read the same frames; give each camera its own"]);
 
     rig.edit("cam4", "calibration_camera = \"cam3\"\n");
