@@ -118,7 +118,7 @@ impl<'a> FrameSets<'a> {
                         "cameras.{name}: left out a broken image: {error:#}"
                     ));
                 }
-                if broken == NAMED_BROKEN {
+                if broken == NAMED_BROKEN + 1 {
                     self.warnings.push(format!(
                         "cameras.{name}: further broken images are counted, but not named"
                     ));

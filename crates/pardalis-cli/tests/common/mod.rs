@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-mod run;
+pub(crate) mod run;
 
 pub(crate) use run::{Run, rows_in};
 

@@ -3,7 +3,7 @@
 use std::process::Command;
 
 /// The first line of every tracks.csv.
-const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
+pub(crate) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
                           xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence";
 
 /// The rows of a tracks.csv as their fields; checks that header and rows are whole.

@@ -160,6 +160,19 @@ mod with_ffmpeg {
         );
     }
 
+    #[test]
+    fn how_fast_a_recording_is_decoded_changes_nothing() {
+        let tracks = |script: &str| {
+            let rig = rig_with_video("", script)?;
+            track(&rig).fine();
+            rig.assert_followed();
+            Some(rig.tracks())
+        };
+        let at_once = tracks("exec FFMPEG \"$@\"");
+        let slowly = "FFMPEG \"$@\" | { head -c 4000000; sleep 1; cat; }";
+        assert!(tracks(slowly) == at_once);
+    }
+
     /// Live: read at the rate of recording. The second gives some frames, then neither frames nor an end.
     #[test]
     fn a_silent_live_camera_does_not_stop_the_other() {
