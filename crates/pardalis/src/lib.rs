@@ -6,6 +6,7 @@
 //! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`gaussian`], [`filter`] →
 //! [`likelihood`] → [`start`], [`tracker`] → [`score`]
 //!
+//! [`detect`] finds a target's colours in an image without knowing where they are; [`calibrate`] makes cameras, poses and clocks of what was seen.
 //! [`config`] turns the text of a scene file into checked settings, [`interchange`] reads and writes other programs' calibrations. [`rng`], [`real`] and [`simd`] serve the kernels.
 //!
 //! # Conventions
@@ -18,6 +19,7 @@ pub mod calibrate;
 pub mod camera;
 pub mod color;
 pub mod config;
+pub mod detect;
 mod error;
 pub mod filter;
 pub mod frame;

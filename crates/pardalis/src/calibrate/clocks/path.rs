@@ -1,0 +1,239 @@
+//! The target's path as a smooth curve in time, fitted together with the clocks' offsets.
+
+use nalgebra::{DVector, Point3, Vector3};
+
+use super::super::least_squares::{Problem, Slopes};
+use crate::view::View;
+
+/// A curve in space: a uniform cubic B-spline in time.
+#[derive(Debug, Clone)]
+pub(super) struct Path {
+    start_s: f64,
+    interval_s: f64,
+    controls_m: Vec<Vector3<f64>>,
+}
+
+/// The control points that matter at a time, and how much they do.
+pub(super) struct Basis {
+    /// The first of four control points.
+    pub(super) first: usize,
+    weights: [f64; 4],
+    /// Derivatives of the weights by time, per second.
+    slopes_per_s: [f64; 4],
+}
+
+impl Path {
+    /// The curve through about these points (time in seconds, position in metres), which are at least one and in the order of time. It reaches
+    /// from `start_s` to `end_s`.
+    pub(super) fn near(
+        points: &[(f64, Point3<f64>)],
+        start_s: f64,
+        end_s: f64,
+        interval_s: f64,
+    ) -> Self {
+        let pieces = ((end_s - start_s) / interval_s).ceil().max(1.0) as usize;
+        let control = |i: usize| {
+            // A control point pulls most at the middle of its reach.
+            let time_s = start_s + (i as f64 - 1.0) * interval_s;
+            let next = points.partition_point(|(at_s, _)| *at_s < time_s);
+            match (next.checked_sub(1).map(|i| points[i]), points.get(next)) {
+                (Some((before_s, before)), Some((after_s, after))) => {
+                    let share = (time_s - before_s) / (after_s - before_s);
+                    before.coords.lerp(&after.coords, share)
+                }
+                (Some((_, point)), None) | (None, Some(&(_, point))) => point.coords,
+                (None, None) => Vector3::zeros(),
+            }
+        };
+        Self {
+            start_s,
+            interval_s,
+            controls_m: (0..pieces + 3).map(control).collect(),
+        }
+    }
+
+    /// The weights at a time; `None` beyond the curve's ends.
+    pub(super) fn basis(&self, time_s: f64) -> Option<Basis> {
+        let place = (time_s - self.start_s) / self.interval_s;
+        let pieces = self.controls_m.len() - 3;
+        if !(place >= 0.0 && place <= pieces as f64) {
+            return None;
+        }
+        let first = (place as usize).min(pieces - 1);
+        let t = place - first as f64;
+        let s = 1.0 - t;
+        let weights = [
+            s * s * s,
+            3.0 * t * t * t - 6.0 * t * t + 4.0,
+            3.0 * s * s * s - 6.0 * s * s + 4.0,
+            t * t * t,
+        ];
+        let slopes = [-s * s, 3.0 * t * t - 4.0 * t, -3.0 * s * s + 4.0 * s, t * t];
+        Some(Basis {
+            first,
+            weights: weights.map(|w| w / 6.0),
+            slopes_per_s: slopes.map(|w| 0.5 * w / self.interval_s),
+        })
+    }
+
+    fn weighted(&self, first: usize, weights: [f64; 4]) -> Vector3<f64> {
+        let controls = &self.controls_m[first..first + 4];
+        controls.iter().zip(weights).map(|(c, w)| c * w).sum()
+    }
+
+    /// The position at a time; `None` beyond the curve's ends.
+    pub(super) fn position_m(&self, time_s: f64) -> Option<Point3<f64>> {
+        let basis = self.basis(time_s)?;
+        Some(self.weighted(basis.first, basis.weights).into())
+    }
+}
+
+/// A pixel where a camera saw the middle of the target.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen {
+    /// The camera's number.
+    pub(super) camera: usize,
+    /// The camera's time stamp, in seconds.
+    pub(super) time_s: f64,
+    /// The pixel.
+    pub(super) pixel: [f64; 2],
+}
+
+/// What is minimised: the distances between what cameras saw and the path's images. The unknowns: three a control point, then, where they
+/// are free, the offset of each camera but the first.
+#[derive(Clone)]
+pub(super) struct PathFit<'a> {
+    pub(super) views: &'a [&'a View],
+    pub(super) seen: &'a [Seen],
+    pub(super) path: Path,
+    /// What is added to each camera's time stamps, in seconds; the first is the reference.
+    pub(super) offsets_s: Vec<f64>,
+    pub(super) offsets_are_free: bool,
+    /// What the control points' second differences cost, in pixels a metre: so little that it matters only where nothing is seen.
+    pub(super) stiffness: f64,
+}
+
+impl PathFit<'_> {
+    /// Where the path's point at a time stamp of a camera is seen.
+    fn point_in_camera(&self, camera: usize, time_s: f64) -> Option<(Basis, Point3<f64>)> {
+        let basis = self.path.basis(time_s + self.offsets_s[camera])?;
+        let point = Point3::from(self.path.weighted(basis.first, basis.weights));
+        Some((basis, self.views[camera].camera_from_world() * point))
+    }
+
+    /// Observed minus fitted pixel; `None` where the path is not seen.
+    pub(super) fn residual_px(&self, seen: &Seen) -> Option<[f64; 2]> {
+        let (_, point) = self.point_in_camera(seen.camera, seen.time_s)?;
+        let [u, v] = self.views[seen.camera].camera().project(point.into())?;
+        Some([seen.pixel[0] - u, seen.pixel[1] - v])
+    }
+
+    /// The number of unknowns of the path.
+    pub(super) fn path_unknowns(&self) -> usize {
+        3 * self.path.controls_m.len()
+    }
+
+    /// The number of control points that what is seen depends on.
+    pub(super) fn controls_seen(&self) -> usize {
+        let mut touched = vec![false; self.path.controls_m.len()];
+        for seen in self.seen {
+            if let Some(basis) = self.path.basis(seen.time_s + self.offsets_s[seen.camera]) {
+                touched[basis.first..basis.first + 4].fill(true);
+            }
+        }
+        touched.iter().filter(|t| **t).count()
+    }
+
+    /// Calls `visit` with the slopes of what is seen, but not of the stiffness.
+    fn visit_seen(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
+        let offsets_at = self.path_unknowns();
+        for seen in self.seen {
+            let view = self.views[seen.camera];
+            let Some((basis, jacobian)) =
+                self.point_in_camera(seen.camera, seen.time_s)
+                    .and_then(|(basis, point)| {
+                        Some((basis, view.camera().project_with_jacobian(point.into())?))
+                    })
+            else {
+                visit(None, Slopes { blocks: &[] });
+                continue;
+            };
+            let rotation = view.camera_from_world().rotation.matrix();
+            let by_point: [[f64; 3]; 2] = jacobian.by_point.map(|row| {
+                let row = Vector3::from(row).transpose() * rotation;
+                [row.x, row.y, row.z]
+            });
+            let mut by_controls = [[0.0; 2]; 12];
+            for (i, slopes) in by_controls.iter_mut().enumerate() {
+                *slopes = by_point.map(|row| row[i % 3] * basis.weights[i / 3]);
+            }
+            let velocity_mps = self.path.weighted(basis.first, basis.slopes_per_s);
+            let by_offset = [by_point.map(|row| Vector3::from(row).dot(&velocity_mps))];
+            let [u, v] = jacobian.pixel;
+            let with_offset = self.offsets_are_free && seen.camera > 0;
+            let offset_at = offsets_at + seen.camera.max(1) - 1;
+            let blocks: &[(usize, &[[f64; 2]])] =
+                &[(3 * basis.first, &by_controls), (offset_at, &by_offset)];
+            visit(
+                Some([u - seen.pixel[0], v - seen.pixel[1]]),
+                Slopes {
+                    blocks: &blocks[..1 + usize::from(with_offset)],
+                },
+            );
+        }
+    }
+
+    fn visit_stiffness(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
+        for (first, c) in self.path.controls_m.windows(3).enumerate() {
+            let difference = (c[0] - 2.0 * c[1] + c[2]) * self.stiffness;
+            // Two coordinates at a time, as pixels have: x and y, then z.
+            for (residual, places) in [
+                ([difference.x, difference.y], [Some(0), Some(1)]),
+                ([difference.z, 0.0], [Some(2), None]),
+            ] {
+                let mut slopes = [[0.0; 2]; 9];
+                for (control, factor) in [1.0, -2.0, 1.0].into_iter().enumerate() {
+                    for (coordinate, place) in places.into_iter().enumerate() {
+                        if let Some(place) = place {
+                            slopes[3 * control + place][coordinate] = factor * self.stiffness;
+                        }
+                    }
+                }
+                let blocks = &[(3 * first, slopes.as_slice())];
+                visit(Some(residual), Slopes { blocks });
+            }
+        }
+    }
+}
+
+impl Problem for PathFit<'_> {
+    fn unknowns(&self) -> usize {
+        let offsets = if self.offsets_are_free {
+            self.views.len() - 1
+        } else {
+            0
+        };
+        self.path_unknowns() + offsets
+    }
+
+    fn stepped(&self, step: &DVector<f64>) -> Option<Self> {
+        let mut next = self.clone();
+        for (i, control) in next.path.controls_m.iter_mut().enumerate() {
+            *control += step.fixed_rows::<3>(3 * i);
+        }
+        let steps = step.iter().skip(self.path_unknowns());
+        for (offset_s, step_s) in next.offsets_s[1..].iter_mut().zip(steps) {
+            *offset_s += step_s;
+        }
+        let inside = |seen: &Seen| {
+            let time_s = seen.time_s + next.offsets_s[seen.camera];
+            next.path.basis(time_s).is_some()
+        };
+        next.seen.iter().all(inside).then_some(next)
+    }
+
+    fn visit(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
+        self.visit_seen(visit);
+        self.visit_stiffness(visit);
+    }
+}
