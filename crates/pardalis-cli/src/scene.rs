@@ -329,6 +329,12 @@ fn view_of(
     View::new(camera.camera.clone(), camera.world_from_camera, size, mask).ok()
 }
 
+/// The colours of a target of the scene in the file at `path`.
+pub(crate) fn colors(path: &Path, target: &TargetConfig) -> Result<ColorModel> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    read_colors(target, folder).map_err(|problem| all_of(path, &[problem]))
+}
+
 fn read_colors(target: &TargetConfig, folder: &Path) -> Result<ColorModel, Problem> {
     let path = resolve(folder, &target.colors.value);
     let read = read_text(&path).and_then(|text| {

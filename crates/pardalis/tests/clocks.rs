@@ -293,10 +293,10 @@ fn what_does_not_tell_the_clocks_is_refused_with_the_reason() {
         estimate(&clocks, sightings(&clocks, still, 4.0, 1)),
         &["first sees something that moves", "in 0 of its 100 frames"],
     );
-    let creeping = |time_s: f64| Point3::new(0.0, 0.0005 * time_s, 0.3 + 0.0007 * time_s);
+    let creeping = |time_s: f64| Point3::new(0.002 * time_s, 0.003 * time_s, 0.3 + 0.002 * time_s);
     refused(
         estimate(&clocks, sightings(&clocks, creeping, 4.0, 1)),
-        &["hardly moves in the images of first", "quickly"],
+        &["second", "move the target"],
     );
     let mut blind = sightings(&clocks, waved, 4.0, 1);
     blind[1].iter_mut().for_each(|frame| frame.blobs.clear());
@@ -325,7 +325,7 @@ fn what_does_not_tell_the_clocks_is_refused_with_the_reason() {
         clock(pinhole([1.2, 0.1, 0.5]), 0.0),
         clock(pinhole([1.0, 1.2, 0.9]), 0.04),
     ];
-    refused(estimate(&wrong, frames), &["second"]);
+    refused(estimate(&wrong, frames), &["poses"]);
     let cameras = [];
     for nonsense in [0.0, -1.0, f64::NAN, 1e9] {
         assert!(estimate_clocks(&cameras, &ball(), nonsense).is_err());

@@ -82,8 +82,8 @@ const MAX_CONTROLS: usize = 400;
 /// What the path's curvature costs, as a share of what it moves in the images.
 const STIFFNESS: f64 = 1e-4;
 
-/// Where a target's image moves by less than this, it stands still as far as clocks are concerned, in pixels.
-const LEAST_MOTION_PX: f64 = 5.0;
+/// A blob farther from where the path says than this, and than the target is large, is another thing, in pixels.
+const MATCH_PX: f64 = 5.0;
 
 /// A blob is scenery where more than this share of the frames have one of about its size at its place.
 const STILL_SHARE: f64 = 0.5;
@@ -178,7 +178,7 @@ fn median(values: &mut [f64]) -> Option<f64> {
     Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Cameras that see the target, and see it move.
+/// All cameras must see something that may be the target.
 fn check_seen(cameras: &[ClockCamera], candidates: &[Vec<SightedFrame>]) -> Result<(), Refusal> {
     let sees = |frames: &[SightedFrame]| frames.iter().filter(|f| !f.blobs.is_empty()).count();
     let seeing = candidates.iter().filter(|c| sees(c) >= LEAST_SIGHTINGS);
@@ -197,25 +197,8 @@ fn check_seen(cameras: &[ClockCamera], candidates: &[Vec<SightedFrame>]) -> Resu
                     frames.len()
                 ),
                 format!(
-                    "move the target to and fro in view of all cameras (at least {LEAST_SIGHTINGS} frames each), check its colours with `pardalis learn`, or leave the camera out"
+                    "move the target to and fro in view of all cameras (at least {LEAST_SIGHTINGS} frames each), learn its colours anew in this light, or leave the camera out"
                 ),
-            ));
-        }
-        let pixels = frames.iter().filter_map(|frame| frame.blobs.first());
-        let moved = [0, 1].map(|i| {
-            let mut values: Vec<f64> = pixels.clone().map(|blob| blob.centroid_px[i]).collect();
-            values.sort_by(f64::total_cmp);
-            // A tenth may be something else.
-            values[values.len() - 1 - values.len() / 20] - values[values.len() / 20]
-        });
-        if moved[0].max(moved[1]) < LEAST_MOTION_PX {
-            return Err(Refusal::new(
-                format!(
-                    "the target hardly moves in the images of {} ({:.1} px)",
-                    camera.name,
-                    moved[0].max(moved[1])
-                ),
-                "move it to and fro, quickly, in view of all cameras",
             ));
         }
     }
@@ -340,7 +323,7 @@ impl Clocks<'_> {
                         "{} never sees the target at the same times as the other cameras, whatever its clock's offset up to {max_offset_s} s",
                         self.cameras[unseen].name
                     ),
-                    "check that its frames belong to this recording and its time stamps are in seconds, give a larger --max-offset-s, or leave it out",
+                    "check that its frames belong to this recording and its time stamps are in seconds, allow larger offsets (max-offset-s), or leave it out",
                 ));
             };
             if pair.at_border {
@@ -358,7 +341,7 @@ impl Clocks<'_> {
                 "the best offset of {} lies at the border of the {max_offset_s} s that are searched, or there is none",
                 self.cameras[camera].name
             ),
-            "give a larger --max-offset-s; where that does not help, check the cameras' poses and move the target more",
+            "allow larger offsets (max-offset-s); where that does not help, check the cameras' poses and move the target more",
         )
     }
 
@@ -467,8 +450,7 @@ impl Clocks<'_> {
                     };
                     let blobs = frame.blobs.iter();
                     let blob = blobs.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-                    // Farther off than its own size, it is another thing.
-                    if distance(blob) > outline.area_px.sqrt().max(LEAST_MOTION_PX) {
+                    if distance(blob) > outline.area_px.sqrt().max(MATCH_PX) {
                         return None;
                     }
                     let pixel = [0, 1].map(|i| {
@@ -503,7 +485,7 @@ impl Clocks<'_> {
                         "{} agrees with the other cameras in {agreeing} of the {sightings} frames in which it sees something in the target's colours",
                         camera.name
                     ),
-                    "check its pose (`pardalis camera show --grid`) and whether there are several things of these colours",
+                    "check its pose, by a grid of the world drawn over its image, and whether there are several things of these colours",
                 ));
             }
         }
