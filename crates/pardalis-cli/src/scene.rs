@@ -9,6 +9,7 @@ use pardalis::camera::Mask;
 use pardalis::color::ColorModel;
 use pardalis::config::{CameraConfig, Input, Problem, Scene, StartConfig, TargetConfig};
 use pardalis::interchange::{self, Lens};
+use pardalis::likelihood::{Cue, CueSettings};
 use pardalis::rig::CalibratedCamera;
 use pardalis::simd::Level;
 use pardalis::start::Start;
@@ -163,7 +164,7 @@ pub(crate) fn open(
             targets.push(TargetSettings {
                 shape: target.shape,
                 colors,
-                contour: target.contour,
+                cues: target.cues.clone(),
                 filter: target.filter,
                 start,
             });
@@ -330,19 +331,36 @@ fn view_of(
 }
 
 /// The colours of a target of the scene in the file at `path`.
+///
+/// Faults: the target has none, or the file cannot be read.
 pub(crate) fn colors(path: &Path, target: &TargetConfig) -> Result<ColorModel> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    read_colors(target, folder).map_err(|problem| all_of(path, &[problem]))
+    let read = read_colors(target, folder).map_err(|problem| all_of(path, &[problem]))?;
+    read.ok_or_else(|| {
+        fault!(
+            "{}: targets.{}.colors: is missing, and the target is looked for by its colours; give a file that `pardalis learn` made",
+            path.display(),
+            target.name
+        )
+    })
 }
 
-fn read_colors(target: &TargetConfig, folder: &Path) -> Result<ColorModel, Problem> {
-    let path = resolve(folder, &target.colors.value);
+fn read_colors(target: &TargetConfig, folder: &Path) -> Result<Option<ColorModel>, Problem> {
+    let Some(file) = &target.colors else {
+        return Ok(None);
+    };
+    let path = resolve(folder, &file.value);
     let read = read_text(&path).and_then(|text| {
-        ColorModel::from_text(&text).map_err(|error| fault!("{}: {error}", path.display()))
+        let model = ColorModel::from_text(&text).map_err(|error| fault!("{}: {error}", path.display()))?;
+        let counts_learnt = |cue: &CueSettings| matches!(cue.cue, Cue::Window(window) if window.ranges.is_none());
+        if model.ranges().is_none() && target.cues.iter().any(counts_learnt) {
+            return Err(fault!(
+                "{}: holds no ranges of hue and saturation, which the window cue counts; learn it again, or give window.hue_deg and window.saturation",
+                path.display()
+            ));
+        }
+        Ok(model)
     });
-    read.map_err(|error| {
-        target
-            .colors
-            .problem(format!("{error:#}; `pardalis learn` makes such files"))
-    })
+    read.map(Some)
+        .map_err(|error| file.problem(format!("{error:#}; `pardalis learn` makes such files")))
 }

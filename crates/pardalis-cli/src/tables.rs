@@ -72,10 +72,12 @@ pub(crate) fn read_truth(path: &Path) -> Result<Vec<Series<TrueState>>> {
     let camera = table.optional_column("camera");
     let mut objects = Collector::default();
     for row in table.rows() {
+        let visible_fraction = row.fraction(visible)?;
         let state = TrueState {
             position_m: row.numbers(position)?,
             velocity_mps: row.all_or_none(velocity)?,
-            visible_fraction: row.fraction(visible)?,
+            visible_fraction,
+            seeing_cameras: visible_fraction.map(|fraction| usize::from(fraction > 0.5)),
         };
         let camera = camera.map_or("", |column| row.cell(column)).to_owned();
         let (name, time_s) = (row.text(object)?, row.number(time)?);
@@ -107,6 +109,12 @@ pub(crate) fn read_truth(path: &Path) -> Result<Vec<Series<TrueState>>> {
         if known.state.visible_fraction < state.visible_fraction {
             known.state.visible_fraction = state.visible_fraction;
         }
+        let seeing = known
+            .state
+            .seeing_cameras
+            .into_iter()
+            .chain(state.seeing_cameras);
+        known.state.seeing_cameras = seeing.reduce(|a, b| a + b);
     }
     Ok(objects.into_series(|row| row.state))
 }

@@ -14,7 +14,7 @@ use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::Vector3;
 use pardalis::color::{ColorModel, Palette, PixelKind, PixelTable, YuvEncoding};
 use pardalis::filter::Filter;
-use pardalis::likelihood::{ContourCue, ContourSettings, Likelihood};
+use pardalis::likelihood::{ContourSettings, Cue, Cues, Likelihood};
 use pardalis::particles::Particles;
 use pardalis::reference;
 use pardalis::resample::Resampling;
@@ -49,6 +49,12 @@ fn levels() -> Vec<(&'static str, Level)> {
     names.into_iter().zip(Level::available()).collect()
 }
 
+/// The contour cue as published offline.
+fn contour(colors: &ColorModel, level: Level) -> Cues {
+    let settings = [Cue::Contour(ContourSettings::default()).into()];
+    Cues::new(&settings, Shape::Sphere(ball()), Some(colors), level).unwrap()
+}
+
 /// Particles after the first frame, the view prepared for it, and the ball's colours.
 struct Scene {
     colors: ColorModel,
@@ -62,7 +68,7 @@ impl Scene {
         let colors = ball_colors(palette);
         let [frames, _] = frames(format);
         let mut views = [fisheye_view()];
-        views[0].prepare(&frames[0].1, palette).unwrap();
+        views[0].prepare(PixelKind::of(&frames[0].1), palette);
         let draws = Draws::new(1, 0);
         let mut filter = Filter::new(
             ball_filter(particle_count),
@@ -72,13 +78,7 @@ impl Scene {
         )
         .unwrap();
         // A few frames without motion: the particles gather as they do while tracking.
-        let mut cue = ContourCue::new(
-            ContourSettings::default(),
-            Shape::Sphere(ball()),
-            &colors,
-            Level::best(),
-        )
-        .unwrap();
+        let mut cue = contour(&colors, Level::best());
         for _ in 0..4 {
             filter.update(&mut cue.of(&views, &frames));
             filter.predict(1.0 / FPS);
@@ -91,14 +91,8 @@ impl Scene {
         }
     }
 
-    fn cue(&self, level: Level) -> ContourCue {
-        ContourCue::new(
-            ContourSettings::default(),
-            Shape::Sphere(ball()),
-            &self.colors,
-            level,
-        )
-        .unwrap()
+    fn cue(&self, level: Level) -> Cues {
+        contour(&self.colors, level)
     }
 
     fn naive_log_likelihoods(&self, particles: &Particles) -> Vec<f64> {
@@ -120,7 +114,7 @@ impl Scene {
 
     /// Holds the kernel to the reference before it is timed. Points that lie within rounding of a border between pixels may fall to
     /// either side: at most one particle in twenty differs visibly.
-    fn check(&self, cue: &mut ContourCue) {
+    fn check(&self, cue: &mut Cues) {
         let particles = self.filter.particles();
         let mut fast = vec![0.0; particles.count()];
         cue.of(&self.views, &self.frames)

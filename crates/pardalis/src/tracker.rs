@@ -4,7 +4,7 @@ use crate::color::ColorModel;
 use crate::filter::{Filter, FilterSettings, StateEstimate, Update};
 use crate::frame::MAX_TIME_S;
 use crate::gaussian::{GaussianStart, MAX_START, diagonal_m2};
-use crate::likelihood::{ContourCue, ContourSettings};
+use crate::likelihood::{CueSettings, Cues};
 use crate::rng::Draws;
 use crate::shape::Shape;
 use crate::simd::Level;
@@ -17,10 +17,10 @@ use crate::{Error, Frame};
 pub struct TargetSettings {
     /// Its shape.
     pub shape: Shape,
-    /// Its colours.
-    pub colors: ColorModel,
-    /// How its contour is compared with the image.
-    pub contour: ContourSettings,
+    /// Its colours; cues that know theirs do without.
+    pub colors: Option<ColorModel>,
+    /// How it is compared with the images: one cue or several.
+    pub cues: Vec<CueSettings>,
     /// Its filter.
     pub filter: FilterSettings,
     /// Where its particles start.
@@ -32,9 +32,10 @@ pub struct TargetSettings {
 pub enum TrackState {
     /// Not started yet.
     Searching,
-    /// Seen.
+    /// Seen by a camera at least.
     Tracking,
-    /// No particle is more likely than pure background (out of view or masked, say): the motion model alone carries the estimate.
+    /// In no camera's last frame is any particle more likely than pure background (out of view or masked, say): the motion model alone
+    /// carries the estimate.
     Occluded,
     /// Every particle is impossible: there is no estimate.
     Lost,
@@ -75,9 +76,34 @@ pub enum Observed {
     Late,
 }
 
+/// What one camera told of one target so far.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Contribution {
+    /// Frames that were weighed.
+    pub frames: usize,
+    /// Frames that showed the target where the filter, after them, believes it to be: their evidence was above [`SEEN_NATS`].
+    pub seen_frames: usize,
+    /// The evidence of all frames added up: how many nats more likely each frame was, in the mean over the posterior, than pure background.
+    pub evidence_nats: f64,
+}
+
+/// Evidence, in nats, above which a camera's frame counts as showing the target.
+pub const SEEN_NATS: f64 = 1.0;
+
+/// How long a camera's last word on whether a particle is seen holds, in seconds, while other cameras go on without it.
+const WORD_HOLDS_S: f64 = 0.5;
+
+/// A camera's last word on a target.
+#[derive(Debug, Clone, Copy)]
+struct Word {
+    time_s: f64,
+    /// Whether any particle was more likely than pure background.
+    sees: bool,
+}
+
 struct Target {
     shape: Shape,
-    cue: ContourCue,
+    cues: Cues,
     start: Start,
     draws: Draws,
     filter: Filter,
@@ -86,6 +112,9 @@ struct Target {
     /// Where it starts anew with its next frames, and the time in seconds for which that holds.
     handed_over: Option<(GaussianStart, f64)>,
     state: TrackState,
+    /// One a camera.
+    contributions: Vec<Contribution>,
+    words: Vec<Option<Word>>,
 }
 
 /// Tracks targets through cameras.
@@ -118,10 +147,10 @@ impl Tracker {
                 };
                 Ok(Target {
                     shape: settings.shape,
-                    cue: ContourCue::new(
-                        settings.contour,
+                    cues: Cues::new(
+                        &settings.cues,
                         settings.shape,
-                        &settings.colors,
+                        settings.colors.as_ref(),
                         level,
                     )?,
                     filter: Filter::new(settings.filter, &start, draws, level)?,
@@ -130,6 +159,8 @@ impl Tracker {
                     started: false,
                     handed_over: None,
                     state: TrackState::Searching,
+                    contributions: vec![Contribution::default(); views.len()],
+                    words: vec![None; views.len()],
                 })
             })
             .collect::<Result<_, Error>>()?;
@@ -166,7 +197,12 @@ impl Tracker {
         target.started.then_some(&target.filter)
     }
 
-    /// Takes the frames of one instant, each with its camera's number. Fails only on an image whose size is not its camera's; nothing
+    /// What each camera told of a target so far.
+    pub fn contributions(&self, target: usize) -> &[Contribution] {
+        &self.targets[target].contributions
+    }
+
+    /// Takes the frames of one instant, each with its camera's number; without frames, time passes and no more. Fails only on an image whose size is not its camera's; nothing
     /// has changed then.
     pub fn observe(&mut self, frames: &[(usize, Frame)], time_s: f64) -> Result<Observed, Error> {
         let dt_s = self.time_s.map_or(0.0, |before| time_s - before);
@@ -233,7 +269,7 @@ impl Tracker {
         self.prepare(frames)?;
         self.time_s = Some(time_s);
         let located = |(target, start): (&mut Target, &Start)| {
-            let kinematics = target.locate(&self.views, frames, start, passes_sigma_m);
+            let kinematics = target.locate(&self.views, frames, time_s, start, passes_sigma_m);
             Estimate {
                 state: target.state,
                 kinematics,
@@ -246,8 +282,11 @@ impl Tracker {
     /// Makes sure that the frames can be looked up for every target.
     fn prepare(&mut self, frames: &[(usize, Frame)]) -> Result<(), Error> {
         for (camera, frame) in frames {
+            self.views[*camera].check(frame)?;
+        }
+        for (camera, frame) in frames {
             for target in &self.targets {
-                self.views[*camera].prepare(frame, target.cue.palette())?;
+                target.cues.prepare(&mut self.views[*camera], frame);
             }
         }
         Ok(())
@@ -320,7 +359,8 @@ impl Target {
             };
             self.filter.restart(&found);
         }
-        self.weigh(views, frames);
+        self.weigh(views, frames, time_s);
+        self.count_contributions(frames);
     }
 
     /// Looks along the ray of a pixel; nothing where its camera has no frame yet.
@@ -333,7 +373,7 @@ impl Target {
         frames.iter().find(|(camera, _)| *camera == start.camera)?;
         Some(start.search(
             &views[start.camera],
-            &mut self.cue.of(views, frames),
+            &mut self.cues.of(views, frames),
             self.filter.motion().is_planar(),
             self.draws,
             self.filter.observation(),
@@ -341,18 +381,43 @@ impl Target {
     }
 
     /// Weighs the particles by the frames and says what that tells.
-    fn weigh(&mut self, views: &[View], frames: &[(usize, Frame)]) {
-        let Self { filter, cue, .. } = self;
+    fn weigh(&mut self, views: &[View], frames: &[(usize, Frame)], time_s: f64) {
         self.started = true;
-        let update = filter.update(&mut cue.of(views, frames));
-        let background = frames.len() as f64 * cue.settings().background_log_likelihood();
+        let update = self.filter.update(&mut self.cues.of(views, frames));
+        for &(camera, _) in frames {
+            let of_camera = self.cues.log_likelihoods_of(camera);
+            let best = of_camera.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            let background = self.cues.background_log_likelihood(camera);
+            self.words[camera] = Some(Word {
+                time_s,
+                sees: f64::from(best) > background + 1e-3,
+            });
+        }
+        let sees = |word: &Word| word.sees && time_s - word.time_s <= WORD_HOLDS_S;
         self.state = match update {
             Update::AllImpossible => TrackState::Lost,
-            Update::Weighted if f64::from(filter.best_log_likelihood()) <= background + 1e-3 => {
-                TrackState::Occluded
-            }
-            Update::Weighted => TrackState::Tracking,
+            Update::Weighted if self.words.iter().flatten().any(sees) => TrackState::Tracking,
+            Update::Weighted => TrackState::Occluded,
         };
+    }
+
+    /// Adds up what each camera told, once the particles are weighed.
+    fn count_contributions(&mut self, frames: &[(usize, Frame)]) {
+        for &(camera, _) in frames {
+            let of_camera = self.cues.log_likelihoods_of(camera);
+            let background = self.cues.background_log_likelihood(camera);
+            let evidence_nats: f64 = of_camera
+                .iter()
+                .zip(self.filter.weights())
+                // Impossible particles have no weight.
+                .filter(|&(_, &weight)| weight > 0.0)
+                .map(|(&log, weight)| weight * (f64::from(log) - background))
+                .sum();
+            let contribution = &mut self.contributions[camera];
+            contribution.frames += 1;
+            contribution.seen_frames += usize::from(evidence_nats > SEEN_NATS);
+            contribution.evidence_nats += evidence_nats;
+        }
     }
 
     /// Where these frames alone say that it is; nothing where they do not show it.
@@ -360,9 +425,11 @@ impl Target {
         &mut self,
         views: &[View],
         frames: &[(usize, Frame)],
+        time_s: f64,
         start: &Start,
         passes_sigma_m: &[f64],
     ) -> Option<StateEstimate> {
+        self.words.fill(None);
         self.state = TrackState::Searching;
         let mut around_m = match start {
             Start::Gaussian(start) => start.position_m,
@@ -375,7 +442,7 @@ impl Target {
                 covariance_m2: diagonal_m2([sigma_m; 3]),
                 ..GaussianStart::default()
             });
-            self.weigh(views, frames);
+            self.weigh(views, frames, time_s);
             if self.state != TrackState::Tracking {
                 return None;
             }

@@ -1,7 +1,7 @@
 //! All that belongs to one camera over time: model, pose, mask and palette tables. It turns frames into evidence.
 
 use crate::camera::{Camera, Mask};
-use crate::color::{Palette, PixelKind, PixelTable};
+use crate::color::{ColorRanges, MatchTable, Palette, PixelKind, PixelTable};
 use crate::rig::Pose;
 use crate::{Error, Frame};
 
@@ -15,6 +15,7 @@ pub struct View {
     height: usize,
     mask: Option<Mask>,
     tables: Vec<(Palette, PixelKind, PixelTable)>,
+    match_tables: Vec<(ColorRanges, PixelKind, MatchTable)>,
 }
 
 impl View {
@@ -44,6 +45,7 @@ impl View {
             height,
             mask,
             tables: Vec::new(),
+            match_tables: Vec::new(),
         })
     }
 
@@ -72,8 +74,8 @@ impl View {
         self.mask.as_ref()
     }
 
-    /// Makes sure that this frame can be looked up in a palette. Tables are kept from frame to frame.
-    pub fn prepare(&mut self, frame: &Frame, palette: Palette) -> Result<(), Error> {
+    /// Refuses a frame that is not of this camera's size.
+    pub fn check(&self, frame: &Frame) -> Result<(), Error> {
         let found = (frame.width(), frame.height());
         if found != self.size() {
             return Err(Error::SizeMismatch {
@@ -82,7 +84,11 @@ impl View {
                 found,
             });
         }
-        let kind = PixelKind::of(frame);
+        Ok(())
+    }
+
+    /// Makes sure that pixels of this kind can be looked up in a palette. Tables are kept from frame to frame.
+    pub fn prepare(&mut self, kind: PixelKind, palette: Palette) {
         if !self
             .tables
             .iter()
@@ -91,10 +97,21 @@ impl View {
             self.tables
                 .push((palette, kind, PixelTable::new(palette, kind)));
         }
-        Ok(())
     }
 
-    /// A frame of this camera, ready to be looked up in the palettes it was prepared for.
+    /// Makes sure that pixels of this kind can be compared with ranges of colour. Tables are kept from frame to frame.
+    pub fn prepare_ranges(&mut self, kind: PixelKind, ranges: ColorRanges) {
+        if !self
+            .match_tables
+            .iter()
+            .any(|&(r, k, _)| (r, k) == (ranges, kind))
+        {
+            self.match_tables
+                .push((ranges, kind, MatchTable::new(&ranges, kind)));
+        }
+    }
+
+    /// A frame of this camera, ready to be looked up in the palettes and ranges it was prepared for.
     pub fn evidence<'a>(&'a self, frame: &'a Frame) -> Evidence<'a> {
         Evidence {
             view: self,
@@ -133,5 +150,17 @@ impl<'a> Evidence<'a> {
             .iter()
             .find(|&&(p, k, _)| (p, k) == (palette, self.kind));
         &found.expect("View::prepare comes before look-ups").2
+    }
+
+    /// The table of this frame's pixels that lie in ranges that it was prepared for ([`View::prepare_ranges`]).
+    ///
+    /// Panics when it was not.
+    pub fn match_table(&self, ranges: ColorRanges) -> &'a MatchTable {
+        let found = self
+            .view
+            .match_tables
+            .iter()
+            .find(|&&(r, k, _)| (r, k) == (ranges, self.kind));
+        &found.expect("View::prepare_ranges comes before look-ups").2
     }
 }

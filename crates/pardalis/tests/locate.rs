@@ -38,7 +38,7 @@ fn mirror_view(model: &str) -> View {
 fn mirror_tracker(model: &str) -> Tracker {
     let colors = data("colors/orange-ball.catadioptric.hsi.colors.toml");
     let mut target = ball_target(Palette::HSI, 3000);
-    target.colors = ColorModel::from_text(&std::fs::read_to_string(colors).unwrap()).unwrap();
+    target.colors = Some(ColorModel::from_text(&std::fs::read_to_string(colors).unwrap()).unwrap());
     Tracker::new(vec![mirror_view(model)], vec![target], 1, Level::best()).unwrap()
 }
 

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
 use pardalis::config::calibration;
 use pardalis::filter::FilterSettings;
-use pardalis::likelihood::ContourSettings;
+use pardalis::likelihood::{ContourSettings, Cue};
 use pardalis::motion::{ConstantVelocity, Motion};
 use pardalis::resample::Resampling;
 use pardalis::shape::Shape;
@@ -104,8 +104,8 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
             };
             let target = TargetSettings {
                 shape: Shape::Sphere(common::ball()),
-                colors: orange(),
-                contour: ContourSettings::default(),
+                colors: Some(orange()),
+                cues: vec![Cue::Contour(ContourSettings::default()).into()],
                 filter: FilterSettings {
                     particle_count: 3000,
                     motion: Motion::ConstantVelocity(ConstantVelocity::DEFAULT),

@@ -1,10 +1,10 @@
 //! Damaged scenes and colour models: an error with a plausible line, never a panic.
 
 use pardalis::Error;
-use pardalis::color::ColorModel;
+use pardalis::color::{ColorModel, ColorRanges};
 use pardalis::config::{Scene, TargetConfig};
 use pardalis::interchange::Lens;
-use pardalis::likelihood::Sampling;
+use pardalis::likelihood::{Cue, CueSettings, Sampling, WindowSettings};
 use pardalis::rig::CalibratedCamera;
 
 const SCENE: &str = r#"# Everything that a scene may say.
@@ -183,9 +183,9 @@ fn target(settings: &str) -> Result<Scene, Vec<String>> {
 fn robots_have_settings_of_their_own_that_each_scene_may_change() {
     let cylinder = "shape.cylinder = { radius_m = 0.25, height_m = 0.8 }";
     let robot = &target(cylinder).unwrap().targets[0];
-    assert_eq!(robot.contour.points, 120);
-    let Sampling::Scaled(scaled) = robot.contour.sampling else {
-        panic!("{:?}", robot.contour)
+    assert_eq!(robot.contour().unwrap().points, 120);
+    let Sampling::Scaled(scaled) = robot.contour().unwrap().sampling else {
+        panic!("{:?}", robot.contour().unwrap())
     };
     assert_eq!((scaled.inner_scale, scaled.outer_scale), (0.75, 1.25));
     assert_eq!(scaled.overlap, None);
@@ -201,14 +201,111 @@ fn robots_have_settings_of_their_own_that_each_scene_may_change() {
         .unwrap()
         .targets[0];
     assert!(!ball.filter.motion.is_planar());
-    let Sampling::Spline(spline) = ball.contour.sampling else {
-        panic!("{:?}", ball.contour)
+    let Sampling::Spline(spline) = ball.contour().unwrap().sampling else {
+        panic!("{:?}", ball.contour().unwrap())
     };
     assert_eq!(
         (spline.control_points, spline.steps, spline.middle),
         (12, 2, false)
     );
-    assert_eq!(ball.contour.sampling.samples(50), 100);
+    assert_eq!(ball.contour().unwrap().sampling.samples(50), 100);
+}
+
+#[test]
+fn cues_are_those_that_have_a_table_and_look_at_the_cameras_they_name() {
+    let ball = "shape.sphere.radius_m = 0.11\n";
+    let cues = |settings: &str| {
+        target(&format!("{ball}{settings}")).unwrap().targets[0]
+            .cues
+            .clone()
+    };
+    assert!(matches!(
+        cues("")[..],
+        [CueSettings {
+            cue: Cue::Contour(_),
+            cameras: None
+        }]
+    ));
+    let window = &cues("window = {}")[..];
+    assert_eq!(window, [Cue::Window(WindowSettings::default()).into()]);
+    let both = "contour.points = 40\nwindow = { size_px = 7, cameras = [\"a\"] }";
+    let [contour, window] = &cues(both)[..] else {
+        panic!("{both}")
+    };
+    assert!(matches!(contour.cue, Cue::Contour(contour) if contour.points == 40));
+    assert_eq!(contour.cameras, None);
+    assert_eq!(window.cue, Cue::Window(WindowSettings::of_size(7)));
+    assert_eq!(window.cameras, Some(vec![0]));
+    let ranges = &cues("window = { hue_deg = [330, 15], saturation = [0.3, 1], floor = 0.1 }")[0];
+    let Cue::Window(settings) = ranges.cue else {
+        panic!("{ranges:?}")
+    };
+    assert_eq!((settings.floor, settings.outside), (0.1, 0.04));
+    assert_eq!(settings.ranges.unwrap().hue_deg, [330.0, 15.0]);
+    assert_eq!(settings.ranges.unwrap().intensity, ColorRanges::INTENSITY);
+}
+
+#[test]
+fn cues_and_walks_that_cannot_be_are_refused_by_their_keys() {
+    for (settings, key, word) in [
+        ("window.size_px = 4", "targets.t.window", "odd"),
+        ("window.floor = 0", "targets.t.window", "above 0"),
+        (
+            "window.hue_deg = [10, 20]",
+            "targets.t.window.saturation",
+            "together",
+        ),
+        (
+            "window = { hue_deg = [10, 400], saturation = [0, 1] }",
+            "targets.t.window",
+            "360",
+        ),
+        (
+            "window.intensity = [0.1, 0.5]",
+            "targets.t.window.intensity",
+            "hue_deg",
+        ),
+        (
+            "window.cameras = [\"b\"]",
+            "targets.t.window.cameras",
+            "allowed: a",
+        ),
+        ("window.cameras = []", "targets.t.window.cameras", "empty"),
+        ("window.cameras = 3", "targets.t.window.cameras", "list"),
+        ("window.hue = [1, 2]", "targets.t.window.hue", "size_px"),
+        (
+            "motion.random_walk = { sigma_m = 1, density_m2ps = 2 }",
+            "random_walk.density_m2ps",
+            "keep one",
+        ),
+        (
+            "motion.random_walk.sigma_m = -1",
+            "random_walk.sigma_m",
+            "0 to 1e9",
+        ),
+    ] {
+        let problems = target(&format!("shape.sphere.radius_m = 0.11\n{settings}")).unwrap_err();
+        let found = problems.iter().any(|p| p.contains(key) && p.contains(word));
+        assert!(found, "{settings}: {problems:?}");
+    }
+    // A window that knows its colours needs no file, whatever else does.
+    let bare = |settings: &str| {
+        let text = "[cameras.a]\nimages = \"a\"\nfps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
+             model.pinhole = { f_px = [300, 300], center_px = [160, 120] }\n\
+             [targets.t]\nshape.sphere.radius_m = 0.1\nstart.gaussian.position_m = [1, 2, 0]\n";
+        Scene::parse(&format!("{text}{settings}"), &no_calibration)
+    };
+    let known = "window = { hue_deg = [330, 15], saturation = [0.3, 1] }";
+    assert!(bare(known).unwrap().targets[0].colors.is_none());
+    for unknown in ["", "window = {}"] {
+        let problems = bare(unknown).unwrap_err();
+        assert!(
+            problems[0]
+                .to_string()
+                .contains("targets.t.colors: is missing"),
+            "{problems:?}"
+        );
+    }
 }
 
 #[test]
@@ -301,7 +398,7 @@ fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
     assert_eq!(ball.filter.particle_count, 77);
     assert_eq!(ball.filter.resampling, plain_ball.filter.resampling);
     assert_ne!(ball.start.value, plain_ball.start.value);
-    assert_eq!(target_of(&scene, "other").contour.points, 30);
+    assert_eq!(target_of(&scene, "other").contour().unwrap().points, 30);
     assert_eq!(scene.cameras, plain.cameras);
 
     let wrong: toml::Table = r#"

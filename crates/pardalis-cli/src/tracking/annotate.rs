@@ -98,7 +98,10 @@ impl Annotator {
             };
             marks.extend(cloud(instant, number, view));
             let target = &self.targets[number];
-            let scales = target.contour.sampling.shown_scales();
+            // The window cue knows nothing of outlines: the target's own is shown.
+            let scales = target
+                .contour()
+                .map_or_else(|| vec![1.0], |contour| contour.sampling.shown_scales());
             let hypotheses = [
                 (kinematics.position_m, [0; 3]),
                 (kinematics.best_position_m, [255; 3]),

@@ -3,9 +3,11 @@
 mod histogram;
 mod model;
 mod palette;
+mod ranges;
 mod space;
 
 pub use histogram::Histogram;
 pub use model::{ColorLearner, ColorModel, Separation};
 pub use palette::{MAX_BINS, MAX_CHANNEL_BINS, Palette, PixelKind, PixelTable};
+pub use ranges::{ColorRanges, MatchTable};
 pub use space::{YuvEncoding, YuvMatrix, YuvRange, hsi_from_rgb};

@@ -6,13 +6,15 @@ use serde::Deserialize;
 
 use super::histogram::Histogram;
 use super::palette::{Palette, PixelKind, PixelTable};
+use super::ranges::{ColorRanges, RangeLearner};
 use crate::{Error, Frame};
 
-/// What a target looks like: the histogram of its pixels in one palette.
+/// What a target looks like: the histogram of its pixels in one palette, and the ranges that hold them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorModel {
     palette: Palette,
     histogram: Histogram,
+    ranges: Option<ColorRanges>,
     pixel_count: u64,
     image_count: u64,
 }
@@ -30,6 +32,8 @@ struct ColorModelText {
     image_count: u64,
     /// Channel indices of a bin and the number of the target's pixels in it.
     bins: Vec<toml::Spanned<[u64; 4]>>,
+    /// Older files have none.
+    ranges: Option<ColorRanges>,
 }
 
 impl ColorModel {
@@ -41,6 +45,12 @@ impl ColorModel {
     /// Shares of the target's pixels.
     pub fn histogram(&self) -> &Histogram {
         &self.histogram
+    }
+
+    /// The narrowest ranges of hue, saturation and intensity, each of which holds all but a fiftieth of the target's pixels; nothing in older files
+    /// and for targets without colour.
+    pub fn ranges(&self) -> Option<ColorRanges> {
+        self.ranges
     }
 
     /// How many pixels it was learnt from.
@@ -71,6 +81,15 @@ impl ColorModel {
             let _ = writeln!(text, "    [{a}, {b}, {c}, {count}],");
         }
         text.push_str("]\n\n");
+        if let Some(ranges) = self.ranges {
+            let [hue, saturation, intensity] =
+                [ranges.hue_deg, ranges.saturation, ranges.intensity];
+            let _ = writeln!(
+                text,
+                "# what the window cue counts; hue runs from the first to the second number, through 0 where the second is less\n\
+                 [ranges]\nhue_deg = {hue:?}\nsaturation = {saturation:?}\nintensity = {intensity:?}\n"
+            );
+        }
         let bins = self.palette.channel_bins();
         let _ = match self.palette {
             Palette::Hsi { .. } => writeln!(
@@ -147,6 +166,11 @@ impl ColorModel {
             );
             return Err(at(line_with("pixel_count"), message));
         }
+        if let Some(ranges) = &parsed.ranges {
+            ranges
+                .check()
+                .map_err(|e| at(line_with("[ranges]"), e.to_string()))?;
+        }
         let histogram = Histogram::from_counts(&counts).ok_or_else(|| {
             at(
                 line_with("bins"),
@@ -156,6 +180,7 @@ impl ColorModel {
         Ok(Self {
             palette: parsed.palette,
             histogram,
+            ranges: parsed.ranges,
             pixel_count: parsed.pixel_count,
             image_count: parsed.image_count,
         })
@@ -174,6 +199,7 @@ pub struct ColorLearner {
     table: Option<(PixelKind, PixelTable)>,
     object_counts: Vec<u64>,
     background_counts: Vec<u64>,
+    ranges: RangeLearner,
     image_count: u64,
 }
 
@@ -187,6 +213,7 @@ impl ColorLearner {
             table: None,
             object_counts: vec![0; bins],
             background_counts: vec![0; bins],
+            ranges: RangeLearner::new(),
             image_count: 0,
         })
     }
@@ -224,6 +251,10 @@ impl ColorLearner {
             };
             counts[usize::from(bin)] += 1;
         }
+        for (index, &object) in is_object.iter().enumerate() {
+            let (x, y) = (index % frame.width(), index / frame.width());
+            self.ranges.add(frame.rgb(x, y), object);
+        }
         self.image_count += 1;
         Ok(())
     }
@@ -243,9 +274,15 @@ impl ColorLearner {
         Ok(ColorModel {
             palette: self.palette,
             histogram,
+            ranges: self.ranges.ranges(),
             pixel_count: self.object_counts.iter().sum(),
             image_count: self.image_count,
         })
+    }
+
+    /// The share of the target's pixels and of the rest that lie in ranges.
+    pub fn shares_within(&self, ranges: &ColorRanges) -> [f64; 2] {
+        self.ranges.shares(ranges)
     }
 
     /// How well the bins tell the target's pixels from the rest.
@@ -374,8 +411,10 @@ mod tests {
         let text = learner.learn().unwrap().to_text();
         for (from, to, line, word) in [
             ("color model 1", "color model 9", 2, "format"),
-            ("hue_bins = 12", "hue_bins = 0", 11, "hue"),
-            ("hue_bins = 12", "hue_bins = 12\nhues = 3", 13, "hues"),
+            ("hue_bins = 12", "hue_bins = 0", 17, "hue"),
+            ("hue_bins = 12", "hue_bins = 12\nhues = 3", 19, "hues"),
+            ("hue_deg = [", "hue_deg = [-", 12, "hue_deg"),
+            ("saturation = [", "saturation = 0 # [", 13, "array"),
             ("pixel_count = 5", "pixel_count = 6", 3, "pixel_count"),
             (", 5],", ", 5],\n    [1, 200, 3, 5],", 9, "does not exist"),
             (", 5],", ", -5],", 8, "-5"),

@@ -1,8 +1,12 @@
-//! What a target looks like: its shape, and how its outline is compared with the image.
+//! What a target looks like: its shape, and the cues that compare it with the images.
 
 use super::reader::Table;
 use super::target::kind_of;
-use crate::likelihood::{ContourSettings, Overlap, Sampling, ScaledSampling, SplineSampling};
+use crate::color::ColorRanges;
+use crate::likelihood::{
+    ContourSettings, Cue, CueSettings, Overlap, Sampling, ScaledSampling, SplineSampling,
+    WindowSettings,
+};
 use crate::shape::{Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
 
 pub(super) fn read_shape(table: &Table) -> Option<Shape> {
@@ -52,12 +56,117 @@ fn read_upright(body: &Table, section: Option<Section>) -> Option<Shape> {
         .map(Shape::Upright)
 }
 
-/// The defaults are those of the shape; where it could not be read, those of a ball.
-pub(super) fn read_contour(table: &Table, shape: Option<&Shape>) -> Option<ContourSettings> {
+/// The cues of a target: each that has a table, the contour cue where none has.
+pub(super) fn read_cues(
+    table: &Table,
+    shape: Option<&Shape>,
+    cameras: &[String],
+) -> Option<Vec<CueSettings>> {
+    let contour = table.table("contour");
+    let window = table.table("window");
     let default = shape.map_or_else(ContourSettings::default, ContourSettings::of_shape);
-    let Some(contour) = table.table("contour") else {
-        return Some(default);
+    if !table.has("contour") && !table.has("window") {
+        return Some(vec![Cue::Contour(default).into()]);
+    }
+    let mut cues = Vec::new();
+    let mut fine = true;
+    for (cue, table) in [
+        contour.map(|table| (read_contour(&table, default).map(Cue::Contour), table)),
+        window.map(|table| (read_window(&table).map(Cue::Window), table)),
+    ]
+    .into_iter()
+    .flatten()
+    {
+        let cameras = read_cameras(&table, cameras);
+        table.finish();
+        match (cue, cameras) {
+            (Some(cue), Ok(cameras)) => cues.push(CueSettings { cue, cameras }),
+            _ => fine = false,
+        }
+    }
+    let looked_at = |camera: usize| {
+        let looks = |cue: &CueSettings| cue.cameras.as_ref().is_none_or(|c| c.contains(&camera));
+        cues.iter().any(looks)
     };
+    for (camera, name) in cameras.iter().enumerate() {
+        if fine && !looked_at(camera) {
+            table.problem_here(format!(
+                "no cue looks at camera \"{name}\"; name it in contour.cameras or window.cameras"
+            ));
+            fine = false;
+        }
+    }
+    (fine && !cues.is_empty()).then_some(cues)
+}
+
+/// The numbers of the cameras that a cue names; none where it names none, and an error, which the journal says, where it names wrong ones.
+fn read_cameras(cue: &Table, cameras: &[String]) -> Result<Option<Vec<usize>>, ()> {
+    let names = cue.optional::<Vec<String>>("cameras");
+    let Some(names) = names else {
+        return if cue.has("cameras") {
+            Err(())
+        } else {
+            Ok(None)
+        };
+    };
+    if names.is_empty() {
+        cue.problem(
+            "cameras",
+            "is empty; leave it out for all cameras, or leave out the cue",
+        );
+        return Err(());
+    }
+    let number = |name: &String| {
+        let found = cameras.iter().position(|camera| camera == name);
+        found.ok_or_else(|| {
+            let allowed = cameras.join(", ");
+            cue.problem("cameras", format!("names \"{name}\"; allowed: {allowed}"));
+        })
+    };
+    names
+        .iter()
+        .map(number)
+        .collect::<Result<_, ()>>()
+        .map(Some)
+}
+
+fn read_window(window: &Table) -> Option<WindowSettings> {
+    let size_px = window.or("size_px", WindowSettings::default().size_px);
+    let default = WindowSettings::of_size(size_px);
+    let floor = window.or("floor", default.floor);
+    let outside = window.or("outside", default.outside);
+    let hue_deg = window.optional("hue_deg");
+    let saturation = window.optional("saturation");
+    let ranges = if window.has("hue_deg") || window.has("saturation") {
+        let intensity = window.or("intensity", ColorRanges::INTENSITY);
+        for key in ["hue_deg", "saturation"] {
+            if !window.has(key) {
+                window.problem(key, "is missing; hue_deg and saturation go together");
+            }
+        }
+        Some(ColorRanges {
+            hue_deg: hue_deg?,
+            saturation: saturation?,
+            intensity,
+        })
+    } else {
+        if window.knows("intensity") {
+            let message = "stands without hue_deg and saturation; give these too, or leave it out: all are learnt with the colour model";
+            window.problem("intensity", message);
+        }
+        None
+    };
+    let settings = WindowSettings {
+        size_px,
+        floor,
+        outside,
+        ranges,
+    };
+    window.checked(settings.check().map(|()| settings))
+}
+
+/// The defaults are those of the shape.
+fn read_contour(contour: &Table, default: ContourSettings) -> Option<ContourSettings> {
     let points = contour.or("points", default.points);
     let sampling = if contour.has("spline") {
         for key in ["inner_scale", "outer_scale", "overlap"] {
@@ -72,11 +181,11 @@ pub(super) fn read_contour(table: &Table, shape: Option<&Shape>) -> Option<Conto
             .table("spline")
             .and_then(|spline| read_spline(spline, points))
     } else {
-        Some(read_scaled(&contour, &default.sampling))
+        Some(read_scaled(contour, &default.sampling))
     };
     let kappa = contour.or("kappa", default.kappa);
     let b = contour.or("b", default.b);
-    let checked = sampling.and_then(|sampling| {
+    sampling.and_then(|sampling| {
         let settings = ContourSettings {
             points,
             sampling,
@@ -84,9 +193,7 @@ pub(super) fn read_contour(table: &Table, shape: Option<&Shape>) -> Option<Conto
             b,
         };
         contour.checked(settings.check().map(|()| settings))
-    });
-    contour.finish();
-    checked
+    })
 }
 
 fn read_scaled(contour: &Table, default: &Sampling) -> Sampling {

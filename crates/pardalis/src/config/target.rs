@@ -1,11 +1,11 @@
 //! The targets of a scene.
 
-use super::appearance::{read_contour, read_shape};
+use super::appearance::{read_cues, read_shape};
 use super::reader::{Located, Table};
 use super::start::{StartConfig, read_start};
 use crate::filter::{FilterSettings, MAX_PARTICLES};
-use crate::likelihood::ContourSettings;
-use crate::motion::{ConstantVelocity, Disturbance, Motion};
+use crate::likelihood::{ContourSettings, Cue, CueSettings};
+use crate::motion::{ConstantVelocity, Disturbance, Motion, RandomWalk, Stray};
 use crate::resample::Resampling;
 use crate::shape::Shape;
 
@@ -16,10 +16,10 @@ pub struct TargetConfig {
     pub name: String,
     /// Its shape.
     pub shape: Shape,
-    /// The file with its colours.
-    pub colors: Located<String>,
-    /// How its contour is compared with the image.
-    pub contour: ContourSettings,
+    /// The file with its colours; none where every cue knows its own.
+    pub colors: Option<Located<String>>,
+    /// How it is compared with the images, with the place of its table.
+    pub cues: Vec<CueSettings>,
     /// Its filter.
     pub filter: FilterSettings,
     /// Where its particles start, with the place of the position, pixel or file.
@@ -30,20 +30,34 @@ impl TargetConfig {
     /// Reads one target; `None` when something needed is missing or faulty, which the journal then says.
     pub(super) fn read(name: String, table: Table, cameras: &[String]) -> Option<Self> {
         let shape = read_shape(&table);
-        let colors = table
-            .required("colors")
-            .map(|file| table.at("colors", file));
-        let contour = read_contour(&table, shape.as_ref());
+        let cues = read_cues(&table, shape.as_ref(), cameras);
+        let colors = table.located("colors");
+        let know_their_colors =
+            |cues: &Vec<CueSettings>| cues.iter().all(|cue| cue.cue.knows_its_colors());
+        if !table.has("colors") && !cues.as_ref().is_some_and(know_their_colors) {
+            let message = "is missing; give a colour model, made by `pardalis learn`, or, for the window cue alone, window.hue_deg and window.saturation";
+            table.problem("colors", message);
+        }
         let filter = read_filter(&table, shape.as_ref());
         let start = read_start(&table, &name, cameras);
         table.finish();
         Some(Self {
             name,
             shape: shape?,
-            colors: colors?,
-            contour: contour?,
+            colors,
+            cues: cues?,
             filter: filter?,
             start: start?,
+        })
+    }
+}
+
+impl TargetConfig {
+    /// Its contour cue, where it has one.
+    pub fn contour(&self) -> Option<&ContourSettings> {
+        self.cues.iter().find_map(|cue| match &cue.cue {
+            Cue::Contour(contour) => Some(contour),
+            Cue::Window(_) => None,
         })
     }
 }
@@ -120,8 +134,26 @@ fn read_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
             _ => DEFAULT_FILTER.motion,
         });
     }
-    let kinds = ["constant_velocity", "planar_constant_velocity"];
+    let kinds = [
+        "constant_velocity",
+        "planar_constant_velocity",
+        "random_walk",
+        "planar_random_walk",
+    ];
     let (kind, motion) = kind_of(table, "motion", &kinds)?;
+    let is_planar = kind.starts_with("planar_");
+    let model = if kind.ends_with("constant_velocity") {
+        read_constant_velocity(&motion)
+            .map(|model| Motion::ConstantVelocity(if is_planar { model.in_plane() } else { model }))
+    } else {
+        read_random_walk(&motion)
+            .map(|model| Motion::RandomWalk(if is_planar { model.in_plane() } else { model }))
+    };
+    motion.finish();
+    model
+}
+
+fn read_constant_velocity(motion: &Table) -> Option<ConstantVelocity> {
     let sigma = motion.optional("acceleration_sigma_mps2");
     let density = motion.optional("acceleration_density_m2ps3");
     let disturbance = match (sigma, density) {
@@ -137,20 +169,23 @@ fn read_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
                 "acceleration_density_m2ps3",
                 "stands beside acceleration_sigma_mps2; keep one of them",
             );
-            motion.finish();
             return None;
         }
     };
-    let model = motion
-        .checked(ConstantVelocity::new(disturbance))
-        .map(|model| {
-            if kind == kinds[1] {
-                model.in_plane()
-            } else {
-                model
-            }
-        })
-        .map(Motion::ConstantVelocity);
-    motion.finish();
-    model
+    motion.checked(ConstantVelocity::new(disturbance))
+}
+
+fn read_random_walk(motion: &Table) -> Option<RandomWalk> {
+    let sigma = motion.optional("sigma_m");
+    let density = motion.optional("density_m2ps");
+    let stray = match (sigma, density) {
+        (Some(sigma_m), None) => Stray::PerStep { sigma_m },
+        (None, Some(density_m2ps)) => Stray::Diffusion { density_m2ps },
+        (None, None) => return Some(RandomWalk::PUBLISHED),
+        (Some(_), Some(_)) => {
+            motion.problem("density_m2ps", "stands beside sigma_m; keep one of them");
+            return None;
+        }
+    };
+    motion.checked(RandomWalk::new(stray))
 }

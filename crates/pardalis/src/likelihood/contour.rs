@@ -3,18 +3,16 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Likelihood;
 use super::boundary::{Sampling, ScaledSampling, SplineBasis, normals_by_neighbours};
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
 use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster, overlaps};
+use crate::Error;
 use crate::camera::{LANES, Mask};
 use crate::color::{ColorModel, Palette};
 use crate::frame::with_pixels;
-use crate::particles::Particles;
 use crate::shape::Shape;
 use crate::simd::Level;
 use crate::view::{Evidence, View};
-use crate::{Error, Frame};
 
 /// Parameters of the contour cue.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -103,7 +101,7 @@ const LOOK_UPS_A_PIXEL: usize = 1;
 
 /// The contour cue of one target, with the buffers that its kernels need.
 #[derive(Debug)]
-pub struct ContourCue {
+pub(super) struct ContourCue {
     settings: ContourSettings,
     /// Points on either side of the outline.
     samples: usize,
@@ -142,7 +140,7 @@ struct Scratch {
 
 impl ContourCue {
     /// The cue of a target of this shape and these colours.
-    pub fn new(
+    pub(super) fn new(
         settings: ContourSettings,
         shape: Shape,
         colors: &ColorModel,
@@ -175,51 +173,22 @@ impl ContourCue {
     }
 
     /// The settings.
-    pub fn settings(&self) -> &ContourSettings {
+    pub(super) fn settings(&self) -> &ContourSettings {
         &self.settings
     }
 
     /// The palette that evidence must be made with.
-    pub fn palette(&self) -> Palette {
+    pub(super) fn palette(&self) -> Palette {
         self.palette
     }
 
-    /// This cue's likelihood of the frames of one instant, each with its camera's number: the product over the cameras. The views
-    /// are prepared for the frames and this cue's palette.
-    pub fn of<'a>(
-        &'a mut self,
-        views: &'a [View],
-        frames: &'a [(usize, Frame)],
-    ) -> ContourLikelihood<'a> {
-        ContourLikelihood {
-            cue: self,
-            views,
-            frames,
-        }
-    }
-}
-
-/// The contour cue, looking at the frames of one instant.
-#[derive(Debug)]
-pub struct ContourLikelihood<'a> {
-    cue: &'a mut ContourCue,
-    views: &'a [View],
-    frames: &'a [(usize, Frame)],
-}
-
-impl Likelihood for ContourLikelihood<'_> {
-    fn log_likelihoods(&mut self, particles: &Particles, out: &mut [f32]) {
-        out.fill(0.0);
-        for (camera, frame) in self.frames {
-            let evidence = self.views[*camera].evidence(frame);
-            self.cue.add_camera(&evidence, particles.positions_m(), out);
-        }
-    }
-}
-
-impl ContourCue {
     /// Adds what one camera says of each particle.
-    fn add_camera(&mut self, evidence: &Evidence, [x, y, z]: [&[f32]; 3], out: &mut [f32]) {
+    pub(super) fn add_camera(
+        &mut self,
+        evidence: &Evidence,
+        [x, y, z]: [&[f32]; 3],
+        out: &mut [f32],
+    ) {
         let chunks = out.len().div_ceil(CHUNK);
         if self.scratch.len() < chunks {
             let (no_coordinates, points) = ([[0.0; LANES]; 2], self.settings.points);

@@ -2,11 +2,15 @@
 
 mod boundary;
 mod contour;
+mod cues;
 mod outline;
 mod raster;
+mod window;
 
 pub use boundary::{Overlap, Sampling, ScaledSampling, SplineSampling};
-pub use contour::{ContourCue, ContourSettings};
+pub use contour::ContourSettings;
+pub use cues::{Cue, CueSettings, Cues, CuesLikelihood};
+pub use window::{WindowCounting, WindowSettings};
 
 use crate::particles::Particles;
 

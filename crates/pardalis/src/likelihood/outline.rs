@@ -36,6 +36,29 @@ impl<'a> Projector<'a> {
         }
     }
 
+    /// The image coordinates of a block of places in the world.
+    pub(super) fn project(&self, level: Level, positions: &[[f32; LANES]; 3]) -> Coordinates {
+        let mut coordinates = [[f32::NAN; LANES]; 2];
+        with_model!(self.view.camera(), model => {
+            let model = model.to_f32();
+            level.run(
+                #[inline(always)]
+                || {
+                    let mut block = [[0.0; LANES]; 3];
+                    for lane in 0..LANES {
+                        let [x, y, z] =
+                            self.in_camera([positions[0][lane], positions[1][lane], positions[2][lane]]);
+                        block[0][lane] = x;
+                        block[1][lane] = y;
+                        block[2][lane] = z;
+                    }
+                    coordinates = project_block(&model, &block);
+                },
+            );
+        });
+        coordinates
+    }
+
     #[inline(always)]
     fn in_camera(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         let along = |i: usize| {

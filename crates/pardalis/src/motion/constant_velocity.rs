@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::CHUNK;
 use crate::Error;
 use crate::particles::Particles;
 use crate::rng::{Draws, Stage};
@@ -29,9 +30,6 @@ pub struct ConstantVelocity {
     /// Whether the target stays at the height of its start and has no vertical velocity.
     planar: bool,
 }
-
-/// Particles a piece of work for one thread.
-const CHUNK: usize = 1024;
 
 impl ConstantVelocity {
     /// Ours: white noise strong enough for a ball that is thrown and bounces.

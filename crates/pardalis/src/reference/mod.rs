@@ -9,8 +9,8 @@ mod outline;
 pub use outline::{boundary, boundary_along_normals, boundary_of_scales, outline_points};
 
 use crate::Frame;
-use crate::color::{ColorModel, Histogram, Palette, PixelKind};
-use crate::likelihood::ContourSettings;
+use crate::color::{ColorModel, ColorRanges, Histogram, Palette, PixelKind};
+use crate::likelihood::{ContourSettings, WindowSettings};
 use crate::shape::Shape;
 use crate::view::View;
 
@@ -90,6 +90,49 @@ pub fn contour_log_likelihood(
         -distance.abs() / settings.b
     };
     frames.iter().map(of_camera).sum()
+}
+
+/// Whether three raw bytes lie in ranges of colour. Bytes are told apart in steps of four, each step standing for its middle, as tables do.
+pub fn matches(ranges: &ColorRanges, kind: PixelKind, bytes: [u8; 3]) -> bool {
+    let middles = bytes.map(|byte| f64::from(byte / 4 * 4) + 1.5);
+    ranges.contain_rgb(match kind {
+        PixelKind::Rgb => middles,
+        PixelKind::Yuv(encoding) => encoding.rgb_from_yuv(middles),
+    })
+}
+
+/// The window cue's log-likelihood of a target at this position in the world: the product over the frames of one instant, each with its
+/// camera's number (Barrera 2005, eqs. 5 to 7).
+pub fn window_log_likelihood(
+    settings: &WindowSettings,
+    ranges: &ColorRanges,
+    views: &[View],
+    frames: &[(usize, Frame)],
+    position_m: [f64; 3],
+) -> f64 {
+    let of_camera = |(camera, frame): &(usize, Frame)| {
+        let view = &views[*camera];
+        let in_camera = view.camera_from_world() * nalgebra::Point3::from(position_m);
+        let projected = view
+            .camera()
+            .project([in_camera.x, in_camera.y, in_camera.z]);
+        let Some([x, y]) = projected.and_then(|pixel| open_pixel(view, pixel)) else {
+            return settings.outside;
+        };
+        let half = settings.size_px as i64 / 2;
+        let mut matching = 0;
+        for dy in -half..=half {
+            for dx in -half..=half {
+                let pixel = [x as f64 + dx as f64, y as f64 + dy as f64];
+                matching += open_pixel(view, pixel).is_some_and(|[x, y]| {
+                    matches(ranges, PixelKind::of(frame), frame.components(x, y))
+                }) as u32;
+            }
+        }
+        let share = f64::from(matching) / (settings.size_px * settings.size_px) as f64;
+        share.max(settings.floor)
+    };
+    frames.iter().map(|frame| libm::log(of_camera(frame))).sum()
 }
 
 /// What a filter knows after an update.

@@ -73,6 +73,7 @@ mod tests {
             position_m: [0.0; 3],
             velocity_mps: true_mps,
             visible_fraction: None,
+            seeing_cameras: None,
         };
         (estimate, truth)
     }

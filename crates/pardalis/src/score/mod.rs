@@ -30,6 +30,8 @@ pub struct TrueState {
     pub velocity_mps: Option<[f64; 3]>,
     /// The share of the object that the camera with the best view sees, 0 to 1, where it is known.
     pub visible_fraction: Option<f64>,
+    /// How many cameras see more than half of the object, where it is known.
+    pub seeing_cameras: Option<usize>,
 }
 
 /// One frame of the truth, with what the track says of it.

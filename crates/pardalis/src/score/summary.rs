@@ -296,6 +296,7 @@ mod tests {
                 position_m: true_m,
                 velocity_mps: None,
                 visible_fraction: Some(1.0),
+                seeing_cameras: None,
             },
         }
     }

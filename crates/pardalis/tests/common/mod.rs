@@ -8,7 +8,7 @@ use pardalis::camera::{Camera, Equidistant};
 use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
 use pardalis::filter::FilterSettings;
 use pardalis::gaussian::{GaussianStart, diagonal_m2};
-use pardalis::likelihood::ContourSettings;
+use pardalis::likelihood::{ContourSettings, Cue};
 use pardalis::motion::{ConstantVelocity, Disturbance, Motion};
 use pardalis::resample::Resampling;
 use pardalis::rig::{Pose, pose_from_matrix};
@@ -170,8 +170,8 @@ pub(crate) fn ball_start() -> GaussianStart {
 pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> TargetSettings {
     TargetSettings {
         shape: Shape::Sphere(ball()),
-        colors: ball_colors(palette),
-        contour: ContourSettings::default(),
+        colors: Some(ball_colors(palette)),
+        cues: vec![Cue::Contour(ContourSettings::default()).into()],
         filter: ball_filter(particle_count),
         start: Start::Gaussian(ball_start()),
     }

@@ -1,5 +1,6 @@
 //! `pardalis evaluate`: tracks against truth.
 
+mod between;
 mod frames;
 mod pairing;
 mod report;
@@ -57,6 +58,13 @@ pub(crate) struct Options {
     /// Scores only the frames up to this time
     #[arg(long = "to", value_name = "SECONDS", value_parser = finite, allow_hyphen_values = true)]
     pub(crate) to_s: Option<f64>,
+    /// Scores only the frames in which so many cameras see more than half of the object
+    #[arg(long, value_name = "CAMERAS")]
+    pub(crate) seen_by: Option<usize>,
+    /// Scores every row of the tracks, also between the times of the truth, which is interpolated there (with velocities: by a cubic
+    /// that has them)
+    #[arg(long)]
+    pub(crate) interpolate: bool,
 }
 
 impl Default for Options {
@@ -68,6 +76,8 @@ impl Default for Options {
             lost_beyond_m: Settings::LOST_BEYOND_M,
             from_s: None,
             to_s: None,
+            seen_by: None,
+            interpolate: false,
         }
     }
 }
@@ -97,7 +107,10 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     let tracks_path = file_in(tracks, "tracks.csv");
     let truth_path = file_in(truth, "truth.csv");
     let tracks = tables::read_tracks(&tracks_path)?;
-    let objects = tables::read_truth(&truth_path)?;
+    let mut objects = tables::read_truth(&truth_path)?;
+    if options.interpolate {
+        objects = between::at_times_of(&tracks, &objects);
+    }
     let around = around(options, &tracks_path)?;
     let settings = Settings {
         around_m: around.position_m,
@@ -142,21 +155,13 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         score::identities(&of_tracks, &of_objects, options.lost_beyond_m)
     });
     let targets = pairs.iter().map(|pair| {
-        let rows = track_rows[pair.target]
-            .iter()
-            .zip(&object_rows[pair.object]);
-        let samples: Vec<Sample> = rows
-            .clone()
-            .skip(window.start)
-            .take(window.len())
-            .filter_map(|(row, truth)| {
-                Some(Sample {
-                    estimate: row.copied().flatten(),
-                    truth: *(*truth)?,
-                })
-            })
-            .collect();
-        let with_truth = rows.filter(|(r, t)| r.is_some() && t.is_some()).count();
+        let rows = || {
+            track_rows[pair.target]
+                .iter()
+                .zip(&object_rows[pair.object])
+        };
+        let with_truth = rows().filter(|(r, t)| r.is_some() && t.is_some()).count();
+        let samples = samples(rows().skip(window.start).take(window.len()), options);
         let track = &tracks[pair.target];
         let others: Vec<_> = (0..objects.len())
             .filter(|&o| o != pair.object && !objects[o].name.starts_with(pairing::OCCLUDER))
@@ -190,12 +195,32 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         lost_beyond_m: options.lost_beyond_m,
         from_s: options.from_s,
         to_s: options.to_s,
+        seen_by: options.seen_by,
         time_tolerance_s: frames.tolerance_s,
         targets,
         identities,
         targets_without_object: without(names(&tracks), pairs.iter().map(|p| p.target).collect()),
         objects_without_target: without(names(&objects), pairs.iter().map(|p| p.object).collect()),
     })
+}
+
+/// The frames that are scored, of rows of a track and of the truth.
+fn samples<'a>(
+    rows: impl Iterator<Item = (Option<&'a Option<EstimatedState>>, Option<&'a TrueState>)>,
+    options: &Options,
+) -> Vec<Sample> {
+    let seen_by_so_many = |sample: &Sample| {
+        let cameras = options.seen_by;
+        cameras.is_none_or(|cameras| sample.truth.seeing_cameras == Some(cameras))
+    };
+    rows.filter_map(|(row, truth)| {
+        Some(Sample {
+            estimate: row.copied().flatten(),
+            truth: *truth?,
+        })
+    })
+    .filter(seen_by_so_many)
+    .collect()
 }
 
 /// Where distance, elevation and azimuth are taken from.

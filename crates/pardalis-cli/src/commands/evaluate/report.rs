@@ -26,6 +26,8 @@ pub(crate) struct Report {
     pub(crate) from_s: Option<f64>,
     /// Only frames up to this time are scored, in seconds.
     pub(crate) to_s: Option<f64>,
+    /// Only frames in which so many cameras see the object are scored.
+    pub(crate) seen_by: Option<usize>,
     /// A row may be this far from the time of the truth that it is scored against.
     pub(crate) time_tolerance_s: f64,
     /// In the order of the tracks.

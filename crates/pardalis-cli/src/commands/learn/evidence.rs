@@ -1,7 +1,7 @@
 //! What labelled images say of a target's colours, together and each by itself.
 
 use anyhow::Result;
-use pardalis::color::{ColorLearner, ColorModel, Palette, Separation};
+use pardalis::color::{ColorLearner, ColorModel, ColorRanges, Palette, Separation};
 
 use super::inputs::LabelledFile;
 
@@ -77,6 +77,11 @@ impl Evidence {
     /// The model of the labelled pixels.
     pub(super) fn model(&self) -> Result<ColorModel> {
         Ok(self.learner.learn()?)
+    }
+
+    /// The share of the target's pixels and of the others that lie in ranges.
+    pub(super) fn shares_within(&self, ranges: &ColorRanges) -> [f64; 2] {
+        self.learner.shares_within(ranges)
     }
 
     /// The target's pixels and the others in each bin.

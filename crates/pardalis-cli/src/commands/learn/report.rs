@@ -44,6 +44,7 @@ impl fmt::Display for Report<'_> {
                  Label images that show its surroundings too."
             )?;
         }
+        self.write_ranges(f)?;
         self.write_images(f)?;
         writeln!(f, "\nWritten:")?;
         for path in self.written {
@@ -175,6 +176,25 @@ impl Report<'_> {
             f,
             "What helps: labels that keep inside the target; finer --bins or another --palette; a target in a colour \
              that its surroundings lack."
+        )
+    }
+
+    fn write_ranges(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(ranges) = self.model.ranges() else {
+            return writeln!(
+                f,
+                "\nThe target has no colour: no range of hue tells it, and the window cue cannot follow it."
+            );
+        };
+        let [found, mistaken] = self.evidence.shares_within(&ranges);
+        let ([hue_from, hue_to], [s_from, s_to]) = (ranges.hue_deg, ranges.saturation);
+        let [i_from, i_to] = ranges.intensity;
+        writeln!(
+            f,
+            "\nRanges, for the window cue: hue {hue_from:.0} to {hue_to:.0} degrees, saturation {s_from:.2} to {s_to:.2}, \
+             intensity {i_from:.2} to {i_to:.2}\n{:>9}   of the target's pixels lie in them\n{:>9}   of the background does",
+            percent(found),
+            percent(mistaken)
         )
     }
 

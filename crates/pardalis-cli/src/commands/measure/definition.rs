@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
+use pardalis::score::Settings;
 use serde::Deserialize;
 use toml::Value;
 
@@ -145,6 +146,14 @@ pub(super) struct Run {
     pub(super) timed: bool,
     /// The point around which distance, elevation and azimuth are taken, in the world frame; else the first camera.
     pub(super) origin_m: Option<[f64; 3]>,
+    /// An object is visible where more than this share of it is seen, and an estimate farther than this from it has lost it.
+    #[serde(default = "visible_over")]
+    pub(super) visible_over: f64,
+    #[serde(default = "lost_beyond_m")]
+    pub(super) lost_beyond_m: f64,
+    /// Whether the truth is interpolated to the times of the tracks.
+    #[serde(default)]
+    pub(super) interpolate: bool,
     /// How positions are found.
     #[serde(default)]
     pub(super) method: Method,
@@ -167,6 +176,14 @@ pub(super) struct Run {
     pub(super) swept: Option<Swept>,
 }
 
+fn visible_over() -> f64 {
+    Settings::VISIBLE_OVER
+}
+
+fn lost_beyond_m() -> f64 {
+    Settings::LOST_BEYOND_M
+}
+
 /// The most seeds of a run.
 const MAX_SEEDS: u32 = 10_000;
 
@@ -184,15 +201,17 @@ pub(super) enum Method {
     Locate,
 }
 
-/// A stretch of time.
+/// Some of the frames.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Window {
     pub(super) name: String,
-    /// The first and the last instant, in seconds.
-    pub(super) from_s: f64,
-    pub(super) to_s: f64,
-    /// As a run's, over this time.
+    /// The first and the last instant, in seconds; else those of the truth.
+    pub(super) from_s: Option<f64>,
+    pub(super) to_s: Option<f64>,
+    /// Only frames in which so many cameras see the object.
+    pub(super) seen_by: Option<usize>,
+    /// As a run's, over these frames.
     #[serde(default)]
     pub(super) expect: Bands,
 }
@@ -295,6 +314,12 @@ impl Run {
         {
             return Err("origin_m: allowed: three finite numbers".to_owned());
         }
+        if !(0.0..1.0).contains(&self.visible_over) {
+            return Err("visible_over: allowed: 0 up to, but not including, 1".to_owned());
+        }
+        if !(self.lost_beyond_m > 0.0 && self.lost_beyond_m.is_finite()) {
+            return Err("lost_beyond_m: allowed: more than 0".to_owned());
+        }
         if !(1..=MAX_SEEDS).contains(&self.seeds) {
             return Err(format!(
                 "seeds is {}; allowed: 1 to {MAX_SEEDS}",
@@ -310,7 +335,11 @@ impl Run {
             if name.is_empty() || self.windows[..i].iter().any(|w| w.name == *name) {
                 return Err(format!("the window \"{name}\": allowed: a name of its own"));
             }
-            if !(window.from_s < window.to_s) {
+            let ends = (
+                window.from_s.unwrap_or(f64::NEG_INFINITY),
+                window.to_s.unwrap_or(f64::INFINITY),
+            );
+            if !(ends.0 < ends.1) {
                 return Err(format!("the window \"{name}\": from_s must be before to_s"));
             }
             known_figures(&window.expect, &format!("the window \"{name}\": expect"))?;

@@ -46,6 +46,10 @@ EXPERIMENT.toml:
   expect = { rmse_m = [0, 0.3] }  # a band for every seed
   set = { \"targets.ball.contour.points\" = 30 }    # in place of the scene's values
   windows = [{ name = \"hidden\", from_s = 1.2, to_s = 2.4, expect = { max_m = [0, 1] } }]
+  # or of the frames that so many cameras see: { name = \"two cameras\", seen_by = 2 }
+  lost_beyond_m = 0.66          # an estimate farther off has lost its object
+  visible_over = 0.6            # share of the object that must be seen for it to be visible
+  interpolate = true            # scores every row, with the truth interpolated to its time
   origin_m = [0, 0, 0.9]        # for distance, elevation, azimuth; else the first camera
   method = \"locate\"             # each image on its own, as `pardalis locate`,
   starts = \"truth.csv\"          # from these positions; else from the scene's start

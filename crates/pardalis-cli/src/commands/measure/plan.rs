@@ -88,16 +88,19 @@ impl<'a> Plan<'a> {
     }
 
     fn score(&self) -> Result<Vec<Figures>> {
-        let whole = ("", None, None);
+        let whole = ("", self.options());
         let windows = self.run.windows.iter();
-        let windows = windows.map(|w| (&*w.name, Some(w.from_s), Some(w.to_s)));
-        let mut figures = Vec::new();
-        for (window, from_s, to_s) in std::iter::once(whole).chain(windows) {
+        let windows = windows.map(|w| {
             let options = evaluate::Options {
-                from_s,
-                to_s,
+                from_s: w.from_s,
+                to_s: w.to_s,
+                seen_by: w.seen_by,
                 ..self.options()
             };
+            (&*w.name, options)
+        });
+        let mut figures = Vec::new();
+        for (window, options) in std::iter::once(whole).chain(windows) {
             for (seed, report) in (1..).zip(self.reports(&options)?) {
                 let finished =
                     Finished::read(&self.seed_folder(seed)).filter(|_| window.is_empty());
@@ -112,6 +115,9 @@ impl<'a> Plan<'a> {
     pub(super) fn options(&self) -> evaluate::Options {
         evaluate::Options {
             around: self.run.origin_m,
+            visible_over: self.run.visible_over,
+            lost_beyond_m: self.run.lost_beyond_m,
+            interpolate: self.run.interpolate,
             ..evaluate::Options::default()
         }
     }

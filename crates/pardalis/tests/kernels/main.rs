@@ -1,6 +1,8 @@
 //! The kernels against the naive reference, and the CPU levels against each other, on real and synthetic images.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod window;
 
 use common::{ball_colors, fisheye, frame, jump_picture, world_from_fisheye};
 use image::{Rgb, RgbImage};
@@ -9,9 +11,9 @@ use pardalis::camera::{
     Camera, DoubleSphere, ExactMirror, ExtendedUnified, KannalaBrandt, Mask, Mei, MirrorProfile,
     Ocam, PerspectiveMirror, Pinhole, Unified,
 };
-use pardalis::color::{ColorModel, Palette, YuvEncoding, YuvMatrix, YuvRange};
+use pardalis::color::{ColorModel, Palette, PixelKind, YuvEncoding, YuvMatrix, YuvRange};
 use pardalis::likelihood::{
-    ContourCue, ContourSettings, Likelihood, Overlap, Sampling, ScaledSampling, SplineSampling,
+    ContourSettings, Cue, Cues, Likelihood, Overlap, Sampling, ScaledSampling, SplineSampling,
 };
 use pardalis::particles::Particles;
 use pardalis::reference::{
@@ -313,9 +315,10 @@ fn compare(
     tally: &mut Tally,
 ) {
     let fast = Level::available().into_iter().map(|level| {
-        let mut cue = ContourCue::new(settings, shape, colors, level).unwrap();
+        let settings = [Cue::Contour(settings).into()];
+        let mut cues = Cues::new(&settings, shape, Some(colors), level).unwrap();
         let mut out = vec![f32::NAN; particles.count()];
-        cue.of(views, frames).log_likelihoods(particles, &mut out);
+        cues.of(views, frames).log_likelihoods(particles, &mut out);
         out
     });
     let fast: Vec<Vec<f32>> = fast.collect();
@@ -381,7 +384,7 @@ fn kernels_agree_with_the_reference_for_every_camera_outline_format_palette_and_
                 let mut views = [view(camera.clone(), world_from_fisheye(), &frames[0], mask)];
                 for frame in &frames {
                     for colors in &models {
-                        views[0].prepare(frame, colors.palette()).unwrap();
+                        views[0].prepare(PixelKind::of(frame), colors.palette());
                         for _ in 0..3 {
                             let (shape, settings) =
                                 (some_shape(&mut random), some_settings(&mut random));
@@ -410,7 +413,7 @@ fn kernels_agree_with_the_reference_for_any_number_of_particles_and_points() {
     );
     let colors = ball_colors(Palette::YUV);
     let mut views = [view(fisheye(), world_from_fisheye(), &frame, None)];
-    views[0].prepare(&frame, colors.palette()).unwrap();
+    views[0].prepare(PixelKind::of(&frame), colors.palette());
     let mut random = Uniform::new(12);
     let mut tally = Tally::default();
     for (count, points) in [
@@ -458,7 +461,7 @@ fn cameras_multiply() {
     let poses = [world_from_fisheye(), aside, aside.inverse()];
     let mut views = poses.map(|pose| view(fisheye(), pose, &frames[0].1, None));
     for (camera, frame) in &frames {
-        views[*camera].prepare(frame, colors.palette()).unwrap();
+        views[*camera].prepare(PixelKind::of(frame), colors.palette());
     }
     let settings = ContourSettings {
         points: 20,

@@ -1,0 +1,127 @@
+//! The truth between its rows, for tracks whose cameras run on clocks of their own.
+
+use pardalis::score::TrueState;
+
+use crate::tables::Series;
+
+/// Longer stretches without truth, in its usual intervals, are not bridged.
+const LONGEST_GAP: f64 = 3.0;
+
+/// Each object's truth at all times of the tracks, where rows before and after are known.
+pub(super) fn at_times_of<T>(
+    tracks: &[Series<T>],
+    objects: &[Series<TrueState>],
+) -> Vec<Series<TrueState>> {
+    let mut times_s: Vec<f64> = tracks
+        .iter()
+        .flat_map(|track| track.rows.iter().map(|row| row.0))
+        .collect();
+    times_s.sort_by(f64::total_cmp);
+    times_s.dedup();
+    let at_times = |object: &Series<TrueState>| {
+        let mut intervals_s: Vec<f64> = object.rows.windows(2).map(|w| w[1].0 - w[0].0).collect();
+        intervals_s.sort_by(f64::total_cmp);
+        let usual_s = intervals_s.get(intervals_s.len() / 2).copied();
+        let longest_s = usual_s.map_or(0.0, |usual_s| LONGEST_GAP * usual_s);
+        let rows = times_s
+            .iter()
+            .filter_map(|&time_s| Some((time_s, at_time(&object.rows, time_s, longest_s)?)));
+        Series {
+            name: object.name.clone(),
+            rows: rows.collect(),
+        }
+    };
+    objects.iter().map(at_times).collect()
+}
+
+/// The state at a time, of rows in the order of time.
+fn at_time(rows: &[(f64, TrueState)], time_s: f64, longest_s: f64) -> Option<TrueState> {
+    let after = rows.partition_point(|row| row.0 < time_s);
+    let &(after_s, ref end) = rows.get(after)?;
+    if after_s == time_s {
+        return Some(*end);
+    }
+    let &(before_s, ref start) = rows.get(after.checked_sub(1)?)?;
+    let interval_s = after_s - before_s;
+    if interval_s > longest_s {
+        return None;
+    }
+    let share = (time_s - before_s) / interval_s;
+    let linear = |a: f64, b: f64| a + share * (b - a);
+    let nearer = if share < 0.5 { start } else { end };
+    let (from_m, to_m) = (start.position_m, end.position_m);
+    Some(match start.velocity_mps.zip(end.velocity_mps) {
+        None => TrueState {
+            position_m: [0, 1, 2].map(|axis| linear(from_m[axis], to_m[axis])),
+            ..*nearer
+        },
+        Some((from_mps, to_mps)) => TrueState {
+            // The cubic that has these positions and velocities at its ends.
+            position_m: [0, 1, 2].map(|axis| {
+                let (s, s2, s3) = (share, share.powi(2), share.powi(3));
+                (2.0 * s3 - 3.0 * s2 + 1.0) * from_m[axis]
+                    + (3.0 * s2 - 2.0 * s3) * to_m[axis]
+                    + interval_s * ((s3 - 2.0 * s2 + s) * from_mps[axis] + (s3 - s2) * to_mps[axis])
+            }),
+            velocity_mps: Some([0, 1, 2].map(|axis| linear(from_mps[axis], to_mps[axis]))),
+            ..*nearer
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state(x_m: f64, vx_mps: Option<f64>) -> TrueState {
+        TrueState {
+            position_m: [x_m, 1.0, 2.0],
+            velocity_mps: vx_mps.map(|vx| [vx, 0.0, 0.0]),
+            visible_fraction: Some(1.0),
+            seeing_cameras: Some(2),
+        }
+    }
+
+    fn series<T>(rows: Vec<(f64, T)>) -> Series<T> {
+        Series {
+            name: "ball".to_owned(),
+            rows,
+        }
+    }
+
+    #[test]
+    fn a_cubic_path_is_met_between_its_rows_and_nothing_is_said_beyond_them() {
+        let x_m = |t: f64| 1.0 + 2.0 * t - 3.0 * t * t + t.powi(3);
+        let vx_mps = |t: f64| 2.0 - 6.0 * t + 3.0 * t * t;
+        let rows = (0..6).map(|i| f64::from(i) * 0.5);
+        let truth = series(rows.map(|t| (t, state(x_m(t), Some(vx_mps(t))))).collect());
+        let track = series(vec![
+            (-0.1, ()),
+            (0.5, ()),
+            (0.62, ()),
+            (2.4, ()),
+            (2.6, ()),
+        ]);
+        let found = at_times_of(&[track], &[truth]);
+        let times: Vec<f64> = found[0].rows.iter().map(|row| row.0).collect();
+        assert_eq!(times, [0.5, 0.62, 2.4]);
+        for (time_s, state) in &found[0].rows {
+            assert!((state.position_m[0] - x_m(*time_s)).abs() < 1e-12);
+            assert_eq!(state.position_m[1..], [1.0, 2.0]);
+        }
+    }
+
+    #[test]
+    fn without_velocities_lines_join_the_rows_but_for_gaps() {
+        let times_s = [0.0, 1.0, 2.0, 3.0, 9.0];
+        let truth = series(times_s.map(|t| (t, state(t * t, None))).to_vec());
+        let track = series(vec![(1.5, ()), (5.0, ()), (9.0, ())]);
+        let found = at_times_of(&[track], &[truth]);
+        let x: Vec<_> = found[0]
+            .rows
+            .iter()
+            .map(|(t, s)| (*t, s.position_m[0]))
+            .collect();
+        assert_eq!(x, [(1.5, 2.5), (9.0, 81.0)]);
+    }
+}

@@ -1,0 +1,195 @@
+//! All cues of one target over all cameras: independent given the state, so that their likelihoods multiply.
+
+use super::Likelihood;
+use super::contour::{ContourCue, ContourSettings};
+use super::window::{WindowCounting, WindowCue, WindowSettings};
+use crate::color::{ColorModel, PixelKind};
+use crate::particles::Particles;
+use crate::shape::Shape;
+use crate::simd::Level;
+use crate::view::View;
+use crate::{Error, Frame};
+
+/// A cue and the cameras whose frames it looks at.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CueSettings {
+    /// The cue.
+    pub cue: Cue,
+    /// Cameras by their numbers in the tracker; all of them where nothing is said.
+    pub cameras: Option<Vec<usize>>,
+}
+
+/// A cue, with its parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cue {
+    /// Colour just inside and just outside the projected outline.
+    Contour(ContourSettings),
+    /// Matching colours in a window around the projected position.
+    Window(WindowSettings),
+}
+
+impl Cue {
+    /// Whether it can do without a colour model.
+    pub fn knows_its_colors(&self) -> bool {
+        match self {
+            Self::Contour(_) => false,
+            Self::Window(window) => window.ranges.is_some(),
+        }
+    }
+}
+
+impl From<Cue> for CueSettings {
+    /// The cue on every camera.
+    fn from(cue: Cue) -> Self {
+        Self { cue, cameras: None }
+    }
+}
+
+/// The cues of one target.
+#[derive(Debug)]
+pub struct Cues {
+    cues: Vec<(Kernel, Option<Vec<usize>>)>,
+    /// What the frames of each camera said of each particle when the camera was last looked at.
+    of_cameras: Vec<Vec<f32>>,
+}
+
+#[derive(Debug)]
+enum Kernel {
+    Contour(Box<ContourCue>),
+    Window(Box<WindowCue>),
+}
+
+impl Cues {
+    /// The cues of a target of this shape and these colours, which only cues that know their colours do without.
+    pub fn new(
+        settings: &[CueSettings],
+        shape: Shape,
+        colors: Option<&ColorModel>,
+        level: Level,
+    ) -> Result<Self, Error> {
+        Self::counting(settings, shape, colors, WindowCounting::Cheaper, level)
+    }
+
+    /// The same with a fixed way of counting windows, to compare them.
+    pub fn counting(
+        settings: &[CueSettings],
+        shape: Shape,
+        colors: Option<&ColorModel>,
+        counting: WindowCounting,
+        level: Level,
+    ) -> Result<Self, Error> {
+        let missing = |what: &str, remedy: &str| Error::Empty {
+            what: what.to_owned(),
+            remedy: remedy.to_owned(),
+        };
+        if settings.is_empty() {
+            return Err(missing("the list of cues", "give at least one"));
+        }
+        let kernel = |settings: &CueSettings| {
+            let kernel = match settings.cue {
+                Cue::Contour(contour) => {
+                    let colors = colors
+                        .ok_or_else(|| missing("the contour cue's colour model", "learn one"))?;
+                    Kernel::Contour(Box::new(ContourCue::new(contour, shape, colors, level)?))
+                }
+                Cue::Window(window) => {
+                    window.check()?;
+                    let learnt = || colors.and_then(ColorModel::ranges);
+                    let ranges = window.ranges.or_else(learnt).ok_or_else(|| {
+                        missing(
+                            "what the window cue counts",
+                            "give hue_deg and saturation, or learn the colour model again: it then holds them",
+                        )
+                    })?;
+                    Kernel::Window(Box::new(WindowCue::new(window, ranges, counting, level)))
+                }
+            };
+            Ok((kernel, settings.cameras.clone()))
+        };
+        Ok(Self {
+            cues: settings.iter().map(kernel).collect::<Result<_, Error>>()?,
+            of_cameras: Vec::new(),
+        })
+    }
+
+    /// Makes sure that a frame of the view, of its size, can be looked up.
+    pub fn prepare(&self, view: &mut View, frame: &Frame) {
+        let kind = PixelKind::of(frame);
+        for (kernel, _) in &self.cues {
+            match kernel {
+                Kernel::Contour(cue) => view.prepare(kind, cue.palette()),
+                Kernel::Window(cue) => view.prepare_ranges(kind, cue.ranges()),
+            }
+        }
+    }
+
+    /// The likelihood of the frames of one instant, each with its camera's number. The views are prepared for them.
+    pub fn of<'a>(
+        &'a mut self,
+        views: &'a [View],
+        frames: &'a [(usize, Frame)],
+    ) -> CuesLikelihood<'a> {
+        CuesLikelihood {
+            cues: self,
+            views,
+            frames,
+        }
+    }
+
+    /// The log-likelihood of a camera's frame that shows pure background.
+    pub fn background_log_likelihood(&self, camera: usize) -> f64 {
+        self.cues
+            .iter()
+            .filter(|(_, cameras)| looks_at(cameras.as_deref(), camera))
+            .map(|(kernel, _)| match kernel {
+                Kernel::Contour(cue) => cue.settings().background_log_likelihood(),
+                Kernel::Window(cue) => cue.background_log_likelihood(),
+            })
+            .sum()
+    }
+
+    /// The log-likelihoods, one a particle, of the frame of a camera that was looked at last.
+    pub fn log_likelihoods_of(&self, camera: usize) -> &[f32] {
+        self.of_cameras.get(camera).map_or(&[], Vec::as_slice)
+    }
+}
+
+fn looks_at(cameras: Option<&[usize]>, camera: usize) -> bool {
+    cameras.is_none_or(|cameras| cameras.contains(&camera))
+}
+
+/// The cues of a target, looking at the frames of one instant.
+#[derive(Debug)]
+pub struct CuesLikelihood<'a> {
+    cues: &'a mut Cues,
+    views: &'a [View],
+    frames: &'a [(usize, Frame)],
+}
+
+impl Likelihood for CuesLikelihood<'_> {
+    fn log_likelihoods(&mut self, particles: &Particles, out: &mut [f32]) {
+        let Cues { cues, of_cameras } = &mut *self.cues;
+        if of_cameras.len() < self.views.len() {
+            of_cameras.resize(self.views.len(), Vec::new());
+        }
+        out.fill(0.0);
+        for (camera, frame) in self.frames {
+            let evidence = self.views[*camera].evidence(frame);
+            let of_camera = &mut of_cameras[*camera];
+            of_camera.clear();
+            of_camera.resize(out.len(), 0.0);
+            for (kernel, cameras) in &mut *cues {
+                if looks_at(cameras.as_deref(), *camera) {
+                    let positions_m = particles.positions_m();
+                    match kernel {
+                        Kernel::Contour(cue) => cue.add_camera(&evidence, positions_m, of_camera),
+                        Kernel::Window(cue) => cue.add_camera(&evidence, positions_m, of_camera),
+                    }
+                }
+            }
+            for (sum, of_camera) in out.iter_mut().zip(&*of_camera) {
+                *sum += of_camera;
+            }
+        }
+    }
+}
