@@ -5,7 +5,7 @@ use crate::frame::with_pixels;
 use crate::view::Evidence;
 
 /// A pixel counts as the target's where its colour has this many times the share among the target's pixels that it has in the image.
-const LEAST_RATIO: f64 = 4.0;
+const LEAST_RATIO: f64 = 2.0;
 
 /// Smaller blobs are noise, in pixels.
 const LEAST_AREA_PX: usize = 9;
@@ -45,11 +45,13 @@ pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
     });
     let weights = weights(&bins, is_open, colors);
     let least_weight = LEAST_RATIO / (1.0 + LEAST_RATIO);
-    let mut is_targets: Vec<bool> = bins
+    let alike: Vec<bool> = bins
         .iter()
         .enumerate()
         .map(|(i, &bin)| is_open(i) && weights[usize::from(bin)] >= least_weight)
         .collect();
+    let mut is_targets = majority(&alike, width);
+    (0..is_targets.len()).for_each(|i| is_targets[i] &= is_open(i));
     let mut found = Vec::new();
     let mut stack = Vec::new();
     for seed in 0..is_targets.len() {
@@ -84,6 +86,24 @@ pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
     found.sort_by(|a: &Blob, b: &Blob| b.area_px.total_cmp(&a.area_px));
     found.truncate(MAX_BLOBS);
     found
+}
+
+/// The pixels most of whose 3 x 3 neighbours, themselves included, are set: lines of a pixel's width would tie blobs together.
+fn majority(set: &[bool], width: usize) -> Vec<bool> {
+    let height = set.len() / width;
+    let mut columns = vec![0_u8; width];
+    let mut result = Vec::with_capacity(set.len());
+    for y in 0..height {
+        for (x, column) in columns.iter_mut().enumerate() {
+            let rows = y.saturating_sub(1)..(y + 2).min(height);
+            *column = rows.map(|row| u8::from(set[row * width + x])).sum();
+        }
+        result.extend((0..width).map(|x| {
+            let near = &columns[x.saturating_sub(1)..(x + 2).min(width)];
+            near.iter().sum::<u8>() >= 5
+        }));
+    }
+    result
 }
 
 /// For each bin, how much likelier a pixel is the target's than the image's: t / (t + f), of shares t of the target's and f of the image's pixels.
@@ -187,7 +207,7 @@ mod tests {
         let camera = Camera::Pinhole(Pinhole::new([50.0; 2], [30.0, 20.0], &[]).unwrap());
         let mut view = View::new(camera, Pose::identity(), SIZE, mask).unwrap();
         let frame = picture(discs);
-        view.prepare(&frame, Palette::HSI).unwrap();
+        view.prepare(crate::color::PixelKind::of(&frame), Palette::HSI);
         blobs(&view.evidence(&frame), &orange())
     }
 

@@ -80,7 +80,7 @@ const CONTROLS_PER_FRAME: f64 = 0.5;
 const MAX_CONTROLS: usize = 400;
 
 /// What the path's curvature costs, as a share of what it moves in the images.
-const STIFFNESS: f64 = 1e-4;
+const STIFFNESS: f64 = 1e-3;
 
 /// A blob farther from where the path says than this, and than the target is large, is another thing, in pixels.
 const MATCH_PX: f64 = 5.0;
@@ -92,9 +92,19 @@ const STILL_PX: f64 = 1.5;
 /// Frames that are looked at for that.
 const STILL_FRAMES: usize = 200;
 
-/// A blob is hidden in part, or has grown together with another, where the ratio of its area to the target's outline is not within these of the
-/// camera's median.
-const AREA_RATIOS: std::ops::RangeInclusive<f64> = 0.8..=1.3;
+/// A blob is hidden in part, or has grown together with another, where its area is farther from the outline's than this share, counted from the camera's
+/// usual blobs, ...
+const AREA_TOLERANCE: f64 = 0.08;
+/// ... or its width or height than this share.
+const SIDE_TOLERANCE: f64 = 0.06;
+/// Both are at least so many pixels of the outline's width: blobs end at whole pixels.
+const TOLERANCE_PX: f64 = 2.0;
+
+/// Cameras see the target together where their sightings are not more frames apart than this.
+const SHARED_FRAMES: f64 = 1.5;
+
+/// How often the correlation of residuals is measured and taken into account.
+const CORRELATION_ROUNDS: usize = 4;
 
 /// The offsets of the cameras' clocks against the first camera's, one a camera. Offsets of up to `max_offset_s` (positive, up to
 /// [`MAX_CLOCK_OFFSET_S`]) either way are found.
@@ -227,7 +237,7 @@ impl Clocks<'_> {
         let (robust, _) = minimise(robust, Loss::Cauchy(2.0), 60);
         // What the target's outline says of the blobs is known only where it is.
         let (path, offsets_s) = (robust.path.clone(), robust.offsets_s.clone());
-        let seen = self.matched(&path, &offsets_s);
+        let seen = self.shared(&self.matched(&path, &offsets_s), &offsets_s);
         let robust = self
             .path_fit(&seen, &offsets_s, true)
             .ok_or_else(never_together)?;
@@ -241,7 +251,7 @@ impl Clocks<'_> {
             seen: &used,
             ..robust
         };
-        let (fitted, _) = minimise(start, Loss::Squares, 60);
+        let fitted = refined(start);
         let sigmas_s = self.sigmas(&fitted)?;
         self.check_border(&fitted.offsets_s, max_offset_s)?;
         let zero = vec![0.0; self.cameras.len()];
@@ -431,6 +441,8 @@ impl Clocks<'_> {
             path,
             offsets_s: offsets_s.to_vec(),
             offsets_are_free,
+            intervals_s: &self.intervals_s,
+            correlation: 0.0,
             stiffness: STIFFNESS * median(&mut scales)?,
         })
     }
@@ -439,7 +451,7 @@ impl Clocks<'_> {
     fn matched(&self, path: &Path, offsets_s: &[f64]) -> Vec<Seen> {
         let mut all = Vec::new();
         for (camera, frames) in self.candidates.iter().enumerate() {
-            let found: Vec<(Seen, f64)> = frames
+            let found: Vec<(Seen, Likeness)> = frames
                 .iter()
                 .filter_map(|frame| {
                     let middle = path.position_m(frame.time_s + offsets_s[camera])?;
@@ -461,15 +473,32 @@ impl Clocks<'_> {
                         time_s: frame.time_s,
                         pixel,
                     };
-                    Some((seen, blob.area_px / outline.area_px))
+                    Some((seen, outline.likeness(blob)))
                 })
                 .collect();
-            let mut ratios: Vec<f64> = found.iter().map(|(_, ratio)| *ratio).collect();
-            let usual = median(&mut ratios).unwrap_or(1.0);
-            let whole = |(_, ratio): &&(Seen, f64)| AREA_RATIOS.contains(&(ratio / usual));
-            all.extend(found.iter().filter(whole).map(|(seen, _)| *seen));
+            let usual = [0, 1, 2].map(|i| {
+                let mut ratios: Vec<f64> = found.iter().map(|(_, like)| like.ratios[i]).collect();
+                median(&mut ratios).unwrap_or(1.0)
+            });
+            let whole = found.iter().filter(|(_, like)| like.is_usual(usual));
+            all.extend(whole.map(|(seen, _)| *seen));
         }
         all
+    }
+
+    /// What was seen while another camera saw the target too: the rest says nothing of clocks.
+    fn shared(&self, seen: &[Seen], offsets_s: &[f64]) -> Vec<Seen> {
+        let time_s = |seen: &Seen| seen.time_s + offsets_s[seen.camera];
+        let mut order: Vec<(f64, usize)> = seen.iter().map(|s| (time_s(s), s.camera)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let is_shared = |seen: &&Seen| {
+            let reach_s = SHARED_FRAMES * self.intervals_s[seen.camera];
+            let first = order.partition_point(|(at_s, _)| *at_s < time_s(seen) - reach_s);
+            let near = order[first..].iter();
+            near.take_while(|(at_s, _)| *at_s <= time_s(seen) + reach_s)
+                .any(|(_, camera)| *camera != seen.camera)
+        };
+        seen.iter().filter(is_shared).copied().collect()
     }
 
     /// Every camera must agree with the others in most of what it saw.
@@ -496,8 +525,10 @@ impl Clocks<'_> {
     fn sigmas(&self, fitted: &PathFit) -> Result<Vec<f64>, Refusal> {
         let path_unknowns = fitted.path_unknowns();
         let offsets = self.cameras.len() - 1;
-        let residuals = fitted.seen.iter().filter_map(|s| fitted.residual_px(s));
-        let squares: f64 = residuals.map(|[u, v]| u * u + v * v).sum();
+        let mut squares = 0.0;
+        fitted.visit_seen(&mut |residual, _| {
+            squares += residual.map_or(0.0, |[u, v]| u * u + v * v);
+        });
         let unknowns = 3 * fitted.controls_seen() + offsets;
         let freedom = (2 * fitted.seen.len()).saturating_sub(unknowns).max(1) as f64;
         let sigma_px = (squares / freedom).sqrt();
@@ -524,6 +555,16 @@ impl Clocks<'_> {
     }
 }
 
+/// Least squares, with the correlation of the residuals that comes with it.
+fn refined(fit: PathFit) -> PathFit {
+    let (mut fitted, _) = minimise(fit, Loss::Squares, 60);
+    for _ in 0..CORRELATION_ROUNDS {
+        fitted.correlation = fitted.measured_correlation();
+        (fitted, _) = minimise(fitted, Loss::Squares, 60);
+    }
+    fitted
+}
+
 fn never_together() -> Refusal {
     Refusal::new(
         "the rays of the cameras meet nowhere",
@@ -539,8 +580,27 @@ struct Outline {
     /// The middle of the image.
     centroid_px: [f64; 2],
     area_px: f64,
+    /// From the first to the last pixel that it covers.
+    size_px: [f64; 2],
     /// The image of the target's middle.
     middle_px: [f64; 2],
+}
+
+/// How large a blob is beside the outline at its place.
+struct Likeness {
+    /// Of area, width and height.
+    ratios: [f64; 3],
+    /// The outline's smaller side.
+    side_px: f64,
+}
+
+impl Likeness {
+    /// Whether the ratios are near those of a camera's usual blobs.
+    fn is_usual(&self, usual: [f64; 3]) -> bool {
+        let rounding = TOLERANCE_PX / self.side_px;
+        let tolerances = [AREA_TOLERANCE, SIDE_TOLERANCE, SIDE_TOLERANCE];
+        (0..3).all(|i| (self.ratios[i] / usual[i] - 1.0).abs() <= tolerances[i].max(rounding))
+    }
 }
 
 impl Outline {
@@ -568,10 +628,23 @@ impl Outline {
             area += 0.5 * cross;
             moment = [0, 1].map(|k| moment[k] + cross * (a[k] + b[k]) / 6.0);
         }
+        let size_px = [0, 1].map(|k| {
+            let along = || points.iter().map(|point| point[k]);
+            along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
+        });
         (area.abs() > 1e-9).then(|| Self {
             centroid_px: [0, 1].map(|k| middle_px[k] + moment[k] / area),
             area_px: area.abs(),
+            size_px,
             middle_px,
         })
+    }
+
+    fn likeness(&self, blob: &Blob) -> Likeness {
+        let side = |i: usize| (blob.max_px[i] + 1 - blob.min_px[i]) as f64 / self.size_px[i];
+        Likeness {
+            ratios: [blob.area_px / self.area_px, side(0), side(1)],
+            side_px: self.size_px[0].min(self.size_px[1]),
+        }
     }
 }

@@ -88,6 +88,9 @@ impl Path {
     }
 }
 
+/// The largest correlation that is believed: with more, a camera's first residual would hardly count.
+const MAX_CORRELATION: f64 = 0.98;
+
 /// A pixel where a camera saw the middle of the target.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
@@ -109,6 +112,10 @@ pub(super) struct PathFit<'a> {
     /// What is added to each camera's time stamps, in seconds; the first is the reference.
     pub(super) offsets_s: Vec<f64>,
     pub(super) offsets_are_free: bool,
+    /// The usual time between two frames of each camera, in seconds.
+    pub(super) intervals_s: &'a [f64],
+    /// How much of what a camera saw amiss in a frame it sees amiss in the next: shadows and edges of things go along with the target.
+    pub(super) correlation: f64,
     /// What the control points' second differences cost, in pixels a metre: so little that it matters only where nothing is seen.
     pub(super) stiffness: f64,
 }
@@ -144,42 +151,75 @@ impl PathFit<'_> {
         touched.iter().filter(|t| **t).count()
     }
 
-    /// Calls `visit` with the slopes of what is seen, but not of the stiffness.
-    fn visit_seen(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
+    /// Pairs of neighbours among what is seen, where both are of one camera and one frame apart.
+    fn is_next(&self, last: &Seen, seen: &Seen) -> bool {
+        let step_s = seen.time_s - last.time_s;
+        last.camera == seen.camera && step_s < 1.5 * self.intervals_s[seen.camera]
+    }
+
+    /// The correlation of residuals from frame to frame, not below 0.
+    pub(super) fn measured_correlation(&self) -> f64 {
+        let (mut products, mut squares) = (0.0, 0.0);
+        for pair in self.seen.windows(2).filter(|p| self.is_next(&p[0], &p[1])) {
+            let residuals = [&pair[0], &pair[1]].map(|seen| self.residual_px(seen));
+            if let [Some(a), Some(b)] = residuals {
+                products += a[0] * b[0] + a[1] * b[1];
+                squares += 0.5 * (a[0] * a[0] + a[1] * a[1] + b[0] * b[0] + b[1] * b[1]);
+            }
+        }
+        if squares > 0.0 {
+            (products / squares).clamp(0.0, MAX_CORRELATION)
+        } else {
+            0.0
+        }
+    }
+
+    /// The residual of a sighting, fitted minus observed, with its slopes.
+    fn row(&self, seen: &Seen) -> Option<Row> {
+        let view = self.views[seen.camera];
+        let (basis, point) = self.point_in_camera(seen.camera, seen.time_s)?;
+        let jacobian = view.camera().project_with_jacobian(point.into())?;
+        let rotation = view.camera_from_world().rotation.matrix();
+        let by_point: [[f64; 3]; 2] = jacobian.by_point.map(|row| {
+            let row = Vector3::from(row).transpose() * rotation;
+            [row.x, row.y, row.z]
+        });
+        let velocity_mps = self.path.weighted(basis.first, basis.slopes_per_s);
+        let slope = |i: usize| by_point.map(|row| row[i % 3] * basis.weights[i / 3]);
+        Some(Row {
+            first: basis.first,
+            residual: [0, 1].map(|i| jacobian.pixel[i] - seen.pixel[i]),
+            by_controls: (0..12).map(slope).collect(),
+            by_offset: by_point.map(|row| Vector3::from(row).dot(&velocity_mps)),
+        })
+    }
+
+    /// Calls `visit` with what is seen, but not with the stiffness: residuals of one frame after another as what is new in them, so that they do not
+    /// depend on one another.
+    pub(super) fn visit_seen(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
         let offsets_at = self.path_unknowns();
+        let mut last: Option<(&Seen, Row)> = None;
         for seen in self.seen {
-            let view = self.views[seen.camera];
-            let Some((basis, jacobian)) =
-                self.point_in_camera(seen.camera, seen.time_s)
-                    .and_then(|(basis, point)| {
-                        Some((basis, view.camera().project_with_jacobian(point.into())?))
-                    })
-            else {
+            let Some(row) = self.row(seen) else {
                 visit(None, Slopes { blocks: &[] });
+                last = None;
                 continue;
             };
-            let rotation = view.camera_from_world().rotation.matrix();
-            let by_point: [[f64; 3]; 2] = jacobian.by_point.map(|row| {
-                let row = Vector3::from(row).transpose() * rotation;
-                [row.x, row.y, row.z]
-            });
-            let mut by_controls = [[0.0; 2]; 12];
-            for (i, slopes) in by_controls.iter_mut().enumerate() {
-                *slopes = by_point.map(|row| row[i % 3] * basis.weights[i / 3]);
-            }
-            let velocity_mps = self.path.weighted(basis.first, basis.slopes_per_s);
-            let by_offset = [by_point.map(|row| Vector3::from(row).dot(&velocity_mps))];
-            let [u, v] = jacobian.pixel;
+            let new = match &last {
+                Some((before, last)) if self.is_next(before, seen) => {
+                    row.without(last, self.correlation)
+                }
+                _ => row.scaled((1.0 - self.correlation * self.correlation).sqrt()),
+            };
             let with_offset = self.offsets_are_free && seen.camera > 0;
             let offset_at = offsets_at + seen.camera.max(1) - 1;
-            let blocks: &[(usize, &[[f64; 2]])] =
-                &[(3 * basis.first, &by_controls), (offset_at, &by_offset)];
-            visit(
-                Some([u - seen.pixel[0], v - seen.pixel[1]]),
-                Slopes {
-                    blocks: &blocks[..1 + usize::from(with_offset)],
-                },
-            );
+            let blocks: &[(usize, &[[f64; 2]])] = &[
+                (3 * new.first, &new.by_controls),
+                (offset_at, &[new.by_offset]),
+            ];
+            let blocks = &blocks[..1 + usize::from(with_offset)];
+            visit(Some(new.residual), Slopes { blocks });
+            last = Some((seen, row));
         }
     }
 
@@ -202,6 +242,48 @@ impl PathFit<'_> {
                 let blocks = &[(3 * first, slopes.as_slice())];
                 visit(Some(residual), Slopes { blocks });
             }
+        }
+    }
+}
+
+/// A residual and how it moves with the unknowns.
+struct Row {
+    /// The first control point that matters.
+    first: usize,
+    residual: [f64; 2],
+    /// By three coordinates of each control point from the first on.
+    by_controls: Vec<[f64; 2]>,
+    by_offset: [f64; 2],
+}
+
+impl Row {
+    fn scaled(&self, factor: f64) -> Self {
+        let scale = |pair: &[f64; 2]| pair.map(|value| factor * value);
+        Self {
+            first: self.first,
+            residual: scale(&self.residual),
+            by_controls: self.by_controls.iter().map(scale).collect(),
+            by_offset: scale(&self.by_offset),
+        }
+    }
+
+    /// Less a share of another row, whose time is not later.
+    fn without(&self, last: &Self, share: f64) -> Self {
+        let less = |a: [f64; 2], b: [f64; 2]| [0, 1].map(|i| a[i] - share * b[i]);
+        let first = last.first.min(self.first);
+        let controls = (self.first + 4).max(last.first + 4) - first;
+        let mut by_controls = vec![[0.0; 2]; 3 * controls];
+        for (row, factor) in [(self, 1.0), (last, -share)] {
+            let from = 3 * (row.first - first);
+            for (sum, slopes) in by_controls[from..].iter_mut().zip(&row.by_controls) {
+                *sum = [0, 1].map(|i| sum[i] + factor * slopes[i]);
+            }
+        }
+        Self {
+            first,
+            residual: less(self.residual, last.residual),
+            by_controls,
+            by_offset: less(self.by_offset, last.by_offset),
         }
     }
 }

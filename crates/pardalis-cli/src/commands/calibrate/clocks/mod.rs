@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use pardalis::calibrate::{ClockCamera, MAX_CLOCK_OFFSET_S, SightedFrame, estimate_clocks};
-use pardalis::color::ColorModel;
+use pardalis::color::{ColorModel, PixelKind};
 use pardalis::config::{Scene, TargetConfig, with_time_offsets};
 use pardalis::detect::blobs;
 use pardalis::view::View;
@@ -151,7 +151,8 @@ fn detect(
         let mut frames = Vec::new();
         for frame in source {
             let frame = frame?;
-            view.prepare(&frame, colors.palette())?;
+            view.check(&frame)?;
+            view.prepare(PixelKind::of(&frame), colors.palette());
             frames.push(SightedFrame {
                 time_s: frame.time_s(),
                 blobs: blobs(&view.evidence(&frame), colors),
