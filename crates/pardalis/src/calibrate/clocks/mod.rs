@@ -100,6 +100,11 @@ const SIDE_TOLERANCE: f64 = 0.06;
 /// Both are at least so many pixels of the outline's width: blobs end at whole pixels.
 const TOLERANCE_PX: f64 = 2.0;
 
+/// From frame to frame, the target's images must move by this many times their noise ...
+const LEAST_MOTION: f64 = 2.0;
+/// ... on average over so many frames.
+const MOTION_FRAMES: usize = 5;
+
 /// Cameras see the target together where their sightings are not more frames apart than this.
 const SHARED_FRAMES: f64 = 1.5;
 
@@ -252,6 +257,7 @@ impl Clocks<'_> {
             ..robust
         };
         let fitted = refined(start);
+        self.check_motion(&fitted)?;
         let sigmas_s = self.sigmas(&fitted)?;
         self.check_border(&fitted.offsets_s, max_offset_s)?;
         let zero = vec![0.0; self.cameras.len()];
@@ -515,6 +521,30 @@ impl Clocks<'_> {
                         camera.name
                     ),
                     "check its pose, by a grid of the world drawn over its image, and whether there are several things of these colours",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Where the target's images hardly move, the path would follow their noise, and the clocks that.
+    fn check_motion(&self, fitted: &PathFit) -> Result<(), Refusal> {
+        for (number, camera) in self.cameras.iter().enumerate() {
+            let own: Vec<&Seen> = fitted.seen.iter().filter(|s| s.camera == number).collect();
+            let residuals = own.iter().filter_map(|seen| fitted.residual_px(seen));
+            let rms_px = rms(residuals);
+            let apart = own.iter().zip(own.iter().skip(MOTION_FRAMES));
+            let moved_px = rms(apart.map(|(a, b)| {
+                let frames = (b.time_s - a.time_s) / self.intervals_s[number];
+                [0, 1].map(|i| (b.pixel[i] - a.pixel[i]) / frames)
+            }));
+            if moved_px < LEAST_MOTION * rms_px {
+                return Err(Refusal::new(
+                    format!(
+                        "the target moves too little in the images of {}: {moved_px:.2} px a frame, while {rms_px:.2} px are noise",
+                        camera.name
+                    ),
+                    "move the target faster, to and fro",
                 ));
             }
         }
