@@ -17,6 +17,9 @@ const MISS_PX: f64 = 3.0;
 /// The fewest sightings that two cameras must have at the same times.
 const LEAST_SHARED: usize = 8;
 
+/// The most sightings of a camera that are compared: more would tell no more.
+const MOST_COMPARED: usize = 400;
+
 /// A ray in the world, at a time of the camera's clock.
 #[derive(Debug, Clone, Copy)]
 struct TimedRay {
@@ -147,7 +150,8 @@ fn meeting(first: &RayTrack, second: &RayTrack, offset_s: f64) -> Meeting {
         cost: 0.0,
         count: 0,
     };
-    for ray in &second.rays {
+    let step = second.rays.len().div_ceil(MOST_COMPARED).max(1);
+    for ray in second.rays.iter().step_by(step) {
         let Some(other) = first.at(ray.time_s + offset_s) else {
             continue;
         };
