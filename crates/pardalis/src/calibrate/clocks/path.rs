@@ -319,3 +319,86 @@ impl Problem for PathFit<'_> {
         self.visit_stiffness(visit);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Pinhole};
+    use crate::rig::Pose;
+
+    /// Residuals, and each one's slopes by all unknowns.
+    fn evaluated(fit: &PathFit) -> Vec<([f64; 2], Vec<[f64; 2]>)> {
+        let mut rows = Vec::new();
+        fit.visit(&mut |residual, slopes| {
+            let mut all = vec![[0.0; 2]; fit.unknowns()];
+            for &(start, block) in slopes.blocks {
+                all[start..start + block.len()].copy_from_slice(block);
+            }
+            rows.push((residual.unwrap(), all));
+        });
+        rows
+    }
+
+    #[test]
+    fn slopes_are_those_of_the_residuals() {
+        let camera = Camera::Pinhole(Pinhole::new([300.0; 2], [160.0, 120.0], &[]).unwrap());
+        let beside = Pose::translation(0.5, 0.1, 0.2);
+        let views = [Pose::identity(), beside]
+            .map(|pose| View::new(camera.clone(), pose, (320, 240), None).unwrap());
+        let views: Vec<&View> = views.iter().collect();
+        let points: Vec<(f64, Point3<f64>)> = (0..12)
+            .map(|i| {
+                let t = 0.04 * f64::from(i);
+                (t, Point3::new(0.1 + t * t, 0.2 * t - 0.1, 2.0 - t))
+            })
+            .collect();
+        let seen: Vec<Seen> = (0..16)
+            .map(|i| Seen {
+                camera: i / 8,
+                // One frame is missing, so that a run ends.
+                time_s: 0.04 * (i % 8) as f64 + if i % 8 > 4 { 0.04 } else { 0.0 },
+                pixel: [170.0, 110.0],
+            })
+            .collect();
+        let fit = PathFit {
+            views: &views,
+            seen: &seen,
+            path: Path::near(&points, -0.1, 0.6, 0.07),
+            offsets_s: vec![0.0, 0.013],
+            offsets_are_free: true,
+            intervals_s: &[0.04, 0.04],
+            correlation: 0.6,
+            stiffness: 0.5,
+        };
+        let here = evaluated(&fit);
+        let step = 1e-6;
+        for unknown in 0..fit.unknowns() {
+            let stepped = |by: f64| {
+                let mut step = DVector::zeros(fit.unknowns());
+                step[unknown] = by;
+                evaluated(&fit.stepped(&step).unwrap())
+            };
+            let (before, after) = (stepped(-step), stepped(step));
+            for (row, (_, slopes)) in here.iter().enumerate() {
+                for i in 0..2 {
+                    let measured = (after[row].0[i] - before[row].0[i]) / (2.0 * step);
+                    let error = (measured - slopes[unknown][i]).abs();
+                    assert!(error < 1e-3, "row {row}, unknown {unknown}: {error}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_its_ends_there_is_no_path() {
+        let points = [(0.0, Point3::new(1.0, 2.0, 3.0))];
+        let path = Path::near(&points, 0.0, 1.0, 0.3);
+        for inside_s in [0.0, 0.5, 1.0] {
+            let position = path.position_m(inside_s).unwrap();
+            assert!((position - points[0].1).norm() < 1e-12);
+        }
+        for outside_s in [-1e-9, 1.3, f64::NAN, f64::INFINITY] {
+            assert_eq!(path.position_m(outside_s), None);
+        }
+    }
+}
