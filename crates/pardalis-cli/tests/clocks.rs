@@ -194,7 +194,7 @@ fn four_clocks_are_found_with_a_distractor_and_losses() {
     }
     let sightings = fs::read_to_string(folder.path().join("scene-clocks/sightings.csv")).unwrap();
     assert!(
-        sightings.lines().count() > 300,
+        sightings.lines().count() > 150,
         "{}",
         sightings.lines().count()
     );
@@ -222,11 +222,7 @@ fn what_cannot_be_done_is_refused_before_anything_is_written() {
     write(&text.replace("calibration =", "frame_limit = 50\ncalibration ="));
     refused(
         &[],
-        &[
-            "scene.toml",
-            "sees something that moves",
-            "of its 50 frames",
-        ],
+        &["scene.toml", "what stands still is taken for scenery"],
     );
     let second = text.find("[cameras.cam2]").unwrap()..text.find("[targets").unwrap();
     let mut alone = text.clone();

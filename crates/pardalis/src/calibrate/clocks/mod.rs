@@ -441,6 +441,6 @@ fn refined(fit: PathFit) -> PathFit {
 fn never_together() -> Refusal {
     Refusal::new(
         "the rays of the cameras meet nowhere",
-        "check the cameras' poses, and that they see the target at the same times from different sides",
+        "check the cameras' poses, and that they see the target at the same times from different sides and moving: what stands still is taken for scenery",
     )
 }
