@@ -77,7 +77,7 @@ pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
     let scene = Scene::parse_with(&text, replaced, &|file, lens| {
         read_calibration(folder, file, lens)
     })
-    .map_err(|problems| all_of(path, &problems))?;
+    .map_err(|problems| problems_in("scene", path, &problems))?;
     for warning in &scene.warnings {
         warn(format!("{}: {warning}", path.display()));
     }
@@ -181,7 +181,7 @@ pub(crate) fn open(
     }
     if !problems.is_empty() {
         problems.sort();
-        return Err(all_of(path, &problems));
+        return Err(problems_in("scene", path, &problems));
     }
     let views = views.into_iter().flatten().collect();
     let mut tracker = Tracker::new(views, targets, scene.seed, Level::best())?;
@@ -195,12 +195,12 @@ pub(crate) fn open(
     })
 }
 
-/// One error that lists every problem of a scene.
-fn all_of(path: &Path, problems: &[Problem]) -> anyhow::Error {
+/// One error that lists every problem of a scene, or of what else the file is.
+pub(crate) fn problems_in(what: &str, path: &Path, problems: &[Problem]) -> anyhow::Error {
     use std::fmt::Write as _;
     let mut text = match problems.len() {
-        1 => format!("{}: a problem in the scene:", path.display()),
-        n => format!("{}: {n} problems in the scene:", path.display()),
+        1 => format!("{}: a problem in the {what}:", path.display()),
+        n => format!("{}: {n} problems in the {what}:", path.display()),
     };
     for problem in problems.iter().take(MAX_LISTED) {
         let _ = write!(text, "\n  {problem}");
@@ -337,6 +337,21 @@ fn view_of(
         return None;
     }
     View::new(camera.camera.clone(), camera.world_from_camera, size, mask).ok()
+}
+
+/// The colours of a target of the scene in the file at `path`.
+///
+/// Faults: the target has none, or the file cannot be read.
+pub(crate) fn colors(path: &Path, target: &TargetConfig) -> Result<ColorModel> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let read = read_colors(target, folder).map_err(|problem| all_of(path, &[problem]))?;
+    read.ok_or_else(|| {
+        fault!(
+            "{}: targets.{}.colors: is missing, and the target is looked for by its colours; give a file that `pardalis learn` made",
+            path.display(),
+            target.name
+        )
+    })
 }
 
 fn read_colors(target: &TargetConfig, folder: &Path) -> Result<Option<ColorModel>, Problem> {

@@ -203,7 +203,7 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
 }
 
 /// The camera of the calibration file, where the scene names one.
-fn read_calibrated(
+pub(super) fn read_calibrated(
     name: &str,
     table: &Table,
     read_calibration: ReadCalibration,

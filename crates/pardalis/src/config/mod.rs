@@ -1,20 +1,24 @@
-//! Scene files: from their text to checked settings. Configuration enters here once; the rest of the library takes values that are valid.
+//! Scene and world files: from their text to checked settings. Configuration enters here once; the rest of the library takes values that are valid.
 
 mod appearance;
 pub mod calibration;
 mod camera;
 mod mirror;
+mod offsets;
 mod reader;
 mod replaced;
 mod setting;
 mod start;
 mod target;
 mod timing;
+mod world;
 
 pub use camera::{CameraConfig, Input, MaskCircle, ReadCalibration};
+pub use offsets::with_time_offsets;
 pub use reader::{Located, Problem};
 pub use start::{StartConfig, TrackStart};
 pub use target::TargetConfig;
+pub use world::WorldConfig;
 
 use reader::{Journal, Table};
 use toml::de::DeTable;

@@ -161,6 +161,11 @@ impl Journal {
         }
     }
 
+    /// A problem that shows only when settings are put together.
+    pub(super) fn report(&self, problem: Problem) {
+        self.problems.borrow_mut().push(problem);
+    }
+
     fn record(&self, path: &str, value: toml::Value) {
         let mut table = &mut *self.resolved.borrow_mut();
         let mut parts = path.split('.').peekable();
