@@ -150,8 +150,11 @@ fn faulty_times() {
         );
     }
     refused_times(
-        "frame,time_s,arrival_s\n0,0,0\n1,0.04,0.08\n2,0.08,0.04\n",
-        &["line 4", "arrival_s runs backwards, from 0.08 to 0.04"],
+        "frame,time_s,arrival_s\n0,0,0\n1,0.04,late\n2,0.08,0.08\n",
+        &[
+            "line 3",
+            "arrival_s is \"late\"; it must be a number of seconds",
+        ],
     );
     refused_times(
         "frame,time_s\n0,0\n1,0.04\n1,0.08\n2,0.1\n",

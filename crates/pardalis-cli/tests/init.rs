@@ -284,7 +284,11 @@ world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]
     // Each camera of several has a folder of its own.
     place.write(
         "rig.toml",
-        format!("{lens}{}", lens.replace("left", "right")),
+        format!(
+            "{lens}{}",
+            lens.replace("left", "right")
+                .replace("-1, 0, 0]", "-1, 0, 0.1]")
+        ),
     );
     init(&place, &arguments("rig.toml")).refused(&["images/left", "rig.toml has 2 cameras"]);
     for name in ["left", "right"] {

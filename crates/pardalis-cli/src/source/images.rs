@@ -22,7 +22,7 @@ pub(super) struct ImageFrames {
 
 impl ImageFrames {
     /// Lists the folder and finds the time of each image, before any is decoded. `first_frame` images are
-    /// left out, and after them at most `frame_limit` taken; times still count from the folder's first image.
+    /// left out, and after them at most `frame_limit` taken, in the order of their arrival; times still count from the folder's first image.
     pub(super) fn open(
         folder: &Path,
         timing: &Timing,
@@ -39,11 +39,14 @@ impl ImageFrames {
             ));
         }
         let files = with_times(folder, files, timing)?;
-        let taken: Vec<_> = files
+        let mut taken: Vec<_> = files
             .into_iter()
             .skip(first_frame)
             .take(frame_limit.unwrap_or(usize::MAX))
             .collect();
+        // Those of one instant keep their order, and so do all where no arrivals are known.
+        let arrival_s = |times: &ImageTimes| times.arrival_s.unwrap_or_default();
+        taken.sort_by(|a, b| arrival_s(&a.1).total_cmp(&arrival_s(&b.1)));
         if taken.is_empty() {
             return Err(fault!(
                 "{}: frame_limit is 0; allowed: 1 or more",

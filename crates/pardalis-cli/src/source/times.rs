@@ -27,8 +27,8 @@ impl ImageTimes {
     }
 }
 
-/// Reads columns `frame` (ascending, from 0: the order of delivery), `time_s` (in any order) and, where it is there, `arrival_s` (never running
-/// backwards) of a CSV file with a header. Further columns are left alone; equal times are repeated frames.
+/// Reads columns `frame` (ascending, from 0), `time_s` and, where it is there, `arrival_s` of a CSV file with a header; times may run backwards. Frames are
+/// delivered in the order of their arrival, without arrivals in that of their numbers. Further columns are left alone; equal times are repeated frames.
 pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
     let name = path.display();
     let text = std::fs::read(path).map_err(|error| {
@@ -77,7 +77,7 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
                 .map(|column| seconds("arrival_s", column))
                 .transpose()?,
         };
-        if let Some((&last_frame, last)) = times.last_key_value() {
+        if let Some((&last_frame, _)) = times.last_key_value() {
             if frame == last_frame {
                 return Err(fault!(
                     "{name}, line {line}: frame {frame} is given a second time; give each frame once"
@@ -86,14 +86,6 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
             if frame < last_frame {
                 return Err(fault!(
                     "{name}, line {line}: frame {frame} follows frame {last_frame}; frames must ascend"
-                ));
-            }
-            if let (Some(last_s), Some(here_s)) = (last.arrival_s, here.arrival_s)
-                && here_s < last_s
-            {
-                return Err(fault!(
-                    "{name}, line {line}: arrival_s runs backwards, from {last_s} to {here_s}; \
-                     frames must be numbered in the order in which they arrived (time_s may run backwards)"
                 ));
             }
         }

@@ -59,7 +59,12 @@ fn two_cameras_of_one_name() {
     let run = Run::of(&mut rig.command(&scene, &["-o", "out"]));
     run.refused(&["two targets are named ball, the first in line 13"]);
 
+    let kalibr = "cam0:\n  camera_model: pinhole\ncam0:\n  camera_model: omni\n";
     let text = fs::read_to_string(rig.path("cameras.json")).unwrap();
+    fs::write(rig.path("cameras.json"), kalibr).unwrap();
+    rig.track("").refused(&[
+        "cameras.json: line 3: the key cam0 stands there twice; keep one, and give each camera a name of its own",
+    ]);
     fs::write(rig.path("cameras.json"), text.replace("cam3", "cam2")).unwrap();
     rig.track("").refused(&[
         "cameras.json: line ",

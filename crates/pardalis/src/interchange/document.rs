@@ -52,10 +52,13 @@ pub(super) fn parse_yaml(text: &str) -> Result<Node, Error> {
         .map(Node::from)
         .map_err(|error| {
             let line = error.location().map_or(1, |place| place.line() as usize);
-            fault_at(
-                line,
-                format!("is no YAML or JSON that can be read: {error}"),
-            )
+            let message = match error {
+                serde_saphyr::Error::DuplicateMappingKey { key: Some(key), .. } => {
+                    format!("the key {key} stands there twice; keep one, and give each camera a name of its own")
+                }
+                error => format!("is no YAML or JSON that can be read: {error}"),
+            };
+            fault_at(line, message)
         })
 }
 
