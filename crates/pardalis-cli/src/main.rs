@@ -6,6 +6,7 @@ mod draw;
 mod fault;
 mod files;
 mod interrupt;
+mod rig;
 mod say;
 mod scene;
 mod source;

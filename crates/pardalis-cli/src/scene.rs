@@ -17,6 +17,7 @@ use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
 
 use crate::fault::{Fault, fault};
+use crate::rig;
 use crate::say::warn;
 use crate::source::decode::decode_mask;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
@@ -128,21 +129,29 @@ pub(crate) fn open(
         match source {
             Ok(source) => {
                 views.push(view_of(camera, folder, source.size(), &mut problems));
-                sources.push(source);
+                sources.push(Some(source));
             }
             Err(problem) => {
                 problems.push(problem);
                 views.push(None);
+                sources.push(None);
             }
         }
     }
+    let opened: Vec<_> = scene
+        .cameras
+        .iter()
+        .zip(sources.iter().map(Option::as_ref))
+        .collect();
+    problems.extend(rig::problems(&opened, folder));
+    let mut sources: Vec<Source> = sources.into_iter().flatten().collect();
     let mut targets = Vec::new();
     let mut handed_over = Vec::new();
     for (number, target) in scene.targets.iter().enumerate() {
         let start = match &target.start.value {
             StartConfig::Here(start) => Ok(*start),
             StartConfig::Track(track) => {
-                let first_time_s = sources.iter_mut().filter_map(Source::next_time_s);
+                let first_time_s = sources.iter_mut().filter_map(Source::first_time_s);
                 let first_time_s = first_time_s.reduce(f64::min);
                 let path = resolve(folder, &track.file);
                 track_start::read(track, &path, first_time_s).map(|(start, time_s)| {

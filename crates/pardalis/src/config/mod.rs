@@ -9,6 +9,7 @@ mod replaced;
 mod setting;
 mod start;
 mod target;
+mod timing;
 mod world;
 
 pub use camera::{CameraConfig, Input, MaskCircle, ReadCalibration};
@@ -29,6 +30,8 @@ pub struct Scene {
     pub cameras: Vec<CameraConfig>,
     /// The targets, in the order of the text.
     pub targets: Vec<TargetConfig>,
+    /// How long a frame waits, from its arrival, for earlier ones of other cameras, in seconds.
+    pub max_delay_s: f64,
     /// What is allowed but may not be meant.
     pub warnings: Vec<Problem>,
     /// Every setting with its final value, given or default, for summaries.
@@ -68,12 +71,15 @@ impl Scene {
             .into_iter()
             .filter_map(|(name, table)| TargetConfig::read(name, table, &camera_names))
             .collect();
+        let max_delay_s = timing::read_max_delay_s(&table, camera_names.len());
         table.finish();
-        let (warnings, resolved) = journal.finish()?;
+        let (mut warnings, resolved) = journal.finish()?;
+        warnings.extend(timing::cameras_at_one_place(&cameras));
         Ok(Self {
             seed,
             cameras,
             targets,
+            max_delay_s,
             warnings,
             resolved,
         })

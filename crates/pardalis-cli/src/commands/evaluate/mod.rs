@@ -156,9 +156,8 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     });
     let targets = pairs.iter().map(|pair| {
         let rows = || {
-            track_rows[pair.target]
-                .iter()
-                .zip(&object_rows[pair.object])
+            let of_object = object_rows[pair.object].iter().copied();
+            track_rows[pair.target].iter().copied().zip(of_object)
         };
         let with_truth = rows().filter(|(r, t)| r.is_some() && t.is_some()).count();
         let samples = samples(rows().skip(window.start).take(window.len()), options);
