@@ -339,6 +339,22 @@ fn view_of(
     View::new(camera.camera.clone(), camera.world_from_camera, size, mask).ok()
 }
 
+/// The colours of a target of the scene in the file at `path`.
+///
+/// Faults: the target has none, or the file cannot be read.
+pub(crate) fn colors(path: &Path, target: &TargetConfig) -> Result<ColorModel> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let read =
+        read_colors(target, folder).map_err(|problem| problems_in("scene", path, &[problem]))?;
+    read.ok_or_else(|| {
+        fault!(
+            "{}: targets.{}.colors: is missing, and the target is looked for by its colours; give a file that `pardalis learn` made",
+            path.display(),
+            target.name
+        )
+    })
+}
+
 fn read_colors(target: &TargetConfig, folder: &Path) -> Result<Option<ColorModel>, Problem> {
     let Some(file) = &target.colors else {
         return Ok(None);

@@ -6,7 +6,9 @@
 //! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`gaussian`], [`filter`] →
 //! [`likelihood`] → [`start`], [`tracker`] → [`score`]
 //!
-//! [`simulate`] makes images with exact truth. [`config`] turns the text of a scene file into checked settings, [`interchange`] reads and writes other programs' calibrations. [`rng`], [`real`] and [`simd`] serve the kernels.
+//! [`simulate`] makes images with exact truth.
+//! [`detect`] finds a target's colours in an image without knowing where they are; [`calibrate`] makes cameras, poses and clocks of what was seen.
+//! [`config`] turns the text of a scene file into checked settings, [`interchange`] reads and writes other programs' calibrations. [`rng`], [`real`] and [`simd`] serve the kernels.
 //!
 //! # Conventions
 //!
@@ -18,6 +20,7 @@ pub mod calibrate;
 pub mod camera;
 pub mod color;
 pub mod config;
+pub mod detect;
 mod error;
 pub mod filter;
 pub mod frame;

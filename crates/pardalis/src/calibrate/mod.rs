@@ -1,4 +1,4 @@
-//! Cameras from known points and where they were seen: intrinsics, poses, and how sure they are.
+//! Cameras from known points and where they were seen: intrinsics, poses, and how sure they are; and their clocks from a moving target.
 //!
 //! One problem for all models: the squared pixel distances between observed points and the same points projected are minimised over
 //! the model's parameters and one pose for each view (mathematics of bundle adjustment; Triggs et al. 2000). No guess is asked for: starting
@@ -7,12 +7,16 @@
 
 mod bundle;
 mod check;
+mod clocks;
 mod intrinsics;
 mod least_squares;
 mod pose;
 mod rig;
 mod start;
 
+pub use clocks::{
+    ClockCamera, ClockFit, ClockSighting, MAX_CLOCK_OFFSET_S, SightedFrame, estimate_clocks,
+};
 pub use intrinsics::{Calibration, FittedParameter, FittedView, calibrate};
 pub use pose::{PoseFit, closest_pose, fit_pose};
 pub use rig::{RigCalibration, RigCamera, calibrate_rig};

@@ -4,6 +4,7 @@ mod appearance;
 pub mod calibration;
 mod camera;
 mod mirror;
+mod offsets;
 mod reader;
 mod replaced;
 mod setting;
@@ -13,6 +14,7 @@ mod timing;
 mod world;
 
 pub use camera::{CameraConfig, Input, MaskCircle, ReadCalibration};
+pub use offsets::with_time_offsets;
 pub use reader::{Located, Problem};
 pub use start::{StartConfig, TrackStart};
 pub use target::TargetConfig;

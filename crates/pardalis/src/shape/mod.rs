@@ -30,6 +30,14 @@ impl Shape {
         }
     }
 
+    /// How high its middle lies above its position, in metres: the position of an upright body is the centre of its base.
+    pub fn middle_height_m(&self) -> f64 {
+        match self {
+            Self::Sphere(_) => 0.0,
+            Self::Upright(upright) => 0.5 * upright.height_m,
+        }
+    }
+
     /// The outline of the shape, scaled by `scale`, as `count` pixels all around; `None` where a point has no pixel. For people to
     /// look at; the cues have kernels of their own.
     pub fn outline_px(

@@ -1,6 +1,7 @@
-//! `pardalis calibrate`: cameras from known points or from images of a board.
+//! `pardalis calibrate`: cameras from known points or from images of a board, and their clocks.
 
 mod board;
+mod clocks;
 mod fit;
 mod images;
 mod model;
@@ -19,14 +20,15 @@ use anyhow::Result;
 
 pub(super) use model::parse_size;
 
-/// Calibrates cameras from known points or from images of a board, or finds a camera's pose
+/// Calibrates cameras from known points or from images of a board, or finds a camera's pose or the time between clocks
 #[derive(Debug, clap::Args)]
 #[command(arg_required_else_help = true)]
 #[command(after_help = "Examples, in the order of use:
   pardalis calibrate print --board checkerboard:9x6:0.025 -o board.svg
   pardalis calibrate board images --board checkerboard:9x6:0.025 --model all -o lens
   pardalis calibrate pose points.csv --camera lens/camera.toml -o pose
-  pardalis calibrate points points.csv --model all --size 640x480   lens and pose without a board")]
+  pardalis calibrate points points.csv --model all --size 640x480   lens and pose without a board
+  pardalis calibrate clocks scene.toml --corrected corrected.toml   several cameras that run on their own clocks")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -38,6 +40,7 @@ enum Command {
     Board(board::Arguments),
     Pose(pose::Arguments),
     Print(print::Arguments),
+    Clocks(clocks::Arguments),
 }
 
 /// Runs the command.
@@ -47,5 +50,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Command::Board(arguments) => board::run(arguments),
         Command::Pose(arguments) => pose::run(arguments),
         Command::Print(arguments) => print::run(arguments),
+        Command::Clocks(arguments) => clocks::run(arguments),
     }
 }

@@ -130,15 +130,19 @@ pub(super) struct Swept {
 #[serde(deny_unknown_fields)]
 pub(super) struct Run {
     pub(super) name: String,
-    /// Paths start at the experiment's folder.
+    /// Paths start at the experiment's folder. A simulated world has a scene and a truth of its own.
+    #[serde(default)]
     pub(super) scene: String,
+    #[serde(default)]
     pub(super) truth: String,
+    /// A world that is simulated first.
+    pub(super) world: Option<String>,
     /// Seeds 1, 2, … are run.
     pub(super) seeds: u32,
     /// How many of them `--verify` runs.
     #[serde(default)]
     pub(super) verify_seeds: u32,
-    /// Values that take the place of the scene's, by their full keys.
+    /// Values that take the place of the scene's, by their full keys; and of the world's, by their full keys behind `world.`.
     #[serde(default)]
     pub(super) set: toml::Table,
     /// Whether its seeds run alone, and the time a frame is told.
@@ -298,8 +302,31 @@ impl Run {
         values.iter().enumerate().map(one_run).collect()
     }
 
+    /// Values that take the place of the scene's, and those that take the place of the world's.
+    pub(super) fn replaced(&self) -> [toml::Table; 2] {
+        let (mut of_scene, mut of_world) = (toml::Table::new(), toml::Table::new());
+        for (key, value) in &self.set {
+            match key.strip_prefix("world.") {
+                Some(key) => of_world.insert(key.to_owned(), value.clone()),
+                None => of_scene.insert(key.clone(), value.clone()),
+            };
+        }
+        [of_scene, of_world]
+    }
+
     /// What is wrong with it.
     fn check(&self) -> Result<(), String> {
+        let given = [&self.scene, &self.truth].map(|file| !file.is_empty());
+        match (&self.world, given) {
+            (None, [true, true]) | (Some(_), [false, false]) => {}
+            (None, _) => return Err("needs scene and truth, or a world that has both".to_owned()),
+            (Some(_), _) => {
+                return Err("world has a scene and a truth of its own; remove these".to_owned());
+            }
+        }
+        if self.world.is_none() && !self.replaced()[1].is_empty() {
+            return Err("set: keys behind world. need a world beside them".to_owned());
+        }
         if self.key.is_some() || self.values.is_some() || self.names.is_some() {
             return Err(
                 "key, values and names are a sweep's; write it under [[sweeps]]".to_owned(),

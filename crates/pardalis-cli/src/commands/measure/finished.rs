@@ -72,6 +72,16 @@ pub(super) fn of_run(scene: &Scene, folder: &Path, method: Method, starts: Optio
     hasher.finish()
 }
 
+/// The fingerprint of a simulated world: the program and the world's text, settings replaced.
+pub(super) fn of_world(text: &str) -> String {
+    let mut hasher = DefaultHasher::new();
+    if let Ok(program) = std::env::current_exe() {
+        add_size_and_time(&program, &mut hasher);
+    }
+    text.hash(&mut hasher);
+    format!("{:016x}", hasher.finish())
+}
+
 /// The fingerprint of one seed of a run.
 pub(super) fn of_seed(run: u64, seed: u32, timed: bool) -> String {
     let mut hasher = DefaultHasher::new();

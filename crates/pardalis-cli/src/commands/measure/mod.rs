@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use rayon::prelude::*;
 
+use crate::commands::simulate;
 use crate::fault::fault;
 use crate::files::write_file;
 use crate::say::say;
@@ -51,6 +52,7 @@ EXPERIMENT.toml:
   visible_over = 0.6            # share of the object that must be seen for it to be visible
   interpolate = true            # scores every row, with the truth interpolated to its time
   origin_m = [0, 0, 0.9]        # for distance, elevation, azimuth; else the first camera
+  world = \"ring.toml\"           # in place of scene and truth: simulated first; set and sweeps reach its settings as \"world.KEY\"
   method = \"locate\"             # each image on its own, as `pardalis locate`,
   starts = \"truth.csv\"          # from these positions; else from the scene's start
   [[sweeps]]                    # as a run, but one a value
@@ -176,8 +178,15 @@ fn plans<'a>(
         } else {
             run.seeds
         };
-        let plan = Plan::new(run, seeds, folder, output)
-            .with_context(|| format!("run \"{}\"", run.name))?;
+        let of_run = || format!("run \"{}\"", run.name);
+        if seeds == 0
+            && let Some(world) = &run.world
+        {
+            // Simulating takes its time.
+            simulate::check(&folder.join(world), &run.replaced()[1]).with_context(of_run)?;
+            continue;
+        }
+        let plan = Plan::new(run, seeds, folder, output).with_context(of_run)?;
         if seeds > 0 {
             plans.push(plan);
         }

@@ -12,8 +12,11 @@ use super::jobs::Job;
 use super::results::Figures;
 use crate::commands::evaluate::{self, Report};
 use crate::commands::locate::{self, StartsFrom};
+use crate::commands::simulate;
 use crate::draw::paths::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
+use crate::fault::fault;
+use crate::files::write_file;
 use crate::{scene, tables, tracking};
 
 /// A run whose scene and truth were found to be fine.
@@ -35,9 +38,16 @@ pub(super) struct Plan<'a> {
 impl<'a> Plan<'a> {
     /// `folder` is the experiment's.
     pub(super) fn new(run: &'a Run, seeds: u32, folder: &Path, output: &Path) -> Result<Self> {
-        let scene_path = folder.join(&run.scene);
-        let scene = scene::read_with(&scene_path, &run.set)?;
-        let truth_path = folder.join(&run.truth);
+        let [replaced, of_world] = run.replaced();
+        let (scene_path, truth_path) = match &run.world {
+            None => (folder.join(&run.scene), folder.join(&run.truth)),
+            Some(world) => {
+                let sequence = output.join(run.slug()).join("world");
+                simulated(&folder.join(world), &of_world, &sequence)?;
+                (sequence.join("scene.toml"), sequence.join("truth.csv"))
+            }
+        };
+        let scene = scene::read_with(&scene_path, &replaced)?;
         tables::read_truth(&truth_path)?;
         let scene_folder = scene_path.parent().unwrap_or(Path::new(""));
         let starts = run.starts.as_ref().map(|file| folder.join(file));
@@ -165,4 +175,18 @@ impl<'a> Plan<'a> {
         write_track_plots(&self.folder, &self.tracks(self.seeds)?, &truth, &cameras)?;
         Ok(())
     }
+}
+
+/// Simulates a world, with settings replaced, into a folder that does not hold just that already.
+fn simulated(world: &Path, replaced: &toml::Table, folder: &Path) -> Result<()> {
+    let text = simulate::check(world, replaced)?;
+    let mark = folder.join("simulated.txt");
+    let fingerprint = finished::of_world(&text);
+    if std::fs::read_to_string(&mark).is_ok_and(|found| found == fingerprint) {
+        return Ok(());
+    }
+    std::fs::create_dir_all(folder.parent().unwrap_or(folder))
+        .map_err(|error| fault!("{}: {error}; give another -o", folder.display()))?;
+    simulate::replace(world, replaced, folder)?;
+    write_file(&mark, fingerprint.as_bytes())
 }

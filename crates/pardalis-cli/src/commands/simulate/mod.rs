@@ -59,13 +59,10 @@ struct Sequence {
 /// Runs the command. The folder appears when all is done; whatever fails before leaves what was there.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = &arguments.world;
-    let text = read_text(path)?;
-    let home = path.parent().unwrap_or(Path::new(""));
-    let read = |file: &str, lens| read_calibration(home, file, lens);
-    let mut config = WorldConfig::parse(&text, &read)
-        .map_err(|problems| problems_in("world", path, &problems))?;
-    config.world.seed = arguments.seed.unwrap_or(config.world.seed);
-    let sequence = Sequence::of(path, config)?;
+    let mut replaced = toml::Table::new();
+    if let Some(seed) = arguments.seed {
+        replaced.insert("seed".to_owned(), i64::from(seed).into());
+    }
     let output = match &arguments.output {
         Some(output) => output.clone(),
         None => PathBuf::from(path.file_stem().unwrap_or_default()),
@@ -73,11 +70,45 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(arguments.threads.map_or(0, usize::from))
         .build()?;
-    let folder = Folder::begin(&output, arguments.force)?;
-    pool.install(|| write(&sequence, &text, &folder))?;
-    folder.finish()?;
+    let sequence = pool.install(|| simulate(path, &replaced, &output, arguments.force))?;
     say(sequence.told(&output));
     Ok(())
+}
+
+/// Writes the sequence of a world file, with settings replaced: full keys, as `ring.count`, with their values.
+fn simulate(path: &Path, replaced: &toml::Table, output: &Path, force: bool) -> Result<Sequence> {
+    let (config, text) = read_world(path, replaced)?;
+    let sequence = Sequence::of(path, config)?;
+    let folder = Folder::begin(output, force)?;
+    write(&sequence, &text, &folder)?;
+    folder.finish()?;
+    Ok(sequence)
+}
+
+/// A world file, with settings replaced, and its text.
+fn read_world(path: &Path, replaced: &toml::Table) -> Result<(WorldConfig, String)> {
+    let text = read_text(path)?;
+    let home = path.parent().unwrap_or(Path::new(""));
+    let read = |file: &str, lens| read_calibration(home, file, lens);
+    let config = WorldConfig::parse_with(&text, replaced, &read)
+        .map_err(|problems| problems_in("world", path, &problems))?;
+    let mut told = String::new();
+    for (key, value) in replaced {
+        told += &format!("# Simulated with {key} = {value}\n");
+    }
+    Ok((config, told + &text))
+}
+
+/// Checks a world file, with settings replaced, and gives its text.
+pub(crate) fn check(path: &Path, replaced: &toml::Table) -> Result<String> {
+    let (config, text) = read_world(path, replaced)?;
+    Sequence::of(path, config)?;
+    Ok(text)
+}
+
+/// Writes the sequence of a world file, with settings replaced, in the place of what was simulated there before.
+pub(crate) fn replace(path: &Path, replaced: &toml::Table, output: &Path) -> Result<()> {
+    simulate(path, replaced, output, true).map(|_| ())
 }
 
 impl Sequence {

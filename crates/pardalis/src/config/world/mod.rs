@@ -6,9 +6,11 @@ mod objects;
 use std::ops::RangeInclusive;
 
 use nalgebra::Vector3;
+use toml::de::DeTable;
 
 use super::camera::ReadCalibration;
 use super::reader::{Journal, Problem, Table};
+use super::replaced;
 use super::target::kind_of;
 use crate::simulate::{Ground, Light, Pattern, Room, Tape, Texture, World, linear_from_srgb};
 
@@ -33,7 +35,19 @@ const MAX_DISTANCE_M: f64 = 10_000.0;
 impl WorldConfig {
     /// Reads a world's text whole; calibration files that it names are read by way of the caller. On failure: every problem, in the order of lines.
     pub fn parse(text: &str, read_calibration: ReadCalibration) -> Result<Self, Vec<Problem>> {
-        let (journal, root) = Journal::parse(text);
+        Self::parse_with(text, &toml::Table::new(), read_calibration)
+    }
+
+    /// Reads a world's text as [`WorldConfig::parse`] does, with some of its settings replaced or added, as [`super::Scene::parse_with`] does.
+    pub fn parse_with(
+        text: &str,
+        replaced: &toml::Table,
+        read_calibration: ReadCalibration,
+    ) -> Result<Self, Vec<Problem>> {
+        let (journal, mut root) = Journal::parse(text);
+        let values = replaced::text_behind(text, replaced);
+        let (values, _) = DeTable::parse_recoverable(&values);
+        replaced::put_all(root.get_mut(), replaced, values.into_inner());
         let table = Table::root(&journal, &root);
         let seed = table.or("seed", 1_u32);
         let duration_s = table.required("duration_s");

@@ -1,0 +1,199 @@
+//! `pardalis calibrate clocks`: the time between the clocks of a scene's cameras, from a target that moves.
+
+mod report;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressStyle};
+use pardalis::calibrate::{ClockCamera, MAX_CLOCK_OFFSET_S, SightedFrame, estimate_clocks};
+use pardalis::color::{ColorModel, PixelKind};
+use pardalis::config::{Scene, TargetConfig, with_time_offsets};
+use pardalis::detect::blobs;
+use pardalis::view::View;
+use rayon::prelude::*;
+
+use super::output;
+use crate::fault::fault;
+use crate::files::write_file;
+use crate::say::{say, warn};
+use crate::scene;
+use crate::source::{Delivery, Source};
+use report::Report;
+
+/// Finds how far the clocks of a scene's cameras are apart, from a target that moves
+///
+/// The target is found in every image by its colours; the offsets are those under which its path through space fits what all cameras saw.
+/// The cameras need poses, not a common rate. Record 5 to 30 seconds of the target moved to and fro in all directions, in view of
+/// two or more cameras at a time.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  pardalis calibrate clocks scene.toml --corrected corrected.toml
+  pardalis track corrected.toml")]
+pub(crate) struct Arguments {
+    /// The scene: its first camera's clock is the reference
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// The target to look for, where the scene has several
+    #[arg(long, value_name = "NAME")]
+    target: Option<String>,
+    /// The largest offset to search for, in seconds, either way
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = parse_offset)]
+    max_offset_s: f64,
+    /// Also writes the scene with the offsets put in, all else as it was: a file in the scene's folder, which may be the scene itself
+    #[arg(long, value_name = "SCENE.toml")]
+    corrected: Option<PathBuf>,
+    /// The folder for the results [default: in the current directory, the scene's name with -clocks]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let path = &arguments.scene;
+    if let Some(corrected) = &arguments.corrected {
+        check_place(path, corrected)?;
+    }
+    let read = scene::read(path)?;
+    let number = target(path, &read, arguments.target.as_deref())?;
+    let mut open = scene::open(path, read, None, &[])?;
+    let target = &open.scene.targets[number];
+    let colors = scene::colors(path, target)?;
+    let mut views = open.tracker.views().to_vec();
+    let frames = detect(&mut open.sources, &mut views, &colors)?;
+    let cameras: Vec<ClockCamera> = open
+        .scene
+        .cameras
+        .iter()
+        .zip(&views)
+        .zip(frames)
+        .map(|((camera, view), frames)| ClockCamera {
+            name: &camera.name,
+            view,
+            frames,
+        })
+        .collect();
+    let fits = estimate_clocks(&cameras, &target.shape, arguments.max_offset_s)
+        .map_err(|refusal| fault!("{}: {refusal}", path.display()))?;
+    let report = Report::new(&open.scene, &cameras, &fits);
+
+    let folder = output::folder(arguments.output.as_deref(), path, "clocks");
+    output::make_folder(&folder)?;
+    let mut written = Vec::new();
+    for (name, text) in [
+        ("clocks.csv", report.table()?),
+        ("sightings.csv", report.sightings()?),
+        ("report.html", report.page()?),
+    ] {
+        let file = folder.join(name);
+        write_file(&file, text.as_bytes())?;
+        written.push(file);
+    }
+    if let Some(corrected) = &arguments.corrected {
+        let text = with_time_offsets(&scene::read_text(path)?, &report.offsets_s());
+        let text = text.ok_or_else(|| {
+            fault!(
+                "{}: is laid out so that offsets cannot be put in by a program; write them yourself:\n{}",
+                path.display(),
+                report.settings()
+            )
+        })?;
+        write_file(corrected, text.as_bytes())?;
+        written.push(corrected.clone());
+    }
+    say(&report);
+    output::say_written(&written);
+    Ok(())
+}
+
+/// The paths of a scene start at its folder: a corrected one must lie there too.
+fn check_place(scene: &Path, corrected: &Path) -> Result<()> {
+    let folder = |file: &Path| {
+        let folder = file.parent().filter(|folder| *folder != Path::new(""));
+        folder.unwrap_or(Path::new(".")).canonicalize().ok()
+    };
+    if folder(scene) == folder(corrected) {
+        return Ok(());
+    }
+    Err(fault!(
+        "--corrected {}: lies in another folder than {}, and paths in a scene start at its folder; give a file beside the scene",
+        corrected.display(),
+        scene.display()
+    ))
+}
+
+/// The number of the target to look for.
+fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
+    let is_wanted = |target: &TargetConfig| wanted.is_none_or(|name| target.name == name);
+    let found = scene.targets.iter().position(is_wanted);
+    match found {
+        Some(number) if wanted.is_some() || scene.targets.len() == 1 => Ok(number),
+        _ => {
+            let names: Vec<&str> = scene.targets.iter().map(|t| &*t.name).collect();
+            Err(fault!(
+                "{}: has the targets {}; choose one with --target NAME",
+                path.display(),
+                names.join(", ")
+            ))
+        }
+    }
+}
+
+/// The blobs of the target's colours in every frame, camera by camera.
+fn detect(
+    sources: &mut [Source],
+    views: &mut [View],
+    colors: &ColorModel,
+) -> Result<Vec<Vec<SightedFrame>>> {
+    let counts = sources.iter().map(Source::frame_count);
+    let bar = progress_bar(counts.sum());
+    let of_camera = |(source, view): (&mut Source, &mut View)| {
+        let mut frames = Vec::new();
+        for delivery in source {
+            bar.inc(1);
+            let frame = match delivery? {
+                Delivery::Frame { frame, .. } => frame,
+                Delivery::Broken(error) => {
+                    warn(format!("{error:#}; it is left out"));
+                    continue;
+                }
+            };
+            view.check(&frame)?;
+            view.prepare(PixelKind::of(&frame), colors.palette());
+            frames.push(SightedFrame {
+                time_s: frame.time_s(),
+                blobs: blobs(&view.evidence(&frame), colors),
+            });
+        }
+        // Frames may have been delivered in another order.
+        frames.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        Ok(frames)
+    };
+    let cameras: Vec<Result<_>> = sources.par_iter_mut().zip(views).map(of_camera).collect();
+    bar.finish_and_clear();
+    // The first camera that failed, whichever was first in time.
+    cameras.into_iter().collect()
+}
+
+/// A bar on a terminal; nothing elsewhere.
+fn progress_bar(frames: Option<usize>) -> ProgressBar {
+    let (bar, template) = match frames {
+        Some(frames) => (
+            ProgressBar::new(frames as u64),
+            "searching {bar:32} {pos}/{len} frames, {eta} left",
+        ),
+        None => (ProgressBar::no_length(), "searching {spinner} {pos} frames"),
+    };
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+/// Parses the largest offset.
+fn parse_offset(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|offset_s: &f64| *offset_s > 0.0 && *offset_s <= MAX_CLOCK_OFFSET_S)
+        .ok_or_else(|| format!("allowed: above 0 and at most {MAX_CLOCK_OFFSET_S} seconds"))
+}

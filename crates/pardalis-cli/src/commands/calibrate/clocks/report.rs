@@ -1,0 +1,272 @@
+//! What is known of the clocks, for the terminal, as tables and as a page.
+
+use std::fmt::{self, Write as _};
+
+use anyhow::Result;
+use pardalis::calibrate::{ClockCamera, ClockFit, ClockSighting};
+use pardalis::config::Scene;
+
+use super::super::page::{begin, push_paragraph, push_table};
+use super::super::report::{with_sigma, write_table};
+use crate::draw::calibration::{Sighting, observed_and_projected};
+use crate::draw::clocks::{ClockResiduals, residuals_over_time};
+
+/// Residuals above this share of the image's diagonal are larger than what detection of colours leaves.
+const LARGE_RMS: f64 = 0.005;
+
+/// All there is to say about the clocks of a scene's cameras.
+pub(super) struct Report<'a> {
+    cameras: Vec<Camera<'a>>,
+}
+
+/// One camera, what it saw and what is known of its clock.
+struct Camera<'a> {
+    name: &'a str,
+    size_px: (usize, usize),
+    frames: usize,
+    fit: &'a ClockFit,
+    /// What the scene says, in seconds.
+    given_s: f64,
+    /// What it should say, in seconds.
+    corrected_s: f64,
+}
+
+impl Camera<'_> {
+    fn outliers(&self) -> usize {
+        let sightings = self.fit.sightings.iter();
+        sightings.filter(|sighting| sighting.outlier).count()
+    }
+}
+
+impl<'a> Report<'a> {
+    /// Of the scene's cameras, in its order.
+    pub(super) fn new(
+        scene: &'a Scene,
+        cameras: &'a [ClockCamera<'a>],
+        fits: &'a [ClockFit],
+    ) -> Self {
+        let all = scene.cameras.iter().zip(cameras).zip(fits);
+        let of_camera = |((config, camera), fit): ((_, &'a ClockCamera), &'a ClockFit)| {
+            let config: &pardalis::config::CameraConfig = config;
+            Camera {
+                name: camera.name,
+                size_px: camera.view.size(),
+                frames: camera.frames.len(),
+                fit,
+                given_s: config.time_offset_s,
+                // To a microsecond; never minus zero.
+                corrected_s: (1e6 * (config.time_offset_s + fit.offset_s)).round() / 1e6 + 0.0,
+            }
+        };
+        Self {
+            cameras: all.map(of_camera).collect(),
+        }
+    }
+
+    /// The names of the cameras but the first, and what the scene should say of them, in seconds.
+    pub(super) fn offsets_s(&self) -> Vec<(&'a str, f64)> {
+        let others = self.cameras.iter().skip(1);
+        others
+            .map(|camera| (camera.name, camera.corrected_s))
+            .collect()
+    }
+
+    /// The same as lines of a scene.
+    pub(super) fn settings(&self) -> String {
+        let mut text = String::new();
+        for (name, offset_s) in self.offsets_s() {
+            let _ = writeln!(text, "  cameras.{name}.time_offset_s = {offset_s:?}");
+        }
+        text
+    }
+
+    fn title(&self) -> String {
+        format!(
+            "Clocks of {} cameras against that of {}",
+            self.cameras.len(),
+            self.cameras[0].name
+        )
+    }
+
+    /// A row a camera.
+    fn rows(&self) -> Vec<Vec<String>> {
+        let head = [
+            "camera",
+            "frames",
+            "seen in",
+            "left out",
+            "offset (ms)",
+            "time_offset_s before",
+            "after",
+            "RMS before (px)",
+            "after (px)",
+        ];
+        let mut rows = vec![head.map(str::to_owned).to_vec()];
+        for (number, camera) in self.cameras.iter().enumerate() {
+            let fit = camera.fit;
+            let before = fit.rms_before_px.map(|px| format!("{px:.2}"));
+            rows.push(vec![
+                camera.name.to_owned(),
+                camera.frames.to_string(),
+                fit.sightings.len().to_string(),
+                camera.outliers().to_string(),
+                if number == 0 {
+                    "reference".to_owned()
+                } else {
+                    with_sigma(1e3 * fit.offset_s, Some(1e3 * fit.sigma_s))
+                },
+                format!("{:?}", camera.given_s),
+                format!("{:?}", camera.corrected_s),
+                before.unwrap_or_else(|| "-".to_owned()),
+                format!("{:.2}", fit.rms_after_px),
+            ]);
+        }
+        rows
+    }
+
+    /// What may be wrong, though offsets could be fitted.
+    fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for camera in &self.cameras {
+            let (width, height) = camera.size_px;
+            let rms_px = camera.fit.rms_after_px;
+            if rms_px > LARGE_RMS * (width as f64).hypot(height as f64) {
+                warnings.push(format!(
+                    "{}: {rms_px:.1} px remain with the clocks corrected: check the poses of the cameras, and whether there are other things of the target's colours",
+                    camera.name
+                ));
+            }
+            let (outliers, seen) = (camera.outliers(), camera.fit.sightings.len());
+            if 4 * outliers > seen {
+                warnings.push(format!(
+                    "{}: {outliers} of {seen} sightings do not fit the others and were left out: is something else of the target's colours in view?",
+                    camera.name
+                ));
+            }
+        }
+        warnings
+    }
+
+    /// A row a camera, its offset with all digits.
+    pub(super) fn table(&self) -> Result<String> {
+        let mut table = csv::Writer::from_writer(Vec::new());
+        table.write_record([
+            "camera",
+            "frames",
+            "sightings",
+            "outliers",
+            "offset_s",
+            "offset_sigma_s",
+            "time_offset_before_s",
+            "time_offset_s",
+            "rms_before_px",
+            "rms_after_px",
+        ])?;
+        for camera in &self.cameras {
+            let fit = camera.fit;
+            let before = fit.rms_before_px.map(|px| px.to_string());
+            table.write_record([
+                camera.name.to_owned(),
+                camera.frames.to_string(),
+                fit.sightings.len().to_string(),
+                camera.outliers().to_string(),
+                fit.offset_s.to_string(),
+                fit.sigma_s.to_string(),
+                camera.given_s.to_string(),
+                camera.corrected_s.to_string(),
+                before.unwrap_or_default(),
+                fit.rms_after_px.to_string(),
+            ])?;
+        }
+        Ok(String::from_utf8(table.into_inner()?)?)
+    }
+
+    /// A row a sighting: where the middle of the target was seen, and how far that is from its fitted path.
+    pub(super) fn sightings(&self) -> Result<String> {
+        let mut table = csv::Writer::from_writer(Vec::new());
+        table.write_record([
+            "camera",
+            "time_s",
+            "u_px",
+            "v_px",
+            "residual_before_u_px",
+            "residual_before_v_px",
+            "residual_u_px",
+            "residual_v_px",
+            "outlier",
+        ])?;
+        for camera in &self.cameras {
+            for sighting in &camera.fit.sightings {
+                let mut row = vec![camera.name.to_owned(), sighting.time_s.to_string()];
+                row.extend(sighting.pixel.map(|value| value.to_string()));
+                for residual in [sighting.before_px, sighting.after_px] {
+                    let values = residual.map(|pair| pair.map(|value| value.to_string()));
+                    row.extend(values.unwrap_or_default());
+                }
+                row.push(u8::from(sighting.outlier).to_string());
+                table.write_record(row)?;
+            }
+        }
+        Ok(String::from_utf8(table.into_inner()?)?)
+    }
+
+    /// The report as one HTML page.
+    pub(super) fn page(&self) -> Result<String> {
+        let mut page = begin(&self.title());
+        push_table(&mut page, &self.rows());
+        for warning in self.warnings() {
+            push_paragraph(&mut page, &format!("Warning: {warning}"));
+        }
+        page.push_str("<h2>Residuals over time</h2>\n");
+        let residuals: Vec<ClockResiduals> = self.cameras.iter().map(residuals).collect();
+        let _ = writeln!(
+            page,
+            "<figure>{}</figure>",
+            residuals_over_time(&residuals)?
+        );
+        for camera in &self.cameras {
+            for (when, residual) in [
+                ("before", (|s| s.before_px) as fn(&ClockSighting) -> _),
+                ("after", |s| s.after_px),
+            ] {
+                let sightings = camera.fit.sightings.iter().map(|sighting| Sighting {
+                    observed: sighting.pixel,
+                    residual_px: residual(sighting),
+                    outlier: sighting.outlier,
+                });
+                let sightings: Vec<Sighting> = sightings.collect();
+                let picture = observed_and_projected(camera.size_px, &sightings)?;
+                let _ = writeln!(
+                    page,
+                    "<h2>{}: where the target was seen and where its path is projected, {when}</h2>\n<figure>{picture}</figure>",
+                    camera.name
+                );
+            }
+        }
+        page.push_str("</body></html>\n");
+        Ok(page)
+    }
+}
+
+/// The lengths of a camera's residuals, for their picture.
+fn residuals<'a>(camera: &Camera<'a>) -> ClockResiduals<'a> {
+    let length = |residual: Option<[f64; 2]>| residual.map(|[u, v]| u.hypot(v));
+    let kept = camera.fit.sightings.iter().filter(|s| !s.outlier);
+    ClockResiduals {
+        name: camera.name,
+        residuals: kept
+            .map(|s| (s.time_s, [length(s.before_px), length(s.after_px)]))
+            .collect(),
+    }
+}
+
+impl fmt::Display for Report<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}:\n", self.title())?;
+        write_table(f, &self.rows())?;
+        for warning in self.warnings() {
+            writeln!(f, "\nWarning: {warning}")?;
+        }
+        write!(f, "\nFor the scene:\n{}", self.settings().trim_end())
+    }
+}

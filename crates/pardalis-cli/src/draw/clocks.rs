@@ -1,0 +1,60 @@
+//! Pictures of what clocks that are apart do: residuals over time, before and after correction.
+
+use plotters::prelude::*;
+
+use super::legend::{self, Key};
+use super::panel::{Axis, draw_path, extent, padded, panel, write_note};
+use super::plots::WIDTH_PX;
+use super::svg::{Area, document, fill, units};
+use super::{INK, PALETTE, Rgb};
+
+/// Height of each camera's panel.
+const PANEL_HEIGHT_PX: f64 = 180.0;
+
+const BEFORE: Rgb = PALETTE[1];
+const AFTER: Rgb = PALETTE[0];
+
+/// How far what a camera saw is from the fitted path.
+pub(crate) struct ClockResiduals<'a> {
+    /// The camera's name.
+    pub(crate) name: &'a str,
+    /// The time in seconds, and the distances in pixels with the clocks as they are and corrected, where there are any.
+    pub(crate) residuals: Vec<(f64, [Option<f64>; 2])>,
+}
+
+/// A panel a camera: distances before and after the correction, over time: an SVG document.
+pub(crate) fn residuals_over_time(cameras: &[ClockResiduals]) -> anyhow::Result<String> {
+    let times = cameras.iter().flat_map(|camera| &camera.residuals);
+    let time_s = padded(extent(times.map(|(time_s, _)| *time_s)), 0.1);
+    let height_px = PANEL_HEIGHT_PX * cameras.len().max(1) as f64;
+    document([WIDTH_PX, height_px], |area| {
+        let (plots, column) = area.split_horizontally(units(WIDTH_PX - legend::WIDTH_PX));
+        let entries = [
+            (Key::Track(BEFORE), "clocks as they are".to_owned()),
+            (Key::Track(AFTER), "clocks corrected".to_owned()),
+        ];
+        legend::draw(&column, &entries)?;
+        for (area, camera) in plots.split_evenly((cameras.len(), 1)).iter().zip(cameras) {
+            draw_panel(area, Axis::new(time_s.clone(), "time stamp (s)"), camera)?;
+        }
+        Ok(())
+    })
+}
+
+fn draw_panel(area: &Area<'_>, across: Axis<'_>, camera: &ClockResiduals) -> anyhow::Result<()> {
+    let lengths = camera.residuals.iter().flat_map(|(_, both)| both).flatten();
+    let largest = lengths.fold(0.1_f64, |largest, px| largest.max(*px));
+    let name = format!("{} (px)", camera.name);
+    let zero = [(across.range().start, 0.0), (across.range().end, 0.0)];
+    let mut panel = panel(area, &across, &Axis::new(0.0..1.05 * largest, &name))?;
+    draw_path(&mut panel, &zero, super::svg::line(INK, 1.0, 1.0))?;
+    for (which, color) in [(0, BEFORE), (1, AFTER)] {
+        let points = camera.residuals.iter();
+        let points = points.filter_map(|(time_s, both)| Some((*time_s, both[which]?)));
+        panel.draw_series(points.map(|at| Circle::new(at, units(2.0), fill(color, 0.8))))?;
+    }
+    if camera.residuals.is_empty() {
+        write_note(area, "nothing seen")?;
+    }
+    Ok(())
+}
