@@ -10,7 +10,7 @@ use std::process::Command;
 use common::Run;
 
 /// Two cameras with all faults, a ball that moves and something to hide it. Line numbers count in tests.
-const WORLD: &str = r#"seed = 3
+const WORLD: &str = r"seed = 3
 duration_s = 0.8
 training_stills = 2
 start_sigma_m = 0.02
@@ -40,7 +40,7 @@ target = true
 shape.sphere.radius_m = 0.1
 color_srgb = [230, 60, 30]
 path.circle = { center_m = [0, 0, 0.25], radius_m = 0.15, period_s = 2 }
-"#;
+";
 
 /// A folder with a world in it.
 struct Place(tempfile::TempDir);

@@ -51,7 +51,7 @@ pub(super) fn folder_of(sequence: &Sequence, camera: usize) -> PathBuf {
     }
 }
 
-/// Writes what a camera delivers: images numbered from 0 without gaps, and their times as its clock says.
+/// Writes what a camera delivers: images numbered from 0 in the order in which they arrive, and their times as its clock says.
 pub(super) fn write(
     sequence: &Sequence,
     number: usize,
