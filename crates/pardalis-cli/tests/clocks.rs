@@ -201,7 +201,7 @@ fn four_clocks_are_found_with_a_distractor_and_losses() {
 }
 
 #[test]
-fn what_cannot_be_done_is_refused_before_anything_is_written() {
+fn what_does_not_tell_the_clocks_is_refused_and_nothing_written() {
     let folder = scene("webcams-two", &[0.0, 0.0]);
     fs::create_dir(folder.path().join("other")).unwrap();
     let text = fs::read_to_string(folder.path().join("scene.toml")).unwrap();
