@@ -6,6 +6,7 @@ mod draw;
 mod fault;
 mod files;
 mod interrupt;
+mod rig;
 mod say;
 mod scene;
 mod source;
@@ -27,6 +28,9 @@ use clap::{Parser, Subcommand};
   pardalis init images --fps 25 --colors ball.colors.toml --pixel 460,88
   pardalis track scene.toml --annotate
   pardalis locate scene.toml --at 460,88             single images, each on its own
+
+Without cameras:
+  pardalis simulate data/worlds/ring.toml -o ring    images of a made-up world, with truth
 
 Cameras:
   pardalis camera show calib.yml                     what a calibration of any program says
@@ -53,6 +57,7 @@ enum Command {
     Evaluate(commands::evaluate::Arguments),
     Measure(commands::measure::Arguments),
     Report(commands::report::Arguments),
+    Simulate(commands::simulate::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -67,6 +72,7 @@ fn main() -> ExitCode {
         Command::Evaluate(arguments) => commands::evaluate::run(&arguments),
         Command::Measure(arguments) => commands::measure::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),
+        Command::Simulate(arguments) => commands::simulate::run(&arguments),
     };
     fault::exit_code_of(&outcome)
 }

@@ -17,6 +17,7 @@ use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
 
 use crate::fault::{Fault, fault};
+use crate::rig;
 use crate::say::warn;
 use crate::source::decode::decode_mask;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
@@ -76,7 +77,7 @@ pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
     let scene = Scene::parse_with(&text, replaced, &|file, lens| {
         read_calibration(folder, file, lens)
     })
-    .map_err(|problems| all_of(path, &problems))?;
+    .map_err(|problems| problems_in("scene", path, &problems))?;
     for warning in &scene.warnings {
         warn(format!("{}: {warning}", path.display()));
     }
@@ -128,21 +129,29 @@ pub(crate) fn open(
         match source {
             Ok(source) => {
                 views.push(view_of(camera, folder, source.size(), &mut problems));
-                sources.push(source);
+                sources.push(Some(source));
             }
             Err(problem) => {
                 problems.push(problem);
                 views.push(None);
+                sources.push(None);
             }
         }
     }
+    let opened: Vec<_> = scene
+        .cameras
+        .iter()
+        .zip(sources.iter().map(Option::as_ref))
+        .collect();
+    problems.extend(rig::problems(&opened, folder));
+    let mut sources: Vec<Source> = sources.into_iter().flatten().collect();
     let mut targets = Vec::new();
     let mut handed_over = Vec::new();
     for (number, target) in scene.targets.iter().enumerate() {
         let start = match &target.start.value {
             StartConfig::Here(start) => Ok(*start),
             StartConfig::Track(track) => {
-                let first_time_s = sources.iter_mut().filter_map(Source::next_time_s);
+                let first_time_s = sources.iter_mut().filter_map(Source::first_time_s);
                 let first_time_s = first_time_s.reduce(f64::min);
                 let path = resolve(folder, &track.file);
                 track_start::read(track, &path, first_time_s).map(|(start, time_s)| {
@@ -172,7 +181,7 @@ pub(crate) fn open(
     }
     if !problems.is_empty() {
         problems.sort();
-        return Err(all_of(path, &problems));
+        return Err(problems_in("scene", path, &problems));
     }
     let views = views.into_iter().flatten().collect();
     let mut tracker = Tracker::new(views, targets, scene.seed, Level::best())?;
@@ -186,12 +195,12 @@ pub(crate) fn open(
     })
 }
 
-/// One error that lists every problem of a scene.
-fn all_of(path: &Path, problems: &[Problem]) -> anyhow::Error {
+/// One error that lists every problem of a scene, or of what else the file is.
+pub(crate) fn problems_in(what: &str, path: &Path, problems: &[Problem]) -> anyhow::Error {
     use std::fmt::Write as _;
     let mut text = match problems.len() {
-        1 => format!("{}: a problem in the scene:", path.display()),
-        n => format!("{}: {n} problems in the scene:", path.display()),
+        1 => format!("{}: a problem in the {what}:", path.display()),
+        n => format!("{}: {n} problems in the {what}:", path.display()),
     };
     for problem in problems.iter().take(MAX_LISTED) {
         let _ = write!(text, "\n  {problem}");

@@ -1,6 +1,18 @@
-//! The one place where the program reads a clock: to report how long work took, never for a result.
+//! The one place where the program reads a clock: to report how long work took, and to know when the frames of live cameras arrive; never for a
+//! result that comes from files.
 
+use std::sync::OnceLock;
 use std::time::Instant;
+
+/// Seconds since the first call.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "frames of live cameras arrive when they do"
+)]
+pub(crate) fn now_s() -> f64 {
+    static START: OnceLock<Instant> = OnceLock::new();
+    START.get_or_init(Instant::now).elapsed().as_secs_f64()
+}
 
 /// Measures how long something takes.
 pub(crate) struct Stopwatch(Instant);

@@ -33,7 +33,7 @@ fn grey_png(place: &Workplace, name: &str, width: u32, height: u32, grey: u8) {
 }
 
 #[test]
-fn a_faulty_image_in_the_middle_keeps_the_rows_before_it() {
+fn a_faulty_image_is_left_out_and_told() {
     let whole = fs::read(frame_file(3)).unwrap();
     let mut small = Vec::new();
     image::RgbImage::new(320, 240)
@@ -57,17 +57,39 @@ fn a_faulty_image_in_the_middle_keeps_the_rows_before_it() {
         let place = Workplace::with_frames(5);
         fs::write(place.image(3), bytes).unwrap();
         let run = place.track(SCENE);
-        run.refused(&["000003.jpg", wanted]);
-        assert_eq!(place.rows().len(), 3, "{name}");
+        assert_eq!(run.code, Some(0), "{name}: {}", run.stderr);
+        let start = "warning: cameras.cam1: left out a broken image: ";
+        assert!(run.stderr.starts_with(start), "{}", run.stderr);
+        for wanted in ["000003.jpg", wanted] {
+            assert!(run.stderr.contains(wanted), "{name}: {}", run.stderr);
+        }
+        let numbers: Vec<String> = place.rows().iter().map(|row| row[0].clone()).collect();
+        assert_eq!(numbers, ["0", "1", "2", "4"], "{name}");
         let summary = fs::read_to_string(place.path("out/summary.json")).unwrap();
-        assert!(summary.contains("000003.jpg"), "{summary}");
+        assert!(summary.contains("\"broken\": 1"), "{summary}");
     }
-    // The first one sets the size, before anything runs.
+    // The first whose header is sound sets the size.
     let place = Workplace::with_frames(3);
     fs::write(place.image(0), png_of_size(60_000, 60_000)).unwrap();
+    let run = place.track(SCENE);
+    assert_eq!((run.code, place.rows().len()), (Some(0), 2));
+    assert!(run.stderr.contains("60000 x 60000"), "{}", run.stderr);
+    // Where none has a sound one nothing runs, and where none can be decoded nothing is tracked.
+    for number in 1..3 {
+        fs::write(place.image(number), "no image").unwrap();
+    }
     place
         .track(SCENE)
         .refused(&["scene.toml", "line 3", "000000.jpg", "60000 x 60000"]);
+    for number in 0..3 {
+        fs::write(place.image(number), png_of_size(640, 480)).unwrap();
+    }
+    place.track(SCENE).refused(&[
+        "no frame came from any camera",
+        "000000.jpg",
+        "000001.jpg",
+        "000002.jpg",
+    ]);
 }
 
 #[test]
@@ -128,8 +150,8 @@ fn faulty_times() {
         );
     }
     refused_times(
-        "frame,time_s\n0,0\n1,0.08\n2,0.04\n",
-        &["line 4", "runs backwards, from 0.08 to 0.04"],
+        "frame,time_s,arrival_s\n0,0,0\n1,0.04,0.08\n2,0.08,0.04\n",
+        &["line 4", "arrival_s runs backwards, from 0.08 to 0.04"],
     );
     refused_times(
         "frame,time_s\n0,0\n1,0.04\n1,0.08\n2,0.1\n",
@@ -168,10 +190,12 @@ fn faulty_times() {
 
     // A gap of numbers that no clock spans.
     fs::copy(frame_file(3), place.path("images/9223372036854775807.jpg")).unwrap();
-    place
-        .track(SCENE)
-        .refused(&["images", "time_s is", "-1e12 to 1e12"]);
-    assert_eq!(place.rows().len(), 3);
+    place.track(SCENE).refused(&[
+        "line 3: cameras.cam1.images",
+        "9223372036854775807.jpg",
+        "its time_s is",
+        "at most 1e12",
+    ]);
 }
 
 #[test]

@@ -83,6 +83,16 @@ fn other_numbers_and_types_name_their_key_and_line() {
         ),
         (
             "seed = 1",
+            "seed = 1\ntiming.max_delay_s = 61",
+            "line 2: timing.max_delay_s: is 61; allowed: 0 to 60 seconds",
+        ),
+        (
+            "seed = 1",
+            "seed = 1\ntiming.max_delay_s = -0.1",
+            "line 2: timing.max_delay_s: is -0.1; allowed: 0 to 60 seconds",
+        ),
+        (
+            "seed = 1",
             "seed = 9223372036854775808",
             "line 1: seed: is 9223372036854775808",
         ),

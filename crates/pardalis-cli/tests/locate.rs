@@ -344,7 +344,7 @@ fn a_track_starts_where_anothers_ended() {
         .collect();
     place.write(
         "other/tracks.csv",
-        format!("{}\n{}\n", common::HEADER, moved.join("\n")),
+        format!("{}\n{}\n", common::run::HEADER, moved.join("\n")),
     );
     place
         .track(from_track(5, "target = \"theirs\"\nworld_from_other = [[-1, 0, 0, 1], [0, -1, 0, 2], [0, 0, 1, -0.5], [0, 0, 0, 1]]"))
@@ -359,7 +359,8 @@ fn a_track_starts_where_anothers_ended() {
 fn tracks_that_cannot_be_started_from_are_refused() {
     let place = Workplace::with_frames(3);
     fs::create_dir(place.path("other")).unwrap();
-    let row = |time_s: &str, rest: &str| format!("{}\n0,{time_s},ball,{rest}\n", common::HEADER);
+    let row =
+        |time_s: &str, rest: &str| format!("{}\n0,{time_s},ball,{rest}\n", common::run::HEADER);
     let seen = "tracking,1.3,-1.2,0.6,0,0,0,,0.01,0,0,0.01,0,0.01,50,1";
     let place_in_scene = "line 16: targets.ball.start.track.file: ";
     for (text, more, wanted) in [
@@ -423,10 +424,15 @@ fn tracks_that_cannot_be_started_from_are_refused() {
         .refused(&[place_in_scene, "other/tracks.csv: No such file"]);
 }
 
-/// The scene with a second camera, at the same place.
-fn two_cameras() -> String {
+/// The scene with a second camera, a millimetre beside the first, which saw the same.
+fn two_cameras(place: &Workplace) -> String {
+    fs::create_dir_all(place.path("images2")).unwrap();
+    fs::copy(place.image(0), place.path("images2/000000.jpg")).unwrap();
     let camera = &SCENE[SCENE.find("[cameras.cam1]").unwrap()..SCENE.find("[targets").unwrap()];
-    let second = camera.replace("cam1", "cam2");
+    let second = camera
+        .replace("cam1", "cam2")
+        .replace("\"images\"", "\"images2\"")
+        .replace("[0, -1, 0, 0]", "[0, -1, 0, 0.001]");
     SCENE.replace("[targets.ball]\n", &format!("{second}[targets.ball]\n"))
 }
 
@@ -441,7 +447,7 @@ fn clicks_say_which_camera_and_target_they_are_of() {
     );
     let run = locate(
         &place,
-        &two_cameras(),
+        &two_cameras(&place),
         &["--clicks", "clicks.csv", "-o", "-"],
     )
     .fine();
@@ -454,22 +460,22 @@ fn clicks_say_which_camera_and_target_they_are_of() {
     place.write("third.csv", "frame,camera,u_px,v_px\n0,cam3,460,88\n");
     for (scene, arguments, wanted) in [
         (
-            two_cameras(),
+            two_cameras(&place),
             "--at 460,88",
             "--at: scene.toml has 2 cameras and 1 targets",
         ),
         (
-            two_cameras(),
+            two_cameras(&place),
             "images/000000.jpg",
             "scene.toml: the scene has 2 cameras, and images of the command line",
         ),
         (
-            two_cameras(),
+            two_cameras(&place),
             "--clicks bare.csv",
             "bare.csv, line 1: column \"camera\" is missing",
         ),
         (
-            two_cameras(),
+            two_cameras(&place),
             "--clicks third.csv",
             "third.csv, line 2, column camera: \"cam3\" is no camera of the scene; allowed: cam1, cam2",
         ),

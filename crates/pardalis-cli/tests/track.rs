@@ -106,7 +106,7 @@ fn the_summary_says_what_was_run() {
         (&9.into(), &2.into())
     );
     assert_eq!(summary["frame_sets"], 4);
-    assert_eq!(summary["repeated_frame_sets"], 0);
+    assert_eq!(summary["max_delay_s"], 0.0);
     assert_eq!(
         (&summary["interrupted"], &summary["error"]),
         (&false.into(), &Value::Null)
@@ -121,7 +121,11 @@ fn the_summary_says_what_was_run() {
         assert!((0.0..60.0).contains(&time_s), "{part}: {time_s}");
     }
     let camera = &summary["cameras"]["cam1"];
-    assert_eq!(camera["frames"]["frames"], 4);
+    assert_eq!(camera["frames"]["used"], 4);
+    assert_eq!(
+        (&camera["frames"]["delivered"], &camera["stopped"]),
+        (&4.into(), &Value::Null)
+    );
     assert_eq!(camera["source"]["size_px"], serde_json::json!([640, 480]));
     assert_eq!(camera["position_m"], serde_json::json!([0.0, 0.0, 0.9]));
     assert_eq!(summary["targets"]["ball"]["rows"]["tracking"], 4);
@@ -184,11 +188,8 @@ fn times_of_images() {
     repeated[4].1 = repeated[3].1;
     times(&repeated);
     let with = place.rows();
-    assert_eq!(summary(&place)["repeated_frame_sets"], 1);
-    assert_eq!(
-        summary(&place)["cameras"]["cam1"]["frames"]["repeated_times"],
-        1
-    );
+    assert_eq!(summary(&place)["frame_sets"], 7);
+    assert_eq!(summary(&place)["cameras"]["cam1"]["frames"]["repeated"], 1);
     assert_eq!(column(&with, 0), ["0", "1", "2", "3", "5", "6", "7"]);
     fs::remove_file(place.path("images/times.csv")).unwrap();
     fs::remove_file(place.image(4)).unwrap();
@@ -322,7 +323,7 @@ fn two_cameras() {
     assert_eq!(column(&both, 1), ["0", "0.04", "0.08"]);
     let summary = summary(&place);
     for camera in ["cam1", "cam2"] {
-        assert_eq!(summary["cameras"][camera]["frames"]["frames"], 3);
+        assert_eq!(summary["cameras"][camera]["frames"]["used"], 3);
         assert!(
             place
                 .path(&format!("out/annotated/{camera}/000002.jpg"))

@@ -6,6 +6,7 @@
 //! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`gaussian`], [`filter`] →
 //! [`likelihood`] → [`start`], [`tracker`] → [`score`]
 //!
+//! [`simulate`] makes images with exact truth.
 //! [`detect`] finds a target's colours in an image without knowing where they are; [`calibrate`] makes cameras, poses and clocks of what was seen.
 //! [`config`] turns the text of a scene file into checked settings, [`interchange`] reads and writes other programs' calibrations. [`rng`], [`real`] and [`simd`] serve the kernels.
 //!
@@ -36,6 +37,7 @@ pub mod rng;
 pub mod score;
 pub mod shape;
 pub mod simd;
+pub mod simulate;
 pub mod start;
 pub mod tracker;
 pub mod view;

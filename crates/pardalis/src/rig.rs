@@ -65,10 +65,51 @@ pub fn pose_from_matrix(rows: [[f64; 4]; 4]) -> Result<Pose, Error> {
     Ok(Pose::from_parts(Translation3::from(translation), rotation))
 }
 
+/// The pose of a camera that stands at one point and looks at another, world frame, metres. Its image is upright (a camera that looks straight up or
+/// down has the world's y at the top), turned counter-clockwise by `roll_rad`. `None` where both points are one.
+pub fn looking_at(from_m: Vector3<f64>, at_m: Vector3<f64>, roll_rad: f64) -> Option<Pose> {
+    /// Nearer to the vertical than this there is no upright image.
+    const VERTICAL: f64 = 1e-6;
+    let z = (at_m - from_m).try_normalize(1e-9)?;
+    let up = if z.xy().norm() > VERTICAL {
+        Vector3::z()
+    } else {
+        Vector3::y()
+    };
+    let x = z.cross(&up).normalize();
+    let y = z.cross(&x);
+    let (sin, cos) = libm::sincos(roll_rad);
+    let columns = [x * cos + y * sin, y * cos - x * sin, z];
+    let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&columns));
+    Some(Pose::from_parts(Translation3::from(from_m), rotation))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use nalgebra::Point3;
+
+    #[test]
+    fn a_camera_looks_at_its_point_with_the_world_upright() {
+        let from = Vector3::new(1.0, 2.0, 0.5);
+        let camera_from = |at: Vector3<f64>, roll_rad| {
+            let pose = looking_at(from, at, roll_rad).unwrap();
+            assert!((pose.rotation.matrix().determinant() - 1.0).abs() < 1e-12);
+            let at_in_camera = pose.inverse() * Point3::from(at);
+            assert!(at_in_camera.x.abs() < 1e-12 && at_in_camera.y.abs() < 1e-12);
+            assert!((at_in_camera.z - (at - from).norm()).abs() < 1e-12);
+            pose.inverse()
+        };
+        let at = Vector3::new(3.0, 1.0, 0.2);
+        // Higher is further up in the image: y is smaller.
+        let up = camera_from(at, 0.0).rotation * Vector3::z();
+        assert!(up.x.abs() < 1e-12 && up.y < -0.9);
+        // The image turned counter-clockwise: what was up is left.
+        let up = camera_from(at, std::f64::consts::FRAC_PI_2).rotation * Vector3::z();
+        assert!(up.y.abs() < 1e-12 && up.x < -0.9);
+        camera_from(from - Vector3::z(), 0.3);
+        assert!(looking_at(from, from, 0.0).is_none());
+    }
 
     #[test]
     fn a_pose_moves_points_and_faulty_matrices_are_refused() {

@@ -38,6 +38,14 @@ pub enum Stage {
     Resampling = 2,
     /// Positions along the ray through a clicked pixel.
     Ray = 3,
+    /// The noise of simulated pixels.
+    Pixel = 4,
+    /// The times of simulated cameras.
+    Clock = 5,
+    /// The drifts of simulated cameras.
+    Drift = 6,
+    /// The stills of simulated worlds that colours are learnt from.
+    Still = 7,
 }
 
 /// The random numbers of one target.

@@ -5,13 +5,16 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::tracking::{self, Annotate, Options, Output, Run};
+use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
 
 /// Tracks the targets of a scene
 ///
 /// Reads a scene file (`pardalis init` writes one to start from), tracks every target through all its frames and writes
 /// into a folder: tracks.csv (position, velocity and covariance, a row a frame and target), summary.json, and plots
 /// (from above, from the side, in an oblique view, against time).
+///
+/// With several cameras a frame waits, from its arrival, for earlier ones of the others: timing.max_delay_s of the scene (0.1, with one
+/// camera 0). A camera that fails, ends or freezes does not stop the others; a table at the end and summary.json tell what became of its frames.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis track ball.toml                      results into the folder ball-tracks
@@ -78,7 +81,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 fn warnings(run: &Run) -> String {
     use std::fmt::Write as _;
     let mut text = String::new();
-    for (camera, source) in run.open.scene.cameras.iter().zip(&run.open.sources) {
+    let records = run.open.sources.iter().zip(&run.outcome.cameras);
+    for (camera, (source, record)) in run.open.scene.cameras.iter().zip(records) {
         let counters = source.counters();
         let name = &camera.name;
         if counters.ffmpeg_errors > 0 {
@@ -89,15 +93,66 @@ fn warnings(run: &Run) -> String {
                 source.describe().input
             );
         }
-        if counters.dropped_late > 0 {
+        if record.frames.dropped_late > 0 {
             let _ = writeln!(
                 text,
-                "warning: cameras.{name}: {} frames left out, whose time stamps run backwards",
-                counters.dropped_late
+                "warning: cameras.{name}: {} frames left out that came too late; timing.max_delay_s is {}, the longest time that frames wait for others",
+                record.frames.dropped_late, run.open.scene.max_delay_s
             );
         }
     }
     text
+}
+
+/// A table of what became of the frames of each camera, and in how many it saw each target; nothing for one camera with which all went well.
+fn camera_table(run: &Run) -> String {
+    use std::fmt::Write as _;
+    let records = &run.outcome.cameras;
+    let went_well = |record: &CameraRecord| record.frames.used == record.frames.delivered;
+    if records.len() == 1 && records.iter().all(went_well) {
+        return String::new();
+    }
+    let mut text = format!(
+        "{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16}",
+        "camera",
+        "frames",
+        "used",
+        "sorted in",
+        "dropped",
+        "frozen",
+        "repeated",
+        "broken",
+        "longest gap (s)"
+    );
+    let targets = &run.open.scene.targets;
+    let heads: Vec<String> = targets
+        .iter()
+        .map(|t| format!("  saw {}", t.name))
+        .collect();
+    for head in &heads {
+        text += head;
+    }
+    for (number, camera) in run.open.scene.cameras.iter().enumerate() {
+        let frames = &records[number].frames;
+        let _ = write!(
+            text,
+            "\n{:<16}{:>9}{:>9}{:>12}{:>9}{:>8}{:>10}{:>8}{:>16.3}",
+            camera.name,
+            frames.delivered,
+            frames.used,
+            frames.sorted_in_late,
+            frames.dropped_late,
+            frames.frozen,
+            frames.repeated,
+            frames.broken,
+            frames.longest_gap_s
+        );
+        for (target, head) in heads.iter().enumerate() {
+            let seen = run.open.tracker.contributions(target)[number].seen_frames;
+            let _ = write!(text, "{seen:>width$}", width = head.len());
+        }
+    }
+    text + "\n"
 }
 
 /// What a run did, in words.
@@ -115,6 +170,7 @@ pub(crate) fn told(run: &Run) -> String {
             target.name, states.tracking, states.occluded, states.lost
         );
     }
+    text += &camera_table(run);
     for file in &run.files {
         let _ = writeln!(text, "  {}", file.display());
     }

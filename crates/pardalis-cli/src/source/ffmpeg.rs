@@ -13,6 +13,7 @@ use std::thread::JoinHandle;
 use anyhow::{Context, Result};
 use serde::Deserialize;
 
+use super::TimeSpan;
 use crate::fault::fault;
 
 /// How many of ffmpeg's last messages an error quotes.
@@ -60,7 +61,7 @@ impl Programs {
                 "-select_streams",
                 "V:0",
             ])
-            .args(input_options)
+            .args(options_of_ffprobe(input_options))
             .args(["-i", &input_argument(input, input_options)])
             .stdin(Stdio::null())
             .output()
@@ -153,6 +154,46 @@ fn input_argument(input: &str, input_options: &[String]) -> String {
     }
 }
 
+/// ffmpeg's formats that are cameras and screens.
+const DEVICE_FORMATS: [&str; 12] = [
+    "v4l2",
+    "video4linux2",
+    "dshow",
+    "vfwcap",
+    "avfoundation",
+    "android_camera",
+    "decklink",
+    "libdc1394",
+    "x11grab",
+    "gdigrab",
+    "fbdev",
+    "kmsgrab",
+];
+
+/// Those of ffmpeg's input options that ffprobe knows: it reads nothing at a rate.
+fn options_of_ffprobe(input_options: &[String]) -> Vec<&String> {
+    let mut options = input_options.iter();
+    let mut known = Vec::new();
+    while let Some(option) = options.next() {
+        match option.as_str() {
+            "-re" => {}
+            "-readrate" => drop(options.next()),
+            _ => known.push(option),
+        }
+    }
+    known
+}
+
+/// Whether frames come as they are taken: from a device, from an address, or from a file that is read at its own rate.
+pub(super) fn is_live(input: &str, input_options: &[String]) -> bool {
+    let at_own_rate = |option: &String| option == "-re" || option == "-readrate";
+    let is_device = input_options
+        .array_windows()
+        .any(|[key, value]| key == "-f" && DEVICE_FORMATS.contains(&value.as_str()));
+    let is_address = input.contains("://") && !input.starts_with("file:");
+    is_address || is_device || input_options.iter().any(at_own_rate)
+}
+
 #[derive(Deserialize)]
 struct Probed {
     #[serde(default)]
@@ -172,6 +213,11 @@ pub(super) struct ProbedStream {
     pub(super) color_range: String,
     /// A number in text; left out where the container does not say.
     pub(super) nb_frames: String,
+    /// Seconds in text, as the next; left out where the container does not say.
+    pub(super) start_time: String,
+    pub(super) duration: String,
+    /// A fraction in text.
+    pub(super) avg_frame_rate: String,
     pub(super) side_data_list: Vec<SideData>,
 }
 
@@ -189,6 +235,20 @@ impl ProbedStream {
             .map(|data| data.rotation.round() as i64)
             .find(|&rotation| rotation != 0)
             .unwrap_or(0)
+    }
+
+    /// When its frames were taken, where the container says it.
+    pub(super) fn span(&self) -> Option<TimeSpan> {
+        let first_s: f64 = self.start_time.parse().ok()?;
+        let duration_s: f64 = self.duration.parse().ok()?;
+        let (frames, seconds) = self.avg_frame_rate.split_once('/')?;
+        let step_s = seconds.parse::<f64>().ok()? / frames.parse::<f64>().ok()?;
+        let is_sound = first_s.is_finite() && duration_s.is_finite() && step_s.is_finite();
+        is_sound.then_some(TimeSpan {
+            first_s,
+            last_s: first_s + duration_s,
+            step_s: Some(step_s),
+        })
     }
 
     /// The number of frames, where the container says it.

@@ -4,16 +4,17 @@ use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
 
 use anyhow::Result;
+use pardalis::frame::MAX_TIME_S;
 
 use super::decode::{decode_image, image_size};
-use super::times::read_times;
-use super::{TimedBytes, Timing};
+use super::times::{ImageTimes, read_times};
+use super::{Pixels, TimeSpan, TimedBytes, Timing};
 use crate::fault::fault;
 
 /// The images still to be delivered.
 pub(super) struct ImageFrames {
-    /// Each file with its time stamp in seconds.
-    files: IntoIter<(PathBuf, f64)>,
+    /// Each file with its times.
+    files: IntoIter<(PathBuf, ImageTimes)>,
     /// Width and height of all images in pixels, and the file that sets them.
     size_px: (usize, usize),
     first_file: PathBuf,
@@ -54,18 +55,28 @@ impl ImageFrames {
 
     /// These images, a second apart.
     pub(super) fn stills(files: &[PathBuf]) -> Result<Self> {
-        let times_s = (0..files.len()).map(|index| index as f64);
-        Self::of(files.iter().cloned().zip(times_s).collect())
+        let times = (0..files.len()).map(|index| ImageTimes::at(index as f64));
+        Self::of(files.iter().cloned().zip(times).collect())
     }
 
-    /// One or more files, each with its time stamp in seconds.
-    fn of(files: Vec<(PathBuf, f64)>) -> Result<Self> {
-        let first_file = files[0].0.clone();
+    /// One or more files, each with its times. The first that is whole sets the size of all; where there is none, the first's fault is given.
+    fn of(files: Vec<(PathBuf, ImageTimes)>) -> Result<Self> {
+        let mut sizes = files.iter().map(|(file, _)| (file, image_size(file)));
+        let first = sizes.by_ref().find(|(_, size)| size.is_ok());
+        let (first_file, size_px) = match first {
+            Some((file, size)) => (file.clone(), size?),
+            None => (files[0].0.clone(), image_size(&files[0].0)?),
+        };
         Ok(Self {
-            size_px: image_size(&first_file)?,
+            size_px,
             files: files.into_iter(),
             first_file,
         })
+    }
+
+    /// When the images still to be delivered were taken.
+    pub(super) fn span(&self) -> TimeSpan {
+        TimeSpan::of(self.files.as_slice().iter().map(|f| f.1.time_s).collect())
     }
 
     /// Width and height of all images in pixels.
@@ -80,8 +91,9 @@ impl ImageFrames {
 
     /// Number and names of the images, for people.
     pub(super) fn content(&self) -> String {
-        let name =
-            |file: Option<&(PathBuf, f64)>| file.map_or_else(String::new, |f| file_name(&f.0));
+        let name = |file: Option<&(PathBuf, ImageTimes)>| {
+            file.map_or_else(String::new, |f| file_name(&f.0))
+        };
         let files = self.files.as_slice();
         format!(
             "{} images, {} to {}",
@@ -93,11 +105,11 @@ impl ImageFrames {
 }
 
 impl Iterator for ImageFrames {
-    type Item = Result<TimedBytes>;
+    type Item = Result<Pixels>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let (file, time_s) = self.files.next()?;
-        Some(decode_image(&file).and_then(|image| {
+        let (file, times) = self.files.next()?;
+        let timed = decode_image(&file).and_then(|image| {
             let (width, height) = self.size_px;
             if (image.width, image.height) != self.size_px {
                 return Err(fault!(
@@ -111,9 +123,11 @@ impl Iterator for ImageFrames {
             }
             Ok(TimedBytes {
                 bytes: image.bytes,
-                time_s,
+                time_s: times.time_s,
+                arrival_s: times.arrival_s,
             })
-        }))
+        });
+        Some(Ok(timed.map_or_else(Pixels::Broken, Pixels::Frame)))
     }
 }
 
@@ -169,12 +183,12 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
         .collect())
 }
 
-/// Replaces each image's index in time by its time stamp in seconds.
+/// Replaces each image's index in time by its times.
 fn with_times(
     folder: &Path,
     files: Vec<(PathBuf, u64)>,
     timing: &Timing,
-) -> Result<Vec<(PathBuf, f64)>> {
+) -> Result<Vec<(PathBuf, ImageTimes)>> {
     match timing {
         Timing::Fps(fps) => {
             if !(fps.is_finite() && *fps > 0.0) {
@@ -183,10 +197,19 @@ fn with_times(
                     folder.display()
                 ));
             }
-            Ok(files
+            files
                 .into_iter()
-                .map(|(file, index)| (file, index as f64 / fps))
-                .collect())
+                .map(|(file, index)| {
+                    let time_s = index as f64 / fps;
+                    if time_s > MAX_TIME_S {
+                        return Err(fault!(
+                            "{}: by its number its time_s is {time_s}; allowed: at most 1e12; number the images from the first on",
+                            file.display()
+                        ));
+                    }
+                    Ok((file, ImageTimes::at(time_s)))
+                })
+                .collect()
         }
         Timing::TimesFile => {
             let path = folder.join("times.csv");
@@ -194,7 +217,7 @@ fn with_times(
             files
                 .into_iter()
                 .map(|(file, index)| match times.get(&index) {
-                    Some(&time_s) => Ok((file, time_s)),
+                    Some(&times) => Ok((file, times)),
                     None => Err(fault!(
                         "{}: there is no row for frame {index} ({}); give each image its time_s",
                         path.display(),

@@ -107,8 +107,12 @@ fn faulty_times_are_refused_with_their_line() {
         ("frame,time_s\n0,0\n1,nan\n", "line 3: time_s is \"nan\""),
         ("frame,time_s\n0,inf\n", "line 2: time_s is \"inf\""),
         (
-            "frame,time_s\n0,1\n1,0.5\n",
-            "line 3: time_s runs backwards, from 1 to 0.5",
+            "frame,time_s,arrival_s\n0,1,1\n1,2,0.5\n",
+            "line 3: arrival_s runs backwards, from 1 to 0.5",
+        ),
+        (
+            "frame,time_s,arrival_s\n0,1,soon\n",
+            "line 2: arrival_s is \"soon\"",
         ),
         ("frame,time_s\n0,1\n-1,2\n", "line 3: frame is \"-1\""),
         ("frame,time_s\n0,1\n1\n", "line: 3"),
@@ -133,6 +137,6 @@ fn times_of_missing_images_are_passed_over_and_equal_ones_kept() {
     std::fs::write(folder.path().join("times.csv"), text).expect("written");
     let files = list_images(folder.path()).expect("a list");
     let times = with_times(folder.path(), files, &Timing::TimesFile).expect("times");
-    let times: Vec<f64> = times.into_iter().map(|(_, time_s)| time_s).collect();
+    let times: Vec<f64> = times.into_iter().map(|(_, times)| times.time_s).collect();
     assert_eq!(times, [10.5, 11.0, 11.0]);
 }

@@ -6,10 +6,13 @@ mod images;
 mod times;
 mod video;
 
+use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
+use std::task::Poll;
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use anyhow::Result;
 use pardalis::color::YuvEncoding;
@@ -17,13 +20,16 @@ use pardalis::{Frame, PixelFormat};
 use serde::Serialize;
 
 use crate::fault::fault;
-use crate::timing::Stopwatch;
+use crate::timing::{Stopwatch, now_s};
 use ffmpeg::{Process, Programs};
 use images::ImageFrames;
 use video::VideoFrames;
 
 /// How many frames are decoded ahead of the one that is worked on.
 const FRAMES_AHEAD: usize = 3;
+
+/// How long the first frame of a live camera is waited for where its time must be known.
+const FIRST_FRAME_WAIT: Duration = Duration::from_secs(5);
 
 /// What a camera's frames are read from.
 #[derive(Debug, Clone)]
@@ -85,39 +91,68 @@ pub(crate) struct Description {
     pub(crate) frame_count: Option<usize>,
 }
 
-/// What happened so far. Complete once the source has ended.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+/// What decoding came to so far. Complete once the source has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Counters {
-    /// Frames delivered.
-    pub(crate) frames: usize,
-    /// Frames with the same time stamp as the one before them.
-    pub(crate) repeated_times: usize,
-    /// Frames dropped because their time stamps run backwards.
-    pub(crate) dropped_late: usize,
     /// Errors that ffmpeg reported while it went on: frames may be damaged.
     pub(crate) ffmpeg_errors: usize,
     /// Time spent decoding, beside tracking, in seconds. For videos: waiting for ffmpeg.
     pub(crate) decode_s: f64,
 }
 
-/// The pixels of one frame and its time stamp in the source, in seconds.
+/// When a recorded source's frames were taken, its camera's time offset included.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TimeSpan {
+    /// The earliest time stamp, in seconds.
+    pub(crate) first_s: f64,
+    /// The latest one, in seconds.
+    pub(crate) last_s: f64,
+    /// The usual time from frame to frame, in seconds; none for a single frame.
+    pub(crate) step_s: Option<f64>,
+}
+
+/// What a source delivers next.
+#[derive(Debug)]
+pub(crate) enum Delivery {
+    /// A frame.
+    Frame {
+        /// With its time stamp, the camera's time offset included.
+        frame: Frame,
+        /// When it reached the program, in seconds. Recorded: on the clock of the time stamps, never running backwards. Live: on the program's clock.
+        arrival_s: f64,
+    },
+    /// An image that cannot be used, and why; others may follow.
+    Broken(anyhow::Error),
+}
+
+/// The pixels of one frame and its times in the source, in seconds.
 struct TimedBytes {
     bytes: Vec<u8>,
     time_s: f64,
+    /// Where the recording says it.
+    arrival_s: Option<f64>,
 }
 
-/// A frame, or why there is none, and the time in seconds that it took.
-type Decoded = (Result<Frame>, f64);
+/// What a reader of files or streams gives next. After an error there is nothing more.
+enum Pixels {
+    Frame(TimedBytes),
+    Broken(anyhow::Error),
+}
 
-/// The frames of one camera in the order of their time stamps, decoded ahead on a thread of their own.
+/// A delivery, or why there are no more, and the time in seconds that it took.
+type Decoded = (Result<Delivery>, f64);
+
+/// The frames of one camera in the order of their arrival, decoded ahead on a thread of their own.
 ///
 /// After an error there are no more frames.
 pub(crate) struct Source {
     description: Description,
+    /// None where it is not known before the frames are read.
+    span: Option<TimeSpan>,
+    is_live: bool,
     counters: Counters,
-    last_time_s: f64,
-    /// A frame that was fetched to know its time.
-    peeked: Option<Result<Frame>>,
+    /// What was fetched to know the time of the first frame.
+    peeked: VecDeque<Result<Delivery>>,
     /// Nothing once the thread has ended.
     decoding: Option<(Receiver<Decoded>, JoinHandle<()>)>,
     process: Option<Arc<Process>>,
@@ -145,13 +180,19 @@ impl Source {
                     Programs::find(&search_path).map_err(|error| fault!("{input}: {error}"))?;
                 let (description, frames) =
                     VideoFrames::open(&programs, input, input_options, *encoding, first, limit)?;
-                let process = Some(frames.process());
-                Ok(Self::start(
-                    description,
-                    config.time_offset_s,
-                    frames,
-                    process,
-                ))
+                let span = frames.span();
+                let process = frames.process();
+                let is_live = ffmpeg::is_live(input, input_options);
+                let clock = if is_live {
+                    Clock::Live
+                } else {
+                    Clock::Recorded
+                };
+                let mut source = Self::start(description, clock, config.time_offset_s, frames);
+                source.is_live = is_live;
+                source.process = Some(process);
+                source.span = span.map(|span| span.moved(config.time_offset_s));
+                Ok(source)
             }
         }
     }
@@ -171,14 +212,17 @@ impl Source {
             encoding: None,
             frame_count: Some(frames.frame_count()),
         };
-        Self::start(description, time_offset_s, frames, None)
+        let span = frames.span().moved(time_offset_s);
+        let mut source = Self::start(description, Clock::Recorded, time_offset_s, frames);
+        source.span = Some(span);
+        source
     }
 
     fn start(
         description: Description,
+        clock: Clock,
         time_offset_s: f64,
-        mut pixels: impl Iterator<Item = Result<TimedBytes>> + Send + 'static,
-        process: Option<Arc<Process>>,
+        mut pixels: impl Iterator<Item = Result<Pixels>> + Send + 'static,
     ) -> Self {
         let (sender, receiver) = sync_channel(FRAMES_AHEAD);
         let (width, height) = description.size_px;
@@ -186,29 +230,44 @@ impl Source {
         let encoding = description.encoding.unwrap_or_default();
         let input = description.input.clone();
         let thread = std::thread::spawn(move || {
+            let mut arrived_s = f64::NEG_INFINITY;
             loop {
                 let watch = Stopwatch::start();
                 let Some(pixels) = pixels.next() else { break };
-                let frame = pixels.and_then(|TimedBytes { bytes, time_s }| {
-                    let time_s = time_s + time_offset_s;
-                    Frame::new(format, encoding, width, height, bytes, time_s).map_err(|error| {
+                let delivery = pixels.and_then(|pixels| {
+                    let timed = match pixels {
+                        Pixels::Frame(timed) => timed,
+                        Pixels::Broken(why) => return Ok(Delivery::Broken(why)),
+                    };
+                    let time_s = timed.time_s + time_offset_s;
+                    arrived_s = match clock {
+                        Clock::Recorded => timed.arrival_s.unwrap_or(time_s).max(arrived_s),
+                        Clock::Live => now_s(),
+                    };
+                    let frame = Frame::new(format, encoding, width, height, timed.bytes, time_s);
+                    let frame = frame.map_err(|error| {
                         fault!("{input}: {error}; check the frames and the settings of their times")
+                    })?;
+                    Ok(Delivery::Frame {
+                        frame,
+                        arrival_s: arrived_s,
                     })
                 });
-                let failed = frame.is_err();
+                let failed = delivery.is_err();
                 // Nobody receives any more: the source was dropped.
-                if sender.send((frame, watch.elapsed_s())).is_err() || failed {
+                if sender.send((delivery, watch.elapsed_s())).is_err() || failed {
                     break;
                 }
             }
         });
         Self {
             description,
+            span: None,
+            is_live: false,
             counters: Counters::default(),
-            last_time_s: f64::NEG_INFINITY,
-            peeked: None,
+            peeked: VecDeque::new(),
             decoding: Some((receiver, thread)),
-            process,
+            process: None,
         }
     }
 
@@ -222,13 +281,32 @@ impl Source {
         self.description.frame_count
     }
 
-    /// The time stamp of the next frame in seconds, once it is decoded; nothing where there is no such frame.
-    pub(crate) fn next_time_s(&mut self) -> Option<f64> {
-        if self.peeked.is_none() {
-            self.peeked = self.next();
+    /// When its frames were taken, where that is known before they are read.
+    pub(crate) fn span(&self) -> Option<TimeSpan> {
+        self.span
+    }
+
+    /// Whether its frames come as they are taken, from a device or a stream.
+    pub(crate) fn is_live(&self) -> bool {
+        self.is_live
+    }
+
+    /// The time stamp of the first frame in seconds, once it is decoded; nothing where there is no such frame. To be called before any is taken.
+    pub(crate) fn first_time_s(&mut self) -> Option<f64> {
+        loop {
+            match self.peeked.back() {
+                Some(Ok(Delivery::Frame { frame, .. })) => return Some(frame.time_s()),
+                Some(Err(_)) => return None,
+                Some(Ok(Delivery::Broken(_))) | None => {}
+            }
+            let next = if self.is_live {
+                let (receiver, _) = self.decoding.as_ref()?;
+                receiver.recv_timeout(FIRST_FRAME_WAIT).ok().map(|d| d.0)
+            } else {
+                self.receive()
+            };
+            self.peeked.push_back(next?);
         }
-        let next = self.peeked.as_ref()?.as_ref().ok()?;
-        Some(next.time_s())
     }
 
     /// What the source delivers.
@@ -236,7 +314,7 @@ impl Source {
         &self.description
     }
 
-    /// What happened so far.
+    /// What decoding came to so far.
     pub(crate) fn counters(&self) -> Counters {
         Counters {
             ffmpeg_errors: self
@@ -245,6 +323,43 @@ impl Source {
                 .map_or(0, |process| process.error_count()),
             ..self.counters
         }
+    }
+
+    /// What has come already: the next delivery, or that there are no more; pending where it must be waited for.
+    pub(crate) fn poll_next(&mut self) -> Poll<Option<Result<Delivery>>> {
+        if !self.peeked.is_empty() {
+            return Poll::Ready(self.next());
+        }
+        let Some((receiver, _)) = &self.decoding else {
+            return Poll::Ready(None);
+        };
+        match receiver.try_recv() {
+            Ok(decoded) => Poll::Ready(Some(self.counted(decoded))),
+            Err(TryRecvError::Empty) => Poll::Pending,
+            Err(TryRecvError::Disconnected) => Poll::Ready(self.end()),
+        }
+    }
+
+    /// Waits for the next delivery.
+    fn receive(&mut self) -> Option<Result<Delivery>> {
+        let (receiver, _) = self.decoding.as_ref()?;
+        match receiver.recv() {
+            Ok(decoded) => Some(self.counted(decoded)),
+            Err(_) => self.end(),
+        }
+    }
+
+    fn counted(&mut self, (delivery, decode_s): Decoded) -> Result<Delivery> {
+        self.counters.decode_s += decode_s;
+        delivery
+    }
+
+    /// Nothing more comes; a panic of the thread is passed on.
+    fn end(&mut self) -> Option<Result<Delivery>> {
+        if let Err(panic) = self.stop() {
+            std::panic::resume_unwind(panic);
+        }
+        None
     }
 
     /// Stops decoding and waits until the thread, and ffmpeg, have ended. Gives the thread's panic, if any.
@@ -261,37 +376,11 @@ impl Source {
 }
 
 impl Iterator for Source {
-    type Item = Result<Frame>;
+    type Item = Result<Delivery>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if let Some(peeked) = self.peeked.take() {
-            return Some(peeked);
-        }
-        loop {
-            let (receiver, _) = self.decoding.as_ref()?;
-            let Ok((frame, decode_s)) = receiver.recv() else {
-                if let Err(panic) = self.stop() {
-                    std::panic::resume_unwind(panic);
-                }
-                return None;
-            };
-            self.counters.decode_s += decode_s;
-            // After an error the thread ends, and the next call sees that.
-            let frame = match frame {
-                Ok(frame) => frame,
-                Err(error) => return Some(Err(error)),
-            };
-            if frame.time_s() < self.last_time_s {
-                self.counters.dropped_late += 1;
-                continue;
-            }
-            if frame.time_s() == self.last_time_s {
-                self.counters.repeated_times += 1;
-            }
-            self.counters.frames += 1;
-            self.last_time_s = frame.time_s();
-            return Some(Ok(frame));
-        }
+        let peeked = self.peeked.pop_front();
+        peeked.or_else(|| self.receive())
     }
 }
 
@@ -299,6 +388,37 @@ impl Drop for Source {
     fn drop(&mut self) {
         // Whatever went wrong on the thread concerns nobody any more.
         let _ = self.stop();
+    }
+}
+
+/// What says when frames arrive.
+#[derive(Debug, Clone, Copy)]
+enum Clock {
+    /// The recording: a frame arrives when it says so, else at its own time stamp, or right after the frame before it.
+    Recorded,
+    /// The program's clock, when it receives the frame.
+    Live,
+}
+
+impl TimeSpan {
+    /// Of one or more time stamps in seconds.
+    fn of(mut times_s: Vec<f64>) -> Self {
+        times_s.sort_by(f64::total_cmp);
+        let mut steps_s: Vec<f64> = times_s.array_windows().map(|[a, b]| b - a).collect();
+        steps_s.sort_by(f64::total_cmp);
+        Self {
+            first_s: times_s.first().copied().unwrap_or_default(),
+            last_s: times_s.last().copied().unwrap_or_default(),
+            step_s: steps_s.get(steps_s.len() / 2).copied(),
+        }
+    }
+
+    fn moved(self, offset_s: f64) -> Self {
+        Self {
+            first_s: self.first_s + offset_s,
+            last_s: self.last_s + offset_s,
+            ..self
+        }
     }
 }
 

@@ -30,6 +30,22 @@ fn broken_sequence() -> TempDir {
     folder
 }
 
+/// The frame that comes next, and its arrival.
+fn next_frame(source: &mut Source) -> (Frame, f64) {
+    match source.next() {
+        Some(Ok(Delivery::Frame { frame, arrival_s })) => (frame, arrival_s),
+        other => panic!("no frame: {other:?}"),
+    }
+}
+
+/// Why the image that comes next cannot be used.
+fn next_broken(source: &mut Source) -> String {
+    match source.next() {
+        Some(Ok(Delivery::Broken(why))) => why.to_string(),
+        other => panic!("not broken: {other:?}"),
+    }
+}
+
 #[test]
 fn a_sequence_comes_whole_and_in_order() {
     let config = images(&sequence(), Timing::Fps(25.0));
@@ -42,28 +58,19 @@ fn a_sequence_comes_whole_and_in_order() {
         source.describe().content,
         "110 images, 000000.jpg to 000109.jpg"
     );
-    let mut count = 0;
-    for (index, frame) in source.by_ref().enumerate() {
-        let frame = frame.expect("a frame");
-        assert_eq!(frame.time_s(), index as f64 / 25.0);
+    let span = source.span().expect("known before");
+    assert_eq!((span.first_s, span.last_s), (0.0, 109.0 / 25.0));
+    for index in 0..110 {
+        let (frame, arrival_s) = next_frame(&mut source);
+        let time_s = index as f64 / 25.0;
+        assert_eq!((frame.time_s(), arrival_s), (time_s, time_s));
         if index % 20 == 3 {
             let image = decode_image(&sequence().join(format!("{index:06}.jpg"))).expect("decodes");
             assert!(frame.bytes() == image.bytes, "frame {index}");
         }
-        count += 1;
     }
-    assert_eq!(count, 110);
-    let counters = source.counters();
-    assert_eq!(
-        (
-            counters.frames,
-            counters.repeated_times,
-            counters.dropped_late
-        ),
-        (110, 0, 0)
-    );
-    assert!(counters.decode_s > 0.0);
-    assert!(source.next().is_none(), "an ended source stays ended");
+    assert!(source.next().is_none() && source.next().is_none());
+    assert!(source.counters().decode_s > 0.0);
 }
 
 #[test]
@@ -77,15 +84,11 @@ fn a_part_of_a_sequence_keeps_its_times() {
     };
     let mut source = Source::open(&config).expect("opens");
     assert_eq!(source.frame_count(), Some(2));
-    let times: Vec<f64> = source
-        .by_ref()
-        .map(|frame| frame.expect("a frame").time_s())
-        .collect();
-    assert_eq!(
-        times,
-        [0.1 - 0.5, 0.3 - 0.5],
-        "frame 2 is missing, and leaves a gap"
-    );
+    assert_eq!(source.first_time_s(), Some(0.1 - 0.5));
+    let times_s = [(); 2].map(|()| next_frame(&mut source).0.time_s());
+    let wanted_s = [0.1 - 0.5, 0.3 - 0.5];
+    assert_eq!(times_s, wanted_s, "frame 2 is missing, and leaves a gap");
+    assert!(source.next().is_none());
     let beyond = SourceConfig {
         first_frame: 4,
         ..config
@@ -98,62 +101,69 @@ fn a_part_of_a_sequence_keeps_its_times() {
 }
 
 #[test]
-fn repeated_times_are_counted() {
+fn frames_arrive_when_the_recording_says_or_by_their_stamps() {
     let folder = broken_sequence();
-    std::fs::write(
-        folder.path().join("times.csv"),
-        "frame,time_s\n0,1\n1,1\n3,2\n4,2\n",
-    )
-    .expect("written");
-    let mut source = Source::open(&images(folder.path(), Timing::TimesFile)).expect("opens");
-    assert_eq!(source.by_ref().count(), 4);
-    assert_eq!(source.counters().repeated_times, 2);
+    let arrivals_s = |times: &str| {
+        std::fs::write(folder.path().join("times.csv"), times).expect("written");
+        let config = SourceConfig {
+            time_offset_s: 10.0,
+            ..images(folder.path(), Timing::TimesFile)
+        };
+        let mut source = Source::open(&config).expect("opens");
+        [(); 4].map(|()| {
+            let (frame, arrival_s) = next_frame(&mut source);
+            (frame.time_s(), arrival_s)
+        })
+    };
+    // Stamps may run backwards; the order of delivery is that of the numbers.
+    let wanted = [(11.0, 11.0), (12.0, 12.0), (11.5, 12.0), (13.0, 13.0)];
+    assert_eq!(arrivals_s("frame,time_s\n0,1\n1,2\n3,1.5\n4,3\n"), wanted);
+    // A camera's clock does not move the recorder's.
+    let wanted = [(11.0, 11.25), (12.0, 12.5), (13.0, 12.5), (14.0, 20.0)];
+    assert_eq!(
+        arrivals_s("frame,time_s,arrival_s\n0,1,11.25\n1,2,12.5\n3,3,12.5\n4,4,20\n"),
+        wanted
+    );
 }
 
 #[test]
-fn frames_before_a_broken_one_are_delivered_and_none_after() {
+fn broken_images_and_those_of_another_size_are_passed_over() {
     let folder = broken_sequence();
     let third = folder.path().join("000003.jpg");
     let bytes = std::fs::read(&third).expect("read");
     std::fs::write(&third, &bytes[..bytes.len() / 2]).expect("written");
-    let mut source = Source::open(&images(folder.path(), Timing::Fps(25.0))).expect("opens");
-    assert!(source.next().is_some_and(|frame| frame.is_ok()));
-    assert!(source.next().is_some_and(|frame| frame.is_ok()));
-    let error = source
-        .next()
-        .expect("an error")
-        .expect_err("cut off")
-        .to_string();
-    assert!(
-        error.contains("000003.jpg: the file ends before its image does"),
-        "{error}"
-    );
-    assert!(source.next().is_none());
-}
-
-#[test]
-fn an_image_of_another_size_is_refused() {
-    let folder = broken_sequence();
+    std::fs::write(folder.path().join("000000.jpg"), "no image").expect("written");
     image::RgbImage::new(320, 240)
         .save(folder.path().join("000002.png"))
         .expect("written");
     let mut source = Source::open(&images(folder.path(), Timing::Fps(25.0))).expect("opens");
-    let error = source
-        .nth(2)
-        .expect("an error")
-        .expect_err("another size")
-        .to_string();
-    assert!(
-        error.contains("000002.png: the image is 320 x 240 pixels where"),
-        "{error}"
+    assert_eq!(
+        source.size(),
+        (640, 480),
+        "of the first image that has a header"
     );
-    assert!(error.contains("000000.jpg has 640 x 480"), "{error}");
+    let first = next_broken(&mut source);
+    assert!(first.contains("000000.jpg"), "{first}");
+    assert_eq!(next_frame(&mut source).0.time_s(), 1.0 / 25.0);
+    let small = next_broken(&mut source);
+    assert!(
+        small.contains("000002.png: the image is 320 x 240 pixels where"),
+        "{small}"
+    );
+    assert!(small.contains("000001.jpg has 640 x 480"), "{small}");
+    let cut = next_broken(&mut source);
+    assert!(
+        cut.contains("000003.jpg: the file ends before its image does"),
+        "{cut}"
+    );
+    assert_eq!(next_frame(&mut source).0.time_s(), 4.0 / 25.0);
+    assert!(source.next().is_none());
 }
 
 #[test]
 fn a_source_dropped_early_stops_its_thread() {
     let mut source = Source::open(&images(&sequence(), Timing::Fps(25.0))).expect("opens");
-    assert!(source.next().is_some_and(|frame| frame.is_ok()));
+    next_frame(&mut source);
     // Joins the thread, which waits with frames that nobody takes: this must return.
     drop(source);
 }

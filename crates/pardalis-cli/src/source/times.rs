@@ -1,4 +1,4 @@
-//! `times.csv`: the time stamps of a folder of images.
+//! `times.csv`: when the images of a folder were taken, and when they arrived.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,9 +8,28 @@ use pardalis::frame::MAX_TIME_S;
 
 use crate::fault::fault;
 
-/// Reads columns `frame` (ascending, from 0) and `time_s` (never running backwards) of a CSV file with a header.
-/// Further columns are left alone; equal times are repeated frames.
-pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, f64>> {
+/// The times of one image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ImageTimes {
+    /// Its time stamp, in seconds.
+    pub(super) time_s: f64,
+    /// When it reached the program that recorded it, in seconds; none where that is not known.
+    pub(super) arrival_s: Option<f64>,
+}
+
+impl ImageTimes {
+    /// A time stamp alone, in seconds.
+    pub(super) fn at(time_s: f64) -> Self {
+        Self {
+            time_s,
+            arrival_s: None,
+        }
+    }
+}
+
+/// Reads columns `frame` (ascending, from 0: the order of delivery), `time_s` (in any order) and, where it is there, `arrival_s` (never running
+/// backwards) of a CSV file with a header. Further columns are left alone; equal times are repeated frames.
+pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
     let name = path.display();
     let text = std::fs::read(path).map_err(|error| {
         fault!(
@@ -23,15 +42,16 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, f64>> {
     let header = reader
         .headers()
         .map_err(|error| fault!("{name}: the header can not be read: {error}"))?;
-    let column =
-        |wanted: &str| {
-            header.iter().position(|column| column == wanted).ok_or_else(|| {
-            fault!("{name}, line 1: there is no column {wanted}; the header must be frame,time_s")
+    let find = |wanted: &str| header.iter().position(|column| column == wanted);
+    let column = |wanted: &str| {
+        find(wanted).ok_or_else(|| {
+            fault!("{name}, line 1: there is no column {wanted}; the header must be frame,time_s or frame,time_s,arrival_s")
         })
-        };
+    };
     let (frame_column, time_column) = (column("frame")?, column("time_s")?);
+    let arrival_column = find("arrival_s");
 
-    let mut times = BTreeMap::new();
+    let mut times: BTreeMap<u64, ImageTimes> = BTreeMap::new();
     for record in reader.records() {
         let record = record.map_err(|error| fault!("{name}: {error}"))?;
         let line = record.position().map_or(0, csv::Position::line);
@@ -42,17 +62,22 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, f64>> {
                 field(frame_column)
             )
         })?;
-        let time_s = field(time_column)
-            .parse()
-            .ok()
-            .filter(|time_s: &f64| time_s.abs() <= MAX_TIME_S)
-            .ok_or_else(|| {
+        let seconds = |what: &str, column: usize| {
+            let number = field(column).parse().ok();
+            number.filter(|s: &f64| s.abs() <= MAX_TIME_S).ok_or_else(|| {
                 fault!(
-                    "{name}, line {line}: time_s is {:?}; it must be a number of seconds, -1e12 to 1e12",
-                    field(time_column)
+                    "{name}, line {line}: {what} is {:?}; it must be a number of seconds, -1e12 to 1e12",
+                    field(column)
                 )
-            })?;
-        if let Some((&last_frame, &last_time_s)) = times.last_key_value() {
+            })
+        };
+        let here = ImageTimes {
+            time_s: seconds("time_s", time_column)?,
+            arrival_s: arrival_column
+                .map(|column| seconds("arrival_s", column))
+                .transpose()?,
+        };
+        if let Some((&last_frame, last)) = times.last_key_value() {
             if frame == last_frame {
                 return Err(fault!(
                     "{name}, line {line}: frame {frame} is given a second time; give each frame once"
@@ -63,14 +88,16 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, f64>> {
                     "{name}, line {line}: frame {frame} follows frame {last_frame}; frames must ascend"
                 ));
             }
-            if time_s < last_time_s {
+            if let (Some(last_s), Some(here_s)) = (last.arrival_s, here.arrival_s)
+                && here_s < last_s
+            {
                 return Err(fault!(
-                    "{name}, line {line}: time_s runs backwards, from {last_time_s} to {time_s}; \
-                     it must stay or grow from frame to frame"
+                    "{name}, line {line}: arrival_s runs backwards, from {last_s} to {here_s}; \
+                     frames must be numbered in the order in which they arrived (time_s may run backwards)"
                 ));
             }
         }
-        times.insert(frame, time_s);
+        times.insert(frame, here);
     }
     Ok(times)
 }

@@ -9,7 +9,7 @@ use pardalis::color::{YuvEncoding, YuvMatrix, YuvRange};
 use pardalis::frame::MAX_IMAGE_SIDE_PX;
 
 use super::ffmpeg::{Decode, ProbedStream, Process, Programs};
-use super::{Description, TimedBytes};
+use super::{Description, Pixels, TimeSpan, TimedBytes};
 use crate::fault::fault;
 
 /// From this many lines on a picture counts as high definition where it does not say its matrix.
@@ -18,6 +18,7 @@ const HIGH_DEFINITION_LINES: usize = 720;
 /// The frames still to be delivered.
 pub(super) struct VideoFrames {
     input: String,
+    span: Option<TimeSpan>,
     size_px: (usize, usize),
     byte_count: usize,
     /// How many frames are left out at the beginning.
@@ -68,6 +69,7 @@ impl VideoFrames {
         };
         let frames = Self {
             input: input.to_owned(),
+            span: stream.span(),
             size_px,
             byte_count: layout.format.byte_count(width, height),
             first_frame,
@@ -82,6 +84,11 @@ impl VideoFrames {
     /// The process that must be killed to end a wait for a frame.
     pub(super) fn process(&self) -> Arc<Process> {
         Arc::clone(&self.decode.process)
+    }
+
+    /// When the frames were taken, where the container says it.
+    pub(super) fn span(&self) -> Option<TimeSpan> {
+        self.span
     }
 
     /// Reads one frame; nothing at a sound end.
@@ -114,7 +121,11 @@ impl VideoFrames {
             ));
         };
         self.read += 1;
-        Ok(Some(TimedBytes { bytes, time_s }))
+        Ok(Some(TimedBytes {
+            bytes,
+            time_s,
+            arrival_s: None,
+        }))
     }
 
     /// Looks why there are no more frames: fine at the end of the stream, else a fault that quotes ffmpeg.
@@ -170,7 +181,7 @@ impl VideoFrames {
 }
 
 impl Iterator for VideoFrames {
-    type Item = Result<TimedBytes>;
+    type Item = Result<Pixels>;
 
     fn next(&mut self) -> Option<Self::Item> {
         while !self.ended && self.remaining != Some(0) {
@@ -178,7 +189,7 @@ impl Iterator for VideoFrames {
                 Ok(Some(_)) if self.read <= self.first_frame => {}
                 Ok(Some(frame)) => {
                     self.remaining = self.remaining.map(|remaining| remaining - 1);
-                    return Some(Ok(frame));
+                    return Some(Ok(Pixels::Frame(frame)));
                 }
                 Ok(None) => self.ended = true,
                 Err(error) => {

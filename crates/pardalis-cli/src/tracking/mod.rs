@@ -2,6 +2,7 @@
 
 mod annotate;
 mod frame_sets;
+mod merge;
 mod rows;
 mod series;
 mod summary;
@@ -11,18 +12,19 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use pardalis::config::Scene;
-use pardalis::tracker::Observed;
 use pardalis::{Estimate, Frame, Tracker};
 use serde::Serialize;
 
 use crate::fault::fault;
 use crate::interrupt;
+use crate::say::warn;
 use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
 use annotate::Annotator;
-pub(crate) use frame_sets::FrameSet;
+pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
+pub(crate) use merge::FrameSet;
 use rows::Rows;
 pub(crate) use series::{SeriesCollector, truth_series};
 
@@ -65,7 +67,7 @@ pub(crate) enum Output {
 
 /// One instant: its frames and what is known after them.
 pub(crate) struct Instant<'a> {
-    /// Number of the frame set, from 0.
+    /// As [`FrameSet::index`].
     pub(crate) index: usize,
     /// The latest time stamp of the set, in seconds.
     pub(crate) time_s: f64,
@@ -88,8 +90,8 @@ pub(crate) trait Sink: Send {
 pub(crate) struct Outcome {
     /// Frame sets that were tracked.
     pub(crate) frame_sets: usize,
-    /// Frame sets that had the time stamp of the one before, and were not weighed again.
-    pub(crate) repeated_frame_sets: usize,
+    /// How it went with each camera, in the scene's order.
+    pub(crate) cameras: Vec<CameraRecord>,
     /// Whether the user stopped it.
     pub(crate) interrupted: bool,
     /// What ended it early.
@@ -114,9 +116,9 @@ pub(crate) struct Run {
     pub(crate) files: Vec<PathBuf>,
 }
 
-/// Makes estimates, one a target, of the frames of one instant, whose number is given; none where the frames tell nothing new.
+/// Makes estimates, one a target, of the frames of one instant.
 pub(crate) type Step<'a> =
-    &'a mut (dyn FnMut(&mut Tracker, usize, &FrameSet) -> Result<Option<Vec<Estimate>>> + Send);
+    &'a mut (dyn FnMut(&mut Tracker, &FrameSet) -> Result<Vec<Estimate>> + Send);
 
 /// Tracks a scene. What was written stays, whatever ends the run; an error that ended it is given back after all files are complete.
 pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
@@ -128,17 +130,12 @@ pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> R
     run_steps(scene_path, scene, &[], options, &mut observe)
 }
 
-/// One step of tracking.
-fn observe(tracker: &mut Tracker, index: usize, set: &FrameSet) -> Result<Option<Vec<Estimate>>> {
-    let observed = tracker.observe(&set.frames, set.time_s);
-    match observed.map_err(|error| fault!("frame {index}: {error}"))? {
-        Observed::Used => {
-            let estimate = |target| tracker.estimate_at(target, set.time_s);
-            Ok(Some((0..tracker.target_count()).map(estimate).collect()))
-        }
-        // The sources hand on no late frames.
-        Observed::Repeated | Observed::Late => Ok(None),
-    }
+/// One step of tracking. Where every image is one that was weighed before, the state is only predicted.
+fn observe(tracker: &mut Tracker, set: &FrameSet) -> Result<Vec<Estimate>> {
+    let observed = tracker.observe(&set.fresh(), set.time_s);
+    observed.map_err(|error| fault!("frame {}: {error}", set.index))?;
+    let estimate = |target| tracker.estimate_at(target, set.time_s);
+    Ok((0..tracker.target_count()).map(estimate).collect())
 }
 
 /// Takes a scene, read from the file of that name, through all its frames, or through `stills` in their place, by these steps. Results
@@ -210,7 +207,8 @@ fn track(
     } else {
         ProgressBar::hidden()
     };
-    let mut frame_sets = FrameSets::new(&mut open.sources);
+    let names = open.scene.cameras.iter().map(|c| c.name.clone()).collect();
+    let mut frame_sets = FrameSets::new(&mut open.sources, names, open.scene.max_delay_s);
     let ended_by = loop {
         if interrupt::requested() {
             outcome.interrupted = true;
@@ -220,21 +218,19 @@ fn track(
             ));
         }
         let watch = Stopwatch::start();
-        let set = match frame_sets.next() {
-            None => break None,
-            Some(Err(error)) => break Some(error),
-            Some(Ok(set)) => set,
-        };
-        outcome.waiting_s += watch.elapsed_s();
-
-        let watch = Stopwatch::start();
-        let index = outcome.frame_sets + outcome.repeated_frame_sets;
-        let estimates = match step(&mut open.tracker, index, &set) {
-            Ok(Some(estimates)) => estimates,
-            Ok(None) => {
-                outcome.repeated_frame_sets += 1;
+        let Some(set) = frame_sets.next() else {
+            // Waiting for live cameras ends on request, too.
+            if interrupt::requested() {
                 continue;
             }
+            break None;
+        };
+        outcome.waiting_s += watch.elapsed_s();
+        progress.suspend(|| frame_sets.warnings().into_iter().for_each(warn));
+
+        let watch = Stopwatch::start();
+        let estimates = match step(&mut open.tracker, &set) {
+            Ok(estimates) => estimates,
             Err(error) => break Some(error),
         };
         outcome.frame_sets += 1;
@@ -242,7 +238,7 @@ fn track(
 
         let watch = Stopwatch::start();
         let instant = Instant {
-            index,
+            index: set.index,
             time_s: set.time_s,
             frames: &set.frames,
             tracker: &open.tracker,
@@ -255,13 +251,19 @@ fn track(
         progress.inc(1);
     };
     progress.finish_and_clear();
+    outcome.cameras = frame_sets.records();
+    let warnings = frame_sets.warnings();
     let ended_by = match ended_by {
         // Whoever read our rows has seen enough.
         Some(error) if is_broken_pipe(&error) => None,
-        None if outcome.frame_sets == 0 => {
-            Some(fault!("no frame came from any camera; nothing was tracked"))
+        None if outcome.frame_sets == 0 => Some(fault!(
+            "no frame came from any camera; nothing was tracked\n  {}",
+            warnings.join("\n  ")
+        )),
+        other => {
+            warnings.into_iter().for_each(warn);
+            other
         }
-        other => other,
     };
     outcome.error = ended_by.as_ref().map(|error| format!("{error:#}"));
     (outcome, ended_by)

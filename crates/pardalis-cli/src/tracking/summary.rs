@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use serde_json::{Map, Value, json};
+use serde_json::{Map, json};
 
 use super::{Outcome, SeriesCollector};
 use crate::files::write_file;
@@ -20,24 +20,37 @@ pub(crate) fn write(
 ) -> Result<PathBuf> {
     let mut decoding_s = 0.0;
     let mut cameras = Map::new();
-    for (camera, source) in open.scene.cameras.iter().zip(&open.sources) {
+    let records = open.sources.iter().zip(&outcome.cameras);
+    for (camera, (source, record)) in open.scene.cameras.iter().zip(records) {
         let counters = source.counters();
         decoding_s += counters.decode_s;
         let position_m: [f64; 3] = camera.world_from_camera.translation.vector.into();
         let entry = json!({
             "position_m": position_m,
             "source": source.describe(),
-            "frames": counters,
+            "frames": record.frames,
+            "stopped": record.stopped,
+            "ffmpeg_errors": counters.ffmpeg_errors,
         });
         cameras.insert(camera.name.clone(), entry);
     }
-    let targets: Map<String, Value> = open
-        .scene
-        .targets
-        .iter()
-        .zip(series.states())
-        .map(|(target, states)| (target.name.clone(), json!({ "rows": states })))
-        .collect();
+    let mut targets = Map::new();
+    for (number, (target, states)) in open.scene.targets.iter().zip(series.states()).enumerate() {
+        let mut told = Map::new();
+        let contributions = open.tracker.contributions(number);
+        for (camera, contribution) in open.scene.cameras.iter().zip(contributions) {
+            let frames = contribution.frames;
+            let mean_nats = (frames > 0).then(|| contribution.evidence_nats / frames as f64);
+            let entry = json!({
+                "weighed_frames": frames,
+                "seen_frames": contribution.seen_frames,
+                "mean_evidence_nats": mean_nats,
+            });
+            told.insert(camera.name.clone(), entry);
+        }
+        let entry = json!({ "rows": states, "cameras": told });
+        targets.insert(target.name.clone(), entry);
+    }
     let summary = json!({
         "program": "pardalis",
         "version": env!("CARGO_PKG_VERSION"),
@@ -45,7 +58,7 @@ pub(crate) fn write(
         "seed": open.scene.seed,
         "threads": threads,
         "frame_sets": outcome.frame_sets,
-        "repeated_frame_sets": outcome.repeated_frame_sets,
+        "max_delay_s": open.scene.max_delay_s,
         "interrupted": outcome.interrupted,
         "error": outcome.error,
         "time": {

@@ -147,6 +147,10 @@ impl<R: Real> Distortion<R> {
                 (step_a, step_b) = (step_a * room / step, step_b * room / step);
             }
             (a, b) = (a - step_a, b - step_b);
+            // This step carried derivatives over, too; without distortion it is the first.
+            if step.to_f64() < 1e-15 {
+                break;
+            }
         }
         let ([da, db], inside) = self.distort(a, b);
         let (ea, eb) = (da - target[0], db - target[1]);

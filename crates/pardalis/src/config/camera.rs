@@ -74,6 +74,16 @@ pub enum Input {
     },
 }
 
+impl Input {
+    /// The folder, file, address or device, with its place in the scene.
+    pub fn place(&self) -> &Located<String> {
+        match self {
+            Self::Images { folder, .. } => folder,
+            Self::Video { input, .. } => input,
+        }
+    }
+}
+
 impl CameraConfig {
     /// Reads one camera; `None` when something needed is missing or faulty, which the journal then says.
     pub(super) fn read(
@@ -193,7 +203,7 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
 }
 
 /// The camera of the calibration file, where the scene names one.
-fn read_calibrated(
+pub(super) fn read_calibrated(
     name: &str,
     table: &Table,
     read_calibration: ReadCalibration,

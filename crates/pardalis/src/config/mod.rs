@@ -1,4 +1,4 @@
-//! Scene files: from their text to checked settings. Configuration enters here once; the rest of the library takes values that are valid.
+//! Scene and world files: from their text to checked settings. Configuration enters here once; the rest of the library takes values that are valid.
 
 mod appearance;
 pub mod calibration;
@@ -10,12 +10,15 @@ mod replaced;
 mod setting;
 mod start;
 mod target;
+mod timing;
+mod world;
 
 pub use camera::{CameraConfig, Input, MaskCircle, ReadCalibration};
 pub use offsets::with_time_offsets;
 pub use reader::{Located, Problem};
 pub use start::{StartConfig, TrackStart};
 pub use target::TargetConfig;
+pub use world::WorldConfig;
 
 use reader::{Journal, Table};
 use toml::de::DeTable;
@@ -29,6 +32,8 @@ pub struct Scene {
     pub cameras: Vec<CameraConfig>,
     /// The targets, in the order of the text.
     pub targets: Vec<TargetConfig>,
+    /// How long a frame waits, from its arrival, for earlier ones of other cameras, in seconds.
+    pub max_delay_s: f64,
     /// What is allowed but may not be meant.
     pub warnings: Vec<Problem>,
     /// Every setting with its final value, given or default, for summaries.
@@ -68,12 +73,15 @@ impl Scene {
             .into_iter()
             .filter_map(|(name, table)| TargetConfig::read(name, table, &camera_names))
             .collect();
+        let max_delay_s = timing::read_max_delay_s(&table, camera_names.len());
         table.finish();
-        let (warnings, resolved) = journal.finish()?;
+        let (mut warnings, resolved) = journal.finish()?;
+        warnings.extend(timing::cameras_at_one_place(&cameras));
         Ok(Self {
             seed,
             cameras,
             targets,
+            max_delay_s,
             warnings,
             resolved,
         })

@@ -88,12 +88,24 @@ impl Journal {
             syntax: None,
             resolved: RefCell::default(),
         };
+        let mut has_doubled_name = false;
         for error in errors {
             let offset = error.span().map_or(0, |span| span.start);
             match error.message() {
                 "duplicate key" => {
                     let key = text.get(error.span().unwrap_or(0..0)).unwrap_or_default();
-                    let message = format!("the key {} stands there twice; keep one", key.trim());
+                    let key = key.trim();
+                    let message = match first_of_name(text, offset, key) {
+                        Some((kind, line)) => {
+                            has_doubled_name = true;
+                            format!(
+                                "two {kind} are named {key}, the first in line {line}; give each a name of its own"
+                            )
+                        }
+                        // That the second has the keys of the first follows from it.
+                        None if has_doubled_name => continue,
+                        None => format!("the key {key} stands there twice; keep one"),
+                    };
                     journal.add(offset, String::new(), message);
                 }
                 "recursion limit" | "cannot recurse further; max recursion depth met" => {
@@ -147,6 +159,11 @@ impl Journal {
         } else {
             Err(problems)
         }
+    }
+
+    /// A problem that shows only when settings are put together.
+    pub(super) fn report(&self, problem: Problem) {
+        self.problems.borrow_mut().push(problem);
     }
 
     fn record(&self, path: &str, value: toml::Value) {
@@ -463,6 +480,20 @@ impl<'a, 't> Table<'a, 't> {
             );
         }
     }
+}
+
+/// Where a doubled key is the name of a camera or target: which of them, and the line in which its table begins first.
+fn first_of_name(text: &str, offset: usize, key: &str) -> Option<(&'static str, usize)> {
+    let before = text.get(..offset)?.trim_end().strip_suffix('.')?;
+    let kinds = ["cameras", "targets"];
+    let kind = kinds.into_iter().find(|kind| before.ends_with(kind))?;
+    let header = format!("[{kind}.{key}");
+    let is_its = |line: &str| {
+        let rest = line.trim_start().strip_prefix(&header);
+        rest.is_some_and(|rest| rest.starts_with([']', '.']))
+    };
+    let line = text.lines().position(is_its)?;
+    Some((kind, line + 1))
 }
 
 fn shortened(text: String) -> String {

@@ -109,6 +109,20 @@ impl Setting for Vec<f64> {
     }
 }
 
+impl Setting for Vec<usize> {
+    const ALLOWED: &'static str = "a list of whole numbers, 0 or more";
+    fn read(value: &DeValue) -> Option<Self> {
+        value
+            .as_array()?
+            .iter()
+            .map(|item| usize::read(item.get_ref()))
+            .collect()
+    }
+    fn write(&self) -> toml::Value {
+        toml::Value::Array(self.iter().map(Setting::write).collect())
+    }
+}
+
 impl Setting for Vec<Vec<f64>> {
     const ALLOWED: &'static str = "a list of rows of finite numbers";
     fn read(value: &DeValue) -> Option<Self> {

@@ -20,9 +20,28 @@ pub(super) fn recognises(root: &Entry) -> bool {
 /// The cameras of a document.
 pub(super) fn read(root: &Entry) -> Result<Vec<CalibratedCamera>, Error> {
     match root.get("cameras") {
-        Some(cameras) => cameras.items()?.iter().map(read_one).collect(),
+        Some(cameras) => read_several(&cameras.items()?),
         None => Ok(vec![read_one(root)?]),
     }
+}
+
+/// Cameras are told apart by their names.
+fn read_several(entries: &[Entry]) -> Result<Vec<CalibratedCamera>, Error> {
+    let mut cameras: Vec<CalibratedCamera> = Vec::new();
+    for (number, entry) in entries.iter().enumerate() {
+        let camera = read_one(entry)?;
+        if let Some(first) = cameras.iter().position(|other| other.name == camera.name) {
+            let message = format!(
+                "is named {}, as is camera {} of the list (this is camera {}); give each a name of its own",
+                camera.name,
+                first + 1,
+                number + 1
+            );
+            return Err(entry.fault(message));
+        }
+        cameras.push(camera);
+    }
+    Ok(cameras)
 }
 
 fn read_one(entry: &Entry) -> Result<CalibratedCamera, Error> {

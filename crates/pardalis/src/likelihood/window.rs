@@ -159,22 +159,28 @@ impl WindowCue {
                 let is_open = open.is_none_or(|open| open[y * width + x]);
                 u32::from(is_open) & table.matches(components(x, y))
             };
-            let add = |(pixels, out): (&[u32], &mut [f32]), count: &(dyn Fn(Area) -> u32 + Sync)| {
-                for (&pixel, out) in pixels.iter().zip(out) {
-                    *out += if pixel == NO_PIXEL {
-                        *log_outside
-                    } else {
-                        let window = Area::around(&[pixel], size / 2, evidence.view().size());
-                        log_likelihoods[count(window) as usize]
-                    };
+            let log_likelihood = |pixel: u32, count: &dyn Fn(Area) -> u32| {
+                if pixel == NO_PIXEL {
+                    return *log_outside;
                 }
+                let window = Area::around(&[pixel], size / 2, evidence.view().size());
+                log_likelihoods[count(window) as usize]
             };
             let chunks = pixels.par_chunks(CHUNK).zip(out.par_chunks_mut(CHUNK));
             if by_sums {
                 sums.count(area, matches);
-                chunks.for_each(|chunk| add(chunk, &|window| sums.of(window)));
+                let sums = &*sums;
+                chunks.for_each(|(pixels, out)| {
+                    for (&pixel, out) in pixels.iter().zip(out) {
+                        *out += log_likelihood(pixel, &|window| sums.of(window));
+                    }
+                });
             } else {
-                chunks.for_each(|chunk| add(chunk, &|window| window.pixels().map(|(x, y)| matches(x, y)).sum()));
+                chunks.for_each(|(pixels, out)| {
+                    for (&pixel, out) in pixels.iter().zip(out) {
+                        *out += log_likelihood(pixel, &|window| window.count(matches));
+                    }
+                });
             }
         });
     }
@@ -219,19 +225,14 @@ fn coordinates(pixel: u32) -> (usize, usize) {
     )
 }
 
-/// A rectangle of pixels, ends included; empty where the first lies behind the last.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// A rectangle of pixels, from the first up to but not including the ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Area {
     first: [usize; 2],
-    last: [usize; 2],
+    ends: [usize; 2],
 }
 
 impl Area {
-    const EMPTY: Self = Self {
-        first: [1; 2],
-        last: [0; 2],
-    };
-
     /// The part of the image that the windows around these pixels cover.
     #[inline(always)]
     fn around(pixels: &[u32], half: usize, (width, height): (usize, usize)) -> Self {
@@ -242,20 +243,20 @@ impl Area {
             last = [last[0].max(x), last[1].max(y)];
         }
         if first[0] == usize::MAX {
-            return Self::EMPTY;
+            return Self::default();
         }
         Self {
             first: first.map(|c| c.saturating_sub(half)),
-            last: [
-                (last[0] + half).min(width - 1),
-                (last[1] + half).min(height - 1),
+            ends: [
+                (last[0] + half + 1).min(width),
+                (last[1] + half + 1).min(height),
             ],
         }
     }
 
     #[inline(always)]
     fn size(self) -> [usize; 2] {
-        [0, 1].map(|axis| (self.last[axis] + 1).saturating_sub(self.first[axis]))
+        [0, 1].map(|axis| self.ends[axis] - self.first[axis])
     }
 
     fn pixel_count(self) -> usize {
@@ -263,28 +264,25 @@ impl Area {
         width * height
     }
 
+    /// The number of its pixels that match.
     #[inline(always)]
-    fn pixels(self) -> impl Iterator<Item = (usize, usize)> {
-        let columns = self.first[0]..=self.last[0];
-        (self.first[1]..=self.last[1]).flat_map(move |y| columns.clone().map(move |x| (x, y)))
+    fn count(self, matches: impl Fn(usize, usize) -> u32) -> u32 {
+        let mut count = 0;
+        for y in self.first[1]..self.ends[1] {
+            for x in self.first[0]..self.ends[0] {
+                count += matches(x, y);
+            }
+        }
+        count
     }
 }
 
 /// Numbers of matching pixels above and to the left of every pixel of an area (an integral image).
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Sums {
     area: Area,
     /// One row and one column more than the area; the first of each is zero.
     sums: Vec<u32>,
-}
-
-impl Default for Sums {
-    fn default() -> Self {
-        Self {
-            area: Area::EMPTY,
-            sums: Vec::new(),
-        }
-    }
 }
 
 impl Sums {
@@ -320,7 +318,7 @@ impl Sums {
         let stride = self.area.size()[0] + 1;
         let at = |x: usize, y: usize| self.sums[y * stride + x];
         let [left, top] = [0, 1].map(|axis| window.first[axis] - self.area.first[axis]);
-        let [right, bottom] = [0, 1].map(|axis| window.last[axis] + 1 - self.area.first[axis]);
+        let [right, bottom] = [0, 1].map(|axis| window.ends[axis] - self.area.first[axis]);
         (at(right, bottom) + at(left, top)) - (at(left, bottom) + at(right, top))
     }
 }

@@ -162,16 +162,16 @@ pub(crate) fn locate(
         0
     };
     let mut told = String::new();
-    let mut step = |tracker: &mut pardalis::Tracker, index: usize, set: &FrameSet| {
-        let frame = first_frame + index;
+    let mut step = |tracker: &mut pardalis::Tracker, set: &FrameSet| {
+        let frame = first_frame + set.index;
         let starts_here = starts.of_frame(tracker, frame)?;
         let located = tracker.locate(&set.frames, set.time_s, &starts_here, &settings.passes_m);
         let estimates =
             located.map_err(|error| fault!("{}: {error}", starts.place_of_frame(frame)))?;
         for (name, estimate) in names.iter().zip(&estimates) {
-            tell(&mut told, index, name, estimate);
+            tell(&mut told, set.index, name, estimate);
         }
-        Ok(Some(estimates))
+        Ok(estimates)
     };
     let run = tracking::run_steps(scene_path, scene, &settings.stills, options, &mut step)?;
     Ok((run, told))

@@ -16,9 +16,9 @@ use rayon::prelude::*;
 use super::output;
 use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::say::{say, warn};
 use crate::scene;
-use crate::source::Source;
+use crate::source::{Delivery, Source};
 use report::Report;
 
 /// Finds how far the clocks of a scene's cameras are apart, from a target that moves
@@ -149,16 +149,24 @@ fn detect(
     let bar = progress_bar(counts.sum());
     let of_camera = |(source, view): (&mut Source, &mut View)| {
         let mut frames = Vec::new();
-        for frame in source {
-            let frame = frame?;
+        for delivery in source {
+            bar.inc(1);
+            let frame = match delivery? {
+                Delivery::Frame { frame, .. } => frame,
+                Delivery::Broken(error) => {
+                    warn(format!("{error:#}; it is left out"));
+                    continue;
+                }
+            };
             view.check(&frame)?;
             view.prepare(PixelKind::of(&frame), colors.palette());
             frames.push(SightedFrame {
                 time_s: frame.time_s(),
                 blobs: blobs(&view.evidence(&frame), colors),
             });
-            bar.inc(1);
         }
+        // Frames may have been delivered in another order.
+        frames.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         Ok(frames)
     };
     let cameras: Vec<Result<_>> = sources.par_iter_mut().zip(views).map(of_camera).collect();

@@ -1,0 +1,116 @@
+//! The images of a camera and its times.csv.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use anyhow::Result;
+use image::{ExtendedColorType, ImageEncoder as _};
+use indicatif::{ProgressBar, ProgressStyle};
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use pardalis::simulate::{Renderer, WorldCamera};
+use rayon::prelude::*;
+
+use super::Sequence;
+use super::folder::Folder;
+use crate::fault::fault;
+use crate::interrupt;
+
+/// A bar on a terminal, nothing elsewhere, and a way to stop.
+pub(super) struct Progress(ProgressBar);
+
+impl Progress {
+    /// Of all frames and stills.
+    pub(super) fn new(sequence: &Sequence) -> Self {
+        interrupt::listen();
+        let frames: usize = sequence.deliveries.iter().map(Vec::len).sum();
+        let bar = ProgressBar::new((frames + sequence.config.training_stills) as u64);
+        let style =
+            ProgressStyle::with_template("simulating {bar:32} {pos}/{len} images, {eta} left");
+        Self(match style {
+            Ok(style) => bar.with_style(style),
+            Err(_) => bar,
+        })
+    }
+
+    /// Another image is done; fails where the user asked to stop.
+    pub(super) fn step(&self) -> Result<()> {
+        self.0.inc(1);
+        if interrupt::requested() {
+            return Err(anyhow::anyhow!("stopped; nothing was written"));
+        }
+        Ok(())
+    }
+}
+
+/// The folder of a camera's images: one for each where there are several.
+pub(super) fn folder_of(sequence: &Sequence, camera: usize) -> PathBuf {
+    let folder = PathBuf::from("frames");
+    match &sequence.world().cameras[..] {
+        [_] => folder,
+        cameras => folder.join(&cameras[camera].name),
+    }
+}
+
+/// Writes what a camera delivers: images numbered from 0 without gaps, and their times as its clock says.
+pub(super) fn write(
+    sequence: &Sequence,
+    number: usize,
+    folder: &Folder,
+    progress: &Progress,
+) -> Result<()> {
+    let camera = &sequence.world().cameras[number];
+    let deliveries = &sequence.deliveries[number];
+    let images = folder_of(sequence, number);
+    folder.make(&images)?;
+    let has_delays = camera.timing.has_delays();
+    let mut times = "frame,time_s".to_owned() + if has_delays { ",arrival_s\n" } else { "\n" };
+    for (frame, delivery) in deliveries.iter().enumerate() {
+        // Writing to a String cannot fail.
+        let _ = write!(times, "{frame},{}", delivery.stamp_s);
+        if has_delays {
+            let _ = write!(times, ",{}", delivery.arrival_s);
+        }
+        times.push('\n');
+    }
+    folder.write(images.join("times.csv"), times.as_bytes())?;
+    let renderer = Renderer::new(sequence.world(), number);
+    deliveries
+        .par_iter()
+        .enumerate()
+        .try_for_each(|(frame, delivery)| {
+            let (exposure, time_s) = delivery.shown;
+            let mut bytes = encoded(camera, &renderer.image(exposure, time_s))?;
+            if delivery.is_broken {
+                bytes.truncate(bytes.len() / 2);
+            }
+            let name = format!("{frame:06}.{}", ending_of(camera));
+            folder.write(images.join(name), &bytes)?;
+            progress.step()
+        })
+}
+
+/// What a camera's image files end in.
+pub(super) fn ending_of(camera: &WorldCamera) -> &'static str {
+    match camera.image.jpeg_quality {
+        Some(_) => "jpg",
+        None => "png",
+    }
+}
+
+/// The file of a camera's image of three bytes a pixel.
+pub(super) fn encoded(camera: &WorldCamera, rgb: &[u8]) -> Result<Vec<u8>> {
+    let (width, height) = camera.size_px;
+    let mut bytes = Vec::new();
+    if let Some(quality) = camera.image.jpeg_quality {
+        let side =
+            |px: usize| u16::try_from(px).map_err(|_| fault!("{px} pixels are too many for JPEG"));
+        let mut encoder = Encoder::new(&mut bytes, quality);
+        // As webcams deliver it: colours are soft over two pixels.
+        encoder.set_sampling_factor(SamplingFactor::F_2_2);
+        encoder.encode(rgb, side(width)?, side(height)?, ColorType::Rgb)?;
+    } else {
+        let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+        encoder.write_image(rgb, width as u32, height as u32, ExtendedColorType::Rgb8)?;
+    }
+    Ok(bytes)
+}

@@ -1,0 +1,153 @@
+//! `pardalis simulate`: images of a made-up world, with exact truth.
+
+mod folder;
+mod frames;
+mod scene_text;
+mod tables;
+mod training;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use pardalis::config::WorldConfig;
+use pardalis::simulate::{Delivery, World};
+
+use crate::fault::fault;
+use crate::say::say;
+use crate::scene::{problems_in, read_calibration, read_text};
+use folder::Folder;
+
+/// Makes images of a made-up world, with exact truth
+///
+/// Reads a world file (things with their colours and paths, light, floor, cameras of any model with their clocks and faults) and writes a sequence:
+/// the images of each camera with times.csv, truth.csv, the cameras, a scene to track it with and the targets' colours, learnt from stills
+/// in other light. The same file and seed give the same bytes.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  pardalis simulate data/worlds/ring.toml -o ring
+  pardalis track ring/scene.toml -o ring-tracks && pardalis evaluate ring-tracks ring
+
+Times in truth.csv are those at which the images were truly taken. Where cameras run on clocks of their own, or their stamps err, let evaluate
+--interpolate the truth at the times of the tracks.")]
+pub(crate) struct Arguments {
+    /// The world file
+    #[arg(value_name = "WORLD.toml")]
+    world: PathBuf,
+    /// The folder for the sequence [default: the world's name]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    /// Takes the place of the world's seed
+    #[arg(long)]
+    seed: Option<u32>,
+    /// Threads to work with; results do not depend on it [default: one a core]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Replaces a sequence that was simulated before
+    #[arg(long)]
+    force: bool,
+}
+
+/// A world and what its cameras deliver.
+struct Sequence {
+    /// The world file.
+    path: PathBuf,
+    config: WorldConfig,
+    /// Of each camera, in the order of its frames.
+    deliveries: Vec<Vec<Delivery>>,
+}
+
+/// Runs the command. The folder appears when all is done; whatever fails before leaves what was there.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let path = &arguments.world;
+    let text = read_text(path)?;
+    let home = path.parent().unwrap_or(Path::new(""));
+    let read = |file: &str, lens| read_calibration(home, file, lens);
+    let mut config = WorldConfig::parse(&text, &read)
+        .map_err(|problems| problems_in("world", path, &problems))?;
+    config.world.seed = arguments.seed.unwrap_or(config.world.seed);
+    let sequence = Sequence::of(path, config)?;
+    let output = match &arguments.output {
+        Some(output) => output.clone(),
+        None => PathBuf::from(path.file_stem().unwrap_or_default()),
+    };
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(arguments.threads.map_or(0, usize::from))
+        .build()?;
+    let folder = Folder::begin(&output, arguments.force)?;
+    pool.install(|| write(&sequence, &text, &folder))?;
+    folder.finish()?;
+    say(sequence.told(&output));
+    Ok(())
+}
+
+impl Sequence {
+    fn of(path: &Path, config: WorldConfig) -> Result<Self> {
+        let World {
+            seed,
+            cameras,
+            duration_s,
+            ..
+        } = &config.world;
+        let deliveries: Vec<_> = cameras
+            .iter()
+            .zip(0..)
+            .map(|(camera, number)| camera.timing.deliveries(*seed, number, *duration_s))
+            .collect();
+        let silent = cameras.iter().zip(&deliveries).find(|(_, d)| d.is_empty());
+        if let Some((camera, _)) = silent {
+            return Err(fault!(
+                "{}: camera {} delivers no image within duration_s = {duration_s}; let it last longer, or drop fewer",
+                path.display(),
+                camera.name
+            ));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            config,
+            deliveries,
+        })
+    }
+
+    fn world(&self) -> &World {
+        &self.config.world
+    }
+
+    /// What was written, in words.
+    fn told(&self, output: &Path) -> String {
+        use std::fmt::Write as _;
+        let world = self.world();
+        let mut text = format!("{}: {} s of", output.display(), world.duration_s);
+        for (camera, deliveries) in world.cameras.iter().zip(&self.deliveries) {
+            let frozen = deliveries.iter().filter(|d| d.shown.1 != d.time_s).count();
+            let broken = deliveries.iter().filter(|d| d.is_broken).count();
+            let _ = write!(text, "\n  {}: {} images", camera.name, deliveries.len());
+            for (count, what) in [(frozen, "frozen"), (broken, "broken")] {
+                if count > 0 {
+                    let _ = write!(text, ", {count} {what}");
+                }
+            }
+        }
+        let _ = write!(
+            text,
+            "\nNext:\n  pardalis track {0}/scene.toml -o {0}-tracks\n  pardalis evaluate {0}-tracks {0}",
+            output.display()
+        );
+        text
+    }
+}
+
+/// Writes all files.
+fn write(sequence: &Sequence, world_text: &str, folder: &Folder) -> Result<()> {
+    let world = sequence.world();
+    let progress = frames::Progress::new(sequence);
+    for camera in 0..world.cameras.len() {
+        frames::write(sequence, camera, folder, &progress)?;
+    }
+    folder.write("truth.csv", tables::truth(sequence).as_bytes())?;
+    tables::write_cameras(world, folder)?;
+    if sequence.config.training_stills > 0 {
+        training::write(sequence, folder, &progress)?;
+    }
+    folder.write("scene.toml", scene_text::of(sequence).as_bytes())?;
+    folder.write("world.toml", world_text.as_bytes())
+}

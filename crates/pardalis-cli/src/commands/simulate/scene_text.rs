@@ -1,0 +1,72 @@
+//! The scene by which a simulated sequence is tracked.
+
+use std::fmt::Write as _;
+
+use pardalis::simulate::{Body, Object, Placed};
+
+use super::{Sequence, frames};
+
+/// The text of scene.toml.
+pub(super) fn of(sequence: &Sequence) -> String {
+    let world = sequence.world();
+    let mut text = format!(
+        "# Written by pardalis simulate; world.toml says what was simulated.\nseed = {}\n",
+        world.seed
+    );
+    for (number, camera) in world.cameras.iter().enumerate() {
+        let deliveries = &sequence.deliveries[number];
+        let folder = frames::folder_of(sequence, number);
+        // Writing to a String cannot fail. Folders have slashes everywhere.
+        let folder = folder.display().to_string().replace('\\', "/");
+        let _ = write!(
+            text,
+            "\n[cameras.{}]\nimages = \"{folder}\"\ncalibration = \"cameras.toml\"\n",
+            camera.name
+        );
+        let errors = deliveries.iter().map(|d| d.stamp_s - d.time_s);
+        let mean_s = errors.sum::<f64>() / deliveries.len() as f64;
+        if mean_s != 0.0 {
+            let _ = writeln!(
+                text,
+                "# Its clock is wrong; this undoes it:\n# time_offset_s = {:.6}",
+                -mean_s
+            );
+        }
+    }
+    let times = sequence.deliveries.iter().flatten().map(|d| d.time_s);
+    let placed = world.placed(times.fold(f64::INFINITY, f64::min));
+    let targets = world
+        .objects
+        .iter()
+        .zip(&placed)
+        .filter(|(o, _)| o.is_target);
+    for (object, placed) in targets {
+        push_target(&mut text, object, placed, sequence.config.start_sigma_m);
+    }
+    text
+}
+
+/// The name of a target's colour model.
+pub(super) fn colors_of(target: &Object) -> String {
+    format!("{}.colors.toml", target.name)
+}
+
+fn push_target(text: &mut String, object: &Object, placed: &Placed, sigma_m: f64) {
+    let shape = match object.body {
+        Body::Sphere { radius_m } => format!("sphere.radius_m = {radius_m:?}"),
+        Body::Cylinder { radius_m, height_m } => {
+            format!("cylinder = {{ radius_m = {radius_m:?}, height_m = {height_m:?} }}")
+        }
+        Body::Box { .. } => unreachable!("world files do not allow boxes as targets"),
+    };
+    let shown = |v: [f64; 3]| v.map(|c| c + 0.0);
+    let _ = write!(
+        text,
+        "\n[targets.{name}]\nshape.{shape}\ncolors = \"{colors}\"\n\n[targets.{name}.start.gaussian]\n\
+         position_m = {position:?}\nposition_sigma_m = {sigma_m:?}\nvelocity_mps = {velocity:?}\n",
+        name = object.name,
+        colors = colors_of(object),
+        position = shown(placed.position_m.into()),
+        velocity = shown(placed.velocity_mps.into()),
+    );
+}

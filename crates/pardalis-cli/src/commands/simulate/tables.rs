@@ -1,0 +1,133 @@
+//! truth.csv and the cameras of a sequence.
+
+use std::fmt::Write as _;
+
+use anyhow::Result;
+use pardalis::camera::Camera;
+use pardalis::interchange::{self, Format};
+use pardalis::rig::{CalibratedCamera, Pose};
+use pardalis::simulate::{Body, Course, Object, World, WorldCamera, truth as truth_of};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::Sequence;
+use super::folder::Folder;
+
+const HEADER: &str = "frame,time_s,object,camera,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,xc_m,yc_m,zc_m,u_px,v_px,visible_fraction,heading_rad\n";
+
+/// The text of truth.csv: of each image that is delivered, in the order of true times, a row an object. `frame` is the number of the image in its
+/// camera's folder.
+pub(super) fn truth(sequence: &Sequence) -> String {
+    let mut images: Vec<(f64, usize, usize)> = Vec::new();
+    for (camera, deliveries) in sequence.deliveries.iter().enumerate() {
+        let frames = deliveries.iter().enumerate();
+        images.extend(frames.map(|(frame, delivery)| (delivery.time_s, camera, frame)));
+    }
+    images.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let rows: Vec<String> = images
+        .par_iter()
+        .map(|&(time_s, camera, frame)| rows_of(sequence.world(), time_s, camera, frame))
+        .collect();
+    HEADER.to_owned() + &rows.concat()
+}
+
+/// The rows of one image.
+fn rows_of(world: &World, time_s: f64, camera: usize, frame: usize) -> String {
+    let camera = &world.cameras[camera];
+    let mut rows = String::new();
+    for (number, seen) in truth_of(world, camera, time_s).into_iter().enumerate() {
+        let object = &world.objects[number];
+        let _ = write!(rows, "{frame},{time_s},{},{}", object.name, camera.name);
+        let placed = &seen.placed;
+        let numbers = placed.position_m.iter().chain(placed.velocity_mps.iter());
+        for number in numbers.chain(&seen.position_in_camera_m) {
+            // Minus zero becomes zero.
+            let _ = write!(rows, ",{}", number + 0.0);
+        }
+        match seen.pixel {
+            Some([u, v]) => {
+                let _ = write!(rows, ",{u},{v}");
+            }
+            None => rows.push_str(",,"),
+        }
+        let _ = write!(rows, ",{},", seen.visible_fraction);
+        if has_heading(world, number) {
+            let _ = write!(rows, "{}", placed.heading_rad);
+        }
+        rows.push('\n');
+    }
+    rows
+}
+
+/// Whether a heading says something: of what is no ball, and of what carries something.
+fn has_heading(world: &World, object: usize) -> bool {
+    let carries =
+        |other: &Object| matches!(other.course, Course::Rides { carrier, .. } if carrier == object);
+    !matches!(world.objects[object].body, Body::Sphere { .. }) || world.objects.iter().any(carries)
+}
+
+/// Writes cameras.toml, which the scene uses, and cameras.json as other sequences have it, where that can hold the models.
+pub(super) fn write_cameras(world: &World, folder: &Folder) -> Result<()> {
+    let cameras: Vec<_> = world.cameras.iter().map(calibrated).collect();
+    let text = interchange::write(Format::Pardalis, &cameras)?;
+    folder.write("cameras.toml", text.as_bytes())?;
+    let described: Option<Vec<_>> = world.cameras.iter().map(description).collect();
+    if let Some(cameras) = described {
+        let target = world.objects.iter().find(|object| object.is_target);
+        let radius_m = match target.map(|target| target.body) {
+            Some(Body::Sphere { radius_m }) => Some(radius_m),
+            _ => None,
+        };
+        let document = json!({
+            "sequence": { "fps": world.cameras[0].timing.fps, "ball_radius_m": radius_m },
+            "cameras": cameras,
+        });
+        folder.write("cameras.json", format!("{document:#}\n").as_bytes())?;
+    }
+    Ok(())
+}
+
+fn calibrated(camera: &WorldCamera) -> CalibratedCamera {
+    CalibratedCamera {
+        name: camera.name.clone(),
+        camera: camera.camera.clone(),
+        size_px: Some(camera.size_px),
+        world_from_camera: Some(camera.world_from_camera),
+    }
+}
+
+/// A camera as sequence folders have it; none where they have no such model.
+fn description(camera: &WorldCamera) -> Option<Value> {
+    let values: Vec<f64> = camera.camera.parameters().iter().map(|p| p.1).collect();
+    let mut entry = match &camera.camera {
+        Camera::Pinhole(_) => json!({
+            "model": "pinhole",
+            "fx": values[0],
+            "fy": values[1],
+            "cx": values[2],
+            "cy": values[3],
+            "distortion": values[4..],
+        }),
+        Camera::Equidistant(model) => json!({
+            "model": "fisheye_equidistant",
+            "f_px_per_rad": values[0],
+            "cx": values[1],
+            "cy": values[2],
+            "fov_deg": 2.0 * model.max_angle_rad().to_degrees(),
+        }),
+        _ => return None,
+    };
+    entry["name"] = json!(camera.name);
+    entry["width"] = json!(camera.size_px.0);
+    entry["height"] = json!(camera.size_px.1);
+    entry["T_world_from_camera"] = json!(rows(&camera.world_from_camera));
+    Some(entry)
+}
+
+fn rows(pose: &Pose) -> Vec<Vec<f64>> {
+    let matrix = pose.to_homogeneous();
+    matrix
+        .row_iter()
+        .map(|row| row.iter().map(|v| v + 0.0).collect())
+        .collect()
+}

@@ -1,0 +1,126 @@
+//! Stills in other light with the targets elsewhere, their masks, and the colours that are learnt from them.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use image::{ExtendedColorType, ImageEncoder as _};
+use pardalis::color::{ColorLearner, Palette, YuvEncoding};
+use pardalis::rng::{Draws, Stage};
+use pardalis::simulate::{Body, Course, Object, Path, Renderer, World, truth};
+use pardalis::{Frame, PixelFormat};
+
+use super::folder::Folder;
+use super::frames::{self, Progress};
+use super::{Sequence, scene_text};
+use crate::fault::fault;
+use crate::source::decode::decode_image;
+
+/// How often a view of a target is looked for.
+const ATTEMPTS: u32 = 200;
+/// The least share of a target that is to be seen in a still.
+const VISIBLE: f64 = 0.8;
+/// The least share of a pixel that makes it the target's.
+const COVERED: f32 = 0.5;
+
+/// Writes `training/NNN.*` with `NNN_TARGET_mask.png`, 255 where the target is, and each target's colour model. Stills take cameras and targets in turn.
+pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -> Result<()> {
+    let world = sequence.world();
+    let targets: Vec<_> = (0..world.objects.len())
+        .filter(|&object| world.objects[object].is_target)
+        .collect();
+    let mut learners = Vec::new();
+    for _ in &targets {
+        learners.push(ColorLearner::new(Palette::HSI)?);
+    }
+    let images = PathBuf::from("training");
+    folder.make(&images)?;
+    for still in 0..sequence.config.training_stills {
+        let wanted = targets[still % targets.len()];
+        let Some((world, number)) = staged(world, wanted, still as u32) else {
+            progress.step()?;
+            continue;
+        };
+        let camera = &world.cameras[number];
+        let renderer = Renderer::new(&world, number);
+        let bytes = frames::encoded(camera, &renderer.image(u32::MAX - still as u32, 0.0))?;
+        let name = format!("{still:03}.{}", frames::ending_of(camera));
+        folder.write(images.join(&name), &bytes)?;
+        // As it will be seen: after it was compressed.
+        let decoded = decode_image(&folder.path_of("training").join(&name))?;
+        let (width, height) = camera.size_px;
+        let encoding = YuvEncoding::default();
+        let frame = Frame::new(
+            PixelFormat::Rgb8,
+            encoding,
+            width,
+            height,
+            decoded.bytes,
+            0.0,
+        )?;
+        for (learner, &target) in learners.iter_mut().zip(&targets) {
+            let coverage = renderer.coverage(target, 0.0);
+            let mask: Vec<bool> = coverage.iter().map(|&share| share >= COVERED).collect();
+            learner.add(&frame, &mask)?;
+            let grey: Vec<u8> = mask
+                .iter()
+                .map(|&is_target| 255 * u8::from(is_target))
+                .collect();
+            let mut bytes = Vec::new();
+            let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+            encoder.write_image(&grey, width as u32, height as u32, ExtendedColorType::L8)?;
+            let mask_name = format!("{still:03}_{}_mask.png", world.objects[target].name);
+            folder.write(images.join(mask_name), &bytes)?;
+        }
+        progress.step()?;
+    }
+    for (learner, target) in learners.iter().zip(targets) {
+        let target = &world.objects[target];
+        let model = learner.learn().map_err(|_| {
+            fault!(
+                "{}: objects.{}: no still of {} shows it, so that its colours cannot be learnt; let cameras see it, or set training_stills (0 for none)",
+                sequence.path.display(),
+                target.name,
+                sequence.config.training_stills
+            )
+        })?;
+        folder.write(scene_text::colors_of(target), model.to_text().as_bytes())?;
+    }
+    Ok(())
+}
+
+/// The world of a still, in which nothing moves, and the number of its camera, which sees the target; `None` where none is found.
+fn staged(world: &World, target: usize, still: u32) -> Option<(World, usize)> {
+    let draws = Draws::new(world.seed, still);
+    (0..ATTEMPTS).find_map(|attempt| {
+        let uniform = |what: u32| draws.uniform(what, attempt, Stage::Still);
+        let around = |what: u32, reach: f64| reach * (2.0 * uniform(what) - 1.0);
+        let mut staged = world.clone();
+        let placed = world.placed(world.duration_s * uniform(0));
+        for (object, placed) in staged.objects.iter_mut().zip(placed) {
+            let mut position_m = placed.position_m;
+            if object.is_target {
+                let width_m = width_m(object);
+                position_m.x += around(1, width_m);
+                position_m.y += around(2, width_m);
+            }
+            object.heading_rad = Some(placed.heading_rad);
+            object.course = Course::Path(Path::Still { position_m });
+        }
+        let light = &mut staged.light;
+        light.direction.x += around(3, 0.5);
+        light.direction.y += around(4, 0.5);
+        light.direction = light.direction.normalize();
+        light.ambient = (light.ambient + around(5, 0.2)).clamp(0.0, 1.0);
+        let number = (still + attempt) as usize % staged.cameras.len();
+        let seen = truth(&staged, &staged.cameras[number], 0.0)[target];
+        (seen.visible_fraction >= VISIBLE).then_some((staged, number))
+    })
+}
+
+/// How wide an object is.
+fn width_m(object: &Object) -> f64 {
+    match object.body {
+        Body::Sphere { radius_m } | Body::Cylinder { radius_m, .. } => 2.0 * radius_m,
+        Body::Box { size_m } => size_m.x,
+    }
+}

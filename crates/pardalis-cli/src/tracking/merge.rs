@@ -1,0 +1,235 @@
+//! Frames of several cameras, taken as they arrive and handed on in order of time. It knows no sources and no clock.
+
+use pardalis::Frame;
+use serde::Serialize;
+
+/// Frames closer in time than this belong to one set, in seconds: triggered cameras whose time stamps were rounded.
+const SAME_INSTANT_S: f64 = 1e-6;
+
+/// The frames of one instant.
+pub(crate) struct FrameSet {
+    /// With one camera the number of its image, else that of the set; from 0.
+    pub(crate) index: usize,
+    /// The latest time stamp, in seconds; it grows from set to set.
+    pub(crate) time_s: f64,
+    /// Each frame with its camera's number, in ascending order of it.
+    pub(crate) frames: Vec<(usize, Frame)>,
+    /// The cameras among them whose image is, byte for byte, the one they gave before.
+    frozen: Vec<usize>,
+}
+
+impl FrameSet {
+    /// The frames that tell something new.
+    pub(crate) fn fresh(&self) -> Vec<(usize, Frame)> {
+        let frames = self.frames.iter();
+        let fresh = frames.filter(|(camera, _)| !self.frozen.contains(camera));
+        fresh.cloned().collect()
+    }
+}
+
+/// What became of the frames of one camera. Once all are handed on: `delivered` is the sum of `used`, `frozen`, `dropped_late`, `repeated` and `broken`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub(crate) struct FrameCounts {
+    /// All that came.
+    pub(crate) delivered: usize,
+    /// Weighed.
+    pub(crate) used: usize,
+    /// Of those that were handed on: those that only waiting for them saved from being dropped.
+    pub(crate) sorted_in_late: usize,
+    /// Left out because later ones had been handed on.
+    pub(crate) dropped_late: usize,
+    /// The same image again, byte for byte: it tells nothing new, and was not weighed.
+    pub(crate) frozen: usize,
+    /// Left out because this camera had given a frame of the same time.
+    pub(crate) repeated: usize,
+    /// No images, or of another size.
+    pub(crate) broken: usize,
+    /// The earliest time stamp, in seconds.
+    pub(crate) first_time_s: Option<f64>,
+    /// The latest one, in seconds.
+    pub(crate) last_time_s: Option<f64>,
+    /// The longest time from one frame that was handed on to the next, in seconds.
+    pub(crate) longest_gap_s: f64,
+}
+
+/// A frame that waits for earlier ones.
+struct Held {
+    camera: usize,
+    /// Its number among all that its camera delivered.
+    number: usize,
+    frame: Frame,
+    arrival_s: f64,
+    frozen: bool,
+    late: bool,
+}
+
+/// What is known of one camera.
+#[derive(Default)]
+struct Seen {
+    counts: FrameCounts,
+    /// The image that came last.
+    last: Option<Frame>,
+    /// The time stamp of the frame that was handed on last, in seconds.
+    handed_on_s: Option<f64>,
+}
+
+/// The set that was handed on last.
+struct LastSet {
+    first_s: f64,
+    time_s: f64,
+    cameras: Vec<usize>,
+}
+
+/// The frames that arrived at one instant, to [`SAME_INSTANT_S`].
+struct Arrivals {
+    arrival_s: f64,
+    latest_s: f64,
+}
+
+/// Puts frames in order of time.
+pub(crate) struct Merge {
+    /// How long frames are held from their arrival, in seconds.
+    hold_s: f64,
+    held: Vec<Held>,
+    cameras: Vec<Seen>,
+    last_set: Option<LastSet>,
+    /// Sets handed on.
+    set_count: usize,
+    arriving: Arrivals,
+    /// The latest time stamp of those that arrived before, in seconds: what would have been handed on if nothing waited.
+    passed_s: f64,
+}
+
+impl Merge {
+    /// For this many cameras; `max_delay_s` is how long frames wait for earlier ones.
+    pub(crate) fn new(camera_count: usize, max_delay_s: f64) -> Self {
+        Self {
+            hold_s: max_delay_s.max(SAME_INSTANT_S),
+            held: Vec::new(),
+            cameras: (0..camera_count).map(|_| Seen::default()).collect(),
+            last_set: None,
+            set_count: 0,
+            arriving: Arrivals {
+                arrival_s: f64::NEG_INFINITY,
+                latest_s: f64::NEG_INFINITY,
+            },
+            passed_s: f64::NEG_INFINITY,
+        }
+    }
+
+    /// Takes a frame. Frames are to be given in the order of their arrival, in seconds, over all cameras.
+    pub(crate) fn take(&mut self, camera: usize, frame: Frame, arrival_s: f64) {
+        let time_s = frame.time_s();
+        if arrival_s > self.arriving.arrival_s + SAME_INSTANT_S {
+            self.passed_s = self.passed_s.max(self.arriving.latest_s);
+            self.arriving = Arrivals {
+                arrival_s,
+                latest_s: f64::NEG_INFINITY,
+            };
+        }
+        self.arriving.latest_s = self.arriving.latest_s.max(time_s);
+
+        let seen = &mut self.cameras[camera];
+        let counts = &mut seen.counts;
+        let number = counts.delivered;
+        counts.delivered += 1;
+        let known = |known: Option<f64>| known.unwrap_or(time_s);
+        counts.first_time_s = Some(known(counts.first_time_s).min(time_s));
+        counts.last_time_s = Some(known(counts.last_time_s).max(time_s));
+        let frozen = seen
+            .last
+            .as_ref()
+            .is_some_and(|last| last.bytes() == frame.bytes());
+        seen.last = Some(frame.clone());
+        if let Some(last) = self.last_set.as_ref().filter(|set| time_s <= set.time_s) {
+            if time_s >= last.first_s && last.cameras.contains(&camera) {
+                seen.counts.repeated += 1;
+            } else {
+                seen.counts.dropped_late += 1;
+            }
+            return;
+        }
+        self.held.push(Held {
+            camera,
+            number,
+            frame,
+            arrival_s,
+            frozen,
+            late: time_s <= self.passed_s,
+        });
+    }
+
+    /// Counts an image that could not be used.
+    pub(crate) fn count_broken(&mut self, camera: usize) {
+        let counts = &mut self.cameras[camera].counts;
+        counts.delivered += 1;
+        counts.broken += 1;
+    }
+
+    /// The earliest set, where a frame of it or of a later one has waited long enough at `now_s`, on the clock of arrivals.
+    pub(crate) fn hand_on(&mut self, now_s: f64) -> Option<FrameSet> {
+        let is_due = |held: &Held| held.arrival_s + self.hold_s < now_s;
+        if !self.held.iter().any(is_due) {
+            return None;
+        }
+        let times_s = self.held.iter().map(|held| held.frame.time_s());
+        let first_s = times_s.reduce(f64::min)?;
+        let mut members: Vec<Held> = self
+            .held
+            .extract_if(.., |held| held.frame.time_s() <= first_s + SAME_INSTANT_S)
+            .collect();
+        members.sort_by_key(|held| held.camera);
+        let mut set = FrameSet {
+            index: if self.cameras.len() == 1 {
+                members[0].number
+            } else {
+                self.set_count
+            },
+            time_s: first_s,
+            frames: Vec::new(),
+            frozen: Vec::new(),
+        };
+        for held in members {
+            let seen = &mut self.cameras[held.camera];
+            let counts = &mut seen.counts;
+            let time_s = held.frame.time_s();
+            // Sorting kept the order of delivery.
+            if set
+                .frames
+                .last()
+                .is_some_and(|(last, _)| *last == held.camera)
+            {
+                counts.repeated += 1;
+                continue;
+            }
+            if held.frozen {
+                counts.frozen += 1;
+                set.frozen.push(held.camera);
+            } else {
+                counts.used += 1;
+            }
+            counts.sorted_in_late += usize::from(held.late);
+            if let Some(last_s) = seen.handed_on_s.replace(time_s) {
+                counts.longest_gap_s = counts.longest_gap_s.max(time_s - last_s);
+            }
+            set.time_s = set.time_s.max(time_s);
+            set.frames.push((held.camera, held.frame));
+        }
+        self.set_count += 1;
+        self.last_set = Some(LastSet {
+            first_s,
+            time_s: set.time_s,
+            cameras: set.frames.iter().map(|(camera, _)| *camera).collect(),
+        });
+        Some(set)
+    }
+
+    /// What became of the frames of each camera so far.
+    pub(crate) fn counts(&self) -> impl Iterator<Item = FrameCounts> {
+        self.cameras.iter().map(|seen| seen.counts)
+    }
+}
+
+#[cfg(test)]
+#[path = "merge_tests.rs"]
+mod tests;

@@ -1,0 +1,167 @@
+use pardalis::PixelFormat;
+use pardalis::color::YuvEncoding;
+
+use super::*;
+
+/// A small image whose content is its time, so that no two are the same.
+fn frame(time_s: f64) -> Frame {
+    image(time_s, time_s)
+}
+
+fn image(time_s: f64, content: f64) -> Frame {
+    let mut bytes = vec![0; 12];
+    bytes[..8].copy_from_slice(&content.to_le_bytes());
+    let frame = Frame::new(
+        PixelFormat::Rgb8,
+        YuvEncoding::default(),
+        2,
+        2,
+        bytes,
+        time_s,
+    );
+    frame.expect("a sound frame")
+}
+
+/// All sets of these frames (camera, time stamp, arrival), which need not be in order of arrival, and what became of them.
+fn merged(
+    camera_count: usize,
+    max_delay_s: f64,
+    frames: &[(usize, f64, f64)],
+) -> (Vec<FrameSet>, Vec<FrameCounts>) {
+    let mut frames = frames.to_vec();
+    frames.sort_by(|a, b| a.2.total_cmp(&b.2));
+    let mut merge = Merge::new(camera_count, max_delay_s);
+    let mut sets = Vec::new();
+    for (camera, time_s, arrival_s) in frames {
+        sets.extend(std::iter::from_fn(|| merge.hand_on(arrival_s)));
+        merge.take(camera, frame(time_s), arrival_s);
+    }
+    sets.extend(std::iter::from_fn(|| merge.hand_on(f64::INFINITY)));
+    (sets, merge.counts().collect())
+}
+
+fn told(sets: &[FrameSet]) -> Vec<(f64, Vec<usize>)> {
+    let cameras = |set: &FrameSet| set.frames.iter().map(|(camera, _)| *camera).collect();
+    sets.iter().map(|set| (set.time_s, cameras(set))).collect()
+}
+
+#[test]
+fn triggered_cameras_come_in_one_set_and_free_ones_each_by_themselves() {
+    let triggered = [(0, 0.0, 0.0), (1, 4e-7, 4e-7), (0, 0.1, 0.1), (1, 0.1, 0.1)];
+    for max_delay_s in [0.0, 1.0] {
+        let (sets, _) = merged(2, max_delay_s, &triggered);
+        assert_eq!(told(&sets), [(4e-7, vec![0, 1]), (0.1, vec![0, 1])]);
+    }
+    let free = [
+        (0, 0.0, 0.0),
+        (1, 0.03, 0.03),
+        (0, 0.1, 0.1),
+        (1, 0.13, 0.13),
+    ];
+    let (sets, counts) = merged(2, 0.1, &free);
+    assert_eq!(
+        told(&sets),
+        [
+            (0.0, vec![0]),
+            (0.03, vec![1]),
+            (0.1, vec![0]),
+            (0.13, vec![1])
+        ]
+    );
+    assert_eq!(
+        sets.iter().map(|set| set.index).collect::<Vec<_>>(),
+        [0, 1, 2, 3]
+    );
+    assert_eq!((counts[1].used, counts[1].sorted_in_late), (2, 0));
+    assert_eq!(counts[1].longest_gap_s, 0.13 - 0.03);
+}
+
+/// A camera whose frames arrive one interval late: the delay saves exactly those that are dropped without it.
+#[test]
+fn a_late_camera_is_sorted_in_or_dropped() {
+    let mut frames = Vec::new();
+    for n in 0..10 {
+        let time_s = f64::from(n) * 0.04;
+        for camera in 0..3 {
+            let late_s = if camera == 0 { 0.04 } else { 0.0 };
+            frames.push((camera, time_s, time_s + late_s));
+        }
+    }
+    let (sets, counts) = merged(3, 0.1, &frames);
+    assert_eq!(sets.len(), 10);
+    assert!(sets.iter().all(|set| set.frames.len() == 3));
+    assert_eq!((counts[0].sorted_in_late, counts[0].dropped_late), (10, 0));
+    assert_eq!((counts[1].sorted_in_late, counts[2].sorted_in_late), (0, 0));
+    let (sets, counts) = merged(3, 0.0, &frames);
+    assert!(sets.iter().all(|set| set.frames.len() == 2));
+    assert_eq!((counts[0].sorted_in_late, counts[0].dropped_late), (0, 10));
+    assert_eq!((counts[0].used, counts[1].used), (0, 10));
+}
+
+#[test]
+fn of_equal_times_of_a_camera_the_first_counts() {
+    // In one set, and after it was handed on.
+    let frames = [(0, 1.0, 1.0), (0, 1.0, 1.0), (0, 2.0, 2.0), (0, 2.0, 2.5)];
+    let (sets, counts) = merged(1, 0.0, &frames);
+    assert_eq!(told(&sets), [(1.0, vec![0]), (2.0, vec![0])]);
+    assert_eq!(
+        (sets[0].index, sets[1].index),
+        (0, 2),
+        "the number of the image"
+    );
+    assert_eq!((counts[0].repeated, counts[0].dropped_late), (2, 0));
+}
+
+#[test]
+fn an_image_that_is_the_one_before_again_is_not_fresh() {
+    let mut merge = Merge::new(2, 0.0);
+    for (camera, content) in [(0, 1.0), (1, 2.0), (0, 1.0), (1, 3.0), (0, 1.0), (1, 3.0)] {
+        let step = merge.counts().map(|c| c.delivered).sum::<usize>() / 2;
+        let time_s = step as f64;
+        merge.take(camera, image(time_s, content), time_s);
+    }
+    merge.count_broken(1);
+    let sets: Vec<FrameSet> = std::iter::from_fn(|| merge.hand_on(f64::INFINITY)).collect();
+    let fresh: Vec<Vec<usize>> = sets
+        .iter()
+        .map(|set| set.fresh().iter().map(|(camera, _)| *camera).collect())
+        .collect();
+    assert_eq!(fresh, [vec![0, 1], vec![1], vec![]]);
+    assert!(sets.iter().all(|set| set.frames.len() == 2));
+    let counts: Vec<FrameCounts> = merge.counts().collect();
+    assert_eq!((counts[0].used, counts[0].frozen), (1, 2));
+    assert_eq!((counts[1].used, counts[1].frozen), (2, 1));
+    assert_eq!((counts[1].broken, counts[1].delivered), (1, 4));
+}
+
+proptest::proptest! {
+    /// Whatever arrives when: sets in strict order of time, each frame handed on once or counted as left out, and waiting longer loses no more.
+    #[test]
+    fn every_frame_is_handed_on_once_or_counted(
+        frames in proptest::collection::vec((0..4_usize, 0..60_u32, 0..80_u32), 0..60),
+        delays in (0..40_u32, 0..40_u32),
+    ) {
+        let seconds = |ticks: u32| f64::from(ticks) * 0.01;
+        let frames: Vec<_> = frames.into_iter().map(|(c, t, a)| (c, seconds(t), seconds(a))).collect();
+        let run = |delay: u32| merged(4, seconds(delay), &frames);
+        let (sets, counts) = run(delays.0);
+        assert!(sets.is_sorted_by(|a, b| a.time_s < b.time_s));
+        for (camera, counts) in counts.iter().enumerate() {
+            let given = frames.iter().filter(|f| f.0 == camera).count();
+            let handed: Vec<f64> = sets
+                .iter()
+                .flat_map(|set| &set.frames)
+                .filter(|(number, _)| *number == camera)
+                .map(|(_, frame)| frame.time_s())
+                .collect();
+            assert!(handed.is_sorted_by(|a, b| a < b));
+            assert_eq!(handed.len(), counts.used + counts.frozen);
+            let left_out = counts.dropped_late + counts.repeated + counts.broken;
+            assert_eq!((counts.delivered, handed.len() + left_out), (given, given));
+            assert!(counts.sorted_in_late <= handed.len());
+        }
+        let dropped = |counts: &[FrameCounts]| counts.iter().map(|c| c.dropped_late).sum::<usize>();
+        let longest = merged(4, 60.0, &frames).1;
+        assert_eq!(dropped(&longest), 0);
+    }
+}

@@ -1,0 +1,61 @@
+//! Runs of the real program and the rows they write.
+
+use std::process::Command;
+
+/// The first line of every tracks.csv.
+pub(crate) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
+                          xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence";
+
+/// The rows of a tracks.csv as their fields; checks that header and rows are whole.
+pub(crate) fn rows_in(text: &str) -> Vec<Vec<String>> {
+    assert!(text.ends_with('\n'), "the last row is not whole: {text}");
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some(HEADER));
+    lines
+        .map(|line| {
+            let fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+            assert_eq!(fields.len(), 19, "{line}");
+            fields
+        })
+        .collect()
+}
+
+/// What became of a run.
+pub(crate) struct Run {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Run {
+    /// Runs a command to its end. Whatever happens, the program must not panic.
+    pub(crate) fn of(command: &mut Command) -> Self {
+        let output = command.output().unwrap();
+        let run = Self {
+            code: output.status.code(),
+            stdout: String::from_utf8(output.stdout).unwrap(),
+            stderr: String::from_utf8(output.stderr).unwrap(),
+        };
+        assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
+        run
+    }
+
+    /// Checks that the run was fine and said nothing on standard error.
+    #[track_caller]
+    pub(crate) fn fine(self) -> Self {
+        assert_eq!((self.code, &*self.stderr), (Some(0), ""));
+        self
+    }
+
+    /// Checks that the user's input was refused with a message that holds all of `wanted`.
+    #[track_caller]
+    pub(crate) fn refused(&self, wanted: &[&str]) {
+        assert_eq!(self.code, Some(2), "{}", self.stderr);
+        assert!(self.stderr.starts_with("error: "), "{}", self.stderr);
+        assert_eq!(self.stdout, "");
+        for wanted in wanted {
+            let said = self.stderr.contains(wanted);
+            assert!(said, "no {wanted:?} in: {}", self.stderr);
+        }
+    }
+}

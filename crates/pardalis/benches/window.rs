@@ -1,0 +1,202 @@
+//! What the published system of two webcams costs on one core (Barrera 2005: 200 particles, windows of 25 pixels), and where sums over the image become
+//! cheaper than look-ups.
+//!
+//! `cargo bench -p pardalis --bench window`. Each measured path is first held to the naive reference.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use std::hint::black_box;
+
+use common::{data, frame};
+use criterion::{Criterion, criterion_group, criterion_main};
+use pardalis::color::{ColorModel, ColorRanges, YuvEncoding};
+use pardalis::filter::FilterSettings;
+use pardalis::gaussian::{GaussianStart, diagonal_m2};
+use pardalis::likelihood::{Cue, Cues, Likelihood, WindowCounting, WindowSettings};
+use pardalis::motion::{Motion, RandomWalk};
+use pardalis::particles::Particles;
+use pardalis::reference::window_log_likelihood;
+use pardalis::resample::Resampling;
+use pardalis::rng::{Draws, Stage};
+use pardalis::shape::{Shape, Sphere, SphereOutline};
+use pardalis::simd::Level;
+use pardalis::start::Start;
+use pardalis::tracker::TargetSettings;
+use pardalis::view::View;
+use pardalis::{Frame, PixelFormat, Tracker};
+
+/// The published number.
+const PARTICLES: usize = 200;
+/// Numbers of particles around the crossing.
+const COUNTS: [usize; 6] = [200, 1000, 3000, 5000, 10_000, 30_000];
+
+fn views() -> Vec<View> {
+    let text = std::fs::read_to_string(data("webcams-two/cameras.json")).unwrap();
+    let cameras = pardalis::interchange::read(&text, None).unwrap();
+    let view = |camera: &pardalis::rig::CalibratedCamera| {
+        let size = camera.size_px.unwrap();
+        View::new(
+            camera.camera.clone(),
+            camera.world_from_camera.unwrap(),
+            size,
+            None,
+        )
+        .unwrap()
+    };
+    cameras.iter().map(view).collect()
+}
+
+/// Both cameras' frames of an instant.
+fn frames(index: usize) -> [(usize, Frame); 2] {
+    [0, 1].map(|camera| {
+        let name = format!("webcams-two/frames/cam{}/{index:06}.jpg", camera + 1);
+        let picture = image::open(data(&name)).unwrap().into_rgb8();
+        let time_s = index as f64 / 25.0;
+        let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s);
+        (camera, frame)
+    })
+}
+
+fn ball() -> Shape {
+    Shape::Sphere(Sphere::new(0.035, SphereOutline::Tangent).unwrap())
+}
+
+fn pink() -> ColorRanges {
+    let text = std::fs::read_to_string(data("colors/pink-ball.hsi.colors.toml")).unwrap();
+    ColorModel::from_text(&text).unwrap().ranges().unwrap()
+}
+
+fn window() -> WindowSettings {
+    WindowSettings {
+        ranges: Some(pink()),
+        ..WindowSettings::default()
+    }
+}
+
+fn target() -> TargetSettings {
+    TargetSettings {
+        shape: ball(),
+        colors: None,
+        cues: vec![Cue::Window(window()).into()],
+        filter: FilterSettings {
+            particle_count: PARTICLES,
+            motion: Motion::RandomWalk(RandomWalk::PUBLISHED),
+            resampling: Resampling::Multinomial,
+            resample_below: 1.0,
+        },
+        start: Start::Gaussian(GaussianStart {
+            position_m: [0.45, 0.45, 0.12],
+            covariance_m2: diagonal_m2([0.03; 3]),
+            ..GaussianStart::default()
+        }),
+    }
+}
+
+/// Particles around the ball, as they lie while it is tracked, or strewn over the room in view.
+fn particles(count: usize, spread_m: f32) -> Particles {
+    let mut particles = Particles::new(count, 3);
+    let draws = Draws::new(1, 0);
+    for i in 0..count {
+        let normals = draws.normals(i as u32, 0, Stage::Start, 0);
+        for (axis, center_m) in [0.45, 0.45, 0.12].into_iter().enumerate() {
+            particles.columns_mut()[axis][i] = center_m + spread_m * normals[axis];
+        }
+    }
+    particles
+}
+
+/// Holds the fast path to the reference: at most one particle in fifty may have been rounded to another pixel.
+fn check(cues: &mut Cues, views: &[View], frames: &[(usize, Frame)], particles: &Particles) {
+    let mut fast = vec![0.0; particles.count()];
+    cues.of(views, frames).log_likelihoods(particles, &mut fast);
+    let differs = |&(i, &fast): &(usize, &f32)| {
+        let position_m = particles.position_m(i);
+        let naive = window_log_likelihood(&window(), &pink(), views, frames, position_m);
+        (f64::from(fast) - naive).abs() > 1e-5
+    };
+    let different = fast.iter().enumerate().filter(differs).count();
+    assert!(
+        50 * different <= fast.len(),
+        "{different} of {}",
+        fast.len()
+    );
+}
+
+/// Predict, count, update and estimate.
+fn steps(criterion: &mut Criterion) {
+    for (name, level) in ["baseline", "best"].into_iter().zip(Level::available()) {
+        let mut tracker = Tracker::new(views(), vec![target()], 1, level).unwrap();
+        for index in 0..30 {
+            tracker
+                .observe(&frames(index), index as f64 / 25.0)
+                .unwrap();
+        }
+        let estimate = tracker.estimate_at(0, 29.0 / 25.0).kinematics.unwrap();
+        assert!((estimate.position_m[1] - 0.45).abs() < 0.02, "it tracks");
+        let frames = frames(30);
+        let mut time_s = 30.0 / 25.0;
+        criterion.bench_function(&format!("window/step/{PARTICLES}/{name}"), |bencher| {
+            bencher.iter(|| {
+                time_s += 1.0 / 25.0;
+                tracker.observe(black_box(&frames), time_s).unwrap();
+                tracker.estimate_at(0, time_s)
+            });
+        });
+    }
+    let (mut views, frames, particles) = (views(), frames(30), particles(PARTICLES, 0.03));
+    let mut cues = Cues::new(&target().cues, ball(), None, Level::best()).unwrap();
+    for (camera, frame) in &frames {
+        cues.prepare(&mut views[*camera], frame);
+    }
+    check(&mut cues, &views, &frames, &particles);
+    criterion.bench_function(&format!("window/reference/{PARTICLES}"), |bencher| {
+        let of =
+            |i| window_log_likelihood(&window(), &pink(), &views, &frames, particles.position_m(i));
+        bencher.iter(|| (0..PARTICLES).map(of).sum::<f64>());
+    });
+}
+
+/// Both ways of counting, for particles around the ball and for particles all over the images.
+fn crossing(criterion: &mut Criterion) {
+    let (mut views, frames) = (views(), frames(30));
+    for (place, spread_m) in [("around", 0.03), ("all-over", 0.3)] {
+        for count in COUNTS {
+            let particles = particles(count, spread_m);
+            let mut out = vec![0.0; count];
+            for (name, counting) in [
+                ("look-ups", WindowCounting::LookUps),
+                ("sums", WindowCounting::Sums),
+                ("chosen", WindowCounting::Cheaper),
+            ] {
+                let cue = [Cue::Window(window()).into()];
+                let mut cues = Cues::counting(&cue, ball(), None, counting, Level::best()).unwrap();
+                for (camera, frame) in &frames {
+                    cues.prepare(&mut views[*camera], frame);
+                }
+                check(&mut cues, &views, &frames, &particles);
+                criterion.bench_function(&format!("window/{place}/{count}/{name}"), |bencher| {
+                    bencher.iter(|| {
+                        cues.of(&views, &frames)
+                            .log_likelihoods(black_box(&particles), &mut out);
+                    });
+                });
+            }
+        }
+    }
+}
+
+/// Everything on a pool of this one thread: what one core can do.
+fn on_one_thread(criterion: &mut Criterion) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
+    pool.use_current_thread().build_global().unwrap();
+    steps(criterion);
+    crossing(criterion);
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default().sample_size(30).without_plots();
+    targets = on_one_thread
+}
+criterion_main!(benches);
