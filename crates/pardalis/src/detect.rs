@@ -1,5 +1,6 @@
 //! Detection: where in an image a target's colours stand out, without any knowledge of where it might be.
 
+use crate::camera::Mask;
 use crate::color::ColorModel;
 use crate::frame::with_pixels;
 use crate::view::Evidence;
@@ -37,7 +38,7 @@ pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
     let frame = evidence.frame();
     let table = evidence.table(colors.palette());
     let (width, height) = (frame.width(), frame.height());
-    let open = evidence.view().mask().map(|mask| mask.open());
+    let open = evidence.view().mask().map(Mask::open);
     let is_open = |i: usize| open.is_none_or(|open| open[i]);
     let mut bins = Vec::with_capacity(width * height);
     with_pixels!(frame, components => for y in 0..height {
@@ -165,7 +166,7 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Camera, Mask, Pinhole};
+    use crate::camera::{Camera, Pinhole};
     use crate::color::{ColorLearner, Palette, YuvEncoding};
     use crate::rig::Pose;
     use crate::view::View;
