@@ -344,7 +344,8 @@ fn view_of(
 /// Faults: the target has none, or the file cannot be read.
 pub(crate) fn colors(path: &Path, target: &TargetConfig) -> Result<ColorModel> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let read = read_colors(target, folder).map_err(|problem| all_of(path, &[problem]))?;
+    let read =
+        read_colors(target, folder).map_err(|problem| problems_in("scene", path, &[problem]))?;
     read.ok_or_else(|| {
         fault!(
             "{}: targets.{}.colors: is missing, and the target is looked for by its colours; give a file that `pardalis learn` made",
