@@ -40,16 +40,18 @@ fn scene(sequence: &str, offsets_s: &[f64]) -> TempDir {
         let calibration = data(sequence).join("cameras.json");
         let _ = writeln!(
             text,
-            "[cameras.{name}]  # number {number}\nimages = \"{name}\"\ncalibration = {calibration:?}\n"
+            "[cameras.{name}]  # number {number}\nimages = \"{name}\"\ncalibration = '{}'\n",
+            calibration.display()
         );
     }
     let colors = data("colors/pink-ball.hsi.colors.toml");
     let [x, y, z] = truth(sequence)[0].1;
     let _ = write!(
         text,
-        "[targets.ball]\nshape.sphere.radius_m = 0.035\ncolors = {colors:?}\nfilter.particles = 500\n\
+        "[targets.ball]\nshape.sphere.radius_m = 0.035\ncolors = '{}'\nfilter.particles = 500\n\
          motion.constant_velocity.acceleration_density_m2ps3 = 1.0\n\
-         start.gaussian = {{ position_m = [{x}, {y}, {z}], position_sigma_m = 0.01 }}\n"
+         start.gaussian = {{ position_m = [{x}, {y}, {z}], position_sigma_m = 0.01 }}\n",
+        colors.display()
     );
     fs::write(folder.path().join("scene.toml"), text).unwrap();
     folder
