@@ -58,3 +58,48 @@ fn draw_panel(area: &Area<'_>, across: Axis<'_>, camera: &ClockResiduals) -> any
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::draw::svg::write_svg_and_png;
+    use crate::draw::test_folder;
+
+    #[test]
+    fn every_camera_has_a_panel_with_its_marks() {
+        let residuals = |offset: f64| {
+            let at = |i: i32| {
+                let time_s = 0.04 * f64::from(i);
+                let before = 3.0 * (offset + time_s).sin().abs();
+                (time_s, [(i % 7 > 0).then_some(before), Some(0.2 * before)])
+            };
+            (0..100).map(at).collect()
+        };
+        let cameras = [
+            ClockResiduals {
+                name: "left <1>",
+                residuals: residuals(0.3),
+            },
+            ClockResiduals {
+                name: "right",
+                residuals: residuals(1.0),
+            },
+            ClockResiduals {
+                name: "blind",
+                residuals: Vec::new(),
+            },
+        ];
+        let drawing = residuals_over_time(&cameras).unwrap();
+        write_svg_and_png(&test_folder("clocks"), "residuals", &drawing).unwrap();
+        for wanted in [
+            "left &lt;1&gt; (px)",
+            "right (px)",
+            "nothing seen",
+            "time stamp (s)",
+        ] {
+            assert!(drawing.contains(wanted), "{wanted}");
+        }
+        // 200 marks a camera, less those without a residual.
+        assert_eq!(drawing.matches("<circle").count(), 2 * (200 - 15));
+    }
+}

@@ -12,14 +12,14 @@ pub fn with_time_offsets(text: &str, offsets_s: &[(&str, f64)]) -> Option<String
     let mut edits: Vec<(Range<usize>, String)> = Vec::new();
     for (name, offset_s) in offsets_s {
         let camera = table(cameras.get(*name)?.get_ref())?;
-        edits.push(match camera.get("time_offset_s") {
-            Some(given) => (given.span(), format!("{offset_s:?}")),
-            None => {
-                let input = |key: &str| camera.get_key_value(key).map(|(key, _)| key.span());
-                let key = input("images").or_else(|| input("video"))?;
-                insertion(text, key.start, *offset_s)
-            }
-        });
+        let edit = if let Some(given) = camera.get("time_offset_s") {
+            (given.span(), format!("{offset_s:?}"))
+        } else {
+            let input = |key: &str| camera.get_key_value(key).map(|(key, _)| key.span());
+            let key = input("images").or_else(|| input("video"))?;
+            insertion(text, key.start, *offset_s)
+        };
+        edits.push(edit);
     }
     edits.sort_by_key(|(place, _)| place.start);
     let mut edited = text.to_owned();

@@ -217,7 +217,7 @@ impl PathFit<'_> {
                 (3 * new.first, &new.by_controls),
                 (offset_at, &[new.by_offset]),
             ];
-            let blocks = &blocks[..1 + usize::from(with_offset)];
+            let blocks = &blocks[..=usize::from(with_offset)];
             visit(Some(new.residual), Slopes { blocks });
             last = Some((seen, row));
         }
