@@ -178,6 +178,51 @@ fn the_repositorys_models_are_those_of_its_images() {
 }
 
 #[test]
+fn ranges_of_hue_and_saturation_are_learnt_told_and_kept() {
+    let folder = TempDir::new().unwrap();
+    let images = data("training/webcam").display().to_string();
+    let arguments = [
+        &*images,
+        "--masks",
+        "_ball_mask.png",
+        "--no-pictures",
+        "-o",
+        "pink.toml",
+    ];
+    let text = report(&folder, &arguments);
+    assert_contains(
+        &text,
+        &[
+            "Ranges, for the window cue: hue 335 to 6 degrees",
+            "of the target's pixels lie in them",
+        ],
+    );
+    let ranges = model(&folder, "pink.toml").ranges().unwrap();
+    assert!(ranges.contain_rgb([200.0, 75.0, 100.0]), "{ranges:?}");
+    assert!(
+        !ranges.contain_rgb([150.0, 120.0, 90.0]),
+        "a desk: {ranges:?}"
+    );
+    // Grey has no hue.
+    let grey = RgbImage::from_pixel(20, 20, Rgb([128; 3]));
+    grey.save(folder.path().join("grey.png")).unwrap();
+    let text = report(
+        &folder,
+        &[
+            "--image",
+            "grey.png",
+            "--rect",
+            "2,2,9,9",
+            "--no-pictures",
+            "-o",
+            "grey.toml",
+        ],
+    );
+    assert_contains(&text, &["The target has no colour"]);
+    assert_eq!(model(&folder, "grey.toml").ranges(), None);
+}
+
+#[test]
 fn labels_belong_to_the_image_before_them_and_unite() {
     let folder = small_images();
     let pixels = |arguments: &[&str]| {
