@@ -172,7 +172,12 @@ fn a_sequence_folder_says_all_but_where_the_ball_is() {
 
 #[test]
 fn several_cameras_and_their_ball_are_taken_over() {
-    let place = sequence(&["left", "right"], |_| {});
+    // Two cameras do not stand at one place.
+    let place = sequence(&["left", "right"], |camera| {
+        if camera["name"] == "right" {
+            camera["T_world_from_camera"][0][3] = 0.1.into();
+        }
+    });
     init(
         &place,
         &["ride", "--colors", "ball.toml", "--pixel", "460,88"],
