@@ -54,6 +54,8 @@ fn sequence(cameras: &[&str], edit: impl Fn(&mut serde_json::Value)) -> Workplac
         let named = cameras.iter().map(|name| {
             put_frames(&format!("ride/frames/{name}"));
             camera["name"] = (*name).into();
+            // No two stand at one place.
+            camera["T_world_from_camera"][0][3] = (name.len() as f64 / 100.0).into();
             camera.clone()
         });
         let named: Vec<_> = named.collect();
