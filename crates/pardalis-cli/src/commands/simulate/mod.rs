@@ -92,11 +92,10 @@ fn read_world(path: &Path, replaced: &toml::Table) -> Result<(WorldConfig, Strin
     let read = |file: &str, lens| read_calibration(home, file, lens);
     let config = WorldConfig::parse_with(&text, replaced, &read)
         .map_err(|problems| problems_in("world", path, &problems))?;
-    let mut told = String::new();
-    for (key, value) in replaced {
-        told += &format!("# Simulated with {key} = {value}\n");
-    }
-    Ok((config, told + &text))
+    let told = replaced
+        .iter()
+        .map(|(key, value)| format!("# Simulated with {key} = {value}\n"));
+    Ok((config, told.collect::<String>() + &text))
 }
 
 /// Checks a world file, with settings replaced, and gives its text.
