@@ -82,7 +82,7 @@ fn target() -> TargetSettings {
         filter: FilterSettings {
             particle_count: PARTICLES,
             motion: Motion::RandomWalk(RandomWalk::PUBLISHED),
-            resampling: Resampling::Multinomial,
+            resampling: Resampling::Systematic,
             resample_below: 1.0,
         },
         start: Start::Gaussian(GaussianStart {
@@ -108,11 +108,12 @@ fn particles(count: usize, spread_m: f32) -> Particles {
 
 /// Holds the fast path to the reference: at most one particle in fifty may have been rounded to another pixel.
 fn check(cues: &mut Cues, views: &[View], frames: &[(usize, Frame)], particles: &Particles) {
+    let (window, pink) = (window(), pink());
     let mut fast = vec![0.0; particles.count()];
     cues.of(views, frames).log_likelihoods(particles, &mut fast);
     let differs = |&(i, &fast): &(usize, &f32)| {
         let position_m = particles.position_m(i);
-        let naive = window_log_likelihood(&window(), &pink(), views, frames, position_m);
+        let naive = window_log_likelihood(&window, &pink, views, frames, position_m);
         (f64::from(fast) - naive).abs() > 1e-5
     };
     let different = fast.iter().enumerate().filter(differs).count();
@@ -150,9 +151,10 @@ fn steps(criterion: &mut Criterion) {
         cues.prepare(&mut views[*camera], frame);
     }
     check(&mut cues, &views, &frames, &particles);
+    let (window, pink) = (window(), pink());
     criterion.bench_function(&format!("window/reference/{PARTICLES}"), |bencher| {
         let of =
-            |i| window_log_likelihood(&window(), &pink(), &views, &frames, particles.position_m(i));
+            |i| window_log_likelihood(&window, &pink, &views, &frames, particles.position_m(i));
         bencher.iter(|| (0..PARTICLES).map(of).sum::<f64>());
     });
 }
