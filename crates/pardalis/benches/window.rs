@@ -29,7 +29,7 @@ use pardalis::{Frame, PixelFormat, Tracker};
 /// The published number.
 const PARTICLES: usize = 200;
 /// Numbers of particles around the crossing.
-const COUNTS: [usize; 6] = [200, 1000, 3000, 5000, 10_000, 30_000];
+const COUNTS: [usize; 5] = [200, 1000, 3000, 10_000, 30_000];
 
 fn views() -> Vec<View> {
     let text = std::fs::read_to_string(data("webcams-two/cameras.json")).unwrap();

@@ -86,18 +86,22 @@ impl CameraSymbol {
 /// that must exist. Gives the paths of the files.
 ///
 /// Positions are in the world frame, in metres; those that are not finite or beyond 100 km count as no estimate. What lies far
-/// from the truth (without truth, from 98 % of the estimates) is cut off, and a note says how much.
+/// from the truth (without truth, or where all are wanted, from 98 % of the estimates) is cut off, and a note says how much.
 pub(crate) fn write_path_figures(
     folder: &Path,
     stem: &str,
     groups: &[PathGroup],
     truth: &[TruthSeries],
     cameras: &[CameraSymbol],
+    reaches_far: bool,
 ) -> anyhow::Result<Vec<PathBuf>> {
     let tracks = groups
         .iter()
         .flat_map(|group| group.tracks.iter().map(|track| (&*group.name, track)));
-    let figures = Figures::new(tracks, truth, cameras);
+    let mut figures = Figures::new(tracks, truth, cameras);
+    if reaches_far {
+        figures = figures.reaching_far();
+    }
     let mut paths = Vec::new();
     for (name, document) in [("top", figures.above()?), ("3d", figures.oblique()?)] {
         paths.extend(write_svg_and_png(

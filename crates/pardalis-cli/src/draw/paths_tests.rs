@@ -73,7 +73,7 @@ fn drawn(
     cameras: &[CameraSymbol],
 ) -> [String; 2] {
     let folder = test_folder("paths");
-    let files = write_path_figures(&folder, stem, groups, truth, cameras).unwrap();
+    let files = write_path_figures(&folder, stem, groups, truth, cameras, false).unwrap();
     let names = ["top.svg", "top.png", "3d.svg", "3d.png"];
     assert_eq!(
         files,
@@ -138,6 +138,21 @@ fn a_run_that_flies_off_is_cut_and_said() {
             // The axes are those of the others.
             assert!(!has_line(&svg, "20"));
         }
+    }
+}
+
+#[test]
+fn runs_that_go_astray_are_shown_where_that_is_wanted() {
+    let mut astray = group("astray", 0..2);
+    for row in astray.tracks.iter_mut().flat_map(|track| &mut track.rows) {
+        row.position_m = row.position_m.map(|[x, y, z]| [x, y + 20.0, z]);
+    }
+    let groups = [group("near", 0..2), astray];
+    let folder = test_folder("paths-far");
+    for (far, outside) in [(false, true), (true, false)] {
+        let files = write_path_figures(&folder, "far", &groups, &truth(), &[], far).unwrap();
+        let svg = std::fs::read_to_string(&files[0]).unwrap();
+        assert_eq!(svg.contains("120 of 240 estimates are outside"), outside);
     }
 }
 

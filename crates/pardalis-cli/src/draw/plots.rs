@@ -210,6 +210,13 @@ impl<'a> Figures<'a> {
         figures
     }
 
+    /// The same with plots that reach wherever nearly all estimates do, however far from the truth.
+    pub(super) fn reaching_far(mut self) -> Self {
+        let cameras_m: Vec<_> = self.cameras.iter().map(|c| c.position_m()).collect();
+        self.shown_m = shown_ranges_m(&places_m(&self.tracks), &[], &cameras_m);
+        self
+    }
+
     /// All estimates of all tracks.
     pub(super) fn estimates(&self) -> impl Iterator<Item = &Point> {
         self.tracks.iter().flat_map(|t| t.runs.iter().flatten())

@@ -49,6 +49,9 @@ pub(super) struct Figure {
     pub(super) runs: Vec<String>,
     /// Of paths: shows only so many seeds, where all would hide one another.
     pub(super) seeds: Option<u32>,
+    /// Of paths: reaches wherever nearly all estimates do, and not only around the truth.
+    #[serde(default)]
+    pub(super) reaches_far: bool,
     /// Of a sweep: what stands at the axis of the values; else what the first sweep changes.
     pub(super) x_name: Option<String>,
     /// Of a sweep: the figure of merit, a length.

@@ -81,7 +81,8 @@ fn paths(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<Path
     let (first, figures) = shown[0];
     let truth = first.truth(figures)?;
     let cameras = CameraSymbol::of_scene(&first.scene);
-    write_path_figures(folder, &figure.name, &groups, &truth, &cameras)
+    let far = figure.reaches_far;
+    write_path_figures(folder, &figure.name, &groups, &truth, &cameras, far)
 }
 
 /// A mark a frame, seed and target, around the runs' origins.

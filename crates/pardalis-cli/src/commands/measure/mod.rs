@@ -65,7 +65,7 @@ EXPERIMENT.toml:
   values = [100, 1000]          # names = [..] where the values are no good names
   [[figures]]
   name = \"cost\"
-  kind = \"sweep\"                # paths (seeds = 10 draws only so many), errors or sweep
+  kind = \"sweep\"                # paths (seeds = 10 draws only so many; reaches_far = true shows those astray too), errors or sweep
   runs = [\"particles\"]          # names of runs or sweeps
   x_name = \"particles\"          # of a sweep: the name of the axis
   figure = \"rmse_m\"             # of a sweep: the figure of merit")]
