@@ -52,7 +52,7 @@ EXPERIMENT.toml:
   visible_over = 0.6            # share of the object that must be seen for it to be visible
   interpolate = true            # scores every row, with the truth interpolated to its time
   origin_m = [0, 0, 0.9]        # for distance, elevation, azimuth; else the first camera
-  world = \"ring.toml\"           # in place of scene and truth: simulated first; set and sweeps reach its settings as \"world.KEY\"
+  # or, in place of scene and truth: world = \"ring.toml\", simulated first; set and sweeps reach its settings as \"world.KEY\"
   method = \"locate\"             # each image on its own, as `pardalis locate`,
   starts = \"truth.csv\"          # from these positions; else from the scene's start
   [[sweeps]]                    # as a run, but one a value
