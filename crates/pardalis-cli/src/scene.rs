@@ -26,6 +26,9 @@ use crate::track_start;
 /// The largest scene or colour model file that is read, in bytes: they are written by people.
 const MAX_TEXT_BYTES: u64 = 4 << 20;
 
+/// From this time between images on, in seconds, a camera's time stamps may be in another unit.
+const LONG_STEP_S: f64 = 5.0;
+
 /// Problems of a scene that are listed at most.
 const MAX_LISTED: usize = 50;
 
@@ -144,6 +147,7 @@ pub(crate) fn open(
         .zip(sources.iter().map(Option::as_ref))
         .collect();
     problems.extend(rig::problems(&opened, folder));
+    warn_of_units(path, &opened);
     let mut sources: Vec<Source> = sources.into_iter().flatten().collect();
     let mut targets = Vec::new();
     let mut handed_over = Vec::new();
@@ -193,6 +197,22 @@ pub(crate) fn open(
         sources,
         tracker,
     })
+}
+
+/// Warns of time stamps that may not be in seconds, though all cameras agree.
+fn warn_of_units(path: &Path, opened: &[rig::Opened]) {
+    for (camera, source) in opened {
+        let step_s = source.and_then(Source::span).and_then(|span| span.step_s);
+        if let (Some(step_s), Input::Images { fps: None, .. }) = (step_s, &camera.input)
+            && step_s > LONG_STEP_S
+        {
+            warn(format!(
+                "{}: cameras.{}: its images are {step_s} s apart by times.csv, which is in seconds; are these milliseconds?",
+                path.display(),
+                camera.name
+            ));
+        }
+    }
 }
 
 /// One error that lists every problem of a scene, or of what else the file is.

@@ -93,6 +93,13 @@ fn warnings(run: &Run) -> String {
                 source.describe().input
             );
         }
+        if 2 * record.frames.used < record.frames.delivered {
+            let _ = writeln!(
+                text,
+                "warning: cameras.{name}: only {} of its {} frames were used; the table says what became of the others",
+                record.frames.used, record.frames.delivered
+            );
+        }
         if record.frames.dropped_late > 0 {
             let _ = writeln!(
                 text,

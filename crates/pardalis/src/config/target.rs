@@ -32,9 +32,10 @@ impl TargetConfig {
         let shape = read_shape(&table);
         let cues = read_cues(&table, shape.as_ref(), cameras);
         let colors = table.located("colors");
-        let know_their_colors =
-            |cues: &Vec<CueSettings>| cues.iter().all(|cue| cue.cue.knows_its_colors());
-        if !table.has("colors") && !cues.as_ref().is_some_and(know_their_colors) {
+        // Of cues that cannot be read their own problems are told.
+        let need_colors =
+            |cues: &Vec<CueSettings>| cues.iter().any(|cue| !cue.cue.knows_its_colors());
+        if !table.has("colors") && cues.as_ref().is_some_and(need_colors) {
             let message = "is missing; give a colour model, made by `pardalis learn`, or, for the window cue alone, window.hue_deg and window.saturation";
             table.problem("colors", message);
         }

@@ -140,7 +140,8 @@ impl WindowCue {
             WindowCounting::LookUps => false,
             WindowCounting::Sums => true,
             WindowCounting::Cheaper => {
-                let look_ups = (self.pixels.len() * size * size) as f64;
+                let inside = self.pixels.iter().filter(|pixel| **pixel != NO_PIXEL);
+                let look_ups = (inside.count() * size * size) as f64;
                 look_ups > LOOK_UPS_A_SUMMED_PIXEL * area.pixel_count() as f64
             }
         };

@@ -17,6 +17,7 @@ use serde::Deserialize as _;
 use serde_json::Value;
 
 use crate::fault::fault;
+use crate::say::warn;
 use crate::tables::{self, Series};
 use frames::Frames;
 pub(crate) use report::{Point, Report, TargetReport};
@@ -58,7 +59,7 @@ pub(crate) struct Options {
     /// Scores only the frames up to this time
     #[arg(long = "to", value_name = "SECONDS", value_parser = finite, allow_hyphen_values = true)]
     pub(crate) to_s: Option<f64>,
-    /// Scores only the frames in which so many cameras see more than half of the object
+    /// Scores only the frames in which exactly so many cameras, of those that took an image at that instant, see more than half of the object
     #[arg(long, value_name = "CAMERAS")]
     pub(crate) seen_by: Option<usize>,
     /// Scores every row of the tracks, also between the times of the truth, which is interpolated there (with velocities: by a cubic
@@ -85,6 +86,12 @@ impl Default for Options {
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let report = score_files(&arguments.tracks, &arguments.truth, &arguments.options)?;
+    let rows = |count: fn(&TargetReport) -> usize| report.targets.iter().map(count).sum::<usize>();
+    if !arguments.options.interpolate && 2 * rows(|t| t.rows_without_truth) > rows(|t| t.rows) {
+        warn(
+            "warning: most rows lie between the times of the truth and are not scored; --interpolate scores them, too",
+        );
+    }
     let mut stdout = std::io::stdout().lock();
     if arguments.json.as_deref() == Some(Path::new("-")) {
         writeln!(stdout, "{}", report.to_json()?)?;
@@ -181,7 +188,8 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
             samples,
         }
     });
-    let targets = targets.collect();
+    let targets: Vec<TargetReport> = targets.collect();
+    check_seen(&targets, options.seen_by, &truth_path)?;
     let without = |all: Vec<&str>, used: Vec<usize>| {
         let unused = all.iter().enumerate().filter(|(i, _)| !used.contains(i));
         unused.map(|(_, name)| (*name).to_owned()).collect()
@@ -201,6 +209,17 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         targets_without_object: without(names(&tracks), pairs.iter().map(|p| p.target).collect()),
         objects_without_target: without(names(&objects), pairs.iter().map(|p| p.object).collect()),
     })
+}
+
+/// Refuses a number of cameras by which nothing is seen.
+fn check_seen(targets: &[TargetReport], seen_by: Option<usize>, truth: &Path) -> Result<()> {
+    match seen_by {
+        Some(cameras) if targets.iter().all(|target| target.samples.is_empty()) => Err(fault!(
+            "in no frame of {} do exactly {cameras} cameras see more than half of what is tracked; give another number of cameras",
+            truth.display()
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// The frames that are scored, of rows of a track and of the truth.

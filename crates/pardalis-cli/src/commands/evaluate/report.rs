@@ -216,7 +216,13 @@ const FIGURES: [Figure; 19] = [
         let c = &e.consistency;
         let both = c.mean_nees.zip(c.expected_nees);
         both.map_or_else(none, |(mean, expected)| {
-            format!("{} ({})", fixed(mean, 2), fixed(expected, 1))
+            // Of a covariance of nothing it has any size.
+            let mean = if mean < 1e6 {
+                fixed(mean, 2)
+            } else {
+                format!("{mean:.1e}")
+            };
+            format!("{mean} ({})", fixed(expected, 1))
         })
     }),
     ("    within 95 % bound", |e| {

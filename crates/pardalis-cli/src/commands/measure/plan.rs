@@ -180,7 +180,7 @@ impl<'a> Plan<'a> {
 /// Simulates a world, with settings replaced, into a folder that does not hold just that already.
 fn simulated(world: &Path, replaced: &toml::Table, folder: &Path) -> Result<()> {
     let text = simulate::check(world, replaced)?;
-    let mark = folder.join("simulated.txt");
+    let mark = folder.join("fingerprint.txt");
     let fingerprint = finished::of_world(&text);
     if std::fs::read_to_string(&mark).is_ok_and(|found| found == fingerprint) {
         return Ok(());

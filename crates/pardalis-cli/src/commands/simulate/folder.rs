@@ -7,8 +7,33 @@ use anyhow::Result;
 
 use crate::fault::fault;
 
-/// The file by which a simulated sequence is known.
-const MARK: &str = "world.toml";
+/// The file by which a simulated sequence is known, and what it says.
+const MARK: (&str, &str) = (
+    "simulated.txt",
+    "Written by pardalis simulate. Its --force replaces this folder, unless there is something in it that is not a sequence's.\n",
+);
+
+/// What a sequence's folder holds, colour models and tracks aside.
+const ENTRIES: [&str; 9] = [
+    MARK.0,
+    "frames",
+    "training",
+    "truth.csv",
+    "cameras.toml",
+    "cameras.json",
+    "scene.toml",
+    "world.toml",
+    // Of experiments.
+    "fingerprint.txt",
+];
+
+/// What lies in a folder that no simulated sequence holds.
+fn foreign(folder: &Path) -> Option<String> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    let is_known = |name: &String| ENTRIES.contains(&&**name) || name.ends_with(".colors.toml");
+    names.filter(|name| !is_known(name)).min()
+}
 
 /// A folder beside the one that is wanted, until all is written.
 pub(super) struct Folder {
@@ -35,9 +60,15 @@ impl Folder {
                 "{name}: is not empty; give another -o, or --force to replace a sequence that was simulated before"
             ));
         }
-        if holds_something && !output.join(MARK).is_file() {
+        if holds_something && !output.join(MARK.0).is_file() {
             return Err(fault!(
-                "{name}: holds no {MARK}, so that it is no simulated sequence and --force does not remove it; give another -o"
+                "{name}: holds no {}, so that it is no simulated sequence and --force does not remove it; give another -o",
+                MARK.0
+            ));
+        }
+        if holds_something && let Some(foreign) = foreign(output) {
+            return Err(fault!(
+                "{name}: holds {foreign}, which is no part of a simulated sequence, and --force would remove it; move it elsewhere, or give another -o"
             ));
         }
         let Some(file_name) = output.file_name() else {
@@ -76,6 +107,7 @@ impl Folder {
 
     /// Puts it in the place of the one that is wanted.
     pub(super) fn finish(mut self) -> Result<()> {
+        self.write(MARK.0, MARK.1.as_bytes())?;
         let old = self.partial.with_extension("old");
         let replaced = if self.output.exists() {
             fs::rename(&self.output, &old)

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use pardalis::simulate::{Body, Object, Placed};
+use pardalis::simulate::{Body, Course, Object, Path, Placed};
 
 use super::{Sequence, frames};
 
@@ -13,6 +13,25 @@ pub(super) fn of(sequence: &Sequence) -> String {
         "# Written by pardalis simulate; world.toml says what was simulated.\nseed = {}\n",
         world.seed
     );
+    if world
+        .cameras
+        .iter()
+        .any(|camera| camera.timing.has_delays())
+    {
+        let delays = sequence
+            .deliveries
+            .iter()
+            .flatten()
+            .map(|d| d.arrival_s - d.stamp_s);
+        let least_s = delays.clone().fold(f64::INFINITY, f64::min);
+        let most_s = delays.fold(f64::NEG_INFINITY, f64::max);
+        // To a hundredth, upwards: what is waited for, no longer.
+        let max_delay_s = (1.0 + (100.0 * (most_s - least_s)).ceil()).min(6000.0) / 100.0;
+        let _ = write!(
+            text,
+            "\n[timing]\nmax_delay_s = {max_delay_s:?}  # frames arrive as late\n"
+        );
+    }
     for (number, camera) in world.cameras.iter().enumerate() {
         let deliveries = &sequence.deliveries[number];
         let folder = frames::folder_of(sequence, number);
@@ -59,10 +78,20 @@ fn push_target(text: &mut String, object: &Object, placed: &Placed, sigma_m: f64
         }
         Body::Box { .. } => unreachable!("world files do not allow boxes as targets"),
     };
+    let motion = match object.body {
+        Body::Sphere { .. } => "constant_velocity",
+        _ => "planar_constant_velocity",
+    };
+    // Bounces are sudden; all else is smooth.
+    let density = match &object.course {
+        Course::Path(Path::Throw(_)) => 100.0,
+        _ => 2.0,
+    };
     let shown = |v: [f64; 3]| v.map(|c| c + 0.0);
     let _ = write!(
         text,
-        "\n[targets.{name}]\nshape.{shape}\ncolors = \"{colors}\"\n\n[targets.{name}.start.gaussian]\n\
+        "\n[targets.{name}]\nshape.{shape}\ncolors = \"{colors}\"\n\
+         motion.{motion}.acceleration_density_m2ps3 = {density:?}\n\n[targets.{name}.start.gaussian]\n\
          position_m = {position:?}\nposition_sigma_m = {sigma_m:?}\nvelocity_mps = {velocity:?}\n",
         name = object.name,
         colors = colors_of(object),

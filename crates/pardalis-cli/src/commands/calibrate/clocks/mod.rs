@@ -130,8 +130,9 @@ fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
         Some(number) if wanted.is_some() || scene.targets.len() == 1 => Ok(number),
         _ => {
             let names: Vec<&str> = scene.targets.iter().map(|t| &*t.name).collect();
+            let unknown = wanted.map_or_else(String::new, |name| format!("no target {name}, but "));
             Err(fault!(
-                "{}: has the targets {}; choose one with --target NAME",
+                "{}: has {unknown}the targets {}; choose one with --target NAME",
                 path.display(),
                 names.join(", ")
             ))
