@@ -52,7 +52,8 @@ EXPERIMENT.toml:
   visible_over = 0.6            # share of the object that must be seen for it to be visible
   interpolate = true            # scores every row, with the truth interpolated to its time
   origin_m = [0, 0, 0.9]        # for distance, elevation, azimuth; else the first camera
-  # or, in place of scene and truth: world = \"ring.toml\", simulated first; set and sweeps reach its settings as \"world.KEY\"
+  # in place of scene and truth: world = \"ring.toml\", which is simulated first;
+  # set and sweeps reach its settings as \"world.KEY\"
   method = \"locate\"             # each image on its own, as `pardalis locate`,
   starts = \"truth.csv\"          # from these positions; else from the scene's start
   [[sweeps]]                    # as a run, but one a value
@@ -65,7 +66,8 @@ EXPERIMENT.toml:
   values = [100, 1000]          # names = [..] where the values are no good names
   [[figures]]
   name = \"cost\"
-  kind = \"sweep\"                # paths (seeds = 10 draws only so many; reaches_far = true shows those astray too), errors or sweep
+  kind = \"sweep\"                # paths (seeds = 10: so many; reaches_far = true: those astray,
+                                # too), errors or sweep
   runs = [\"particles\"]          # names of runs or sweeps
   x_name = \"particles\"          # of a sweep: the name of the axis
   figure = \"rmse_m\"             # of a sweep: the figure of merit")]
