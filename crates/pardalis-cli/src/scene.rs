@@ -147,7 +147,9 @@ pub(crate) fn open(
         .zip(sources.iter().map(Option::as_ref))
         .collect();
     problems.extend(rig::problems(&opened, folder));
-    warn_of_units(path, &opened);
+    if problems.is_empty() {
+        warn_of_units(path, &opened);
+    }
     let mut sources: Vec<Source> = sources.into_iter().flatten().collect();
     let mut targets = Vec::new();
     let mut handed_over = Vec::new();

@@ -93,18 +93,18 @@ fn warnings(run: &Run) -> String {
                 source.describe().input
             );
         }
-        if 2 * record.frames.used < record.frames.delivered {
-            let _ = writeln!(
-                text,
-                "warning: cameras.{name}: only {} of its {} frames were used; the table says what became of the others",
-                record.frames.used, record.frames.delivered
-            );
-        }
         if record.frames.dropped_late > 0 {
             let _ = writeln!(
                 text,
                 "warning: cameras.{name}: {} frames left out that came too late; timing.max_delay_s is {}, the longest time that frames wait for others",
                 record.frames.dropped_late, run.open.scene.max_delay_s
+            );
+        }
+        if 2 * record.frames.used < record.frames.delivered {
+            let _ = writeln!(
+                text,
+                "warning: cameras.{name}: only {} of its {} frames were used; the table says what became of the others",
+                record.frames.used, record.frames.delivered
             );
         }
     }
