@@ -7,13 +7,13 @@ use anyhow::Result;
 use pardalis::Tracker;
 use pardalis::camera::Mask;
 use pardalis::color::ColorModel;
-use pardalis::config::{CameraConfig, Input, Problem, Scene, StartConfig, TargetConfig};
+use pardalis::config::{BodyConfig, CameraConfig, Input, Problem, Scene, StartConfig};
 use pardalis::interchange::{self, Lens};
 use pardalis::likelihood::{Cue, CueSettings};
 use pardalis::rig::CalibratedCamera;
 use pardalis::simd::Level;
 use pardalis::start::Start;
-use pardalis::tracker::TargetSettings;
+use pardalis::tracker::{BodySettings, TargetSettings};
 use pardalis::view::View;
 
 use crate::fault::{Fault, fault};
@@ -154,36 +154,43 @@ pub(crate) fn open(
     let mut targets = Vec::new();
     let mut handed_over = Vec::new();
     for (number, target) in scene.targets.iter().enumerate() {
-        let start = match &target.start.value {
-            StartConfig::Here(start) => Ok(*start),
-            StartConfig::Track(track) => {
-                let first_time_s = sources.iter_mut().filter_map(Source::first_time_s);
-                let first_time_s = first_time_s.reduce(f64::min);
-                let path = resolve(folder, &track.file);
-                track_start::read(track, &path, first_time_s).map(|(start, time_s)| {
-                    handed_over.push((number, start, time_s));
-                    Start::Gaussian(start)
-                })
+        let mut bodies = Vec::new();
+        for body in &target.bodies {
+            let start = match &body.start.value {
+                StartConfig::Here(start) => Ok(*start),
+                StartConfig::Track(track) => {
+                    let first_time_s = sources.iter_mut().filter_map(Source::first_time_s);
+                    let first_time_s = first_time_s.reduce(f64::min);
+                    let path = resolve(folder, &track.file);
+                    track_start::read(track, &path, first_time_s).map(|(start, time_s)| {
+                        handed_over.push((number, start, time_s));
+                        Start::Gaussian(start)
+                    })
+                }
+            };
+            let start =
+                start.map_err(|error| problems.push(body.start.problem(format!("{error:#}"))));
+            if let Ok(Start::Pixel(start)) = &start
+                && let Some(view) = &views[start.camera]
+                && let Err(error) = start.check_in(view)
+            {
+                problems.push(body.start.problem(error.to_string()));
             }
-        };
-        let start =
-            start.map_err(|error| problems.push(target.start.problem(format!("{error:#}"))));
-        if let Ok(Start::Pixel(start)) = &start
-            && let Some(view) = &views[start.camera]
-            && let Err(error) = start.check_in(view)
-        {
-            problems.push(target.start.problem(error.to_string()));
+            let colors = read_colors(body, folder).map_err(|problem| problems.push(problem));
+            if let (Ok(start), Ok(colors)) = (start, colors) {
+                bodies.push(BodySettings {
+                    shape: body.shape,
+                    colors,
+                    cues: body.cues.clone(),
+                    filter: body.filter,
+                    start,
+                });
+            }
         }
-        let colors = read_colors(target, folder).map_err(|problem| problems.push(problem));
-        if let (Ok(start), Ok(colors)) = (start, colors) {
-            targets.push(TargetSettings {
-                shape: target.shape,
-                colors,
-                cues: target.cues.clone(),
-                filter: target.filter,
-                start,
-            });
-        }
+        targets.push(TargetSettings {
+            bodies,
+            heading: target.heading,
+        });
     }
     if !problems.is_empty() {
         problems.sort();
@@ -361,33 +368,40 @@ fn view_of(
     View::new(camera.camera.clone(), camera.world_from_camera, size, mask).ok()
 }
 
-/// The colours of a target of the scene in the file at `path`.
+/// The colours of a body of the scene in the file at `path`.
 ///
-/// Faults: the target has none, or the file cannot be read.
-pub(crate) fn colors(path: &Path, target: &TargetConfig) -> Result<ColorModel> {
+/// Faults: it has none, or the file cannot be read.
+pub(crate) fn colors(path: &Path, body: &BodyConfig) -> Result<ColorModel> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let read =
-        read_colors(target, folder).map_err(|problem| problems_in("scene", path, &[problem]))?;
+        read_colors(body, folder).map_err(|problem| problems_in("scene", path, &[problem]))?;
     read.ok_or_else(|| {
         fault!(
             "{}: targets.{}.colors: is missing, and the target is looked for by its colours; give a file that `pardalis learn` made",
             path.display(),
-            target.name
+            body.name
         )
     })
 }
 
-fn read_colors(target: &TargetConfig, folder: &Path) -> Result<Option<ColorModel>, Problem> {
-    let Some(file) = &target.colors else {
+fn read_colors(body: &BodyConfig, folder: &Path) -> Result<Option<ColorModel>, Problem> {
+    let Some(file) = &body.colors else {
         return Ok(None);
     };
     let path = resolve(folder, &file.value);
     let read = read_text(&path).and_then(|text| {
         let model = ColorModel::from_text(&text).map_err(|error| fault!("{}: {error}", path.display()))?;
         let counts_learnt = |cue: &CueSettings| matches!(cue.cue, Cue::Window(window) if window.ranges.is_none());
-        if model.ranges().is_none() && target.cues.iter().any(counts_learnt) {
+        if model.ranges().is_none() && body.cues.iter().any(counts_learnt) {
             return Err(fault!(
                 "{}: holds no ranges of hue and saturation, which the window cue counts; learn it again, or give window.hue_deg and window.saturation",
+                path.display()
+            ));
+        }
+        let compares_channels = |cue: &CueSettings| matches!(cue.cue, Cue::Region(_));
+        if model.channels().is_none() && body.cues.iter().any(compares_channels) {
+            return Err(fault!(
+                "{}: holds no histograms of red, green and blue, which the region cue compares; learn it again",
                 path.display()
             ));
         }

@@ -22,7 +22,7 @@ use pardalis::rng::{Draws, Stage};
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::simd::Level;
 use pardalis::start::Start;
-use pardalis::tracker::TargetSettings;
+use pardalis::tracker::BodySettings;
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat, Tracker};
 
@@ -74,8 +74,8 @@ fn window() -> WindowSettings {
     }
 }
 
-fn target() -> TargetSettings {
-    TargetSettings {
+fn target() -> BodySettings {
+    BodySettings {
         shape: ball(),
         colors: None,
         cues: vec![Cue::Window(window()).into()],

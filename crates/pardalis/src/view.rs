@@ -1,4 +1,4 @@
-//! All that belongs to one camera over time: model, pose, mask and palette tables. It turns frames into evidence.
+//! All that belongs to one camera over time: model, pose, mask, palette tables and the frame before. It turns frames into evidence.
 
 use crate::camera::{Camera, Mask};
 use crate::color::{ColorRanges, MatchTable, Palette, PixelKind, PixelTable};
@@ -16,6 +16,8 @@ pub struct View {
     mask: Option<Mask>,
     tables: Vec<(Palette, PixelKind, PixelTable)>,
     match_tables: Vec<(ColorRanges, PixelKind, MatchTable)>,
+    /// Its frame before the one at hand, where it was kept.
+    before: Option<Frame>,
 }
 
 impl View {
@@ -46,6 +48,7 @@ impl View {
             mask,
             tables: Vec::new(),
             match_tables: Vec::new(),
+            before: None,
         })
     }
 
@@ -111,6 +114,11 @@ impl View {
         }
     }
 
+    /// Keeps a frame of its size to compare the next one with.
+    pub fn keep(&mut self, frame: Frame) {
+        self.before = Some(frame);
+    }
+
     /// A frame of this camera, ready to be looked up in the palettes and ranges it was prepared for.
     pub fn evidence<'a>(&'a self, frame: &'a Frame) -> Evidence<'a> {
         Evidence {
@@ -138,6 +146,11 @@ impl<'a> Evidence<'a> {
     /// The frame.
     pub fn frame(&self) -> &'a Frame {
         self.frame
+    }
+
+    /// The camera's frame before this one, of the same size, where it was kept ([`View::keep`]).
+    pub fn before(&self) -> Option<&'a Frame> {
+        self.view.before.as_ref()
     }
 
     /// The table from this frame's pixels to the bins of a palette that it was prepared for ([`View::prepare`]).

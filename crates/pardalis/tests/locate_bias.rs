@@ -14,7 +14,7 @@ use pardalis::resample::Resampling;
 use pardalis::shape::Shape;
 use pardalis::simd::Level;
 use pardalis::start::Start;
-use pardalis::tracker::{TargetSettings, Tracker};
+use pardalis::tracker::{BodySettings, Tracker};
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
 
@@ -102,7 +102,7 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
                 position_m: center,
                 ..common::ball_start()
             };
-            let target = TargetSettings {
+            let target = BodySettings {
                 shape: Shape::Sphere(common::ball()),
                 colors: Some(orange()),
                 cues: vec![Cue::Contour(ContourSettings::default()).into()],
@@ -117,7 +117,7 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
             let mut tracker =
                 Tracker::new(vec![view.clone()], vec![target], 1, Level::best()).unwrap();
             let frames = [(0, rgb_frame(&picture(&view, center, is_soft)))];
-            let start = *tracker.start(0);
+            let start = *tracker.starts(0).next().unwrap();
             let found = tracker.locate(&frames, 0.0, &[start], &PASSES_M).unwrap();
             let found = Point3::from(found[0].kinematics.unwrap().position_m);
             errors.push((found - mirror).norm() - (Point3::from(center) - mirror).norm());

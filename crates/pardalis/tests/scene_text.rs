@@ -2,7 +2,7 @@
 
 use pardalis::Error;
 use pardalis::color::{ColorModel, ColorRanges};
-use pardalis::config::{Scene, TargetConfig};
+use pardalis::config::{BodyConfig, Scene};
 use pardalis::interchange::Lens;
 use pardalis::likelihood::{Cue, CueSettings, Sampling, WindowSettings};
 use pardalis::rig::CalibratedCamera;
@@ -182,7 +182,7 @@ fn target(settings: &str) -> Result<Scene, Vec<String>> {
 #[test]
 fn robots_have_settings_of_their_own_that_each_scene_may_change() {
     let cylinder = "shape.cylinder = { radius_m = 0.25, height_m = 0.8 }";
-    let robot = &target(cylinder).unwrap().targets[0];
+    let robot = &target(cylinder).unwrap().targets[0].bodies[0];
     assert_eq!(robot.contour().unwrap().points, 120);
     let Sampling::Scaled(scaled) = robot.contour().unwrap().sampling else {
         panic!("{:?}", robot.contour().unwrap())
@@ -192,14 +192,15 @@ fn robots_have_settings_of_their_own_that_each_scene_may_change() {
     assert!(robot.filter.motion.is_planar(), "robots stay on the ground");
     let flying = format!("{cylinder}\nmotion.constant_velocity.acceleration_density_m2ps3 = 2");
     assert!(
-        !target(&flying).unwrap().targets[0]
+        !target(&flying).unwrap().targets[0].bodies[0]
             .filter
             .motion
             .is_planar()
     );
     let ball = &target("shape.sphere.radius_m = 0.11\ncontour.spline = {}")
         .unwrap()
-        .targets[0];
+        .targets[0]
+        .bodies[0];
     assert!(!ball.filter.motion.is_planar());
     let Sampling::Spline(spline) = ball.contour().unwrap().sampling else {
         panic!("{:?}", ball.contour().unwrap())
@@ -215,7 +216,7 @@ fn robots_have_settings_of_their_own_that_each_scene_may_change() {
 fn cues_are_those_that_have_a_table_and_look_at_the_cameras_they_name() {
     let ball = "shape.sphere.radius_m = 0.11\n";
     let cues = |settings: &str| {
-        target(&format!("{ball}{settings}")).unwrap().targets[0]
+        target(&format!("{ball}{settings}")).unwrap().targets[0].bodies[0]
             .cues
             .clone()
     };
@@ -296,7 +297,7 @@ fn cues_and_walks_that_cannot_be_are_refused_by_their_keys() {
         Scene::parse(&format!("{text}{settings}"), &no_calibration)
     };
     let known = "window = { hue_deg = [330, 15], saturation = [0.3, 1] }";
-    assert!(bare(known).unwrap().targets[0].colors.is_none());
+    assert!(bare(known).unwrap().targets[0].bodies[0].colors.is_none());
     for unknown in ["", "window = {}"] {
         let problems = bare(unknown).unwrap_err();
         assert!(
@@ -377,9 +378,9 @@ fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
     }
 }
 
-fn target_of<'a>(scene: &'a Scene, name: &str) -> &'a TargetConfig {
+fn target_of<'a>(scene: &'a Scene, name: &str) -> &'a BodyConfig {
     let mut targets = scene.targets.iter();
-    targets.find(|target| target.name == name).unwrap()
+    &targets.find(|target| target.name == name).unwrap().bodies[0]
 }
 
 #[test]

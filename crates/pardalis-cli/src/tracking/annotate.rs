@@ -5,7 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::config::{Scene, TargetConfig};
+use pardalis::config::{BodyConfig, Scene, TargetConfig};
+use pardalis::filter::StateEstimate;
+use pardalis::particles::Particles;
 use pardalis::tracker::Estimate;
 use pardalis::view::View;
 
@@ -21,6 +23,8 @@ const MAX_DOTS: usize = 300;
 const TRAIL: usize = 50;
 /// Points of a drawn contour.
 const CONTOUR_POINTS: usize = 72;
+/// The arrow along a heading, in distances of the front landmark from the target's position.
+const ARROW_LENGTH: f64 = 4.0;
 
 /// Removes what an earlier, longer run left, which would pass for this one's.
 fn remove_frames(folder: &Path) -> std::io::Result<()> {
@@ -93,34 +97,21 @@ impl Annotator {
                 points_px,
                 color: PALETTE[number % PALETTE.len()],
             });
-            let Some(kinematics) = &estimate.kinematics else {
-                continue;
-            };
-            marks.extend(cloud(instant, number, view));
+            let color = PALETTE[number % PALETTE.len()];
+            let tracked = instant.tracker.bodies_at(number, instant.time_s);
+            let filters = instant.tracker.filters(number);
             let target = &self.targets[number];
-            // The window cue knows nothing of outlines: the target's own is shown.
-            let scales = target
-                .contour()
-                .map_or_else(|| vec![1.0], |contour| contour.sampling.shown_scales());
-            let hypotheses = [
-                (kinematics.position_m, [0; 3]),
-                (kinematics.best_position_m, [255; 3]),
-            ];
-            for (position_m, color) in hypotheses {
-                for &scale in &scales {
-                    let points_px = target.shape.outline_px(
-                        view.camera(),
-                        view.camera_from_world(),
-                        position_m,
-                        scale,
-                        CONTOUR_POINTS,
-                    );
-                    marks.push(Mark {
-                        shape: Shape::Contour,
-                        points_px,
-                        color,
-                    });
-                }
+            for ((body, now), filter) in target.bodies.iter().zip(&tracked).zip(filters) {
+                let Some(kinematics) = &now.kinematics else {
+                    continue;
+                };
+                marks.push(cloud(body, filter.particles(), view, color));
+                push_outlines(&mut marks, body, kinematics, view);
+            }
+            if let (Some([front, _]), Some(known)) = (target.heading, &estimate.kinematics)
+                && let Some(front) = &tracked[front].kinematics
+            {
+                marks.push(arrow(known.position_m, front.position_m, view, color));
             }
         }
         marks
@@ -148,19 +139,76 @@ impl Annotator {
     }
 }
 
-/// Some of a target's particles, each as the pixel of its centre.
-fn cloud(instant: &Instant, target: usize, view: &View) -> Option<Mark> {
-    let particles = instant.tracker.filter(target)?.particles();
+/// The contours of the best particle in white and those of the mean in black.
+fn push_outlines(marks: &mut Vec<Mark>, body: &BodyConfig, known: &StateEstimate, view: &View) {
+    // Other cues know nothing of outlines: the body's own is shown.
+    let scales = body
+        .contour()
+        .map_or_else(|| vec![1.0], |contour| contour.sampling.shown_scales());
+    for (position_m, color) in [
+        (known.position_m, [0; 3]),
+        (known.best_position_m, [255; 3]),
+    ] {
+        for &scale in &scales {
+            let points_px = body.shape.outline_px(
+                view.camera(),
+                view.camera_from_world(),
+                position_m,
+                scale,
+                CONTOUR_POINTS,
+            );
+            marks.push(Mark {
+                shape: Shape::Contour,
+                points_px,
+                color,
+            });
+        }
+    }
+}
+
+/// Some of a body's particles, each as the pixel of its position, or of a flat shape's middle above it.
+fn cloud(body: &BodyConfig, particles: &Particles, view: &View, color: [u8; 3]) -> Mark {
     let step = particles.count().div_ceil(MAX_DOTS);
+    let height_m = match body.shape {
+        pardalis::shape::Shape::Flat(flat) => flat.height_m,
+        _ => 0.0,
+    };
     let points_px = (0..particles.count())
         .step_by(step)
-        .map(|particle| pixel_of(view, particles.position_m(particle)))
+        .map(|particle| {
+            let [x, y, z] = particles.position_m(particle);
+            pixel_of(view, [x, y, z + height_m])
+        })
         .collect();
-    Some(Mark {
+    Mark {
         shape: Shape::Dots,
         points_px,
-        color: PALETTE[target % PALETTE.len()],
-    })
+        color,
+    }
+}
+
+/// An arrow over the ground from a target's position towards its front.
+fn arrow([x, y, z]: [f64; 3], front_m: [f64; 3], view: &View, color: [u8; 3]) -> Mark {
+    let (ahead, left) = (
+        [front_m[0] - x, front_m[1] - y],
+        [y - front_m[1], front_m[0] - x],
+    );
+    let at = |along: f64, across: f64| {
+        let [dx, dy] = [0, 1].map(|axis| along * ahead[axis] + across * left[axis]);
+        pixel_of(view, [x + dx, y + dy, z])
+    };
+    let (tip, barb) = (ARROW_LENGTH, 0.8 * ARROW_LENGTH);
+    Mark {
+        shape: Shape::Line,
+        points_px: vec![
+            at(0.0, 0.0),
+            at(tip, 0.0),
+            at(barb, 0.4),
+            at(tip, 0.0),
+            at(barb, -0.4),
+        ],
+        color,
+    }
 }
 
 fn pixel_of(view: &View, position_m: [f64; 3]) -> Option<[f64; 2]> {

@@ -87,12 +87,11 @@ fn write_row(text: &mut String, instant: &Instant, name: &str, estimate: &Estima
     let kinematics = estimate.kinematics.as_ref();
     let position_m = kinematics.map(|k| k.position_m);
     let velocity_mps = kinematics.and_then(|k| k.velocity_mps);
-    let heading_rad = None;
     let covariance_m2 = kinematics.map(|k| k.covariance_m2);
     let fields = (0..3)
         .map(|axis| position_m.map(|p| p[axis]))
         .chain((0..3).map(|axis| velocity_mps.map(|v| v[axis])))
-        .chain([heading_rad])
+        .chain([estimate.heading_rad])
         .chain((0..6).map(|entry| covariance_m2.map(|c| c[entry])))
         .chain([
             kinematics.map(|k| k.effective_sample_size),

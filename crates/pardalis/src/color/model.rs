@@ -15,6 +15,7 @@ pub struct ColorModel {
     palette: Palette,
     histogram: Histogram,
     ranges: Option<ColorRanges>,
+    channels: Option<super::ChannelHistograms>,
     pixel_count: u64,
     image_count: u64,
 }
@@ -34,6 +35,7 @@ struct ColorModelText {
     bins: Vec<toml::Spanned<[u64; 4]>>,
     /// Older files have none.
     ranges: Option<ColorRanges>,
+    channels: Option<super::ChannelHistograms>,
 }
 
 impl ColorModel {
@@ -51,6 +53,11 @@ impl ColorModel {
     /// and for targets without colour.
     pub fn ranges(&self) -> Option<ColorRanges> {
         self.ranges
+    }
+
+    /// Stub
+    pub fn channels(&self) -> Option<&super::ChannelHistograms> {
+        self.channels.as_ref()
     }
 
     /// How many pixels it was learnt from.
@@ -181,6 +188,7 @@ impl ColorModel {
             palette: parsed.palette,
             histogram,
             ranges: parsed.ranges,
+            channels: parsed.channels,
             pixel_count: parsed.pixel_count,
             image_count: parsed.image_count,
         })
@@ -275,6 +283,7 @@ impl ColorLearner {
             palette: self.palette,
             histogram,
             ranges: self.ranges.ranges(),
+            channels: None,
             pixel_count: self.object_counts.iter().sum(),
             image_count: self.image_count,
         })

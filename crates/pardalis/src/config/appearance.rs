@@ -1,15 +1,32 @@
 //! What a target looks like: its shape, and the cues that compare it with the images.
 
 use super::reader::Table;
-use super::target::kind_of;
+use super::target::{CameraNames, kind_of};
 use crate::color::ColorRanges;
 use crate::likelihood::{
-    ContourSettings, Cue, CueSettings, Overlap, Sampling, ScaledSampling, SplineSampling,
-    WindowSettings,
+    ContourSettings, Cue, CueSettings, Overlap, PatchSettings, Sampling, ScaledSampling,
+    SplineSampling, WindowSettings,
 };
 use crate::shape::{Flat, Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
 
-pub(super) fn read_shape(table: &Table) -> Option<Shape> {
+/// The table `shape`. Cameras that are known by a plane alone do not see how high anything is.
+pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<Shape> {
+    let shape = read_body(table)?;
+    let is_on_plane = matches!(shape, Shape::Flat(flat) if flat.height_m == 0.0);
+    if !is_on_plane && let Some(camera) = cameras.without_height.first() {
+        table.problem(
+            "shape",
+            format!(
+                "rises over the plane, but where camera \"{camera}\" stands is not known; give cameras.{camera}.model.plane.camera_center_m, \
+                 or a disc or rectangle without height_m"
+            ),
+        );
+        return None;
+    }
+    Some(shape)
+}
+
+fn read_body(table: &Table) -> Option<Shape> {
     let (kind, body) = kind_of(
         table,
         "shape",
@@ -76,27 +93,32 @@ pub(super) fn read_cues(
     shape: Option<&Shape>,
     cameras: &[String],
 ) -> Option<Vec<CueSettings>> {
-    let contour = table.table("contour");
-    let window = table.table("window");
     let default = shape.map_or_else(ContourSettings::default, ContourSettings::of_shape);
-    if !table.has("contour") && !table.has("window") {
-        return Some(vec![Cue::Contour(default).into()]);
-    }
+    let within = shape.map_or_else(PatchSettings::around, PatchSettings::within);
+    let read = |key: &'static str, table: &Table| match key {
+        "contour" => read_contour(table, default).map(Cue::Contour),
+        "window" => read_window(table).map(Cue::Window),
+        "region" => read_patch(table, within, shape).map(Cue::Region),
+        _ => read_patch(table, PatchSettings::around(), shape).map(Cue::Difference),
+    };
+    let (mut found, mut fine) = (false, true);
     let mut cues = Vec::new();
-    let mut fine = true;
-    for (cue, table) in [
-        contour.map(|table| (read_contour(&table, default).map(Cue::Contour), table)),
-        window.map(|table| (read_window(&table).map(Cue::Window), table)),
-    ]
-    .into_iter()
-    .flatten()
-    {
-        let cameras = read_cameras(&table, cameras);
-        table.finish();
+    for key in ["contour", "window", "region", "difference"] {
+        found |= table.has(key);
+        let Some(cue_table) = table.table(key) else {
+            fine &= !table.has(key);
+            continue;
+        };
+        let cue = read(key, &cue_table);
+        let cameras = read_cameras(&cue_table, cameras);
+        cue_table.finish();
         match (cue, cameras) {
             (Some(cue), Ok(cameras)) => cues.push(CueSettings { cue, cameras }),
             _ => fine = false,
         }
+    }
+    if !found {
+        return Some(vec![Cue::Contour(default).into()]);
     }
     let looked_at = |camera: usize| {
         let looks = |cue: &CueSettings| cue.cameras.as_ref().is_none_or(|c| c.contains(&camera));
@@ -105,7 +127,7 @@ pub(super) fn read_cues(
     for (camera, name) in cameras.iter().enumerate() {
         if fine && !looked_at(camera) {
             table.problem_here(format!(
-                "no cue looks at camera \"{name}\"; name it in contour.cameras or window.cameras"
+                "no cue looks at camera \"{name}\"; name it in the `cameras` of one"
             ));
             fine = false;
         }
@@ -142,6 +164,26 @@ fn read_cameras(cue: &Table, cameras: &[String]) -> Result<Option<Vec<usize>>, (
         .map(number)
         .collect::<Result<_, ()>>()
         .map(Some)
+}
+
+fn read_patch(
+    patch: &Table,
+    default: PatchSettings,
+    shape: Option<&Shape>,
+) -> Option<PatchSettings> {
+    let settings = PatchSettings {
+        scale: patch.or("scale", default.scale),
+        samples: patch.or("samples", default.samples),
+        bins: patch.or("bins", default.bins),
+        sigma: patch.or("sigma", default.sigma),
+    };
+    if shape.is_some_and(|shape| !matches!(shape, Shape::Flat(_))) {
+        patch.problem_here(
+            "looks at a flat region; give shape.disc or shape.rectangle, or leave it out",
+        );
+        return None;
+    }
+    patch.checked(settings.check().map(|()| settings))
 }
 
 fn read_window(window: &Table) -> Option<WindowSettings> {

@@ -18,10 +18,11 @@ pub use camera::{CameraConfig, Input, MaskCircle, ReadCalibration};
 pub use offsets::with_time_offsets;
 pub use reader::{Located, Problem};
 pub use start::{StartConfig, TrackStart};
-pub use target::TargetConfig;
+pub use target::{BodyConfig, TargetConfig};
 pub use world::WorldConfig;
 
 use reader::{Journal, Table};
+use target::CameraNames;
 
 /// All that a scene file says.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,12 +68,16 @@ impl Scene {
             .into_iter()
             .filter_map(|(name, table)| CameraConfig::read(name, table, read_calibration))
             .collect();
+        let names = CameraNames {
+            without_height: plane::without_height(&cameras),
+            all: camera_names,
+        };
         let targets: Vec<_> = table
             .named_tables("targets", "target")
             .into_iter()
-            .filter_map(|(name, table)| TargetConfig::read(name, table, &camera_names))
+            .filter_map(|(name, table)| TargetConfig::read(name, table, &names))
             .collect();
-        let max_delay_s = timing::read_max_delay_s(&table, camera_names.len());
+        let max_delay_s = timing::read_max_delay_s(&table, names.all.len());
         table.finish();
         let (mut warnings, resolved) = journal.finish()?;
         warnings.extend(timing::cameras_at_one_place(&cameras));

@@ -14,11 +14,22 @@ use crate::shape::Shape;
 pub struct TargetConfig {
     /// Its name.
     pub name: String,
+    /// Its one body, which has its name, or its landmarks.
+    pub bodies: Vec<BodyConfig>,
+    /// The numbers of its landmarks `front` and `rear`, where it has these.
+    pub heading: Option<[usize; 2]>,
+}
+
+/// A target of one body, or a landmark of one of several.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyConfig {
+    /// Its name.
+    pub name: String,
     /// Its shape.
     pub shape: Shape,
     /// The file with its colours; none where every cue knows its own.
     pub colors: Option<Located<String>>,
-    /// How it is compared with the images, with the place of its table.
+    /// How it is compared with the images.
     pub cues: Vec<CueSettings>,
     /// Its filter.
     pub filter: FilterSettings,
@@ -26,39 +37,112 @@ pub struct TargetConfig {
     pub start: Located<StartConfig>,
 }
 
+/// The cameras of a scene, as far as its targets need to know them.
+#[derive(Debug)]
+pub(super) struct CameraNames {
+    /// All of them.
+    pub(super) all: Vec<String>,
+    /// Those that are known by a plane alone, so that they say nothing of heights over it.
+    pub(super) without_height: Vec<String>,
+}
+
 impl TargetConfig {
     /// Reads one target; `None` when something needed is missing or faulty, which the journal then says.
-    pub(super) fn read(name: String, table: Table, cameras: &[String]) -> Option<Self> {
-        let shape = read_shape(&table);
-        let cues = read_cues(&table, shape.as_ref(), cameras);
-        let colors = table.located("colors");
-        // Of cues that cannot be read their own problems are told.
-        let need_colors =
-            |cues: &Vec<CueSettings>| cues.iter().any(|cue| !cue.cue.knows_its_colors());
-        if !table.has("colors") && cues.as_ref().is_some_and(need_colors) {
-            let message = "is missing; give a colour model, made by `pardalis learn`, or, for the window cue alone, window.hue_deg and window.saturation";
-            table.problem("colors", message);
-        }
-        let filter = read_filter(&table, shape.as_ref());
-        let start = read_start(&table, &name, cameras);
+    pub(super) fn read(name: String, table: Table, cameras: &CameraNames) -> Option<Self> {
+        let landmarks = if table.has("landmarks") {
+            table.named_tables("landmarks", "landmark")
+        } else {
+            Vec::new()
+        };
+        let has_landmarks = table.has("landmarks");
+        // Each landmark may have a shape of its own.
+        let shape = (!has_landmarks || table.has("shape"))
+            .then(|| read_shape(&table, cameras))
+            .flatten();
+        let own_shapes: Vec<_> = landmarks
+            .iter()
+            .map(|(_, landmark)| {
+                let is_own = landmark.has("shape") || !table.has("shape");
+                if is_own {
+                    read_shape(landmark, cameras)
+                } else {
+                    shape
+                }
+            })
+            .collect();
+        let typical = shape.or_else(|| own_shapes.iter().copied().flatten().next());
+        let cues = read_cues(&table, typical.as_ref(), &cameras.all);
+        let filter = read_filter(&table, typical.as_ref());
+        let body = |name: String, table: &Table, shape: Option<Shape>| {
+            let colors = table.located("colors");
+            // Of cues that cannot be read their own problems are told.
+            let need_colors =
+                |cues: &Vec<CueSettings>| cues.iter().any(|cue| !cue.cue.knows_its_colors());
+            if !table.has("colors") && cues.as_ref().is_some_and(need_colors) {
+                let message = "is missing; give a colour model, made by `pardalis learn`, or, for the window cue alone, window.hue_deg and window.saturation";
+                table.problem("colors", message);
+            }
+            let start = read_start(table, &name, &cameras.all);
+            Some(BodyConfig {
+                name,
+                shape: shape?,
+                colors,
+                cues: cues.clone()?,
+                filter: filter?,
+                start: start?,
+            })
+        };
+        let (bodies, heading) = if has_landmarks {
+            for key in ["colors", "start"] {
+                if table.knows(key) {
+                    table.problem(key, "stands beside landmarks; give each landmark its own");
+                }
+            }
+            let names: Vec<String> = landmarks.iter().map(|(name, _)| name.clone()).collect();
+            if names.len() == 1 {
+                let message =
+                    "has one; give two or more, or put its settings into the target itself";
+                table.problem("landmarks", message);
+            }
+            let mut bodies = Vec::new();
+            for ((name, landmark), shape) in landmarks.into_iter().zip(own_shapes) {
+                bodies.push(body(name, &landmark, shape));
+                if matches!(&bodies.last(), Some(Some(body)) if matches!(body.start.value, StartConfig::Track(_)))
+                {
+                    let message = "is a track, which does not say where landmarks are; give start.gaussian or start.pixel";
+                    landmark.problem("start", message);
+                }
+                landmark.finish();
+            }
+            (bodies, read_heading(&table, &names))
+        } else {
+            (vec![body(name.clone(), &table, shape)], None)
+        };
         table.finish();
         Some(Self {
             name,
-            shape: shape?,
-            colors,
-            cues: cues?,
-            filter: filter?,
-            start: start?,
+            bodies: bodies.into_iter().collect::<Option<_>>()?,
+            heading,
         })
     }
 }
 
-impl TargetConfig {
+/// A heading needs a landmark `front` and one `rear`.
+fn read_heading(table: &Table, landmarks: &[String]) -> Option<[usize; 2]> {
+    let [front, rear] = ["front", "rear"].map(|name| landmarks.iter().position(|l| l == name));
+    if front.is_some() != rear.is_some() {
+        let message = "has one of `front` and `rear`; a heading needs both, so there is none";
+        table.warn("landmarks", message);
+    }
+    Some([front?, rear?])
+}
+
+impl BodyConfig {
     /// Its contour cue, where it has one.
     pub fn contour(&self) -> Option<&ContourSettings> {
         self.cues.iter().find_map(|cue| match &cue.cue {
             Cue::Contour(contour) => Some(contour),
-            Cue::Window(_) => None,
+            _ => None,
         })
     }
 }

@@ -2,6 +2,9 @@
 
 use super::Likelihood;
 use super::contour::{ContourCue, ContourSettings};
+use super::difference::DifferenceCue;
+use super::patch::PatchSettings;
+use super::region::RegionCue;
 use super::window::{WindowCounting, WindowCue, WindowSettings};
 use crate::color::{ColorModel, PixelKind};
 use crate::particles::Particles;
@@ -26,14 +29,19 @@ pub enum Cue {
     Contour(ContourSettings),
     /// Matching colours in a window around the projected position.
     Window(WindowSettings),
+    /// Colours in a region, channel by channel.
+    Region(PatchSettings),
+    /// What changed from the frame before in a region.
+    Difference(PatchSettings),
 }
 
 impl Cue {
     /// Whether it can do without a colour model.
     pub fn knows_its_colors(&self) -> bool {
         match self {
-            Self::Contour(_) => false,
+            Self::Contour(_) | Self::Region(_) => false,
             Self::Window(window) => window.ranges.is_some(),
+            Self::Difference(_) => true,
         }
     }
 }
@@ -57,6 +65,8 @@ pub struct Cues {
 enum Kernel {
     Contour(Box<ContourCue>),
     Window(Box<WindowCue>),
+    Region(Box<RegionCue>),
+    Difference(Box<DifferenceCue>),
 }
 
 impl Cues {
@@ -103,6 +113,18 @@ impl Cues {
                     })?;
                     Kernel::Window(Box::new(WindowCue::new(window, ranges, counting, level)))
                 }
+                Cue::Region(region) => {
+                    let channels = colors.and_then(ColorModel::channels).ok_or_else(|| {
+                        missing(
+                            "the region cue's histograms of red, green and blue",
+                            "learn the colour model again: it then holds them",
+                        )
+                    })?;
+                    Kernel::Region(Box::new(RegionCue::new(region, &shape, channels, level)?))
+                }
+                Cue::Difference(difference) => {
+                    Kernel::Difference(Box::new(DifferenceCue::new(difference, &shape, level)?))
+                }
             };
             Ok((kernel, settings.cameras.clone()))
         };
@@ -119,6 +141,7 @@ impl Cues {
             match kernel {
                 Kernel::Contour(cue) => view.prepare(kind, cue.palette()),
                 Kernel::Window(cue) => view.prepare_ranges(kind, cue.ranges()),
+                Kernel::Region(_) | Kernel::Difference(_) => {}
             }
         }
     }
@@ -136,6 +159,12 @@ impl Cues {
         }
     }
 
+    /// Whether any of them compares a camera's frame with the one before ([`View::keep`]).
+    pub fn compare_frames(&self) -> bool {
+        let compares = |(kernel, _): &(Kernel, _)| matches!(kernel, Kernel::Difference(_));
+        self.cues.iter().any(compares)
+    }
+
     /// The log-likelihood of a camera's frame that shows pure background.
     pub fn background_log_likelihood(&self, camera: usize) -> f64 {
         self.cues
@@ -144,6 +173,8 @@ impl Cues {
             .map(|(kernel, _)| match kernel {
                 Kernel::Contour(cue) => cue.settings().background_log_likelihood(),
                 Kernel::Window(cue) => cue.background_log_likelihood(),
+                Kernel::Region(cue) => cue.background_log_likelihood(),
+                Kernel::Difference(cue) => cue.background_log_likelihood(),
             })
             .sum()
     }
@@ -184,6 +215,10 @@ impl Likelihood for CuesLikelihood<'_> {
                     match kernel {
                         Kernel::Contour(cue) => cue.add_camera(&evidence, positions_m, of_camera),
                         Kernel::Window(cue) => cue.add_camera(&evidence, positions_m, of_camera),
+                        Kernel::Region(cue) => cue.add_camera(&evidence, positions_m, of_camera),
+                        Kernel::Difference(cue) => {
+                            cue.add_camera(&evidence, positions_m, of_camera);
+                        }
                     }
                 }
             }

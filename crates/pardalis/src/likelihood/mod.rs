@@ -3,13 +3,17 @@
 mod boundary;
 mod contour;
 mod cues;
+mod difference;
 mod outline;
+mod patch;
 mod raster;
+mod region;
 mod window;
 
 pub use boundary::{Overlap, Sampling, ScaledSampling, SplineSampling};
 pub use contour::ContourSettings;
 pub use cues::{Cue, CueSettings, Cues, CuesLikelihood};
+pub use patch::{CHANNEL_BINS, PatchSettings};
 pub use window::{WindowCounting, WindowSettings};
 
 use crate::particles::Particles;

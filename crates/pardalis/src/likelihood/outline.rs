@@ -59,6 +59,26 @@ impl<'a> Projector<'a> {
         coordinates
     }
 
+    /// The image coordinates of blocks of points in the camera's frame.
+    pub(super) fn project_all(
+        &self,
+        level: Level,
+        points: &[Points],
+        coordinates: &mut [Coordinates],
+    ) {
+        with_model!(self.view.camera(), model => {
+            let model = model.to_f32();
+            level.run(
+                #[inline(always)]
+                || {
+                    for (points, coordinates) in points.iter().zip(coordinates) {
+                        *coordinates = project_block(&model, points);
+                    }
+                },
+            );
+        });
+    }
+
     /// Writes, in the camera's frame, the places that lie so from each of these positions in the world: scaled along x and y, and so high.
     #[inline(always)]
     pub(super) fn write_places(
@@ -196,17 +216,7 @@ impl OutlineKernel {
                 || projector.write_places(positions, scale as f32, places_m, *height_m, points),
             ),
         }
-        with_model!(projector.view.camera(), model => {
-            let model = model.to_f32();
-            level.run(
-                #[inline(always)]
-                || {
-                    for (points, coordinates) in points.iter().zip(coordinates) {
-                        *coordinates = project_block(&model, points);
-                    }
-                },
-            );
-        });
+        projector.project_all(level, points, coordinates);
     }
 }
 

@@ -14,7 +14,7 @@ use pardalis::resample::Resampling;
 use pardalis::rig::{Pose, pose_from_matrix};
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::start::Start;
-use pardalis::tracker::TargetSettings;
+use pardalis::tracker::BodySettings;
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
 
@@ -167,8 +167,8 @@ pub(crate) fn ball_start() -> GaussianStart {
 }
 
 /// The ball as the tracker's target.
-pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> TargetSettings {
-    TargetSettings {
+pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> BodySettings {
+    BodySettings {
         shape: Shape::Sphere(ball()),
         colors: Some(ball_colors(palette)),
         cues: vec![Cue::Contour(ContourSettings::default()).into()],

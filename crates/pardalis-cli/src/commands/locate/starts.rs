@@ -96,6 +96,14 @@ impl Starts {
     ///
     /// Faults: the table does not fit the scene, or a pixel alone does not tell whose it is.
     pub(super) fn read(from: &StartsFrom, scene: &Scene, scene_path: &Path) -> Result<Self> {
+        let several = scene.targets.iter().find(|target| target.bodies.len() > 1);
+        if let (Some(target), false) = (several, matches!(from, StartsFrom::Scene)) {
+            return Err(fault!(
+                "{}: targets.{} has several landmarks, and a place does not say where each is; leave out --at, --from and --clicks: they start where the scene says",
+                scene_path.display(),
+                target.name
+            ));
+        }
         match from {
             StartsFrom::Scene => Ok(Self::Scene),
             StartsFrom::Pixel(pixel) => match (&scene.cameras[..], &scene.targets[..]) {
@@ -170,28 +178,29 @@ impl Starts {
         })
     }
 
-    /// The start of each target in the image of this number.
+    /// The start of each body in the image of this number, target by target.
     ///
     /// Faults: the table has none.
     pub(super) fn of_frame(&self, tracker: &Tracker, frame: usize) -> Result<Vec<Start>> {
-        let of_target = |target: usize| {
-            let of_scene = tracker.start(target);
-            match self {
-                Self::Scene => Ok(*of_scene),
-                Self::Everywhere(place) => Ok(place.start(of_scene)),
-                Self::Listed { file, targets } => {
-                    let (name, listed) = &targets[target];
-                    let Some((place, _)) = listed.get(&frame) else {
-                        return Err(fault!(
-                            "{}: has no place of {name} in frame {frame}; give each image a row, or take fewer images (first_frame, frame_limit)",
-                            file.display()
-                        ));
-                    };
-                    Ok(place.start(of_scene))
-                }
+        let of_body = |(target, of_scene): (usize, &Start)| match self {
+            Self::Scene => Ok(*of_scene),
+            Self::Everywhere(place) => Ok(place.start(of_scene)),
+            Self::Listed { file, targets } => {
+                let (name, listed) = &targets[target];
+                let Some((place, _)) = listed.get(&frame) else {
+                    return Err(fault!(
+                        "{}: has no place of {name} in frame {frame}; give each image a row, or take fewer images (first_frame, frame_limit)",
+                        file.display()
+                    ));
+                };
+                Ok(place.start(of_scene))
             }
         };
-        (0..tracker.target_count()).map(of_target).collect()
+        let bodies = |target: usize| tracker.starts(target).map(move |start| (target, start));
+        (0..tracker.target_count())
+            .flat_map(bodies)
+            .map(of_body)
+            .collect()
     }
 
     /// What to name when a start of this frame turns out to be faulty.

@@ -57,8 +57,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let read = scene::read(path)?;
     let number = target(path, &read, arguments.target.as_deref())?;
     let mut open = scene::open(path, read, None, &[])?;
-    let target = &open.scene.targets[number];
-    let colors = scene::colors(path, target)?;
+    let [body] = &open.scene.targets[number].bodies[..] else {
+        return Err(fault!(
+            "{}: targets.{}: has several landmarks, and clocks are compared by one body; give it a target of its own, and choose that with --target NAME",
+            path.display(),
+            open.scene.targets[number].name
+        ));
+    };
+    let colors = scene::colors(path, body)?;
     let mut views = open.tracker.views().to_vec();
     let frames = detect(&mut open.sources, &mut views, &colors)?;
     let cameras: Vec<ClockCamera> = open
@@ -73,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             frames,
         })
         .collect();
-    let fits = estimate_clocks(&cameras, &target.shape, arguments.max_offset_s)
+    let fits = estimate_clocks(&cameras, &body.shape, arguments.max_offset_s)
         .map_err(|refusal| fault!("{}: {refusal}", path.display()))?;
     let report = Report::new(&open.scene, &cameras, &fits);
 

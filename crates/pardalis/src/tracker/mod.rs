@@ -1,10 +1,15 @@
 //! Tracking: frames in, estimates out, for any number of cameras and targets.
 
+mod body;
+mod landmarks;
+
+use body::Body;
+
 use crate::color::ColorModel;
-use crate::filter::{Filter, FilterSettings, StateEstimate, Update};
+use crate::filter::{Filter, FilterSettings, StateEstimate};
 use crate::frame::MAX_TIME_S;
-use crate::gaussian::{GaussianStart, MAX_START, diagonal_m2};
-use crate::likelihood::{CueSettings, Cues};
+use crate::gaussian::{GaussianStart, MAX_START};
+use crate::likelihood::CueSettings;
 use crate::rng::Draws;
 use crate::shape::Shape;
 use crate::simd::Level;
@@ -12,9 +17,27 @@ use crate::start::{PixelStart, Start};
 use crate::view::View;
 use crate::{Error, Frame};
 
-/// What a target is and how it is tracked.
+/// What a target is and how it is tracked: a body, or several landmarks of one, each of which is tracked on its own (Campos 2009, section 4).
 #[derive(Debug, Clone)]
 pub struct TargetSettings {
+    /// The body or the landmarks; their middle is the target's position.
+    pub bodies: Vec<BodySettings>,
+    /// The numbers of the landmarks in front and behind, where the target has a heading.
+    pub heading: Option<[usize; 2]>,
+}
+
+impl From<BodySettings> for TargetSettings {
+    fn from(body: BodySettings) -> Self {
+        Self {
+            bodies: vec![body],
+            heading: None,
+        }
+    }
+}
+
+/// What a body or landmark is and how it is tracked.
+#[derive(Debug, Clone)]
+pub struct BodySettings {
     /// Its shape.
     pub shape: Shape,
     /// Its colours; cues that know theirs do without.
@@ -60,6 +83,8 @@ pub struct Estimate {
     pub state: TrackState,
     /// Position, velocity, covariance; only while tracking or occluded.
     pub kinematics: Option<StateEstimate>,
+    /// From the rear landmark to the front one, counterclockwise from x, in radians within ±π, where the target has such.
+    pub heading_rad: Option<f64>,
     /// While there is a state: the share of the particles' weight within one diameter of the position, the filter's own belief
     /// that the target is there.
     pub confidence: f64,
@@ -90,31 +115,16 @@ pub struct Contribution {
 /// Evidence, in nats, above which a camera's frame counts as showing the target.
 pub const SEEN_NATS: f64 = 1.0;
 
-/// How long a camera's last word on whether a particle is seen holds, in seconds, while other cameras go on without it.
-const WORD_HOLDS_S: f64 = 0.5;
-
-/// A camera's last word on a target.
-#[derive(Debug, Clone, Copy)]
-struct Word {
-    time_s: f64,
-    /// Whether any particle was more likely than pure background.
-    sees: bool,
-}
+/// Random numbers of landmarks are told apart by the bits above these of their target's number.
+const LANDMARK_BITS: u32 = 16;
 
 struct Target {
-    shape: Shape,
-    cues: Cues,
-    start: Start,
-    draws: Draws,
-    filter: Filter,
-    /// Whether it has seen its first frames.
-    started: bool,
-    /// Where it starts anew with its next frames, and the time in seconds for which that holds.
-    handed_over: Option<(GaussianStart, f64)>,
-    state: TrackState,
+    /// Its one body, or its landmarks.
+    bodies: Vec<Body>,
+    /// Its front and its rear landmark.
+    heading: Option<[usize; 2]>,
     /// One a camera.
     contributions: Vec<Contribution>,
-    words: Vec<Option<Word>>,
 }
 
 /// Tracks targets through cameras.
@@ -128,41 +138,45 @@ impl Tracker {
     /// A tracker of these targets through these cameras. The same seed and frames give the same estimates, whatever the number of threads.
     pub fn new(
         views: Vec<View>,
-        targets: Vec<TargetSettings>,
+        targets: impl IntoIterator<Item = impl Into<TargetSettings>>,
         seed: u32,
         level: Level,
     ) -> Result<Self, Error> {
+        let target = |(number, settings): (usize, TargetSettings)| {
+            let count = settings.bodies.len();
+            if count == 0 {
+                return Err(Error::Empty {
+                    what: "the list of a target's bodies".to_owned(),
+                    remedy: "give one, or several landmarks".to_owned(),
+                });
+            }
+            if let Some(pair @ [front, rear]) = settings.heading
+                && (front >= count || rear >= count || front == rear)
+            {
+                let allowed = format!("two numbers of landmarks below {count}");
+                let value = format!("{pair:?}");
+                return Err(Error::out_of_range("heading", value, &allowed));
+            }
+            let body = |(landmark, body): (usize, &BodySettings)| {
+                let stream = number + (landmark << LANDMARK_BITS);
+                Body::new(body, Draws::new(seed, stream as u32), &views, level)
+            };
+            Ok(Target {
+                bodies: settings
+                    .bodies
+                    .iter()
+                    .enumerate()
+                    .map(body)
+                    .collect::<Result<_, Error>>()?,
+                heading: settings.heading,
+                contributions: vec![Contribution::default(); views.len()],
+            })
+        };
         let targets = targets
             .into_iter()
+            .map(Into::into)
             .enumerate()
-            .map(|(number, settings)| {
-                let draws = Draws::new(seed, number as u32);
-                let start = match &settings.start {
-                    Start::Gaussian(start) => *start,
-                    Start::Pixel(start) => {
-                        check_pixel(start, &views)?;
-                        // Known with the first frame; until then the particles lie at the origin.
-                        GaussianStart::default()
-                    }
-                };
-                Ok(Target {
-                    shape: settings.shape,
-                    cues: Cues::new(
-                        &settings.cues,
-                        settings.shape,
-                        settings.colors.as_ref(),
-                        level,
-                    )?,
-                    filter: Filter::new(settings.filter, &start, draws, level)?,
-                    start: settings.start,
-                    draws,
-                    started: false,
-                    handed_over: None,
-                    state: TrackState::Searching,
-                    contributions: vec![Contribution::default(); views.len()],
-                    words: vec![None; views.len()],
-                })
-            })
+            .map(target)
             .collect::<Result<_, Error>>()?;
         Ok(Self {
             views,
@@ -181,9 +195,9 @@ impl Tracker {
         self.targets.len()
     }
 
-    /// Where a target starts.
-    pub fn start(&self, target: usize) -> &Start {
-        &self.targets[target].start
+    /// Where each body of a target starts.
+    pub fn starts(&self, target: usize) -> impl Iterator<Item = &Start> {
+        self.targets[target].bodies.iter().map(|body| &body.start)
     }
 
     /// The time of the last frames, in seconds.
@@ -191,10 +205,13 @@ impl Tracker {
         self.time_s
     }
 
-    /// The filter of a target, once it has started.
-    pub fn filter(&self, target: usize) -> Option<&Filter> {
-        let target = &self.targets[target];
-        target.started.then_some(&target.filter)
+    /// The filters of a target's bodies that have started.
+    pub fn filters(&self, target: usize) -> impl Iterator<Item = &Filter> {
+        let started = self.targets[target]
+            .bodies
+            .iter()
+            .filter(|body| body.started);
+        started.map(|body| &body.filter)
     }
 
     /// What each camera told of a target so far.
@@ -215,6 +232,11 @@ impl Tracker {
         self.prepare(frames)?;
         for target in &mut self.targets {
             target.observe(&self.views, frames, time_s, dt_s);
+        }
+        if self.bodies().any(|body| body.cues.compare_frames()) {
+            for (camera, frame) in frames {
+                self.views[*camera].keep(frame.clone());
+            }
         }
         self.time_s = Some(time_s);
         Ok(Observed::Used)
@@ -237,14 +259,19 @@ impl Tracker {
             let allowed = format!("the number of a target, below {count}");
             return Err(Error::out_of_range("target", target, &allowed));
         };
-        found.handed_over = Some((*start, time_s));
+        let [body] = &mut found.bodies[..] else {
+            let allowed =
+                "a target of one body; where its landmarks are, its position does not say";
+            return Err(Error::out_of_range("target", target, allowed));
+        };
+        body.handed_over = Some((*start, time_s));
         Ok(())
     }
 
     /// Locates every target in the frames of one instant, each with its camera's number, by these frames alone: no time passes, velocities
     /// play no role (thesis 6.1.3). The particles are drawn around the start's mean, then around the mean of what the frames make of them, and so
     /// on, once for each standard deviation of `passes_sigma_m` (metres), such as [`PASSES_SIGMA_M`]. A start in a pixel is first searched for
-    /// along its ray. There is one start a target.
+    /// along its ray. There is one start a body: target by target, and landmark by landmark.
     ///
     /// What is found holds until the next frames, also for [`Tracker::filter`]; where no particle is more likely than background, nothing is.
     /// Fails on an image whose size is not its camera's and on faulty starts or passes; nothing has changed then.
@@ -255,8 +282,9 @@ impl Tracker {
         starts: &[Start],
         passes_sigma_m: &[f64],
     ) -> Result<Vec<Estimate>, Error> {
-        if starts.len() != self.targets.len() {
-            let allowed = format!("{}, one a target", self.targets.len());
+        let count = self.bodies().count();
+        if starts.len() != count {
+            let allowed = format!("{count}, one a body");
             return Err(Error::out_of_range("starts", starts.len(), &allowed));
         }
         for start in starts {
@@ -268,15 +296,23 @@ impl Tracker {
         check_passes(passes_sigma_m)?;
         self.prepare(frames)?;
         self.time_s = Some(time_s);
-        let located = |(target, start): (&mut Target, &Start)| {
-            let kinematics = target.locate(&self.views, frames, time_s, start, passes_sigma_m);
-            Estimate {
-                state: target.state,
-                kinematics,
-                confidence: kinematics.map_or(0.0, |k| target.confidence(&k)),
-            }
+        let mut starts = starts.iter();
+        let mut located = |target: &mut Target| {
+            let estimates: Vec<_> = target
+                .bodies
+                .iter_mut()
+                .zip(&mut starts)
+                .map(|(body, start)| {
+                    body.locate(&self.views, frames, time_s, start, passes_sigma_m)
+                })
+                .collect();
+            landmarks::combined(&estimates, target.heading)
         };
-        Ok(self.targets.iter_mut().zip(starts).map(located).collect())
+        Ok(self.targets.iter_mut().map(&mut located).collect())
+    }
+
+    fn bodies(&self) -> impl Iterator<Item = &Body> {
+        self.targets.iter().flat_map(|target| &target.bodies)
     }
 
     /// Makes sure that the frames can be looked up for every target.
@@ -285,8 +321,8 @@ impl Tracker {
             self.views[*camera].check(frame)?;
         }
         for (camera, frame) in frames {
-            for target in &self.targets {
-                target.cues.prepare(&mut self.views[*camera], frame);
+            for body in self.targets.iter().flat_map(|target| &target.bodies) {
+                body.cues.prepare(&mut self.views[*camera], frame);
             }
         }
         Ok(())
@@ -294,24 +330,17 @@ impl Tracker {
 
     /// What is known of a target at this time, at or after the last frames; nothing changes.
     pub fn estimate_at(&self, target: usize, time_s: f64) -> Estimate {
-        let target = &self.targets[target];
-        let state = target.state;
+        landmarks::combined(
+            &self.bodies_at(target, time_s),
+            self.targets[target].heading,
+        )
+    }
+
+    /// The same of each of its bodies.
+    pub fn bodies_at(&self, target: usize, time_s: f64) -> Vec<Estimate> {
         let ahead_s = self.time_s.map_or(0.0, |before| time_s - before);
-        match state {
-            TrackState::Tracking | TrackState::Occluded => {
-                let kinematics = target.filter.estimate(ahead_s);
-                Estimate {
-                    state,
-                    kinematics: Some(kinematics),
-                    confidence: target.confidence(&kinematics),
-                }
-            }
-            TrackState::Searching | TrackState::Lost => Estimate {
-                state,
-                kinematics: None,
-                confidence: 0.0,
-            },
-        }
+        let bodies = self.targets[target].bodies.iter();
+        bodies.map(|body| body.estimate(ahead_s)).collect()
     }
 }
 
@@ -344,121 +373,21 @@ fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
 }
 
 impl Target {
-    /// One step: predict, or start with the first frames, then weigh.
+    /// One step of each body, and what each camera told.
     fn observe(&mut self, views: &[View], frames: &[(usize, Frame)], time_s: f64, dt_s: f64) {
-        if let Some((start, since_s)) = self.handed_over.take() {
-            self.filter.start_over(&start);
-            if time_s > since_s {
-                self.filter.predict(time_s - since_s);
-            }
-        } else if self.started {
-            self.filter.predict(dt_s);
-        } else if let Start::Pixel(start) = self.start {
-            let Some(found) = self.search(views, frames, &start) else {
-                return;
-            };
-            self.filter.restart(&found);
+        for body in &mut self.bodies {
+            body.observe(views, frames, time_s, dt_s);
         }
-        self.weigh(views, frames, time_s);
-        self.count_contributions(frames);
-    }
-
-    /// Looks along the ray of a pixel; nothing where its camera has no frame yet.
-    fn search(
-        &mut self,
-        views: &[View],
-        frames: &[(usize, Frame)],
-        start: &PixelStart,
-    ) -> Option<GaussianStart> {
-        frames.iter().find(|(camera, _)| *camera == start.camera)?;
-        Some(start.search(
-            &views[start.camera],
-            &mut self.cues.of(views, frames),
-            self.filter.motion().is_planar(),
-            self.draws,
-            self.filter.observation(),
-        ))
-    }
-
-    /// Weighs the particles by the frames and says what that tells.
-    fn weigh(&mut self, views: &[View], frames: &[(usize, Frame)], time_s: f64) {
-        self.started = true;
-        let update = self.filter.update(&mut self.cues.of(views, frames));
-        for &(camera, _) in frames {
-            let of_camera = self.cues.log_likelihoods_of(camera);
-            let best = of_camera.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-            let background = self.cues.background_log_likelihood(camera);
-            self.words[camera] = Some(Word {
-                time_s,
-                sees: f64::from(best) > background + 1e-3,
-            });
+        let bodies = &self.bodies;
+        if bodies.iter().any(|body| !body.started) {
+            return;
         }
-        let sees = |word: &Word| word.sees && time_s - word.time_s <= WORD_HOLDS_S;
-        self.state = match update {
-            Update::AllImpossible => TrackState::Lost,
-            Update::Weighted if self.words.iter().flatten().any(sees) => TrackState::Tracking,
-            Update::Weighted => TrackState::Occluded,
-        };
-    }
-
-    /// Adds up what each camera told, once the particles are weighed.
-    fn count_contributions(&mut self, frames: &[(usize, Frame)]) {
         for &(camera, _) in frames {
-            let of_camera = self.cues.log_likelihoods_of(camera);
-            let background = self.cues.background_log_likelihood(camera);
-            let evidence_nats: f64 = of_camera
-                .iter()
-                .zip(self.filter.weights())
-                // Impossible particles have no weight.
-                .filter(|&(_, &weight)| weight > 0.0)
-                .map(|(&log, weight)| weight * (f64::from(log) - background))
-                .sum();
+            let of_bodies = || bodies.iter().map(|body| body.evidence_nats(camera));
             let contribution = &mut self.contributions[camera];
             contribution.frames += 1;
-            contribution.seen_frames += usize::from(evidence_nats > SEEN_NATS);
-            contribution.evidence_nats += evidence_nats;
+            contribution.seen_frames += usize::from(of_bodies().all(|nats| nats > SEEN_NATS));
+            contribution.evidence_nats += of_bodies().sum::<f64>();
         }
-    }
-
-    /// Where these frames alone say that it is; nothing where they do not show it.
-    fn locate(
-        &mut self,
-        views: &[View],
-        frames: &[(usize, Frame)],
-        time_s: f64,
-        start: &Start,
-        passes_sigma_m: &[f64],
-    ) -> Option<StateEstimate> {
-        self.words.fill(None);
-        self.state = TrackState::Searching;
-        let mut around_m = match start {
-            Start::Gaussian(start) => start.position_m,
-            Start::Pixel(start) => self.search(views, frames, start)?.position_m,
-        };
-        let mut found = None;
-        for &sigma_m in passes_sigma_m {
-            self.filter.start_over(&GaussianStart {
-                position_m: around_m,
-                covariance_m2: diagonal_m2([sigma_m; 3]),
-                ..GaussianStart::default()
-            });
-            self.weigh(views, frames, time_s);
-            if self.state != TrackState::Tracking {
-                return None;
-            }
-            let estimate = self.filter.estimate(0.0);
-            around_m = estimate.position_m;
-            found = Some(estimate);
-        }
-        found.map(|estimate| StateEstimate {
-            velocity_mps: None,
-            ..estimate
-        })
-    }
-
-    /// The filter's own belief that the target is where it is estimated.
-    fn confidence(&self, estimate: &StateEstimate) -> f64 {
-        let diameter_m = self.shape.diameter_m();
-        self.filter.weight_within(estimate.position_m, diameter_m)
     }
 }

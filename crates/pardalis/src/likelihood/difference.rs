@@ -1,0 +1,92 @@
+//! What changed from one image to the next, in a region (Campos 2009, section 3.3): a target that moves stands out from all that is still, though it
+//! have the same colours.
+
+use rayon::prelude::*;
+
+use super::patch::{Patch, PatchSettings, squared_distance};
+use crate::frame::{PixelFormat, with_pixels};
+use crate::shape::Shape;
+use crate::simd::Level;
+use crate::view::Evidence;
+use crate::{Error, Frame};
+
+/// The difference cue of one target: the histogram of absolute differences of grey against a uniform one. Only for cameras that stand still.
+#[derive(Debug)]
+pub(super) struct DifferenceCue {
+    patch: Patch,
+    /// The bin of every pixel's difference, row by row.
+    differences: Vec<u8>,
+}
+
+impl DifferenceCue {
+    pub(super) fn new(settings: PatchSettings, shape: &Shape, level: Level) -> Result<Self, Error> {
+        settings.check()?;
+        Ok(Self {
+            patch: Patch::new(settings, shape, &[uniform(settings.bins)], level)?,
+            differences: Vec::new(),
+        })
+    }
+
+    /// The log-likelihood of what does not change at all: least of all.
+    pub(super) fn background_log_likelihood(&self) -> f64 {
+        let settings = self.patch.settings();
+        let mut still = vec![0.0; settings.bins];
+        still[0] = 1.0;
+        settings.log_likelihood(squared_distance(&still, &uniform(settings.bins)))
+    }
+
+    /// Adds what one camera says of each particle; with its first frame, the same of all.
+    pub(super) fn add_camera(
+        &mut self,
+        evidence: &Evidence,
+        positions: [&[f32]; 3],
+        out: &mut [f32],
+    ) {
+        let Some(before) = evidence.before() else {
+            let still = self.background_log_likelihood() as f32;
+            out.iter_mut().for_each(|out| *out += still);
+            return;
+        };
+        let frame = evidence.frame();
+        let width = frame.width();
+        let shift = 8 - self.patch.settings().bins.ilog2();
+        self.differences.resize(width * frame.height(), 0);
+        with_pixels!(before, components => {
+            write_rows(&mut self.differences, width, |x, y, _| grey(before, components(x, y)));
+        });
+        with_pixels!(frame, components => {
+            write_rows(&mut self.differences, width, |x, y, before| {
+                grey(frame, components(x, y)).abs_diff(before) >> shift
+            });
+        });
+        let differences = &self.differences;
+        self.patch.add(evidence.view(), positions, out, |x, y| {
+            [differences[y * width + x]]
+        });
+    }
+}
+
+fn uniform(bins: usize) -> Vec<f64> {
+    vec![1.0 / bins as f64; bins]
+}
+
+/// The mean of red, green and blue; of YUV, Y.
+#[inline(always)]
+fn grey(frame: &Frame, [a, b, c]: [u8; 3]) -> u8 {
+    match frame.format() {
+        PixelFormat::Rgb8 => ((u16::from(a) + u16::from(b) + u16::from(c)) / 3) as u8,
+        _ => a,
+    }
+}
+
+/// Replaces each pixel by what becomes of it at its place (x, y).
+fn write_rows(pixels: &mut [u8], width: usize, of: impl Fn(usize, usize, u8) -> u8 + Sync) {
+    pixels
+        .par_chunks_mut(width)
+        .enumerate()
+        .for_each(|(y, row)| {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                *pixel = of(x, y, *pixel);
+            }
+        });
+}

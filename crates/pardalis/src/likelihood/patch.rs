@@ -1,0 +1,268 @@
+//! Histograms of a flat region around each particle: what the cues that look at regions share (Campos 2009, sections 3.2 and 3.3).
+//!
+//! The region is a rectangle level with the ground, one of a rectified image; only its samples are projected, each to the nearest pixel of the
+//! original image, so that no image is ever rectified whole.
+
+use rayon::prelude::*;
+
+use super::outline::{Coordinates, Points, Projector};
+use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster};
+use crate::Error;
+use crate::camera::{LANES, Mask};
+use crate::shape::{FlatForm, Shape};
+use crate::simd::Level;
+use crate::view::View;
+
+/// Particles a piece of work for one thread.
+const CHUNK: usize = 4 * LANES;
+/// The share of a region's samples that must be seen for it to say anything.
+const MIN_SEEN: f64 = 0.5;
+/// The numbers of bins that a channel may have: each divides the 256 steps of a byte.
+pub const CHANNEL_BINS: [usize; 6] = [2, 4, 8, 16, 32, 64];
+
+/// The region around a target, and how its histograms are compared.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PatchSettings {
+    /// The region's width and height, as a factor of the target's.
+    pub scale: f64,
+    /// Samples along each side of the region, evenly spaced.
+    pub samples: usize,
+    /// Bins of a channel, one of [`CHANNEL_BINS`].
+    pub bins: usize,
+    /// σ of the likelihood exp(−D²/2σ²).
+    pub sigma: f64,
+}
+
+impl PatchSettings {
+    /// A region that shows a target's colours and little else: the rectangle itself, or the square within a disc. The paper leaves all numbers open.
+    pub fn within(shape: &Shape) -> Self {
+        let is_disc =
+            matches!(shape, Shape::Flat(flat) if matches!(flat.form, FlatForm::Disc { .. }));
+        Self {
+            scale: if is_disc {
+                std::f64::consts::FRAC_1_SQRT_2
+            } else {
+                1.0
+            },
+            samples: 10,
+            bins: 16,
+            sigma: 0.15,
+        }
+    }
+
+    /// A region that also holds what a target covers and uncovers as it moves: larger, as the paper asks for.
+    pub fn around() -> Self {
+        Self {
+            scale: 1.5,
+            samples: 16,
+            bins: 16,
+            sigma: 0.15,
+        }
+    }
+
+    /// Refuses what makes no region.
+    pub fn check(&self) -> Result<(), Error> {
+        let above_0 = |name, value: f64, most: f64| {
+            if value > 0.0 && value <= most {
+                return Ok(());
+            }
+            Err(Error::out_of_range(
+                name,
+                value,
+                &format!("above 0 and at most {most}"),
+            ))
+        };
+        above_0("scale", self.scale, 100.0)?;
+        above_0("sigma", self.sigma, 1000.0)?;
+        if !(1..=64).contains(&self.samples) {
+            return Err(Error::out_of_range("samples", self.samples, "1 to 64"));
+        }
+        if !CHANNEL_BINS.contains(&self.bins) {
+            return Err(Error::out_of_range(
+                "bins",
+                self.bins,
+                "2, 4, 8, 16, 32 or 64",
+            ));
+        }
+        Ok(())
+    }
+
+    /// The log-likelihood of histograms that differ from their references by these D² in sum (eqs. 10 and 12).
+    pub fn log_likelihood(&self, squared_distances: f64) -> f64 {
+        -squared_distances / (2.0 * self.sigma * self.sigma)
+    }
+}
+
+/// D² of two histograms: one less their Bhattacharyya coefficient (eq. 9).
+pub(super) fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
+    1.0 - a.iter().zip(b).map(|(a, b)| (a * b).sqrt()).sum::<f64>()
+}
+
+/// Compares the histograms of regions with references, with the buffers that needs.
+#[derive(Debug)]
+pub(super) struct Patch {
+    settings: PatchSettings,
+    /// Where each sample lies from the position, in metres along x and y.
+    places_m: Vec<[f32; 2]>,
+    height_m: f32,
+    /// √h of the references, channel by channel.
+    sqrt_references: Vec<f32>,
+    /// √n for n up to the number of samples.
+    square_roots: Vec<f32>,
+    scratch: Vec<Scratch>,
+    level: Level,
+}
+
+/// Buffers of one piece of work.
+#[derive(Debug, Clone)]
+struct Scratch {
+    points: Vec<Points>,
+    coordinates: Vec<Coordinates>,
+    pixels: Vec<[u32; LANES]>,
+    /// Samples in each bin, channel by channel; all zero between particles.
+    counts: Vec<u16>,
+}
+
+impl Patch {
+    /// The region of a flat shape, compared with one reference a channel, each of `settings.bins` shares that sum to one.
+    pub(super) fn new(
+        settings: PatchSettings,
+        shape: &Shape,
+        references: &[Vec<f64>],
+        level: Level,
+    ) -> Result<Self, Error> {
+        settings.check()?;
+        let Shape::Flat(flat) = shape else {
+            let allowed = "disc or rectangle, for cues that look at regions";
+            return Err(Error::out_of_range("shape", "no flat one", allowed));
+        };
+        let count = settings.samples;
+        let along = |i: usize, size_m: f64| {
+            let share = (i as f64 + 0.5) / count as f64 - 0.5;
+            (share * settings.scale * size_m) as f32
+        };
+        let [width_m, depth_m] = flat.size_m();
+        Ok(Self {
+            settings,
+            places_m: (0..count * count)
+                .map(|k| [along(k % count, width_m), along(k / count, depth_m)])
+                .collect(),
+            height_m: flat.height_m as f32,
+            sqrt_references: references
+                .iter()
+                .flatten()
+                .map(|h| h.sqrt() as f32)
+                .collect(),
+            square_roots: (0..=count * count)
+                .map(|n| (n as f64).sqrt() as f32)
+                .collect(),
+            scratch: Vec::new(),
+            level,
+        })
+    }
+
+    pub(super) fn settings(&self) -> &PatchSettings {
+        &self.settings
+    }
+
+    /// Adds what one camera's image says of each particle; `bins_of` gives the bin of a pixel (x, y) in each channel.
+    pub(super) fn add<const CHANNELS: usize>(
+        &mut self,
+        view: &View,
+        [x, y, z]: [&[f32]; 3],
+        out: &mut [f32],
+        bins_of: impl Fn(usize, usize) -> [u8; CHANNELS] + Sync,
+    ) {
+        let chunks = out.len().div_ceil(CHUNK);
+        if self.scratch.len() < chunks {
+            let samples = self.places_m.len();
+            let empty = Scratch {
+                points: vec![[[0.0; LANES]; 3]; samples],
+                coordinates: vec![[[0.0; LANES]; 2]; samples],
+                pixels: vec![[NO_PIXEL; LANES]; samples],
+                counts: vec![0; self.sqrt_references.len()],
+            };
+            self.scratch.resize(chunks, empty);
+        }
+        let mut scratch = std::mem::take(&mut self.scratch);
+        let this = &*self;
+        let projector = Projector::new(view);
+        let raster = Raster::new(view, COORDINATES_STRIDE);
+        let open = view.mask().map(Mask::open);
+        let width = view.size().0;
+        let work = |(chunk, (out, scratch)): (usize, (&mut [f32], &mut Scratch))| {
+            for (block, out) in out.chunks_mut(LANES).enumerate() {
+                let start = chunk * CHUNK + block * LANES;
+                let mut positions = [[0_f32; LANES]; 3];
+                for (position, column) in positions.iter_mut().zip([x, y, z]) {
+                    position[..out.len()].copy_from_slice(&column[start..start + out.len()]);
+                }
+                this.find_pixels(&projector, raster, &positions, scratch);
+                let Scratch { pixels, counts, .. } = scratch;
+                for (lane, out) in out.iter_mut().enumerate() {
+                    let mut seen = 0;
+                    for pixel in pixels.iter().map(|lanes| lanes[lane]) {
+                        let x = (pixel % COORDINATES_STRIDE) as usize;
+                        let y = (pixel / COORDINATES_STRIDE) as usize;
+                        if pixel == NO_PIXEL || open.is_some_and(|open| !open[y * width + x]) {
+                            continue;
+                        }
+                        seen += 1;
+                        for (channel, bin) in bins_of(x, y).into_iter().enumerate() {
+                            counts[channel * this.settings.bins + usize::from(bin)] += 1;
+                        }
+                    }
+                    *out += this.log_likelihood::<CHANNELS>(seen, counts);
+                }
+            }
+        };
+        out.par_chunks_mut(CHUNK)
+            .zip(&mut scratch)
+            .enumerate()
+            .for_each(work);
+        self.scratch = scratch;
+    }
+
+    /// The log-likelihood of these counts, which are zero afterwards.
+    #[inline(always)]
+    fn log_likelihood<const CHANNELS: usize>(&self, seen: usize, counts: &mut [u16]) -> f32 {
+        let mut similarity = 0.0;
+        for (count, sqrt_reference) in counts.iter_mut().zip(&self.sqrt_references) {
+            similarity += self.square_roots[usize::from(*count)] * sqrt_reference;
+            *count = 0;
+        }
+        let enough = seen as f64 >= MIN_SEEN * self.places_m.len() as f64;
+        let similarity = if enough {
+            similarity / self.square_roots[seen]
+        } else {
+            0.0
+        };
+        self.settings
+            .log_likelihood(CHANNELS as f64 - f64::from(similarity)) as f32
+    }
+
+    fn find_pixels(
+        &self,
+        projector: &Projector,
+        raster: Raster,
+        positions: &[[f32; LANES]; 3],
+        scratch: &mut Scratch,
+    ) {
+        let Scratch {
+            points,
+            coordinates,
+            pixels,
+            ..
+        } = scratch;
+        let level = self.level;
+        level.run(
+            #[inline(always)]
+            || projector.write_places(positions, 1.0, &self.places_m, self.height_m, points),
+        );
+        projector.project_all(level, points, coordinates);
+        level.run(
+            #[inline(always)]
+            || raster.write_pixels(coordinates, pixels),
+        );
+    }
+}
