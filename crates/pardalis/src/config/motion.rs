@@ -8,11 +8,11 @@ use crate::motion::{
 };
 use crate::shape::Shape;
 
-/// Upright bodies stay on the ground where nothing else is said.
+/// Upright bodies and flat shapes stay on the ground where nothing else is said.
 pub(super) fn read_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
     if !table.knows("motion") {
         return Some(match shape {
-            Some(Shape::Upright(_)) => Motion::DEFAULT.in_plane(),
+            Some(Shape::Upright(_) | Shape::Flat(_)) => Motion::DEFAULT.in_plane(),
             _ => Motion::DEFAULT,
         });
     }
