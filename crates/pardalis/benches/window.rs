@@ -14,7 +14,7 @@ use pardalis::color::{ColorModel, ColorRanges, YuvEncoding};
 use pardalis::filter::FilterSettings;
 use pardalis::gaussian::{GaussianStart, diagonal_m2};
 use pardalis::likelihood::{Cue, Cues, Likelihood, WindowCounting, WindowSettings};
-use pardalis::motion::{Motion, RandomWalk};
+use pardalis::motion::RandomWalk;
 use pardalis::particles::Particles;
 use pardalis::reference::window_log_likelihood;
 use pardalis::resample::Resampling;
@@ -81,7 +81,7 @@ fn target() -> BodySettings {
         cues: vec![Cue::Window(window()).into()],
         filter: FilterSettings {
             particle_count: PARTICLES,
-            motion: Motion::RandomWalk(RandomWalk::PUBLISHED),
+            motion: RandomWalk::PUBLISHED.into(),
             resampling: Resampling::Systematic,
             resample_below: 1.0,
         },

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::gaussian::GaussianStart;
 use crate::likelihood::Likelihood;
-use crate::motion::Motion;
+use crate::motion::{Motion, taylor};
 use crate::particles::Particles;
 use crate::resample::Resampling;
 use crate::rng::{Draws, Stage};
@@ -118,14 +118,18 @@ impl Filter {
     }
 
     /// Draws all particles anew around `start`, by the numbers of the observation at hand; in a plane at its height, without vertical velocity.
+    /// Accelerations, of which starts know nothing, are zero.
     pub fn restart(&mut self, start: &GaussianStart) {
         let start = &if self.settings.motion.is_planar() {
             start.in_plane()
         } else {
             *start
         };
-        let velocity_columns = self.settings.motion.velocity_columns();
+        let has_velocity = self.settings.motion.orders() > 1;
         let position_of = start.sampler();
+        for accelerations in self.particles.columns_mut().iter_mut().skip(6) {
+            accelerations.fill(0.0);
+        }
         for i in 0..self.particles.count() {
             let particle = i as u32;
             let [a, b] = [0, 1].map(|draw| {
@@ -138,9 +142,9 @@ impl Filter {
             for (axis, position_m) in position_of(a).into_iter().enumerate() {
                 columns[axis][i] = position_m as f32;
             }
-            if let Some(velocities) = velocity_columns {
+            if has_velocity {
                 for axis in 0..3 {
-                    columns[velocities[axis]][i] = (start.velocity_mps[axis]
+                    columns[3 + axis][i] = (start.velocity_mps[axis]
                         + start.velocity_sigma_mps[axis] * b[axis])
                         as f32;
                 }
@@ -269,19 +273,25 @@ impl Filter {
     /// Mean, covariance and best particle, `ahead_s` seconds after the last observation; nothing changes.
     pub fn estimate(&self, ahead_s: f64) -> StateEstimate {
         let columns = self.particles.columns();
-        let velocities = self.settings.motion.velocity_columns();
-        let position = |axis: usize, i: usize| {
-            let drift = velocities.map_or(0.0, |v| f64::from(columns[v[axis]][i]) * ahead_s);
-            f64::from(columns[axis][i]) + drift
+        let orders = self.settings.motion.orders();
+        let taylor = taylor(ahead_s);
+        // The position (order 0) or one of its derivatives.
+        let predicted = |order: usize, axis: usize, i: usize| {
+            let terms = (order..orders).zip(taylor);
+            terms.fold(0.0, |sum, (later, factor)| {
+                sum + f64::from(columns[3 * later + axis][i]) * factor
+            })
         };
+        let position = |axis, i| predicted(0, axis, i);
+        let has_velocity = orders > 1;
         let (mut position_m, mut velocity_mps) = ([0.0; 3], [0.0; 3]);
         for (i, w) in self.weights.iter().enumerate() {
             for axis in 0..3 {
                 position_m[axis] += w * position(axis, i);
             }
-            if let Some(velocities) = velocities {
+            if has_velocity {
                 for axis in 0..3 {
-                    velocity_mps[axis] += w * f64::from(columns[velocities[axis]][i]);
+                    velocity_mps[axis] += w * predicted(1, axis, i);
                 }
             }
         }
@@ -294,11 +304,7 @@ impl Filter {
             }
         }
         let noise = self.settings.motion.position_variance_m2(ahead_s);
-        let free_axes = if self.settings.motion.is_planar() {
-            2
-        } else {
-            3
-        };
+        let free_axes = self.settings.motion.free_axes();
         for diagonal in [0, 3, 5].into_iter().take(free_axes) {
             covariance_m2[diagonal] += noise;
         }
@@ -313,7 +319,7 @@ impl Filter {
             .unwrap_or(0);
         StateEstimate {
             position_m,
-            velocity_mps: velocities.map(|_| velocity_mps),
+            velocity_mps: has_velocity.then_some(velocity_mps),
             covariance_m2,
             best_position_m: [0, 1, 2].map(|axis| position(axis, best)),
             effective_sample_size: self.effective_sample_size(),

@@ -46,6 +46,8 @@ pub enum Stage {
     Drift = 6,
     /// The stills of simulated worlds that colours are learnt from.
     Still = 7,
+    /// Which particles of a random walk jump, and where to.
+    Jump = 8,
 }
 
 /// The random numbers of one target.
@@ -66,6 +68,12 @@ impl Draws {
     pub fn uniform(self, particle: u32, observation: u32, stage: Stage) -> f64 {
         let [a, b, ..] = philox4x32_10([particle, observation, stage as u32, 0], self.key);
         ((u64::from(a) << 21) ^ (u64::from(b) >> 11)) as f64 * (1.0 / (1_u64 << 53) as f64)
+    }
+
+    /// Four independent numbers in `[0, 1)` with 32 random bits each.
+    pub fn uniforms(self, particle: u32, observation: u32, stage: Stage) -> [f64; 4] {
+        philox4x32_10([particle, observation, stage as u32, 0], self.key)
+            .map(|word| f64::from(word) * (1.0 / (1_u64 << 32) as f64))
     }
 
     /// Four independent standard normal numbers (Box and Muller 1958), the `draw`-th block of this particle.

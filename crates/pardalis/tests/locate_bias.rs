@@ -9,7 +9,7 @@ use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
 use pardalis::config::calibration;
 use pardalis::filter::FilterSettings;
 use pardalis::likelihood::{ContourSettings, Cue};
-use pardalis::motion::{ConstantVelocity, Motion};
+use pardalis::motion::Motion;
 use pardalis::resample::Resampling;
 use pardalis::shape::Shape;
 use pardalis::simd::Level;
@@ -108,7 +108,7 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
                 cues: vec![Cue::Contour(ContourSettings::default()).into()],
                 filter: FilterSettings {
                     particle_count: 3000,
-                    motion: Motion::ConstantVelocity(ConstantVelocity::DEFAULT),
+                    motion: Motion::DEFAULT,
                     resampling: Resampling::Multinomial,
                     resample_below: 1.0,
                 },

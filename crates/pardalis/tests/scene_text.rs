@@ -5,6 +5,10 @@ use pardalis::color::{ColorModel, ColorRanges};
 use pardalis::config::{BodyConfig, Scene};
 use pardalis::interchange::Lens;
 use pardalis::likelihood::{Cue, CueSettings, Sampling, WindowSettings};
+use pardalis::motion::{
+    ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, JumpChance, Jumps, Motion,
+    RandomWalk,
+};
 use pardalis::rig::CalibratedCamera;
 
 const SCENE: &str = r#"# Everything that a scene may say.
@@ -62,6 +66,7 @@ max_range_m = 5
 [targets.other]
 shape.sphere.radius_m = 0.2
 colors = """other.toml"""
+motion.planar_random_walk = { density_m2ps = 0.1, jumps = { share = 0.1, min_m = [-1, 2], max_m = [3, 4] } }
 start.gaussian = { position_m = [1, 2, 3], position_sigma_m = [0.1, 0.2, 0.3], velocity_mps = [0, 0, 1] }
 "#;
 
@@ -284,6 +289,56 @@ fn cues_and_walks_that_cannot_be_are_refused_by_their_keys() {
             "random_walk.sigma_m",
             "0 to 1e9",
         ),
+        (
+            "motion.constant_velocity = { acceleration_sigma_mps2 = 1, velocity_sigma_mps = 2 }",
+            "constant_velocity.velocity_sigma_mps",
+            "keep one",
+        ),
+        (
+            "motion.constant_velocity.velocity_sigma_mps = -1",
+            "constant_velocity.velocity_sigma_mps",
+            "0 to 1e9",
+        ),
+        (
+            "motion.constant_acceleration = {}",
+            "motion.constant_acceleration",
+            "give acceleration_step_sigma_mps2 or jerk_density_m2ps5",
+        ),
+        (
+            "motion.planar_constant_acceleration.jerk_density_m2ps5 = -1",
+            "planar_constant_acceleration.jerk_density_m2ps5",
+            "0 to 1e9",
+        ),
+        (
+            "motion.random_walk.jumps = { min_m = [0, 0, 0], max_m = [1, 1, 1] }",
+            "random_walk.jumps",
+            "give share or rate_hz",
+        ),
+        (
+            "motion.random_walk.jumps = { share = 2, min_m = [0, 0, 0], max_m = [1, 1, 1] }",
+            "jumps.share",
+            "0 to 1",
+        ),
+        (
+            "motion.random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
+            "jumps.min_m",
+            "three",
+        ),
+        (
+            "motion.planar_random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
+            "jumps.max_m",
+            "two",
+        ),
+        (
+            "motion.planar_random_walk.jumps = { rate_hz = 1, min_m = [0, 0], max_m = [1, -1] }",
+            "jumps.max_m",
+            "below that of min_m",
+        ),
+        (
+            "motion.random_walk.jumps = { rate_hz = 1, share = 0.1, area = 3 }",
+            "jumps.area",
+            "max_m, min_m, rate_hz, share",
+        ),
     ] {
         let problems = target(&format!("shape.sphere.radius_m = 0.11\n{settings}")).unwrap_err();
         let found = problems.iter().any(|p| p.contains(key) && p.contains(word));
@@ -376,6 +431,49 @@ fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
             "{settings}: {problems}"
         );
     }
+}
+
+#[test]
+fn motions_are_read_as_they_are_said() {
+    let read = |settings: &str| {
+        let text = format!("shape.sphere.radius_m = 0.1\nmotion.{settings}");
+        target(&text).unwrap().targets[0].bodies[0].filter.motion
+    };
+    let velocity = Disturbance::PerStep {
+        velocity_sigma_mps: 0.3,
+    };
+    assert_eq!(
+        read("constant_velocity.velocity_sigma_mps = 0.3"),
+        ConstantVelocity::new(velocity).unwrap().into()
+    );
+    let published = Jerk::PerStep {
+        acceleration_step_sigma_mps2: 2.0,
+    };
+    assert_eq!(
+        read("constant_acceleration.acceleration_step_sigma_mps2 = 2"),
+        ConstantAcceleration::new(published).unwrap().into()
+    );
+    let white = Jerk::White {
+        jerk_density_m2ps5: 5.0,
+    };
+    assert_eq!(
+        read("planar_constant_acceleration.jerk_density_m2ps5 = 5"),
+        Motion::from(ConstantAcceleration::new(white).unwrap()).in_plane()
+    );
+    let [share, rate] = [
+        JumpChance::PerStep { share: 0.1 },
+        JumpChance::Rate { rate_hz: 2.0 },
+    ];
+    let jumps = Jumps::new(share, [-1.0, 2.0, 0.0], [3.0, 4.0, 1.0]).unwrap();
+    assert_eq!(
+        read("random_walk.jumps = { share = 0.1, min_m = [-1, 2, 0], max_m = [3, 4, 1] }"),
+        RandomWalk::PUBLISHED.with_jumps(jumps).into()
+    );
+    let jumps = Jumps::new(rate, [-1.0, 2.0, 0.0], [3.0, 4.0, 0.0]).unwrap();
+    assert_eq!(
+        read("planar_random_walk.jumps = { rate_hz = 2, min_m = [-1, 2], max_m = [3, 4] }"),
+        Motion::from(RandomWalk::PUBLISHED.with_jumps(jumps)).in_plane()
+    );
 }
 
 fn target_of<'a>(scene: &'a Scene, name: &str) -> &'a BodyConfig {

@@ -4,6 +4,7 @@ mod appearance;
 pub mod calibration;
 mod camera;
 mod mirror;
+mod motion;
 mod offsets;
 mod plane;
 mod reader;

@@ -1,11 +1,12 @@
 //! The targets of a scene.
 
 use super::appearance::{read_cues, read_shape};
+use super::motion::read_motion;
 use super::reader::{Located, Table};
 use super::start::{StartConfig, read_start};
 use crate::filter::{FilterSettings, MAX_PARTICLES};
 use crate::likelihood::{ContourSettings, Cue, CueSettings};
-use crate::motion::{ConstantVelocity, Disturbance, Motion, RandomWalk, Stray};
+use crate::motion::Motion;
 use crate::resample::Resampling;
 use crate::shape::Shape;
 
@@ -203,74 +204,7 @@ fn read_filter(table: &Table, shape: Option<&Shape>) -> Option<FilterSettings> {
 
 const DEFAULT_FILTER: FilterSettings = FilterSettings {
     particle_count: 2000,
-    motion: Motion::ConstantVelocity(ConstantVelocity::DEFAULT),
+    motion: Motion::DEFAULT,
     resampling: Resampling::Systematic,
     resample_below: 1.0,
 };
-
-/// Upright bodies and flat shapes stay on the ground where nothing else is said.
-fn read_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
-    if !table.has("motion") {
-        let _ = table.table("motion");
-        return Some(match shape {
-            Some(Shape::Upright(_) | Shape::Flat(_)) => {
-                Motion::ConstantVelocity(ConstantVelocity::DEFAULT.in_plane())
-            }
-            _ => DEFAULT_FILTER.motion,
-        });
-    }
-    let kinds = [
-        "constant_velocity",
-        "planar_constant_velocity",
-        "random_walk",
-        "planar_random_walk",
-    ];
-    let (kind, motion) = kind_of(table, "motion", &kinds)?;
-    let is_planar = kind.starts_with("planar_");
-    let model = if kind.ends_with("constant_velocity") {
-        read_constant_velocity(&motion)
-            .map(|model| Motion::ConstantVelocity(if is_planar { model.in_plane() } else { model }))
-    } else {
-        read_random_walk(&motion)
-            .map(|model| Motion::RandomWalk(if is_planar { model.in_plane() } else { model }))
-    };
-    motion.finish();
-    model
-}
-
-fn read_constant_velocity(motion: &Table) -> Option<ConstantVelocity> {
-    let sigma = motion.optional("acceleration_sigma_mps2");
-    let density = motion.optional("acceleration_density_m2ps3");
-    let disturbance = match (sigma, density) {
-        (Some(acceleration_sigma_mps2), None) => Disturbance::PiecewiseConstant {
-            acceleration_sigma_mps2,
-        },
-        (None, Some(acceleration_density_m2ps3)) => Disturbance::White {
-            acceleration_density_m2ps3,
-        },
-        (None, None) => ConstantVelocity::DEFAULT.disturbance(),
-        (Some(_), Some(_)) => {
-            motion.problem(
-                "acceleration_density_m2ps3",
-                "stands beside acceleration_sigma_mps2; keep one of them",
-            );
-            return None;
-        }
-    };
-    motion.checked(ConstantVelocity::new(disturbance))
-}
-
-fn read_random_walk(motion: &Table) -> Option<RandomWalk> {
-    let sigma = motion.optional("sigma_m");
-    let density = motion.optional("density_m2ps");
-    let stray = match (sigma, density) {
-        (Some(sigma_m), None) => Stray::PerStep { sigma_m },
-        (None, Some(density_m2ps)) => Stray::Diffusion { density_m2ps },
-        (None, None) => return Some(RandomWalk::PUBLISHED),
-        (Some(_), Some(_)) => {
-            motion.problem("density_m2ps", "stands beside sigma_m; keep one of them");
-            return None;
-        }
-    };
-    motion.checked(RandomWalk::new(stray))
-}

@@ -9,7 +9,7 @@ use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
 use pardalis::filter::FilterSettings;
 use pardalis::gaussian::{GaussianStart, diagonal_m2};
 use pardalis::likelihood::{ContourSettings, Cue};
-use pardalis::motion::{ConstantVelocity, Disturbance, Motion};
+use pardalis::motion::{ConstantVelocity, Disturbance};
 use pardalis::resample::Resampling;
 use pardalis::rig::{Pose, pose_from_matrix};
 use pardalis::shape::{Shape, Sphere, SphereOutline};
@@ -150,7 +150,7 @@ pub(crate) fn ball_filter(particle_count: usize) -> FilterSettings {
     };
     FilterSettings {
         particle_count,
-        motion: Motion::ConstantVelocity(ConstantVelocity::new(disturbance).unwrap()),
+        motion: ConstantVelocity::new(disturbance).unwrap().into(),
         resampling: Resampling::Systematic,
         resample_below: 1.0,
     }
