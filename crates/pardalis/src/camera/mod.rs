@@ -17,6 +17,7 @@ mod ocam;
 mod ocam_look_up;
 mod perspective_mirror;
 mod pinhole;
+mod plane;
 mod unified;
 
 pub(crate) use batch::{LANES, project_block};
@@ -33,6 +34,7 @@ pub use ocam::Ocam;
 pub use ocam_look_up::OcamLookUp;
 pub use perspective_mirror::PerspectiveMirror;
 pub use pinhole::Pinhole;
+pub use plane::Plane;
 pub use unified::Unified;
 
 use crate::Error;
@@ -106,6 +108,8 @@ pub enum Camera {
     Ocam(Ocam<f64>),
     /// A perspective camera before a mirror of revolution, exactly.
     ExactMirror(ExactMirror<f64>),
+    /// A camera of unknown lens and pose, by what it makes of the plane z = 0.
+    Plane(Plane<f64>),
 }
 
 /// Calls `$body` with `$model` bound to the camera's model: the one place where cameras are told apart.
@@ -122,6 +126,7 @@ macro_rules! with_model {
             $crate::camera::Camera::ExtendedUnified($model) => $body,
             $crate::camera::Camera::Ocam($model) => $body,
             $crate::camera::Camera::ExactMirror($model) => $body,
+            $crate::camera::Camera::Plane($model) => $body,
         }
     };
 }
@@ -141,6 +146,7 @@ macro_rules! map_model {
             Camera::ExtendedUnified($model) => $body.map(Camera::ExtendedUnified),
             Camera::Ocam($model) => $body.map(Camera::Ocam),
             Camera::ExactMirror($model) => $body.map(Camera::ExactMirror),
+            Camera::Plane($model) => $body.map(Camera::Plane),
         }
     };
 }
@@ -162,6 +168,7 @@ impl Camera {
     pub fn viewpoint_m(&self) -> [f64; 3] {
         match self {
             Self::ExactMirror(mirror) => mirror.viewpoint_m(),
+            Self::Plane(plane) => plane.viewpoint_m(),
             _ => [0.0; 3],
         }
     }
@@ -179,6 +186,7 @@ impl Camera {
             Self::ExtendedUnified(_) => "extended_unified",
             Self::Ocam(_) => "ocam",
             Self::ExactMirror(_) => "exact_mirror",
+            Self::Plane(_) => "plane",
         }
     }
 
@@ -213,6 +221,7 @@ impl Camera {
             }
             Self::Ocam(model) => named(Ocam::<f64>::NAMES, model.parameters()),
             Self::ExactMirror(model) => named(ExactMirror::<f64>::NAMES, model.parameters()),
+            Self::Plane(model) => named(Plane::<f64>::NAMES, model.parameters()),
         }
     }
 

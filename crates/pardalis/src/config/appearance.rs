@@ -7,16 +7,30 @@ use crate::likelihood::{
     ContourSettings, Cue, CueSettings, Overlap, Sampling, ScaledSampling, SplineSampling,
     WindowSettings,
 };
-use crate::shape::{Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
+use crate::shape::{Flat, Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
 
 pub(super) fn read_shape(table: &Table) -> Option<Shape> {
-    let (kind, body) = kind_of(table, "shape", &["sphere", "cylinder", "prism"])?;
+    let (kind, body) = kind_of(
+        table,
+        "shape",
+        &["sphere", "cylinder", "prism", "disc", "rectangle"],
+    )?;
     let shape = match kind {
         "sphere" => read_sphere(&body),
         "cylinder" => {
             let radius_m = body.required("radius_m");
             let section = radius_m.and_then(|radius_m| body.checked(Section::circle(radius_m)));
             read_upright(&body, section)
+        }
+        "disc" => {
+            let radius_m = body.required("radius_m");
+            let disc = Flat::disc(radius_m?, body.or("height_m", 0.0));
+            body.checked(disc).map(Shape::Flat)
+        }
+        "rectangle" => {
+            let size_m = body.required("size_m");
+            let rectangle = Flat::rectangle(size_m?, body.or("height_m", 0.0));
+            body.checked(rectangle).map(Shape::Flat)
         }
         _ => {
             let sides = body.or("sides", 8_usize);

@@ -120,6 +120,13 @@ fn push_model(text: &mut String, camera: &Camera) {
             push("center_px", &&values[2..4]);
             push_profile(text, model.profile());
         }
+        Camera::Plane(model) => {
+            let rows = model.pixel_from_plane().map(|row| format!("{row:?}"));
+            let _ = writeln!(text, "homography = [{}]", rows.join(", "));
+            if let Some(center_m) = model.center_m() {
+                let _ = writeln!(text, "camera_center_m = {center_m:?}");
+            }
+        }
         Camera::Unified(_)
         | Camera::PerspectiveMirror(_)
         | Camera::DoubleSphere(_)

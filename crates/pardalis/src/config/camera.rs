@@ -1,12 +1,12 @@
 //! The cameras of a scene.
 
-use super::mirror;
 use super::reader::{Located, Table};
 use super::setting::Setting;
+use super::{mirror, plane};
 use crate::Error;
 use crate::camera::{
     Camera, DoubleSphere, Equidistant, ExactMirror, ExtendedUnified, KannalaBrandt, Mei, Ocam,
-    PerspectiveMirror, Pinhole, Unified,
+    PerspectiveMirror, Pinhole, Plane, Unified,
 };
 use crate::color::{YuvEncoding, YuvMatrix, YuvRange};
 use crate::frame::MAX_TIME_S;
@@ -354,9 +354,20 @@ pub(super) fn read_model(table: &Table) -> Option<Camera> {
         "extended_unified",
         "ocam",
         "exact_mirror",
+        "plane",
+        "image",
     ]);
     model.finish();
     let (kind, parameters) = found?;
+    if kind == "plane" || kind == "image" {
+        let camera = if kind == "plane" {
+            plane::read_plane(&parameters)
+        } else {
+            Some(Plane::image())
+        };
+        parameters.finish();
+        return camera.map(Camera::Plane);
+    }
     let center_px = parameters.required::<[f64; 2]>("center_px");
     let camera = match kind {
         "equidistant" => read_equidistant(&parameters, center_px),

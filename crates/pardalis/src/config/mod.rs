@@ -5,6 +5,7 @@ pub mod calibration;
 mod camera;
 mod mirror;
 mod offsets;
+mod plane;
 mod reader;
 mod replaced;
 mod setting;
@@ -21,7 +22,6 @@ pub use target::TargetConfig;
 pub use world::WorldConfig;
 
 use reader::{Journal, Table};
-use toml::de::DeTable;
 
 /// All that a scene file says.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,8 +57,7 @@ impl Scene {
     ) -> Result<Self, Vec<Problem>> {
         let (journal, mut root) = Journal::parse(text);
         let values = replaced::text_behind(text, replaced);
-        let (values, _) = DeTable::parse_recoverable(&values);
-        replaced::put_all(root.get_mut(), replaced, values.into_inner());
+        replaced::put_all(&mut root, replaced, &values);
         let table = Table::root(&journal, &root);
         let seed = table.or("seed", 1_u32);
         let camera_tables = table.named_tables("cameras", "camera");

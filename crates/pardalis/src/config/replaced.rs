@@ -14,16 +14,18 @@ pub(super) fn text_behind(scene_text: &str, replaced: &toml::Table) -> String {
     text
 }
 
-/// Puts each value, as parsed from [`text_behind`], in its place; of what stands there nothing is kept. Tables on the way are made.
+/// Puts each value of the text that [`text_behind`] made in its place; of what stands there nothing is kept. Tables on the way are made.
 pub(super) fn put_all<'t>(
-    root: &mut DeTable<'t>,
+    root: &mut Spanned<DeTable<'t>>,
     replaced: &'t toml::Table,
-    mut values: DeTable<'t>,
+    values: &'t str,
 ) {
+    let (values, _) = DeTable::parse_recoverable(values);
+    let mut values = values.into_inner();
     // In the order of the keys: what lies deeper comes later.
     for (number, path) in replaced.keys().enumerate() {
         if let Some(value) = values.remove(&*number.to_string()) {
-            put(root, path, value);
+            put(root.get_mut(), path, value);
         }
     }
 }

@@ -154,13 +154,18 @@ impl<const N: usize> Setting for [f64; N] {
     }
 }
 
-impl Setting for [[f64; 4]; 4] {
-    const ALLOWED: &'static str = "four rows of four finite numbers";
+impl<const ROWS: usize, const COLUMNS: usize> Setting for [[f64; COLUMNS]; ROWS] {
+    const ALLOWED: &'static str = match (ROWS, COLUMNS) {
+        (3, 3) => "three rows of three finite numbers",
+        (4, 2) => "four points of two finite numbers, [[x, y], ...]",
+        (4, 4) => "four rows of four finite numbers",
+        _ => "rows of finite numbers",
+    };
     fn read(value: &DeValue) -> Option<Self> {
-        let rows: Vec<[f64; 4]> = value
+        let rows: Vec<[f64; COLUMNS]> = value
             .as_array()?
             .iter()
-            .map(|row| <[f64; 4]>::read(row.get_ref()))
+            .map(|row| <[f64; COLUMNS]>::read(row.get_ref()))
             .collect::<Option<_>>()?;
         rows.try_into().ok()
     }

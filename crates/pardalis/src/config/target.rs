@@ -124,12 +124,12 @@ const DEFAULT_FILTER: FilterSettings = FilterSettings {
     resample_below: 1.0,
 };
 
-/// Upright bodies stay on the ground where nothing else is said.
+/// Upright bodies and flat shapes stay on the ground where nothing else is said.
 fn read_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
     if !table.has("motion") {
         let _ = table.table("motion");
         return Some(match shape {
-            Some(Shape::Upright(_)) => {
+            Some(Shape::Upright(_) | Shape::Flat(_)) => {
                 Motion::ConstantVelocity(ConstantVelocity::DEFAULT.in_plane())
             }
             _ => DEFAULT_FILTER.motion,

@@ -48,7 +48,7 @@ impl ContourSettings {
     pub fn of_shape(shape: &Shape) -> Self {
         let ball = Self::default();
         match shape {
-            Shape::Sphere(_) => ball,
+            Shape::Sphere(_) | Shape::Flat(_) => ball,
             Shape::Upright(_) => Self {
                 points: 120,
                 sampling: Sampling::Scaled(ScaledSampling {

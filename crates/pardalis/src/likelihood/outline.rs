@@ -59,6 +59,32 @@ impl<'a> Projector<'a> {
         coordinates
     }
 
+    /// Writes, in the camera's frame, the places that lie so from each of these positions in the world: scaled along x and y, and so high.
+    #[inline(always)]
+    pub(super) fn write_places(
+        &self,
+        positions: &[[f32; LANES]; 3],
+        scale: f32,
+        places_m: &[[f32; 2]],
+        height_m: f32,
+        points: &mut [Points],
+    ) {
+        for (&[dx, dy], points) in places_m.iter().zip(points) {
+            let mut block = [[0.0; LANES]; 3];
+            for lane in 0..LANES {
+                let [x, y, z] = self.in_camera([
+                    positions[0][lane] + scale * dx,
+                    positions[1][lane] + scale * dy,
+                    positions[2][lane] + height_m,
+                ]);
+                block[0][lane] = x;
+                block[1][lane] = y;
+                block[2][lane] = z;
+            }
+            *points = block;
+        }
+    }
+
     #[inline(always)]
     fn in_camera(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         let along = |i: usize| {
@@ -83,6 +109,11 @@ pub(super) enum OutlineKernel {
         upright: crate::shape::Upright,
         places: Vec<Place<f32>>,
     },
+    /// A flat shape: where each point lies from the position, unscaled.
+    Flat {
+        places_m: Vec<[f32; 2]>,
+        height_m: f32,
+    },
 }
 
 impl OutlineKernel {
@@ -102,6 +133,14 @@ impl OutlineKernel {
             Shape::Upright(upright) => Self::Upright {
                 upright,
                 places: upright.places(points),
+            },
+            Shape::Flat(flat) => Self::Flat {
+                places_m: flat
+                    .places_m(points)
+                    .into_iter()
+                    .map(|place| place.map(|v| v as f32))
+                    .collect(),
+                height_m: flat.height_m as f32,
             },
         }
     }
@@ -152,6 +191,10 @@ impl OutlineKernel {
                     },
                 );
             }
+            Self::Flat { places_m, height_m } => level.run(
+                #[inline(always)]
+                || projector.write_places(positions, scale as f32, places_m, *height_m, points),
+            ),
         }
         with_model!(projector.view.camera(), model => {
             let model = model.to_f32();

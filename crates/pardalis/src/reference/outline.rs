@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Point3, Vector2, Vector3};
 
 use crate::likelihood::{ContourSettings, Sampling, SplineSampling};
-use crate::shape::{Section, Shape, SphereOutline, Upright, UprightOutline};
+use crate::shape::{Flat, FlatForm, Section, Shape, SphereOutline, Upright, UprightOutline};
 use crate::view::View;
 
 use super::open_pixels;
@@ -29,11 +29,50 @@ pub fn outline_points(
                 .map(|point| viewpoint + point)
                 .collect()
         }
+        Shape::Flat(flat) => flat_outline(flat, scale, count)
+            .into_iter()
+            .map(|point| view.camera_from_world() * (position + point))
+            .collect(),
         Shape::Upright(upright) => {
             let viewpoint = view.world_from_camera() * viewpoint;
             upright_outline(upright, scale, viewpoint - position, count)
                 .into_iter()
                 .map(|point| view.camera_from_world() * (position + point))
+                .collect()
+        }
+    }
+}
+
+/// `count` points on the outline of a flat shape over the origin, metres: its circle from x on, or along its four sides.
+fn flat_outline(flat: &Flat, scale: f64, count: usize) -> Vec<Vector3<f64>> {
+    let share = |k: usize| k as f64 / count as f64;
+    match flat.form {
+        FlatForm::Disc { radius_m } => (0..count)
+            .map(|k| std::f64::consts::TAU * share(k))
+            .map(|angle| Vector2::new(libm::cos(angle), libm::sin(angle)) * scale * radius_m)
+            .map(|place| place.push(flat.height_m))
+            .collect(),
+        FlatForm::Rectangle { size_m: [w, d] } => {
+            let corners = [
+                (-1.0, -1.0),
+                (1.0, -1.0),
+                (1.0, 1.0),
+                (-1.0, 1.0),
+                (-1.0, -1.0),
+            ]
+            .map(|(x, y)| Vector2::new(x * w, y * d) * scale / 2.0);
+            let lengths = [w, d, w, d];
+            (0..count)
+                .map(|k| {
+                    let mut rest = (share(k) + 0.5 / count as f64) * 2.0 * (w + d);
+                    let mut side = 0;
+                    while side < 3 && rest >= lengths[side] {
+                        rest -= lengths[side];
+                        side += 1;
+                    }
+                    corners[side].lerp(&corners[side + 1], rest / lengths[side])
+                })
+                .map(|place| place.push(flat.height_m))
                 .collect()
         }
     }

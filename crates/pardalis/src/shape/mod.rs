@@ -1,13 +1,15 @@
 //! Shapes of targets, and their outlines as seen by a camera.
 
+mod flat;
 mod sphere;
 mod upright;
 
+pub use flat::{Flat, FlatForm};
 pub use sphere::{OutlineCircle, Sphere, SphereOutline};
 pub(crate) use upright::{Place, Seen, Sides, SidesKind};
 pub use upright::{Section, Upright, UprightOutline};
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 use crate::camera::Camera;
 use crate::rig::Pose;
@@ -19,6 +21,8 @@ pub enum Shape {
     Sphere(Sphere),
     /// A cylinder or prism whose axis is vertical: a robot, a post.
     Upright(Upright),
+    /// A disc or rectangle level over the ground: a landmark on a robot, a car seen from above.
+    Flat(Flat),
 }
 
 impl Shape {
@@ -27,14 +31,17 @@ impl Shape {
         match self {
             Self::Sphere(sphere) => 2.0 * sphere.radius_m,
             Self::Upright(upright) => upright.width_m(),
+            Self::Flat(flat) => flat.size_m().into_iter().fold(0.0, f64::max),
         }
     }
 
-    /// How high its middle lies above its position, in metres: the position of an upright body is the centre of its base.
+    /// How high its middle lies above its position, in metres: the position of an upright body is the centre of its base, that of a flat
+    /// shape lies on the ground below it.
     pub fn middle_height_m(&self) -> f64 {
         match self {
             Self::Sphere(_) => 0.0,
             Self::Upright(upright) => 0.5 * upright.height_m,
+            Self::Flat(flat) => flat.height_m,
         }
     }
 
@@ -76,6 +83,16 @@ impl Shape {
                     .map(|place| {
                         let point = camera_from_world * Point3::from(sides.point(&seen, place));
                         outside.then(|| camera.project(point.into())).flatten()
+                    })
+                    .collect()
+            }
+            Self::Flat(flat) => {
+                let middle = Point3::from(position_in_world_m);
+                flat.places_m(count)
+                    .into_iter()
+                    .map(|[x, y]| {
+                        let place = Vector3::new(scale * x, scale * y, flat.height_m);
+                        camera.project((camera_from_world * (middle + place)).into())
                     })
                     .collect()
             }

@@ -6,7 +6,6 @@ mod objects;
 use std::ops::RangeInclusive;
 
 use nalgebra::Vector3;
-use toml::de::DeTable;
 
 use super::camera::ReadCalibration;
 use super::reader::{Journal, Problem, Table};
@@ -46,8 +45,7 @@ impl WorldConfig {
     ) -> Result<Self, Vec<Problem>> {
         let (journal, mut root) = Journal::parse(text);
         let values = replaced::text_behind(text, replaced);
-        let (values, _) = DeTable::parse_recoverable(&values);
-        replaced::put_all(root.get_mut(), replaced, values.into_inner());
+        replaced::put_all(&mut root, replaced, &values);
         let table = Table::root(&journal, &root);
         let seed = table.or("seed", 1_u32);
         let duration_s = table.required("duration_s");

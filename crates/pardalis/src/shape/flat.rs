@@ -1,0 +1,103 @@
+//! Flat shapes: discs and rectangles that lie, or are carried, level at a fixed height over the ground.
+
+use crate::Error;
+
+/// The largest size and height; metres, or pixels where the world is the image.
+const MAX_SIZE: f64 = 100_000.0;
+
+/// The form of a flat shape.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FlatForm {
+    /// A disc.
+    Disc {
+        /// Its radius in metres.
+        radius_m: f64,
+    },
+    /// A rectangle whose sides lie along the world's x and y.
+    Rectangle {
+        /// Its sizes along x and y in metres.
+        size_m: [f64; 2],
+    },
+}
+
+/// A flat shape. Its position lies on the ground below its middle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flat {
+    /// Its form.
+    pub form: FlatForm,
+    /// How high it lies above its position in metres.
+    pub height_m: f64,
+}
+
+impl Flat {
+    /// A disc at this height.
+    pub fn disc(radius_m: f64, height_m: f64) -> Result<Self, Error> {
+        check_size("radius_m", radius_m)?;
+        Self::at(height_m, FlatForm::Disc { radius_m })
+    }
+
+    /// A rectangle of these sizes along x and y, at this height.
+    pub fn rectangle(size_m: [f64; 2], height_m: f64) -> Result<Self, Error> {
+        for size_m in size_m {
+            check_size("size_m", size_m)?;
+        }
+        Self::at(height_m, FlatForm::Rectangle { size_m })
+    }
+
+    fn at(height_m: f64, form: FlatForm) -> Result<Self, Error> {
+        if !(0.0..=MAX_SIZE).contains(&height_m) {
+            return Err(Error::out_of_range("height_m", height_m, "0 to 100000"));
+        }
+        Ok(Self { form, height_m })
+    }
+
+    /// Its sizes along x and y in metres.
+    pub fn size_m(&self) -> [f64; 2] {
+        match self.form {
+            FlatForm::Disc { radius_m } => [2.0 * radius_m; 2],
+            FlatForm::Rectangle { size_m } => size_m,
+        }
+    }
+
+    /// Where `count` points of its outline lie from its middle, in metres along x and y: counterclockwise from above; those of a disc evenly spaced from the
+    /// direction of x on, those of a rectangle from the middle between two such points after the corner of least x and y on.
+    pub(crate) fn places_m(&self, count: usize) -> Vec<[f64; 2]> {
+        let place = |k: usize| match self.form {
+            FlatForm::Disc { radius_m } => {
+                let angle = k as f64 / count as f64 * std::f64::consts::TAU;
+                let (sin, cos) = libm::sincos(angle);
+                [radius_m * cos, radius_m * sin]
+            }
+            FlatForm::Rectangle {
+                size_m: [width, depth],
+            } => {
+                let mut rest = (k as f64 + 0.5) / count as f64 * 2.0 * (width + depth);
+                let [right, back] = [0.5 * width, 0.5 * depth];
+                if rest < width {
+                    return [rest - right, -back];
+                }
+                rest -= width;
+                if rest < depth {
+                    return [right, rest - back];
+                }
+                rest -= depth;
+                if rest < width {
+                    return [right - rest, back];
+                }
+                [-right, back - (rest - width)]
+            }
+        };
+        (0..count).map(place).collect()
+    }
+}
+
+fn check_size(name: &str, value: f64) -> Result<(), Error> {
+    if value > 0.0 && value <= MAX_SIZE {
+        return Ok(());
+    }
+    Err(Error::out_of_range(
+        name,
+        value,
+        "above 0 and at most 100000",
+    ))
+}
