@@ -51,6 +51,14 @@ pub enum Error {
         /// What to do about it.
         remedy: String,
     },
+    /// What was given has no answer.
+    #[error("{reason}; {remedy}")]
+    Refused {
+        /// What is wrong with it.
+        reason: String,
+        /// What to do.
+        remedy: String,
+    },
     /// A text file could not be understood.
     #[error("line {line}: {message}")]
     Parse {
@@ -68,6 +76,14 @@ impl Error {
             name: name.to_owned(),
             value: value.to_string(),
             allowed: allowed.to_owned(),
+        }
+    }
+
+    /// Something that has no answer.
+    pub fn refused(reason: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Refused {
+            reason: reason.into(),
+            remedy: remedy.into(),
         }
     }
 }

@@ -7,7 +7,7 @@
 //! [`likelihood`] → [`start`], [`tracker`] → [`score`]
 //!
 //! [`simulate`] makes images with exact truth.
-//! [`detect`] finds a target's colours in an image without knowing where they are; [`calibrate`] makes cameras, poses and clocks of what was seen.
+//! [`detect`] finds a target's colours in an image without knowing where they are; [`calibrate`] makes cameras, poses and clocks of what was seen, [`plane`] the plane that a camera sees.
 //! [`config`] turns the text of a scene file into checked settings, [`interchange`] reads and writes other programs' calibrations. [`rng`], [`real`] and [`simd`] serve the kernels.
 //!
 //! # Conventions
@@ -29,6 +29,7 @@ pub mod interchange;
 pub mod likelihood;
 pub mod motion;
 pub mod particles;
+pub mod plane;
 pub mod real;
 pub mod reference;
 pub mod resample;
