@@ -6,12 +6,15 @@ use toml::de::DeValue;
 pub(super) trait Setting: Sized {
     /// What is allowed, in words.
     const ALLOWED: &'static str;
+    /// The same for a list of them.
+    const LIST: &'static str = "a list";
     fn read(value: &DeValue) -> Option<Self>;
     fn write(&self) -> toml::Value;
 }
 
 impl Setting for f64 {
     const ALLOWED: &'static str = "a finite number";
+    const LIST: &'static str = "a list of finite numbers";
     fn read(value: &DeValue) -> Option<Self> {
         let number: f64 = match value {
             DeValue::Float(float) => float.as_str().replace('_', "").parse().ok()?,
@@ -53,6 +56,7 @@ impl Setting for i64 {
 
 impl Setting for usize {
     const ALLOWED: &'static str = "a whole number, 0 or more";
+    const LIST: &'static str = "a list of whole numbers, 0 or more";
     fn read(value: &DeValue) -> Option<Self> {
         i64::read(value)?.try_into().ok()
     }
@@ -73,6 +77,7 @@ impl Setting for u32 {
 
 impl Setting for String {
     const ALLOWED: &'static str = "a text in quotes";
+    const LIST: &'static str = "a list of texts";
     fn read(value: &DeValue) -> Option<Self> {
         value.as_str().map(str::to_owned)
     }
@@ -81,55 +86,14 @@ impl Setting for String {
     }
 }
 
-impl Setting for Vec<String> {
-    const ALLOWED: &'static str = "a list of texts";
+impl<T: Setting> Setting for Vec<T> {
+    const ALLOWED: &'static str = T::LIST;
+    const LIST: &'static str = "a list of rows of finite numbers";
     fn read(value: &DeValue) -> Option<Self> {
         value
             .as_array()?
             .iter()
-            .map(|item| String::read(item.get_ref()))
-            .collect()
-    }
-    fn write(&self) -> toml::Value {
-        toml::Value::Array(self.iter().map(Setting::write).collect())
-    }
-}
-
-impl Setting for Vec<f64> {
-    const ALLOWED: &'static str = "a list of finite numbers";
-    fn read(value: &DeValue) -> Option<Self> {
-        value
-            .as_array()?
-            .iter()
-            .map(|item| f64::read(item.get_ref()))
-            .collect()
-    }
-    fn write(&self) -> toml::Value {
-        toml::Value::Array(self.iter().map(Setting::write).collect())
-    }
-}
-
-impl Setting for Vec<usize> {
-    const ALLOWED: &'static str = "a list of whole numbers, 0 or more";
-    fn read(value: &DeValue) -> Option<Self> {
-        value
-            .as_array()?
-            .iter()
-            .map(|item| usize::read(item.get_ref()))
-            .collect()
-    }
-    fn write(&self) -> toml::Value {
-        toml::Value::Array(self.iter().map(Setting::write).collect())
-    }
-}
-
-impl Setting for Vec<Vec<f64>> {
-    const ALLOWED: &'static str = "a list of rows of finite numbers";
-    fn read(value: &DeValue) -> Option<Self> {
-        value
-            .as_array()?
-            .iter()
-            .map(|row| Vec::<f64>::read(row.get_ref()))
+            .map(|item| T::read(item.get_ref()))
             .collect()
     }
     fn write(&self) -> toml::Value {
@@ -145,6 +109,10 @@ impl<const N: usize> Setting for [f64; N] {
         5 => "five finite numbers, [a, b, c, d, e]",
         6 => "six finite numbers, [xx, xy, xz, yy, yz, zz]",
         _ => "a list of finite numbers",
+    };
+    const LIST: &'static str = match N {
+        4 => "a list of points, [[u, v, x, y], ...]",
+        _ => "a list of rows of finite numbers",
     };
     fn read(value: &DeValue) -> Option<Self> {
         Vec::<f64>::read(value)?.try_into().ok()
