@@ -20,22 +20,25 @@ pub(crate) struct Series<T> {
 
 /// Reads tracks.csv: for each target, in order of appearance, its rows; none where a row has no estimate.
 ///
-/// Needs the columns `time_s,target,x_m,y_m,z_m`; takes velocities and covariances where it finds them.
+/// Needs the columns `time_s,target,x_m,y_m,z_m`; takes velocities, headings and covariances where it finds them.
 pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<Option<EstimatedState>>>> {
     let table = Table::read(path)?;
     let [time, target] = [table.column("time_s")?, table.column("target")?];
     let position = table.columns(["x_m", "y_m", "z_m"])?;
     let velocity = table.optional_columns(["vx_mps", "vy_mps", "vz_mps"]);
+    let heading = table.optional_column("heading_rad");
     let covariance = table.optional_columns(["xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2"]);
     let mut tracks = Collector::default();
     for row in table.rows() {
         let velocity_mps = row.all_or_none(velocity)?;
+        let heading_rad = row.optional_number(heading)?;
         let covariance_m2 = row.all_or_none(covariance)?;
         let estimate = row
             .all_or_none(Some(position))?
             .map(|position_m| EstimatedState {
                 position_m,
                 velocity_mps,
+                heading_rad,
                 covariance_m2,
             });
         let (name, time_s) = (row.text(target)?, row.number(time)?);
@@ -61,13 +64,14 @@ struct TruthRow {
 
 /// Reads truth.csv: for each object, in order of appearance, where it is.
 ///
-/// Needs the columns `time_s,object,x_m,y_m,z_m`; takes `camera`, velocities and `visible_fraction` where it
-/// finds them. Rows of several cameras become one, with the greatest visible fraction.
+/// Needs the columns `time_s,object,x_m,y_m,z_m`; takes `camera`, velocities, `heading_rad` and `visible_fraction`
+/// where it finds them. Rows of several cameras become one, with the greatest visible fraction.
 pub(crate) fn read_truth(path: &Path) -> Result<Vec<Series<TrueState>>> {
     let table = Table::read(path)?;
     let [time, object] = [table.column("time_s")?, table.column("object")?];
     let position = table.columns(["x_m", "y_m", "z_m"])?;
     let velocity = table.optional_columns(["vx_mps", "vy_mps", "vz_mps"]);
+    let heading = table.optional_column("heading_rad");
     let visible = table.optional_column("visible_fraction");
     let camera = table.optional_column("camera");
     let mut objects = Collector::default();
@@ -76,6 +80,7 @@ pub(crate) fn read_truth(path: &Path) -> Result<Vec<Series<TrueState>>> {
         let state = TrueState {
             position_m: row.numbers(position)?,
             velocity_mps: row.all_or_none(velocity)?,
+            heading_rad: row.optional_number(heading)?,
             visible_fraction,
             seeing_cameras: visible_fraction.map(|fraction| usize::from(fraction > 0.5)),
         };
@@ -96,11 +101,10 @@ pub(crate) fn read_truth(path: &Path) -> Result<Vec<Series<TrueState>>> {
                  see line {line}; allowed: one row an object, time and camera"
             ));
         }
-        if (known.state.position_m, known.state.velocity_mps)
-            != (state.position_m, state.velocity_mps)
-        {
+        let in_world = |s: &TrueState| (s.position_m, s.velocity_mps, s.heading_rad);
+        if in_world(&known.state) != in_world(&state) {
             return Err(fault!(
-                "{place}: object \"{name}\" has another position or velocity at {time_s} s than in line {line}; \
+                "{place}: object \"{name}\" has another position, velocity or heading at {time_s} s than in line {line}; \
                  the world columns must repeat for each camera"
             ));
         }
@@ -299,8 +303,11 @@ impl Row<'_> {
         }
     }
 
-    /// A finite number, none where the cell is empty.
-    fn optional_number(&self, column: Column<'_>) -> Result<Option<f64>> {
+    /// A finite number, none where there is no such column or its cell is empty.
+    fn optional_number(&self, column: Option<Column<'_>>) -> Result<Option<f64>> {
+        let Some(column) = column else {
+            return Ok(None);
+        };
         let cell = self.cell(column);
         if cell.is_empty() {
             return Ok(None);
@@ -317,7 +324,7 @@ impl Row<'_> {
 
     /// A finite number.
     fn number(&self, column: Column<'_>) -> Result<f64> {
-        let number = self.optional_number(column)?;
+        let number = self.optional_number(Some(column))?;
         number.ok_or_else(|| self.misfit(column, "a finite number"))
     }
 
@@ -351,12 +358,11 @@ impl Row<'_> {
 
     /// A share from 0 to 1, none where there is no such column or its cell is empty.
     fn fraction(&self, column: Option<Column<'_>>) -> Result<Option<f64>> {
-        let Some(column) = column else {
-            return Ok(None);
-        };
-        match self.optional_number(column)? {
-            Some(share) if !(0.0..=1.0).contains(&share) => Err(self.misfit(column, "0 to 1")),
-            share => Ok(share),
+        match (column, self.optional_number(column)?) {
+            (Some(column), Some(share)) if !(0.0..=1.0).contains(&share) => {
+                Err(self.misfit(column, "0 to 1"))
+            }
+            (_, share) => Ok(share),
         }
     }
 

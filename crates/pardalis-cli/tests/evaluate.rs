@@ -481,7 +481,7 @@ fn only_the_frames_of_a_time_are_scored() {
         let found = found.as_f64().unwrap();
         assert!((found - wanted).abs() < 1e-6, "{found} is not {wanted}");
     };
-    near(&errors["planar_rmse_m"], 0.3);
+    near(&errors["planar_m"]["rmse"], 0.3);
     near(&errors["position_m"]["rmse"], 0.5);
 }
 
@@ -530,4 +530,39 @@ fn bad_options_are_refused_and_say_what_is_allowed() {
     let single = folder.write("truth.csv", "time_s,object,x_m,y_m,z_m\n0,ball2,1,2,3\n");
     let all = figures(&file, &single, &[]);
     assert_eq!(all["targets_without_object"], serde_json::json!(["ball1"]));
+}
+
+#[test]
+fn headings_are_compared_where_both_tables_have_one() {
+    let folder = Folder::new("headings");
+    let truth = folder.write(
+        "truth.csv",
+        "time_s,object,x_m,y_m,z_m,heading_rad\n\
+         0,robot,0,0,0,3.1\n1,robot,1,0,0,0.5\n2,robot,2,0,0,\n3,robot,3,0,0,-0.2\n",
+    );
+    // Off by +0.1 across ±π, by -0.05, unknown, and unknown.
+    let across = 3.2 - std::f64::consts::TAU;
+    let rows = |first: &str| {
+        format!(
+            "time_s,target,x_m,y_m,z_m,heading_rad\n\
+             0,robot,0.3,0.4,0,{first}\n1,robot,1,-0.1,0,0.45\n2,robot,2,0,0,1\n3,robot,3,0,0,\n"
+        )
+    };
+    let tracks = folder.write("tracks.csv", rows(&across.to_string()));
+    let scored = figures(&tracks, &truth, &[]);
+    let errors = &scored["targets"][0]["all"]["errors"];
+    assert_eq!(errors["heading"]["frames"], 2);
+    assert_near(&errors["heading"]["error_median_rad"], 0.075);
+    assert_near(&errors["heading"]["error_p95_rad"], 0.0975);
+    assert_near(&errors["heading"]["bias_rad"], 0.025);
+    assert_near(&errors["planar_m"]["mean"], 0.15);
+    let output = evaluate(&tracks, &truth, &[]);
+    let table = String::from_utf8(output.stdout).unwrap();
+    let line = table.lines().find(|l| l.contains("heading error, median"));
+    assert!(line.unwrap().ends_with("4.30"), "{table}");
+    let north = folder.write("north.csv", rows("north"));
+    let message = fault(&north, &truth, &[]);
+    for part in ["north.csv", "line 2", "heading_rad", "north"] {
+        assert!(message.contains(part), "{message}");
+    }
 }

@@ -154,12 +154,16 @@ fn a_folder_with_masks_is_learnt_and_read_back() {
 #[test]
 fn the_repositorys_models_are_those_of_its_images() {
     let folder = tempfile::tempdir().unwrap();
-    let training = data("training/dioptric");
-    for palette in ["hsi", "yuv"] {
+    for (images, masks, palette, kept) in [
+        ("dioptric", "_ball_mask.png", "hsi", "orange-ball.hsi"),
+        ("dioptric", "_ball_mask.png", "yuv", "orange-ball.yuv"),
+        ("plane", "_landmark_red_mask.png", "hsi", "landmark-red"),
+    ] {
+        let training = data("training").join(images);
         let arguments = [
             training.to_str().unwrap(),
             "--masks",
-            "_ball_mask.png",
+            masks,
             "--palette",
             palette,
             "--no-pictures",
@@ -167,7 +171,7 @@ fn the_repositorys_models_are_those_of_its_images() {
             "m.toml",
         ];
         report(&folder, &arguments);
-        let kept = data("colors").join(format!("orange-ball.{palette}.colors.toml"));
+        let kept = data("colors").join(format!("{kept}.colors.toml"));
         let learnt = fs::read_to_string(folder.path().join("m.toml")).unwrap();
         assert_eq!(
             fs::read_to_string(kept).unwrap().replace("\r\n", "\n"),

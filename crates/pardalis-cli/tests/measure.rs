@@ -26,7 +26,8 @@ seeds = 2
 
 const FIGURES: &str = "coverage,lost_frames,ends_on_target,mean_m,sd_m,rmse_m,max_m,distance_mean_m,distance_sd_m,\
     elevation_mean_rad,elevation_sd_rad,azimuth_mean_rad,azimuth_sd_rad,direction_max_rad,mean_nees,\
-    planar_rmse_m,velocity_rmse_mps,course_error_median_rad,course_rad,true_course_rad,changed_target,estimates,ms_a_frame";
+    planar_mean_m,planar_sd_m,planar_rmse_m,bias_x_m,bias_y_m,bias_z_m,velocity_rmse_mps,course_error_median_rad,course_rad,\
+    true_course_rad,heading_error_median_rad,heading_error_p95_rad,heading_bias_rad,changed_target,estimates,ms_a_frame";
 
 /// A folder with the experiment, its scene of three frames and their truth.
 fn workplace(experiment: &str) -> Workplace {

@@ -217,10 +217,17 @@ fn table_of(path: &Path, columns: &[String], runs: &str) -> Result<String> {
 }
 
 /// How figures whose names end so are shown: the unit, and what they are multiplied by.
-const UNITS: [(&str, &str, f64); 8] = [
+const UNITS: [(&str, &str, f64); 11] = [
     ("_mps", "mm/s", 1e3),
     ("course_rad", "°", 180.0 / std::f64::consts::PI),
     ("course_error_median_rad", "°", 180.0 / std::f64::consts::PI),
+    (
+        "heading_error_median_rad",
+        "°",
+        180.0 / std::f64::consts::PI,
+    ),
+    ("heading_error_p95_rad", "°", 180.0 / std::f64::consts::PI),
+    ("heading_bias_rad", "°", 180.0 / std::f64::consts::PI),
     ("_rad", "mrad", 1e3),
     ("_m", "mm", 1e3),
     ("_us", "µs", 1.0),

@@ -1,4 +1,4 @@
-//! Colour: what pixels mean, bins, histograms, and colour models learnt from labelled pixels.
+//! Colour: what pixels mean, bins, histograms in all three dimensions or a channel, and colour models learnt from labelled pixels.
 
 mod channels;
 mod histogram;
@@ -7,7 +7,7 @@ mod palette;
 mod ranges;
 mod space;
 
-pub use channels::ChannelHistograms;
+pub use channels::{ChannelBins, ChannelHistograms, ChannelTable};
 pub use histogram::Histogram;
 pub use model::{ColorLearner, ColorModel, Separation};
 pub use palette::{MAX_BINS, MAX_CHANNEL_BINS, Palette, PixelKind, PixelTable};

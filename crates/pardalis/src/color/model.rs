@@ -4,18 +4,19 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
+use super::channels::{ChannelHistograms, ChannelsText};
 use super::histogram::Histogram;
 use super::palette::{Palette, PixelKind, PixelTable};
 use super::ranges::{ColorRanges, RangeLearner};
 use crate::{Error, Frame};
 
-/// What a target looks like: the histogram of its pixels in one palette, and the ranges that hold them.
+/// What a target looks like: the histogram of its pixels in one palette, the ranges that hold them, and the histograms of red, green and blue.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorModel {
     palette: Palette,
     histogram: Histogram,
     ranges: Option<ColorRanges>,
-    channels: Option<super::ChannelHistograms>,
+    channels: Option<ChannelHistograms>,
     pixel_count: u64,
     image_count: u64,
 }
@@ -35,7 +36,8 @@ struct ColorModelText {
     bins: Vec<toml::Spanned<[u64; 4]>>,
     /// Older files have none.
     ranges: Option<ColorRanges>,
-    channels: Option<super::ChannelHistograms>,
+    /// Older files have none.
+    channels: Option<ChannelsText>,
 }
 
 impl ColorModel {
@@ -55,8 +57,8 @@ impl ColorModel {
         self.ranges
     }
 
-    /// Stub
-    pub fn channels(&self) -> Option<&super::ChannelHistograms> {
+    /// Histograms of red, green and blue, of the target and of the rest of its images; nothing in older files.
+    pub fn channels(&self) -> Option<&ChannelHistograms> {
         self.channels.as_ref()
     }
 
@@ -117,7 +119,10 @@ impl ColorModel {
                 writeln!(text, "[palette.rgb]\nchannel_bins = {channel_bins}")
             }
         };
-        text
+        text + &self
+            .channels
+            .as_ref()
+            .map_or_else(String::new, ChannelHistograms::to_text)
     }
 
     /// Reads a file's text.
@@ -178,6 +183,10 @@ impl ColorModel {
                 .check()
                 .map_err(|e| at(line_with("[ranges]"), e.to_string()))?;
         }
+        let channels = parsed.channels.map(|text| text.read(parsed.pixel_count));
+        let channels = channels
+            .transpose()
+            .map_err(|(offset, message)| at(line_of(offset), message))?;
         let histogram = Histogram::from_counts(&counts).ok_or_else(|| {
             at(
                 line_with("bins"),
@@ -188,7 +197,7 @@ impl ColorModel {
             palette: parsed.palette,
             histogram,
             ranges: parsed.ranges,
-            channels: parsed.channels,
+            channels,
             pixel_count: parsed.pixel_count,
             image_count: parsed.image_count,
         })
@@ -208,6 +217,7 @@ pub struct ColorLearner {
     object_counts: Vec<u64>,
     background_counts: Vec<u64>,
     ranges: RangeLearner,
+    channels: ChannelHistograms,
     image_count: u64,
 }
 
@@ -222,6 +232,7 @@ impl ColorLearner {
             object_counts: vec![0; bins],
             background_counts: vec![0; bins],
             ranges: RangeLearner::new(),
+            channels: ChannelHistograms::EMPTY,
             image_count: 0,
         })
     }
@@ -261,7 +272,9 @@ impl ColorLearner {
         }
         for (index, &object) in is_object.iter().enumerate() {
             let (x, y) = (index % frame.width(), index / frame.width());
-            self.ranges.add(frame.rgb(x, y), object);
+            let rgb = frame.rgb(x, y);
+            self.ranges.add(rgb, object);
+            self.channels.add(rgb, object);
         }
         self.image_count += 1;
         Ok(())
@@ -283,7 +296,7 @@ impl ColorLearner {
             palette: self.palette,
             histogram,
             ranges: self.ranges.ranges(),
-            channels: None,
+            channels: Some(self.channels.clone()),
             pixel_count: self.object_counts.iter().sum(),
             image_count: self.image_count,
         })
@@ -369,7 +382,7 @@ impl Separation {
 mod tests {
     use super::*;
     use crate::PixelFormat;
-    use crate::color::YuvEncoding;
+    use crate::color::{ChannelBins, YuvEncoding};
 
     fn two_colours() -> (Frame, Vec<bool>) {
         let mut bytes = Vec::new();
@@ -393,12 +406,21 @@ mod tests {
             learner.add(&frame, &labels).unwrap();
             let model = learner.learn().unwrap();
             assert_eq!(model.count_of(palette.bin_of_rgb([230.0, 110.0, 20.0])), 5);
+            let bins = ChannelBins::new(4).unwrap();
+            let [red, _, blue] = model.channels().unwrap().shares(bins);
+            assert_eq!(
+                (red, blue),
+                (vec![0.0, 0.0, 0.0, 1.0], vec![1.0, 0.0, 0.0, 0.0])
+            );
             assert_eq!(
                 ColorModel::from_text(&model.to_text()),
                 Ok(model.clone()),
                 "{}",
                 model.to_text()
             );
+            let text = model.to_text();
+            let (older, _) = text.split_once("\n# pixels in each").unwrap();
+            assert_eq!(ColorModel::from_text(older).unwrap().channels(), None);
             let separation = learner.separation();
             assert_eq!(
                 (
@@ -428,6 +450,16 @@ mod tests {
             (", 5],", ", 5],\n    [1, 200, 3, 5],", 9, "does not exist"),
             (", 5],", ", -5],", 8, "-5"),
             (", 5],", ", nan],", 8, "float"),
+            ("\nred = [0, ", "\nred = [", 23, "63 numbers"),
+            ("\nred = [0, ", "\nred = [1, ", 23, "6 pixels"),
+            ("\ngreen = [0, ", "\ngreen = [-1, ", 24, "-1"),
+            (
+                "background_blue = [0, ",
+                "background_blue = [9, ",
+                28,
+                "16 pixels in all, but 7",
+            ),
+            ("\nblue = ", "\nblues = ", 25, "blues"),
         ] {
             let broken = text.replacen(from, to, 1);
             assert_ne!(broken, text);

@@ -2,7 +2,7 @@
 
 use super::reader::Table;
 use super::target::{CameraNames, kind_of};
-use crate::color::ColorRanges;
+use crate::color::{ChannelBins, ColorRanges};
 use crate::likelihood::{
     ContourSettings, Cue, CueSettings, Overlap, PatchSettings, Sampling, ScaledSampling,
     SplineSampling, WindowSettings,
@@ -171,18 +171,22 @@ fn read_patch(
     default: PatchSettings,
     shape: Option<&Shape>,
 ) -> Option<PatchSettings> {
-    let settings = PatchSettings {
-        scale: patch.or("scale", default.scale),
-        samples: patch.or("samples", default.samples),
-        bins: patch.or("bins", default.bins),
-        sigma: patch.or("sigma", default.sigma),
-    };
+    let scale = patch.or("scale", default.scale);
+    let samples = patch.or("samples", default.samples);
+    let bins = ChannelBins::new(patch.or("bins", default.bins.count()));
+    let sigma = patch.or("sigma", default.sigma);
     if shape.is_some_and(|shape| !matches!(shape, Shape::Flat(_))) {
         patch.problem_here(
             "looks at a flat region; give shape.disc or shape.rectangle, or leave it out",
         );
         return None;
     }
+    let settings = PatchSettings {
+        scale,
+        samples,
+        bins: patch.checked(bins)?,
+        sigma,
+    };
     patch.checked(settings.check().map(|()| settings))
 }
 

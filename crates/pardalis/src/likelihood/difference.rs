@@ -22,7 +22,7 @@ impl DifferenceCue {
     pub(super) fn new(settings: PatchSettings, shape: &Shape, level: Level) -> Result<Self, Error> {
         settings.check()?;
         Ok(Self {
-            patch: Patch::new(settings, shape, &[uniform(settings.bins)], level)?,
+            patch: Patch::new(settings, shape, &[uniform(settings.bins.count())], level)?,
             differences: Vec::new(),
         })
     }
@@ -30,9 +30,9 @@ impl DifferenceCue {
     /// The log-likelihood of what does not change at all: least of all.
     pub(super) fn background_log_likelihood(&self) -> f64 {
         let settings = self.patch.settings();
-        let mut still = vec![0.0; settings.bins];
+        let mut still = vec![0.0; settings.bins.count()];
         still[0] = 1.0;
-        settings.log_likelihood(squared_distance(&still, &uniform(settings.bins)))
+        settings.log_likelihood(squared_distance(&still, &uniform(settings.bins.count())))
     }
 
     /// Adds what one camera says of each particle; with its first frame, the same of all.
@@ -49,7 +49,7 @@ impl DifferenceCue {
         };
         let frame = evidence.frame();
         let width = frame.width();
-        let shift = 8 - self.patch.settings().bins.ilog2();
+        let shift = 8 - self.patch.settings().bins.count().ilog2();
         self.differences.resize(width * frame.height(), 0);
         with_pixels!(before, components => {
             write_rows(&mut self.differences, width, |x, y, _| grey(before, components(x, y)));

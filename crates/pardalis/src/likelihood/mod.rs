@@ -13,7 +13,7 @@ mod window;
 pub use boundary::{Overlap, Sampling, ScaledSampling, SplineSampling};
 pub use contour::ContourSettings;
 pub use cues::{Cue, CueSettings, Cues, CuesLikelihood};
-pub use patch::{CHANNEL_BINS, PatchSettings};
+pub use patch::PatchSettings;
 pub use window::{WindowCounting, WindowSettings};
 
 use crate::particles::Particles;

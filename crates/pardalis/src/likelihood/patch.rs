@@ -9,6 +9,7 @@ use super::outline::{Coordinates, Points, Projector};
 use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster};
 use crate::Error;
 use crate::camera::{LANES, Mask};
+use crate::color::ChannelBins;
 use crate::shape::{FlatForm, Shape};
 use crate::simd::Level;
 use crate::view::View;
@@ -17,8 +18,6 @@ use crate::view::View;
 const CHUNK: usize = 4 * LANES;
 /// The share of a region's samples that must be seen for it to say anything.
 const MIN_SEEN: f64 = 0.5;
-/// The numbers of bins that a channel may have: each divides the 256 steps of a byte.
-pub const CHANNEL_BINS: [usize; 6] = [2, 4, 8, 16, 32, 64];
 
 /// The region around a target, and how its histograms are compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,8 +26,8 @@ pub struct PatchSettings {
     pub scale: f64,
     /// Samples along each side of the region, evenly spaced.
     pub samples: usize,
-    /// Bins of a channel, one of [`CHANNEL_BINS`].
-    pub bins: usize,
+    /// Bins of a channel.
+    pub bins: ChannelBins,
     /// σ of the likelihood exp(−D²/2σ²).
     pub sigma: f64,
 }
@@ -45,7 +44,7 @@ impl PatchSettings {
                 1.0
             },
             samples: 10,
-            bins: 16,
+            bins: ChannelBins::DEFAULT,
             sigma: 0.15,
         }
     }
@@ -55,7 +54,7 @@ impl PatchSettings {
         Self {
             scale: 1.5,
             samples: 16,
-            bins: 16,
+            bins: ChannelBins::DEFAULT,
             sigma: 0.15,
         }
     }
@@ -76,13 +75,6 @@ impl PatchSettings {
         above_0("sigma", self.sigma, 1000.0)?;
         if !(1..=64).contains(&self.samples) {
             return Err(Error::out_of_range("samples", self.samples, "1 to 64"));
-        }
-        if !CHANNEL_BINS.contains(&self.bins) {
-            return Err(Error::out_of_range(
-                "bins",
-                self.bins,
-                "2, 4, 8, 16, 32 or 64",
-            ));
         }
         Ok(())
     }
@@ -190,6 +182,7 @@ impl Patch {
         let raster = Raster::new(view, COORDINATES_STRIDE);
         let open = view.mask().map(Mask::open);
         let width = view.size().0;
+        let bins = self.settings.bins.count();
         let work = |(chunk, (out, scratch)): (usize, (&mut [f32], &mut Scratch))| {
             for (block, out) in out.chunks_mut(LANES).enumerate() {
                 let start = chunk * CHUNK + block * LANES;
@@ -209,7 +202,7 @@ impl Patch {
                         }
                         seen += 1;
                         for (channel, bin) in bins_of(x, y).into_iter().enumerate() {
-                            counts[channel * this.settings.bins + usize::from(bin)] += 1;
+                            counts[channel * bins + usize::from(bin)] += 1;
                         }
                     }
                     *out += this.log_likelihood::<CHANNELS>(seen, counts);

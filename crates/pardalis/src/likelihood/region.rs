@@ -2,8 +2,8 @@
 
 use super::patch::{Patch, PatchSettings, squared_distance};
 use crate::Error;
-use crate::color::ChannelHistograms;
-use crate::frame::{PixelFormat, with_pixels};
+use crate::color::{ChannelHistograms, ChannelTable, PixelKind};
+use crate::frame::with_pixels;
 use crate::shape::Shape;
 use crate::simd::Level;
 use crate::view::Evidence;
@@ -12,8 +12,10 @@ use crate::view::Evidence;
 #[derive(Debug)]
 pub(super) struct RegionCue {
     patch: Patch,
-    /// The log-likelihood of the pixels around the target that its colours were learnt beside.
+    /// The log-likelihood of what surrounds the target where its colours were learnt; of a stranger, where nothing did.
     background: f64,
+    /// One for each kind of pixels that came.
+    tables: Vec<(PixelKind, ChannelTable)>,
 }
 
 impl RegionCue {
@@ -23,15 +25,16 @@ impl RegionCue {
         channels: &ChannelHistograms,
         level: Level,
     ) -> Result<Self, Error> {
-        settings.check()?;
         let references = channels.shares(settings.bins);
-        let distances = references
-            .iter()
-            .zip(channels.background_shares(settings.bins))
-            .map(|(reference, background)| squared_distance(reference, &background));
+        let distances = match channels.background_shares(settings.bins) {
+            Some(background) => [0, 1, 2]
+                .map(|channel| squared_distance(&references[channel], &background[channel])),
+            None => [1.0; 3],
+        };
         Ok(Self {
-            background: settings.log_likelihood(distances.sum()),
+            background: settings.log_likelihood(distances.iter().sum()),
             patch: Patch::new(settings, shape, &references, level)?,
+            tables: Vec::new(),
         })
     }
 
@@ -46,17 +49,16 @@ impl RegionCue {
         positions: [&[f32]; 3],
         out: &mut [f32],
     ) {
-        let (view, frame) = (evidence.view(), evidence.frame());
-        let shift = 8 - self.patch.settings().bins.ilog2();
-        let encoding = frame.encoding();
-        with_pixels!(frame, components => {
-            if frame.format() == PixelFormat::Rgb8 {
-                self.patch.add(view, positions, out, |x, y| components(x, y).map(|v| v >> shift));
-            } else {
-                self.patch.add(view, positions, out, |x, y| {
-                    encoding.rgb8_from_yuv(components(x, y)).map(|v| v >> shift)
-                });
-            }
+        let kind = PixelKind::of(evidence.frame());
+        let known = self.tables.iter().position(|(known, _)| *known == kind);
+        let number = known.unwrap_or_else(|| {
+            let table = ChannelTable::new(kind, self.patch.settings().bins);
+            self.tables.push((kind, table));
+            self.tables.len() - 1
+        });
+        let table = &self.tables[number].1;
+        with_pixels!(evidence.frame(), components => {
+            self.patch.add(evidence.view(), positions, out, |x, y| table.bins(components(x, y)));
         });
     }
 }

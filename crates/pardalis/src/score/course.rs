@@ -67,11 +67,13 @@ mod tests {
         let estimate = EstimatedState {
             position_m: [0.0; 3],
             velocity_mps: estimated_mps,
+            heading_rad: None,
             covariance_m2: None,
         };
         let truth = TrueState {
             position_m: [0.0; 3],
             velocity_mps: true_mps,
+            heading_rad: None,
             visible_fraction: None,
             seeing_cameras: None,
         };

@@ -1,13 +1,15 @@
 //! Estimates against truth: errors, coverage, consistency, and which track follows which object.
 
 mod course;
+mod heading;
 mod identity;
 mod spherical;
 mod summary;
 
 pub use course::Course;
+pub use heading::Heading;
 pub use identity::{Identities, assign, ends_on_another, identities};
-pub use spherical::{SphericalError, spherical_error};
+pub use spherical::{SphericalError, spherical_error, wrapped_rad};
 pub use summary::{Consistency, Distribution, Errors, MeanSd, Scores, Summary, score};
 
 /// What a track says of one frame, in the world frame.
@@ -17,6 +19,8 @@ pub struct EstimatedState {
     pub position_m: [f64; 3],
     /// Velocity in metres a second, where the track gives one.
     pub velocity_mps: Option<[f64; 3]>,
+    /// Where the object faces, in radians counter-clockwise from the world's x, where the track gives it.
+    pub heading_rad: Option<f64>,
     /// Covariance of the position in square metres, where the track gives one: xx, xy, xz, yy, yz, zz.
     pub covariance_m2: Option<[f64; 6]>,
 }
@@ -28,6 +32,8 @@ pub struct TrueState {
     pub position_m: [f64; 3],
     /// Velocity in metres a second, where it is known.
     pub velocity_mps: Option<[f64; 3]>,
+    /// Where the object faces, in radians counter-clockwise from the world's x, where it is known.
+    pub heading_rad: Option<f64>,
     /// The share of the object that the camera with the best view sees, 0 to 1, where it is known.
     pub visible_fraction: Option<f64>,
     /// How many cameras see more than half of the object, where it is known.

@@ -1,6 +1,6 @@
 //! Errors as a camera sees them: distance, elevation and azimuth from a point.
 
-use std::f64::consts::PI;
+use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
@@ -48,13 +48,7 @@ pub(super) fn angle_between(a: [f64; 3], b: [f64; 3]) -> f64 {
     libm::atan2(a.cross(&b).norm(), a.dot(&b))
 }
 
-/// The same direction between -π and π, for a difference of two such angles.
-pub(super) fn wrapped_rad(angle_rad: f64) -> f64 {
-    if angle_rad > PI {
-        angle_rad - 2.0 * PI
-    } else if angle_rad < -PI {
-        angle_rad + 2.0 * PI
-    } else {
-        angle_rad
-    }
+/// The same direction between -π and π.
+pub fn wrapped_rad(angle_rad: f64) -> f64 {
+    libm::remainder(angle_rad, TAU)
 }

@@ -4,6 +4,7 @@ use nalgebra::{Cholesky, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use serde::Serialize;
 
 use super::course::Course;
+use super::heading::Heading;
 use super::spherical::{SphericalError, angle_between, spherical_error};
 use super::{EstimatedState, Sample, Settings, TrueState, difference, distance_m, norm};
 
@@ -43,8 +44,8 @@ pub struct Summary {
 pub struct Errors {
     /// Length of the position error in metres.
     pub position_m: Distribution,
-    /// Root mean square length of the position error in the world's x and y in metres.
-    pub planar_rmse_m: f64,
+    /// Length of the position error in the world's x and y in metres.
+    pub planar_m: Distribution,
     /// Mean position error along the world's x, y and z in metres.
     pub bias_m: [f64; 3],
     /// Error of the distance from [`Settings::around_m`] in metres.
@@ -61,6 +62,8 @@ pub struct Errors {
     pub velocity_rmse_mps: Option<f64>,
     /// Directions of travel; none where the object does not travel or a side gives no velocities.
     pub course: Option<Course>,
+    /// Errors of the heading; none where no frame has both headings.
+    pub heading: Option<Heading>,
     /// Whether the covariances speak the truth about the errors.
     pub consistency: Consistency,
 }
@@ -162,10 +165,9 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
             angle_between(estimated, difference(t.position_m, around_m))
         })
         .collect();
-    let squared_planar_errors: Vec<f64> = position_errors_m
+    let planar_errors_m = position_errors_m
         .iter()
-        .map(|[x, y, _]| x * x + y * y)
-        .collect();
+        .map(|[x, y, _]| libm::hypot(*x, *y));
     let squared_velocity_errors: Vec<f64> = pairs
         .iter()
         .filter_map(|(e, t)| Some(norm(difference(e.velocity_mps?, t.velocity_mps?)).powi(2)))
@@ -173,7 +175,7 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
     let spherical = |of: fn(&SphericalError) -> f64| mean_sd(spherical_errors.iter().map(of));
     Errors {
         position_m: distribution(position_errors_m.iter().map(|&e| norm(e)).collect()),
-        planar_rmse_m: mean(&squared_planar_errors).unwrap_or(0.0).sqrt(),
+        planar_m: distribution(planar_errors_m.collect()),
         bias_m: [0, 1, 2].map(|i| mean_sd(position_errors_m.iter().map(|e| e[i])).mean),
         distance_m: spherical(|e| e.distance_m),
         elevation_rad: spherical(|e| e.elevation_rad),
@@ -182,6 +184,7 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
         direction_max_rad: direction_errors_rad.iter().copied().fold(0.0, f64::max),
         velocity_rmse_mps: mean(&squared_velocity_errors).map(f64::sqrt),
         course: Course::of(pairs),
+        heading: Heading::of(pairs),
         consistency: consistency(pairs),
     }
 }
@@ -290,11 +293,13 @@ mod tests {
             estimate: Some(EstimatedState {
                 position_m: estimated_m,
                 velocity_mps: None,
+                heading_rad: None,
                 covariance_m2: None,
             }),
             truth: TrueState {
                 position_m: true_m,
                 velocity_mps: None,
+                heading_rad: None,
                 visible_fraction: Some(1.0),
                 seeing_cameras: None,
             },
@@ -327,6 +332,17 @@ mod tests {
         assert_near(p.median, 2.0);
         assert_near(p.p95, 3.85);
         assert_near(p.max, 4.0);
+    }
+
+    #[test]
+    fn planar_errors_leave_out_the_height() {
+        let samples = [
+            sample([3.0, 4.0, 9.0], [0.0; 3]),
+            sample([1.0, 1.0, 5.0], [1.0, 0.0, 1.0]),
+        ];
+        let planar_m = errors_of(&samples, &Settings::default()).planar_m;
+        assert_eq!((planar_m.mean, planar_m.sd, planar_m.max), (3.0, 2.0, 5.0));
+        assert_near(planar_m.rmse, 13_f64.sqrt());
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The truth between its rows, for tracks whose cameras run on clocks of their own.
 
-use pardalis::score::TrueState;
+use pardalis::score::{TrueState, wrapped_rad};
 
 use crate::tables::Series;
 
@@ -48,12 +48,17 @@ fn at_time(rows: &[(f64, TrueState)], time_s: f64, longest_s: f64) -> Option<Tru
     }
     let share = (time_s - before_s) / interval_s;
     let linear = |a: f64, b: f64| a + share * (b - a);
-    let nearer = if share < 0.5 { start } else { end };
+    let headings_rad = start.heading_rad.zip(end.heading_rad);
+    let nearer = TrueState {
+        // By the shorter way round.
+        heading_rad: headings_rad.map(|(from, to)| from + share * wrapped_rad(to - from)),
+        ..*if share < 0.5 { start } else { end }
+    };
     let (from_m, to_m) = (start.position_m, end.position_m);
     Some(match start.velocity_mps.zip(end.velocity_mps) {
         None => TrueState {
             position_m: [0, 1, 2].map(|axis| linear(from_m[axis], to_m[axis])),
-            ..*nearer
+            ..nearer
         },
         Some((from_mps, to_mps)) => TrueState {
             // The cubic that has these positions and velocities at its ends.
@@ -64,7 +69,7 @@ fn at_time(rows: &[(f64, TrueState)], time_s: f64, longest_s: f64) -> Option<Tru
                     + interval_s * ((s3 - 2.0 * s2 + s) * from_mps[axis] + (s3 - s2) * to_mps[axis])
             }),
             velocity_mps: Some([0, 1, 2].map(|axis| linear(from_mps[axis], to_mps[axis]))),
-            ..*nearer
+            ..nearer
         },
     })
 }
@@ -77,6 +82,7 @@ mod tests {
         TrueState {
             position_m: [x_m, 1.0, 2.0],
             velocity_mps: vx_mps.map(|vx| [vx, 0.0, 0.0]),
+            heading_rad: None,
             visible_fraction: Some(1.0),
             seeing_cameras: Some(2),
         }
@@ -109,6 +115,21 @@ mod tests {
             assert!((state.position_m[0] - x_m(*time_s)).abs() < 1e-12);
             assert_eq!(state.position_m[1..], [1.0, 2.0]);
         }
+    }
+
+    #[test]
+    fn headings_turn_by_the_shorter_way() {
+        let facing = |degrees: f64| TrueState {
+            heading_rad: Some(degrees.to_radians()),
+            ..state(0.0, None)
+        };
+        let nowhere = state(0.0, None);
+        let rows = vec![(0.0, facing(170.0)), (1.0, facing(-170.0)), (2.0, nowhere)];
+        let track = series(vec![(0.75, ()), (1.5, ())]);
+        let found = at_times_of(&[track], &[series(rows)]);
+        let headings_rad = [0, 1].map(|i| found[0].rows[i].1.heading_rad);
+        assert!((headings_rad[0].unwrap().to_degrees() - 185.0).abs() < 1e-9);
+        assert_eq!(headings_rad[1], None);
     }
 
     #[test]

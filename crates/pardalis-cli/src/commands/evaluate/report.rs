@@ -174,7 +174,7 @@ fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fm
 type Figure = (&'static str, fn(&Errors) -> String);
 
 /// The lines about errors, in their order.
-const FIGURES: [Figure; 19] = [
+const FIGURES: [Figure; 24] = [
     ("position error, mean, mm", |e| {
         thousandths(e.position_m.mean)
     }),
@@ -183,9 +183,11 @@ const FIGURES: [Figure; 19] = [
     ("    median", |e| thousandths(e.position_m.median)),
     ("    95 % below", |e| thousandths(e.position_m.p95)),
     ("    maximum", |e| thousandths(e.position_m.max)),
-    ("    root mean square over x and y alone", |e| {
-        thousandths(e.planar_rmse_m)
+    ("over x and y alone, mean, mm", |e| {
+        thousandths(e.planar_m.mean)
     }),
+    ("    s.d.", |e| thousandths(e.planar_m.sd)),
+    ("    root mean square", |e| thousandths(e.planar_m.rmse)),
     ("bias along x, mm", |e| thousandths(e.bias_m[0])),
     ("    y", |e| thousandths(e.bias_m[1])),
     ("    z", |e| thousandths(e.bias_m[2])),
@@ -212,6 +214,15 @@ const FIGURES: [Figure; 19] = [
         e.course
             .map_or_else(none, |c| thousandths(c.error_median_rad))
     }),
+    ("heading error, median, degrees", |e| {
+        e.heading.map_or_else(none, |h| degrees(h.error_median_rad))
+    }),
+    ("    95 % below", |e| {
+        e.heading.map_or_else(none, |h| degrees(h.error_p95_rad))
+    }),
+    ("    bias", |e| {
+        e.heading.map_or_else(none, |h| degrees(h.bias_rad))
+    }),
     ("NEES, mean (expected)", |e| {
         let c = &e.consistency;
         let both = c.mean_nees.zip(c.expected_nees);
@@ -237,6 +248,11 @@ const FIGURES: [Figure; 19] = [
 /// Metres in millimetres, radians in milliradians.
 fn thousandths(value: f64) -> String {
     fixed(1e3 * value, 1)
+}
+
+/// Radians in degrees.
+fn degrees(angle_rad: f64) -> String {
+    fixed(angle_rad.to_degrees(), 2)
 }
 
 /// Mean and standard deviation in thousandths.

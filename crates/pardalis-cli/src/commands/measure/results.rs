@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use pardalis::score::{Course, Errors};
+use pardalis::score::{Course, Errors, Heading};
 
 use super::definition::{Bands, Run};
 use crate::commands::evaluate::{Report, TargetReport};
@@ -20,7 +20,7 @@ pub(super) struct Measured<'a> {
 type Metric = (&'static str, fn(&Measured) -> Option<f64>);
 
 /// The figures, in the order of the columns; errors over all frames that have an estimate.
-pub(super) const METRICS: [Metric; 23] = [
+pub(super) const METRICS: [Metric; 31] = [
     ("coverage", |m| m.report.scores.coverage),
     ("lost_frames", |m| Some(m.report.scores.lost_frames as f64)),
     ("ends_on_target", |m| {
@@ -46,13 +46,25 @@ pub(super) const METRICS: [Metric; 23] = [
         errors(m).map(|e| e.direction_max_rad)
     }),
     ("mean_nees", |m| errors(m)?.consistency.mean_nees),
-    ("planar_rmse_m", |m| errors(m).map(|e| e.planar_rmse_m)),
+    ("planar_mean_m", |m| errors(m).map(|e| e.planar_m.mean)),
+    ("planar_sd_m", |m| errors(m).map(|e| e.planar_m.sd)),
+    ("planar_rmse_m", |m| errors(m).map(|e| e.planar_m.rmse)),
+    ("bias_x_m", |m| errors(m).map(|e| e.bias_m[0])),
+    ("bias_y_m", |m| errors(m).map(|e| e.bias_m[1])),
+    ("bias_z_m", |m| errors(m).map(|e| e.bias_m[2])),
     ("velocity_rmse_mps", |m| errors(m)?.velocity_rmse_mps),
     ("course_error_median_rad", |m| {
         course(m).map(|c| c.error_median_rad)
     }),
     ("course_rad", |m| course(m).map(|c| c.estimated_rad)),
     ("true_course_rad", |m| course(m).map(|c| c.true_rad)),
+    ("heading_error_median_rad", |m| {
+        heading(m).map(|h| h.error_median_rad)
+    }),
+    ("heading_error_p95_rad", |m| {
+        heading(m).map(|h| h.error_p95_rad)
+    }),
+    ("heading_bias_rad", |m| heading(m).map(|h| h.bias_rad)),
     ("changed_target", |m| {
         m.report.changed_target.map(one_or_zero)
     }),
@@ -67,6 +79,10 @@ fn errors<'a>(measured: &Measured<'a>) -> Option<&'a Errors> {
 
 fn course(measured: &Measured) -> Option<Course> {
     errors(measured)?.course
+}
+
+fn heading(measured: &Measured) -> Option<Heading> {
+    errors(measured)?.heading
 }
 
 fn one_or_zero(yes: bool) -> f64 {
