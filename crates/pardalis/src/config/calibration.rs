@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::camera::{read_model, read_pose};
+use super::camera::{pose_of_model, read_model, read_pose};
 use super::mirror::push_profile;
 use super::reader::{Journal, Problem, Table};
 use crate::camera::Camera;
@@ -30,7 +30,7 @@ fn read_camera(name: String, table: Table) -> Option<CalibratedCamera> {
         let allowed = format!("two whole numbers from 1 to {MAX_IMAGE_SIDE_PX}, [width, height]");
         table.refuse("size_px", &allowed);
     }
-    let world_from_camera = read_pose(&table);
+    let world_from_camera = read_pose(&table).or(camera.as_ref().and_then(pose_of_model));
     table.finish();
     Some(CalibratedCamera {
         name,
@@ -49,7 +49,7 @@ pub fn write(cameras: &[CalibratedCamera]) -> String {
         if let Some((width, height)) = camera.size_px {
             let _ = writeln!(text, "size_px = [{width}, {height}]");
         }
-        if let Some(pose) = &camera.world_from_camera {
+        if let (Some(pose), None) = (&camera.world_from_camera, pose_of_model(&camera.camera)) {
             let matrix = pose.to_homogeneous();
             text.push_str("world_from_camera = [\n");
             for row in matrix.row_iter() {

@@ -154,7 +154,13 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
     } else {
         read_model(table)
     };
-    let pose_is_missing = if table.has("world_from_camera") {
+    if matches!(model, Some(Camera::Plane(_))) && table.knows("world_from_camera") {
+        let message = "stands beside a camera of a plane, whose frame is the world's; leave it out";
+        table.problem("world_from_camera", message);
+        return None;
+    }
+    let own_pose = model.as_ref().and_then(pose_of_model);
+    let pose_is_missing = if own_pose.is_some() || table.has("world_from_camera") {
         None
     } else if table.has("calibration") {
         let in_file = file
@@ -198,8 +204,13 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
     Some(Optics {
         camera: model?,
         size_px: given_size.or_else(|| file_size.map(|size| table.at("calibration", size))),
-        world_from_camera: given_pose.or(file_pose)?,
+        world_from_camera: own_pose.or(given_pose).or(file_pose)?,
     })
+}
+
+/// The pose of cameras that are known by a plane of the world: their frame is the world's.
+pub(super) fn pose_of_model(camera: &Camera) -> Option<Pose> {
+    matches!(camera, Camera::Plane(_)).then(Pose::identity)
 }
 
 /// The camera of the calibration file, where the scene names one.
