@@ -222,8 +222,8 @@ fn points_with_a_wrong_one() {
     let folder = tempfile::tempdir().unwrap();
     let row = |[u, v, x, y]: &[f64; 4]| format!("{u},{v},{x},{y}\n");
     let rows: String = CORNERS.iter().map(row).collect();
-    // The middles of two sides by the true camera, and a mistaken row.
-    let more = "255.904418,321.347970,-0.347,-0.234\n188.5,285.0,-0.87,0.08\n300,250,5,5\n";
+    // Two more by the true camera, and a mistaken row.
+    let more = "358.5911,271.3232,0.5,0.3\n263.7491,224.7336,-0.3,1.0\n300,250,5,5\n";
     let path = folder.path().join("points.csv");
     fs::write(&path, format!("u_px,v_px,x_m,y_m\n{rows}{more}")).unwrap();
     let all = ["calibrate", "plane", "--points", "points.csv"];
