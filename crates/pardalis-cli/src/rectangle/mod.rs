@@ -109,20 +109,26 @@ fn grey(frame: &Frame, channel: fn([u8; 3]) -> u8) -> GrayImage {
     })
 }
 
+/// The image at the size at which it is searched, and that size as a share of its own.
+fn searched(mean: &GrayImage) -> (GrayImage, f64) {
+    let longer_px = f64::from(mean.width().max(mean.height()));
+    let scale = (SEARCHED_SIDE_PX / longer_px).min(1.0);
+    let side = |px: u32| ((f64::from(px) * scale).round() as u32).max(1);
+    let level = resize(
+        mean,
+        side(mean.width()),
+        side(mean.height()),
+        FilterType::Triangle,
+    );
+    (level, scale)
+}
+
 /// Finds the rectangle in images of one size; `None` where there is none.
 fn find_in(images: &[GrayImage], edge: Edge) -> Result<Option<FoundRectangle>> {
     let Some(mean) = mean_of(images) else {
         return Ok(None);
     };
-    let longer_px = f64::from(mean.width().max(mean.height()));
-    let scale = (SEARCHED_SIDE_PX / longer_px).min(1.0);
-    let side = |px: u32| ((f64::from(px) * scale).round() as u32).max(1);
-    let level = resize(
-        &mean,
-        side(mean.width()),
-        side(mean.height()),
-        FilterType::Triangle,
-    );
+    let (level, scale) = searched(&mean);
     let size_px = [f64::from(level.width()), f64::from(level.height())];
     let lines = lines::find(&level);
     let rectangles = quads::find(&lines, size_px).into_iter().filter_map(|quad| {
