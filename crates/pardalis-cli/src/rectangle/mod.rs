@@ -3,6 +3,7 @@
 //! Straight edges (`lines`) are joined to quadrilaterals with edges along all their sides, everywhere brighter on the same side (`quads`), in the mean
 //! of all images. The best of them must stand out; its sides are then measured in each image (`sides`).
 
+mod in_scene;
 mod lines;
 mod quads;
 mod sides;
@@ -15,6 +16,7 @@ use pardalis::Frame;
 use pardalis::simulate::linear_from_srgb;
 
 use crate::fault::fault;
+pub(crate) use in_scene::{find_in_scene, first_frames};
 use quads::Quad;
 use sides::{Light, Measured, measure, median};
 

@@ -7,8 +7,8 @@ use anyhow::Result;
 use image::RgbImage;
 use pardalis::Frame;
 use pardalis::camera::{Camera, Plane};
-use pardalis::config::calibration;
-use pardalis::plane::{OUTLIER_PX, PlaneFit, PointPair, camera_center_m, fit};
+use pardalis::config::{FrameRange, calibration};
+use pardalis::plane::{OUTLIER_PX, PlaneFit, PointPair, Rectangle, camera_center_m, fit};
 use pardalis::rig::CalibratedCamera;
 
 use super::model::read_camera;
@@ -20,8 +20,8 @@ use crate::draw::picture::{picture_of, write_picture};
 use crate::fault::fault;
 use crate::files::write_file;
 use crate::rectangle::{self, Edge, FoundRectangle};
-use crate::say::{say, warn};
-use crate::source::{Delivery, Source, SourceConfig, SourceKind, Timing};
+use crate::say::say;
+use crate::source::{SourceConfig, SourceKind, Timing};
 use crate::tables::Table;
 
 /// Finds the plane that a camera sees, without knowing the camera: from a rectangle on it, which is looked for, or from points
@@ -125,7 +125,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// The first frames of a folder of images or a video; what cannot be decoded is left out.
+/// The first frames of a folder of images or a video.
 fn read_frames(images: &Path, count: usize) -> Result<Vec<Frame>> {
     let kind = if images.is_dir() {
         SourceKind::Images {
@@ -139,50 +139,32 @@ fn read_frames(images: &Path, count: usize) -> Result<Vec<Frame>> {
             encoding: None,
         }
     };
-    let source = Source::open(&SourceConfig {
+    rectangle::first_frames(&SourceConfig {
         kind,
         time_offset_s: 0.0,
-        first_frame: 0,
-        frame_limit: Some(count),
-    })?;
-    let mut frames = Vec::new();
-    let mut broken = None;
-    for delivery in source {
-        match delivery? {
-            Delivery::Frame { frame, .. } => frames.push(frame),
-            Delivery::Broken(error) => {
-                warn(format!("{error:#}; it is left out"));
-                broken = Some(error);
-            }
-        }
-    }
-    match broken {
-        _ if !frames.is_empty() => Ok(frames),
-        Some(error) => Err(error),
-        None => Err(fault!(
-            "{}: has no frames; give a folder of images or a video",
-            images.display()
-        )),
-    }
+        frames: FrameRange {
+            limit: Some(count),
+            ..FrameRange::ALL
+        },
+    })
 }
 
 /// The rectangle's corners in the images and in the world.
 fn find_corners(arguments: &Arguments, input: &Path, frames: &[Frame]) -> Result<Known> {
     let found = rectangle::find(frames, arguments.edge)
         .map_err(|error| fault!("{}: {error:#}", input.display()))?;
-    let of_size = |[a, b]: [f64; 2]| [[0.0, 0.0], [a, 0.0], [a, b], [0.0, b]];
-    let world_m = arguments.corners.or(arguments.size.map(of_size));
-    let Some(world_m) = world_m else {
+    let of_corners = |corners_m: [[f64; 2]; 4]| Rectangle {
+        corners_m,
+        nearest: arguments.first - 1,
+    };
+    let rectangle = arguments.corners.map(of_corners);
+    let Some(rectangle) = rectangle.or(arguments.size.map(Rectangle::of_size)) else {
         return Err(fault!(
             "give the rectangle's --size or the --corners it has in the world"
         ));
     };
-    let pair = |i: usize| PointPair {
-        pixel: found.corners_px[i],
-        plane_m: world_m[(arguments.first - 1 + i) % 4],
-    };
     Ok(Known {
-        pairs: (0..4).map(pair).collect(),
+        pairs: rectangle.pairs(found.corners_px).into(),
         lines: Vec::new(),
         found: Some(found),
     })
