@@ -1,8 +1,9 @@
 //! The cameras of a scene.
 
+use super::mirror;
+use super::plane::{self, PlaneModel, RectangleConfig};
 use super::reader::{Located, Table};
 use super::setting::Setting;
-use super::{mirror, plane};
 use crate::Error;
 use crate::camera::{
     Camera, DoubleSphere, Equidistant, ExactMirror, ExtendedUnified, KannalaBrandt, Mei, Ocam,
@@ -28,12 +29,12 @@ pub struct CameraConfig {
     pub input: Input,
     /// Added to its time stamps, in seconds.
     pub time_offset_s: f64,
-    /// Frames left out at the beginning.
-    pub first_frame: usize,
-    /// The most frames to read.
-    pub frame_limit: Option<usize>,
-    /// Its model.
+    /// Which of its frames are read.
+    pub frames: FrameRange,
+    /// Its model; until a rectangle is found in its images, that of [`Plane::image`].
     pub camera: Camera,
+    /// The rectangle by which the program finds its model, where that is how it is known.
+    pub rectangle: Option<Located<RectangleConfig>>,
     /// The size of its images in pixels, where the scene states it.
     pub size_px: Option<Located<[f64; 2]>>,
     /// The image whose white pixels it may use.
@@ -42,6 +43,37 @@ pub struct CameraConfig {
     pub mask_circle: Option<MaskCircle>,
     /// Its pose.
     pub world_from_camera: Pose,
+}
+
+/// Some of the frames of an input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameRange {
+    /// Frames left out at the beginning.
+    pub first: usize,
+    /// From there on, every so many-th frame is read; at least 1.
+    pub step: usize,
+    /// The most frames to read.
+    pub limit: Option<usize>,
+}
+
+impl FrameRange {
+    /// All of them.
+    pub const ALL: Self = Self {
+        first: 0,
+        step: 1,
+        limit: None,
+    };
+
+    /// How many of so many frames are read.
+    pub fn count_of(&self, frames: usize) -> usize {
+        let left = frames.saturating_sub(self.first).div_ceil(self.step);
+        left.min(self.limit.unwrap_or(usize::MAX))
+    }
+
+    /// Whether the frame of this number is read, the limit aside.
+    pub fn takes(&self, frame: usize) -> bool {
+        frame >= self.first && (frame - self.first).is_multiple_of(self.step)
+    }
 }
 
 /// A circle in the image: centre and radius in pixels.
@@ -96,10 +128,18 @@ impl CameraConfig {
         if time_offset_s.abs() > MAX_TIME_S {
             table.refuse("time_offset_s", "-1e12 to 1e12 seconds");
         }
-        let first_frame = table.or("first_frame", 0);
-        let frame_limit = table.optional("frame_limit");
-        if frame_limit == Some(0) {
-            table.refuse("frame_limit", "1 or more");
+        let frames = FrameRange {
+            first: table.or("first_frame", 0),
+            step: table.or("frame_step", 1),
+            limit: table.optional("frame_limit"),
+        };
+        for (key, count) in [
+            ("frame_step", Some(frames.step)),
+            ("frame_limit", frames.limit),
+        ] {
+            if count == Some(0) {
+                table.refuse(key, "1 or more");
+            }
         }
         let optics = read_optics(&name, &table, read_calibration);
         let mask = table.located("mask");
@@ -123,9 +163,9 @@ impl CameraConfig {
             name,
             input: input?,
             time_offset_s,
-            first_frame,
-            frame_limit,
+            frames,
             camera: optics.camera,
+            rectangle: optics.rectangle,
             size_px: optics.size_px,
             mask,
             mask_circle,
@@ -140,6 +180,7 @@ const SAME_POSE: f64 = 1e-6;
 /// What a scene says of a camera itself, or a calibration file in its place.
 struct Optics {
     camera: Camera,
+    rectangle: Option<Located<RectangleConfig>>,
     size_px: Option<Located<[f64; 2]>>,
     world_from_camera: Pose,
 }
@@ -150,9 +191,14 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
         if table.table("model").is_some() {
             table.problem("model", "stands beside calibration; keep one of them");
         }
-        file.as_ref().map(|file| file.camera.clone())
+        file.as_ref().map(|file| Model::Known(file.camera.clone()))
     } else {
-        read_model(table)
+        read_any_model(table)
+    };
+    let (model, rectangle) = match model {
+        None => (None, None),
+        Some(Model::Known(camera)) => (Some(camera), None),
+        Some(Model::Rectangle(rectangle)) => (Some(Camera::Plane(Plane::image())), Some(rectangle)),
     };
     if matches!(model, Some(Camera::Plane(_))) && table.knows("world_from_camera") {
         let message = "stands beside a camera of a plane, whose frame is the world's; leave it out";
@@ -203,6 +249,7 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
     }
     Some(Optics {
         camera: model?,
+        rectangle,
         size_px: given_size.or_else(|| file_size.map(|size| table.at("calibration", size))),
         world_from_camera: own_pose.or(given_pose).or(file_pose)?,
     })
@@ -343,8 +390,27 @@ fn read_input(table: &Table) -> Option<Input> {
     }
 }
 
-/// The camera's model, from the table `model`.
+/// A camera's model.
+enum Model {
+    Known(Camera),
+    /// By a rectangle that is to be found in its images.
+    Rectangle(Located<RectangleConfig>),
+}
+
+/// The camera's model, from the table `model`, where there are no images to find anything in.
 pub(super) fn read_model(table: &Table) -> Option<Camera> {
+    match read_any_model(table)? {
+        Model::Known(camera) => Some(camera),
+        Model::Rectangle(_) => {
+            let message = "is found in a camera's images, and only a scene has these; give points or homography, as `pardalis calibrate plane` writes them";
+            table.problem("model", message);
+            None
+        }
+    }
+}
+
+/// The camera's model, from the table `model`.
+fn read_any_model(table: &Table) -> Option<Model> {
     let Some(model) = table.table("model") else {
         if !table.has("model") {
             table.problem(
@@ -371,13 +437,17 @@ pub(super) fn read_model(table: &Table) -> Option<Camera> {
     model.finish();
     let (kind, parameters) = found?;
     if kind == "plane" || kind == "image" {
-        let camera = if kind == "plane" {
+        let model = if kind == "plane" {
             plane::read_plane(&parameters)
         } else {
-            Some(Plane::image())
+            Some(PlaneModel::Known(Plane::image()))
         };
+        let model = model.map(|model| match model {
+            PlaneModel::Known(plane) => Model::Known(Camera::Plane(plane)),
+            PlaneModel::Rectangle(config) => Model::Rectangle(parameters.at("rectangle", config)),
+        });
         parameters.finish();
-        return camera.map(Camera::Plane);
+        return model;
     }
     let center_px = parameters.required::<[f64; 2]>("center_px");
     let camera = match kind {
@@ -393,7 +463,7 @@ pub(super) fn read_model(table: &Table) -> Option<Camera> {
         _ => read_exact_mirror(&parameters, center_px),
     };
     parameters.finish();
-    camera
+    camera.map(Model::Known)
 }
 
 /// Names the principal point as the scene does.
@@ -505,4 +575,21 @@ fn read_perspective_mirror(table: &Table, center_px: Option<[f64; 2]>) -> Option
     table
         .checked(at_center(PerspectiveMirror::new(m_px?, center_px?)))
         .map(Camera::PerspectiveMirror)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::FrameRange;
+
+    #[test]
+    fn ranges_count_the_frames_that_they_take() {
+        for (first, step, limit) in [(0, 1, None), (2, 3, None), (1, 2, Some(2)), (9, 1, None)] {
+            let range = FrameRange { first, step, limit };
+            for frames in 0..9 {
+                let taken = (0..frames).filter(|&frame| range.takes(frame)).count();
+                let expected = taken.min(limit.unwrap_or(usize::MAX));
+                assert_eq!(range.count_of(frames), expected, "{range:?} of {frames}");
+            }
+        }
+    }
 }

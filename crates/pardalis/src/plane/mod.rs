@@ -5,9 +5,11 @@
 
 mod camera_center;
 mod fit;
+mod rectangle;
 
 pub use camera_center::camera_center_m;
 pub use fit::{OUTLIER_PX, PlaneFit, PointPair, fit};
+pub use rectangle::Rectangle;
 
 use nalgebra::{Matrix3, Vector3};
 
