@@ -5,9 +5,11 @@
 
 mod camera_center;
 mod fit;
+mod rectify;
 
 pub use camera_center::camera_center_m;
 pub use fit::{OUTLIER_PX, PlaneFit, PointPair, fit};
+pub use rectify::{Area, Rectifier, area_seen_m, on_plane_m, step_for_m};
 
 use nalgebra::{Matrix3, Vector3};
 
