@@ -302,8 +302,7 @@ fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> 
     let config = SourceConfig {
         kind,
         time_offset_s: camera.time_offset_s,
-        first_frame: camera.first_frame,
-        frame_limit: camera.frame_limit,
+        frames: camera.frames,
     };
     Source::open(&config).map_err(|error| place.problem(format!("{error:#}")))
 }

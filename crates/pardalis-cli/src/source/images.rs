@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
 
 use anyhow::Result;
+use pardalis::config::FrameRange;
 use pardalis::frame::MAX_TIME_S;
 
 use super::decode::{decode_image, image_size};
@@ -21,28 +22,25 @@ pub(super) struct ImageFrames {
 }
 
 impl ImageFrames {
-    /// Lists the folder and finds the time of each image, before any is decoded. `first_frame` images are
-    /// left out, and after them at most `frame_limit` taken, in the order of their arrival; times still count from the folder's first image.
-    pub(super) fn open(
-        folder: &Path,
-        timing: &Timing,
-        first_frame: usize,
-        frame_limit: Option<usize>,
-    ) -> Result<Self> {
+    /// Lists the folder and finds the time of each image, before any is decoded. Those of the
+    /// range are taken, in the order of their arrival; times still count from the folder's first image.
+    pub(super) fn open(folder: &Path, timing: &Timing, range: FrameRange) -> Result<Self> {
         let files = list_images(folder)?;
         let count = files.len();
-        if first_frame >= count {
+        if range.first >= count {
             return Err(fault!(
-                "{}: first_frame is {first_frame}, but the folder holds {count} images; allowed: 0 to {}",
+                "{}: first_frame is {}, but the folder holds {count} images; allowed: 0 to {}",
                 folder.display(),
+                range.first,
                 count - 1
             ));
         }
         let files = with_times(folder, files, timing)?;
         let mut taken: Vec<_> = files
             .into_iter()
-            .skip(first_frame)
-            .take(frame_limit.unwrap_or(usize::MAX))
+            .skip(range.first)
+            .step_by(range.step)
+            .take(range.limit.unwrap_or(usize::MAX))
             .collect();
         // Those of one instant keep their order, and so do all where no arrivals are known.
         let arrival_s = |times: &ImageTimes| times.arrival_s.unwrap_or_default();

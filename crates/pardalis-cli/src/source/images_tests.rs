@@ -1,6 +1,7 @@
 use tempfile::TempDir;
 
 use super::*;
+use pardalis::config::FrameRange;
 
 fn folder_with(names: &[&str]) -> TempDir {
     let folder = TempDir::new().expect("a folder");
@@ -60,7 +61,7 @@ fn numbers_too_long_for_time_are_still_ordered() {
 }
 
 fn error_of(folder: &Path, timing: &Timing) -> String {
-    match ImageFrames::open(folder, timing, 0, None) {
+    match ImageFrames::open(folder, timing, FrameRange::ALL) {
         Ok(_) => panic!("the folder was taken"),
         Err(error) => error.to_string(),
     }

@@ -16,6 +16,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use pardalis::color::YuvEncoding;
+use pardalis::config::FrameRange;
 use pardalis::{Frame, PixelFormat};
 use serde::Serialize;
 
@@ -38,10 +39,8 @@ pub(crate) struct SourceConfig {
     pub(crate) kind: SourceKind,
     /// Added to every time stamp, in seconds.
     pub(crate) time_offset_s: f64,
-    /// How many frames of the source are left out at its beginning.
-    pub(crate) first_frame: usize,
-    /// How many frames are read at most after those.
-    pub(crate) frame_limit: Option<usize>,
+    /// Which of its frames are read.
+    pub(crate) frames: FrameRange,
 }
 
 /// The files or the device.
@@ -163,10 +162,9 @@ impl Source {
     ///
     /// Faults: whatever can be seen to be wrong before the first frame is decoded.
     pub(crate) fn open(config: &SourceConfig) -> Result<Self> {
-        let (first, limit) = (config.first_frame, config.frame_limit);
         match &config.kind {
             SourceKind::Images { folder, timing } => {
-                let frames = ImageFrames::open(folder, timing, first, limit)?;
+                let frames = ImageFrames::open(folder, timing, config.frames)?;
                 let input = folder.display().to_string();
                 Ok(Self::of_images(input, frames, config.time_offset_s))
             }
@@ -179,7 +177,7 @@ impl Source {
                 let programs =
                     Programs::find(&search_path).map_err(|error| fault!("{input}: {error}"))?;
                 let (description, frames) =
-                    VideoFrames::open(&programs, input, input_options, *encoding, first, limit)?;
+                    VideoFrames::open(&programs, input, input_options, *encoding, config.frames)?;
                 let span = frames.span();
                 let process = frames.process();
                 let is_live = ffmpeg::is_live(input, input_options);

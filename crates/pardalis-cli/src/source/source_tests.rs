@@ -4,6 +4,7 @@ use tempfile::TempDir;
 
 use super::decode::decode_image;
 use super::*;
+use pardalis::config::FrameRange;
 
 fn sequence() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/dioptric-jump/frames")
@@ -16,8 +17,7 @@ fn images(folder: &Path, timing: Timing) -> SourceConfig {
             timing,
         },
         time_offset_s: 0.0,
-        first_frame: 0,
-        frame_limit: None,
+        frames: FrameRange::ALL,
     }
 }
 
@@ -78,19 +78,25 @@ fn a_part_of_a_sequence_keeps_its_times() {
     let folder = broken_sequence();
     let config = SourceConfig {
         time_offset_s: -0.5,
-        first_frame: 1,
-        frame_limit: Some(2),
+        frames: FrameRange {
+            first: 1,
+            step: 2,
+            limit: Some(2),
+        },
         ..images(folder.path(), Timing::Fps(10.0))
     };
     let mut source = Source::open(&config).expect("opens");
     assert_eq!(source.frame_count(), Some(2));
     assert_eq!(source.first_time_s(), Some(0.1 - 0.5));
     let times_s = [(); 2].map(|()| next_frame(&mut source).0.time_s());
-    let wanted_s = [0.1 - 0.5, 0.3 - 0.5];
+    let wanted_s = [0.1 - 0.5, 0.4 - 0.5];
     assert_eq!(times_s, wanted_s, "frame 2 is missing, and leaves a gap");
     assert!(source.next().is_none());
     let beyond = SourceConfig {
-        first_frame: 4,
+        frames: FrameRange {
+            first: 4,
+            ..FrameRange::ALL
+        },
         ..config
     };
     let error = Source::open(&beyond)

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Error, Result};
 use pardalis::PixelFormat;
 use pardalis::color::{YuvEncoding, YuvMatrix, YuvRange};
+use pardalis::config::FrameRange;
 use pardalis::frame::MAX_IMAGE_SIDE_PX;
 
 use super::ffmpeg::{Decode, ProbedStream, Process, Programs};
@@ -21,8 +22,8 @@ pub(super) struct VideoFrames {
     span: Option<TimeSpan>,
     size_px: (usize, usize),
     byte_count: usize,
-    /// How many frames are left out at the beginning.
-    first_frame: usize,
+    /// Which frames are delivered.
+    range: FrameRange,
     /// Frames that are still to be delivered at most.
     remaining: Option<usize>,
     /// Frames read so far, those left out included.
@@ -32,17 +33,16 @@ pub(super) struct VideoFrames {
 }
 
 impl VideoFrames {
-    /// Opens the first video stream of what ffmpeg knows by this name. `first_frame` frames are left out, and
-    /// after them at most `frame_limit` delivered.
+    /// Opens the first video stream of what ffmpeg knows by this name. The frames of
+    /// the range are delivered.
     pub(super) fn open(
         programs: &Programs,
         input: &str,
         input_options: &[String],
         encoding: Option<YuvEncoding>,
-        first_frame: usize,
-        frame_limit: Option<usize>,
+        range: FrameRange,
     ) -> Result<(Description, Self)> {
-        if frame_limit == Some(0) {
+        if range.limit == Some(0) {
             return Err(fault!("{input}: frame_limit is 0; allowed: 1 or more"));
         }
         let stream = programs.probe(input, input_options)?;
@@ -61,19 +61,15 @@ impl VideoFrames {
             size_px,
             pixel_format: layout.format,
             encoding: layout.encoding,
-            frame_count: stream.frame_count().map(|count| {
-                count
-                    .saturating_sub(first_frame)
-                    .min(frame_limit.unwrap_or(usize::MAX))
-            }),
+            frame_count: stream.frame_count().map(|count| range.count_of(count)),
         };
         let frames = Self {
             input: input.to_owned(),
             span: stream.span(),
             size_px,
             byte_count: layout.format.byte_count(width, height),
-            first_frame,
-            remaining: frame_limit,
+            range,
+            remaining: range.limit,
             read: 0,
             decode,
             ended: false,
@@ -154,11 +150,11 @@ impl VideoFrames {
         if self.read == 0 {
             return Err(self.fault_with_messages("ffmpeg found no frame to decode", &messages));
         }
-        if self.read <= self.first_frame {
+        if self.read <= self.range.first {
             return Err(fault!(
                 "{}: first_frame is {}, but the video has {} frames; allowed: 0 to {}",
                 self.input,
-                self.first_frame,
+                self.range.first,
                 self.read,
                 self.read - 1
             ));
@@ -186,7 +182,7 @@ impl Iterator for VideoFrames {
     fn next(&mut self) -> Option<Self::Item> {
         while !self.ended && self.remaining != Some(0) {
             match self.read_frame() {
-                Ok(Some(_)) if self.read <= self.first_frame => {}
+                Ok(Some(_)) if !self.range.takes(self.read - 1) => {}
                 Ok(Some(frame)) => {
                     self.remaining = self.remaining.map(|remaining| remaining - 1);
                     return Some(Ok(Pixels::Frame(frame)));

@@ -7,6 +7,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::source::{Clock, Counters, Delivery, Source, SourceConfig, SourceKind};
 use pardalis::Frame;
+use pardalis::config::FrameRange;
 
 /// The installed programs; none, with a note, where these tests can not be made.
 fn programs() -> Option<Programs> {
@@ -60,8 +61,7 @@ fn config(input: &str) -> SourceConfig {
             encoding: None,
         },
         time_offset_s: 0.0,
-        first_frame: 0,
-        frame_limit: None,
+        frames: FrameRange::ALL,
     }
 }
 
@@ -297,15 +297,21 @@ fn time_stamps_are_the_streams_own() {
 
     let part = SourceConfig {
         time_offset_s: 0.25,
-        first_frame: 3,
-        frame_limit: Some(1),
+        frames: FrameRange {
+            first: 3,
+            step: 2,
+            limit: Some(1),
+        },
         ..config(&path)
     };
     let (_, part_times, part_bytes, _) = read(&part);
     assert_eq!(part_times, [expected[3] + 0.25]);
     assert!(part_bytes == bytes[3 * part_bytes.len()..4 * part_bytes.len()]);
     let beyond = SourceConfig {
-        first_frame: 5,
+        frames: FrameRange {
+            first: 5,
+            ..FrameRange::ALL
+        },
         ..config(&path)
     };
     let error = Source::open(&beyond)
@@ -441,7 +447,7 @@ fn read_with(script: &str) -> Option<(Vec<f64>, Option<String>, Counters)> {
     );
     let programs = stand_in(&folder, script);
     let (description, frames) =
-        VideoFrames::open(&programs, &path, &[], None, 0, None).expect("opens");
+        VideoFrames::open(&programs, &path, &[], None, FrameRange::ALL).expect("opens");
     let process = frames.process();
     let mut source = Source::start(description, Clock::Recorded, 0.0, frames);
     source.process = Some(process);

@@ -28,10 +28,8 @@ pub struct CameraConfig {
     pub input: Input,
     /// Added to its time stamps, in seconds.
     pub time_offset_s: f64,
-    /// Frames left out at the beginning.
-    pub first_frame: usize,
-    /// The most frames to read.
-    pub frame_limit: Option<usize>,
+    /// Which of its frames are read.
+    pub frames: FrameRange,
     /// Its model.
     pub camera: Camera,
     /// The size of its images in pixels, where the scene states it.
@@ -42,6 +40,37 @@ pub struct CameraConfig {
     pub mask_circle: Option<MaskCircle>,
     /// Its pose.
     pub world_from_camera: Pose,
+}
+
+/// Some of the frames of an input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameRange {
+    /// Frames left out at the beginning.
+    pub first: usize,
+    /// From there on, every so many-th frame is read; at least 1.
+    pub step: usize,
+    /// The most frames to read.
+    pub limit: Option<usize>,
+}
+
+impl FrameRange {
+    /// All of them.
+    pub const ALL: Self = Self {
+        first: 0,
+        step: 1,
+        limit: None,
+    };
+
+    /// How many of so many frames are read.
+    pub fn count_of(&self, frames: usize) -> usize {
+        let left = frames.saturating_sub(self.first).div_ceil(self.step);
+        left.min(self.limit.unwrap_or(usize::MAX))
+    }
+
+    /// Whether the frame of this number is read, the limit aside.
+    pub fn takes(&self, frame: usize) -> bool {
+        frame >= self.first && (frame - self.first).is_multiple_of(self.step)
+    }
 }
 
 /// A circle in the image: centre and radius in pixels.
@@ -96,10 +125,18 @@ impl CameraConfig {
         if time_offset_s.abs() > MAX_TIME_S {
             table.refuse("time_offset_s", "-1e12 to 1e12 seconds");
         }
-        let first_frame = table.or("first_frame", 0);
-        let frame_limit = table.optional("frame_limit");
-        if frame_limit == Some(0) {
-            table.refuse("frame_limit", "1 or more");
+        let frames = FrameRange {
+            first: table.or("first_frame", 0),
+            step: table.or("frame_step", 1),
+            limit: table.optional("frame_limit"),
+        };
+        for (key, count) in [
+            ("frame_step", Some(frames.step)),
+            ("frame_limit", frames.limit),
+        ] {
+            if count == Some(0) {
+                table.refuse(key, "1 or more");
+            }
         }
         let optics = read_optics(&name, &table, read_calibration);
         let mask = table.located("mask");
@@ -123,8 +160,7 @@ impl CameraConfig {
             name,
             input: input?,
             time_offset_s,
-            first_frame,
-            frame_limit,
+            frames,
             camera: optics.camera,
             size_px: optics.size_px,
             mask,
@@ -505,4 +541,21 @@ fn read_perspective_mirror(table: &Table, center_px: Option<[f64; 2]>) -> Option
     table
         .checked(at_center(PerspectiveMirror::new(m_px?, center_px?)))
         .map(Camera::PerspectiveMirror)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::FrameRange;
+
+    #[test]
+    fn ranges_count_the_frames_that_they_take() {
+        for (first, step, limit) in [(0, 1, None), (2, 3, None), (1, 2, Some(2)), (9, 1, None)] {
+            let range = FrameRange { first, step, limit };
+            for frames in 0..9 {
+                let taken = (0..frames).filter(|&frame| range.takes(frame)).count();
+                let expected = taken.min(limit.unwrap_or(usize::MAX));
+                assert_eq!(range.count_of(frames), expected, "{range:?} of {frames}");
+            }
+        }
+    }
 }

@@ -15,7 +15,7 @@ mod target;
 mod timing;
 mod world;
 
-pub use camera::{CameraConfig, Input, MaskCircle, ReadCalibration};
+pub use camera::{CameraConfig, FrameRange, Input, MaskCircle, ReadCalibration};
 pub use offsets::with_time_offsets;
 pub use reader::{Located, Problem};
 pub use start::{StartConfig, TrackStart};

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::ValueEnum;
-use pardalis::config::Scene;
+use pardalis::config::{FrameRange, Scene};
 use pardalis::interchange::Lens;
 use pardalis::rig::CalibratedCamera;
 
@@ -211,8 +211,7 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     let config = SourceConfig {
         kind,
         time_offset_s: 0.0,
-        first_frame: 0,
-        frame_limit: None,
+        frames: FrameRange::ALL,
     };
     let size = Source::open(&config)?.size();
     Ok(Opened {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::Estimate;
-use pardalis::config::Scene;
+use pardalis::config::{FrameRange, Scene};
 use pardalis::tracker::{PASSES_SIGMA_M, check_passes};
 
 use crate::fault::fault;
@@ -156,14 +156,14 @@ pub(crate) fn locate(
         .insert("locate".to_owned(), settings.written().into());
     let names: Vec<String> = scene.targets.iter().map(|t| t.name.clone()).collect();
     // The tables of starts count all images of the folder.
-    let first_frame = if settings.stills.is_empty() {
-        scene.cameras[0].first_frame
+    let range = if settings.stills.is_empty() {
+        scene.cameras[0].frames
     } else {
-        0
+        FrameRange::ALL
     };
     let mut told = String::new();
     let mut step = |tracker: &mut pardalis::Tracker, set: &FrameSet| {
-        let frame = first_frame + set.index;
+        let frame = range.first + range.step * set.index;
         let starts_here = starts.of_frame(tracker, frame)?;
         let located = tracker.locate(&set.frames, set.time_s, &starts_here, &settings.passes_m);
         let estimates =
