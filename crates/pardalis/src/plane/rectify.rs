@@ -26,6 +26,8 @@ const PARTS: u32 = 256;
 pub struct Rectifier {
     image_px: (usize, usize),
     size_px: (usize, usize),
+    upper_left_m: [f64; 2],
+    step_m: f64,
     camera: Plane<f64>,
     /// Of each pixel of the map, row by row.
     places: Vec<Option<Place>>,
@@ -73,6 +75,8 @@ impl Rectifier {
         Ok(Self {
             image_px: view.size(),
             size_px: (width, height),
+            upper_left_m: [left_m, top_m],
+            step_m,
             camera: Plane::new(&Homography::new(pixel_from_plane)?, center_m)?,
             places,
         })
@@ -81,6 +85,21 @@ impl Rectifier {
     /// Width and height of the maps in pixels.
     pub fn size_px(&self) -> (usize, usize) {
         self.size_px
+    }
+
+    /// The side of a pixel in metres.
+    pub fn step_m(&self) -> f64 {
+        self.step_m
+    }
+
+    /// The part of the plane that the maps show: whole pixels.
+    pub fn area_m(&self) -> Area {
+        let [left_m, top_m] = self.upper_left_m;
+        let (width, height) = self.size_px;
+        [
+            [left_m, top_m - height as f64 * self.step_m],
+            [left_m + width as f64 * self.step_m, top_m],
+        ]
     }
 
     /// The camera whose images the maps are. Its centre is that of the camera they are made from, where it is known, so that what stands on the plane is seen where
@@ -242,8 +261,8 @@ fn center_above_plane_m(view: &View) -> Result<Option<[f64; 3]>, Error> {
 const SAMPLES: usize = 256;
 
 /// How much coarser than where it is finest an image may show what is still worth a place on the map. The finest is below a camera that looks down; so far off
-/// is what lies some four times its height away.
-const COARSEST: f64 = 8.0;
+/// is what lies a good two times its height away.
+const COARSEST: f64 = 4.0;
 
 /// What one pixel of the image shows of the plane.
 struct Sight {
