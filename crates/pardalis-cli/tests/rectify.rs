@@ -127,7 +127,7 @@ fn maps_are_tracked_as_the_images_are() {
 #[test]
 fn a_fisheye_s_images_become_maps_with_mask_times_and_the_click_in_its_place() {
     let place = Workplace::with_frames(3);
-    let scene = scene_with("fps = 25\n", "time_offset_s = 2\nmask_radius_px = 230\n");
+    let scene = scene_with("fps = 25\n", "time_offset_s = 2\nmask_radius_px = 150\n");
     let scene = scene.replace(
         "[targets.ball.start.gaussian]\nposition_m = [1.35, -1.25, 0.62]\nposition_sigma_m = 0.1\n",
         "[targets.ball.start.pixel]\npixel = [419.5, 239.5]\n",
@@ -137,7 +137,7 @@ fn a_fisheye_s_images_become_maps_with_mask_times_and_the_click_in_its_place() {
         "frame,time_s,arrival_s\n0,0.5,0.6\n1,0.625,0.7\n2,0.75,0.9\n",
     );
     place.write("scene.toml", &scene);
-    let area = ["--area", "-3,-2,3,2.01", "--step", "0.02"];
+    let area = ["--area", "-3,-2,3,2.02", "--step", "0.02"];
     let run = pardalis(&place, &[&["rectify", "scene.toml"], &area[..]].concat()).fine();
     assert!(
         run.stdout.contains("3 images of 300 x 201 pixels"),
@@ -158,14 +158,20 @@ fn a_fisheye_s_images_become_maps_with_mask_times_and_the_click_in_its_place() {
     assert_eq!(size, (300, 201));
     let (size, map) = grey(&place, "scene-rectified/frames/000002.png");
     assert_eq!(size, (300, 201));
-    // The mask's circle is 230 px / 145.56 px: 90.5 degrees, so that all in this area counts; but the image is 480 px high: 94 degrees either way.
-    assert!(
-        mask.iter().all(|&m| m == 255) || map.iter().zip(&mask).all(|(&g, &m)| m == 255 || g == 0)
-    );
+    // The mask ends 59 degrees from the axis, 1.5 m from the camera's foot.
+    let at = |x_m: f64, y_m: f64| {
+        let (x, y) = ((x_m + 3.0) / 0.02, (2.02 - y_m) / 0.02);
+        let pixel = y as usize * 300 + x as usize;
+        (mask[pixel], map[pixel] > 0)
+    };
+    for (x_m, y_m) in [(1.4, 0.0), (-1.4, 0.0), (1.0, 1.0), (0.0, -1.4)] {
+        assert_eq!(at(x_m, y_m), (255, true), "{x_m} {y_m}");
+        assert_eq!(at(1.2 * x_m, 1.2 * y_m), (0, false), "{x_m} {y_m}");
+    }
     // 80 px are 0.5496 rad from the axis, to the world's -y: the image's x is -y.
     let scene = read(&place, "scene-rectified/scene.toml");
     let ground_m = 0.9 * (80.0_f64 / 145.562_250_654_857_8).tan();
-    let (u, v) = (3.0 / 0.02 - 0.5, (2.01 + ground_m) / 0.02 - 0.5);
+    let (u, v) = (3.0 / 0.02 - 0.5, (2.02 + ground_m) / 0.02 - 0.5);
     assert!(
         scene.contains(&format!("pixel = [{u:.2}, {v:.2}]")),
         "{scene}"
@@ -238,7 +244,10 @@ fn one_of_several_cameras_is_rectified_and_single_images_are() {
         .unwrap();
     let two = scene_with("fps = 25\n", "").replace(
         "[targets.ball]",
-        &format!("[cameras.b]\nimages = \"images\"\n{model}\n{pose}\n[targets.ball]"),
+        &format!(
+            "[cameras.b]\nimages = \"images\"\n{model}\n{}\n[targets.ball]",
+            pose.replace("0.9]", "1.1]")
+        ),
     );
     place.write("two.toml", &two);
     pardalis(&place, &["rectify", "two.toml"]).refused(&["--camera is needed", "cam1, b"]);

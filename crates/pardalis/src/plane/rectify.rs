@@ -311,8 +311,10 @@ pub fn step_for_m(view: &View, area_m: Area) -> Result<f64, Error> {
     let side_m = nearest.map_or(f64::INFINITY, |sight| sight.side_m);
     let digit = libm::exp10(libm::floor(libm::log10(side_m)) - 1.0);
     let rounded_m = (side_m / digit).round() * digit;
-    let longest_m = (high[0] - low[0]).max(high[1] - low[1]);
-    Ok(rounded_m.max(longest_m / MAX_IMAGE_SIDE_PX as f64))
+    let [width_m, height_m] = [0, 1].map(|axis| high[axis] - low[axis]);
+    let least_m = width_m.max(height_m) / MAX_IMAGE_SIDE_PX as f64;
+    // At least one pixel, even of what is not seen.
+    Ok(rounded_m.min(width_m.min(height_m)).max(least_m))
 }
 
 /// What pixels all over the image show of the plane; at least one does.
