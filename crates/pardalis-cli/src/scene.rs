@@ -17,6 +17,7 @@ use pardalis::tracker::{BodySettings, TargetSettings};
 use pardalis::view::View;
 
 use crate::fault::{Fault, fault};
+use crate::rectangle::find_in_scene;
 use crate::rig;
 use crate::say::warn;
 use crate::source::decode::decode_mask;
@@ -77,10 +78,20 @@ pub(crate) fn read(path: &Path) -> Result<Scene> {
 pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
     let text = read_text(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let scene = Scene::parse_with(&text, replaced, &|file, lens| {
+    let mut scene = Scene::parse_with(&text, replaced, &|file, lens| {
         read_calibration(folder, file, lens)
     })
     .map_err(|problems| problems_in("scene", path, &problems))?;
+    let mut problems = Vec::new();
+    let by_rectangle = |camera: &&mut CameraConfig| camera.rectangle.is_some();
+    for camera in scene.cameras.iter_mut().filter(by_rectangle) {
+        let found = source_config(camera, folder)
+            .and_then(|source| find_in_scene(camera, source, &mut scene.resolved));
+        problems.extend(found.err());
+    }
+    if !problems.is_empty() {
+        return Err(problems_in("scene", path, &problems));
+    }
     for warning in &scene.warnings {
         warn(format!("{}: {warning}", path.display()));
     }
@@ -266,7 +277,14 @@ fn resolve(folder: &Path, path: &str) -> PathBuf {
 }
 
 fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> {
-    let (kind, place) = match &camera.input {
+    let config = source_config(camera, folder)?;
+    let place = camera.input.place();
+    Source::open(&config).map_err(|error| place.problem(format!("{error:#}")))
+}
+
+/// What to open for a camera of a scene in this folder.
+fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, Problem> {
+    let kind = match &camera.input {
         Input::Images {
             folder: images,
             fps,
@@ -290,13 +308,10 @@ fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> 
                 // Where there is no folder, opening it says so.
                 (None, _) => Timing::TimesFile,
             };
-            (
-                SourceKind::Images {
-                    folder: images_folder,
-                    timing,
-                },
-                images,
-            )
+            SourceKind::Images {
+                folder: images_folder,
+                timing,
+            }
         }
         Input::Video {
             input,
@@ -311,20 +326,18 @@ fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> 
             } else {
                 file.display().to_string()
             };
-            let kind = SourceKind::Video {
+            SourceKind::Video {
                 input: name,
                 input_options: input_options.clone(),
                 encoding: *encoding,
-            };
-            (kind, input)
+            }
         }
     };
-    let config = SourceConfig {
+    Ok(SourceConfig {
         kind,
         time_offset_s: camera.time_offset_s,
         frames: camera.frames,
-    };
-    Source::open(&config).map_err(|error| place.problem(format!("{error:#}")))
+    })
 }
 
 /// The view of a camera whose images have this size; problems with size and masks are added to the list.

@@ -1,8 +1,9 @@
 //! The cameras of a scene.
 
+use super::mirror;
+use super::plane::{self, PlaneModel, RectangleConfig};
 use super::reader::{Located, Table};
 use super::setting::Setting;
-use super::{mirror, plane};
 use crate::Error;
 use crate::camera::{
     Camera, DoubleSphere, Equidistant, ExactMirror, ExtendedUnified, KannalaBrandt, Mei, Ocam,
@@ -30,8 +31,10 @@ pub struct CameraConfig {
     pub time_offset_s: f64,
     /// Which of its frames are read.
     pub frames: FrameRange,
-    /// Its model.
+    /// Its model; until a rectangle is found in its images, that of [`Plane::image`].
     pub camera: Camera,
+    /// The rectangle by which the program finds its model, where that is how it is known.
+    pub rectangle: Option<Located<RectangleConfig>>,
     /// The size of its images in pixels, where the scene states it.
     pub size_px: Option<Located<[f64; 2]>>,
     /// The image whose white pixels it may use.
@@ -162,6 +165,7 @@ impl CameraConfig {
             time_offset_s,
             frames,
             camera: optics.camera,
+            rectangle: optics.rectangle,
             size_px: optics.size_px,
             mask,
             mask_circle,
@@ -176,6 +180,7 @@ const SAME_POSE: f64 = 1e-6;
 /// What a scene says of a camera itself, or a calibration file in its place.
 struct Optics {
     camera: Camera,
+    rectangle: Option<Located<RectangleConfig>>,
     size_px: Option<Located<[f64; 2]>>,
     world_from_camera: Pose,
 }
@@ -186,9 +191,14 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
         if table.table("model").is_some() {
             table.problem("model", "stands beside calibration; keep one of them");
         }
-        file.as_ref().map(|file| file.camera.clone())
+        file.as_ref().map(|file| Model::Known(file.camera.clone()))
     } else {
-        read_model(table)
+        read_any_model(table)
+    };
+    let (model, rectangle) = match model {
+        None => (None, None),
+        Some(Model::Known(camera)) => (Some(camera), None),
+        Some(Model::Rectangle(rectangle)) => (Some(Camera::Plane(Plane::image())), Some(rectangle)),
     };
     if matches!(model, Some(Camera::Plane(_))) && table.knows("world_from_camera") {
         let message = "stands beside a camera of a plane, whose frame is the world's; leave it out";
@@ -239,6 +249,7 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
     }
     Some(Optics {
         camera: model?,
+        rectangle,
         size_px: given_size.or_else(|| file_size.map(|size| table.at("calibration", size))),
         world_from_camera: own_pose.or(given_pose).or(file_pose)?,
     })
@@ -379,8 +390,27 @@ fn read_input(table: &Table) -> Option<Input> {
     }
 }
 
-/// The camera's model, from the table `model`.
+/// A camera's model.
+enum Model {
+    Known(Camera),
+    /// By a rectangle that is to be found in its images.
+    Rectangle(Located<RectangleConfig>),
+}
+
+/// The camera's model, from the table `model`, where there are no images to find anything in.
 pub(super) fn read_model(table: &Table) -> Option<Camera> {
+    match read_any_model(table)? {
+        Model::Known(camera) => Some(camera),
+        Model::Rectangle(_) => {
+            let message = "is found in a camera's images, and only a scene has these; give points or homography, as `pardalis calibrate plane` writes them";
+            table.problem("model", message);
+            None
+        }
+    }
+}
+
+/// The camera's model, from the table `model`.
+fn read_any_model(table: &Table) -> Option<Model> {
     let Some(model) = table.table("model") else {
         if !table.has("model") {
             table.problem(
@@ -407,13 +437,17 @@ pub(super) fn read_model(table: &Table) -> Option<Camera> {
     model.finish();
     let (kind, parameters) = found?;
     if kind == "plane" || kind == "image" {
-        let camera = if kind == "plane" {
+        let model = if kind == "plane" {
             plane::read_plane(&parameters)
         } else {
-            Some(Plane::image())
+            Some(PlaneModel::Known(Plane::image()))
         };
+        let model = model.map(|model| match model {
+            PlaneModel::Known(plane) => Model::Known(Camera::Plane(plane)),
+            PlaneModel::Rectangle(config) => Model::Rectangle(parameters.at("rectangle", config)),
+        });
         parameters.finish();
-        return camera.map(Camera::Plane);
+        return model;
     }
     let center_px = parameters.required::<[f64; 2]>("center_px");
     let camera = match kind {
@@ -429,7 +463,7 @@ pub(super) fn read_model(table: &Table) -> Option<Camera> {
         _ => read_exact_mirror(&parameters, center_px),
     };
     parameters.finish();
-    camera
+    camera.map(Model::Known)
 }
 
 /// Names the principal point as the scene does.

@@ -17,6 +17,7 @@ mod world;
 
 pub use camera::{CameraConfig, FrameRange, Input, MaskCircle, ReadCalibration};
 pub use offsets::with_time_offsets;
+pub use plane::RectangleConfig;
 pub use reader::{Located, Problem};
 pub use start::{StartConfig, TrackStart};
 pub use target::{BodyConfig, TargetConfig};

@@ -6,29 +6,138 @@ use super::camera::CameraConfig;
 use super::reader::Table;
 use crate::Error;
 use crate::camera::{Camera, Plane};
-use crate::plane::{Homography, PointPair, camera_center_m, fit};
+use crate::plane::{Homography, PointPair, Rectangle, camera_center_m, fit};
+
+/// A plane that is known by a rectangle on it, which is to be found in the camera's images.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RectangleConfig {
+    /// The rectangle.
+    pub rectangle: Rectangle,
+    /// Whether the inner edge of a tape was measured, not the outer one.
+    pub inner_edge: bool,
+    /// How many images are looked at, from the first on.
+    pub frames: usize,
+    center: Center,
+}
+
+impl RectangleConfig {
+    /// The camera, from the rectangle's corners in pixels: counterclockwise to the eye, first the one nearest the image's bottom left.
+    pub fn camera(&self, corners_px: [[f64; 2]; 4]) -> Result<Camera, Error> {
+        let found = fit(&self.rectangle.pairs(corners_px))?;
+        let center_m = self.center.of(&found.homography)?;
+        Plane::new(&found.homography, center_m).map(Camera::Plane)
+    }
+}
+
+/// What is known of where a camera stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Center {
+    Unknown,
+    At([f64; 3]),
+    Intrinsics { f_px: [f64; 2], center_px: [f64; 2] },
+}
+
+impl Center {
+    fn of(self, homography: &Homography) -> Result<Option<[f64; 3]>, Error> {
+        match self {
+            Self::Unknown => Ok(None),
+            Self::At(center_m) => Ok(Some(center_m)),
+            Self::Intrinsics { f_px, center_px } => {
+                camera_center_m(homography, f_px, center_px).map(Some)
+            }
+        }
+    }
+}
+
+/// What the table `model.plane` says.
+pub(super) enum PlaneModel {
+    /// The camera.
+    Known(Plane<f64>),
+    /// It is to be found.
+    Rectangle(RectangleConfig),
+}
 
 /// The table `model.plane`.
-pub(super) fn read_plane(table: &Table) -> Option<Plane<f64>> {
-    let homography = match (table.knows("points"), table.knows("homography")) {
-        (true, true) => {
-            table.problem("homography", "stands beside points; keep one of them");
-            None
-        }
-        (false, false) => {
-            let message = "is missing; give four or more points of the plane, points = [[u, v, x, y], ...], in pixels and metres, or homography";
-            table.problem("points", message);
-            None
-        }
-        (true, false) => read_points(table),
-        (false, true) => {
+pub(super) fn read_plane(table: &Table) -> Option<PlaneModel> {
+    let ways = ["points", "homography", "rectangle"];
+    let given: Vec<&str> = ways.into_iter().filter(|way| table.knows(way)).collect();
+    let center = read_center(table);
+    let homography = match given[..] {
+        ["points"] => read_points(table),
+        ["homography"] => {
             let rows = table.optional::<[[f64; 3]; 3]>("homography");
             let matrix = rows.map(|rows| Matrix3::from_row_slice(rows.as_flattened()));
             matrix.and_then(|matrix| table.checked(Homography::new(matrix)))
         }
+        [_] => return read_rectangle(table, center?).map(PlaneModel::Rectangle),
+        [] => {
+            let message = "is missing; give four or more points of the plane, points = [[u, v, x, y], ...], in pixels and metres, or rectangle, or homography";
+            table.problem("points", message);
+            None
+        }
+        [first, second, ..] => {
+            table.problem(second, format!("stands beside {first}; keep one of them"));
+            None
+        }
     };
-    let center_m = read_center(table, homography.as_ref())?;
-    table.checked(Plane::new(&homography?, center_m))
+    let homography = homography?;
+    let center_m = center?.of(&homography);
+    let center_m = center_m
+        .map_err(|error| table.problem("f_px", error.to_string()))
+        .ok()?;
+    table
+        .checked(Plane::new(&homography, center_m))
+        .map(PlaneModel::Known)
+}
+
+fn read_rectangle(plane: &Table, center: Center) -> Option<RectangleConfig> {
+    let table = plane.table("rectangle")?;
+    let size_m = table.optional::<[f64; 2]>("size_m");
+    let corners_m = table.optional::<[[f64; 2]; 4]>("corners_m");
+    let first = table.or("first", 1_usize);
+    let inner_edge = table.word("edge", &[("outer", false), ("inner", true)], "outer");
+    let frames = table.or("frames", 10_usize);
+    if !(1..=4).contains(&first) {
+        table.refuse(
+            "first",
+            "1 to 4: which of corners_m is nearest the image's bottom left",
+        );
+    }
+    if !(1..=100).contains(&frames) {
+        table.refuse("frames", "1 to 100");
+    }
+    if size_m.is_some_and(|size| size.iter().any(|side| *side <= 0.0)) {
+        table.refuse("size_m", "two lengths in metres, above 0");
+    }
+    let rectangle = match (size_m, corners_m) {
+        (Some(_), Some(_)) => {
+            table.problem("corners_m", "stands beside size_m; keep one of them");
+            None
+        }
+        (Some(size_m), None) => {
+            if table.has("first") {
+                table.problem("first", "is for corners_m; with size_m the corner nearest the image's bottom left is the origin");
+            }
+            Some(Rectangle::of_size(size_m))
+        }
+        (None, Some(corners_m)) => Some(Rectangle {
+            corners_m,
+            nearest: first.saturating_sub(1),
+        }),
+        (None, None) => {
+            if !table.has("size_m") && !table.has("corners_m") {
+                table.problem("size_m", "is missing; give size_m = [first side, the next one counterclockwise], or corners_m = [[x, y], ...]");
+            }
+            None
+        }
+    };
+    table.finish();
+    Some(RectangleConfig {
+        rectangle: rectangle?,
+        inner_edge: inner_edge?,
+        frames,
+        center,
+    })
 }
 
 fn read_points(table: &Table) -> Option<Homography> {
@@ -57,8 +166,8 @@ fn read_points(table: &Table) -> Option<Homography> {
     Some(found.homography)
 }
 
-/// The camera's centre, given or by its intrinsics; `None` where it is faulty.
-fn read_center(table: &Table, homography: Option<&Homography>) -> Option<Option<[f64; 3]>> {
+/// Where the camera stands: given, or by its intrinsics; `None` where that is faulty.
+fn read_center(table: &Table) -> Option<Center> {
     let has_intrinsics = table.has("f_px") || table.has("center_px");
     if table.knows("camera_center_m") {
         for key in ["f_px", "center_px"] {
@@ -66,18 +175,17 @@ fn read_center(table: &Table, homography: Option<&Homography>) -> Option<Option<
                 table.problem(key, "stands beside camera_center_m; keep one of them");
             }
         }
-        return table.optional::<[f64; 3]>("camera_center_m").map(Some);
+        return table.optional("camera_center_m").map(Center::At);
     }
     if !has_intrinsics {
-        return Some(None);
+        return Some(Center::Unknown);
     }
-    let f_px = table.required::<[f64; 2]>("f_px");
-    let center_px = table.required::<[f64; 2]>("center_px");
-    let center_m: Result<[f64; 3], Error> = camera_center_m(homography?, f_px?, center_px?);
-    center_m
-        .map_err(|error| table.problem("f_px", error.to_string()))
-        .ok()
-        .map(Some)
+    let f_px = table.required("f_px");
+    let center_px = table.required("center_px");
+    Some(Center::Intrinsics {
+        f_px: f_px?,
+        center_px: center_px?,
+    })
 }
 
 /// The names of cameras that are known by a plane alone.

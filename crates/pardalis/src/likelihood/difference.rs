@@ -44,7 +44,9 @@ impl DifferenceCue {
     ) {
         let Some(before) = evidence.before() else {
             let still = self.background_log_likelihood() as f32;
-            out.iter_mut().for_each(|out| *out += still);
+            for out in out {
+                *out += still;
+            }
             return;
         };
         let frame = evidence.frame();

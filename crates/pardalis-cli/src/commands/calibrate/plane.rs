@@ -1,0 +1,400 @@
+//! `pardalis calibrate plane`: a camera by the plane that it sees, from a rectangle that is found or from points.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use image::RgbImage;
+use pardalis::Frame;
+use pardalis::camera::{Camera, Plane};
+use pardalis::config::{FrameRange, calibration};
+use pardalis::plane::{OUTLIER_PX, PlaneFit, PointPair, Rectangle, camera_center_m, fit};
+use pardalis::rig::CalibratedCamera;
+
+use super::model::read_camera;
+use super::output;
+use crate::draw::PALETTE;
+use crate::draw::grid::{Label, drawn_over};
+use crate::draw::overlay::{Mark, Shape};
+use crate::draw::picture::{picture_of, write_picture};
+use crate::fault::fault;
+use crate::files::write_file;
+use crate::rectangle::{self, Edge, FoundRectangle};
+use crate::say::say;
+use crate::source::{SourceConfig, SourceKind, Timing};
+use crate::tables::Table;
+
+/// Finds the plane that a camera sees, without knowing the camera: from a rectangle on it, which is looked for, or from points
+///
+/// The rectangle is tape or a patch that is brighter or darker than the floor, wholly in view; the camera stands still. Look at corners.png: it
+/// shows what was found. The camera's place, which is needed for what stands above the plane, comes from a known focal length or is given.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  pardalis calibrate plane images --size 2.0x1.5 -o floor
+  pardalis calibrate plane floor.mp4 --corners \"0,0 2,0 2,1.5 0,1.5\" --first 2 --focal 560
+  pardalis calibrate plane images --points points.csv --camera-height 3.0 --camera-foot 0,-3.2
+
+A scene takes the result with calibration = \"floor/camera.toml\".")]
+pub(crate) struct Arguments {
+    /// A folder of images, or a video
+    #[arg(value_name = "IMAGES", required_unless_present = "points")]
+    images: Option<PathBuf>,
+    /// How many images are looked at, from the first on
+    #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = parse_count)]
+    frames: usize,
+    /// In place of a rectangle: a table of four or more points with the columns u_px,v_px,x_m,y_m; wrong ones are left out and named
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["size", "corners", "first", "edge"])]
+    points: Option<PathBuf>,
+    /// The rectangle's sides in metres: the origin is its corner nearest the image's bottom left, x runs along the side that follows
+    /// counter-clockwise, which is the first number
+    #[arg(long, value_name = "METRESxMETRES", value_parser = parse_sides, required_unless_present_any = ["points", "corners"])]
+    size: Option<[f64; 2]>,
+    /// In place of --size: the rectangle's corners in the world in metres, counter-clockwise as seen from above
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", value_parser = parse_corners, conflicts_with = "size", allow_hyphen_values = true)]
+    corners: Option<[[f64; 2]; 4]>,
+    /// Which of --corners, from 1, is nearest the image's bottom left
+    #[arg(long, value_name = "NUMBER", default_value_t = 1, requires = "corners", value_parser = parse_first)]
+    first: usize,
+    /// Which edge of a tape was measured
+    #[arg(long, value_name = "EDGE", default_value = "outer")]
+    edge: Edge,
+    /// The camera's focal length in pixels, if known: gives its place; the lens must hardly bend straight lines
+    #[arg(long, value_name = "PX", value_parser = parse_length, conflicts_with_all = ["camera", "camera_height"])]
+    focal: Option<f64>,
+    /// A calibration file with the camera's pinhole model, in place of --focal
+    #[arg(long, value_name = "FILE", conflicts_with = "camera_height")]
+    camera: Option<PathBuf>,
+    /// The camera's height over the plane in metres, if measured
+    #[arg(long, value_name = "METRES", value_parser = parse_length, requires = "camera_foot")]
+    camera_height: Option<f64>,
+    /// The point of the plane straight below the camera, in metres
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, requires = "camera_height", allow_hyphen_values = true)]
+    camera_foot: Option<[f64; 2]>,
+    /// The folder for the results [default: in the current directory, the input's name with -plane]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+}
+
+/// The points of a plane, and how they came about.
+struct Known {
+    pairs: Vec<PointPair>,
+    /// The line of each in its table; empty for a rectangle.
+    lines: Vec<u64>,
+    found: Option<FoundRectangle>,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let input = [&arguments.points, &arguments.images];
+    let Some(input) = input.into_iter().flatten().next() else {
+        return Err(fault!("give images, or --points FILE.csv"));
+    };
+    let frames = match &arguments.images {
+        Some(images) => read_frames(images, arguments.frames)?,
+        None => Vec::new(),
+    };
+    let known = match &arguments.points {
+        Some(table) => read_points(table)?,
+        None => find_corners(arguments, input, &frames)?,
+    };
+    let fitted = fit(&known.pairs).map_err(|error| match known.found {
+        Some(_) => fault!("{}: {error}", input.display()),
+        None => fault!(
+            "{}: {error} (points are counted from the first row)",
+            input.display()
+        ),
+    })?;
+    let size_px = frames.first().map(|frame| (frame.width(), frame.height()));
+    let center_m = center_m(arguments, &fitted, size_px)?;
+    let camera = CalibratedCamera {
+        name: "camera".to_owned(),
+        camera: Camera::Plane(Plane::new(&fitted.homography, center_m)?),
+        size_px,
+        world_from_camera: None,
+    };
+    let folder = output::folder(arguments.output.as_deref(), input, "plane");
+    output::make_folder(&folder)?;
+    let mut written = vec![folder.join("camera.toml")];
+    write_file(&written[0], calibration::write(&[camera]).as_bytes())?;
+    if let Some(frame) = frames.first() {
+        written.push(folder.join("corners.png"));
+        write_picture(&written[1], &drawn(frame, &known, &fitted)?)?;
+    }
+    say(report(&known, &fitted, center_m)?);
+    output::say_written(&written);
+    Ok(())
+}
+
+/// The first frames of a folder of images or a video.
+fn read_frames(images: &Path, count: usize) -> Result<Vec<Frame>> {
+    let kind = if images.is_dir() {
+        SourceKind::Images {
+            folder: images.to_owned(),
+            timing: Timing::Fps(1.0),
+        }
+    } else {
+        SourceKind::Video {
+            input: images.to_string_lossy().into_owned(),
+            input_options: Vec::new(),
+            encoding: None,
+        }
+    };
+    rectangle::first_frames(&SourceConfig {
+        kind,
+        time_offset_s: 0.0,
+        frames: FrameRange {
+            limit: Some(count),
+            ..FrameRange::ALL
+        },
+    })
+}
+
+/// The rectangle's corners in the images and in the world.
+fn find_corners(arguments: &Arguments, input: &Path, frames: &[Frame]) -> Result<Known> {
+    let found = rectangle::find(frames, arguments.edge)
+        .map_err(|error| fault!("{}: {error:#}", input.display()))?;
+    let of_corners = |corners_m: [[f64; 2]; 4]| Rectangle {
+        corners_m,
+        nearest: arguments.first - 1,
+    };
+    let rectangle = arguments.corners.map(of_corners);
+    let Some(rectangle) = rectangle.or(arguments.size.map(Rectangle::of_size)) else {
+        return Err(fault!(
+            "give the rectangle's --size or the --corners it has in the world"
+        ));
+    };
+    Ok(Known {
+        pairs: rectangle.pairs(found.corners_px).into(),
+        lines: Vec::new(),
+        found: Some(found),
+    })
+}
+
+fn read_points(path: &Path) -> Result<Known> {
+    let table = Table::read(path)?;
+    let columns = table.columns(["u_px", "v_px", "x_m", "y_m"])?;
+    let mut known = Known {
+        pairs: Vec::new(),
+        lines: Vec::new(),
+        found: None,
+    };
+    for row in table.rows() {
+        let [u, v, x, y] = row.numbers(columns)?;
+        known.pairs.push(PointPair {
+            pixel: [u, v],
+            plane_m: [x, y],
+        });
+        known.lines.push(row.line);
+    }
+    Ok(known)
+}
+
+/// Where the camera stands, if that is known or follows from its lens.
+fn center_m(
+    arguments: &Arguments,
+    fitted: &PlaneFit,
+    size_px: Option<(usize, usize)>,
+) -> Result<Option<[f64; 3]>> {
+    if let (Some(height_m), Some([x, y])) = (arguments.camera_height, arguments.camera_foot) {
+        return Ok(Some([x, y, height_m]));
+    }
+    let (option, f_px, center_px) = if let Some(focal_px) = arguments.focal {
+        let Some((width, height)) = size_px else {
+            return Err(fault!(
+                "--focal {focal_px}: the middle of the images is needed too; give images beside --points, or --camera FILE"
+            ));
+        };
+        let middle_px = [width, height].map(|side| (side - 1) as f64 / 2.0);
+        (format!("--focal {focal_px}"), [focal_px; 2], middle_px)
+    } else if let Some(path) = &arguments.camera {
+        let remedy = "take one out with pardalis camera convert --camera NAME";
+        let known = read_camera(path, None, remedy)?;
+        let option = format!("--camera {}", path.display());
+        if let (Some(file), Some(images)) = (known.size_px, size_px)
+            && file != images
+        {
+            return Err(fault!(
+                "{option}: is for images of {} x {} pixels, these have {} x {}; give the calibration of these images",
+                file.0,
+                file.1,
+                images.0,
+                images.1
+            ));
+        }
+        let values: Vec<f64> = known.camera.parameters().iter().map(|p| p.1).collect();
+        match (&known.camera, values.as_slice()) {
+            (Camera::Pinhole(_), [fx, fy, cx, cy, distortion @ ..])
+                if distortion.iter().all(|k| *k == 0.0) =>
+            {
+                (option, [*fx, *fy], [*cx, *cy])
+            }
+            _ => {
+                return Err(fault!(
+                    "{option}: is a {} that bends straight lines, and a plane alone knows no lens; allowed: pinhole without distortion; \
+                     with this lens, pardalis calibrate pose finds the pose from points of the plane",
+                    known.camera.kind()
+                ));
+            }
+        }
+    } else {
+        return Ok(None);
+    };
+    let center_m = camera_center_m(&fitted.homography, f_px, center_px);
+    Ok(Some(center_m.map_err(|error| fault!("{option}: {error}"))?))
+}
+
+/// The points in their order over an image, joined where they are a rectangle; outliers in another colour.
+fn drawn(frame: &Frame, known: &Known, fitted: &PlaneFit) -> Result<RgbImage> {
+    let [_, outlier_color, color, ..] = PALETTE;
+    let mut marks = Vec::new();
+    if known.found.is_some() {
+        marks.push(Mark {
+            shape: Shape::Contour,
+            points_px: known.pairs.iter().map(|pair| Some(pair.pixel)).collect(),
+            color,
+        });
+    }
+    let mut labels = Vec::new();
+    for (i, pair) in known.pairs.iter().enumerate() {
+        let color = if fitted.outliers.contains(&i) {
+            outlier_color
+        } else {
+            color
+        };
+        let [u, v] = pair.pixel;
+        let line = |du: f64, dv: f64| Mark {
+            shape: Shape::Line,
+            points_px: [-4.0, 4.0].map(|s| Some([u + s * du, v + s * dv])).into(),
+            color,
+        };
+        marks.extend([line(1.0, 0.0), line(0.0, 1.0)]);
+        let [x, y] = pair.plane_m.map(|c| (c * 1e3).round() / 1e3);
+        labels.push(Label {
+            text: format!("{}: ({x}, {y}) m", i + 1),
+            at_px: pair.pixel,
+            color,
+        });
+    }
+    drawn_over(&picture_of(frame), marks, &labels)
+}
+
+/// What was found, for people.
+fn report(known: &Known, fitted: &PlaneFit, center_m: Option<[f64; 3]>) -> Result<String> {
+    let mut text = String::new();
+    if let Some(found) = &known.found {
+        let kind = match (found.is_bright, found.is_tape) {
+            (true, true) => "bright tape",
+            (true, false) => "a bright patch",
+            (false, true) => "dark tape",
+            (false, false) => "a dark patch",
+        };
+        writeln!(
+            text,
+            "A rectangle of {kind}; its corners, from the one nearest the image's bottom left counter-clockwise:"
+        )?;
+        for (i, (pair, support)) in known.pairs.iter().zip(found.support).enumerate() {
+            let ([u, v], [x, y]) = (pair.pixel, pair.plane_m);
+            writeln!(
+                text,
+                "  {}: ({u:.2}, {v:.2}) px, ({x}, {y}) m; {:.0} % of the side to the next is seen",
+                i + 1,
+                100.0 * support
+            )?;
+        }
+        write!(
+            text,
+            "The edges lie within {:.2} px (RMS) of straight lines",
+            found.line_rms_px
+        )?;
+        match found.scatter_px {
+            Some(scatter_px) => writeln!(
+                text,
+                ", the corners of single images within {scatter_px:.2} px of these."
+            )?,
+            None => writeln!(text, ".")?,
+        }
+        writeln!(
+            text,
+            "Look whether corners.png shows the rectangle that is meant."
+        )?;
+    } else {
+        let kept = known.pairs.len() - fitted.outliers.len();
+        writeln!(
+            text,
+            "{kept} of {} points, within {:.2} px (RMS)",
+            known.pairs.len(),
+            fitted.rms_px
+        )?;
+        for &outlier in &fitted.outliers {
+            let distance = fitted.residuals_px[outlier].map_or_else(
+                || "behind the camera".to_owned(),
+                |[du, dv]| format!("{:.1} px away", du.hypot(dv)),
+            );
+            writeln!(
+                text,
+                "  line {}: the others put this point {distance} (more than {OUTLIER_PX} px); it is left out",
+                known.lines[outlier]
+            )?;
+        }
+    }
+    match center_m {
+        Some([x, y, z]) => write!(
+            text,
+            "The camera is {z:.3} m over the plane, its foot at ({x:.3}, {y:.3}) m."
+        )?,
+        None => write!(
+            text,
+            "Where the camera stands is not known: what is above the plane will seem farther than it is. Give --focal, --camera, or --camera-height."
+        )?,
+    }
+    Ok(text)
+}
+
+/// Numbers with something between them.
+fn parse_numbers<const N: usize>(text: &str, separator: char) -> Option<[f64; N]> {
+    let numbers = text.split(separator).map(|n| n.trim().parse().ok());
+    let numbers: Option<Vec<f64>> = numbers.collect();
+    let numbers = <[f64; N]>::try_from(numbers?).ok()?;
+    numbers.iter().all(|n| n.is_finite()).then_some(numbers)
+}
+
+/// Parses `2.0x1.5`.
+fn parse_sides(text: &str) -> Result<[f64; 2], String> {
+    parse_numbers(text, 'x')
+        .filter(|sides: &[f64; 2]| sides.iter().all(|side| *side > 0.0))
+        .ok_or_else(|| "allowed: two lengths in metres over 0, such as 2.0x1.5".to_owned())
+}
+
+/// Parses `0,0 2,0 2,1.5 0,1.5`.
+fn parse_corners(text: &str) -> Result<[[f64; 2]; 4], String> {
+    let corners = text.split_whitespace().map(|pair| parse_numbers(pair, ','));
+    let corners: Option<Vec<[f64; 2]>> = corners.collect();
+    corners
+        .and_then(|corners| <[[f64; 2]; 4]>::try_from(corners).ok())
+        .ok_or_else(|| "allowed: four points in metres, such as \"0,0 2,0 2,1.5 0,1.5\"".to_owned())
+}
+
+/// Parses a place on the plane.
+fn parse_point(text: &str) -> Result<[f64; 2], String> {
+    parse_numbers(text, ',')
+        .ok_or_else(|| "allowed: two numbers of metres, such as 0,-3.2".to_owned())
+}
+
+/// Parses a length.
+fn parse_length(text: &str) -> Result<f64, String> {
+    let length = text.parse().ok();
+    let length = length.filter(|length: &f64| *length > 0.0 && length.is_finite());
+    length.ok_or_else(|| "allowed: a number over 0".to_owned())
+}
+
+/// Parses the number of images.
+fn parse_count(text: &str) -> Result<usize, String> {
+    let count = text.parse().ok().filter(|count| (1..=100).contains(count));
+    count.ok_or_else(|| "allowed: 1 to 100".to_owned())
+}
+
+/// Parses the number of a corner.
+fn parse_first(text: &str) -> Result<usize, String> {
+    let first = text.parse().ok().filter(|first| (1..=4).contains(first));
+    first.ok_or_else(|| "allowed: 1 to 4".to_owned())
+}

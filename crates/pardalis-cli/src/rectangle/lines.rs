@@ -1,0 +1,237 @@
+//! Straight edges in an image: Canny's edges, voted for by a Hough transform and fitted.
+//!
+//! Edges know which side is brighter, so that the two edges of a tape are never taken for one.
+
+use std::f64::consts::PI;
+
+use image::GrayImage;
+use imageproc::edges::canny;
+use imageproc::filter::gaussian_blur_f32;
+use imageproc::gradients::{horizontal_sobel, vertical_sobel};
+use imageproc::hough::{LineDetectionOptions, detect_lines};
+
+/// Edges that are followed and edges from which this starts, as gradients of Sobel's kernels: steps of about 8 and 16 grey levels.
+const CANNY_THRESHOLDS: [f32; 2] = [16.0, 32.0];
+
+/// As in Canny's edges, so that directions are those of the same edges.
+const BLUR_PX: f32 = 1.4;
+
+/// What Sobel's kernels give for one grey level a pixel.
+const SOBEL_GAIN: f64 = 8.0;
+
+/// Edges vote in groups of like direction: so many around the circle, each with edges to either side of its middle.
+const SECTORS: usize = 12;
+const SECTOR_HALF_RAD: f64 = 22.0 * PI / 180.0;
+
+/// The least votes, as a share of the image's shorter side.
+const MIN_VOTES_SHARE: f64 = 0.06;
+const SUPPRESSION_RADIUS: u32 = 3;
+
+/// An edge belongs to a line within this distance and this angle.
+const HIT_DISTANCE_PX: f64 = 1.5;
+const HIT_ANGLE_RAD: f64 = 15.0 * PI / 180.0;
+
+/// Lines within this distance, where they are seen, and angle are one.
+const SAME_DISTANCE_PX: f64 = 1.5;
+const SAME_ANGLE_RAD: f64 = 2.0 * PI / 180.0;
+
+/// The lines that are kept: those that stand out most.
+const MAX_LINES: usize = 100;
+
+/// A pixel on an edge.
+#[derive(Debug, Clone, Copy)]
+struct EdgePixel {
+    pixel: [f64; 2],
+    /// Towards the brighter side, in rad from x towards y of the image.
+    direction_rad: f64,
+    /// In grey levels a pixel.
+    gradient: f64,
+}
+
+/// A straight line with edges along it: the points p with `normal` · p = `offset_px`.
+#[derive(Debug, Clone)]
+pub(super) struct Line {
+    /// Of length 1, towards the brighter side.
+    pub(super) normal: [f64; 2],
+    pub(super) offset_px: f64,
+    /// The place along the line, `tangent` · p, at which `sums` begin, in pixels.
+    first_px: f64,
+    /// For each pixel along the line, how many before it have an edge, and the gradients of these summed.
+    sums: Vec<(f64, f64)>,
+}
+
+impl Line {
+    /// The direction in which places along the line are counted.
+    pub(super) fn tangent(&self) -> [f64; 2] {
+        [self.normal[1], -self.normal[0]]
+    }
+
+    /// The place of a point along the line.
+    pub(super) fn along(&self, p: [f64; 2]) -> f64 {
+        dot(self.tangent(), p)
+    }
+
+    /// Where two lines meet; none if they are parallel.
+    pub(super) fn meets(&self, other: &Line) -> Option<[f64; 2]> {
+        let ([a, b], [c, d]) = (self.normal, other.normal);
+        let determinant = a * d - b * c;
+        let (p, q) = (self.offset_px, other.offset_px);
+        (determinant.abs() > 1e-6)
+            .then(|| [(p * d - q * b) / determinant, (a * q - c * p) / determinant])
+    }
+
+    /// Between two places along the line: the share that has an edge, and the mean gradient in grey levels a pixel, 0 where there is no edge.
+    pub(super) fn support(&self, from_px: f64, to_px: f64) -> (f64, f64) {
+        let last = (self.sums.len() - 1) as f64;
+        let at = |place: f64| self.sums[(place - self.first_px).round().clamp(0.0, last) as usize];
+        let (from, to) = (at(from_px), at(to_px));
+        let length_px = (to_px - from_px).max(1.0);
+        ((to.0 - from.0) / length_px, (to.1 - from.1) / length_px)
+    }
+
+    /// How much it stands out: the gradients along it summed.
+    fn strength(&self) -> f64 {
+        self.sums[self.sums.len() - 1].1
+    }
+}
+
+pub(super) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+/// The straight edges of an image, those that stand out most first.
+pub(super) fn find(image: &GrayImage) -> Vec<Line> {
+    let edges = edge_pixels(image);
+    let (width, height) = image.dimensions();
+    let options = LineDetectionOptions {
+        vote_threshold: (MIN_VOTES_SHARE * f64::from(width.min(height))).max(16.0) as u32,
+        suppression_radius: SUPPRESSION_RADIUS,
+    };
+    let mut found = Vec::new();
+    for sector in 0..SECTORS {
+        let middle_rad = 2.0 * PI * sector as f64 / SECTORS as f64;
+        let is_near = |e: &&EdgePixel| turn(e.direction_rad, middle_rad) <= SECTOR_HALF_RAD;
+        let near: Vec<EdgePixel> = edges.iter().filter(is_near).copied().collect();
+        let mut votes = GrayImage::new(width, height);
+        for edge in &near {
+            votes.put_pixel(edge.pixel[0] as u32, edge.pixel[1] as u32, [255].into());
+        }
+        for polar in detect_lines(&votes, options) {
+            let angle_rad = f64::from(polar.angle_in_degrees).to_radians();
+            // Hough's lines have no sides.
+            let (angle_rad, offset_px) = if turn(angle_rad, middle_rad) <= PI / 2.0 {
+                (angle_rad, f64::from(polar.r))
+            } else {
+                (angle_rad + PI, -f64::from(polar.r))
+            };
+            if turn(angle_rad, middle_rad) <= SECTOR_HALF_RAD {
+                found.extend(fitted(&near, angle_rad, offset_px));
+            }
+        }
+    }
+    found.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
+    let mut lines: Vec<Line> = Vec::new();
+    for line in found {
+        if lines.len() < MAX_LINES && !lines.iter().any(|known| is_same(known, &line)) {
+            lines.push(line);
+        }
+    }
+    lines
+}
+
+/// The angle between two directions, 0 to pi.
+fn turn(a_rad: f64, b_rad: f64) -> f64 {
+    let difference = (a_rad - b_rad).rem_euclid(2.0 * PI);
+    difference.min(2.0 * PI - difference)
+}
+
+fn edge_pixels(image: &GrayImage) -> Vec<EdgePixel> {
+    let [low, high] = CANNY_THRESHOLDS;
+    let edges = canny(image, low, high);
+    let blurred = gaussian_blur_f32(image, BLUR_PX);
+    let (gx, gy) = (horizontal_sobel(&blurred), vertical_sobel(&blurred));
+    edges
+        .enumerate_pixels()
+        .filter(|(_, _, value)| value[0] > 0)
+        .map(|(x, y, _)| {
+            let [gx, gy] = [&gx, &gy].map(|g| f64::from(g.get_pixel(x, y)[0]));
+            EdgePixel {
+                pixel: [f64::from(x), f64::from(y)],
+                direction_rad: gy.atan2(gx),
+                gradient: gx.hypot(gy) / SOBEL_GAIN,
+            }
+        })
+        .collect()
+}
+
+/// The line through the edges near a voted one.
+fn fitted(edges: &[EdgePixel], angle_rad: f64, offset_px: f64) -> Option<Line> {
+    let (mut angle_rad, mut offset_px) = (angle_rad, offset_px);
+    for distance_px in [2.5, HIT_DISTANCE_PX] {
+        let near = |e: &&EdgePixel| is_hit(e, angle_rad, offset_px, distance_px);
+        let near: Vec<[f64; 2]> = edges.iter().filter(near).map(|e| e.pixel).collect();
+        let count = near.len() as f64;
+        let mean = [0, 1].map(|c| near.iter().map(|p| p[c]).sum::<f64>() / count);
+        let moment = |a: usize, b: usize| {
+            let products = near.iter().map(|p| (p[a] - mean[a]) * (p[b] - mean[b]));
+            products.sum::<f64>()
+        };
+        // Along the line scatter is largest.
+        let along_rad = 0.5 * (2.0 * moment(0, 1)).atan2(moment(0, 0) - moment(1, 1));
+        let across_rad = along_rad + PI / 2.0;
+        angle_rad = if turn(across_rad, angle_rad) < PI / 2.0 {
+            across_rad
+        } else {
+            across_rad + PI
+        };
+        offset_px = dot([angle_rad.cos(), angle_rad.sin()], mean);
+    }
+    // Not a number where there were no edges.
+    offset_px.is_finite().then_some(())?;
+    let normal = [angle_rad.cos(), angle_rad.sin()];
+    let tangent = [normal[1], -normal[0]];
+    let hits: Vec<(f64, f64)> = edges
+        .iter()
+        .filter(|e| is_hit(e, angle_rad, offset_px, HIT_DISTANCE_PX))
+        .map(|e| (dot(tangent, e.pixel), e.gradient))
+        .collect();
+    let ends = |pick: fn(f64, f64) -> f64| hits.iter().map(|h| h.0).reduce(pick);
+    let (first_px, last_px) = (ends(f64::min)?.floor() - 1.0, ends(f64::max)?.ceil() + 1.0);
+    let mut gradients = vec![0.0_f64; (last_px - first_px) as usize + 1];
+    for (place, gradient) in hits {
+        // Pixels of slanted edges are up to 1.4 apart.
+        let middle = (place - first_px).round() as usize;
+        for gradient_there in &mut gradients[middle - 1..=middle + 1] {
+            *gradient_there = gradient_there.max(gradient);
+        }
+    }
+    let mut sums = vec![(0.0, 0.0)];
+    let mut sum = (0.0, 0.0);
+    for gradient in gradients {
+        sum = (sum.0 + f64::from(gradient > 0.0), sum.1 + gradient);
+        sums.push(sum);
+    }
+    Some(Line {
+        normal,
+        offset_px,
+        first_px,
+        sums,
+    })
+}
+
+fn is_hit(edge: &EdgePixel, angle_rad: f64, offset_px: f64, distance_px: f64) -> bool {
+    let (sin, cos) = angle_rad.sin_cos();
+    (dot([cos, sin], edge.pixel) - offset_px).abs() <= distance_px
+        && turn(edge.direction_rad, angle_rad) <= HIT_ANGLE_RAD
+}
+
+fn is_same(a: &Line, b: &Line) -> bool {
+    let cosine = dot(a.normal, b.normal);
+    let (normal, tangent) = (b.normal, b.tangent());
+    let end = |place: f64| [0, 1].map(|c| b.offset_px * normal[c] + place * tangent[c]);
+    let ends = [end(b.first_px), end(b.first_px + b.sums.len() as f64)];
+    cosine > SAME_ANGLE_RAD.cos()
+        && ends
+            .into_iter()
+            .all(|p| (dot(a.normal, p) - a.offset_px).abs() <= SAME_DISTANCE_PX)
+}

@@ -1,0 +1,213 @@
+//! A rectangle's corners to a fraction of a pixel: straight lines through the places along its sides at which the brightness changes most.
+
+use image::{ImageBuffer, Luma};
+
+/// An image of light in place of grey levels.
+pub(super) type Light = ImageBuffer<Luma<f32>, Vec<f32>>;
+
+/// How far edges are looked for to either side of where they are thought to be, round by round.
+const REACH_PX: [f64; 2] = [4.0, 2.0];
+
+/// Steps across an edge.
+const STEP_PX: f64 = 0.25;
+
+/// The ends of a side are left out, where the other sides are near: this share of its length, and at least so many pixels.
+const END_SHARE: f64 = 0.04;
+const END_PX: f64 = 4.0;
+
+/// An edge is seen where its gradient is this share of the side's usual one, and at least so much of the 255 levels of light a pixel.
+const LEAST_GRADIENT_SHARE: f64 = 0.4;
+const LEAST_GRADIENT: f64 = 1.0;
+
+/// The least places along a side at which its edge is seen, as a share.
+const MIN_SEEN_SHARE: f64 = 0.3;
+
+/// Residuals beyond this many robust standard deviations, and at least so many pixels, are of something else.
+const OUTLIER_SIGMAS: f64 = 3.0;
+const OUTLIER_PX: f64 = 0.3;
+
+/// A rectangle measured in one image.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Measured {
+    pub(super) corners_px: [[f64; 2]; 4],
+    /// How far the edges that were seen lie from the straight lines, root mean square.
+    pub(super) rms_px: f64,
+}
+
+/// A line through two points, and how far its edge lies from it.
+#[derive(Clone, Copy)]
+struct Side {
+    points: [[f64; 2]; 2],
+    rms_px: f64,
+}
+
+/// Measures the rectangle near these corners (counter-clockwise to the eye). None where too little of a side is seen.
+pub(super) fn measure(
+    image: &Light,
+    corners_px: [[f64; 2]; 4],
+    inside_is_brighter: bool,
+) -> Option<Measured> {
+    let mut measured = Measured {
+        corners_px,
+        rms_px: 0.0,
+    };
+    for reach_px in REACH_PX {
+        let corners = measured.corners_px;
+        let side = |i: usize| {
+            let ends = [corners[i], corners[(i + 1) % 4]];
+            fitted(image, ends, inside_is_brighter, reach_px)
+        };
+        let sides = [side(0)?, side(1)?, side(2)?, side(3)?];
+        let corner = |i: usize| meet(sides[(i + 3) % 4].points, sides[i].points);
+        measured = Measured {
+            corners_px: [corner(0)?, corner(1)?, corner(2)?, corner(3)?],
+            rms_px: (sides.iter().map(|s| s.rms_px.powi(2)).sum::<f64>() / 4.0).sqrt(),
+        };
+    }
+    Some(measured)
+}
+
+/// The light between the centres of pixels, for places in the image.
+fn light(image: &Light, [x, y]: [f64; 2]) -> f64 {
+    let (left, top) = (x as u32, y as u32);
+    let (right, bottom) = (
+        (left + 1).min(image.width() - 1),
+        (top + 1).min(image.height() - 1),
+    );
+    let (s, t) = (x - f64::from(left), y - f64::from(top));
+    let at = |x, y| f64::from(image.get_pixel(x, y)[0]);
+    (1.0 - t) * ((1.0 - s) * at(left, top) + s * at(right, top))
+        + t * ((1.0 - s) * at(left, bottom) + s * at(right, bottom))
+}
+
+/// The line of the edge between two corners.
+fn fitted(
+    image: &Light,
+    [from, to]: [[f64; 2]; 2],
+    inside_is_brighter: bool,
+    reach_px: f64,
+) -> Option<Side> {
+    let step = [to[0] - from[0], to[1] - from[1]];
+    let length_px = step[0].hypot(step[1]);
+    let along = step.map(|c| c / length_px);
+    // Counter-clockwise to the eye, the inside is on the left hand.
+    let normal = if inside_is_brighter {
+        [along[1], -along[0]]
+    } else {
+        [-along[1], along[0]]
+    };
+    let at = |t: f64, s: f64| [0, 1].map(|c| from[c] + t * along[c] + s * normal[c]);
+    let inside = |p: [f64; 2]| {
+        (0.0..=f64::from(image.width() - 1)).contains(&p[0])
+            && (0.0..=f64::from(image.height() - 1)).contains(&p[1])
+    };
+    let end_px = (END_SHARE * length_px).max(END_PX);
+    let places = (length_px - 2.0 * end_px).max(0.0) as usize;
+    let edges: Vec<(f64, Edge)> = (0..=places)
+        .map(|i| end_px + i as f64)
+        .filter(|t| inside(at(*t, -reach_px - 1.0)) && inside(at(*t, reach_px + 1.0)))
+        .filter_map(|t| Some((t, edge_across(|s| light(image, at(t, s)), reach_px)?)))
+        .collect();
+    let usual = median(edges.iter().map(|e| e.1.gradient).collect())?;
+    let least = (LEAST_GRADIENT_SHARE * usual).max(LEAST_GRADIENT);
+    let seen: Vec<[f64; 2]> = edges
+        .iter()
+        .filter(|e| e.1.gradient >= least)
+        .map(|(t, edge)| [*t, edge.place_px])
+        .collect();
+    let (line, kept) = robust_line(&seen)?;
+    if (kept.len() as f64) < MIN_SEEN_SHARE * (places + 1) as f64 {
+        return None;
+    }
+    let squares: f64 = kept.iter().map(|p| residual(line, *p).powi(2)).sum();
+    Some(Side {
+        points: [0.0, length_px].map(|t| at(t, line[0] + line[1] * t)),
+        rms_px: (squares / kept.len() as f64).sqrt(),
+    })
+}
+
+/// Where the brightness changes most.
+#[derive(Clone, Copy)]
+struct Edge {
+    place_px: f64,
+    /// In levels of light a pixel.
+    gradient: f64,
+}
+
+/// The steepest rise of a profile within reach, by a parabola through the steepest step and its neighbours.
+fn edge_across(profile: impl Fn(f64) -> f64, reach_px: f64) -> Option<Edge> {
+    let count = (2.0 * reach_px / STEP_PX) as usize;
+    let place = |i: usize| i as f64 * STEP_PX - reach_px;
+    let gradients: Vec<f64> = (0..=count)
+        .map(|i| profile(place(i) + 0.5) - profile(place(i) - 0.5))
+        .collect();
+    let top = (0..=count).max_by(|a, b| gradients[*a].total_cmp(&gradients[*b]))?;
+    // Bilinear brightness makes gradients piecewise straight: wider than a pixel, the parabola evens that out.
+    let arm = (0.75 / STEP_PX) as usize;
+    let [before, middle, after] = [
+        *gradients.get(top.checked_sub(arm)?)?,
+        gradients[top],
+        *gradients.get(top + arm)?,
+    ];
+    let bend = before - 2.0 * middle + after;
+    let shift = if bend < 0.0 {
+        0.5 * (before - after) / bend
+    } else {
+        0.0
+    };
+    Some(Edge {
+        place_px: place(top) + shift.clamp(-1.0, 1.0) * arm as f64 * STEP_PX,
+        gradient: middle,
+    })
+}
+
+/// A line y = line[0] + line[1] x that most points agree on, and these points: Theil and Sen's, then least squares without outliers.
+fn robust_line(points: &[[f64; 2]]) -> Option<([f64; 2], Vec<[f64; 2]>)> {
+    const ROUNDS: usize = 5;
+    let slopes = points.iter().enumerate().flat_map(|(i, a)| {
+        let later = points[i + 1..].iter();
+        later.map(move |b| (b[1] - a[1]) / (b[0] - a[0]))
+    });
+    let slope = median(slopes.collect())?;
+    let mut line = [
+        median(points.iter().map(|p| p[1] - slope * p[0]).collect())?,
+        slope,
+    ];
+    let mut kept = points.to_vec();
+    for _ in 0..ROUNDS {
+        let sizes = kept.iter().map(|p| residual(line, *p).abs());
+        let sigma_px = 1.4826 * median(sizes.collect())?;
+        let limit_px = (OUTLIER_SIGMAS * sigma_px).max(OUTLIER_PX);
+        let agrees = |p: &&[f64; 2]| residual(line, **p).abs() <= limit_px;
+        kept = points.iter().filter(agrees).copied().collect();
+        let count = kept.len() as f64;
+        let mean = [0, 1].map(|c| kept.iter().map(|p| p[c]).sum::<f64>() / count);
+        let moment = |c: usize| {
+            let products = kept.iter().map(|p| (p[0] - mean[0]) * (p[c] - mean[c]));
+            products.sum::<f64>()
+        };
+        let slope = moment(1) / moment(0);
+        line = [mean[1] - slope * mean[0], slope];
+    }
+    line.iter().all(|c| c.is_finite()).then_some((line, kept))
+}
+
+fn residual(line: [f64; 2], [x, y]: [f64; 2]) -> f64 {
+    y - line[0] - line[1] * x
+}
+
+/// The middle one of some numbers, the upper of two.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// Where two lines through two points each meet.
+fn meet([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> Option<[f64; 2]> {
+    let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
+    let minus = |p: [f64; 2], q: [f64; 2]| [p[0] - q[0], p[1] - q[1]];
+    let (along, other) = (minus(b, a), minus(d, c));
+    let share = cross(minus(c, a), other) / cross(along, other);
+    let point = [0, 1].map(|i| a[i] + share * along[i]);
+    point.iter().all(|c| c.is_finite()).then_some(point)
+}
