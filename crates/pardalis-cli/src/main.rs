@@ -5,7 +5,9 @@ mod commands;
 mod draw;
 mod fault;
 mod files;
+mod folder;
 mod interrupt;
+mod progress;
 mod rectangle;
 mod rig;
 mod say;
@@ -29,6 +31,7 @@ use clap::{Parser, Subcommand};
   pardalis init images --fps 25 --colors ball.colors.toml --pixel 460,88
   pardalis track scene.toml --annotate
   pardalis locate scene.toml --at 460,88             single images, each on its own
+  pardalis rectify scene.toml                        the ground as seen from straight above
 
 Without cameras:
   pardalis simulate data/worlds/ring.toml -o ring    images of a made-up world, with truth
@@ -56,6 +59,7 @@ enum Command {
     Camera(commands::camera::Arguments),
     Track(commands::track::Arguments),
     Locate(commands::locate::Arguments),
+    Rectify(commands::rectify::Arguments),
     Evaluate(commands::evaluate::Arguments),
     Measure(commands::measure::Arguments),
     Report(commands::report::Arguments),
@@ -71,6 +75,7 @@ fn main() -> ExitCode {
         Command::Camera(arguments) => commands::camera::run(&arguments),
         Command::Track(arguments) => commands::track::run(&arguments),
         Command::Locate(arguments) => commands::locate::run(&arguments),
+        Command::Rectify(arguments) => commands::rectify::run(&arguments),
         Command::Evaluate(arguments) => commands::evaluate::run(&arguments),
         Command::Measure(arguments) => commands::measure::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),

@@ -219,6 +219,26 @@ pub(crate) fn open(
     })
 }
 
+/// Opens one camera of the scene in the file at `path`, with `stills`, where there are any, in place of its frames.
+pub(crate) fn open_camera(
+    path: &Path,
+    camera: &CameraConfig,
+    stills: &[PathBuf],
+) -> Result<(Source, View)> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let source = if stills.is_empty() {
+        open_source(camera, folder).map_err(|problem| problems_in("scene", path, &[problem]))?
+    } else {
+        Source::stills(stills)?
+    };
+    let mut problems = Vec::new();
+    let view = view_of(camera, folder, source.size(), &mut problems);
+    match view {
+        Some(view) => Ok((source, view)),
+        None => Err(problems_in("scene", path, &problems)),
+    }
+}
+
 /// Warns of time stamps that may not be in seconds, though all cameras agree.
 fn warn_of_units(path: &Path, opened: &[rig::Opened]) {
     for (camera, source) in opened {

@@ -8,6 +8,7 @@ pub(crate) mod init;
 pub(crate) mod learn;
 pub(crate) mod locate;
 pub(crate) mod measure;
+pub(crate) mod rectify;
 pub(crate) mod report;
 pub(crate) mod simulate;
 pub(crate) mod track;

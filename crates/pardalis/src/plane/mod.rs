@@ -6,10 +6,12 @@
 mod camera_center;
 mod fit;
 mod rectangle;
+mod rectify;
 
 pub use camera_center::camera_center_m;
 pub use fit::{OUTLIER_PX, PlaneFit, PointPair, fit};
 pub use rectangle::Rectangle;
+pub use rectify::{Area, Rectifier, area_seen_m, on_plane_m, step_for_m};
 
 use nalgebra::{Matrix3, Vector3};
 

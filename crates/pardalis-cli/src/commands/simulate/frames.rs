@@ -5,42 +5,14 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use image::{ExtendedColorType, ImageEncoder as _};
-use indicatif::{ProgressBar, ProgressStyle};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use pardalis::simulate::{Renderer, WorldCamera};
 use rayon::prelude::*;
 
 use super::Sequence;
-use super::folder::Folder;
 use crate::fault::fault;
-use crate::interrupt;
-
-/// A bar on a terminal, nothing elsewhere, and a way to stop.
-pub(super) struct Progress(ProgressBar);
-
-impl Progress {
-    /// Of all frames and stills.
-    pub(super) fn new(sequence: &Sequence) -> Self {
-        interrupt::listen();
-        let frames: usize = sequence.deliveries.iter().map(Vec::len).sum();
-        let bar = ProgressBar::new((frames + sequence.config.training_stills) as u64);
-        let style =
-            ProgressStyle::with_template("simulating {bar:32} {pos}/{len} images, {eta} left");
-        Self(match style {
-            Ok(style) => bar.with_style(style),
-            Err(_) => bar,
-        })
-    }
-
-    /// Another image is done; fails where the user asked to stop.
-    pub(super) fn step(&self) -> Result<()> {
-        self.0.inc(1);
-        if interrupt::requested() {
-            return Err(anyhow::anyhow!("stopped; nothing was written"));
-        }
-        Ok(())
-    }
-}
+use crate::folder::Folder;
+use crate::progress::Progress;
 
 /// The folder of a camera's images: one for each where there are several.
 pub(super) fn folder_of(sequence: &Sequence, camera: usize) -> PathBuf {

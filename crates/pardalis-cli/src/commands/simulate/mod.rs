@@ -1,6 +1,5 @@
 //! `pardalis simulate`: images of a made-up world, with exact truth.
 
-mod folder;
 mod frames;
 mod scene_text;
 mod tables;
@@ -13,9 +12,10 @@ use pardalis::config::WorldConfig;
 use pardalis::simulate::{Delivery, World};
 
 use crate::fault::fault;
+use crate::folder::{Content, Folder};
+use crate::progress::Progress;
 use crate::say::say;
 use crate::scene::{problems_in, read_calibration, read_text};
-use folder::Folder;
 
 /// Makes images of a made-up world, with exact truth
 ///
@@ -46,6 +46,24 @@ pub(crate) struct Arguments {
     #[arg(long)]
     force: bool,
 }
+
+/// What a sequence's folder holds.
+const CONTENT: Content = Content {
+    mark: "simulated.txt",
+    text: "Written by pardalis simulate. Its --force replaces this folder, unless there is something in it that is not a sequence's.\n",
+    what: "a simulated sequence",
+    entries: &[
+        "frames",
+        "training",
+        "truth.csv",
+        "cameras.toml",
+        "cameras.json",
+        "scene.toml",
+        "world.toml",
+        // Of experiments.
+        "fingerprint.txt",
+    ],
+};
 
 /// A world and what its cameras deliver.
 struct Sequence {
@@ -79,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 fn simulate(path: &Path, replaced: &toml::Table, output: &Path, force: bool) -> Result<Sequence> {
     let (config, text) = read_world(path, replaced)?;
     let sequence = Sequence::of(path, config)?;
-    let folder = Folder::begin(output, force)?;
+    let folder = Folder::begin(&CONTENT, output, force)?;
     write(&sequence, &text, &folder)?;
     folder.finish()?;
     Ok(sequence)
@@ -169,7 +187,9 @@ impl Sequence {
 /// Writes all files.
 fn write(sequence: &Sequence, world_text: &str, folder: &Folder) -> Result<()> {
     let world = sequence.world();
-    let progress = frames::Progress::new(sequence);
+    let frames: usize = sequence.deliveries.iter().map(Vec::len).sum();
+    let images = frames + sequence.config.training_stills;
+    let progress = Progress::new("simulating", Some(images));
     for camera in 0..world.cameras.len() {
         frames::write(sequence, camera, folder, &progress)?;
     }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::Sequence;
-use super::folder::Folder;
+use crate::folder::Folder;
 
 const HEADER: &str = "frame,time_s,object,camera,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,xc_m,yc_m,zc_m,u_px,v_px,visible_fraction,heading_rad\n";
 

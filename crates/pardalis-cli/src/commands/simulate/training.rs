@@ -9,10 +9,11 @@ use pardalis::rng::{Draws, Stage};
 use pardalis::simulate::{Body, Course, Object, Path, Renderer, World, truth};
 use pardalis::{Frame, PixelFormat};
 
-use super::folder::Folder;
-use super::frames::{self, Progress};
+use super::frames;
 use super::{Sequence, scene_text};
 use crate::fault::fault;
+use crate::folder::Folder;
+use crate::progress::Progress;
 use crate::source::decode::decode_image;
 
 /// How often a view of a target is looked for.

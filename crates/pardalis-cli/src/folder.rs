@@ -1,4 +1,4 @@
-//! The folder of a sequence, which appears whole or not at all.
+//! Folders of results that appear whole or not at all.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,36 +7,33 @@ use anyhow::Result;
 
 use crate::fault::fault;
 
-/// The file by which a simulated sequence is known, and what it says.
-const MARK: (&str, &str) = (
-    "simulated.txt",
-    "Written by pardalis simulate. Its --force replaces this folder, unless there is something in it that is not a sequence's.\n",
-);
+/// What a command's folders hold, by which they are known and may be replaced.
+pub(crate) struct Content {
+    /// The file by which such a folder is known.
+    pub(crate) mark: &'static str,
+    /// What that file says.
+    pub(crate) text: &'static str,
+    /// What such a folder is, as "a simulated sequence".
+    pub(crate) what: &'static str,
+    /// What else it holds, colour models aside.
+    pub(crate) entries: &'static [&'static str],
+}
 
-/// What a sequence's folder holds, colour models and tracks aside.
-const ENTRIES: [&str; 9] = [
-    MARK.0,
-    "frames",
-    "training",
-    "truth.csv",
-    "cameras.toml",
-    "cameras.json",
-    "scene.toml",
-    "world.toml",
-    // Of experiments.
-    "fingerprint.txt",
-];
-
-/// What lies in a folder that no simulated sequence holds.
-fn foreign(folder: &Path) -> Option<String> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
-    let is_known = |name: &String| ENTRIES.contains(&&**name) || name.ends_with(".colors.toml");
-    names.filter(|name| !is_known(name)).min()
+impl Content {
+    /// What lies in a folder that this is not.
+    fn foreign(&self, folder: &Path) -> Option<String> {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        let is_known = |name: &String| {
+            name == self.mark || self.entries.contains(&&**name) || name.ends_with(".colors.toml")
+        };
+        names.filter(|name| !is_known(name)).min()
+    }
 }
 
 /// A folder beside the one that is wanted, until all is written.
-pub(super) struct Folder {
+pub(crate) struct Folder {
+    content: &'static Content,
     output: PathBuf,
     partial: PathBuf,
     is_finished: bool,
@@ -45,8 +42,9 @@ pub(super) struct Folder {
 impl Folder {
     /// Begins a folder.
     ///
-    /// Faults: the one that is wanted holds something already, which is replaced by force only where it is a simulated sequence; it cannot be made.
-    pub(super) fn begin(output: &Path, force: bool) -> Result<Self> {
+    /// Faults: the one that is wanted holds something already, which is replaced by force only where it has this content; it cannot be made.
+    pub(crate) fn begin(content: &'static Content, output: &Path, force: bool) -> Result<Self> {
+        let Content { mark, what, .. } = content;
         let name = output.display();
         if output.exists() && !output.is_dir() {
             return Err(fault!(
@@ -57,18 +55,17 @@ impl Folder {
             fs::read_dir(output).is_ok_and(|mut entries| entries.next().is_some());
         if holds_something && !force {
             return Err(fault!(
-                "{name}: is not empty; give another -o, or --force to replace a sequence that was simulated before"
+                "{name}: is not empty; give another -o, or --force to replace {what}"
             ));
         }
-        if holds_something && !output.join(MARK.0).is_file() {
+        if holds_something && !output.join(mark).is_file() {
             return Err(fault!(
-                "{name}: holds no {}, so that it is no simulated sequence and --force does not remove it; give another -o",
-                MARK.0
+                "{name}: holds no {mark}, so that it is not {what} and --force does not remove it; give another -o"
             ));
         }
-        if holds_something && let Some(foreign) = foreign(output) {
+        if holds_something && let Some(foreign) = content.foreign(output) {
             return Err(fault!(
-                "{name}: holds {foreign}, which is no part of a simulated sequence, and --force would remove it; move it elsewhere, or give another -o"
+                "{name}: holds {foreign}, which is no part of {what}, and --force would remove it; move it elsewhere, or give another -o"
             ));
         }
         let Some(file_name) = output.file_name() else {
@@ -80,6 +77,7 @@ impl Folder {
             std::process::id()
         );
         let folder = Self {
+            content,
             output: output.to_owned(),
             partial: output.with_file_name(partial),
             is_finished: false,
@@ -89,25 +87,25 @@ impl Folder {
     }
 
     /// Makes a folder in it.
-    pub(super) fn make(&self, name: &Path) -> Result<()> {
+    pub(crate) fn make(&self, name: &Path) -> Result<()> {
         let path = self.partial.join(name);
         fs::create_dir_all(&path).map_err(|error| self.failed(name, &error))
     }
 
     /// Writes a file in it.
-    pub(super) fn write(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
+    pub(crate) fn write(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
         let name = name.as_ref();
         fs::write(self.partial.join(name), bytes).map_err(|error| self.failed(name, &error))
     }
 
     /// Where a file is until all is written.
-    pub(super) fn path_of(&self, name: &str) -> PathBuf {
+    pub(crate) fn path_of(&self, name: &str) -> PathBuf {
         self.partial.join(name)
     }
 
     /// Puts it in the place of the one that is wanted.
-    pub(super) fn finish(mut self) -> Result<()> {
-        self.write(MARK.0, MARK.1.as_bytes())?;
+    pub(crate) fn finish(mut self) -> Result<()> {
+        self.write(self.content.mark, self.content.text.as_bytes())?;
         let old = self.partial.with_extension("old");
         let replaced = if self.output.exists() {
             fs::rename(&self.output, &old)

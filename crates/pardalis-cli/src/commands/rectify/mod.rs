@@ -1,0 +1,289 @@
+//! `pardalis rectify`: the ground as seen from straight above.
+
+mod scene_text;
+
+use std::fmt::Write as _;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
+use pardalis::camera::Camera;
+use pardalis::config::{CameraConfig, Scene};
+use pardalis::interchange::{self, Format};
+use pardalis::plane::{Area, Rectifier, area_seen_m, step_for_m};
+use pardalis::rig::CalibratedCamera;
+use pardalis::view::View;
+use rayon::prelude::*;
+
+use crate::fault::fault;
+use crate::folder::{Content, Folder};
+use crate::progress::Progress;
+use crate::say::{say, warn};
+use crate::scene;
+use crate::source::{Delivery, Source};
+
+/// Shows the ground as seen from straight above
+///
+/// Turns the images of a scene's camera into maps of the plane z = 0: x to the right, y upwards, the same metres in every pixel, black where the camera
+/// shows nothing of it. What stands on the plane is drawn where it hides it. Writes into a folder: frames/NNNNNN.png with times.csv, camera.toml (the
+/// camera whose images these are, which knows where things above the plane are seen), mask.png where parts are black, and scene.toml, which tracks them.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  pardalis rectify floor.toml                          all that the camera shows well
+  pardalis rectify floor.toml --area -2,-1,2,3 --step 0.005 -o floor-map
+  pardalis rectify floor.toml a.jpg b.jpg              these images, by the scene's camera
+  pardalis track floor-rectified/scene.toml            tracks on the maps")]
+pub(crate) struct Arguments {
+    /// The scene file, with a camera of which it is known how it sees the plane
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// Images in place of the camera's
+    #[arg(value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+    /// Which of the scene's cameras, where it has several
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
+    /// The part of the plane: smallest x and y, greatest x and y, in metres [default: what the camera shows well]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
+    area: Option<Area>,
+    /// Metres a pixel [default: as in the images, in the middle of the area]
+    #[arg(long, value_name = "METRES")]
+    step: Option<f64>,
+    /// Only the first so many of the camera's frames
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "images")]
+    frames: Option<u32>,
+    /// The folder for the results [default: the scene's name with -rectified]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    /// Threads to work with; results do not depend on it [default: one a core]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Replaces what was rectified before
+    #[arg(long)]
+    force: bool,
+}
+
+/// What a folder of maps holds.
+const CONTENT: Content = Content {
+    mark: "rectified.txt",
+    text: "Written by pardalis rectify. Its --force replaces this folder, unless there is something in it that it did not write.\n",
+    what: "a folder of rectified images",
+    entries: &["frames", "camera.toml", "mask.png", "scene.toml"],
+};
+
+fn parse_area(text: &str) -> Result<Area, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    numbers
+        .and_then(|numbers| <[f64; 4]>::try_from(numbers).ok())
+        .map(|[x0, y0, x1, y1]| [[x0, y0], [x1, y1]])
+        .ok_or_else(|| "allowed: four numbers of metres, such as -2,-1,2,3.5".to_owned())
+}
+
+/// Runs the command. The folder appears when all is done; whatever fails before leaves what was there.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let output = arguments.output.clone().unwrap_or_else(|| {
+        let stem = arguments.scene.file_stem().unwrap_or_default();
+        PathBuf::from(format!("{}-rectified", stem.to_string_lossy()))
+    });
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(arguments.threads.map_or(0, usize::from))
+        .build()?;
+    let told = pool.install(|| rectify(arguments, &output))?;
+    say(told);
+    Ok(())
+}
+
+/// Writes the folder; tells what is in it.
+fn rectify(arguments: &Arguments, output: &Path) -> Result<String> {
+    let path = &arguments.scene;
+    let mut scene = scene::read(path)?;
+    let number = chosen(path, &scene, arguments.camera.as_deref())?;
+    let camera = &mut scene.cameras[number];
+    if let Some(frames) = arguments.frames.map(|frames| frames as usize) {
+        let limit = &mut camera.frames.limit;
+        *limit = Some(limit.map_or(frames, |limit| limit.min(frames)));
+    }
+    let (source, view) = scene::open_camera(path, camera, &arguments.images)?;
+    if source.is_live() {
+        return Err(fault!(
+            "{}: cameras.{}: is a live camera, whose images have no end; record it to a file first",
+            path.display(),
+            camera.name
+        ));
+    }
+    let rectifier = rectifier(arguments, camera, &view)?;
+    let folder = Folder::begin(&CONTENT, output, arguments.force)?;
+    let images = write_frames(source, camera, &rectifier, &folder)?;
+    let is_masked = rectifier.shown().any(|shown| !shown);
+    if is_masked {
+        folder.write("mask.png", &png_of_mask(&rectifier)?)?;
+    }
+    let maps_camera = CalibratedCamera {
+        name: camera.name.clone(),
+        camera: Camera::Plane(*rectifier.camera()),
+        size_px: Some(rectifier.size_px()),
+        world_from_camera: None,
+    };
+    let calibration = interchange::write(Format::Pardalis, &[maps_camera])?;
+    folder.write("camera.toml", calibration.as_bytes())?;
+    let new_scene = scene_text::of(path, &camera.name, is_masked, &view, &rectifier)?;
+    folder.write("scene.toml", new_scene.as_bytes())?;
+    folder.finish()?;
+    Ok(told(arguments, output, images, &rectifier))
+}
+
+/// The number of the camera that is meant.
+fn chosen(path: &Path, scene: &Scene, name: Option<&str>) -> Result<usize> {
+    let names: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
+    let found = match name {
+        None if names.len() == 1 => Some(0),
+        None => None,
+        Some(name) => names.iter().position(|known| *known == name),
+    };
+    found.ok_or_else(|| {
+        let given = name.map_or_else(|| "is needed".to_owned(), |name| format!("is {name}"));
+        fault!(
+            "{}: --camera {given}; the scene's cameras are {}",
+            path.display(),
+            names.join(", ")
+        )
+    })
+}
+
+fn rectifier(arguments: &Arguments, camera: &CameraConfig, view: &View) -> Result<Rectifier> {
+    let area_m = arguments.area.map_or_else(|| area_seen_m(view), Ok);
+    let made = area_m.and_then(|area_m| {
+        let step_m = arguments
+            .step
+            .map_or_else(|| step_for_m(view, area_m), Ok)?;
+        Rectifier::new(view, area_m, step_m)
+    });
+    made.map_err(|error| {
+        fault!(
+            "{}: cameras.{}: {error} (--area, --step)",
+            arguments.scene.display(),
+            camera.name
+        )
+    })
+}
+
+/// When a frame was taken and when it arrived, in seconds.
+struct Times {
+    frame: usize,
+    time_s: f64,
+    arrival_s: f64,
+}
+
+/// Writes the maps of all frames, under the numbers that these have in the order of their arrival, and their times. Gives their number.
+fn write_frames(
+    source: Source,
+    camera: &CameraConfig,
+    rectifier: &Rectifier,
+    folder: &Folder,
+) -> Result<usize> {
+    let frames = Path::new("frames");
+    folder.make(frames)?;
+    let progress = Progress::new("rectifying", source.frame_count());
+    let one = |(number, delivery): (usize, Result<Delivery>)| {
+        progress.step()?;
+        match delivery? {
+            Delivery::Frame { frame, arrival_s } => {
+                let (width, height) = rectifier.size_px();
+                let picture =
+                    RgbImage::from_raw(width as u32, height as u32, rectifier.rectify(&frame)?)
+                        .expect("three bytes a pixel");
+                let name = frames.join(format!("{number:06}.png"));
+                folder.write(name, &png(&picture.into())?)?;
+                Ok(Some(Times {
+                    frame: number,
+                    time_s: frame.time_s(),
+                    arrival_s,
+                }))
+            }
+            Delivery::Broken(why) => {
+                let name = &camera.name;
+                progress
+                    .aside(|| warn(format!("cameras.{name}: left out a broken image: {why:#}")));
+                Ok(None)
+            }
+        }
+    };
+    let times = source.enumerate().par_bridge().map(one);
+    let times: Vec<Option<Times>> = times.collect::<Result<_>>()?;
+    let mut times: Vec<Times> = times.into_iter().flatten().collect();
+    if times.is_empty() {
+        return Err(fault!(
+            "no frame came from cameras.{}; nothing was written",
+            camera.name
+        ));
+    }
+    times.sort_by_key(|times| times.frame);
+    folder.write(frames.join("times.csv"), table(&times).as_bytes())?;
+    Ok(times.len())
+}
+
+/// The text of times.csv; arrivals are told where they are not the times themselves.
+fn table(times: &[Times]) -> String {
+    let has_arrivals = times.iter().any(|t| t.arrival_s != t.time_s);
+    let mut text = "frame,time_s".to_owned() + if has_arrivals { ",arrival_s\n" } else { "\n" };
+    for t in times {
+        // Writing to a String cannot fail.
+        let _ = write!(text, "{},{}", t.frame, t.time_s);
+        if has_arrivals {
+            let _ = write!(text, ",{}", t.arrival_s);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn png_of_mask(rectifier: &Rectifier) -> Result<Vec<u8>> {
+    let (width, height) = rectifier.size_px();
+    let grey = rectifier.shown().map(|shown| if shown { 255 } else { 0 });
+    let mask =
+        GrayImage::from_raw(width as u32, height as u32, grey.collect()).expect("one byte a pixel");
+    png(&mask.into())
+}
+
+fn png(image: &DynamicImage) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    image.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png)?;
+    Ok(bytes)
+}
+
+/// What was written, in words.
+fn told(arguments: &Arguments, output: &Path, images: usize, rectifier: &Rectifier) -> String {
+    let (width, height) = rectifier.size_px();
+    let shown = rectifier.shown().filter(|shown| *shown).count();
+    let [[x0, y0], [x1, y1]] = rectifier.area_m();
+    let mut text = format!(
+        "{images} images of {width} x {height} pixels, {} m each: x {x0:.3} to {x1:.3} m, y {y0:.3} to {y1:.3} m; {:.0} % of them shows the plane\n",
+        rectifier.step_m(),
+        100.0 * shown as f64 / (width * height) as f64
+    );
+    text += &match rectifier.camera().center_m() {
+        Some([x, y, z]) => format!(
+            "  {}: seen from ({x:.3}, {y:.3}, {z:.3}) m\n",
+            output.join("camera.toml").display()
+        ),
+        None => format!(
+            "  {}: seen from nobody knows where, so that heights over the plane cannot be told\n",
+            output.join("camera.toml").display()
+        ),
+    };
+    let next = if arguments.images.is_empty() {
+        "track"
+    } else {
+        "locate"
+    };
+    let scene = output.join("scene.toml");
+    // Writing to a String cannot fail.
+    let _ = write!(
+        text,
+        "  {scene}: {} with these images in place of the camera's, all else as it was\nnext: pardalis {next} {scene}",
+        arguments.scene.display(),
+        scene = scene.display()
+    );
+    text
+}
