@@ -47,12 +47,20 @@ fn errors_grow_with_the_noise_of_corners_and_outside_the_rectangle() {
     assert!(before.iter().all(|&error_m| error_m < 1e-9), "{before:?}");
     for sigma_px in [0.25, 0.5, 1.0, 2.0] {
         let errors_m = mean_errors_m(sigma_px);
-        println!("{sigma_px:>10}  {:.1?}", errors_m.map(|error_m| 1e3 * error_m));
+        println!(
+            "{sigma_px:>10}  {:.1?}",
+            errors_m.map(|error_m| 1e3 * error_m)
+        );
         // A pixel is 7 to 10 mm there, and four corners average a little within.
         let share = errors_m[0] / (0.01 * sigma_px);
         assert!((0.3..1.2).contains(&share), "{sigma_px} px: {errors_m:?}");
         assert!(errors_m[2] > 1.5 * errors_m[0], "outside: {errors_m:?}");
-        assert!(errors_m.iter().zip(before).all(|(now, before)| *now > before));
+        assert!(
+            errors_m
+                .iter()
+                .zip(before)
+                .all(|(now, before)| *now > before)
+        );
         before = errors_m;
     }
 }
