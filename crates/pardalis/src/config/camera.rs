@@ -206,7 +206,11 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
         return None;
     }
     let own_pose = model.as_ref().and_then(pose_of_model);
-    let pose_is_missing = if own_pose.is_some() || table.has("world_from_camera") {
+    // Of a faulty plane its own problems are told.
+    let needs_no_pose = table
+        .table("model")
+        .is_some_and(|model| model.has("plane") || model.has("image"));
+    let pose_is_missing = if needs_no_pose || table.has("world_from_camera") {
         None
     } else if table.has("calibration") {
         let in_file = file

@@ -137,6 +137,16 @@ fn read_optics(
     } else {
         read_model(table)
     };
+    if matches!(model, Some(Camera::Plane(_))) {
+        let key = if table.has("model") {
+            "model"
+        } else {
+            "calibration"
+        };
+        let message = "is known by a plane alone, and a world has more than that to see; give a camera such as model.pinhole with a pose";
+        table.problem(key, message);
+        return None;
+    }
     let file_size = file.as_ref().and_then(|file| file.size_px);
     let size_px = if file_size.is_some() && !table.has("size_px") {
         file_size.map(|(width, height)| [width as f64, height as f64])
