@@ -41,6 +41,7 @@ Cameras:
   pardalis init images --fps 25 --camera calib.yml   a scene with it
   pardalis calibrate board images --board checkerboard:9x6:0.025 --model all
   pardalis calibrate pose points.csv --camera calib.yml
+  pardalis calibrate plane images --size 2.0x1.5     a floor with a rectangle of tape
   pardalis calibrate plane images --size 2.0x1.5     a floor by a rectangle on it, the camera unknown
 
 Exit codes: 0 done; 2 the input or the usage is at fault; 1 anything else.")]

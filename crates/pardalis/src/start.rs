@@ -156,12 +156,14 @@ impl PixelStart {
     /// Looks along the ray, which must be there ([`PixelStart::check_in`]). The distances are spread evenly in their logarithm (apparent
     /// sizes then differ by equal factors), each drawn at random within its share, by the numbers of this observation.
     ///
-    /// A target whose height is fixed (`is_planar`) stands on the ground below the point of the ray.
+    /// A target whose height is fixed (`is_planar`) stands on the ground below the point of the ray; a flat one, so high over the ground, lies just where
+    /// the ray comes to that height.
     pub fn search(
         &self,
         view: &View,
         likelihood: &mut impl Likelihood,
         is_planar: bool,
+        flat_height_m: Option<f64>,
         draws: Draws,
         observation: u32,
     ) -> GaussianStart {
@@ -182,7 +184,12 @@ impl PixelStart {
                 self.pixel[1] + self.pixel_sigma_px * dv,
             ];
             let (origin, direction, [near, far]) = self.ray(view, pixel).unwrap_or(clicked_ray);
-            let mut position = origin + direction * near * libm::pow(far / near, share);
+            let to_surface = flat_height_m
+                .filter(|_| is_planar)
+                .map(|height_m| (self.ground_z_m + height_m - origin.z) / direction.z)
+                .filter(|&distance_m| distance_m > 0.0 && distance_m.is_finite());
+            let distance_m = to_surface.unwrap_or(near * libm::pow(far / near, share));
+            let mut position = origin + direction * distance_m;
             if is_planar {
                 position.z = self.ground_z_m;
             }

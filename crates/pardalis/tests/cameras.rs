@@ -1,9 +1,14 @@
 //! One law checker over every camera model's valid and invalid examples, over the whole field of view.
 
+mod common;
+
+use common::robot::mast;
+use nalgebra::Matrix3;
 use pardalis::camera::{
     Camera, DoubleSphere, Equidistant, ExactMirror, ExtendedUnified, KannalaBrandt, Mei,
-    MirrorProfile, Ocam, PerspectiveMirror, Pinhole, Projection, Ray, Unified,
+    MirrorProfile, Ocam, PerspectiveMirror, Pinhole, Plane, Projection, Ray, Unified,
 };
+use pardalis::plane::Homography;
 use pardalis::simd::Level;
 
 type ProjectF32 = Box<dyn Fn([f32; 3]) -> ([f32; 2], bool)>;
@@ -16,6 +21,15 @@ struct Example {
     project_f32: ProjectF32,
     unproject_f32: UnprojectF32,
     valid_angles_rad: std::ops::Range<f64>,
+    /// Where these angles are measured, in the camera's frame: the origin but for cameras of a plane, whose frame is the plane's.
+    vertex_m: [f64; 3],
+}
+
+impl Example {
+    /// The point in this direction.
+    fn point(&self, direction: [f64; 3], range_m: f64) -> [f64; 3] {
+        std::array::from_fn(|c| self.vertex_m[c] + range_m * direction[c])
+    }
 }
 
 macro_rules! example {
@@ -28,6 +42,7 @@ macro_rules! example {
             project_f32: Box::new(move |p| single.to_f32().project(p)),
             unproject_f32: Box::new(move |p| single_back.to_f32().unproject(p)),
             valid_angles_rad: $angles,
+            vertex_m: [0.0; 3],
         }
     }};
 }
@@ -204,7 +219,34 @@ fn examples() -> Vec<Example> {
             ),
             deg(70.0)..pi
         ),
+        of_plane(example!(
+            "plane straight below",
+            Plane,
+            Plane::new(&straight_below(), Some([0.25, -0.5, 4.0])),
+            deg(90.5)..pi
+        )),
+        // It looks 53 degrees up from straight down.
+        of_plane(example!(
+            "plane from a mast",
+            Plane,
+            Ok::<_, pardalis::Error>(mast(true)),
+            deg(144.0)..pi
+        )),
     ]
+}
+
+/// A camera of 800 px focal length 4 m over (0.25, −0.5).
+fn straight_below() -> Homography {
+    let rows = [[200.0, 0.0, 270.0], [0.0, -200.0, 140.0], [0.0, 0.0, 1.0]];
+    Homography::new(Matrix3::from_row_slice(rows.as_flattened())).unwrap()
+}
+
+/// Angles are measured where the camera stands.
+fn of_plane(example: Example) -> Example {
+    Example {
+        vertex_m: example.camera.viewpoint_m(),
+        ..example
+    }
 }
 
 /// The point of a ray that is as far from its origin as this point is.
@@ -240,7 +282,7 @@ fn unproject_inverts_project_over_the_whole_domain() {
         let mut checked = 0;
         for (angle_rad, direction) in directions() {
             for range_m in [0.05, 1.0, 40.0] {
-                let point = direction.map(|c| c * range_m);
+                let point = example.point(direction, range_m);
                 let Some(pixel) = example.camera.project(point) else {
                     assert!(
                         !example.valid_angles_rad.contains(&angle_rad),
@@ -258,7 +300,7 @@ fn unproject_inverts_project_over_the_whole_domain() {
                     )
                 });
                 let central = !matches!(example.camera, Camera::ExactMirror(_));
-                assert_eq!(ray.origin == [0.0; 3], central, "{}", example.name);
+                assert_eq!(ray.origin == example.vertex_m, central, "{}", example.name);
                 let back = abreast(&ray, point);
                 let error = (0..3)
                     .map(|c| ((back[c] - point[c]) / range_m).powi(2))
@@ -298,14 +340,15 @@ fn single_precision_stays_within_a_hundredth_of_a_pixel() {
             // Single precision is for pixels inside images, a little away from the border of the domain.
             let inside = example.valid_angles_rad.contains(&(angle_rad + 0.02))
                 && (angle_rad < 0.02 || example.valid_angles_rad.contains(&(angle_rad - 0.02)));
+            let point = example.point(direction, 1.0);
             let Some(expected) = example
                 .camera
-                .project(direction)
+                .project(point)
                 .filter(|p| inside && p[0].hypot(p[1]) < 2000.0)
             else {
                 continue;
             };
-            let (pixel, valid) = (example.project_f32)(direction.map(|c| c as f32));
+            let (pixel, valid) = (example.project_f32)(point.map(|c| c as f32));
             assert!(
                 valid,
                 "{}: {:.2} degrees",
@@ -329,7 +372,7 @@ fn single_precision_stays_within_a_hundredth_of_a_pixel() {
                 origin: back.origin.map(f64::from),
                 direction: back.direction.map(f64::from),
             };
-            let ([u, v], _) = (example.project_f32)(abreast(&back, direction).map(|c| c as f32));
+            let ([u, v], _) = (example.project_f32)(abreast(&back, point).map(|c| c as f32));
             let error = (u - pixel[0]).hypot(v - pixel[1]);
             assert!(
                 error < 0.01,
@@ -345,7 +388,7 @@ fn single_precision_stays_within_a_hundredth_of_a_pixel() {
 fn many_points_at_once_get_the_pixels_of_each() {
     for example in examples() {
         let points: Vec<[f32; 3]> = directions()
-            .map(|(_, direction)| direction.map(|c| c as f32))
+            .map(|(_, direction)| example.point(direction, 1.0).map(|c| c as f32))
             .collect();
         let columns = [0, 1, 2].map(|c| points.iter().map(|p| p[c]).collect::<Vec<f32>>());
         for level in Level::available() {
@@ -384,10 +427,12 @@ fn what_lies_behind_or_beyond_gets_no_pixel() {
         } else {
             behind
         };
+        let forbidden = example.point(forbidden, 1.0);
         assert_eq!(example.camera.project(forbidden), None, "{}", example.name);
-        // A mirror may well show the pinhole.
-        if !matches!(example.camera, Camera::ExactMirror(_)) {
-            assert_eq!(example.camera.project([0.0; 3]), None, "{}", example.name);
+        // A mirror may well show the pinhole; a plane's homography leads there but for rounding.
+        if !matches!(example.camera, Camera::ExactMirror(_) | Camera::Plane(_)) {
+            let vertex = example.camera.project(example.vertex_m);
+            assert_eq!(vertex, None, "{}", example.name);
         }
         let (_, valid) = (example.project_f32)(forbidden.map(|c| c as f32));
         assert!(!valid, "{}", example.name);
@@ -421,7 +466,7 @@ fn jacobians_agree_with_differences() {
             if !inside(angle_rad + 0.02) || (angle_rad > 0.02 && !inside(angle_rad - 0.02)) {
                 continue;
             }
-            let point = direction.map(|c| 1.3 * c);
+            let point = example.point(direction, 1.3);
             let jacobian = camera.project_with_jacobian(point).unwrap();
             assert_eq!(
                 Some(jacobian.pixel),

@@ -2,24 +2,33 @@
 
 mod common;
 
+use common::robot::{self, mast_view, robot_target};
 use common::{FPS, ball_target, fisheye_view, frame, jump_picture};
 use pardalis::color::{Palette, YuvEncoding};
 use pardalis::simd::Level;
+use pardalis::tracker::TargetSettings;
+use pardalis::view::View;
 use pardalis::{Estimate, Frame, PixelFormat, Tracker};
 use rayon::ThreadPoolBuilder;
 
 /// Enough that every kernel splits its work among threads, and no whole number of blocks.
 const PARTICLES: usize = 3001;
 
-/// Follows the ball on a pool of so many threads.
-fn estimates(frames: &[Frame], threads: usize, level: Level, seed: u32) -> Vec<Estimate> {
+/// Follows a target on a pool of so many threads.
+fn estimates(
+    (view, target): &(View, TargetSettings),
+    frames: &[Frame],
+    threads: usize,
+    level: Level,
+    seed: u32,
+) -> Vec<Estimate> {
     let pool = ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .unwrap();
     pool.install(|| {
-        let target = ball_target(Palette::HSI, PARTICLES);
-        let mut tracker = Tracker::new(vec![fisheye_view()], vec![target], seed, level).unwrap();
+        let (views, targets) = (vec![view.clone()], vec![target.clone()]);
+        let mut tracker = Tracker::new(views, targets, seed, level).unwrap();
         frames
             .iter()
             .map(|frame| {
@@ -40,6 +49,32 @@ fn bits(estimates: &[Estimate]) -> Vec<String> {
         .collect()
 }
 
+/// Holds every level and number of threads to the first, and another seed to something else.
+fn check(scene: &(View, TargetSettings), frames: &[Frame]) {
+    let expected = estimates(scene, frames, 1, Level::BASELINE, 7);
+    assert!(
+        expected
+            .iter()
+            .all(|estimate| estimate.kinematics.is_some())
+    );
+    for level in Level::available() {
+        for threads in [1, 2, 3, 8] {
+            let found = estimates(scene, frames, threads, level, 7);
+            assert_eq!(
+                bits(&found),
+                bits(&expected),
+                "{threads} threads at {level:?}"
+            );
+        }
+    }
+    for (other, expected) in estimates(scene, frames, 1, Level::best(), 8)
+        .iter()
+        .zip(&expected)
+    {
+        assert_ne!(other, expected, "another seed draws other particles");
+    }
+}
+
 #[test]
 fn threads_and_levels_change_no_bit_and_the_seed_does() {
     let frame_at = |index: usize| {
@@ -52,26 +87,22 @@ fn threads_and_levels_change_no_bit_and_the_seed_does() {
         )
     };
     let frames: Vec<Frame> = (20..32).map(frame_at).collect();
-    let expected = estimates(&frames, 1, Level::BASELINE, 7);
-    assert!(
-        expected
-            .iter()
-            .all(|estimate| estimate.kinematics.is_some())
-    );
-    for level in Level::available() {
-        for threads in [1, 2, 3, 8] {
-            let found = estimates(&frames, threads, level, 7);
-            assert_eq!(
-                bits(&found),
-                bits(&expected),
-                "{threads} threads at {level:?}"
-            );
-        }
-    }
-    for (other, expected) in estimates(&frames, 1, Level::best(), 8)
-        .iter()
-        .zip(&expected)
-    {
-        assert_ne!(other, expected, "another seed draws other particles");
-    }
+    let target = ball_target(Palette::HSI, PARTICLES);
+    check(&(fisheye_view(), target.into()), &frames);
+}
+
+#[test]
+fn nor_do_they_with_landmarks_and_what_changes_between_frames() {
+    let frame_at = |index: usize| {
+        let time_s = index as f64 / robot::FPS;
+        let format = [PixelFormat::Rgb8, PixelFormat::Nv12][index % 2];
+        frame(
+            &robot::picture(index),
+            format,
+            YuvEncoding::default(),
+            time_s,
+        )
+    };
+    let frames: Vec<Frame> = (0..8).map(frame_at).collect();
+    check(&(mast_view(), robot_target(PARTICLES)), &frames);
 }

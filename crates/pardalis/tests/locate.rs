@@ -243,7 +243,7 @@ fn rays_from_mirrors_end_at_the_ground_or_above_the_horizon_at_the_longest_range
                 target_m,
                 seen: None,
             };
-            let found = start.search(&view, &mut near, false, Draws::new(1, 0), 0);
+            let found = start.search(&view, &mut near, false, None, Draws::new(1, 0), 0);
             let off_m = distance_m(found.position_m, target_m.into());
             assert!(off_m < 0.01 * end_m, "{model} {pixel:?}: {off_m}");
             let seen = near.seen.unwrap();
@@ -274,7 +274,7 @@ fn ground_nearer_than_the_search_begins_is_where_it_looks() {
         target_m: Point3::origin(),
         seen: None,
     };
-    let found = start.search(&fisheye_view(), &mut near, false, Draws::new(1, 0), 0);
+    let found = start.search(&fisheye_view(), &mut near, false, None, Draws::new(1, 0), 0);
     assert!(distance_m(found.position_m, [0.0; 3]) < 1e-6, "{found:?}");
 }
 

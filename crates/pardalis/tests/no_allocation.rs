@@ -6,9 +6,13 @@ mod common;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use common::robot::{self, mast_view, robot_target};
 use common::{FPS, ball_target, fisheye_view, frame, jump_picture};
+use image::RgbImage;
 use pardalis::color::{Palette, YuvEncoding};
 use pardalis::simd::Level;
+use pardalis::tracker::TargetSettings;
+use pardalis::view::View;
 use pardalis::{Frame, PixelFormat, Tracker};
 
 struct Counting;
@@ -32,41 +36,52 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// The only test of this file: another's allocations would be counted too.
-#[test]
-fn a_warm_step_allocates_nothing() {
-    let frames: Vec<[(usize, Frame); 1]> = (20..30)
-        .map(|index| {
-            let format = [PixelFormat::Rgb8, PixelFormat::Yuyv][index % 2];
-            let time_s = index as f64 / FPS;
-            [(
-                0,
-                frame(&jump_picture(index), format, YuvEncoding::default(), time_s),
-            )]
-        })
-        .collect();
+/// Pictures as frames in two formats by turns.
+fn frames(fps: f64, picture: impl Fn(usize) -> RgbImage) -> Vec<[(usize, Frame); 1]> {
+    let frame_at = |index: usize| {
+        let format = [PixelFormat::Rgb8, PixelFormat::Yuyv][index % 2];
+        let time_s = index as f64 / fps;
+        [(
+            0,
+            frame(&picture(index), format, YuvEncoding::default(), time_s),
+        )]
+    };
+    (20..30).map(frame_at).collect()
+}
+
+fn check(view: View, target: TargetSettings, frames: &[[(usize, Frame); 1]]) {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()
         .unwrap();
+    let particle_count = target.bodies[0].filter.particle_count;
+    let mut tracker = Tracker::new(vec![view], [target], 1, Level::best()).unwrap();
+    let mut step = |frames: &[(usize, Frame)]| {
+        let time_s = frames[0].1.time_s();
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        tracker.observe(frames, time_s).unwrap();
+        let estimate = tracker.estimate_at(0, time_s);
+        assert!(estimate.kinematics.is_some());
+        ALLOCATIONS.load(Ordering::Relaxed) - before
+    };
+    pool.install(|| {
+        // The first frames of either format make tables and buffers.
+        let first = step(&frames[0]) + step(&frames[1]);
+        assert!(first > 0, "the allocator counts");
+        for frames in &frames[2..] {
+            assert_eq!(step(frames), 0, "{particle_count} particles");
+        }
+    });
+}
+
+/// The only test of this file: another's allocations would be counted too.
+#[test]
+fn a_warm_step_allocates_nothing() {
+    let of_ball = frames(FPS, jump_picture);
+    let of_robot = frames(robot::FPS, robot::picture);
     for particle_count in [300, 3001] {
-        let targets = vec![ball_target(Palette::HSI, particle_count)];
-        let mut tracker = Tracker::new(vec![fisheye_view()], targets, 1, Level::best()).unwrap();
-        let mut step = |frames: &[(usize, Frame)]| {
-            let time_s = frames[0].1.time_s();
-            let before = ALLOCATIONS.load(Ordering::Relaxed);
-            tracker.observe(frames, time_s).unwrap();
-            let estimate = tracker.estimate_at(0, time_s);
-            assert!(estimate.kinematics.is_some());
-            ALLOCATIONS.load(Ordering::Relaxed) - before
-        };
-        pool.install(|| {
-            // The first frames of either format make tables and buffers.
-            let first = step(&frames[0]) + step(&frames[1]);
-            assert!(first > 0, "the allocator counts");
-            for frames in &frames[2..] {
-                assert_eq!(step(frames), 0, "{particle_count} particles");
-            }
-        });
+        let ball = ball_target(Palette::HSI, particle_count);
+        check(fisheye_view(), ball.into(), &of_ball);
+        check(mast_view(), robot_target(particle_count), &of_robot);
     }
 }

@@ -164,7 +164,8 @@ impl<R: Real> Projection<R> for Plane<R> {
             let [foot_x, foot_y] = self.foot_m;
             // Towards the plane, or past the horizon away from it.
             let direction = [x - w * foot_x, y - w * foot_y, -w * height_m];
-            return Some(Ray {
+            let is_number = w.abs() >= zero;
+            return is_number.then(|| Ray {
                 origin: [foot_x, foot_y, height_m],
                 ..Ray::towards(direction)
             });

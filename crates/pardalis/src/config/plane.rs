@@ -190,7 +190,11 @@ fn read_center(table: &Table) -> Option<Center> {
 
 /// The names of cameras that are known by a plane alone.
 pub(super) fn without_height(cameras: &[CameraConfig]) -> Vec<String> {
-    let is_one = |camera: &&CameraConfig| matches!(&camera.camera, Camera::Plane(plane) if plane.center_m().is_none());
+    let is_one = |camera: &&CameraConfig| match (&camera.rectangle, &camera.camera) {
+        (Some(rectangle), _) => rectangle.value.center == Center::Unknown,
+        (None, Camera::Plane(plane)) => plane.center_m().is_none(),
+        _ => false,
+    };
     cameras
         .iter()
         .filter(is_one)

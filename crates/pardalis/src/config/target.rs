@@ -83,6 +83,14 @@ impl TargetConfig {
                 let message = "is missing; give a colour model, made by `pardalis learn`, or, for the window cue alone, window.hue_deg and window.saturation";
                 table.problem("colors", message);
             }
+            // Of a shape that all share the cue's own table tells.
+            let has_form = matches!(shape, Some(Shape::Sphere(_) | Shape::Upright(_)));
+            let looks_at_regions =
+                |cues: &Vec<CueSettings>| cues.iter().any(|cue| cue.cue.looks_at_regions());
+            if has_form && cues.as_ref().is_some_and(looks_at_regions) {
+                let message = "is not flat, but the cues region and difference look at flat regions; give shape.disc or shape.rectangle, or leave these cues out";
+                table.problem("shape", message);
+            }
             let start = read_start(table, &name, &cameras.all);
             Some(BodyConfig {
                 name,

@@ -44,6 +44,11 @@ impl Cue {
             Self::Difference(_) => true,
         }
     }
+
+    /// Whether it looks at a flat region, which only a flat shape has.
+    pub fn looks_at_regions(&self) -> bool {
+        matches!(self, Self::Region(_) | Self::Difference(_))
+    }
 }
 
 impl From<Cue> for CueSettings {

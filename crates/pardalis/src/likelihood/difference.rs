@@ -14,6 +14,8 @@ use crate::{Error, Frame};
 #[derive(Debug)]
 pub(super) struct DifferenceCue {
     patch: Patch,
+    /// The log-likelihood of what does not change at all: least of all.
+    still: f64,
     /// The bin of every pixel's difference, row by row.
     differences: Vec<u8>,
 }
@@ -21,18 +23,19 @@ pub(super) struct DifferenceCue {
 impl DifferenceCue {
     pub(super) fn new(settings: PatchSettings, shape: &Shape, level: Level) -> Result<Self, Error> {
         settings.check()?;
+        let bins = settings.bins.count();
+        let uniform = vec![1.0 / bins as f64; bins];
+        let mut unchanged = vec![0.0; bins];
+        unchanged[0] = 1.0;
         Ok(Self {
-            patch: Patch::new(settings, shape, &[uniform(settings.bins.count())], level)?,
+            still: settings.log_likelihood(squared_distance(&unchanged, &uniform)),
+            patch: Patch::new(settings, shape, &[uniform], level)?,
             differences: Vec::new(),
         })
     }
 
-    /// The log-likelihood of what does not change at all: least of all.
     pub(super) fn background_log_likelihood(&self) -> f64 {
-        let settings = self.patch.settings();
-        let mut still = vec![0.0; settings.bins.count()];
-        still[0] = 1.0;
-        settings.log_likelihood(squared_distance(&still, &uniform(settings.bins.count())))
+        self.still
     }
 
     /// Adds what one camera says of each particle; with its first frame, the same of all.
@@ -43,7 +46,7 @@ impl DifferenceCue {
         out: &mut [f32],
     ) {
         let Some(before) = evidence.before() else {
-            let still = self.background_log_likelihood() as f32;
+            let still = self.still as f32;
             for out in out {
                 *out += still;
             }
@@ -66,10 +69,6 @@ impl DifferenceCue {
             [differences[y * width + x]]
         });
     }
-}
-
-fn uniform(bins: usize) -> Vec<f64> {
-    vec![1.0 / bins as f64; bins]
 }
 
 /// The mean of red, green and blue; of YUV, Y.

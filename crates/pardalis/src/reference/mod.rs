@@ -5,8 +5,10 @@
 use nalgebra::{Matrix3, Vector3};
 
 mod outline;
+mod patch;
 
 pub use outline::{boundary, boundary_along_normals, boundary_of_scales, outline_points};
+pub use patch::{difference_log_likelihood, region_log_likelihood, region_pixels};
 
 use crate::Frame;
 use crate::color::{ColorModel, ColorRanges, Histogram, Palette, PixelKind};

@@ -108,6 +108,10 @@ impl Body {
             &views[start.camera],
             &mut self.cues.of(views, frames),
             self.filter.motion().is_planar(),
+            match self.shape {
+                Shape::Flat(flat) => Some(flat.height_m),
+                _ => None,
+            },
             self.draws,
             self.filter.observation(),
         ))

@@ -5,78 +5,68 @@ use crate::filter::StateEstimate;
 
 /// What the estimates of its landmarks, one at least, say of a target: their middle, and the heading from the rear landmark to the front one, `[front, rear]`.
 /// It is tracked as well as the landmark that is tracked worst. Of a single body, its own estimate.
-pub(super) fn combined(landmarks: &[Estimate], heading: Option<[usize; 2]>) -> Estimate {
-    if let [body] = landmarks {
-        return *body;
+pub(super) fn combined(
+    landmarks: impl ExactSizeIterator<Item = Estimate>,
+    heading: Option<[usize; 2]>,
+) -> Estimate {
+    let share = 1.0 / landmarks.len() as f64;
+    let mut ends = heading.map(|numbers| numbers.map(|number| (number, None)));
+    let noted = |(number, landmark): (usize, Estimate)| {
+        for (_, end) in ends.iter_mut().flatten().filter(|end| end.0 == number) {
+            *end = landmark.kinematics.map(|known| known.position_m);
+        }
+        landmark
+    };
+    let sum = landmarks.enumerate().map(noted).reduce(sum);
+    let sum = sum.expect("a target has one body at least");
+    let heading_rad = ends.and_then(|[(_, front), (_, rear)]| {
+        let (front, rear) = (front?, rear?);
+        sum.kinematics?;
+        Some(libm::atan2(front[1] - rear[1], front[0] - rear[0]))
+    });
+    Estimate {
+        kinematics: sum.kinematics.map(|sum| StateEstimate {
+            position_m: sum.position_m.map(|v| share * v),
+            velocity_mps: sum.velocity_mps.map(|velocity| velocity.map(|v| share * v)),
+            covariance_m2: sum.covariance_m2.map(|v| share * share * v),
+            best_position_m: sum.best_position_m.map(|v| share * v),
+            effective_sample_size: sum.effective_sample_size,
+        }),
+        heading_rad,
+        ..sum
     }
-    let state = [
+}
+
+/// Two landmarks, whose errors have nothing to do with one another, added up; without one of them there is no position.
+fn sum(a: Estimate, b: Estimate) -> Estimate {
+    let both = a.kinematics.zip(b.kinematics);
+    Estimate {
+        state: worse(a.state, b.state),
+        kinematics: both.map(|(a, b)| StateEstimate {
+            position_m: added(a.position_m, b.position_m),
+            velocity_mps: a.velocity_mps.zip(b.velocity_mps).map(|(a, b)| added(a, b)),
+            covariance_m2: added(a.covariance_m2, b.covariance_m2),
+            best_position_m: added(a.best_position_m, b.best_position_m),
+            effective_sample_size: a.effective_sample_size.min(b.effective_sample_size),
+        }),
+        heading_rad: None,
+        confidence: a.confidence * b.confidence,
+    }
+}
+
+fn added<const N: usize>(a: [f64; N], b: [f64; N]) -> [f64; N] {
+    std::array::from_fn(|i| a[i] + b[i])
+}
+
+fn worse(a: TrackState, b: TrackState) -> TrackState {
+    [
         TrackState::Lost,
         TrackState::Searching,
         TrackState::Occluded,
     ]
     .into_iter()
-    .find(|&worse| landmarks.iter().any(|landmark| landmark.state == worse))
-    .unwrap_or(TrackState::Tracking);
-    let known: Option<Vec<&StateEstimate>> = landmarks
-        .iter()
-        .map(|landmark| landmark.kinematics.as_ref())
-        .collect();
-    let Some(known) = known else {
-        return Estimate {
-            state,
-            kinematics: None,
-            heading_rad: None,
-            confidence: 0.0,
-        };
-    };
-    let heading_rad = heading.map(|[front, rear]| {
-        let [front, rear] = [front, rear].map(|i| known[i].position_m);
-        libm::atan2(front[1] - rear[1], front[0] - rear[0])
-    });
-    Estimate {
-        state,
-        kinematics: Some(middle(&known)),
-        heading_rad,
-        confidence: landmarks
-            .iter()
-            .map(|landmark| landmark.confidence)
-            .product(),
-    }
-}
-
-/// The middle of landmarks whose errors have nothing to do with one another.
-fn middle(landmarks: &[&StateEstimate]) -> StateEstimate {
-    let share = 1.0 / landmarks.len() as f64;
-    let mean = |of: &dyn Fn(&StateEstimate) -> [f64; 3]| {
-        [0, 1, 2].map(|axis| {
-            share
-                * landmarks
-                    .iter()
-                    .map(|landmark| of(landmark)[axis])
-                    .sum::<f64>()
-        })
-    };
-    let has_velocity = landmarks
-        .iter()
-        .all(|landmark| landmark.velocity_mps.is_some());
-    let covariance_m2 = std::array::from_fn(|entry| {
-        let sum: f64 = landmarks
-            .iter()
-            .map(|landmark| landmark.covariance_m2[entry])
-            .sum();
-        share * share * sum
-    });
-    let sizes = landmarks
-        .iter()
-        .map(|landmark| landmark.effective_sample_size);
-    StateEstimate {
-        position_m: mean(&|landmark| landmark.position_m),
-        velocity_mps: has_velocity
-            .then(|| mean(&|landmark| landmark.velocity_mps.unwrap_or_default())),
-        covariance_m2,
-        best_position_m: mean(&|landmark| landmark.best_position_m),
-        effective_sample_size: sizes.fold(f64::INFINITY, f64::min),
-    }
+    .find(|&worse| a == worse || b == worse)
+    .unwrap_or(TrackState::Tracking)
 }
 
 #[cfg(test)]
@@ -104,7 +94,7 @@ mod tests {
             at([1.0, 2.0, 0.0], TrackState::Tracking),
             at([1.0, 4.0, 0.0], TrackState::Occluded),
         );
-        let both = combined(&[rear, front], Some([1, 0]));
+        let both = combined([rear, front].into_iter(), Some([1, 0]));
         assert_eq!(both.state, TrackState::Occluded);
         assert_eq!(both.heading_rad, Some(std::f64::consts::FRAC_PI_2));
         assert_eq!(both.confidence, 0.25);
@@ -123,7 +113,10 @@ mod tests {
             heading_rad: None,
             confidence: 0.0,
         };
-        let both = combined(&[at([0.0; 3], TrackState::Tracking), lost], Some([0, 1]));
+        let both = combined(
+            [at([0.0; 3], TrackState::Tracking), lost].into_iter(),
+            Some([0, 1]),
+        );
         assert_eq!(
             (both.state, both.heading_rad, both.confidence),
             (TrackState::Lost, None, 0.0)

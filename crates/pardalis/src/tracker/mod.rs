@@ -298,15 +298,11 @@ impl Tracker {
         self.time_s = Some(time_s);
         let mut starts = starts.iter();
         let mut located = |target: &mut Target| {
-            let estimates: Vec<_> = target
-                .bodies
-                .iter_mut()
-                .zip(&mut starts)
-                .map(|(body, start)| {
-                    body.locate(&self.views, frames, time_s, start, passes_sigma_m)
-                })
-                .collect();
-            landmarks::combined(&estimates, target.heading)
+            let starts = starts.by_ref().take(target.bodies.len());
+            let estimates = target.bodies.iter_mut().zip(starts).map(|(body, start)| {
+                body.locate(&self.views, frames, time_s, start, passes_sigma_m)
+            });
+            landmarks::combined(estimates, target.heading)
         };
         Ok(self.targets.iter_mut().map(&mut located).collect())
     }
@@ -330,17 +326,19 @@ impl Tracker {
 
     /// What is known of a target at this time, at or after the last frames; nothing changes.
     pub fn estimate_at(&self, target: usize, time_s: f64) -> Estimate {
-        landmarks::combined(
-            &self.bodies_at(target, time_s),
-            self.targets[target].heading,
-        )
+        let heading = self.targets[target].heading;
+        landmarks::combined(self.estimates(target, time_s), heading)
     }
 
     /// The same of each of its bodies.
     pub fn bodies_at(&self, target: usize, time_s: f64) -> Vec<Estimate> {
+        self.estimates(target, time_s).collect()
+    }
+
+    fn estimates(&self, target: usize, time_s: f64) -> impl ExactSizeIterator<Item = Estimate> {
         let ahead_s = self.time_s.map_or(0.0, |before| time_s - before);
         let bodies = self.targets[target].bodies.iter();
-        bodies.map(|body| body.estimate(ahead_s)).collect()
+        bodies.map(move |body| body.estimate(ahead_s))
     }
 }
 

@@ -1,6 +1,8 @@
 //! What several tests and benchmarks need: the rendered fisheye sequence, its camera and the ball's colours.
 #![allow(dead_code)] // each test uses its part
 
+pub(crate) mod robot;
+
 use std::path::PathBuf;
 
 use image::RgbImage;

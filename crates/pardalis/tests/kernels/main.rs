@@ -2,14 +2,16 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod plane;
 mod window;
 
+use common::robot::mast;
 use common::{ball_colors, fisheye, frame, jump_picture, world_from_fisheye};
 use image::{Rgb, RgbImage};
 use nalgebra::Point3;
 use pardalis::camera::{
     Camera, DoubleSphere, ExactMirror, ExtendedUnified, KannalaBrandt, Mask, Mei, MirrorProfile,
-    Ocam, PerspectiveMirror, Pinhole, Unified,
+    Ocam, PerspectiveMirror, Pinhole, Ray, Unified,
 };
 use pardalis::color::{ColorModel, Palette, PixelKind, YuvEncoding, YuvMatrix, YuvRange};
 use pardalis::likelihood::{
@@ -21,7 +23,7 @@ use pardalis::reference::{
 };
 use pardalis::rig::Pose;
 use pardalis::rng::{Draws, Stage};
-use pardalis::shape::{Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
+use pardalis::shape::{Flat, Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
 use pardalis::simd::Level;
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
@@ -84,7 +86,17 @@ fn cameras() -> Vec<Camera> {
             )
             .unwrap(),
         ),
+        Camera::Plane(mast(true)),
+        Camera::Plane(mast(false)),
     ]
+}
+
+/// Where a camera of these stands: that of a plane knows the world alone.
+fn world_from(camera: &Camera) -> Pose {
+    match camera {
+        Camera::Plane(_) => Pose::identity(),
+        _ => world_from_fisheye(),
+    }
 }
 
 fn palettes() -> Vec<ColorModel> {
@@ -152,12 +164,11 @@ fn particles(view: &View, count: usize, random: &mut Uniform) -> Particles {
             9 => [f64::INFINITY, 0.0, 0.3],
             11 => [1e30, -1e30, 1e20],
             _ => {
-                let direction = match view.camera().unproject(pixel).map(|ray| ray.direction) {
-                    Some(direction) if i % 20 != 13 => direction,
-                    _ => [0, 1, 2].map(|_| random.between(-1.0, 1.0)),
+                let in_camera = match view.camera().unproject(pixel) {
+                    Some(ray) if i % 20 != 13 => point_along(view.camera(), &ray, range_m),
+                    _ => [0, 1, 2].map(|_| range_m * random.between(-1.0, 1.0)),
                 };
-                let in_camera = Point3::from(direction.map(|c| c * range_m));
-                (view.world_from_camera() * in_camera).into()
+                (view.world_from_camera() * Point3::from(in_camera)).into()
             }
         };
         for axis in 0..3 {
@@ -165,6 +176,15 @@ fn particles(view: &View, count: usize, random: &mut Uniform) -> Particles {
         }
     }
     particles
+}
+
+/// The point of a ray this far from where it begins; for cameras of a plane, which may be far above it, a tenth of that before the plane.
+fn point_along(camera: &Camera, ray: &Ray<f64>, range_m: f64) -> [f64; 3] {
+    let range_m = match camera {
+        Camera::Plane(_) => -ray.origin[2] / ray.direction[2] - 0.1 * range_m,
+        _ => range_m,
+    };
+    [0, 1, 2].map(|axis| ray.origin[axis] + range_m * ray.direction[axis])
 }
 
 /// Whether single precision may round a point to another pixel than double precision, or across the border of the camera's domain, or take another
@@ -247,23 +267,39 @@ fn is_borderline(
     })
 }
 
-/// A ball, cylinder or prism of some size, with either outline.
-fn some_shape(random: &mut Uniform) -> Shape {
+/// A ball, cylinder or prism of some size, with either outline, or a flat shape; always that where a camera does not see how high anything is.
+fn some_shape(camera: &Camera, random: &mut Uniform) -> Shape {
+    if matches!(camera, Camera::Plane(plane) if plane.center_m().is_none()) {
+        return some_flat_shape(random, 1.0);
+    }
     let outline = [UprightOutline::Exact, UprightOutline::Facing][random.below(2)];
     let height_m = random.between(0.1, 0.9);
-    let section = match random.below(4) {
+    let section = match random.below(5) {
         0 => Section::circle(random.between(0.03, 0.3)),
         1 => Section::polygon(
             3 + random.below(7),
             random.between(0.05, 0.6),
             random.between(-3.0, 3.0),
         ),
+        4 => return some_flat_shape(random, 1.0),
         ball => {
             let outline = [SphereOutline::Tangent, SphereOutline::Greatcircle][ball - 2];
             return Shape::Sphere(Sphere::new(random.between(0.05, 0.2), outline).unwrap());
         }
     };
     Shape::Upright(Upright::new(section.unwrap(), height_m, outline).unwrap())
+}
+
+/// A disc or rectangle of some size and height, in metres times `unit_m`.
+fn some_flat_shape(random: &mut Uniform, unit_m: f64) -> Shape {
+    let height_m = unit_m * random.between(0.0, 0.5) * random.below(2) as f64;
+    let mut size_m = || unit_m * random.between(0.03, 0.5);
+    let sizes_m = [size_m(), size_m()];
+    let flat = match random.below(2) {
+        0 => Flat::disc(sizes_m[0], height_m),
+        _ => Flat::rectangle(sizes_m, height_m),
+    };
+    Shape::Flat(flat.unwrap())
 }
 
 /// Settings that look at points in one of the ways that there are.
@@ -381,13 +417,13 @@ fn kernels_agree_with_the_reference_for_every_camera_outline_format_palette_and_
                 let mask = masked.then(|| {
                     Mask::from_grey(frames[0].width(), frames[0].height(), &grey).unwrap()
                 });
-                let mut views = [view(camera.clone(), world_from_fisheye(), &frames[0], mask)];
+                let mut views = [view(camera.clone(), world_from(&camera), &frames[0], mask)];
                 for frame in &frames {
                     for colors in &models {
                         views[0].prepare(PixelKind::of(frame), colors.palette());
                         for _ in 0..3 {
-                            let (shape, settings) =
-                                (some_shape(&mut random), some_settings(&mut random));
+                            let shape = some_shape(&camera, &mut random);
+                            let settings = some_settings(&mut random);
                             let particles = particles(&views[0], 40, &mut random);
                             let frames = [(0, frame.clone())];
                             compare(

@@ -12,7 +12,7 @@ use pardalis::simd::Level;
 use pardalis::view::View;
 
 use super::common::{ball, fisheye, frame, jump_picture, world_from_fisheye};
-use super::{BORDER_PX, FORMATS, Uniform, VIDEO, cameras, particles, patches, view};
+use super::{BORDER_PX, FORMATS, Uniform, VIDEO, cameras, particles, patches, view, world_from};
 
 /// Half the colours of the patches, and the orange ball.
 const ORANGE: ColorRanges = ColorRanges {
@@ -88,7 +88,7 @@ fn window_counts_agree_with_the_reference_for_every_camera_format_and_mask() {
         let mask = Mask::from_grey(width, height, &grey).unwrap();
         for camera in cameras() {
             for mask in [None, Some(mask.clone())] {
-                let mut views = [view(camera.clone(), world_from_fisheye(), &frames[0], mask)];
+                let mut views = [view(camera.clone(), world_from(&camera), &frames[0], mask)];
                 for frame in &frames {
                     let settings = WindowSettings {
                         ranges: Some(ORANGE),
