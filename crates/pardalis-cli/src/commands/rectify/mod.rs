@@ -262,15 +262,9 @@ fn told(arguments: &Arguments, output: &Path, images: usize, rectifier: &Rectifi
         rectifier.step_m(),
         100.0 * shown as f64 / (width * height) as f64
     );
-    text += &match rectifier.camera().center_m() {
-        Some([x, y, z]) => format!(
-            "  {}: seen from ({x:.3}, {y:.3}, {z:.3}) m\n",
-            output.join("camera.toml").display()
-        ),
-        None => format!(
-            "  {}: seen from nobody knows where, so that heights over the plane cannot be told\n",
-            output.join("camera.toml").display()
-        ),
+    let place = match rectifier.camera().center_m() {
+        Some([x, y, z]) => format!("({x:.3}, {y:.3}, {z:.3}) m"),
+        None => "nobody knows where, so that heights over the plane cannot be told".to_owned(),
     };
     let next = if arguments.images.is_empty() {
         "track"
@@ -281,7 +275,8 @@ fn told(arguments: &Arguments, output: &Path, images: usize, rectifier: &Rectifi
     // Writing to a String cannot fail.
     let _ = write!(
         text,
-        "  {scene}: {} with these images in place of the camera's, all else as it was\nnext: pardalis {next} {scene}",
+        "  {}: seen from {place}\n  {scene}: {} with these images in place of the camera's, all else as it was\nnext: pardalis {next} {scene}",
+        output.join("camera.toml").display(),
         arguments.scene.display(),
         scene = scene.display()
     );
