@@ -252,8 +252,8 @@ fn cues_are_those_that_have_a_table_and_look_at_the_cameras_they_name() {
 }
 
 #[test]
-fn cues_and_walks_that_cannot_be_are_refused_by_their_keys() {
-    for (settings, key, word) in [
+fn windows_that_cannot_be_are_refused_by_their_keys() {
+    refused(&[
         ("window.size_px = 4", "targets.t.window", "odd"),
         ("window.floor = 0", "targets.t.window", "above 0"),
         (
@@ -279,6 +279,30 @@ fn cues_and_walks_that_cannot_be_are_refused_by_their_keys() {
         ("window.cameras = []", "targets.t.window.cameras", "empty"),
         ("window.cameras = 3", "targets.t.window.cameras", "list"),
         ("window.hue = [1, 2]", "targets.t.window.hue", "size_px"),
+    ]);
+    // A window that knows its colours needs no file, whatever else does.
+    let bare = |settings: &str| {
+        let text = "[cameras.a]\nimages = \"a\"\nfps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
+             model.pinhole = { f_px = [300, 300], center_px = [160, 120] }\n\
+             [targets.t]\nshape.sphere.radius_m = 0.1\nstart.gaussian.position_m = [1, 2, 0]\n";
+        Scene::parse(&format!("{text}{settings}"), &no_calibration)
+    };
+    let known = "window = { hue_deg = [330, 15], saturation = [0.3, 1] }";
+    assert!(bare(known).unwrap().targets[0].bodies[0].colors.is_none());
+    for unknown in ["", "window = {}"] {
+        let problems = bare(unknown).unwrap_err();
+        assert!(
+            problems[0]
+                .to_string()
+                .contains("targets.t.colors: is missing"),
+            "{problems:?}"
+        );
+    }
+}
+
+#[test]
+fn motions_that_cannot_be_are_refused_by_their_keys() {
+    refused(&[
         (
             "motion.random_walk = { sigma_m = 1, density_m2ps = 2 }",
             "random_walk.density_m2ps",
@@ -339,28 +363,15 @@ fn cues_and_walks_that_cannot_be_are_refused_by_their_keys() {
             "jumps.area",
             "max_m, min_m, rate_hz, share",
         ),
-    ] {
+    ]);
+}
+
+/// Settings of a ball that are refused: at a place that holds the key, in words that hold the word.
+fn refused(cases: &[(&str, &str, &str)]) {
+    for (settings, key, word) in cases {
         let problems = target(&format!("shape.sphere.radius_m = 0.11\n{settings}")).unwrap_err();
         let found = problems.iter().any(|p| p.contains(key) && p.contains(word));
         assert!(found, "{settings}: {problems:?}");
-    }
-    // A window that knows its colours needs no file, whatever else does.
-    let bare = |settings: &str| {
-        let text = "[cameras.a]\nimages = \"a\"\nfps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
-             model.pinhole = { f_px = [300, 300], center_px = [160, 120] }\n\
-             [targets.t]\nshape.sphere.radius_m = 0.1\nstart.gaussian.position_m = [1, 2, 0]\n";
-        Scene::parse(&format!("{text}{settings}"), &no_calibration)
-    };
-    let known = "window = { hue_deg = [330, 15], saturation = [0.3, 1] }";
-    assert!(bare(known).unwrap().targets[0].bodies[0].colors.is_none());
-    for unknown in ["", "window = {}"] {
-        let problems = bare(unknown).unwrap_err();
-        assert!(
-            problems[0]
-                .to_string()
-                .contains("targets.t.colors: is missing"),
-            "{problems:?}"
-        );
     }
 }
 
