@@ -1,8 +1,9 @@
 //! Figures of an experiment: the paths of all its runs over one another, from above and in an oblique view.
 
+use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Rotation3, Vector3};
 use pardalis::camera::Camera;
 use pardalis::config::Scene;
 use pardalis::rig::Pose;
@@ -31,15 +32,22 @@ pub(crate) struct CameraSymbol {
 }
 
 impl CameraSymbol {
-    /// The cameras of a scene.
+    /// The cameras of a scene whose place is known. Those known by a plane look straight down: how they are turned, nobody knows.
     pub(crate) fn of_scene(scene: &Scene) -> Vec<Self> {
-        let cameras = scene.cameras.iter().map(|camera| Self {
-            name: camera.name.clone(),
-            world_from_camera: camera.world_from_camera,
-            looks_into_mirror: matches!(
-                camera.camera,
-                Camera::Unified(_) | Camera::PerspectiveMirror(_) | Camera::ExactMirror(_)
-            ),
+        let cameras = scene.cameras.iter().filter_map(|camera| {
+            let world_from_camera = match camera.camera {
+                Camera::Plane(_) => {
+                    let down = Rotation3::from_axis_angle(&Vector3::x_axis(), PI);
+                    let place = Vector3::from(camera.position_m()?);
+                    Pose::from_parts(place.into(), down)
+                }
+                _ => camera.world_from_camera,
+            };
+            Some(Self {
+                name: camera.name.clone(),
+                world_from_camera,
+                looks_into_mirror: camera.camera.looks_into_mirror(),
+            })
         });
         cameras.collect()
     }

@@ -24,14 +24,15 @@ pub(crate) fn write(
     for (camera, (source, record)) in open.scene.cameras.iter().zip(records) {
         let counters = source.counters();
         decoding_s += counters.decode_s;
-        let position_m: [f64; 3] = camera.world_from_camera.translation.vector.into();
-        let entry = json!({
-            "position_m": position_m,
+        let mut entry = json!({
             "source": source.describe(),
             "frames": record.frames,
             "stopped": record.stopped,
             "ffmpeg_errors": counters.ffmpeg_errors,
         });
+        if let Some(position_m) = camera.position_m() {
+            entry["position_m"] = json!(position_m);
+        }
         cameras.insert(camera.name.clone(), entry);
     }
     let mut targets = Map::new();

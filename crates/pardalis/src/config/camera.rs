@@ -174,6 +174,16 @@ impl CameraConfig {
     }
 }
 
+impl CameraConfig {
+    /// Where it stands in the world, in metres; nothing where only a plane that it sees is known.
+    pub fn position_m(&self) -> Option<[f64; 3]> {
+        match &self.camera {
+            Camera::Plane(plane) => plane.center_m(),
+            _ => Some(self.world_from_camera.translation.vector.into()),
+        }
+    }
+}
+
 /// Elements of two matrices of the same pose differ by this much at most: files round.
 const SAME_POSE: f64 = 1e-6;
 

@@ -63,7 +63,7 @@ impl TargetConfig {
         let own_shapes: Vec<_> = landmarks
             .iter()
             .map(|(_, landmark)| {
-                let is_own = landmark.has("shape") || !table.has("shape");
+                let is_own = landmark.knows("shape") || !table.has("shape");
                 if is_own {
                     read_shape(landmark, cameras)
                 } else {
@@ -74,6 +74,12 @@ impl TargetConfig {
         let typical = shape.or_else(|| own_shapes.iter().copied().flatten().next());
         let cues = read_cues(&table, typical.as_ref(), &cameras.all);
         let filter = read_filter(&table, typical.as_ref());
+        if matches!(typical, Some(Shape::Flat(_)))
+            && filter.is_some_and(|filter| !filter.motion.is_planar())
+        {
+            let message = "lets a flat shape leave the ground; give planar_constant_velocity, planar_random_walk or planar_constant_acceleration";
+            table.problem("motion", message);
+        }
         let body = |name: String, table: &Table, shape: Option<Shape>| {
             let colors = table.located("colors");
             // Of cues that cannot be read their own problems are told.

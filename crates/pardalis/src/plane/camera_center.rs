@@ -21,12 +21,12 @@ pub fn camera_center_m(
     f_px: [f64; 2],
     center_px: [f64; 2],
 ) -> Result<[f64; 3], Error> {
-    let usable = f_px.iter().all(|f| *f > 0.0 && f.is_finite());
-    if !usable || !center_px.iter().all(|c| c.is_finite()) {
+    let usable = f_px.iter().all(|f| *f >= 1e-3 && *f <= 1e6);
+    if !usable || !center_px.iter().all(|c| c.abs() <= 1e6) {
         return Err(Error::out_of_range(
             "f_px, center_px",
             format!("{f_px:?}, {center_px:?}"),
-            "positive focal lengths and a finite principal point, in pixels",
+            "focal lengths from 0.001 to 1e6 and a principal point within 1e6, in pixels",
         ));
     }
     let intrinsics = Matrix3::new(
