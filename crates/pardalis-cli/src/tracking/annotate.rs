@@ -8,7 +8,6 @@ use anyhow::Result;
 use pardalis::config::{BodyConfig, Scene, TargetConfig};
 use pardalis::filter::StateEstimate;
 use pardalis::particles::Particles;
-use pardalis::tracker::Estimate;
 use pardalis::view::View;
 
 use super::{Annotate, Instant, Sink};
@@ -166,24 +165,25 @@ fn push_outlines(marks: &mut Vec<Mark>, body: &BodyConfig, known: &StateEstimate
     }
 }
 
-/// Some of a body's particles, each as the pixel of its position, or of a flat shape's middle above it.
+/// Some of a body's particles, each as the pixel of the place that is shown for it.
 fn cloud(body: &BodyConfig, particles: &Particles, view: &View, color: [u8; 3]) -> Mark {
     let step = particles.count().div_ceil(MAX_DOTS);
-    let height_m = match body.shape {
-        pardalis::shape::Shape::Flat(flat) => flat.height_m,
-        _ => 0.0,
-    };
     let points_px = (0..particles.count())
         .step_by(step)
-        .map(|particle| {
-            let [x, y, z] = particles.position_m(particle);
-            pixel_of(view, [x, y, z + height_m])
-        })
+        .map(|particle| pixel_of(view, shown_m(body, particles.position_m(particle))))
         .collect();
     Mark {
         shape: Shape::Dots,
         points_px,
         color,
+    }
+}
+
+/// What is shown of a body at this position: the middle of a flat shape, which lies above it; else the position.
+fn shown_m(body: &BodyConfig, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    match body.shape {
+        pardalis::shape::Shape::Flat(flat) => [x, y, z + flat.height_m],
+        _ => [x, y, z],
     }
 }
 
@@ -227,14 +227,19 @@ impl Sink for Annotator {
         }
         for (camera, frame) in instant.frames {
             let view = &instant.tracker.views()[*camera];
-            let first_position_m = instant
-                .estimates
+            let first_shown_m = self
+                .targets
                 .iter()
-                .find_map(|e: &Estimate| e.kinematics.map(|k| k.position_m));
+                .enumerate()
+                .find_map(|(number, target)| {
+                    let bodies = instant.tracker.bodies_at(number, instant.time_s);
+                    let known = bodies.first()?.kinematics.as_ref()?;
+                    Some(shown_m(&target.bodies[0], known.position_m))
+                });
             let overlay = Overlay {
                 marks: self.marks(instant, view),
                 label: self.label(instant),
-                zoom_at_px: first_position_m.and_then(|position_m| pixel_of(view, position_m)),
+                zoom_at_px: first_shown_m.and_then(|place_m| pixel_of(view, place_m)),
             };
             let picture = annotated(&picture_of(frame), &overlay)?;
             write_picture(

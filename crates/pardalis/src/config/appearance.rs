@@ -23,6 +23,18 @@ pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<Shape> 
         );
         return None;
     }
+    if let (Shape::Flat(flat), Some((camera, height_m))) = (shape, &cameras.lowest)
+        && flat.height_m >= *height_m
+    {
+        table.problem(
+            "shape",
+            format!(
+                "lies {} m over the plane, and camera \"{camera}\" stands {height_m} m over it; allowed: below the camera",
+                flat.height_m
+            ),
+        );
+        return None;
+    }
     Some(shape)
 }
 

@@ -72,6 +72,7 @@ impl Scene {
             .collect();
         let names = CameraNames {
             without_height: plane::without_height(&cameras),
+            lowest: plane::lowest(&cameras),
             all: camera_names,
         };
         let targets: Vec<_> = table

@@ -188,6 +188,23 @@ fn read_center(table: &Table) -> Option<Center> {
     })
 }
 
+/// The camera of a plane that stands lowest over it, and its height in metres.
+pub(super) fn lowest(cameras: &[CameraConfig]) -> Option<(String, f64)> {
+    let height = |camera: &CameraConfig| {
+        let center_m = match (&camera.rectangle, &camera.camera) {
+            (Some(rectangle), _) => match rectangle.value.center {
+                Center::At(center_m) => Some(center_m),
+                _ => None,
+            },
+            (None, Camera::Plane(plane)) => plane.center_m(),
+            _ => None,
+        };
+        center_m.map(|[_, _, height_m]| (camera.name.clone(), height_m))
+    };
+    let heights = cameras.iter().filter_map(height);
+    heights.min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
 /// The names of cameras that are known by a plane alone.
 pub(super) fn without_height(cameras: &[CameraConfig]) -> Vec<String> {
     let is_one = |camera: &&CameraConfig| match (&camera.rectangle, &camera.camera) {

@@ -45,6 +45,8 @@ pub(super) struct CameraNames {
     pub(super) all: Vec<String>,
     /// Those that are known by a plane alone, so that they say nothing of heights over it.
     pub(super) without_height: Vec<String>,
+    /// The one of those known by a plane that stands lowest, and its height in metres.
+    pub(super) lowest: Option<(String, f64)>,
 }
 
 impl TargetConfig {

@@ -271,7 +271,7 @@ struct Sight {
     side_m: f64,
 }
 
-/// The part of the plane that a camera shows well: up to where its pixels show [`COARSEST`] times as much of the plane, along a side, as where it is finest.
+/// The part of the plane that a camera shows well: up to where its pixels show four times as much of the plane, along a side, as where it is finest.
 /// Rounded outwards to a hundredth of its size.
 ///
 /// Refused: cameras that show nothing of the plane.

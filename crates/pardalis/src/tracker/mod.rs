@@ -273,7 +273,7 @@ impl Tracker {
     /// on, once for each standard deviation of `passes_sigma_m` (metres), such as [`PASSES_SIGMA_M`]. A start in a pixel is first searched for
     /// along its ray. There is one start a body: target by target, and landmark by landmark.
     ///
-    /// What is found holds until the next frames, also for [`Tracker::filter`]; where no particle is more likely than background, nothing is.
+    /// What is found holds until the next frames, also for [`Tracker::filters`]; where no particle is more likely than background, nothing is.
     /// Fails on an image whose size is not its camera's and on faulty starts or passes; nothing has changed then.
     pub fn locate(
         &mut self,

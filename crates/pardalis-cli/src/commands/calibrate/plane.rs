@@ -53,7 +53,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y X,Y X,Y X,Y", value_parser = parse_corners, conflicts_with = "size", allow_hyphen_values = true)]
     corners: Option<[[f64; 2]; 4]>,
     /// Which of --corners, from 1, is nearest the image's bottom left
-    #[arg(long, value_name = "NUMBER", default_value_t = 1, requires = "corners", value_parser = parse_first)]
+    #[arg(long, value_name = "NUMBER", default_value_t = 1, conflicts_with = "size", value_parser = parse_first)]
     first: usize,
     /// Which edge of a tape was measured
     #[arg(long, value_name = "EDGE", default_value = "outer")]
