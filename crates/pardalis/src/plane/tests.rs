@@ -267,5 +267,11 @@ fn intrinsics_that_do_not_fit_are_refused() {
     };
     assert!(refusal([1400.0; 2], [319.5, 239.5]).contains("the intrinsics do not fit"));
     assert!(refusal([200.0; 2], [319.5, 239.5]).contains("the intrinsics do not fit"));
-    assert!(refusal([0.0, 560.0], [319.5, 239.5]).contains("allowed: positive focal lengths"));
+    for f_px in [[0.0, 560.0], [1e300; 2], [f64::NAN, 560.0]] {
+        let refused = refusal(f_px, [319.5, 239.5]);
+        assert!(
+            refused.contains("allowed: focal lengths from 0.001"),
+            "{refused}"
+        );
+    }
 }
