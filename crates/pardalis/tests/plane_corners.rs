@@ -51,7 +51,7 @@ fn errors_grow_with_the_noise_of_corners_and_outside_the_rectangle() {
             "{sigma_px:>10}  {:.1?}",
             errors_m.map(|error_m| 1e3 * error_m)
         );
-        // A pixel is 7 to 10 mm there, and four corners average a little within.
+        // A pixel is some 10 mm there.
         let share = errors_m[0] / (0.01 * sigma_px);
         assert!((0.3..1.2).contains(&share), "{sigma_px} px: {errors_m:?}");
         assert!(errors_m[2] > 1.5 * errors_m[0], "outside: {errors_m:?}");

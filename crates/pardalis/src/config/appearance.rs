@@ -17,8 +17,8 @@ pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<Shape> 
         table.problem(
             "shape",
             format!(
-                "rises over the plane, but where camera \"{camera}\" stands is not known; give cameras.{camera}.model.plane.camera_center_m, \
-                 or a disc or rectangle without height_m"
+                "rises over the plane, but where camera \"{camera}\" stands is not known; give cameras.{camera}.model.plane.camera_center_m \
+                 or its f_px and center_px (model.image has no heights at all), or a disc or rectangle without height_m"
             ),
         );
         return None;
@@ -53,13 +53,17 @@ fn read_body(table: &Table) -> Option<Shape> {
         }
         "disc" => {
             let radius_m = body.required("radius_m");
-            let disc = Flat::disc(radius_m?, body.or("height_m", 0.0));
-            body.checked(disc).map(Shape::Flat)
+            let height_m = body.or("height_m", 0.0);
+            let disc = radius_m.map(|radius_m| Flat::disc(radius_m, height_m));
+            disc.and_then(|disc| body.checked(disc)).map(Shape::Flat)
         }
         "rectangle" => {
             let size_m = body.required("size_m");
-            let rectangle = Flat::rectangle(size_m?, body.or("height_m", 0.0));
-            body.checked(rectangle).map(Shape::Flat)
+            let height_m = body.or("height_m", 0.0);
+            let rectangle = size_m.map(|size_m| Flat::rectangle(size_m, height_m));
+            rectangle
+                .and_then(|rectangle| body.checked(rectangle))
+                .map(Shape::Flat)
         }
         _ => {
             let sides = body.or("sides", 8_usize);

@@ -111,7 +111,7 @@ impl<const N: usize> Setting for [f64; N] {
         _ => "a list of finite numbers",
     };
     const LIST: &'static str = match N {
-        4 => "a list of points, [[u, v, x, y], ...]",
+        4 => "a list of points of four finite numbers, [[u, v, x, y], ...]",
         _ => "a list of rows of finite numbers",
     };
     fn read(value: &DeValue) -> Option<Self> {

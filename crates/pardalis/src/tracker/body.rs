@@ -159,18 +159,6 @@ impl Body {
         time_s: f64,
         start: &Start,
         passes_sigma_m: &[f64],
-    ) -> Estimate {
-        let kinematics = self.located(views, frames, time_s, start, passes_sigma_m);
-        self.estimate_of(kinematics)
-    }
-
-    fn located(
-        &mut self,
-        views: &[View],
-        frames: &[(usize, Frame)],
-        time_s: f64,
-        start: &Start,
-        passes_sigma_m: &[f64],
     ) -> Option<StateEstimate> {
         self.words.fill(None);
         self.state = TrackState::Searching;
@@ -205,7 +193,8 @@ impl Body {
         self.estimate_of(is_known.then(|| self.filter.estimate(ahead_s)))
     }
 
-    fn estimate_of(&self, kinematics: Option<StateEstimate>) -> Estimate {
+    /// What is known of it where this is its state.
+    pub(super) fn estimate_of(&self, kinematics: Option<StateEstimate>) -> Estimate {
         let diameter_m = self.shape.diameter_m();
         let confidence = |k: StateEstimate| self.filter.weight_within(k.position_m, diameter_m);
         Estimate {

@@ -300,7 +300,8 @@ impl Tracker {
         let mut located = |target: &mut Target| {
             let starts = starts.by_ref().take(target.bodies.len());
             let estimates = target.bodies.iter_mut().zip(starts).map(|(body, start)| {
-                body.locate(&self.views, frames, time_s, start, passes_sigma_m)
+                let found = body.locate(&self.views, frames, time_s, start, passes_sigma_m);
+                body.estimate_of(found)
             });
             landmarks::combined(estimates, target.heading)
         };
