@@ -3,7 +3,7 @@
 //! From camera images it tells, frame after frame, where a coloured object is in 3D, how fast it moves and how sure that is. The
 //! modules, in the order in which data flows (and in which they read best):
 //!
-//! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`gaussian`], [`filter`] →
+//! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`gaussian`], [`filter`], [`bernoulli`] →
 //! [`likelihood`] → [`start`], [`tracker`] → [`score`]
 //!
 //! [`simulate`] makes images with exact truth.
@@ -16,6 +16,7 @@
 //! Pixel centres lie at integer coordinates. The library opens no files, reads no clock and prints nothing; every random
 //! number is a function of seed, target, particle and observation.
 
+pub mod bernoulli;
 pub mod calibrate;
 pub mod camera;
 pub mod color;

@@ -48,6 +48,8 @@ pub enum Stage {
     Still = 7,
     /// Which particles of a random walk jump, and where to.
     Jump = 8,
+    /// Which part of a proposal a particle is drawn from, and whether its target was elsewhere before.
+    Proposal = 9,
 }
 
 /// The random numbers of one target.

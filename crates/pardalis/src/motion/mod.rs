@@ -21,7 +21,7 @@ use crate::simd::Level;
 
 /// What a state holds and how it is disturbed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Model {
+pub(crate) enum Model {
     RandomWalk(RandomWalk),
     ConstantVelocity(ConstantVelocity),
     ConstantAcceleration(ConstantAcceleration),
@@ -54,6 +54,11 @@ impl Motion {
             planar: true,
             ..self
         }
+    }
+
+    /// What a state holds and how it is disturbed.
+    pub(crate) fn model(&self) -> &Model {
+        &self.model
     }
 
     /// Whether the height is fixed: particles then start at one height, without vertical velocity.

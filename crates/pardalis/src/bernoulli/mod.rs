@@ -1,0 +1,471 @@
+//! A Bernoulli particle filter (Ristic, Vo, Vo and Farina 2013, "A tutorial on Bernoulli filters"): whether the target exists, and if so where. It knows
+//! nothing of images.
+//!
+//! Particles are positions; each has the mean and the variance of its velocity given its path (Rao-Blackwellised). A target comes into being and
+//! ceases to be at constant rates over true time, and one that exists may be taken elsewhere. With r the chance that it is where particles were and moved
+//! on, e the chance that it exists elsewhere, uniformly with density B, and N the prediction of particle i, the prior density is
+//! Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New positions come from a mixture of predictions and of peaks, whose whole density divides the weights
+//! (Isard and Blake 1998, ICONDENSATION): peaks say where to look and nothing else. Of the places elsewhere only those at peaks are looked at; no others
+//! are thought to show the target.
+
+mod kinematics;
+mod proposal;
+
+pub use proposal::Peak;
+
+use kinematics::Kinematics;
+use proposal::{Prediction, Proposal, log_add};
+
+use crate::Error;
+use crate::filter::{MAX_PARTICLES, StateEstimate};
+use crate::gaussian::{GaussianStart, check_sigma};
+use crate::motion::Motion;
+use crate::particles::Particles;
+use crate::resample;
+use crate::rng::{Draws, Stage};
+
+/// Survivors are drawn when the effective sample size is at most this share of the number of particles.
+const RESAMPLE_BELOW: f64 = 0.5;
+/// Longer times without an update count as this, seconds: nothing is known of the target by then.
+const MAX_PENDING_S: f64 = 1e6;
+/// The golden ratio's fraction: its multiples fill [0, 1) evenly, any run of them too, so that the copies of a particle are drawn from all parts of the proposal.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// What a Bernoulli filter is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BernoulliSettings {
+    /// The number of particles.
+    pub particle_count: usize,
+    /// How the target moves: constant velocity with white acceleration, or a random walk that diffuses.
+    pub motion: Motion,
+    /// How often a target comes into being where there is none, 1/s.
+    pub birth_rate_hz: f64,
+    /// How often a target ceases to be, 1/s.
+    pub death_rate_hz: f64,
+    /// How often a target is elsewhere, taken away and put down again, 1/s.
+    pub jump_rate_hz: f64,
+    /// The density of the places where targets come into being or are put down, 1/m³ (1/m² in a plane): one over the volume that they may be in.
+    pub birth_density: f64,
+    /// Standard deviation of the velocity there, an axis, m/s.
+    pub birth_velocity_sigma_mps: f64,
+}
+
+impl BernoulliSettings {
+    /// 500 particles; a target comes, goes and is put elsewhere once in ten seconds, in 100 m³ (m²), at up to some m/s.
+    pub const fn of(motion: Motion) -> Self {
+        Self {
+            particle_count: 500,
+            motion,
+            birth_rate_hz: 0.1,
+            death_rate_hz: 0.1,
+            jump_rate_hz: 0.1,
+            birth_density: 0.01,
+            birth_velocity_sigma_mps: 1.0,
+        }
+    }
+
+    /// Refuses what makes no filter.
+    fn check(&self) -> Result<(), Error> {
+        if !(1..=MAX_PARTICLES).contains(&self.particle_count) {
+            return Err(Error::out_of_range(
+                "particles",
+                self.particle_count,
+                "1 to 1000000",
+            ));
+        }
+        for (name, value) in [
+            ("birth_rate_hz", self.birth_rate_hz),
+            ("death_rate_hz", self.death_rate_hz),
+            ("jump_rate_hz", self.jump_rate_hz),
+            ("birth_density", self.birth_density),
+        ] {
+            if !(0.0..=1e9).contains(&value) {
+                return Err(Error::out_of_range(name, value, "0 to 1e9"));
+            }
+        }
+        check_sigma(
+            "birth_velocity_sigma_mps",
+            [self.birth_velocity_sigma_mps; 3],
+        )
+    }
+}
+
+/// One particle at the last update.
+#[derive(Debug, Clone, Copy, Default)]
+struct Hypothesis {
+    position_m: [f64; 3],
+    /// Mean velocity given the path.
+    velocity_mps: [f64; 3],
+    /// Variance of the velocity given the path, on each free axis, m²/s².
+    velocity_variance_m2ps2: f64,
+}
+
+impl Hypothesis {
+    /// The mean position `dt_s` seconds later.
+    fn ahead(&self, dt_s: f64) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.position_m[axis] + self.velocity_mps[axis] * dt_s)
+    }
+}
+
+/// What is believed of existence before the images are looked at.
+struct Prior {
+    /// The target exists and is where particles were and moved on.
+    located: f64,
+    /// It exists elsewhere: it came into being, or was put down.
+    elsewhere: f64,
+    /// There is none.
+    absent: f64,
+}
+
+/// A Bernoulli particle filter. A warm step allocates nothing.
+#[derive(Debug)]
+pub struct BernoulliFilter {
+    settings: BernoulliSettings,
+    kinematics: Kinematics,
+    draws: Draws,
+    /// The number of the update or start, part of the random numbers' counter.
+    observation: u32,
+    /// The probability that the target exists, at the last update.
+    existence: f64,
+    /// Time since then, seconds. White noise composes, so that this is all that there is to predict.
+    pending_s: f64,
+    hypotheses: Vec<Hypothesis>,
+    /// Their positions and velocities, for kernels.
+    particles: Particles,
+    weights: Vec<f64>,
+    proposal: Proposal,
+    /// Where an update gathers what is new before the two are swapped.
+    new_hypotheses: Vec<Hypothesis>,
+    new_particles: Particles,
+    ancestors: Vec<u32>,
+    log_ratios: Vec<f32>,
+}
+
+impl BernoulliFilter {
+    /// A filter of a target that does not exist yet. Motion models that are not white noise on positions or velocities are refused, and so are settings out of range.
+    pub fn new(settings: BernoulliSettings, draws: Draws) -> Result<Self, Error> {
+        settings.check()?;
+        let kinematics = Kinematics::of(&settings.motion)?;
+        let count = settings.particle_count;
+        let particles = Particles::new(count, settings.motion.column_count());
+        Ok(Self {
+            settings,
+            kinematics,
+            draws,
+            observation: 0,
+            existence: 0.0,
+            pending_s: 0.0,
+            hypotheses: vec![Hypothesis::default(); count],
+            particles: particles.clone(),
+            weights: vec![1.0 / count as f64; count],
+            proposal: Proposal::new(settings.motion.free_axes()),
+            new_hypotheses: vec![Hypothesis::default(); count],
+            new_particles: particles,
+            ancestors: vec![0; count],
+            log_ratios: vec![0.0; count],
+        })
+    }
+
+    /// Draws all particles anew around a start, by numbers that no start had before; in a plane at its height, without vertical velocity. The target exists with this
+    /// probability, 0 to 1.
+    pub fn start(&mut self, start: &GaussianStart, existence: f64) -> Result<(), Error> {
+        start.check()?;
+        if !(0.0..=1.0).contains(&existence) {
+            return Err(Error::out_of_range("existence", existence, "0 to 1"));
+        }
+        let free_axes = self.settings.motion.free_axes();
+        let start = &if self.settings.motion.is_planar() {
+            start.in_plane()
+        } else {
+            *start
+        };
+        self.observation = self.observation.wrapping_add(1);
+        self.existence = existence;
+        self.pending_s = 0.0;
+        // One variance serves all axes: what an axis has beyond the smallest is drawn.
+        let variances = start.velocity_sigma_mps.map(|sigma| sigma * sigma);
+        let free = &variances[..free_axes];
+        let least = free.iter().copied().fold(f64::INFINITY, f64::min);
+        let position_of = start.sampler();
+        for (i, hypothesis) in self.hypotheses.iter_mut().enumerate() {
+            let [a, b] = [0, 1].map(|draw| {
+                let (particle, observation) = (i as u32, self.observation);
+                let [x, y, z, _] = self
+                    .draws
+                    .normals(particle, observation, Stage::Start, draw);
+                [x, y, z].map(f64::from)
+            });
+            *hypothesis = Hypothesis {
+                position_m: position_of(a),
+                ..Hypothesis::default()
+            };
+            if self.kinematics.has_velocity() {
+                hypothesis.velocity_mps = [0, 1, 2].map(|axis| {
+                    start.velocity_mps[axis] + (variances[axis] - least).max(0.0).sqrt() * b[axis]
+                });
+                hypothesis.velocity_variance_m2ps2 = least;
+            }
+        }
+        write(&self.hypotheses, &mut self.particles);
+        self.particles.reset_weights();
+        let count = self.weights.len() as f64;
+        self.weights.fill(1.0 / count);
+        Ok(())
+    }
+
+    /// Lets `dt_s` seconds pass; no time passes where that is not above 0. Predicting in pieces is predicting at once.
+    pub fn predict(&mut self, dt_s: f64) {
+        if dt_s > 0.0 {
+            self.pending_s = (self.pending_s + dt_s).min(MAX_PENDING_S);
+        }
+    }
+
+    /// The probability that the target exists, wherever.
+    pub fn existence(&self) -> f64 {
+        let prior = self.prior();
+        (prior.located + prior.elsewhere).min(1.0)
+    }
+
+    /// The probability that it exists and is where the particles and its motion say: after an update the whole of [`BernoulliFilter::existence`], later
+    /// without what came into being or was put elsewhere since.
+    pub fn located(&self) -> f64 {
+        self.prior().located
+    }
+
+    /// Two states that change into one another at constant rates, solved over the time since the last update.
+    fn prior(&self) -> Prior {
+        let settings = &self.settings;
+        let (born, dead) = (settings.birth_rate_hz, settings.death_rate_hz);
+        let fallen = |rate_hz: f64| libm::exp(-rate_hz * self.pending_s);
+        let both = born + dead;
+        let settled = if both > 0.0 { born / both } else { 0.0 };
+        let exists = settled + (self.existence - settled) * fallen(both);
+        let located = self.existence * fallen(dead + settings.jump_rate_hz);
+        Prior {
+            located,
+            elsewhere: (exists - located).max(0.0),
+            absent: 1.0 - exists.max(located).min(1.0),
+        }
+    }
+
+    /// Draws new particles from the prediction and the peaks and weighs them by what the images say: `log_ratios` is given the particles and writes ln p(images |
+    /// target there) − ln p(images | no target) for each. What is no number counts as impossible. It is not called where there is nothing to weigh: the
+    /// target does not exist and there is no peak.
+    ///
+    /// Where all is impossible, the target does not exist; one that certainly does stays as predicted. A time at which nobody looked is no update: it is predicted
+    /// only.
+    pub fn update(&mut self, peaks: &[Peak], log_ratios: impl FnOnce(&Particles, &mut [f32])) {
+        self.observation = self.observation.wrapping_add(1);
+        let prior = self.prior();
+        let exists = prior.located + prior.elsewhere;
+        let elsewhere_share = if exists > 0.0 {
+            prior.elsewhere / exists
+        } else {
+            0.0
+        };
+        self.proposal.aim(peaks, elsewhere_share);
+        let is_nowhere = prior.located == 0.0 && (self.proposal.is_blind() || exists == 0.0);
+        let log_exists = if is_nowhere {
+            f64::NEG_INFINITY
+        } else {
+            self.draw_new(&prior);
+            log_ratios(&self.new_particles, &mut self.log_ratios);
+            self.weigh_new()
+        };
+        if log_exists == f64::NEG_INFINITY {
+            if prior.absent > 0.0 {
+                self.existence = 0.0;
+                self.pending_s = 0.0;
+            }
+            return;
+        }
+        let log_absent = libm::log(prior.absent);
+        self.existence = libm::exp(log_exists - log_add(log_exists, log_absent)).min(1.0);
+        self.pending_s = 0.0;
+        std::mem::swap(&mut self.hypotheses, &mut self.new_hypotheses);
+        std::mem::swap(&mut self.particles, &mut self.new_particles);
+        for (weight, log_weight) in self.weights.iter_mut().zip(&self.particles.log_weights) {
+            *weight = libm::exp(*log_weight);
+        }
+    }
+
+    /// Draws new particles. Their log weights are those of the prior, existence included, over the proposal.
+    fn draw_new(&mut self, prior: &Prior) {
+        let (draws, observation) = (self.draws, self.observation);
+        let dt_s = self.pending_s;
+        let free_axes = self.settings.motion.free_axes();
+        let count = self.weights.len();
+        let is_worn = self.effective_sample_size() <= RESAMPLE_BELOW * count as f64;
+        if is_worn {
+            let uniform = |_| draws.uniform(0, observation, Stage::Resampling);
+            resample::systematic(&self.weights, uniform, &mut self.ancestors);
+        }
+        let log_located = libm::log(prior.located);
+        let log_elsewhere = if self.proposal.is_blind() {
+            f64::NEG_INFINITY
+        } else {
+            libm::log(prior.elsewhere) + libm::log(self.settings.birth_density)
+        };
+        let height_m = self.proposal.height_m();
+        let offset = draws.uniform(count as u32, observation, Stage::Proposal);
+        for i in 0..count {
+            let (ancestor, weight) = if is_worn {
+                (self.ancestors[i] as usize, 1.0 / count as f64)
+            } else {
+                (i, self.weights[i])
+            };
+            let before = &self.hypotheses[ancestor];
+            let step = self.kinematics.step(before.velocity_variance_m2ps2, dt_s);
+            let mut prediction = Prediction {
+                mean_m: before.ahead(dt_s),
+                variance_m2: step.variance_m2,
+            };
+            if let (true, Some(height_m)) = (free_axes == 2, height_m) {
+                prediction.mean_m[2] = height_m;
+            }
+            let particle = i as u32;
+            let [x, y, z, _] = draws.normals(particle, observation, Stage::Motion, 0);
+            let normals = [x, y, z].map(f64::from);
+            let share = (offset + i as f64 * GOLDEN).fract();
+            let (position_m, log_proposal) = self.proposal.draw(&prediction, share, normals);
+
+            let log_continued = log_located + prediction.log_density(position_m, free_axes);
+            let log_prior = log_add(log_continued, log_elsewhere);
+            self.new_particles.log_weights[i] = libm::log(weight) + log_prior - log_proposal;
+
+            let chance = libm::exp(log_elsewhere - log_prior);
+            let was_elsewhere = draws.uniform(particle, observation, Stage::Proposal) < chance;
+            let mut new = Hypothesis {
+                position_m,
+                ..Hypothesis::default()
+            };
+            if was_elsewhere && self.kinematics.has_velocity() {
+                new.velocity_variance_m2ps2 = self.settings.birth_velocity_sigma_mps.powi(2);
+            } else if !was_elsewhere {
+                new.velocity_mps = before.velocity_mps;
+                for axis in 0..free_axes {
+                    new.velocity_mps[axis] +=
+                        step.gain_hz * (position_m[axis] - prediction.mean_m[axis]);
+                }
+                new.velocity_variance_m2ps2 = step.velocity_variance_m2ps2;
+            }
+            self.new_hypotheses[i] = new;
+        }
+        write(&self.new_hypotheses, &mut self.new_particles);
+    }
+
+    /// Multiplies the new weights by the ratios and normalises them. Returns the logarithm of their sum, -∞ where all are impossible.
+    fn weigh_new(&mut self) -> f64 {
+        let log_weights = &mut self.new_particles.log_weights;
+        let mut greatest = f64::NEG_INFINITY;
+        for (log_weight, &log_ratio) in log_weights.iter_mut().zip(&self.log_ratios) {
+            // +∞ would leave nothing to compare.
+            *log_weight += f64::from(log_ratio.min(f32::MAX));
+            if log_ratio.is_nan() || log_weight.is_nan() {
+                *log_weight = f64::NEG_INFINITY;
+            }
+            greatest = greatest.max(*log_weight);
+        }
+        if greatest == f64::NEG_INFINITY {
+            return greatest;
+        }
+        let terms = log_weights.iter().map(|log| libm::exp(log - greatest));
+        let log_sum = libm::log(terms.sum());
+        for log_weight in log_weights {
+            *log_weight = *log_weight - greatest - log_sum;
+        }
+        greatest + log_sum
+    }
+
+    /// The particles at the last update; their columns are the motion model's, velocities being means given the path.
+    pub fn particles(&self) -> &Particles {
+        &self.particles
+    }
+
+    /// The weights, which sum to one.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// 1/Σw².
+    fn effective_sample_size(&self) -> f64 {
+        1.0 / self.weights.iter().map(|w| w * w).sum::<f64>()
+    }
+
+    /// Where the target is, if it is located, `ahead_s` seconds after what was predicted; nothing changes. Straight after [`BernoulliFilter::predict`], and 0 s ahead, it is the
+    /// predicted mixture's mean and covariance, without births. `None` where the target does not exist.
+    pub fn estimate(&self, ahead_s: f64) -> Option<StateEstimate> {
+        if self.located() == 0.0 {
+            return None;
+        }
+        let dt_s = self.pending_s + ahead_s;
+        let (mut position_m, mut velocity_mps, mut spread_m2) = ([0.0; 3], [0.0; 3], 0.0);
+        for (hypothesis, w) in self.hypotheses.iter().zip(&self.weights) {
+            let ahead_m = hypothesis.ahead(dt_s);
+            for axis in 0..3 {
+                position_m[axis] += w * ahead_m[axis];
+                velocity_mps[axis] += w * hypothesis.velocity_mps[axis];
+            }
+            let variance = hypothesis.velocity_variance_m2ps2;
+            spread_m2 += w * self.kinematics.variance_m2(variance, dt_s);
+        }
+        let mut covariance_m2 = [0.0; 6];
+        for diagonal in [0, 3, 5].into_iter().take(self.settings.motion.free_axes()) {
+            covariance_m2[diagonal] = spread_m2;
+        }
+        for (hypothesis, w) in self.hypotheses.iter().zip(&self.weights) {
+            let ahead_m = hypothesis.ahead(dt_s);
+            let [dx, dy, dz] = [0, 1, 2].map(|axis| ahead_m[axis] - position_m[axis]);
+            let products = [dx * dx, dx * dy, dx * dz, dy * dy, dy * dz, dz * dz];
+            for (sum, product) in covariance_m2.iter_mut().zip(products) {
+                *sum += w * product;
+            }
+        }
+        let best = (0..self.weights.len())
+            .reduce(|best, i| {
+                if self.weights[i] > self.weights[best] {
+                    i
+                } else {
+                    best
+                }
+            })
+            .unwrap_or(0);
+        Some(StateEstimate {
+            position_m,
+            velocity_mps: self.kinematics.has_velocity().then_some(velocity_mps),
+            covariance_m2,
+            best_position_m: self.hypotheses[best].ahead(dt_s),
+            effective_sample_size: self.effective_sample_size(),
+        })
+    }
+
+    /// The share of the weight within `distance_m` of a point, each particle where it is predicted on average.
+    pub fn weight_within(&self, point_m: [f64; 3], distance_m: f64) -> f64 {
+        let near = |hypothesis: &Hypothesis| {
+            let ahead_m = hypothesis.ahead(self.pending_s);
+            let squared: f64 = (0..3)
+                .map(|axis| (ahead_m[axis] - point_m[axis]).powi(2))
+                .sum();
+            squared <= distance_m * distance_m
+        };
+        let all = self.hypotheses.iter().zip(&self.weights);
+        all.filter(|(hypothesis, _)| near(hypothesis))
+            // From +0: the sum of nothing would be -0.
+            .fold(0.0_f64, |sum, (_, w)| sum + w)
+            // Rounding aside, they sum to one.
+            .min(1.0)
+    }
+}
+
+/// Writes the columns.
+fn write(hypotheses: &[Hypothesis], particles: &mut Particles) {
+    // A random walk has no columns for velocities.
+    for (order, axes) in particles.columns_mut().chunks_exact_mut(3).enumerate() {
+        for (axis, column) in axes.iter_mut().enumerate() {
+            for (value, hypothesis) in column.iter_mut().zip(hypotheses) {
+                let state = [hypothesis.position_m, hypothesis.velocity_mps][order];
+                *value = state[axis] as f32;
+            }
+        }
+    }
+}

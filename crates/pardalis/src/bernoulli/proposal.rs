@@ -1,0 +1,336 @@
+//! Where new particles are drawn from: the prediction, what it agrees on with the peaks nearby, and the peaks alone.
+
+use std::f64::consts::PI;
+
+use crate::gaussian::MAX_START;
+
+/// The share of particles that come from the peaks alone, at least.
+const FRESH_SHARE: f64 = 0.1;
+/// Of the others, the share that come from the prediction alone.
+const PREDICTED_SHARE: f64 = 0.25;
+/// Peaks alone are widened by this factor (standard deviations): their likelihood may have wider tails than they say.
+const FRESH_WIDENING: f64 = 2.0;
+/// A peak is near a prediction within this squared Mahalanobis distance, 6²: nothing farther agrees with it.
+const NEAR_SQUARED: f64 = 36.0;
+/// No axis of a peak is surer than 1 µm, in m².
+const MIN_VARIANCE_M2: f64 = 1e-12;
+/// Each sweep of Jacobi's rotations squares what is off the diagonal.
+const SWEEPS: usize = 10;
+
+/// A place that the images speak for: a Gaussian in the world to draw proposals from. It has no say in the weights, which correct for it.
+///
+/// Numbers that are not finite, positions beyond 1e6 m and covariances beyond 1e12 m² make it no peak: it is left out. Of a matrix that is not positive
+/// definite the variances along its principal axes count as 1 µm² at least.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peak {
+    /// Mean in the world, metres. In a plane its height is the particles' from then on.
+    pub position_m: [f64; 3],
+    /// Covariance: xx, xy, xz, yy, yz, zz in m².
+    pub covariance_m2: [f64; 6],
+    /// How much the images speak for it beside the other peaks: a logarithm, of any common scale.
+    pub log_evidence: f64,
+}
+
+/// The prediction for one particle: a Gaussian of one variance along each free axis.
+pub(super) struct Prediction {
+    pub(super) mean_m: [f64; 3],
+    pub(super) variance_m2: f64,
+}
+
+/// A peak along its principal axes.
+#[derive(Debug)]
+struct Place {
+    mean_m: [f64; 3],
+    /// Unit vectors in the world, ...
+    axes: [[f64; 3]; 3],
+    /// ... and the variances along them, m².
+    variances_m2: [f64; 3],
+    /// The evidence, its greatest among the peaks being 0.
+    log_evidence: f64,
+    /// Its share of the particles that come from peaks alone, 0 to 1.
+    fresh_share: f64,
+    /// Whether the prediction at hand is near: the logarithm of evidence times agreement, else -∞.
+    log_agreement: f64,
+}
+
+/// The proposal density. A warm step of no more peaks than before allocates nothing.
+#[derive(Debug)]
+pub(super) struct Proposal {
+    free_axes: usize,
+    places: Vec<Place>,
+    /// The share of particles that come from the peaks alone.
+    fresh_share: f64,
+}
+
+impl Proposal {
+    pub(super) fn new(free_axes: usize) -> Self {
+        Self {
+            free_axes,
+            places: Vec::new(),
+            fresh_share: 0.0,
+        }
+    }
+
+    /// Takes new peaks. `elsewhere` is the chance, 0 to 1, that a target, if there is one, is not where particles were.
+    pub(super) fn aim(&mut self, peaks: &[Peak], elsewhere: f64) {
+        self.places.clear();
+        let free_axes = self.free_axes;
+        let places = peaks.iter().filter_map(|peak| Place::of(peak, free_axes));
+        self.places.extend(places);
+        let log_evidences = self.places.iter().map(|place| place.log_evidence);
+        let greatest = log_evidences.fold(f64::NEG_INFINITY, f64::max);
+        let mut total = 0.0;
+        for place in &mut self.places {
+            place.log_evidence -= greatest;
+            total += libm::exp(place.log_evidence);
+        }
+        // Half of them go to all peaks alike: what one frame speaks for is not all that may be.
+        let even = 1.0 / self.places.len() as f64;
+        for place in &mut self.places {
+            place.fresh_share = 0.5 * even + 0.5 * libm::exp(place.log_evidence) / total;
+        }
+        self.fresh_share = if self.places.is_empty() {
+            0.0
+        } else {
+            FRESH_SHARE + (1.0 - FRESH_SHARE) * elsewhere
+        };
+    }
+
+    /// Whether no peak was left.
+    pub(super) fn is_blind(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// The height of the peaks, where there are any.
+    pub(super) fn height_m(&self) -> Option<f64> {
+        self.places.first().map(|place| place.mean_m[2])
+    }
+
+    /// A position for one particle and the logarithm of the density, of all parts together, that it was drawn from. `share` in [0, 1) tells which part, `normals`
+    /// are standard normal.
+    pub(super) fn draw(
+        &mut self,
+        prediction: &Prediction,
+        share: f64,
+        normals: [f64; 3],
+    ) -> ([f64; 3], f64) {
+        let mut log_near = f64::NEG_INFINITY;
+        for place in &mut self.places {
+            place.log_agreement = place.log_agreement(prediction, self.free_axes);
+            log_near = log_add(log_near, place.log_agreement);
+        }
+        let near_share = if log_near == f64::NEG_INFINITY {
+            0.0
+        } else {
+            (1.0 - self.fresh_share) * (1.0 - PREDICTED_SHARE)
+        };
+        let [mut left_fresh, mut left_near] = [share, share - self.fresh_share];
+        let position_m = if left_fresh < self.fresh_share {
+            let place = self.pick(|place| {
+                left_fresh -= self.fresh_share * place.fresh_share;
+                left_fresh < 0.0
+            });
+            place.fresh(normals, self.free_axes)
+        } else if left_near < near_share {
+            let place = self.pick(|place| {
+                left_near -= near_share * libm::exp(place.log_agreement - log_near);
+                left_near < 0.0
+            });
+            place.agreed(prediction, normals, self.free_axes)
+        } else {
+            prediction.draw(normals, self.free_axes)
+        };
+        let log_density = self.log_density(position_m, prediction, log_near, near_share);
+        (position_m, log_density)
+    }
+
+    /// The first place where `is_it`, or, as shares sum to one but for rounding, the last that agrees with anything.
+    fn pick(&self, mut is_it: impl FnMut(&Place) -> bool) -> &Place {
+        let found = self.places.iter().find(|place| is_it(place));
+        found.unwrap_or_else(|| {
+            let agrees = |place: &&Place| place.log_agreement > f64::NEG_INFINITY;
+            let last = self.places.iter().rfind(agrees);
+            last.unwrap_or(&self.places[self.places.len() - 1])
+        })
+    }
+
+    /// The product of a prediction and a peak, N(x; μ, P)·N(x; c, Σ), is N(c; μ, P + Σ) times the density of what they agree on: so the densities of all that is
+    /// agreed on, each with its share, sum up to the prediction's times the sum of the peaks'.
+    fn log_density(
+        &self,
+        position_m: [f64; 3],
+        prediction: &Prediction,
+        log_near: f64,
+        near_share: f64,
+    ) -> f64 {
+        let [mut log_fresh, mut log_peaks] = [f64::NEG_INFINITY; 2];
+        for place in &self.places {
+            let (squared, log_height) = place.squared_and_log_height(position_m, self.free_axes);
+            let widened = squared / FRESH_WIDENING.powi(2);
+            let log_widening = self.free_axes as f64 * libm::log(FRESH_WIDENING);
+            let log_share = libm::log(place.fresh_share);
+            log_fresh = log_add(
+                log_fresh,
+                log_share + log_height - log_widening - widened / 2.0,
+            );
+            if place.log_agreement > f64::NEG_INFINITY {
+                log_peaks = log_add(log_peaks, place.log_evidence + log_height - squared / 2.0);
+            }
+        }
+        let predicted_share = 1.0 - self.fresh_share - near_share;
+        let mut log_predicted = libm::log(predicted_share);
+        if near_share > 0.0 {
+            log_predicted = log_add(log_predicted, libm::log(near_share) + log_peaks - log_near);
+        }
+        log_add(
+            log_predicted + prediction.log_density(position_m, self.free_axes),
+            libm::log(self.fresh_share) + log_fresh,
+        )
+    }
+}
+
+impl Prediction {
+    fn draw(&self, normals: [f64; 3], free_axes: usize) -> [f64; 3] {
+        let sigma_m = self.variance_m2.sqrt();
+        let mut position_m = self.mean_m;
+        for axis in 0..free_axes {
+            position_m[axis] += sigma_m * normals[axis];
+        }
+        position_m
+    }
+
+    /// The logarithm of its density, per m³ (per m² in a plane).
+    pub(super) fn log_density(&self, position_m: [f64; 3], free_axes: usize) -> f64 {
+        let squared: f64 = (0..free_axes)
+            .map(|axis| (position_m[axis] - self.mean_m[axis]).powi(2))
+            .sum();
+        let log_variance = libm::log(2.0 * PI * self.variance_m2);
+        -0.5 * (squared / self.variance_m2 + free_axes as f64 * log_variance)
+    }
+}
+
+impl Place {
+    fn of(peak: &Peak, free_axes: usize) -> Option<Self> {
+        let fits = |values: &[f64], most: f64| values.iter().all(|value| value.abs() <= most);
+        if !(fits(&peak.position_m, MAX_START)
+            && fits(&peak.covariance_m2, MAX_START * MAX_START)
+            && peak.log_evidence.is_finite())
+        {
+            return None;
+        }
+        let (axes, variances_m2) = principal_axes(peak.covariance_m2, free_axes);
+        Some(Self {
+            mean_m: peak.position_m,
+            axes,
+            variances_m2: variances_m2.map(|variance| variance.max(MIN_VARIANCE_M2)),
+            log_evidence: peak.log_evidence,
+            fresh_share: 0.0,
+            log_agreement: f64::NEG_INFINITY,
+        })
+    }
+
+    /// How far it is along one of its axes from a position, metres.
+    fn along(&self, axis: usize, position_m: [f64; 3], free_axes: usize) -> f64 {
+        (0..free_axes)
+            .map(|i| self.axes[axis][i] * (self.mean_m[i] - position_m[i]))
+            .sum()
+    }
+
+    /// Evidence times N(c; μ, P + Σ) as a logarithm, -∞ where that is far.
+    fn log_agreement(&self, prediction: &Prediction, free_axes: usize) -> f64 {
+        let (mut squared, mut determinant) = (0.0, 1.0);
+        for axis in 0..free_axes {
+            let variance_m2 = prediction.variance_m2 + self.variances_m2[axis];
+            squared += self.along(axis, prediction.mean_m, free_axes).powi(2) / variance_m2;
+            determinant *= 2.0 * PI * variance_m2;
+        }
+        if squared <= NEAR_SQUARED {
+            self.log_evidence - 0.5 * (squared + libm::log(determinant))
+        } else {
+            f64::NEG_INFINITY
+        }
+    }
+
+    /// The squared Mahalanobis distance of a position, and the logarithm of the density in the middle.
+    fn squared_and_log_height(&self, position_m: [f64; 3], free_axes: usize) -> (f64, f64) {
+        let (mut squared, mut determinant) = (0.0, 1.0);
+        for axis in 0..free_axes {
+            squared += self.along(axis, position_m, free_axes).powi(2) / self.variances_m2[axis];
+            determinant *= 2.0 * PI * self.variances_m2[axis];
+        }
+        (squared, -0.5 * libm::log(determinant))
+    }
+
+    /// A position from the widened peak alone.
+    fn fresh(&self, normals: [f64; 3], free_axes: usize) -> [f64; 3] {
+        let mut position_m = self.mean_m;
+        for axis in 0..free_axes {
+            let step_m = FRESH_WIDENING * self.variances_m2[axis].sqrt() * normals[axis];
+            self.go(&mut position_m, axis, step_m, free_axes);
+        }
+        position_m
+    }
+
+    /// A position from what the peak and a prediction agree on: the Gaussian that their product is, but for scale.
+    fn agreed(&self, prediction: &Prediction, normals: [f64; 3], free_axes: usize) -> [f64; 3] {
+        let mut position_m = prediction.mean_m;
+        for axis in 0..free_axes {
+            let variance_m2 = self.variances_m2[axis];
+            let gain = prediction.variance_m2 / (prediction.variance_m2 + variance_m2);
+            let step_m = gain * self.along(axis, prediction.mean_m, free_axes)
+                + (gain * variance_m2).sqrt() * normals[axis];
+            self.go(&mut position_m, axis, step_m, free_axes);
+        }
+        position_m
+    }
+
+    fn go(&self, position_m: &mut [f64; 3], axis: usize, step_m: f64, free_axes: usize) {
+        for i in 0..free_axes {
+            position_m[i] += self.axes[axis][i] * step_m;
+        }
+    }
+}
+
+/// Principal axes (unit vectors) of the first two axes' covariance, or of all three's, and the variances along them (Jacobi's rotations).
+fn principal_axes(
+    [xx, xy, xz, yy, yz, zz]: [f64; 6],
+    free_axes: usize,
+) -> ([[f64; 3]; 3], [f64; 3]) {
+    let mut matrix = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let pairs = [(0, 1), (0, 2), (1, 2)];
+    let pairs = pairs.into_iter().filter(|&(_, q)| q < free_axes);
+    for (p, q) in pairs.cycle().take(SWEEPS * free_axes * (free_axes - 1) / 2) {
+        if matrix[p][q] == 0.0 {
+            continue;
+        }
+        let theta = (matrix[q][q] - matrix[p][p]) / (2.0 * matrix[p][q]);
+        let tangent = 1_f64.copysign(theta) / (theta.abs() + (theta * theta + 1.0).sqrt());
+        let cos = 1.0 / (tangent * tangent + 1.0).sqrt();
+        let sin = tangent * cos;
+        let rotate = |a: &mut f64, b: &mut f64| {
+            (*a, *b) = (cos * *a - sin * *b, sin * *a + cos * *b);
+        };
+        for rows in [&mut matrix, &mut axes] {
+            let (head, tail) = rows.split_at_mut(q);
+            for (a, b) in head[p].iter_mut().zip(&mut tail[0]) {
+                rotate(a, b);
+            }
+        }
+        for row in &mut matrix {
+            let (head, tail) = row.split_at_mut(q);
+            rotate(&mut head[p], &mut tail[0]);
+        }
+    }
+    (axes, [0, 1, 2].map(|axis| matrix[axis][axis]))
+}
+
+/// ln(eᵃ + eᵇ).
+pub(super) fn log_add(a: f64, b: f64) -> f64 {
+    let (less, more) = if a < b { (a, b) } else { (b, a) };
+    if less == f64::NEG_INFINITY {
+        more
+    } else {
+        more + libm::log1p(libm::exp(less - more))
+    }
+}
