@@ -13,7 +13,7 @@ use pardalis::likelihood::{Cue, CueSettings};
 use pardalis::rig::CalibratedCamera;
 use pardalis::simd::Level;
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, TargetSettings};
+use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
 
 use crate::fault::{Fault, fault};
@@ -189,13 +189,7 @@ pub(crate) fn open(
             }
             let colors = read_colors(body, folder).map_err(|problem| problems.push(problem));
             if let (Ok(start), Ok(colors)) = (start, colors) {
-                bodies.push(BodySettings {
-                    shape: body.shape,
-                    colors,
-                    cues: body.cues.clone(),
-                    filter: body.filter,
-                    start,
-                });
+                bodies.push(body.settings(colors, start));
             }
         }
         targets.push(TargetSettings {

@@ -22,7 +22,7 @@ use pardalis::rng::{Draws, Stage};
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::simd::Level;
 use pardalis::start::Start;
-use pardalis::tracker::BodySettings;
+use pardalis::tracker::{BodySettings, ExistenceSettings};
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat, Tracker};
 
@@ -90,6 +90,7 @@ fn target() -> BodySettings {
             covariance_m2: diagonal_m2([0.03; 3]),
             ..GaussianStart::default()
         }),
+        existence: ExistenceSettings::default(),
     }
 }
 

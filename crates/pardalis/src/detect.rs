@@ -1,12 +1,9 @@
 //! Detection: where in an image a target's colours stand out, without any knowledge of where it might be.
 
 use crate::camera::Mask;
-use crate::color::ColorModel;
+use crate::color::{ColorModel, Palette};
 use crate::frame::with_pixels;
 use crate::view::Evidence;
-
-/// A pixel counts as the target's where its colour has this many times the share among the target's pixels that it has in the image.
-const LEAST_RATIO: f64 = 2.0;
 
 /// Smaller blobs are noise, in pixels.
 const LEAST_AREA_PX: usize = 9;
@@ -29,14 +26,56 @@ pub struct Blob {
     pub cut_off: bool,
 }
 
-/// The blobs of a target's colours in one image, the largest first, at most eight.
+/// Rows and columns that a coarse look at an image's colours skips to.
+pub(crate) const COARSE_PX: usize = 4;
+
+/// For each bin, how much likelier a pixel of it is the target's than the image's: t / (t + f), of shares t of the target's and f of the image's
+/// pixels, so that nothing need be known of the background (the ratio of histograms of Swain and Ballard 1991). Every `step_px`th pixel of every
+/// `step_px`th row is counted.
 ///
-/// A colour stands out where its share among the target's pixels is larger than in the image, so that nothing need be known of the
-/// background (the ratio of histograms of Swain and Ballard 1991). Panics where the frame was not prepared for the colours' palette
-/// ([`View::prepare`](crate::view::View::prepare)).
-pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
+/// Panics where the frame was not prepared for the colours' palette ([`View::prepare`](crate::view::View::prepare)).
+pub(crate) fn likeness(evidence: &Evidence, colors: &ColorModel, step_px: usize) -> Vec<f64> {
     let frame = evidence.frame();
     let table = evidence.table(colors.palette());
+    let (width, height) = (frame.width(), frame.height());
+    let open = evidence.view().mask().map(Mask::open);
+    let mut counts = vec![0_u64; colors.palette().bin_count()];
+    let mut total = 0_u64;
+    with_pixels!(frame, components => for y in (0..height).step_by(step_px) {
+        for x in (0..width).step_by(step_px) {
+            if open.is_none_or(|open| open[y * width + x]) {
+                counts[usize::from(table.bin(components(x, y)))] += 1;
+                total += 1;
+            }
+        }
+    });
+    let shares = colors.histogram().shares();
+    let likeness = |(&share, &count): (&f64, &u64)| {
+        let of_image = count as f64 / total.max(1) as f64;
+        if share > 0.0 {
+            share / (share + of_image)
+        } else {
+            0.0
+        }
+    };
+    shares.iter().zip(&counts).map(likeness).collect()
+}
+
+/// From this likeness on, a pixel counts as the target's: its colour has twice the share among the target's pixels that it has in the image.
+pub(crate) const LEAST_LIKENESS: f64 = 2.0 / 3.0;
+
+/// The blobs of a target's colours in one image, the largest first, at most eight.
+///
+/// A colour stands out where its share among the target's pixels is at least twice that in the image. Panics where the frame was not prepared for the colours' palette
+/// ([`View::prepare`](crate::view::View::prepare)).
+pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
+    blobs_alike(evidence, colors.palette(), &likeness(evidence, colors, 1))
+}
+
+/// The same where the likeness of each bin is known.
+pub(crate) fn blobs_alike(evidence: &Evidence, palette: Palette, likeness: &[f64]) -> Vec<Blob> {
+    let frame = evidence.frame();
+    let table = evidence.table(palette);
     let (width, height) = (frame.width(), frame.height());
     let open = evidence.view().mask().map(Mask::open);
     let is_open = |i: usize| open.is_none_or(|open| open[i]);
@@ -44,12 +83,10 @@ pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
     with_pixels!(frame, components => for y in 0..height {
         bins.extend((0..width).map(|x| table.bin(components(x, y))));
     });
-    let weights = weights(&bins, is_open, colors);
-    let least_weight = LEAST_RATIO / (1.0 + LEAST_RATIO);
     let alike: Vec<bool> = bins
         .iter()
         .enumerate()
-        .map(|(i, &bin)| is_open(i) && weights[usize::from(bin)] >= least_weight)
+        .map(|(i, &bin)| is_open(i) && likeness[usize::from(bin)] >= LEAST_LIKENESS)
         .collect();
     let mut is_targets = majority(&alike, width);
     (0..is_targets.len()).for_each(|i| is_targets[i] &= is_open(i));
@@ -63,7 +100,7 @@ pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
         let mut sums = Sums::default();
         while let Some(i) = stack.pop() {
             let (x, y) = (i % width, i / width);
-            sums.add([x, y], weights[usize::from(bins[i])]);
+            sums.add([x, y], likeness[usize::from(bins[i])]);
             let inside = [x > 0, x + 1 < width, y > 0, y + 1 < height];
             let neighbours = [
                 i.wrapping_sub(1),
@@ -105,28 +142,6 @@ fn majority(set: &[bool], width: usize) -> Vec<bool> {
         }));
     }
     result
-}
-
-/// For each bin, how much likelier a pixel is the target's than the image's: t / (t + f), of shares t of the target's and f of the image's pixels.
-fn weights(bins: &[u16], is_open: impl Fn(usize) -> bool, colors: &ColorModel) -> Vec<f64> {
-    let mut counts = vec![0_u64; colors.palette().bin_count()];
-    let mut total = 0_u64;
-    for (i, &bin) in bins.iter().enumerate() {
-        if is_open(i) {
-            counts[usize::from(bin)] += 1;
-            total += 1;
-        }
-    }
-    let shares = colors.histogram().shares();
-    let weight = |(&share, &count): (&f64, &u64)| {
-        let of_image = count as f64 / total.max(1) as f64;
-        if share > 0.0 {
-            share / (share + of_image)
-        } else {
-            0.0
-        }
-    };
-    shares.iter().zip(&counts).map(weight).collect()
 }
 
 /// What is gathered of a blob's pixels.

@@ -17,6 +17,8 @@ pub enum Start {
     Gaussian(GaussianStart),
     /// Where the target is most likely along the ray through a pixel of a camera.
     Pixel(PixelStart),
+    /// Wherever the edge cue finds it.
+    Anywhere,
 }
 
 /// A start from a clicked pixel (thesis 5.2, fig. 5.1): particles along the pixel's ray, from near the camera to where it meets the

@@ -403,7 +403,7 @@ fn what_passed_since_the_estimate_is_predicted() {
     let estimate = tracker.estimate_at(0, 0.75);
     assert_eq!(estimate.state, TrackState::Occluded);
     let found = estimate.kinematics.unwrap();
-    let motion = tracker.filters(0).next().unwrap().motion();
+    let motion = ball_target(Palette::HSI, 1).filter.motion;
     let sd_m = (sigma_m * sigma_m + motion.position_variance_m2(0.25)).sqrt();
     for (axis, wanted) in [2.75, 3.0, 20.5].into_iter().enumerate() {
         assert!((found.position_m[axis] - wanted).abs() < 0.1 * sd_m);

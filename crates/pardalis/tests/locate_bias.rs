@@ -14,7 +14,7 @@ use pardalis::resample::Resampling;
 use pardalis::shape::Shape;
 use pardalis::simd::Level;
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, Tracker};
+use pardalis::tracker::{BodySettings, ExistenceSettings, Tracker};
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
 
@@ -113,6 +113,7 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
                     resample_below: 1.0,
                 },
                 start: Start::Gaussian(start),
+                existence: ExistenceSettings::default(),
             };
             let mut tracker =
                 Tracker::new(vec![view.clone()], vec![target], 1, Level::best()).unwrap();

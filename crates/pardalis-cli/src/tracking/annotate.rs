@@ -98,13 +98,13 @@ impl Annotator {
             });
             let color = PALETTE[number % PALETTE.len()];
             let tracked = instant.tracker.bodies_at(number, instant.time_s);
-            let filters = instant.tracker.filters(number);
+            let clouds = instant.tracker.particles(number);
             let target = &self.targets[number];
-            for ((body, now), filter) in target.bodies.iter().zip(&tracked).zip(filters) {
+            for ((body, now), particles) in target.bodies.iter().zip(&tracked).zip(clouds) {
                 let Some(kinematics) = &now.kinematics else {
                     continue;
                 };
-                marks.push(cloud(body, filter.particles(), view, color));
+                marks.push(cloud(body, particles, view, color));
                 push_outlines(&mut marks, body, kinematics, view);
             }
             if let (Some([front, _]), Some(known)) = (target.heading, &estimate.kinematics)

@@ -1,14 +1,19 @@
-//! Colour: what pixels mean, bins, histograms in all three dimensions or a channel, and colour models learnt from labelled pixels.
+//! Colour: what pixels mean, bins, histograms in all three dimensions or a channel, how colours go over at edges, and colour models learnt from labelled pixels.
 
 mod channels;
+mod edge_profile;
 mod histogram;
+mod membership;
 mod model;
+mod outline_distance;
 mod palette;
 mod ranges;
 mod space;
 
 pub use channels::{ChannelBins, ChannelHistograms, ChannelTable};
+pub use edge_profile::{EdgeLogRatios, EdgeProfile};
 pub use histogram::Histogram;
+pub use membership::{EdgePixel, Surroundings};
 pub use model::{ColorLearner, ColorModel, Separation};
 pub use palette::{MAX_BINS, MAX_CHANNEL_BINS, Palette, PixelKind, PixelTable};
 pub use ranges::{ColorRanges, MatchTable};

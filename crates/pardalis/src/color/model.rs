@@ -5,18 +5,21 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 
 use super::channels::{ChannelHistograms, ChannelsText};
+use super::edge_profile::{EdgeLearner, EdgeProfile, EdgeText};
 use super::histogram::Histogram;
 use super::palette::{Palette, PixelKind, PixelTable};
 use super::ranges::{ColorRanges, RangeLearner};
 use crate::{Error, Frame};
 
-/// What a target looks like: the histogram of its pixels in one palette, the ranges that hold them, and the histograms of red, green and blue.
+/// What a target looks like: the histogram of its pixels in one palette, the ranges that hold them, the histograms of red, green and blue, and how its colours
+/// go over into what surrounds it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorModel {
     palette: Palette,
     histogram: Histogram,
     ranges: Option<ColorRanges>,
     channels: Option<ChannelHistograms>,
+    edge: Option<EdgeProfile>,
     pixel_count: u64,
     image_count: u64,
 }
@@ -38,6 +41,8 @@ struct ColorModelText {
     ranges: Option<ColorRanges>,
     /// Older files have none.
     channels: Option<ChannelsText>,
+    /// Older files have none.
+    edge: Option<EdgeText>,
 }
 
 impl ColorModel {
@@ -60,6 +65,11 @@ impl ColorModel {
     /// Histograms of red, green and blue, of the target and of the rest of its images; nothing in older files.
     pub fn channels(&self) -> Option<&ChannelHistograms> {
         self.channels.as_ref()
+    }
+
+    /// How its colours go over into what surrounds it; nothing in older files, and where no body was labelled whole and away from the border.
+    pub fn edge(&self) -> Option<&EdgeProfile> {
+        self.edge.as_ref()
     }
 
     /// How many pixels it was learnt from.
@@ -119,10 +129,9 @@ impl ColorModel {
                 writeln!(text, "[palette.rgb]\nchannel_bins = {channel_bins}")
             }
         };
-        text + &self
-            .channels
-            .as_ref()
-            .map_or_else(String::new, ChannelHistograms::to_text)
+        let channels = self.channels.as_ref().map(ChannelHistograms::to_text);
+        let edge = self.edge.as_ref().map(EdgeProfile::to_text);
+        text + &channels.unwrap_or_default() + &edge.unwrap_or_default()
     }
 
     /// Reads a file's text.
@@ -187,6 +196,8 @@ impl ColorModel {
         let channels = channels
             .transpose()
             .map_err(|(offset, message)| at(line_of(offset), message))?;
+        let edge = parsed.edge.map(|text| text.read()).transpose();
+        let edge = edge.map_err(|(offset, message)| at(line_of(offset), message))?;
         let histogram = Histogram::from_counts(&counts).ok_or_else(|| {
             at(
                 line_with("bins"),
@@ -198,6 +209,7 @@ impl ColorModel {
             histogram,
             ranges: parsed.ranges,
             channels,
+            edge,
             pixel_count: parsed.pixel_count,
             image_count: parsed.image_count,
         })
@@ -218,6 +230,7 @@ pub struct ColorLearner {
     background_counts: Vec<u64>,
     ranges: RangeLearner,
     channels: ChannelHistograms,
+    edge: EdgeLearner,
     image_count: u64,
 }
 
@@ -233,6 +246,7 @@ impl ColorLearner {
             background_counts: vec![0; bins],
             ranges: RangeLearner::new(),
             channels: ChannelHistograms::EMPTY,
+            edge: EdgeLearner::default(),
             image_count: 0,
         })
     }
@@ -276,6 +290,10 @@ impl ColorLearner {
             self.ranges.add(rgb, object);
             self.channels.add(rgb, object);
         }
+        let kind = PixelKind::of(frame);
+        self.edge.add(is_object, frame.width(), |x, y| {
+            kind.full_range_yuv(frame.components(x, y))
+        });
         self.image_count += 1;
         Ok(())
     }
@@ -297,6 +315,7 @@ impl ColorLearner {
             histogram,
             ranges: self.ranges.ranges(),
             channels: Some(self.channels.clone()),
+            edge: self.edge.profile(),
             pixel_count: self.object_counts.iter().sum(),
             image_count: self.image_count,
         })

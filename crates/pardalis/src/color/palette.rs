@@ -204,6 +204,17 @@ impl PixelKind {
             _ => Self::Yuv(frame.encoding()),
         }
     }
+
+    /// Y, U and V of BT.601, full range, 0 to 255, of a pixel's raw bytes.
+    pub fn full_range_yuv(self, bytes: [u8; 3]) -> [f32; 3] {
+        let full = YuvEncoding::default();
+        match self {
+            Self::Rgb => full.yuv_from_rgb(bytes.map(f64::from)),
+            Self::Yuv(encoding) if encoding == full => bytes.map(f64::from),
+            Self::Yuv(encoding) => full.yuv_from_rgb(encoding.rgb_from_yuv(bytes.map(f64::from))),
+        }
+        .map(|value| value as f32)
+    }
 }
 
 /// Steps a channel in a [`PixelTable`].

@@ -4,8 +4,8 @@ use super::reader::Table;
 use super::target::{CameraNames, kind_of};
 use crate::color::{ChannelBins, ColorRanges};
 use crate::likelihood::{
-    ContourSettings, Cue, CueSettings, Overlap, PatchSettings, Sampling, ScaledSampling,
-    SplineSampling, WindowSettings,
+    ContourSettings, Cue, CueSettings, EdgeSettings, Overlap, PatchSettings, Sampling,
+    ScaledSampling, SplineSampling, WindowSettings,
 };
 use crate::shape::{Flat, Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
 
@@ -103,11 +103,13 @@ fn read_upright(body: &Table, section: Option<Section>) -> Option<Shape> {
         .map(Shape::Upright)
 }
 
-/// The cues of a target: each that has a table, the contour cue where none has.
+/// The cues of a target: each that has a table. Where none has, the edge cue, which finds the target by itself, or the contour cue where the scene says where it
+/// starts.
 pub(super) fn read_cues(
     table: &Table,
     shape: Option<&Shape>,
     cameras: &[String],
+    has_start: bool,
 ) -> Option<Vec<CueSettings>> {
     let default = shape.map_or_else(ContourSettings::default, ContourSettings::of_shape);
     let within = shape.map_or_else(PatchSettings::around, PatchSettings::within);
@@ -115,18 +117,24 @@ pub(super) fn read_cues(
         "contour" => read_contour(table, default).map(Cue::Contour),
         "window" => read_window(table).map(Cue::Window),
         "region" => read_patch(table, within, shape).map(Cue::Region),
+        "edge" => read_edge(table).map(Cue::Edge),
         _ => read_patch(table, PatchSettings::around(), shape).map(Cue::Difference),
     };
     let (mut found, mut fine) = (false, true);
     let mut cues = Vec::new();
-    for key in ["contour", "window", "region", "difference"] {
+    for key in ["contour", "window", "region", "difference", "edge"] {
         found |= table.has(key);
         let Some(cue_table) = table.table(key) else {
             fine &= !table.has(key);
             continue;
         };
         let cue = read(key, &cue_table);
-        let cameras = read_cameras(&cue_table, cameras);
+        // The edge cue looks at all cameras.
+        let cameras = if key == "edge" {
+            Ok(None)
+        } else {
+            read_cameras(&cue_table, cameras)
+        };
         cue_table.finish();
         match (cue, cameras) {
             (Some(cue), Ok(cameras)) => cues.push(CueSettings { cue, cameras }),
@@ -134,7 +142,19 @@ pub(super) fn read_cues(
         }
     }
     if !found {
-        return Some(vec![Cue::Contour(default).into()]);
+        let cue = if has_start {
+            Cue::Contour(default)
+        } else {
+            Cue::Edge(EdgeSettings::default())
+        };
+        return Some(vec![cue.into()]);
+    }
+    if cues.len() > 1 && cues.iter().any(CueSettings::is_edge) {
+        table.problem(
+            "edge",
+            "stands beside other cues, but finds its target by itself; keep it alone, or leave it out",
+        );
+        return None;
     }
     let looked_at = |camera: usize| {
         let looks = |cue: &CueSettings| cue.cameras.as_ref().is_none_or(|c| c.contains(&camera));
@@ -180,6 +200,16 @@ fn read_cameras(cue: &Table, cameras: &[String]) -> Result<Option<Vec<usize>>, (
         .map(number)
         .collect::<Result<_, ()>>()
         .map(Some)
+}
+
+fn read_edge(edge: &Table) -> Option<EdgeSettings> {
+    let default = EdgeSettings::default();
+    let settings = EdgeSettings {
+        lines: edge.or("lines", default.lines),
+        temper: edge.or("temper", default.temper),
+    };
+    edge.checked(settings.check())?;
+    Some(settings)
 }
 
 fn read_patch(

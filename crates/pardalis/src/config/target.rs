@@ -4,11 +4,14 @@ use super::appearance::{read_cues, read_shape};
 use super::motion::read_motion;
 use super::reader::{Located, Table};
 use super::start::{StartConfig, read_start};
+use crate::color::ColorModel;
 use crate::filter::{FilterSettings, MAX_PARTICLES};
 use crate::likelihood::{ContourSettings, Cue, CueSettings};
 use crate::motion::Motion;
 use crate::resample::Resampling;
 use crate::shape::Shape;
+use crate::start::Start;
+use crate::tracker::{BodySettings, ExistenceSettings, OcclusionRates};
 
 /// One target of a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,6 +39,8 @@ pub struct BodyConfig {
     pub filter: FilterSettings,
     /// Where its particles start, with the place of the position, pixel or file.
     pub start: Located<StartConfig>,
+    /// How it comes, goes and hides, where it is sought.
+    pub existence: ExistenceSettings,
 }
 
 /// The cameras of a scene, as far as its targets need to know them.
@@ -74,8 +79,14 @@ impl TargetConfig {
             })
             .collect();
         let typical = shape.or_else(|| own_shapes.iter().copied().flatten().next());
-        let cues = read_cues(&table, typical.as_ref(), &cameras.all);
-        let filter = read_filter(&table, typical.as_ref());
+        let has_start =
+            table.has("start") || landmarks.iter().any(|(_, landmark)| landmark.has("start"));
+        let cues = read_cues(&table, typical.as_ref(), &cameras.all, has_start);
+        let is_sought = cues
+            .as_ref()
+            .is_some_and(|cues| cues.iter().any(CueSettings::is_edge));
+        let filter = read_filter(&table, typical.as_ref(), is_sought);
+        let existence = read_existence(&table, is_sought);
         if matches!(typical, Some(Shape::Flat(_)))
             && filter.is_some_and(|filter| !filter.motion.is_planar())
         {
@@ -99,7 +110,11 @@ impl TargetConfig {
                 let message = "is not flat, but the cues region and difference look at flat regions; give shape.disc or shape.rectangle, or leave these cues out";
                 table.problem("shape", message);
             }
-            let start = read_start(table, &name, &cameras.all);
+            let start = if is_sought {
+                read_sought_start(table, &name, &cameras.all)
+            } else {
+                read_start(table, &name, &cameras.all)
+            };
             Some(BodyConfig {
                 name,
                 shape: shape?,
@@ -107,6 +122,7 @@ impl TargetConfig {
                 cues: cues.clone()?,
                 filter: filter?,
                 start: start?,
+                existence: existence?,
             })
         };
         let (bodies, heading) = if has_landmarks {
@@ -155,6 +171,18 @@ fn read_heading(table: &Table, landmarks: &[String]) -> Option<[usize; 2]> {
 }
 
 impl BodyConfig {
+    /// How it is tracked, once its files are read.
+    pub fn settings(&self, colors: Option<ColorModel>, start: Start) -> BodySettings {
+        BodySettings {
+            shape: self.shape,
+            colors,
+            cues: self.cues.clone(),
+            filter: self.filter,
+            start,
+            existence: self.existence,
+        }
+    }
+
     /// Its contour cue, where it has one.
     pub fn contour(&self) -> Option<&ContourSettings> {
         self.cues.iter().find_map(|cue| match &cue.cue {
@@ -186,15 +214,63 @@ pub(super) fn kind_of<'a, 't>(
     found
 }
 
-fn read_filter(table: &Table, shape: Option<&Shape>) -> Option<FilterSettings> {
+/// What is sought needs no start.
+fn read_sought_start(
+    table: &Table,
+    name: &str,
+    cameras: &[String],
+) -> Option<Located<StartConfig>> {
+    if !table.has("start") {
+        return Some(table.at("start", StartConfig::Here(Start::Anywhere)));
+    }
+    let start = read_start(table, name, cameras)?;
+    if let StartConfig::Here(Start::Pixel(_)) = start.value {
+        let message = "is a pixel, but the edge cue finds its target by itself; leave start out, or give start.gaussian or start.track";
+        table.problem("start", message);
+        return None;
+    }
+    Some(start)
+}
+
+/// Rates of coming, going and hiding; only what is sought has them.
+fn read_existence(table: &Table, is_sought: bool) -> Option<ExistenceSettings> {
+    let default = ExistenceSettings::default();
+    if !is_sought {
+        return Some(default);
+    }
+    let Some(existence) = table.table("existence") else {
+        return (!table.has("existence")).then_some(default);
+    };
+    let settings = ExistenceSettings {
+        birth_rate_hz: existence.or("birth_rate_hz", default.birth_rate_hz),
+        death_rate_hz: existence.or("death_rate_hz", default.death_rate_hz),
+        jump_rate_hz: existence.or("jump_rate_hz", default.jump_rate_hz),
+        occlusion: OcclusionRates {
+            hide_hz: existence.or("hide_rate_hz", default.occlusion.hide_hz),
+            appear_hz: existence.or("appear_rate_hz", default.occlusion.appear_hz),
+        },
+        ground_z_m: existence.or("ground_z_m", default.ground_z_m),
+    };
+    existence.checked(settings.check())?;
+    existence.finish();
+    Some(settings)
+}
+
+fn read_filter(table: &Table, shape: Option<&Shape>, is_sought: bool) -> Option<FilterSettings> {
     let motion = read_motion(table, shape);
+    let default_count = if is_sought {
+        SOUGHT_PARTICLES
+    } else {
+        DEFAULT_FILTER.particle_count
+    };
     let Some(filter) = table.table("filter") else {
         return Some(FilterSettings {
             motion: motion?,
+            particle_count: default_count,
             ..DEFAULT_FILTER
         });
     };
-    let particle_count = filter.or("particles", DEFAULT_FILTER.particle_count);
+    let particle_count = filter.or("particles", default_count);
     if !(1..=MAX_PARTICLES).contains(&particle_count) {
         filter.refuse("particles", &format!("1 to {MAX_PARTICLES}"));
     }
@@ -217,6 +293,9 @@ fn read_filter(table: &Table, shape: Option<&Shape>) -> Option<FilterSettings> {
         resample_below,
     })
 }
+
+/// Of the edge cue: its particles are drawn where the images say.
+const SOUGHT_PARTICLES: usize = 500;
 
 const DEFAULT_FILTER: FilterSettings = FilterSettings {
     particle_count: 2000,

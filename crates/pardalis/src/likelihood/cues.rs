@@ -3,6 +3,7 @@
 use super::Likelihood;
 use super::contour::{ContourCue, ContourSettings};
 use super::difference::DifferenceCue;
+use super::edge::EdgeSettings;
 use super::patch::PatchSettings;
 use super::region::RegionCue;
 use super::window::{WindowCounting, WindowCue, WindowSettings};
@@ -33,13 +34,15 @@ pub enum Cue {
     Region(PatchSettings),
     /// What changed from the frame before in a region.
     Difference(PatchSettings),
+    /// Where the outline lies, to a fraction of a pixel. It stands alone, as it finds its target by itself; it has no place among [`Cues`].
+    Edge(EdgeSettings),
 }
 
 impl Cue {
     /// Whether it can do without a colour model.
     pub fn knows_its_colors(&self) -> bool {
         match self {
-            Self::Contour(_) | Self::Region(_) => false,
+            Self::Contour(_) | Self::Region(_) | Self::Edge(_) => false,
             Self::Window(window) => window.ranges.is_some(),
             Self::Difference(_) => true,
         }
@@ -48,6 +51,13 @@ impl Cue {
     /// Whether it looks at a flat region, which only a flat shape has.
     pub fn looks_at_regions(&self) -> bool {
         matches!(self, Self::Region(_) | Self::Difference(_))
+    }
+}
+
+impl CueSettings {
+    /// Whether it is the edge cue.
+    pub fn is_edge(&self) -> bool {
+        matches!(self.cue, Cue::Edge(_))
     }
 }
 
@@ -129,6 +139,10 @@ impl Cues {
                 }
                 Cue::Difference(difference) => {
                     Kernel::Difference(Box::new(DifferenceCue::new(difference, &shape, level)?))
+                }
+                Cue::Edge(_) => {
+                    let allowed = "a cue that is compared with the image at every particle";
+                    return Err(Error::out_of_range("cues", "edge", allowed));
                 }
             };
             Ok((kernel, settings.cameras.clone()))

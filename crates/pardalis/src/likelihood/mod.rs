@@ -4,6 +4,7 @@ mod boundary;
 mod contour;
 mod cues;
 mod difference;
+pub(crate) mod edge;
 mod outline;
 mod patch;
 mod raster;
@@ -13,6 +14,7 @@ mod window;
 pub use boundary::{Overlap, Sampling, ScaledSampling, SplineSampling};
 pub use contour::ContourSettings;
 pub use cues::{Cue, CueSettings, Cues, CuesLikelihood};
+pub use edge::EdgeSettings;
 pub use patch::PatchSettings;
 pub use window::{WindowCounting, WindowSettings};
 

@@ -53,6 +53,10 @@ impl Body {
                 // Known with the first frame; until then the particles lie at the origin.
                 GaussianStart::default()
             }
+            Start::Anywhere => {
+                let allowed = "a position or a pixel; only the edge cue finds its target by itself";
+                return Err(Error::out_of_range("start", "anywhere", allowed));
+            }
         };
         Ok(Self {
             shape: settings.shape,
@@ -165,6 +169,7 @@ impl Body {
         let mut around_m = match start {
             Start::Gaussian(start) => start.position_m,
             Start::Pixel(start) => self.search(views, frames, start)?.position_m,
+            Start::Anywhere => return None,
         };
         let mut found = None;
         for &sigma_m in passes_sigma_m {

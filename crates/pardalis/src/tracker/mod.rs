@@ -1,15 +1,20 @@
 //! Tracking: frames in, estimates out, for any number of cameras and targets.
 
 mod body;
+mod follower;
 mod landmarks;
+mod seeker;
 
-use body::Body;
+pub use seeker::{ExistenceSettings, OcclusionRates};
+
+use follower::Follower;
 
 use crate::color::ColorModel;
-use crate::filter::{Filter, FilterSettings, StateEstimate};
+use crate::filter::{FilterSettings, StateEstimate};
 use crate::frame::MAX_TIME_S;
 use crate::gaussian::{GaussianStart, MAX_START};
 use crate::likelihood::CueSettings;
+use crate::particles::Particles;
 use crate::rng::Draws;
 use crate::shape::Shape;
 use crate::simd::Level;
@@ -48,6 +53,8 @@ pub struct BodySettings {
     pub filter: FilterSettings,
     /// Where its particles start.
     pub start: Start,
+    /// How it comes, goes and hides, where it is sought by the edge cue.
+    pub existence: ExistenceSettings,
 }
 
 /// What the tracker knows of a target's whereabouts.
@@ -120,7 +127,7 @@ const LANDMARK_BITS: u32 = 16;
 
 struct Target {
     /// Its one body, or its landmarks.
-    bodies: Vec<Body>,
+    bodies: Vec<Follower>,
     /// Its front and its rear landmark.
     heading: Option<[usize; 2]>,
     /// One a camera.
@@ -159,7 +166,7 @@ impl Tracker {
             }
             let body = |(landmark, body): (usize, &BodySettings)| {
                 let stream = number + (landmark << LANDMARK_BITS);
-                Body::new(body, Draws::new(seed, stream as u32), &views, level)
+                Follower::new(body, Draws::new(seed, stream as u32), &views, level)
             };
             Ok(Target {
                 bodies: settings
@@ -197,7 +204,7 @@ impl Tracker {
 
     /// Where each body of a target starts.
     pub fn starts(&self, target: usize) -> impl Iterator<Item = &Start> {
-        self.targets[target].bodies.iter().map(|body| &body.start)
+        self.targets[target].bodies.iter().map(Follower::start)
     }
 
     /// The time of the last frames, in seconds.
@@ -205,13 +212,12 @@ impl Tracker {
         self.time_s
     }
 
-    /// The filters of a target's bodies that have started.
-    pub fn filters(&self, target: usize) -> impl Iterator<Item = &Filter> {
-        let started = self.targets[target]
-            .bodies
-            .iter()
-            .filter(|body| body.started);
-        started.map(|body| &body.filter)
+    /// The particles of a target's bodies that have started.
+    pub fn particles(&self, target: usize) -> impl Iterator<Item = &Particles> {
+        let bodies = self.targets[target].bodies.iter();
+        bodies
+            .filter(|body| body.started())
+            .map(Follower::particles)
     }
 
     /// What each camera told of a target so far.
@@ -233,7 +239,7 @@ impl Tracker {
         for target in &mut self.targets {
             target.observe(&self.views, frames, time_s, dt_s);
         }
-        if self.bodies().any(|body| body.cues.compare_frames()) {
+        if self.bodies().any(Follower::compares_frames) {
             for (camera, frame) in frames {
                 self.views[*camera].keep(frame.clone());
             }
@@ -264,7 +270,7 @@ impl Tracker {
                 "a target of one body; where its landmarks are, its position does not say";
             return Err(Error::out_of_range("target", target, allowed));
         };
-        body.handed_over = Some((*start, time_s));
+        body.hand_over(start, time_s);
         Ok(())
     }
 
@@ -273,7 +279,7 @@ impl Tracker {
     /// on, once for each standard deviation of `passes_sigma_m` (metres), such as [`PASSES_SIGMA_M`]. A start in a pixel is first searched for
     /// along its ray. There is one start a body: target by target, and landmark by landmark.
     ///
-    /// What is found holds until the next frames, also for [`Tracker::filters`]; where no particle is more likely than background, nothing is.
+    /// What is found holds until the next frames, also for [`Tracker::particles`]; where no particle is more likely than background, nothing is.
     /// Fails on an image whose size is not its camera's and on faulty starts or passes; nothing has changed then.
     pub fn locate(
         &mut self,
@@ -291,6 +297,7 @@ impl Tracker {
             match start {
                 Start::Gaussian(start) => start.check()?,
                 Start::Pixel(start) => check_pixel(start, &self.views)?,
+                Start::Anywhere => {}
             }
         }
         check_passes(passes_sigma_m)?;
@@ -300,15 +307,14 @@ impl Tracker {
         let mut located = |target: &mut Target| {
             let starts = starts.by_ref().take(target.bodies.len());
             let estimates = target.bodies.iter_mut().zip(starts).map(|(body, start)| {
-                let found = body.locate(&self.views, frames, time_s, start, passes_sigma_m);
-                body.estimate_of(found)
+                body.locate(&self.views, frames, time_s, start, passes_sigma_m)
             });
             landmarks::combined(estimates, target.heading)
         };
         Ok(self.targets.iter_mut().map(&mut located).collect())
     }
 
-    fn bodies(&self) -> impl Iterator<Item = &Body> {
+    fn bodies(&self) -> impl Iterator<Item = &Follower> {
         self.targets.iter().flat_map(|target| &target.bodies)
     }
 
@@ -319,7 +325,7 @@ impl Tracker {
         }
         for (camera, frame) in frames {
             for body in self.targets.iter().flat_map(|target| &target.bodies) {
-                body.cues.prepare(&mut self.views[*camera], frame);
+                body.prepare(&mut self.views[*camera], frame);
             }
         }
         Ok(())
@@ -378,7 +384,7 @@ impl Target {
             body.observe(views, frames, time_s, dt_s);
         }
         let bodies = &self.bodies;
-        if bodies.iter().any(|body| !body.started) {
+        if bodies.iter().any(|body| !body.started()) {
             return;
         }
         for &(camera, _) in frames {

@@ -16,7 +16,7 @@ use pardalis::resample::Resampling;
 use pardalis::rig::{Pose, pose_from_matrix};
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::start::Start;
-use pardalis::tracker::BodySettings;
+use pardalis::tracker::{BodySettings, ExistenceSettings};
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
 
@@ -176,5 +176,6 @@ pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> BodySettin
         cues: vec![Cue::Contour(ContourSettings::default()).into()],
         filter: ball_filter(particle_count),
         start: Start::Gaussian(ball_start()),
+        existence: ExistenceSettings::default(),
     }
 }

@@ -12,7 +12,7 @@ use pardalis::resample::Resampling;
 use pardalis::rig::Pose;
 use pardalis::shape::{Flat, Shape};
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, TargetSettings};
+use pardalis::tracker::{BodySettings, ExistenceSettings, TargetSettings};
 use pardalis::view::View;
 
 use super::{SIZE, data, open};
@@ -81,6 +81,7 @@ pub(crate) fn robot_target(particle_count: usize) -> TargetSettings {
             velocity_sigma_mps: [0.1, 0.1, 0.0],
             ..GaussianStart::default()
         }),
+        existence: ExistenceSettings::default(),
     };
     TargetSettings {
         bodies: vec![body("red", -1.3), body("yellow", -1.6)],

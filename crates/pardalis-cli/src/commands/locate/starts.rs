@@ -68,7 +68,7 @@ impl Place {
                 pixel,
                 ..*start
             }),
-            (Self::Pixel(camera, pixel), Start::Gaussian(_)) => {
+            (Self::Pixel(camera, pixel), Start::Gaussian(_) | Start::Anywhere) => {
                 Start::Pixel(PixelStart::at(camera, pixel))
             }
         }

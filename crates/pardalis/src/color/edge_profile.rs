@@ -1,0 +1,307 @@
+//! How a body's colours go over into what surrounds it: P(membership | signed distance to the outline), counted in labelled images.
+//!
+//! Optics, motion, chroma at half the resolution and compression all blur edges; how much, and to which side of the true outline, is learnt rather than assumed.
+
+use std::fmt::Write as _;
+
+use serde::Deserialize;
+
+use super::membership::{EdgePixel, Surroundings};
+use super::outline_distance::OutlineDistance;
+
+/// Standard deviation of the kernel that smooths over distance, in pixels.
+const SMOOTHING_PX: f64 = 0.35;
+/// Pixels that every bin holds in addition, so that nothing is impossible.
+const ADDED: f64 = 0.1;
+/// The last rows, which hold what surrounds bodies.
+const OUTSIDE_ROWS: usize = 3;
+/// An edge where nothing was learnt: blurred by this standard deviation, this far inside, in pixels, as the bundled sets have it ...
+const SOFT_PX: f64 = 1.3;
+const SOFT_INSIDE_PX: f64 = 0.35;
+/// ... with noise of this standard deviation outside, and this much more in the middle of the edge and inside.
+const SOFT_NOISE: [f64; 3] = [0.1, 0.5, 0.08];
+
+/// The edge profile of a body in a camera's images.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EdgeProfile {
+    /// Pixels in each bin of membership, at each distance.
+    counts: Vec<[u32; EdgeProfile::MEMBERSHIPS]>,
+}
+
+/// ln P(membership | distance) / P(membership | outside), a row a distance.
+pub type EdgeLogRatios = [[f32; EdgeProfile::MEMBERSHIPS]; EdgeProfile::DISTANCES];
+
+impl EdgeProfile {
+    /// Distances that are told apart, a quarter of a pixel from one to the next.
+    pub const DISTANCES: usize = 33;
+    /// The least is minus this, the greatest plus this, in pixels.
+    pub const REACH_PX: f32 = 4.0;
+    /// Bins of membership, from −0.5 to 1.5.
+    pub const MEMBERSHIPS: usize = 32;
+
+    /// The bin of a membership; those beyond the ends are in the last.
+    #[inline(always)]
+    pub fn bin_of(membership: f32) -> usize {
+        // Casts keep within the numbers.
+        (((membership + 0.5) * 16.0) as usize).min(Self::MEMBERSHIPS - 1)
+    }
+
+    /// The table of log ratios, smoothed: finite everywhere.
+    pub fn log_ratios(&self) -> Box<EdgeLogRatios> {
+        let counts: Vec<[f64; Self::MEMBERSHIPS]> =
+            self.counts.iter().map(|row| row.map(f64::from)).collect();
+        log_ratios_of(&smoothed(&counts))
+    }
+
+    /// The log ratios of a soft step, for colours that were learnt without an edge.
+    pub fn soft_step() -> Box<EdgeLogRatios> {
+        let row = |distance: usize| {
+            let distance_px = 0.25 * distance as f64 - f64::from(Self::REACH_PX);
+            let off = (distance_px + SOFT_INSIDE_PX) / (SOFT_PX * std::f64::consts::SQRT_2);
+            let mean = 0.5 * libm::erfc(off);
+            let [outside, middle, inside] = SOFT_NOISE;
+            let sigma = outside + middle * mean * (1.0 - mean) + inside * mean;
+            std::array::from_fn(|bin| {
+                let membership = (bin as f64 + 0.5) / 16.0 - 0.5;
+                let normal = libm::exp(-0.5 * ((membership - mean) / sigma).powi(2));
+                normal / sigma + 0.01
+            })
+        };
+        let rows: Vec<[f64; Self::MEMBERSHIPS]> = (0..Self::DISTANCES).map(row).collect();
+        log_ratios_of(&rows)
+    }
+
+    /// The mean membership at each distance.
+    pub fn mean_memberships(&self) -> Vec<f64> {
+        let mean = |row: &[u32; Self::MEMBERSHIPS]| {
+            let (mut sum, mut total) = (0.0, 0.0);
+            for (bin, &count) in row.iter().enumerate() {
+                sum += f64::from(count) * ((bin as f64 + 0.5) / 16.0 - 0.5);
+                total += f64::from(count);
+            }
+            sum / total
+        };
+        self.counts.iter().map(mean).collect()
+    }
+
+    /// The table in a file.
+    pub(super) fn to_text(&self) -> String {
+        let mut text = String::from(
+            "\n# how the target's colours go over into what surrounds it: pixels at -4 to 4 px from the outline, a row each quarter of a pixel, in 32 bins of \
+             membership from -0.5 to 1.5 (0: as outside, 1: as inside)\n[edge]\ncounts = [\n",
+        );
+        for row in &self.counts {
+            let _ = writeln!(text, "    {row:?},");
+        }
+        text.push_str("]\n");
+        text
+    }
+}
+
+/// Smooths over distance by a Gaussian and over membership by (¼, ½, ¼), and adds a little to every bin.
+fn smoothed(counts: &[[f64; EdgeProfile::MEMBERSHIPS]]) -> Vec<[f64; EdgeProfile::MEMBERSHIPS]> {
+    let weight = |rows: usize| {
+        let off = 0.25 * rows as f64 / SMOOTHING_PX;
+        libm::exp(-0.5 * off * off)
+    };
+    let row = |distance: usize| {
+        let mut sums = [ADDED; EdgeProfile::MEMBERSHIPS];
+        for (other, row) in counts.iter().enumerate() {
+            let weight = weight(other.abs_diff(distance));
+            for (bin, sum) in sums.iter_mut().enumerate() {
+                let at = |bin: usize| row[bin.min(EdgeProfile::MEMBERSHIPS - 1)];
+                let near = 0.25 * at(bin.saturating_sub(1)) + 0.5 * at(bin) + 0.25 * at(bin + 1);
+                *sum += weight * near;
+            }
+        }
+        sums
+    };
+    (0..counts.len()).map(row).collect()
+}
+
+fn log_ratios_of(rows: &[[f64; EdgeProfile::MEMBERSHIPS]]) -> Box<EdgeLogRatios> {
+    let shares: Vec<[f64; EdgeProfile::MEMBERSHIPS]> = rows
+        .iter()
+        .map(|row| {
+            let total: f64 = row.iter().sum();
+            row.map(|value| value / total)
+        })
+        .collect();
+    let outside = &shares[EdgeProfile::DISTANCES - OUTSIDE_ROWS..];
+    let reference: [f64; EdgeProfile::MEMBERSHIPS] = std::array::from_fn(|bin| {
+        outside.iter().map(|row| row[bin]).sum::<f64>() / OUTSIDE_ROWS as f64
+    });
+    let mut table = Box::new([[0.0; EdgeProfile::MEMBERSHIPS]; EdgeProfile::DISTANCES]);
+    for (row, shares) in table.iter_mut().zip(&shares) {
+        for ((log_ratio, share), reference) in row.iter_mut().zip(shares).zip(&reference) {
+            *log_ratio = libm::log(share / reference) as f32;
+        }
+    }
+    table
+}
+
+/// The table as it stands in a file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EdgeText {
+    counts: toml::Spanned<Vec<toml::Spanned<Vec<u32>>>>,
+}
+
+impl EdgeText {
+    /// The profile, or where in the text something is wrong, and what.
+    pub(super) fn read(&self) -> Result<EdgeProfile, (usize, String)> {
+        let rows = self.counts.get_ref();
+        if rows.len() != EdgeProfile::DISTANCES {
+            let message = format!(
+                "{} rows of counts; allowed: {}, one a distance",
+                rows.len(),
+                EdgeProfile::DISTANCES
+            );
+            return Err((self.counts.span().start, message));
+        }
+        let row = |row: &toml::Spanned<Vec<u32>>| {
+            let counts: Result<[u32; EdgeProfile::MEMBERSHIPS], _> =
+                row.get_ref().as_slice().try_into();
+            let refused = |message| (row.span().start, message);
+            let counts = counts.map_err(|_| {
+                let found = row.get_ref().len();
+                refused(format!(
+                    "{found} numbers; allowed: {}",
+                    EdgeProfile::MEMBERSHIPS
+                ))
+            })?;
+            if counts.iter().all(|&count| count == 0) {
+                let message = "no pixel at this distance; learn the model again, from more images";
+                return Err(refused(message.to_owned()));
+            }
+            Ok(counts)
+        };
+        Ok(EdgeProfile {
+            counts: rows.iter().map(row).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+/// Counts memberships along the outlines of labelled bodies.
+#[derive(Debug, Clone, Default)]
+pub(super) struct EdgeLearner {
+    counts: Vec<[u32; EdgeProfile::MEMBERSHIPS]>,
+    pixels: Vec<EdgePixel>,
+}
+
+impl EdgeLearner {
+    /// Adds the outlines of a labelled image of this width, whose pixels have these colours. Parts that are small or touch the image's border tell
+    /// nothing of edges.
+    pub(super) fn add(
+        &mut self,
+        labels: &[bool],
+        width: usize,
+        yuv: impl Fn(usize, usize) -> [f32; 3],
+    ) {
+        self.counts
+            .resize(EdgeProfile::DISTANCES, [0; EdgeProfile::MEMBERSHIPS]);
+        for outline in OutlineDistance::of_parts(labels, width) {
+            self.pixels.clear();
+            let pixels = &mut self.pixels;
+            outline.for_each_near(|x, y, distance_px, turn| {
+                pixels.push(EdgePixel {
+                    yuv: yuv(x, y),
+                    distance_px,
+                    turn,
+                });
+            });
+            let Some(surroundings) = Surroundings::of(pixels) else {
+                continue;
+            };
+            for pixel in pixels.iter() {
+                let membership = surroundings.membership(pixel);
+                let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
+                if membership.is_nan() || row > (EdgeProfile::DISTANCES + 1) as f32 {
+                    continue;
+                }
+                // Farther in all is as at the least distance; the last row takes half a pixel more.
+                let row = (row.max(0.0) as usize).min(EdgeProfile::DISTANCES - 1);
+                self.counts[row][EdgeProfile::bin_of(membership)] += 1;
+            }
+        }
+    }
+
+    /// What was learnt; nothing where some distance was never seen.
+    pub(super) fn profile(&self) -> Option<EdgeProfile> {
+        let is_seen = |row: &[u32; EdgeProfile::MEMBERSHIPS]| row.iter().any(|&count| count > 0);
+        let is_whole = !self.counts.is_empty() && self.counts.iter().all(is_seen);
+        is_whole.then(|| EdgeProfile {
+            counts: self.counts.clone(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Discs on a plain ground, blurred by `sigma_px`, with their labels.
+    fn learnt(sigma_px: f64) -> EdgeProfile {
+        let (width, height) = (64, 64);
+        let mut learner = EdgeLearner::default();
+        for n in 0..20 {
+            let n = f64::from(n);
+            let (u, v, r) = (32.0 + 0.37 * n, 31.0 - 0.21 * n, 9.0 + 0.43 * n);
+            let distance = |x: usize, y: usize| (x as f64 - u).hypot(y as f64 - v) - r;
+            let labels: Vec<bool> = (0..width * height)
+                .map(|i| distance(i % width, i / width) < 0.0)
+                .collect();
+            learner.add(&labels, width, |x, y| {
+                let share = 0.5 * libm::erfc(distance(x, y) / sigma_px / 2.0_f64.sqrt());
+                let grain = ((x * 7 + y * 13) % 11) as f32 - 5.0;
+                [60.0 + 100.0 * share as f32 + grain, 128.0, 128.0]
+            });
+        }
+        learner.profile().unwrap()
+    }
+
+    #[test]
+    fn a_soft_edge_is_found_again() {
+        let profile = learnt(1.2);
+        for (row, mean) in profile.mean_memberships().into_iter().enumerate() {
+            let distance_px = 0.25 * row as f64 - 4.0;
+            let expected = 0.5 * libm::erfc(distance_px / 1.2 / 2.0_f64.sqrt());
+            assert!(
+                (mean - expected).abs() < 0.05,
+                "{distance_px}: {mean} {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn log_ratios_are_finite_and_favour_the_body_inside_and_its_surroundings_outside() {
+        for table in [learnt(0.8).log_ratios(), EdgeProfile::soft_step()] {
+            assert!(
+                table
+                    .iter()
+                    .flatten()
+                    .all(|log_ratio| log_ratio.is_finite())
+            );
+            let [body, around] = [1.0, 0.0].map(EdgeProfile::bin_of);
+            assert!(table[0][body] > 3.0 && table[0][around] < -3.0);
+            let last = EdgeProfile::DISTANCES - 1;
+            assert!(table[last][around].abs() < 0.2);
+            for rows in table.windows(2) {
+                assert!(rows[0][body] > rows[1][body] - 0.7);
+            }
+        }
+        for membership in [f32::NEG_INFINITY, -3.0, 0.0, 1.49, 7.0, f32::INFINITY] {
+            assert!(EdgeProfile::bin_of(membership) < EdgeProfile::MEMBERSHIPS);
+        }
+    }
+
+    #[test]
+    fn an_edge_that_was_not_seen_is_not_learnt() {
+        let mut learner = EdgeLearner::default();
+        assert_eq!(learner.profile(), None);
+        // A body that touches the border.
+        let labels: Vec<bool> = (0..400).map(|i| i % 20 < 8).collect();
+        learner.add(&labels, 20, |x, _| [10.0 * x as f32, 0.0, 0.0]);
+        assert_eq!(learner.profile(), None);
+    }
+}

@@ -1,0 +1,350 @@
+//! What one frame says of an outline: the log-likelihood of its shift along its normal, line by line.
+
+use super::{Look, Table};
+use crate::color::{EdgePixel, Surroundings};
+use crate::likelihood::outline::Coordinates;
+
+/// Shifts that lines know, either way, in pixels.
+pub(super) const REACH_PX: f32 = 5.0;
+/// Shifts that lines know: a quarter of a pixel apart, as the distances of edge profiles.
+pub(super) const SHIFTS: usize = 41;
+const SHIFTS_A_PX: f32 = 4.0;
+/// How deep inside the outline and how far outside pixels are looked at, in pixels: for the colours of either side.
+const LOOKED_AT_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
+/// Of outlines longer than this, in pixels, every second pixel will do, as on a chessboard.
+const LONG_PX: f32 = 150.0;
+/// Pixels whose colours tell whether the body is seen on a line, in pixels from the outline.
+const BODY_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
+/// Neighbouring lines that are seen or hidden together.
+pub(super) const SECTORS: usize = 16;
+/// No outline of fewer complete lines is looked at, as a share.
+const LEAST_COMPLETE: f32 = 0.5;
+/// By how much a line speaks against shifts beyond its reach.
+const BEYOND: f32 = 10.0;
+/// How sure the colours of a sector can be that it is seen, or hidden.
+const LEAST_SEEN: f32 = 0.02;
+
+/// Lines across an outline in one camera's frame.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Lines {
+    /// The camera's number.
+    pub(super) camera: usize,
+    /// Where each line crosses the outline, and its direction outwards.
+    crossings: Vec<Crossing>,
+    /// ln of the likelihood of the line's pixels for shifts of the outline from −5 to 5 px, against no body there.
+    log_ratios: Vec<[f32; SHIFTS]>,
+    /// Of each sector: the probability that the body is seen there, ...
+    seen: [f32; SECTORS],
+    /// ... and ln of the likelihood of an edge anywhere along its lines, tempered: what a body of any other outline would do.
+    anywhere: [f32; SECTORS],
+    temper: f32,
+    /// The share of the outline along which the body's colours are seen.
+    pub(super) seen_share: f32,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Crossing {
+    point: [f32; 2],
+    normal: [f32; 2],
+}
+
+/// The buffers that lines are made with.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    pixels: Vec<EdgePixel>,
+    /// The line of each pixel, and whether its colour is the body's.
+    places: Vec<(usize, bool)>,
+    corners: Vec<Corner>,
+}
+
+/// A point of an outline, with its neighbours.
+#[derive(Debug)]
+struct Corner {
+    crossing: Crossing,
+    tangent: [f32; 2],
+    /// Length of the outline that belongs to the point, in pixels.
+    length_px: f32,
+    /// By how much the outline turns towards its tangent a pixel: 1/r of a circle.
+    bend_a_px: f32,
+}
+
+fn corner(outline: &[Coordinates], k: usize, orientation: f32) -> Option<Corner> {
+    let count = outline.len();
+    let at = |k: usize| [outline[k % count][0][0], outline[k % count][1][0]];
+    let [before, point, after] = [at(k + count - 1), at(k), at(k + 1)];
+    let along = [after[0] - before[0], after[1] - before[1]];
+    let length = (along[0] * along[0] + along[1] * along[1]).sqrt();
+    if !(point[0].is_finite() && point[1].is_finite() && length > 0.0) {
+        return None;
+    }
+    let tangent = along.map(|v| v / length);
+    Some(Corner {
+        crossing: Crossing {
+            point,
+            normal: [orientation * tangent[1], -orientation * tangent[0]],
+        },
+        tangent,
+        length_px: 0.5 * length,
+        bend_a_px: 0.0,
+    })
+}
+
+/// 1 for outlines that run from u to v, −1 for the others.
+fn orientation(outline: &[Coordinates]) -> f32 {
+    let [u0, v0] = [outline[0][0][0], outline[0][1][0]];
+    let area: f32 = outline
+        .windows(2)
+        .map(|pair| {
+            let [a, b] = [0, 1].map(|i| [pair[i][0][0] - u0, pair[i][1][0] - v0]);
+            a[0] * b[1] - a[1] * b[0]
+        })
+        .filter(|area| area.is_finite())
+        .sum();
+    1_f32.copysign(area)
+}
+
+impl Lines {
+    /// Looks along lines across an outline, given as the first lane of its points. `false` where too little of it lies in the image, or where inside and
+    /// outside cannot be told apart.
+    pub(super) fn look(
+        &mut self,
+        look: &Look,
+        outline: &[Coordinates],
+        table: &Table,
+        temper: f32,
+        scratch: &mut Scratch,
+    ) -> bool {
+        self.camera = look.camera;
+        self.temper = temper;
+        let Scratch {
+            pixels,
+            places,
+            corners,
+        } = scratch;
+        let count = outline.len();
+        let orientation = orientation(outline);
+        corners.clear();
+        corners.extend((0..count).map_while(|k| corner(outline, k, orientation)));
+        if corners.len() < count {
+            return false;
+        }
+        bend(corners);
+        let inside = corners
+            .iter()
+            .filter(|corner| look.holds(corner.crossing.point));
+        if (inside.count() as f32) < LEAST_COMPLETE * count as f32 {
+            return false;
+        }
+        self.crossings.clear();
+        self.crossings
+            .extend(corners.iter().map(|corner| corner.crossing));
+        let length_px: f32 = corners.iter().map(|corner| corner.length_px).sum();
+        let thinning = if length_px > LONG_PX { 2 } else { 1 };
+        take_pixels(look, corners, thinning, pixels, places);
+        let weight = thinning as f32;
+        let Some(surroundings) = Surroundings::of(pixels) else {
+            return false;
+        };
+        self.log_ratios.clear();
+        self.log_ratios.resize(count, [0.0; SHIFTS]);
+        let (mut bodies, mut alike) = ([0_f32; SECTORS], [0_f32; SECTORS]);
+        for (pixel, &(line, is_alike)) in pixels.iter().zip(&*places) {
+            let sector = line * SECTORS / count;
+            if BODY_PX.contains(&pixel.distance_px) {
+                bodies[sector] += weight;
+                alike[sector] += if is_alike { weight } else { 0.0 };
+            }
+            let membership = surroundings.membership(pixel);
+            if membership.is_nan() {
+                continue;
+            }
+            table.add(
+                pixel.distance_px,
+                membership,
+                weight,
+                &mut self.log_ratios[line],
+            );
+        }
+        let total: f32 = bodies.iter().sum();
+        self.seen_share = alike.iter().sum::<f32>() / total.max(1e-6);
+        for sector in 0..SECTORS {
+            // A sector without pixels of its own follows the others.
+            let share = if bodies[sector] > 0.0 {
+                alike[sector] / bodies[sector]
+            } else {
+                self.seen_share
+            };
+            self.seen[sector] = LEAST_SEEN + (1.0 - 2.0 * LEAST_SEEN) * share;
+        }
+        self.find_anywhere();
+        true
+    }
+
+    fn find_anywhere(&mut self) {
+        let count = self.log_ratios.len();
+        let mut sums = [[0_f32; SHIFTS]; SECTORS];
+        for (line, log_ratios) in self.log_ratios.iter().enumerate() {
+            for (sum, log_ratio) in sums[line * SECTORS / count].iter_mut().zip(log_ratios) {
+                *sum += self.temper * log_ratio;
+            }
+        }
+        for (anywhere, sums) in self.anywhere.iter_mut().zip(&sums) {
+            let most = sums.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            let total: f32 = sums.iter().map(|sum| libm::expf(sum - most)).sum();
+            *anywhere = most + libm::logf(total / SHIFTS as f32);
+        }
+    }
+
+    /// How far a point of the outline is shifted along line `k`, in pixels outwards.
+    #[inline(always)]
+    pub(super) fn shift_px(&self, k: usize, [u, v]: [f32; 2]) -> f32 {
+        let Crossing { point, normal } = self.crossings[k];
+        (u - point[0]) * normal[0] + (v - point[1]) * normal[1]
+    }
+
+    /// The direction of line `k`, outwards.
+    pub(super) fn normal(&self, k: usize) -> [f32; 2] {
+        self.crossings[k].normal
+    }
+
+    pub(super) fn line_count(&self) -> usize {
+        self.crossings.len()
+    }
+
+    /// ln of the tempered likelihood ratio of line `k` for a shift, by a quadratic B-spline, which has no kinks; beyond its reach there is no edge of this body.
+    #[inline(always)]
+    pub(super) fn tempered(&self, k: usize, shift_px: f32) -> f32 {
+        // NaN becomes the least.
+        let step = ((shift_px + REACH_PX) * SHIFTS_A_PX)
+            .max(1.0)
+            .min((SHIFTS - 2) as f32);
+        let nearest = (step + 0.5) as usize;
+        let off = step - nearest as f32;
+        let [before, at, after] =
+            [nearest - 1, nearest, nearest + 1].map(|i| self.log_ratios[k][i]);
+        let (less, more) = (0.5 - off, 0.5 + off);
+        let inside = self.temper
+            * (0.5 * less * less * before + (0.75 - off * off) * at + 0.5 * more * more * after);
+        if shift_px.abs() < REACH_PX {
+            inside
+        } else {
+            inside.min(0.0) - BEYOND
+        }
+    }
+
+    /// ln of the likelihood ratio against an edge anywhere, of the whole outline, from the sums of [`Lines::tempered`] over each sector: each is seen,
+    /// or hidden and says nothing.
+    #[inline(always)]
+    pub(super) fn log_ratio(&self, sums: &[f32; SECTORS]) -> f32 {
+        let mut total = 0.0;
+        for sector in 0..SECTORS {
+            let seen = self.seen[sector];
+            let log_ratio = (sums[sector] - self.anywhere[sector]).min(60.0);
+            total += libm::logf(seen * libm::expf(log_ratio) + 1.0 - seen);
+        }
+        total
+    }
+
+    /// The probability that each sector is seen, given its sum.
+    pub(super) fn seen_given(&self, sums: &[f32; SECTORS]) -> [f32; SECTORS] {
+        std::array::from_fn(|sector| {
+            let seen = self.seen[sector];
+            let likely = seen * libm::expf((sums[sector] - self.anywhere[sector]).min(60.0));
+            likely / (likely + 1.0 - seen)
+        })
+    }
+
+    /// The sector of line `k`.
+    #[inline(always)]
+    pub(super) fn sector(&self, k: usize) -> usize {
+        k * SECTORS / self.crossings.len()
+    }
+}
+
+/// Finds how each corner's outline bends, from its neighbours' normals.
+fn bend(corners: &mut [Corner]) {
+    let count = corners.len();
+    for k in 0..count {
+        let normal = |k: usize| corners[k % count].crossing.normal;
+        let (before, after) = (normal(k + count - 1), normal(k + 1));
+        let Corner {
+            tangent, length_px, ..
+        } = corners[k];
+        let turned = (after[0] - before[0]) * tangent[0] + (after[1] - before[1]) * tangent[1];
+        corners[k].bend_a_px = (turned / (2.0 * length_px)).clamp(-1.0, 1.0);
+    }
+}
+
+/// Gathers the pixels near an outline, each with the corner that is nearest to it; one of `thinning`, as on a chessboard.
+fn take_pixels(
+    look: &Look,
+    corners: &[Corner],
+    thinning: usize,
+    pixels: &mut Vec<EdgePixel>,
+    places: &mut Vec<(usize, bool)>,
+) {
+    pixels.clear();
+    places.clear();
+    let count = corners.len();
+    let far = LOOKED_AT_PX.end();
+    let (width, height) = look.size();
+    // Casts of floats stay within the numbers.
+    let bounds = |axis: usize, size: usize| {
+        let along = corners.iter().map(|corner| corner.crossing.point[axis]);
+        let least = along.clone().fold(f32::INFINITY, f32::min) - far;
+        let most = along.fold(f32::NEG_INFINITY, f32::max) + far;
+        (least.max(0.0) as usize)..(((most + 1.0).max(0.0) as usize).min(size))
+    };
+    let columns = bounds(0, width);
+    let squared = |k: usize, pixel: [f32; 2]| {
+        let point = corners[k].crossing.point;
+        (pixel[0] - point[0]).powi(2) + (pixel[1] - point[1]).powi(2)
+    };
+    let mut nearest = 0;
+    for y in bounds(1, height) {
+        let mut is_first = true;
+        for x in columns.clone().filter(|x| (x + y) % thinning == 0) {
+            let pixel = [x as f32, y as f32];
+            if is_first {
+                let compare =
+                    |a: &usize, b: &usize| squared(*a, pixel).total_cmp(&squared(*b, pixel));
+                nearest = (0..count).min_by(compare).unwrap_or(0);
+                is_first = false;
+            }
+            nearest = descend(nearest, count, |k| squared(k, pixel));
+            let corner = &corners[nearest];
+            let [du, dv] = [0, 1].map(|i| pixel[i] - corner.crossing.point[i]);
+            let [nu, nv] = corner.crossing.normal;
+            let across = du * corner.tangent[0] + dv * corner.tangent[1];
+            let distance_px = du * nu + dv * nv + 0.5 * corner.bend_a_px * across * across;
+            if !LOOKED_AT_PX.contains(&distance_px) {
+                continue;
+            }
+            let Some((yuv, is_alike)) = look.pixel(x, y) else {
+                continue;
+            };
+            pixels.push(EdgePixel {
+                yuv,
+                distance_px,
+                turn: nearest as f32 / count as f32,
+            });
+            places.push((nearest, is_alike));
+        }
+    }
+}
+
+/// The nearest corner, from one near it on.
+fn descend(mut nearest: usize, count: usize, squared: impl Fn(usize) -> f32) -> usize {
+    let mut least = squared(nearest);
+    for step in [1, count - 1] {
+        loop {
+            let next = (nearest + step) % count;
+            let there = squared(next);
+            if there >= least {
+                break;
+            }
+            (nearest, least) = (next, there);
+        }
+    }
+    nearest
+}

@@ -1,0 +1,273 @@
+//! The edge cue: where in the image the outline lies, to a fraction of a pixel.
+//!
+//! Around the outline of a hypothesis each pixel has a membership: 0 where its colour is that of what surrounds the body there, 1 where it is the body's own
+//! ([`Surroundings`](crate::color::Surroundings)). How memberships go over from inside to outside is learnt ([`EdgeProfile`]): optics, chroma at half the
+//! resolution and compression are in it. Lines across the outline (as in region-based tracking: Bibby and Reid 2008, Tjaden et al. 2018, Stoiber et al. 2022) say how likely each shift of it
+//! is; hypotheses nearby are weighed by these alone.
+
+mod fit;
+mod lines;
+
+pub(crate) use fit::Sighting;
+use fit::Sums;
+
+use super::outline::{Coordinates, OutlineKernel, Points, Projector};
+use crate::Error;
+use crate::camera::{LANES, Mask};
+use crate::color::{ColorModel, EdgeLogRatios, EdgeProfile, Palette, PixelKind};
+use crate::detect::LEAST_LIKENESS;
+use crate::shape::Shape;
+use crate::simd::Level;
+use crate::view::Evidence;
+use lines::{Lines, REACH_PX, SECTORS, SHIFTS, Scratch};
+
+/// Parameters of the edge cue.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EdgeSettings {
+    /// Lines across the outline.
+    pub lines: usize,
+    /// What a pixel's log-likelihood counts: below 1, as neighbouring pixels say the same (chroma at half the resolution, compression, a light that falls from one
+    /// side) and what they share does not average out.
+    pub temper: f64,
+}
+
+impl Default for EdgeSettings {
+    fn default() -> Self {
+        Self {
+            lines: 64,
+            temper: 0.15,
+        }
+    }
+}
+
+impl EdgeSettings {
+    /// Refuses what makes no lines.
+    pub fn check(&self) -> Result<(), Error> {
+        if !(SECTORS..=1000).contains(&self.lines) {
+            return Err(Error::out_of_range("lines", self.lines, "16 to 1000"));
+        }
+        if !(self.temper > 0.0 && self.temper <= 1.0) {
+            return Err(Error::out_of_range(
+                "temper",
+                self.temper,
+                "above 0 and at most 1",
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// A profile as lines sum it: of each bin of membership the log ratios over distance.
+#[derive(Debug)]
+struct Table {
+    rows: Vec<[f32; EdgeProfile::DISTANCES]>,
+}
+
+impl Table {
+    fn new(by_distance: &EdgeLogRatios) -> Self {
+        let row = |bin: usize| std::array::from_fn(|distance| by_distance[distance][bin]);
+        Self {
+            rows: (0..EdgeProfile::MEMBERSHIPS).map(row).collect(),
+        }
+    }
+
+    /// Adds a pixel's log ratios for all shifts of the outline. Shifts are as far apart as the profile's distances.
+    #[inline(always)]
+    fn add(&self, distance_px: f32, membership: f32, weight: f32, log_ratios: &mut [f32; SHIFTS]) {
+        let row = &self.rows[EdgeProfile::bin_of(membership)];
+        let last = (row.len() - 1) as f32;
+        for (i, log_ratio) in log_ratios.iter_mut().enumerate() {
+            let step = (4.0 * (distance_px + REACH_PX + EdgeProfile::REACH_PX) - i as f32)
+                .clamp(0.0, last - 1e-3);
+            let j = step as usize;
+            *log_ratio += weight * (row[j] + (step - j as f32) * (row[j + 1] - row[j]));
+        }
+    }
+}
+
+/// One camera's frame, to be looked at.
+pub(crate) struct Look<'a> {
+    camera: usize,
+    evidence: Evidence<'a>,
+    projector: Projector<'a>,
+    kind: PixelKind,
+    palette: Palette,
+    /// How much likelier a pixel of each bin is the target's than the frame's, t / (t + f).
+    likeness: &'a [f64],
+}
+
+impl<'a> Look<'a> {
+    pub(crate) fn new(
+        camera: usize,
+        evidence: Evidence<'a>,
+        palette: Palette,
+        likeness: &'a [f64],
+    ) -> Self {
+        Self {
+            camera,
+            evidence,
+            projector: Projector::new(evidence.view()),
+            kind: PixelKind::of(evidence.frame()),
+            palette,
+            likeness,
+        }
+    }
+
+    pub(crate) fn camera(&self) -> usize {
+        self.camera
+    }
+
+    pub(crate) fn evidence(&self) -> &Evidence<'a> {
+        &self.evidence
+    }
+
+    pub(crate) fn likeness(&self) -> &'a [f64] {
+        self.likeness
+    }
+
+    fn size(&self) -> (usize, usize) {
+        self.evidence.view().size()
+    }
+
+    /// Whether a place in the image is a pixel, unmasked.
+    fn holds(&self, place: [f32; 2]) -> bool {
+        let (width, height) = self.size();
+        let [x, y] = place.map(|v| (v + 0.5).floor());
+        let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+        inside && self.is_open(x as usize, y as usize)
+    }
+
+    fn is_open(&self, column: usize, row: usize) -> bool {
+        let view = self.evidence.view();
+        let mask = view.mask().map(Mask::open);
+        mask.is_none_or(|open| open[row * view.size().0 + column])
+    }
+
+    /// The colour of a pixel of the image, and whether that is the body's; `None` where it is masked.
+    fn pixel(&self, column: usize, row: usize) -> Option<([f32; 3], bool)> {
+        if !self.is_open(column, row) {
+            return None;
+        }
+        let bytes = self.evidence.frame().components(column, row);
+        let bin = self.evidence.table(self.palette).bin(bytes);
+        let is_alike = self.likeness[usize::from(bin)] >= LEAST_LIKENESS;
+        Some((self.kind.full_range_yuv(bytes), is_alike))
+    }
+
+    /// Whether a place in the world lies in the image, unmasked.
+    pub(crate) fn shows(&self, level: Level, positions: &[[f32; LANES]; 3]) -> [bool; LANES] {
+        let [u, v] = self.projector.project(level, positions);
+        std::array::from_fn(|lane| self.holds([u[lane], v[lane]]))
+    }
+}
+
+/// The edge cue of one target.
+#[derive(Debug)]
+pub(crate) struct EdgeCue {
+    settings: EdgeSettings,
+    outline: OutlineKernel,
+    /// How high the middle of the shape lies above its position, in metres.
+    middle_height_m: f32,
+    diameter_m: f64,
+    table: Table,
+    palette: Palette,
+    points: Vec<Points>,
+    coordinates: Vec<Coordinates>,
+    scratch: Scratch,
+    level: Level,
+}
+
+impl EdgeCue {
+    pub(crate) fn new(
+        settings: EdgeSettings,
+        shape: Shape,
+        colors: &ColorModel,
+        level: Level,
+    ) -> Result<Self, Error> {
+        settings.check()?;
+        let profile = colors.edge().map(EdgeProfile::log_ratios);
+        Ok(Self {
+            settings,
+            outline: OutlineKernel::new(shape, settings.lines),
+            middle_height_m: shape.middle_height_m() as f32,
+            diameter_m: shape.diameter_m(),
+            table: Table::new(&profile.unwrap_or_else(EdgeProfile::soft_step)),
+            palette: colors.palette(),
+            points: vec![[[0.0; LANES]; 3]; settings.lines],
+            coordinates: vec![[[0.0; LANES]; 2]; settings.lines],
+            scratch: Scratch::default(),
+            level,
+        })
+    }
+
+    pub(crate) fn palette(&self) -> Palette {
+        self.palette
+    }
+
+    /// Projects the outlines of a block of positions.
+    fn project(&mut self, look: &Look, positions: &[[f32; LANES]; 3]) {
+        self.outline.project(
+            self.level,
+            &look.projector,
+            positions,
+            1.0,
+            &mut self.points,
+            &mut self.coordinates,
+        );
+    }
+
+    /// The area within the outline of a position, in square pixels; NaN where it is not complete.
+    pub(crate) fn area_px(&mut self, look: &Look, position_m: [f64; 3]) -> f64 {
+        self.project(look, &position_m.map(|v| [v as f32; LANES]));
+        let at = |k: usize| [0, 1].map(|i| f64::from(self.coordinates[k][i][0]));
+        let count = self.coordinates.len();
+        let twice: f64 = (0..count)
+            .map(|k| {
+                let ([u0, v0], [u1, v1]) = (at(k), at((k + 1) % count));
+                u0 * v1 - u1 * v0
+            })
+            .sum();
+        0.5 * twice.abs()
+    }
+
+    /// Adds to each position, of one camera, ln of the likelihood ratio of the best of the sightings there; nothing where the camera does not show it, and
+    /// `missed` at the least where it does.
+    pub(crate) fn add_camera(
+        &mut self,
+        look: &Look,
+        sightings: &[Sighting],
+        [x, y, z]: [&[f32]; 3],
+        missed: f32,
+        out: &mut [f32],
+    ) {
+        let lines: Vec<&Lines> = sightings
+            .iter()
+            .flat_map(|sighting| sighting.lines_of(look.camera))
+            .collect();
+        for start in (0..out.len()).step_by(LANES) {
+            let lanes = LANES.min(out.len() - start);
+            let mut positions = [[0_f32; LANES]; 3];
+            for (position, column) in positions.iter_mut().zip([x, y, z]) {
+                position[..lanes].copy_from_slice(&column[start..start + lanes]);
+            }
+            let mut best = [missed; LANES];
+            if !lines.is_empty() {
+                self.project(look, &positions);
+                for lines in &lines {
+                    let sums = Sums::of(lines, &self.coordinates);
+                    for (lane, best) in best.iter_mut().enumerate().take(lanes) {
+                        let log_ratio = lines.log_ratio(&sums.lane(lane));
+                        if log_ratio > *best {
+                            *best = log_ratio;
+                        }
+                    }
+                }
+            }
+            positions[2] = positions[2].map(|z| z + self.middle_height_m);
+            let shown = look.shows(self.level, &positions);
+            for lane in 0..lanes {
+                out[start + lane] = if shown[lane] { best[lane] } else { 0.0 };
+            }
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! A body, followed by cues that are compared with it at every particle, or sought by the edge cue.
+
+use super::body::Body;
+use super::seeker::Seeker;
+use super::{BodySettings, Estimate};
+use crate::filter::StateEstimate;
+use crate::gaussian::GaussianStart;
+use crate::likelihood::Cue;
+use crate::particles::Particles;
+use crate::rng::Draws;
+use crate::simd::Level;
+use crate::start::Start;
+use crate::view::View;
+use crate::{Error, Frame};
+
+/// A target of one body, or a landmark of one of several.
+pub(super) enum Follower {
+    /// By the published cues, from a given start.
+    Given(Box<Body>),
+    /// By the edge cue, from anywhere.
+    Sought(Box<Seeker>),
+}
+
+impl Follower {
+    pub(super) fn new(
+        settings: &BodySettings,
+        draws: Draws,
+        views: &[View],
+        level: Level,
+    ) -> Result<Self, Error> {
+        let edge = settings.cues.iter().find_map(|cue| match cue.cue {
+            Cue::Edge(edge) => Some(edge),
+            _ => None,
+        });
+        Ok(match edge {
+            None => Self::Given(Box::new(Body::new(settings, draws, views, level)?)),
+            Some(_) if settings.cues.len() > 1 => {
+                let allowed = "the edge cue alone, or others without it";
+                return Err(Error::out_of_range("cues", settings.cues.len(), allowed));
+            }
+            Some(edge) => Self::Sought(Box::new(Seeker::new(settings, edge, draws, views, level)?)),
+        })
+    }
+
+    pub(super) fn start(&self) -> &Start {
+        match self {
+            Self::Given(body) => &body.start,
+            Self::Sought(seeker) => &seeker.start,
+        }
+    }
+
+    /// Whether it has seen its first frames.
+    pub(super) fn started(&self) -> bool {
+        match self {
+            Self::Given(body) => body.started,
+            Self::Sought(seeker) => seeker.started,
+        }
+    }
+
+    pub(super) fn particles(&self) -> &Particles {
+        match self {
+            Self::Given(body) => body.filter.particles(),
+            Self::Sought(seeker) => seeker.particles(),
+        }
+    }
+
+    /// Starts it anew with its next frames, from what held at this time.
+    pub(super) fn hand_over(&mut self, start: &GaussianStart, time_s: f64) {
+        let handed_over = match self {
+            Self::Given(body) => &mut body.handed_over,
+            Self::Sought(seeker) => &mut seeker.handed_over,
+        };
+        *handed_over = Some((*start, time_s));
+    }
+
+    /// Whether it compares a camera's frame with the one before ([`View::keep`]).
+    pub(super) fn compares_frames(&self) -> bool {
+        match self {
+            Self::Given(body) => body.cues.compare_frames(),
+            Self::Sought(_) => false,
+        }
+    }
+
+    /// Makes sure that a frame of the view, of its size, can be looked up.
+    pub(super) fn prepare(&self, view: &mut View, frame: &Frame) {
+        match self {
+            Self::Given(body) => body.cues.prepare(view, frame),
+            Self::Sought(seeker) => seeker.prepare(view, frame),
+        }
+    }
+
+    /// One step.
+    pub(super) fn observe(
+        &mut self,
+        views: &[View],
+        frames: &[(usize, Frame)],
+        time_s: f64,
+        dt_s: f64,
+    ) {
+        match self {
+            Self::Given(body) => body.observe(views, frames, time_s, dt_s),
+            Self::Sought(seeker) => seeker.observe(views, frames, time_s, dt_s),
+        }
+    }
+
+    /// Where these frames alone say that it is. What is sought needs neither start nor passes.
+    pub(super) fn locate(
+        &mut self,
+        views: &[View],
+        frames: &[(usize, Frame)],
+        time_s: f64,
+        start: &Start,
+        passes_sigma_m: &[f64],
+    ) -> Estimate {
+        match self {
+            Self::Given(body) => {
+                let found = body.locate(views, frames, time_s, start, passes_sigma_m);
+                body.estimate_of(found)
+            }
+            Self::Sought(seeker) => {
+                let found = seeker.locate(views, frames, time_s);
+                Estimate {
+                    kinematics: found.kinematics.map(|known| StateEstimate {
+                        velocity_mps: None,
+                        ..known
+                    }),
+                    ..found
+                }
+            }
+        }
+    }
+
+    /// How many nats more likely than background a camera's last frame is, in the mean over the posterior.
+    pub(super) fn evidence_nats(&self, camera: usize) -> f64 {
+        match self {
+            Self::Given(body) => body.evidence_nats(camera),
+            Self::Sought(seeker) => seeker.evidence_nats(camera),
+        }
+    }
+
+    /// What is known of it so many seconds after the last frames; nothing changes.
+    pub(super) fn estimate(&self, ahead_s: f64) -> Estimate {
+        match self {
+            Self::Given(body) => body.estimate(ahead_s),
+            Self::Sought(seeker) => seeker.estimate(ahead_s),
+        }
+    }
+}

@@ -1,0 +1,442 @@
+//! A body that is found, followed, lost and found again by what the images say of it: sightings by the edge cue, cameras that see it or not, and a
+//! Bernoulli filter for where it is and whether it is there at all.
+
+mod places;
+mod sight;
+
+pub use sight::OcclusionRates;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{BodySettings, Estimate, TrackState};
+use crate::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use crate::color::ColorModel;
+use crate::detect::{COARSE_PX, likeness};
+use crate::filter::StateEstimate;
+use crate::gaussian::GaussianStart;
+use crate::likelihood::edge::{EdgeCue, EdgeSettings, Look, Sighting};
+use crate::particles::Particles;
+use crate::rng::Draws;
+use crate::shape::Shape;
+use crate::simd::Level;
+use crate::start::Start;
+use crate::view::View;
+use crate::{Error, Frame};
+use places::Wanted;
+use sight::Sight;
+
+/// How a target comes, goes and hides.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExistenceSettings {
+    /// How often a target appears where there was none, a second.
+    pub birth_rate_hz: f64,
+    /// How often one goes away, a second.
+    pub death_rate_hz: f64,
+    /// How often one is taken elsewhere, faster than it moves, a second.
+    pub jump_rate_hz: f64,
+    /// How often something hides it from a camera.
+    pub occlusion: OcclusionRates,
+    /// Where targets that stay on the ground stand, metres.
+    pub ground_z_m: f64,
+}
+
+impl Default for ExistenceSettings {
+    fn default() -> Self {
+        Self {
+            birth_rate_hz: 0.5,
+            death_rate_hz: 0.02,
+            jump_rate_hz: 0.02,
+            occlusion: OcclusionRates::default(),
+            ground_z_m: 0.0,
+        }
+    }
+}
+
+impl ExistenceSettings {
+    /// Refuses what are no rates.
+    pub fn check(&self) -> Result<(), Error> {
+        for (name, value) in [
+            ("birth_rate_hz", self.birth_rate_hz),
+            ("death_rate_hz", self.death_rate_hz),
+            ("jump_rate_hz", self.jump_rate_hz),
+            ("hide_rate_hz", self.occlusion.hide_hz),
+        ] {
+            if !(0.0..=1000.0).contains(&value) {
+                return Err(Error::out_of_range(name, value, "0 to 1000"));
+            }
+        }
+        let appear_hz = self.occlusion.appear_hz;
+        if !(appear_hz > 0.0 && appear_hz <= 1000.0) {
+            let allowed = "above 0 and at most 1000";
+            return Err(Error::out_of_range("appear_rate_hz", appear_hz, allowed));
+        }
+        if !(self.ground_z_m.abs() <= 1e6) {
+            let allowed = "-1e6 to 1e6";
+            return Err(Error::out_of_range("ground_z_m", self.ground_z_m, allowed));
+        }
+        Ok(())
+    }
+}
+
+/// Targets appear anywhere in a cube of so many diameters a side.
+const BIRTH_DIAMETERS: f64 = 50.0;
+/// Standard deviation of the speeds at which targets appear, in m/s on each axis.
+const BIRTH_VELOCITY_SIGMA_MPS: f64 = 1.5;
+/// ln of the likelihood ratio of a frame in which a target is nowhere near any sighting, though nothing hides it: how often the colours of a target that is
+/// there are not recognised.
+const MISSED: f32 = -7.0;
+/// Sightings a frame at most.
+const MAX_SIGHTINGS: usize = 6;
+/// Sightings below this log ratio are none: any other outline would do as well.
+const LEAST_LOG_RATIO: f64 = 2.0;
+/// Sightings closer than this, in diameters, are one.
+const SAME_DIAMETERS: f64 = 0.25;
+/// Frames between looks at whole images while all is well.
+const CALM_FRAMES: u32 = 10;
+/// A sighting of the predicted target above this log ratio needs no search.
+const SURE_LOG_RATIO: f64 = 12.0;
+/// The standard deviation along any axis of a sighting at most, in diameters: what its outline does not tell.
+const MAX_SIGMA_DIAMETERS: f64 = 5.0;
+/// How long a camera's last word on whether it sees the target holds while other cameras go on without it, in seconds.
+const WORD_HOLDS_S: f64 = 0.5;
+
+/// A body that is sought.
+pub(super) struct Seeker {
+    shape: Shape,
+    colors: ColorModel,
+    settings: ExistenceSettings,
+    edge: EdgeCue,
+    filter: BernoulliFilter,
+    pub(super) start: Start,
+    /// Whether any frame was looked at.
+    pub(super) started: bool,
+    pub(super) handed_over: Option<(GaussianStart, f64)>,
+    pub(super) state: TrackState,
+    is_planar: bool,
+    sights: Vec<Option<Sight>>,
+    /// ln of the likelihood ratio of each camera's last frame, one a particle.
+    of_cameras: Vec<Vec<f32>>,
+    /// Frames since whole images were searched.
+    calm: u32,
+}
+
+impl Seeker {
+    pub(super) fn new(
+        settings: &BodySettings,
+        edge: EdgeSettings,
+        draws: Draws,
+        views: &[View],
+        level: Level,
+    ) -> Result<Self, Error> {
+        let colors = settings.colors.clone().ok_or_else(|| Error::Empty {
+            what: "the edge cue's colour model".to_owned(),
+            remedy: "learn one".to_owned(),
+        })?;
+        let motion = settings.filter.motion;
+        let is_planar = motion.is_planar();
+        let extent_m = BIRTH_DIAMETERS * settings.shape.diameter_m();
+        let existence = settings.existence;
+        let filter = BernoulliFilter::new(
+            BernoulliSettings {
+                particle_count: settings.filter.particle_count,
+                motion,
+                birth_rate_hz: existence.birth_rate_hz,
+                death_rate_hz: existence.death_rate_hz,
+                jump_rate_hz: existence.jump_rate_hz,
+                birth_density: libm::pow(extent_m, if is_planar { -2.0 } else { -3.0 }),
+                birth_velocity_sigma_mps: BIRTH_VELOCITY_SIGMA_MPS,
+            },
+            draws,
+        )?;
+        Ok(Self {
+            shape: settings.shape,
+            edge: EdgeCue::new(edge, settings.shape, &colors, level)?,
+            colors,
+            settings: existence,
+            filter,
+            start: settings.start,
+            started: false,
+            handed_over: None,
+            state: TrackState::Searching,
+            is_planar,
+            sights: vec![None; views.len()],
+            of_cameras: vec![Vec::new(); views.len()],
+            calm: 0,
+        })
+    }
+
+    /// Makes sure that a frame of the view, of its size, can be looked up.
+    pub(super) fn prepare(&self, view: &mut View, frame: &Frame) {
+        view.prepare(crate::color::PixelKind::of(frame), self.edge.palette());
+    }
+
+    /// The particles.
+    pub(super) fn particles(&self) -> &Particles {
+        self.filter.particles()
+    }
+
+    /// One step.
+    pub(super) fn observe(
+        &mut self,
+        views: &[View],
+        frames: &[(usize, Frame)],
+        time_s: f64,
+        dt_s: f64,
+    ) {
+        if let Some((start, since_s)) = self.handed_over.take() {
+            self.begin(&start);
+            self.filter.predict((time_s - since_s).max(0.0));
+        } else if self.started {
+            self.filter.predict(dt_s);
+        } else if let Start::Gaussian(start) = self.start {
+            self.begin(&start);
+        }
+        self.started = true;
+        let likenesses: Vec<Vec<f64>> = frames
+            .iter()
+            .map(|(camera, frame)| {
+                likeness(&views[*camera].evidence(frame), &self.colors, COARSE_PX)
+            })
+            .collect();
+        let palette = self.edge.palette();
+        let looks: Vec<Look> = frames
+            .iter()
+            .zip(&likenesses)
+            .map(|((camera, frame), likeness)| {
+                Look::new(*camera, views[*camera].evidence(frame), palette, likeness)
+            })
+            .collect();
+        let sightings = self.sightings(&looks);
+        self.update(&looks, &sightings, time_s);
+        self.conclude(time_s);
+    }
+
+    /// Knows of no target.
+    fn begin_anew(&mut self) {
+        let nowhere = GaussianStart::default();
+        self.filter
+            .start(&nowhere, 0.0)
+            .expect("the origin is a place");
+    }
+
+    /// Believes in a start.
+    fn begin(&mut self, start: &GaussianStart) {
+        self.filter
+            .start(start, 1.0)
+            .expect("starts are checked before");
+    }
+
+    /// Where the frames show the target: near where it is predicted, and, where that is wanted, anywhere.
+    fn sightings(&mut self, looks: &[Look]) -> Vec<Sighting> {
+        let mut sightings = Vec::new();
+        if self.filter.existence() > 0.1
+            && let Some(predicted) = self.filter.estimate(0.0)
+        {
+            let mean_m = predicted.position_m;
+            let information = self.information(predicted.covariance_m2);
+            let prior = Some((&Vector3::from(mean_m), &information));
+            let found = self.edge.fit(looks, mean_m, prior, self.is_planar);
+            sightings.extend(found);
+        }
+        self.calm += 1;
+        let is_sure = sightings
+            .first()
+            .is_some_and(|found: &Sighting| found.log_ratio > SURE_LOG_RATIO);
+        if !is_sure || self.filter.existence() < 0.9 || self.calm >= CALM_FRAMES {
+            self.calm = 0;
+            let wanted = Wanted {
+                shape: self.shape,
+                ground_z_m: self.is_planar.then_some(self.settings.ground_z_m),
+            };
+            for place_m in wanted.places_m(&mut self.edge, looks) {
+                let found = self.edge.fit(looks, place_m, None, self.is_planar);
+                sightings.extend(found);
+            }
+        }
+        self.told_apart(sightings)
+    }
+
+    /// The inverse of a covariance (xx, xy, xz, yy, yz, zz), no sharper than a hundredth of a diameter.
+    fn information(&self, [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
+        let least = (0.01 * self.shape.diameter_m()).powi(2);
+        let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+            + Matrix3::from_diagonal_element(least);
+        covariance.try_inverse().unwrap_or_else(Matrix3::zeros)
+    }
+
+    /// The likeliest sightings, each place once.
+    fn told_apart(&self, mut sightings: Vec<Sighting>) -> Vec<Sighting> {
+        sightings.retain(|sighting| sighting.log_ratio > LEAST_LOG_RATIO);
+        // A stable sort: of two alike the first stays first.
+        sightings.sort_by(|a, b| b.log_ratio.total_cmp(&a.log_ratio));
+        let same_m = SAME_DIAMETERS * self.shape.diameter_m();
+        let mut kept: Vec<Sighting> = Vec::new();
+        for sighting in sightings {
+            let here = Vector3::from(sighting.position_m);
+            let is_new =
+                |other: &Sighting| (here - Vector3::from(other.position_m)).norm() > same_m;
+            if kept.len() < MAX_SIGHTINGS && kept.iter().all(is_new) {
+                kept.push(sighting);
+            }
+        }
+        kept
+    }
+
+    fn peak(&self, sighting: &Sighting) -> Option<Peak> {
+        let widest_m = MAX_SIGMA_DIAMETERS * self.shape.diameter_m();
+        let mut information =
+            sighting.information + Matrix3::from_diagonal_element(widest_m.powi(-2));
+        if self.is_planar {
+            for axis in 0..3 {
+                information[(axis, 2)] = 0.0;
+                information[(2, axis)] = 0.0;
+            }
+            information[(2, 2)] = 1.0;
+        }
+        let inverse = information.cholesky()?.inverse();
+        let axes = if self.is_planar { 2 } else { 3 };
+        let determinant = if self.is_planar {
+            inverse[(0, 0)] * inverse[(1, 1)] - inverse[(0, 1)].powi(2)
+        } else {
+            inverse.determinant()
+        };
+        let volume =
+            0.5 * (f64::from(axes) * libm::log(std::f64::consts::TAU) + libm::log(determinant));
+        Some(Peak {
+            position_m: sighting.position_m,
+            covariance_m2: [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| inverse[at]),
+            log_evidence: sighting.log_ratio + volume,
+        })
+    }
+
+    /// Weighs the particles.
+    fn update(&mut self, looks: &[Look], sightings: &[Sighting], time_s: f64) {
+        let peaks: Vec<Peak> = sightings.iter().filter_map(|s| self.peak(s)).collect();
+        let rates = self.settings.occlusion;
+        for look in looks {
+            let sight = &mut self.sights[look.camera()];
+            sight
+                .get_or_insert(Sight::new(&rates, time_s))
+                .predict(&rates, time_s);
+        }
+        let Self {
+            edge,
+            filter,
+            sights,
+            of_cameras,
+            ..
+        } = self;
+        filter.update(&peaks, |particles, out| {
+            out.fill(0.0);
+            for look in looks {
+                let of_camera = &mut of_cameras[look.camera()];
+                of_camera.clear();
+                of_camera.resize(out.len(), 0.0);
+                edge.add_camera(look, sightings, particles.positions_m(), MISSED, of_camera);
+                let Some(sight) = &sights[look.camera()] else {
+                    continue;
+                };
+                for (sum, &log_ratio) in out.iter_mut().zip(&*of_camera) {
+                    *sum += sight.mixed(log_ratio);
+                }
+            }
+        });
+        for look in looks {
+            let of_camera = &self.of_cameras[look.camera()];
+            let weights = self.filter.weights();
+            if let Some(sight) = &mut self.sights[look.camera()] {
+                let visible = |(&log_ratio, &weight): (&f32, &f64)| {
+                    // Of a particle out of the image the frame says nothing.
+                    let is_shown = log_ratio != 0.0;
+                    let given = sight.given(log_ratio);
+                    [weight * given, if is_shown { weight * given } else { 0.0 }]
+                };
+                let sums = of_camera.iter().zip(weights).map(visible);
+                let [given, sees] = sums.fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+                sight.visible = given.clamp(0.0, 1.0);
+                sight.sees = sees.clamp(0.0, 1.0);
+            }
+        }
+    }
+
+    /// What all that means.
+    fn conclude(&mut self, time_s: f64) {
+        let existence = self.filter.existence();
+        let is_fresh = |sight: &&Sight| time_s - sight.time_s <= WORD_HOLDS_S;
+        let sees = self
+            .sights
+            .iter()
+            .flatten()
+            .filter(is_fresh)
+            .map(|sight| sight.sees)
+            .fold(0.0, f64::max);
+        let was_known = matches!(self.state, TrackState::Tracking | TrackState::Occluded);
+        self.state = if existence >= 0.5 && sees >= 0.5 {
+            TrackState::Tracking
+        } else if existence >= 0.5 && was_known && self.belief(0.0) >= LEAST_BELIEF {
+            TrackState::Occluded
+        } else if was_known || self.state == TrackState::Lost {
+            TrackState::Lost
+        } else {
+            TrackState::Searching
+        };
+    }
+
+    /// The probability that the target is there, and within a diameter of the estimate.
+    fn belief(&self, ahead_s: f64) -> f64 {
+        let near = |known: StateEstimate| {
+            self.filter
+                .weight_within(known.position_m, self.shape.diameter_m())
+        };
+        let known = self.filter.estimate(ahead_s);
+        self.filter.existence() * known.map_or(0.0, near)
+    }
+
+    /// Where these frames alone say that it is: as if it had never been seen before.
+    pub(super) fn locate(
+        &mut self,
+        views: &[View],
+        frames: &[(usize, Frame)],
+        time_s: f64,
+    ) -> Estimate {
+        self.begin_anew();
+        self.sights.fill(None);
+        self.state = TrackState::Searching;
+        self.handed_over = None;
+        self.start = Start::Anywhere;
+        self.observe(views, frames, time_s, 0.0);
+        self.estimate(0.0)
+    }
+
+    /// How many nats more likely than nothing a camera's last frame is, in the mean over the posterior.
+    pub(super) fn evidence_nats(&self, camera: usize) -> f64 {
+        self.of_cameras[camera]
+            .iter()
+            .zip(self.filter.weights())
+            .filter(|&(_, &weight)| weight > 0.0)
+            .map(|(&log_ratio, weight)| weight * f64::from(log_ratio))
+            .sum()
+    }
+
+    /// What is known so many seconds after the last frames; nothing changes.
+    pub(super) fn estimate(&self, ahead_s: f64) -> Estimate {
+        let is_known = matches!(self.state, TrackState::Tracking | TrackState::Occluded);
+        let kinematics = self.filter.estimate(ahead_s).filter(|_| is_known);
+        let confidence = if is_known {
+            self.belief(ahead_s)
+        } else {
+            // That it is in view at all.
+            let sees = self.sights.iter().flatten().map(|sight| sight.sees);
+            self.filter.existence() * sees.fold(0.0, f64::max)
+        };
+        Estimate {
+            state: self.state,
+            kinematics,
+            heading_rad: None,
+            confidence,
+        }
+    }
+}
+
+/// Below this belief in its place, a hidden target is lost.
+const LEAST_BELIEF: f64 = 0.1;
