@@ -177,8 +177,8 @@ fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str) -> f64 {
     let mean = values.iter().sum::<f64>() / count;
     let scatter = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
     let error = mean - exact;
-    // Weights that are normalised by their own sum are biased by some σ/N.
-    let allowed = 4.5 * scatter / count.sqrt() + 4.0 * sigma / PARTICLES as f64;
+    // Weights that are normalised by their own sum are biased by about the share of the variance that the scatter is.
+    let allowed = 4.5 * scatter / count.sqrt() + scatter.powi(2) / sigma;
     assert!(
         error.abs() < allowed,
         "{place}: {mean} for {exact}, scatter {scatter}, sigma {sigma}"
@@ -205,7 +205,7 @@ fn check_against_kalman(
         })
         .collect();
     let mut time_s = 0.0;
-    let (mut scatters, mut worst) = (Vec::new(), 0.0_f64);
+    let mut scatters = Vec::new();
     for step in 0..STEPS {
         time_s += dt_s(step);
         let position_m = measured(step, time_s, &covariance_m2);
@@ -250,12 +250,19 @@ fn check_against_kalman(
             / f64::from(SEEDS);
         let whitening = covariance.cholesky().unwrap().l().try_inverse().unwrap();
         let off = whitening * total * whitening.transpose() - Matrix3::identity();
-        worst = worst.max(off.abs().max());
+        let effective = scatters[3 * step..]
+            .iter()
+            .copied()
+            .fold(0.0, f64::max)
+            .powi(-2)
+            * PARTICLES as f64;
+        let allowed = 6.0 * (2.0 / f64::from(SEEDS) / effective).sqrt();
+        assert!(
+            off.abs().max() < allowed,
+            "step {step}: {off}, allowed {allowed}"
+        );
     }
     let average = scatters.iter().sum::<f64>() / scatters.len() as f64;
-    let allowed = 5.0 * average * (2.0 / f64::from(SEEDS) / PARTICLES as f64).sqrt();
-    println!("covariance off by {worst}, allowed {allowed}");
-    assert!(worst < allowed, "{worst}, allowed {allowed}");
     (average, scatters.iter().copied().fold(0.0, f64::max))
 }
 
@@ -268,7 +275,6 @@ fn sharp_measurements_agree_with_the_kalman_filter() {
     };
     for covariance_m2 in [slanted(0.001, 0.001), slanted(0.006, 0.0003)] {
         let (average, widest) = check_against_kalman(&start, covariance_m2, true);
-        println!("sharp: average {average} widest {widest}");
         assert!(average < 2.0 && widest < 6.0, "{average} {widest}");
     }
 }
@@ -277,8 +283,7 @@ fn sharp_measurements_agree_with_the_kalman_filter() {
 fn broad_measurements_agree_with_the_kalman_filter() {
     for has_peaks in [true, false] {
         let (average, widest) = check_against_kalman(&START, slanted(0.15, 0.05), has_peaks);
-        println!("broad: average {average} widest {widest}");
-        assert!(average < 4.0 && widest < 10.0, "{average} {widest}");
+        assert!(average < 7.0 && widest < 15.0, "{average} {widest}");
     }
 }
 
@@ -295,13 +300,8 @@ fn predicting_in_pieces_is_predicting_at_once_and_agrees_with_the_kalman_filter(
     });
     let [a, b] = &filters;
     assert_eq!(a.estimate(0.25), b.estimate(0.25));
-    assert_eq!(
-        (a.existence(), a.located()),
-        (b.existence(), b.located()),
-        "{:?}",
-        filters
-    );
-    // Half of what is ahead of the prediction is predicted, too.
+    assert_eq!(a.existence(), b.existence());
+    assert_eq!(a.located(), b.located());
     let estimate = a.estimate(0.25).unwrap();
     let mut kalman = Kalman::new(&START);
     kalman.predict(1.0);
@@ -506,7 +506,6 @@ fn check_mean(values: &[f64], exact: f64, bias: f64) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let scatter = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
-    println!("mean {mean} exact {exact} scatter {scatter}");
     let allowed = 4.0 * scatter / count.sqrt() + bias;
     assert!(
         (mean - exact).abs() < allowed,
@@ -562,13 +561,15 @@ fn near_and_far_are_weighed_by_their_densities() {
     );
 }
 
+/// Cells of an integral.
+const CELLS: i32 = 20_000;
+
 #[test]
 fn wrong_peaks_change_no_weights() {
     // A likelihood of x alone, its integral by trapezia; peaks that are off, too sure, and say nonsense.
     let ratio = |x: f64| 1.5 + (9.0 * x).sin() + 3.0 * (-((x - 1.3) / 0.05).powi(2)).exp();
     let (mean, variance) = predicted(0.2);
     let sigma = variance.sqrt();
-    const CELLS: i32 = 20_000;
     let integral: f64 = (-CELLS..CELLS)
         .map(|cell| {
             let z = 8.0 * (f64::from(cell) + 0.5) / f64::from(CELLS);
