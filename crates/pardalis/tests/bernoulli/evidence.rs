@@ -235,6 +235,19 @@ fn near_and_far_are_weighed_by_their_densities() {
         gain * (continued + 2.0 * born),
         Some((near, (continued + born) / (continued + 2.0 * born))),
     );
+    // One beyond what agrees with the prediction, though the images speak for it much more.
+    let beyond = mean + Vector3::new(0.8, -0.5, 0.4);
+    let sure = Peak {
+        log_evidence: 62.0,
+        ..peak_at(beyond)
+    };
+    check_one_update(
+        settings,
+        &[sure, peak_at(near)],
+        gaussian_ratio(beyond, covariance, plus),
+        gain * born,
+        None,
+    );
     // The far one alone: it is a birth or a jump.
     check_one_update(
         settings,
