@@ -1,5 +1,6 @@
 //! The Bernoulli filter against exact inference.
 
+mod belief;
 mod evidence;
 mod faults;
 mod kalman;
