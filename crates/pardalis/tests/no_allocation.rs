@@ -9,7 +9,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use common::robot::{self, mast_view, robot_target};
 use common::{FPS, ball_target, fisheye_view, frame, jump_picture};
 use image::RgbImage;
+use pardalis::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
 use pardalis::color::{Palette, YuvEncoding};
+use pardalis::motion::Motion;
+use pardalis::rng::Draws;
 use pardalis::simd::Level;
 use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
@@ -74,9 +77,36 @@ fn check(view: View, target: TargetSettings, frames: &[[(usize, Frame); 1]]) {
     });
 }
 
+/// Two updates with peaks, one of them after survivors were drawn, and one without.
+fn check_bernoulli() {
+    let settings = BernoulliSettings::of(Motion::DEFAULT);
+    let mut filter = BernoulliFilter::new(settings, Draws::new(1, 0)).unwrap();
+    let mut step = |peaks: &[Peak]| {
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        filter.predict(0.04);
+        filter.update(peaks, |particles, out| {
+            for (x, out) in particles.columns()[0].iter().zip(out) {
+                *out = 20.0 - 800.0 * x * x;
+            }
+        });
+        assert!(filter.estimate(0.01).is_some() && filter.existence() > 0.5);
+        ALLOCATIONS.load(Ordering::Relaxed) - before
+    };
+    let peaks = [-0.05, 0.05, 2.0].map(|x| Peak {
+        position_m: [x, 0.0, 1.0],
+        covariance_m2: [0.01, 0.002, 0.0, 0.02, 0.0, 0.03],
+        log_evidence: 1.0,
+    });
+    assert!(step(&peaks) > 0, "the first peaks are kept");
+    for peaks in [&peaks[..], &peaks[..1], &[], &peaks] {
+        assert_eq!(step(peaks), 0, "{} peaks", peaks.len());
+    }
+}
+
 /// The only test of this file: another's allocations would be counted too.
 #[test]
 fn a_warm_step_allocates_nothing() {
+    check_bernoulli();
     let of_ball = frames(FPS, jump_picture);
     let of_robot = frames(robot::FPS, robot::picture);
     for particle_count in [300, 3001] {

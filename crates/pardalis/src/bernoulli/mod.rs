@@ -34,7 +34,8 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// What a Bernoulli filter is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BernoulliSettings {
-    /// The number of particles.
+    /// The number of particles. The fewer, the surer the filter is of a position that is measured much less surely than it is predicted: velocities that were
+    /// sampled with it are then remembered for long.
     pub particle_count: usize,
     /// How the target moves: constant velocity with white acceleration, or a random walk that diffuses.
     pub motion: Motion,

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use crate::gaussian::MAX_START;
 
-/// The share of particles that come from the peaks alone, at least.
+/// The share of particles that come from the peaks alone where one is near, at least.
 const FRESH_SHARE: f64 = 0.1;
 /// Of the others, the share that come from the prediction alone.
 const PREDICTED_SHARE: f64 = 0.25;
@@ -58,7 +58,7 @@ struct Place {
 pub(super) struct Proposal {
     free_axes: usize,
     places: Vec<Place>,
-    /// The share of particles that come from the peaks alone.
+    /// The share of particles that come from the peaks alone where one is near.
     fresh_share: f64,
 }
 
@@ -119,15 +119,19 @@ impl Proposal {
             place.log_agreement = place.log_agreement(prediction, self.free_axes);
             log_near = log_add(log_near, place.log_agreement);
         }
-        let near_share = if log_near == f64::NEG_INFINITY {
-            0.0
+        // What would have gone to peaks nearby goes to either side where there are none.
+        let rest = 1.0 - self.fresh_share;
+        let [fresh_share, near_share] = if log_near > f64::NEG_INFINITY {
+            [self.fresh_share, rest * (1.0 - PREDICTED_SHARE)]
+        } else if self.is_blind() {
+            [0.0; 2]
         } else {
-            (1.0 - self.fresh_share) * (1.0 - PREDICTED_SHARE)
+            [self.fresh_share + rest * (1.0 - PREDICTED_SHARE) / 2.0, 0.0]
         };
-        let [mut left_fresh, mut left_near] = [share, share - self.fresh_share];
-        let position_m = if left_fresh < self.fresh_share {
+        let [mut left_fresh, mut left_near] = [share, share - fresh_share];
+        let position_m = if left_fresh < fresh_share {
             let place = self.pick(|place| {
-                left_fresh -= self.fresh_share * place.fresh_share;
+                left_fresh -= fresh_share * place.fresh_share;
                 left_fresh < 0.0
             });
             place.fresh(normals, self.free_axes)
@@ -140,7 +144,8 @@ impl Proposal {
         } else {
             prediction.draw(normals, self.free_axes)
         };
-        let log_density = self.log_density(position_m, prediction, log_near, near_share);
+        let log_density =
+            self.log_density(position_m, prediction, log_near, [fresh_share, near_share]);
         (position_m, log_density)
     }
 
@@ -161,7 +166,7 @@ impl Proposal {
         position_m: [f64; 3],
         prediction: &Prediction,
         log_near: f64,
-        near_share: f64,
+        [fresh_share, near_share]: [f64; 2],
     ) -> f64 {
         let [mut log_fresh, mut log_peaks] = [f64::NEG_INFINITY; 2];
         for place in &self.places {
@@ -177,14 +182,14 @@ impl Proposal {
                 log_peaks = log_add(log_peaks, place.log_evidence + log_height - squared / 2.0);
             }
         }
-        let predicted_share = 1.0 - self.fresh_share - near_share;
+        let predicted_share = 1.0 - fresh_share - near_share;
         let mut log_predicted = libm::log(predicted_share);
         if near_share > 0.0 {
             log_predicted = log_add(log_predicted, libm::log(near_share) + log_peaks - log_near);
         }
         log_add(
             log_predicted + prediction.log_density(position_m, self.free_axes),
-            libm::log(self.fresh_share) + log_fresh,
+            libm::log(fresh_share) + log_fresh,
         )
     }
 }
