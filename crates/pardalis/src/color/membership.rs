@@ -24,7 +24,7 @@ const AROUND_PX: std::ops::Range<f32> = 3.0..7.0;
 /// How fast the weight of colours falls around the turn, for the body and for what surrounds it: the concentration of a von Mises density.
 const CONCENTRATION: [f64; 2] = [2.0, 4.0];
 /// What differences of Y, U and V count: chroma tells bodies apart that shadows do not.
-const CHANNEL_WEIGHTS: [f32; 3] = [1.0, 2.0, 2.0];
+const CHANNEL_WEIGHTS: [f32; 3] = [1.0, 15.0, 15.0];
 /// Colours closer than this (squared, weighted as above) are not told apart.
 const LEAST_CONTRAST: f32 = 100.0;
 

@@ -208,6 +208,8 @@ fn read_edge(edge: &Table) -> Option<EdgeSettings> {
         lines: edge.or("lines", default.lines),
         temper: edge.or("temper", default.temper),
         shared_sigma_px: edge.or("shared_sigma_px", default.shared_sigma_px),
+        learnt_profile: edge.or("learnt_profile", default.learnt_profile),
+        watches_surroundings: edge.or("watches_surroundings", default.watches_surroundings),
     };
     edge.checked(settings.check())?;
     Some(settings)

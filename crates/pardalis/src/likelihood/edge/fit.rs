@@ -14,11 +14,18 @@ pub(crate) struct Sighting {
     pub(crate) information: Matrix3<f64>,
     /// ln of the likelihood ratio there, summed over the cameras that see it.
     pub(crate) log_ratio: f64,
+    /// What is added to ln of the ratio, a camera, to compare it with what else may look like the target.
+    pub(crate) offset: f32,
     /// One for each camera that sees it.
     lines: Vec<Lines>,
 }
 
 impl Sighting {
+    /// How many cameras see it.
+    pub(crate) fn camera_count(&self) -> usize {
+        self.lines.len()
+    }
+
     /// Learns what surrounds the target in a camera's image, beside what was known: slowly, and not of sectors into which something else has come.
     pub(crate) fn learn_around(&self, camera: usize, known: &mut Option<Around>) {
         let Some(lines) = self.lines_of(camera).next() else {
@@ -239,6 +246,10 @@ impl EdgeCue {
                     let moved = (u[plus] - u[minus]) * nu + (v[plus] - v[minus]) * nv;
                     f64::from(moved / width_m[axis])
                 });
+                // The outline has no pixel here.
+                if along.iter().any(|v| v.is_nan()) {
+                    continue;
+                }
                 for axis in 0..3 {
                     most[axis] = most[axis].max(along[axis].abs());
                 }

@@ -80,17 +80,15 @@ struct Corner {
     bend_a_px: f32,
 }
 
-fn corner(outline: &[Coordinates], k: usize, orientation: f32) -> Option<Corner> {
+/// The corner of number `k`; without numbers where the outline has no pixel there or on either side.
+fn corner(outline: &[Coordinates], k: usize, orientation: f32) -> Corner {
     let count = outline.len();
     let at = |k: usize| [outline[k % count][0][0], outline[k % count][1][0]];
     let [before, point, after] = [at(k + count - 1), at(k), at(k + 1)];
     let along = [after[0] - before[0], after[1] - before[1]];
     let length = (along[0] * along[0] + along[1] * along[1]).sqrt();
-    if !(point[0].is_finite() && point[1].is_finite() && length > 0.0) {
-        return None;
-    }
     let tangent = along.map(|v| v / length);
-    Some(Corner {
+    Corner {
         crossing: Crossing {
             point,
             normal: [orientation * tangent[1], -orientation * tangent[0]],
@@ -98,12 +96,16 @@ fn corner(outline: &[Coordinates], k: usize, orientation: f32) -> Option<Corner>
         tangent,
         length_px: 0.5 * length,
         bend_a_px: 0.0,
-    })
+    }
 }
 
 /// 1 for outlines that run from u to v, −1 for the others.
 fn orientation(outline: &[Coordinates]) -> f32 {
-    let [u0, v0] = [outline[0][0][0], outline[0][1][0]];
+    let is_pixel = |point: &&Coordinates| point[0][0].is_finite() && point[1][0].is_finite();
+    let Some([u, v]) = outline.iter().find(is_pixel) else {
+        return 1.0;
+    };
+    let (u0, v0) = (u[0], v[0]);
     let area: f32 = outline
         .windows(2)
         .map(|pair| {
@@ -135,10 +137,7 @@ impl Lines {
         let count = outline.len();
         let orientation = orientation(outline);
         corners.clear();
-        corners.extend((0..count).map_while(|k| corner(outline, k, orientation)));
-        if corners.len() < count {
-            return false;
-        }
+        corners.extend((0..count).map(|k| corner(outline, k, orientation)));
         bend(corners);
         let inside = corners
             .iter()
@@ -149,7 +148,8 @@ impl Lines {
         self.crossings.clear();
         self.crossings
             .extend(corners.iter().map(|corner| corner.crossing));
-        let length_px: f32 = corners.iter().map(|corner| corner.length_px).sum();
+        let lengths = corners.iter().map(|corner| corner.length_px);
+        let length_px: f32 = lengths.filter(|length| length.is_finite()).sum();
         let thinning = if length_px > LONG_PX { 2 } else { 1 };
         take_pixels(look, corners, thinning, pixels, places);
         let weight = thinning as f32;
@@ -275,10 +275,11 @@ impl Lines {
     /// ln of the tempered likelihood ratio of line `k` for a shift, by a quadratic B-spline, which has no kinks; beyond its reach there is no edge of this body.
     #[inline(always)]
     pub(super) fn tempered(&self, k: usize, shift_px: f32) -> f32 {
-        // NaN becomes the least.
-        let step = ((shift_px + REACH_PX) * SHIFTS_A_PX)
-            .max(1.0)
-            .min((SHIFTS - 2) as f32);
+        // Where either outline has no pixel, nothing is known.
+        if shift_px.is_nan() {
+            return 0.0;
+        }
+        let step = ((shift_px + REACH_PX) * SHIFTS_A_PX).clamp(1.0, (SHIFTS - 2) as f32);
         let nearest = (step + 0.5) as usize;
         let off = step - nearest as f32;
         let [before, at, after] =
@@ -332,7 +333,9 @@ fn bend(corners: &mut [Corner]) {
             tangent, length_px, ..
         } = corners[k];
         let turned = (after[0] - before[0]) * tangent[0] + (after[1] - before[1]) * tangent[1];
-        corners[k].bend_a_px = (turned / (2.0 * length_px)).clamp(-1.0, 1.0);
+        // Next to where the outline ends it counts as straight.
+        let bend = (turned / (2.0 * length_px)).clamp(-1.0, 1.0);
+        corners[k].bend_a_px = if bend.is_nan() { 0.0 } else { bend };
     }
 }
 
@@ -401,7 +404,8 @@ fn descend(mut nearest: usize, count: usize, squared: impl Fn(usize) -> f32) -> 
         loop {
             let next = (nearest + step) % count;
             let there = squared(next);
-            if there >= least {
+            // Corners without a pixel are never nearer.
+            if !(there < least) {
                 break;
             }
             (nearest, least) = (next, there);

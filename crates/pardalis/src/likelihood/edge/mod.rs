@@ -30,6 +30,10 @@ pub struct EdgeSettings {
     pub temper: f64,
     /// The standard deviation, in pixels, of what is wrong with a whole outline at once and does not average out over its pixels: shading, highlights, shadows.
     pub shared_sigma_px: f64,
+    /// Whether edges look as they do where the colours were learnt; else as a soft step does.
+    pub learnt_profile: bool,
+    /// Whether sectors into which something else came say nothing; else they do as any.
+    pub watches_surroundings: bool,
 }
 
 impl Default for EdgeSettings {
@@ -38,6 +42,8 @@ impl Default for EdgeSettings {
             lines: 64,
             temper: 0.15,
             shared_sigma_px: 0.2,
+            learnt_profile: true,
+            watches_surroundings: true,
         }
     }
 }
@@ -201,7 +207,8 @@ impl EdgeCue {
         level: Level,
     ) -> Result<Self, Error> {
         settings.check()?;
-        let profile = colors.edge().map(EdgeProfile::log_ratios);
+        let profile = colors.edge().filter(|_| settings.learnt_profile);
+        let profile = profile.map(EdgeProfile::log_ratios);
         Ok(Self {
             settings,
             outline: OutlineKernel::new(shape, settings.lines),
@@ -214,6 +221,10 @@ impl EdgeCue {
             scratch: Scratch::default(),
             level,
         })
+    }
+
+    pub(crate) fn settings(&self) -> &EdgeSettings {
+        &self.settings
     }
 
     pub(crate) fn palette(&self) -> Palette {
@@ -232,16 +243,18 @@ impl EdgeCue {
         );
     }
 
-    /// The area within the outline of a position, in square pixels; NaN where it is not complete.
+    /// The area within the outline of a position, as far as it has pixels, in square pixels.
     pub(crate) fn area_px(&mut self, look: &Look, position_m: [f64; 3]) -> f64 {
         self.project(look, &position_m.map(|v| [v as f32; LANES]));
-        let at = |k: usize| [0, 1].map(|i| f64::from(self.coordinates[k][i][0]));
-        let count = self.coordinates.len();
-        let twice: f64 = (0..count)
-            .map(|k| {
-                let ([u0, v0], [u1, v1]) = (at(k), at((k + 1) % count));
-                u0 * v1 - u1 * v0
-            })
+        let points = || {
+            let at = |[u, v]: &Coordinates| [f64::from(u[0]), f64::from(v[0])];
+            let points = self.coordinates.iter().map(at);
+            points.filter(|[u, v]| u.is_finite() && v.is_finite())
+        };
+        let next = points().cycle().skip(1);
+        let twice: f64 = points()
+            .zip(next)
+            .map(|([u0, v0], [u1, v1])| u0 * v1 - u1 * v0)
             .sum();
         0.5 * twice.abs()
     }
@@ -256,9 +269,12 @@ impl EdgeCue {
         missed: f32,
         out: &mut [f32],
     ) {
-        let lines: Vec<&Lines> = sightings
+        let lines: Vec<(&Lines, f32)> = sightings
             .iter()
-            .flat_map(|sighting| sighting.lines_of(look.camera))
+            .flat_map(|sighting| {
+                let lines = sighting.lines_of(look.camera);
+                lines.map(|lines| (lines, sighting.offset))
+            })
             .collect();
         for start in (0..out.len()).step_by(LANES) {
             let lanes = LANES.min(out.len() - start);
@@ -269,10 +285,10 @@ impl EdgeCue {
             let mut best = [missed; LANES];
             if !lines.is_empty() {
                 self.project(look, &positions);
-                for lines in &lines {
+                for (lines, offset) in &lines {
                     let sums = Sums::of(lines, &self.coordinates);
                     for (lane, best) in best.iter_mut().enumerate().take(lanes) {
-                        let log_ratio = lines.log_ratio(&sums.lane(lane));
+                        let log_ratio = lines.log_ratio(&sums.lane(lane)) + offset;
                         if log_ratio > *best {
                             *best = log_ratio;
                         }

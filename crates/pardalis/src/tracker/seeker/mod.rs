@@ -99,6 +99,12 @@ const BEFORE_S: f64 = 2.0;
 const MAX_SIGHTINGS: usize = 6;
 /// Sightings below this log ratio are none: any other outline would do as well.
 const LEAST_LOG_RATIO: f64 = 0.5;
+/// Things that look like a target are so many in a frame, on average, over all places where targets appear.
+const ALIKE_A_FRAME: f64 = 0.1;
+/// ln of how much likelier a sighting is the target than such a thing: the least, and the most, ...
+const LIKENESS_NATS: [f64; 2] = [-5.0, 15.0];
+/// ... from one to the other by one for so much of a sighting's log ratio.
+const LIKENESS_SCALE: f64 = 1.5;
 /// Sightings closer than this, in diameters, are one.
 const SAME_DIAMETERS: f64 = 0.25;
 /// Frames between looks at whole images while all is well.
@@ -123,6 +129,8 @@ pub(super) struct Seeker {
     pub(super) handed_over: Option<(GaussianStart, f64)>,
     pub(super) state: TrackState,
     is_planar: bool,
+    /// 1/m³, or 1/m² on the ground.
+    birth_density: f64,
     sights: Vec<Option<Sight>>,
     /// ln of the likelihood ratio of each camera's last frame, one a particle.
     of_cameras: Vec<Vec<f32>>,
@@ -147,6 +155,7 @@ impl Seeker {
         let motion = settings.filter.motion;
         let is_planar = motion.is_planar();
         let extent_m = BIRTH_DIAMETERS * settings.shape.diameter_m();
+        let birth_density = libm::pow(extent_m, if is_planar { -2.0 } else { -3.0 });
         let existence = settings.existence;
         let filter = BernoulliFilter::new(
             BernoulliSettings {
@@ -155,7 +164,7 @@ impl Seeker {
                 birth_rate_hz: existence.birth_rate_hz,
                 death_rate_hz: existence.death_rate_hz,
                 jump_rate_hz: existence.jump_rate_hz,
-                birth_density: libm::pow(extent_m, if is_planar { -2.0 } else { -3.0 }),
+                birth_density,
                 birth_velocity_sigma_mps: BIRTH_VELOCITY_SIGMA_MPS,
                 kick_rate_hz: existence.kick_rate_hz,
                 kick_sigma_mps: existence.kick_sigma_mps,
@@ -173,6 +182,7 @@ impl Seeker {
             handed_over: None,
             state: TrackState::Searching,
             is_planar,
+            birth_density,
             sights: vec![None; views.len()],
             of_cameras: vec![Vec::new(); views.len()],
             known_around: vec![None; views.len()],
@@ -231,8 +241,8 @@ impl Seeker {
                 )
             })
             .collect();
-        let sightings = self.sightings(&looks);
-        self.update(&looks, &sightings, time_s);
+        let mut sightings = self.sightings(&looks);
+        self.update(&looks, &mut sightings, time_s);
         self.conclude(time_s);
         drop(looks);
         self.known_around = known_around;
@@ -241,7 +251,8 @@ impl Seeker {
 
     /// Learns what surrounds the target from the sighting that is it, if it is surely there.
     fn learn_surroundings(&mut self, frames: &[(usize, Frame)], sightings: &[Sighting]) {
-        if self.state != TrackState::Tracking || self.belief(0.0) < SURE {
+        let watches = self.edge.settings().watches_surroundings;
+        if !watches || self.state != TrackState::Tracking || self.belief(0.0) < SURE {
             return;
         }
         let Some(known) = self.filter.estimate(0.0) else {
@@ -333,7 +344,9 @@ impl Seeker {
         kept
     }
 
-    fn peak(&self, sighting: &Sighting) -> Option<Peak> {
+    /// The Gaussian that a sighting is, and its sighting weighed against what else may look like the target: things of its colours and form, of which so many are in a
+    /// frame, anywhere. The sharper a sighting, the less likely that one of them is just there.
+    fn peak(&self, sighting: &mut Sighting) -> Option<Peak> {
         let widest_m = MAX_SIGMA_DIAMETERS * self.shape.diameter_m();
         let mut information =
             sighting.information + Matrix3::from_diagonal_element(widest_m.powi(-2));
@@ -351,18 +364,23 @@ impl Seeker {
         } else {
             inverse.determinant()
         };
-        let volume =
+        let log_volume =
             0.5 * (f64::from(axes) * libm::log(std::f64::consts::TAU) + libm::log(determinant));
+        let cameras = sighting.camera_count() as f64;
+        let [least, greatest] = LIKENESS_NATS;
+        let likeness = (sighting.log_ratio / cameras / LIKENESS_SCALE + least).min(greatest);
+        let log_evidence = likeness - libm::log(ALIKE_A_FRAME * self.birth_density);
+        sighting.offset = ((log_evidence - log_volume - sighting.log_ratio) / cameras) as f32;
         Some(Peak {
             position_m: sighting.position_m,
             covariance_m2: [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| inverse[at]),
-            log_evidence: sighting.log_ratio + volume,
+            log_evidence,
         })
     }
 
     /// Weighs the particles.
-    fn update(&mut self, looks: &[Look], sightings: &[Sighting], time_s: f64) {
-        let peaks: Vec<Peak> = sightings.iter().filter_map(|s| self.peak(s)).collect();
+    fn update(&mut self, looks: &[Look], sightings: &mut [Sighting], time_s: f64) {
+        let peaks: Vec<Peak> = sightings.iter_mut().filter_map(|s| self.peak(s)).collect();
         let rates = self.settings.occlusion;
         for look in looks {
             let sight = &mut self.sights[look.camera()];

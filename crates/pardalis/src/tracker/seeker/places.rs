@@ -69,7 +69,6 @@ impl Wanted {
         for _ in 0..HALVINGS {
             let middle = 0.5 * (near + far);
             let position_m = self.position_m(ray.at(libm::exp(middle)));
-            // Outlines that are not complete belong to bodies that are too near.
             let is_small = edge.area_px(look, position_m) < blob.area_px;
             *(if is_small { &mut far } else { &mut near }) = middle;
         }
