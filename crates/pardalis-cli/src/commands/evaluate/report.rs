@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::score::{Errors, Identities, MeanSd, Sample, Scores, Summary};
+use pardalis::score::{Claim, Errors, Identities, MeanSd, Reliability, Sample, Scores, Summary};
 use serde::Serialize;
 
 pub(crate) use super::pairing::MatchedBy;
@@ -70,6 +70,15 @@ pub(crate) struct TargetReport {
     /// The frames that they are of.
     #[serde(skip)]
     pub(crate) samples: Vec<Sample>,
+    /// Within which a confidence is right, in metres; none where nothing says it.
+    pub(crate) diameter_m: Option<f64>,
+    /// The greatest confidence of all rows in scored frames; none where the track gives none.
+    pub(crate) confidence_max: Option<f64>,
+    /// Whether confidences mean what they say; none without a diameter or without confidences.
+    pub(crate) reliability: Option<Reliability>,
+    /// What it is of.
+    #[serde(skip)]
+    pub(crate) claims: Vec<Claim>,
 }
 
 impl Report {
@@ -153,6 +162,8 @@ impl fmt::Display for TargetReport {
         let yes_or_no = |yes| if yes { "yes" } else { "no" }.to_owned();
         let ends = s.ends_on_target.map_or_else(none, yes_or_no);
         line(f, "last visible frame on target", &ends, "")?;
+        let to_find = s.frames_to_find.map_or_else(none, |n| n.to_string());
+        line(f, "frames until it is found, at most", &to_find, "")?;
         if let Some(changed) = self.changed_target {
             line(f, "ends nearer to another object", "", &yes_or_no(changed))?;
         }
@@ -160,7 +171,41 @@ impl fmt::Display for TargetReport {
             let of = |summary: &Summary| summary.errors.as_ref().map_or_else(none, figure);
             line(f, label, &of(visible), &of(all))?;
         }
-        Ok(())
+        match &self.reliability {
+            Some(reliability) => self.write_reliability(f, reliability),
+            None => Ok(()),
+        }
+    }
+}
+
+impl TargetReport {
+    /// A line a bin.
+    fn write_reliability(
+        &self,
+        f: &mut fmt::Formatter<'_>,
+        reliability: &Reliability,
+    ) -> fmt::Result {
+        let diameter_m = self.diameter_m.map_or_else(none, |d| d.to_string());
+        let error = fixed(reliability.calibration_error, 3);
+        line(f, "confidence, calibration error", "", &error)?;
+        writeln!(
+            f,
+            "  {:<40}{:>16}{:>16}",
+            "    rows", "mean confidence", "right"
+        )?;
+        for bin in &reliability.bins {
+            writeln!(
+                f,
+                "  {:<40}{:>16}{:>16}",
+                format!("    {}", bin.rows),
+                fixed(bin.mean_confidence, 3),
+                fixed(bin.share_right, 3)
+            )?;
+        }
+        writeln!(
+            f,
+            "    right: within {diameter_m} m of the object; without an estimate: in view"
+        )
     }
 }
 
