@@ -104,7 +104,7 @@ mod tests {
         let claims = |every: usize| -> Vec<Claim> {
             let claim = |i: usize| Claim {
                 confidence: (i % 100) as f64 / 99.0,
-                is_right: i % every != 0,
+                is_right: !i.is_multiple_of(every),
             };
             (0..900).map(claim).collect()
         };

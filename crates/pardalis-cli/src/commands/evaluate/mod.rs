@@ -1,6 +1,7 @@
 //! `pardalis evaluate`: tracks against truth.
 
 mod between;
+mod confidence;
 mod frames;
 mod pairing;
 mod report;
@@ -12,13 +13,14 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::score::{self, Claim, Sample, Settings, TrueState};
+use pardalis::score::{self, Sample, Settings, TrueState};
 use serde::Deserialize as _;
 use serde_json::Value;
 
 use crate::fault::fault;
 use crate::say::warn;
 use crate::tables::{self, Series, TrackRow};
+use confidence::Confidence;
 use frames::Frames;
 pub(crate) use report::{Point, Report, TargetReport};
 
@@ -179,9 +181,6 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         let track = &tracks[pair.target];
         let of_run = summary.targets.get(&track.name);
         let diameter_m = options.diameter_m.or(of_run.and_then(|t| t.diameter_m));
-        let claims = diameter_m.map_or_else(Vec::new, |diameter_m| {
-            claims(window_rows(), options, diameter_m)
-        });
         let others: Vec<_> = (0..objects.len())
             .filter(|&o| o != pair.object && !objects[o].name.starts_with(pairing::OCCLUDER))
             .map(|o| &object_paths[o][window.clone()])
@@ -199,10 +198,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
             ),
             scores: score::score(&samples, &settings),
             samples,
-            diameter_m,
-            confidence_max: (window_rows().filter_map(|(row, _)| row?.confidence)).reduce(f64::max),
-            reliability: score::reliability(&claims),
-            claims,
+            confidence: Confidence::of(window_rows(), options, diameter_m),
         }
     });
     let targets: Vec<TargetReport> = targets.collect();
@@ -239,9 +235,6 @@ fn check_seen(targets: &[TargetReport], seen_by: Option<usize>, truth: &Path) ->
     }
 }
 
-/// A track's row and the object's truth in one frame.
-type FrameRows<'a> = (Option<&'a TrackRow>, Option<&'a TrueState>);
-
 /// Whether the frame is one of those that are to be scored.
 fn is_seen_by_so_many(truth: Option<&TrueState>, options: &Options) -> bool {
     let cameras = options.seen_by;
@@ -249,35 +242,16 @@ fn is_seen_by_so_many(truth: Option<&TrueState>, options: &Options) -> bool {
 }
 
 /// The frames that are scored, of rows of a track and of the truth.
-fn samples<'a>(rows: impl Iterator<Item = FrameRows<'a>>, options: &Options) -> Vec<Sample> {
+fn samples<'a>(
+    rows: impl Iterator<Item = (Option<&'a TrackRow>, Option<&'a TrueState>)>,
+    options: &Options,
+) -> Vec<Sample> {
     rows.filter(|(_, truth)| is_seen_by_so_many(*truth, options))
         .filter_map(|(row, truth)| {
             Some(Sample {
                 estimate: row.and_then(|row| row.estimate),
                 truth: *truth?,
             })
-        })
-        .collect()
-}
-
-/// What the rows of a track claim. Without truth in a frame in which other objects have one, an object is nowhere.
-fn claims<'a>(
-    rows: impl Iterator<Item = FrameRows<'a>>,
-    options: &Options,
-    diameter_m: f64,
-) -> Vec<Claim> {
-    rows.filter(|(_, truth)| is_seen_by_so_many(*truth, options))
-        .filter_map(|(row, truth)| {
-            let TrackRow {
-                estimate,
-                confidence,
-            } = row?;
-            Some(Claim::of(
-                (*confidence)?,
-                estimate.as_ref(),
-                truth,
-                diameter_m,
-            ))
         })
         .collect()
 }

@@ -4,9 +4,10 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::score::{Claim, Errors, Identities, MeanSd, Reliability, Sample, Scores, Summary};
+use pardalis::score::{Errors, Identities, MeanSd, Reliability, Sample, Scores, Summary};
 use serde::Serialize;
 
+use super::confidence::Confidence;
 pub(crate) use super::pairing::MatchedBy;
 
 /// All figures, and what they depend on.
@@ -70,15 +71,9 @@ pub(crate) struct TargetReport {
     /// The frames that they are of.
     #[serde(skip)]
     pub(crate) samples: Vec<Sample>,
-    /// Within which a confidence is right, in metres; none where nothing says it.
-    pub(crate) diameter_m: Option<f64>,
-    /// The greatest confidence of all rows in scored frames; none where the track gives none.
-    pub(crate) confidence_max: Option<f64>,
-    /// Whether confidences mean what they say; none without a diameter or without confidences.
-    pub(crate) reliability: Option<Reliability>,
-    /// What it is of.
-    #[serde(skip)]
-    pub(crate) claims: Vec<Claim>,
+    /// What its confidences are worth.
+    #[serde(flatten)]
+    pub(crate) confidence: Confidence,
 }
 
 impl Report {
@@ -171,7 +166,7 @@ impl fmt::Display for TargetReport {
             let of = |summary: &Summary| summary.errors.as_ref().map_or_else(none, figure);
             line(f, label, &of(visible), &of(all))?;
         }
-        match &self.reliability {
+        match &self.confidence.reliability {
             Some(reliability) => self.write_reliability(f, reliability),
             None => Ok(()),
         }
@@ -185,7 +180,10 @@ impl TargetReport {
         f: &mut fmt::Formatter<'_>,
         reliability: &Reliability,
     ) -> fmt::Result {
-        let diameter_m = self.diameter_m.map_or_else(none, |d| d.to_string());
+        let diameter_m = self
+            .confidence
+            .diameter_m
+            .map_or_else(none, |d| d.to_string());
         let error = fixed(reliability.calibration_error, 3);
         line(f, "confidence, calibration error", "", &error)?;
         writeln!(

@@ -154,7 +154,7 @@ impl<'a> Plan<'a> {
                 claims.extend(report.targets.into_iter().map(|target| Claims {
                     target: target.target,
                     window: window.to_owned(),
-                    claims: target.claims,
+                    claims: target.confidence.claims,
                 }));
             }
         }

@@ -72,10 +72,10 @@ pub(super) const METRICS: [Metric; 34] = [
         m.report.changed_target.map(one_or_zero)
     }),
     ("calibration_error", |m| {
-        let reliability = m.report.reliability.as_ref();
+        let reliability = m.report.confidence.reliability.as_ref();
         reliability.map(|r| r.calibration_error)
     }),
-    ("confidence_max", |m| m.report.confidence_max),
+    ("confidence_max", |m| m.report.confidence.confidence_max),
     // With it, a mean and its standard deviation give the mean's standard error.
     ("estimates", |m| Some(m.report.scores.all.estimates as f64)),
     ("ms_a_frame", |m| m.ms_a_frame),
