@@ -449,10 +449,7 @@ fn each_seed_has_a_world_of_its_own_and_all_are_judged_together() {
     assert_eq!(of(0), ["\"shared\"", "\"fresh\"", "\"fresh\""]);
     assert_eq!(of(2), ["", "", "\"late\""]);
     // Five frames each; seeds that share their images are one recording, whose scatter nobody knows.
-    assert_eq!(
-        (of(3), of(7)),
-        (vec!["1", "4", "4"], vec!["10", "20", "12"])
-    );
+    assert_eq!((of(3), of(7)), (vec!["1", "4", "4"], vec!["10", "20", "8"]));
     let number = |row: usize, column: usize| rows[row][column].parse::<f64>().unwrap();
     assert!(number(1, 5) < number(1, 4) && number(1, 4) < number(1, 6));
     assert_eq!((rows[0][5], rows[0][6]), ("", ""));

@@ -332,11 +332,11 @@ impl Run {
                 return Err("world has a scene and a truth of its own; remove these".to_owned());
             }
         }
-        if self.world.is_none() && !self.replaced()[1].is_empty() {
-            return Err("set: keys behind world. need a world beside them".to_owned());
-        }
         if self.fresh_world && self.world.is_none() {
             return Err("fresh_world needs a world beside it".to_owned());
+        }
+        if self.world.is_none() && !self.replaced()[1].is_empty() {
+            return Err("set: keys behind world. need a world beside them".to_owned());
         }
         if self.fresh_world && self.set.contains_key("world.seed") {
             let why = "set: world.seed has no effect beside fresh_world; remove one of them";
