@@ -2,14 +2,16 @@
 
 use pardalis::Error;
 use pardalis::color::{ColorModel, ColorRanges};
-use pardalis::config::{BodyConfig, Scene};
+use pardalis::config::{BodyConfig, Scene, StartConfig};
 use pardalis::interchange::Lens;
-use pardalis::likelihood::{Cue, CueSettings, Sampling, WindowSettings};
+use pardalis::likelihood::{Cue, CueSettings, EdgeSettings, Sampling, WindowSettings};
 use pardalis::motion::{
     ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, JumpChance, Jumps, Motion,
     RandomWalk,
 };
 use pardalis::rig::CalibratedCamera;
+use pardalis::start::Start;
+use pardalis::tracker::ExistenceSettings;
 
 const SCENE: &str = r#"# Everything that a scene may say.
 seed = 7
@@ -120,10 +122,10 @@ fn check_colors(text: &str) -> bool {
 fn texts_cut_off_at_any_byte() {
     assert!(check_scene(SCENE) && check_colors(COLORS));
     let cut = |text: &'static str| (0..text.len()).filter_map(move |end| text.get(..end));
-    // What is left is a scene only at the end of a target or where it ends among the last settings of one, all of which have defaults.
+    // What is left is a scene only where a target's shape and colours are told and no setting is cut: all others have defaults.
     let sound: Vec<_> = cut(SCENE).filter(|text| check_scene(text)).collect();
-    let begun = SCENE.find("\n[targets.post]").unwrap_or_default();
-    assert!(sound.len() < 30, "{}", sound.len());
+    let begun = SCENE.find("\ncontour.spline").unwrap_or_default();
+    assert!(sound.len() < 60, "{}", sound.len());
     assert!(sound.iter().all(|text| text.len() >= begun));
     let sound = cut(COLORS).filter(|text| check_colors(text)).count();
     assert!(sound <= 2, "{sound}");
@@ -536,4 +538,99 @@ fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
         );
     }
     assert_eq!(told.len(), 5, "{told:#?}");
+}
+
+/// A scene with this target.
+fn with_target(settings: &str) -> String {
+    let (cameras, _) = SCENE.split_once("[targets.robot]").unwrap();
+    format!(
+        "{cameras}[targets.ball]\nshape.sphere.radius_m = 0.1\ncolors = \"ball.toml\"\n{settings}\n"
+    )
+}
+
+#[test]
+fn what_has_no_start_is_sought_by_the_edge_cue() {
+    let scene = Scene::parse(&with_target(""), &no_calibration).unwrap();
+    let body = &scene.targets[0].bodies[0];
+    assert_eq!(body.cues, [Cue::Edge(EdgeSettings::default()).into()]);
+    assert_eq!(body.start.value, StartConfig::Here(Start::Anywhere));
+    assert_eq!(body.existence, ExistenceSettings::default());
+    assert_eq!(body.filter.particle_count, 500);
+
+    let settings = "edge = { lines = 100, temper = 0.3, shared_sigma_px = 0.1 }\nexistence = { birth_rate_hz = 2, hide_rate_hz = 0.25 }\n\
+                    start.gaussian.position_m = [1, 2, 3]";
+    let scene = Scene::parse(&with_target(settings), &no_calibration).unwrap();
+    let body = &scene.targets[0].bodies[0];
+    let edge = EdgeSettings {
+        lines: 100,
+        temper: 0.3,
+        shared_sigma_px: 0.1,
+    };
+    assert_eq!(body.cues, [Cue::Edge(edge).into()]);
+    assert!(matches!(
+        body.start.value,
+        StartConfig::Here(Start::Gaussian(_))
+    ));
+    assert_eq!(body.existence.birth_rate_hz, 2.0);
+    assert_eq!(body.existence.occlusion.hide_hz, 0.25);
+
+    let scene = Scene::parse(
+        &with_target("start.gaussian.position_m = [1, 2, 3]"),
+        &no_calibration,
+    )
+    .unwrap();
+    let cues = &scene.targets[0].bodies[0].cues;
+    assert!(
+        matches!(cues[0].cue, Cue::Contour(_)),
+        "a start without a cue is published"
+    );
+}
+
+#[test]
+fn what_is_sought_cannot_be_told_everything() {
+    for (settings, key, word) in [
+        ("edge = {}\ncontour = {}", "targets.ball.edge", "alone"),
+        (
+            "edge = {}\nstart.pixel.pixel = [3, 4]\nstart.pixel.camera = \"web\"",
+            "targets.ball.start",
+            "pixel",
+        ),
+        (
+            "motion.constant_velocity.acceleration_sigma_mps2 = 3",
+            "targets.ball.motion",
+            "white",
+        ),
+        (
+            "motion.constant_acceleration.jerk_density_m2ps5 = 3",
+            "targets.ball.motion",
+            "white",
+        ),
+        (
+            "existence.death_rate_hz = -1",
+            "targets.ball.existence.death_rate_hz",
+            "0 to 1000",
+        ),
+        (
+            "existence.appear_rate_hz = 0",
+            "targets.ball.existence.appear_rate_hz",
+            "above 0",
+        ),
+        ("edge.lines = 3", "targets.ball.edge.lines", "16 to 1000"),
+        ("edge.temper = nan", "targets.ball.edge.temper", "finite"),
+        (
+            "edge.shared_sigma_px = 11",
+            "targets.ball.edge.shared_sigma_px",
+            "0 to 10",
+        ),
+        (
+            "contour = {}\nexistence = {}\nstart.gaussian.position_m = [1, 2, 3]",
+            "targets.ball.existence",
+            "existence",
+        ),
+    ] {
+        let problems = Scene::parse(&with_target(settings), &no_calibration).unwrap_err();
+        let told = problems.iter().find(|problem| problem.key == key);
+        let told = told.unwrap_or_else(|| panic!("{settings}: {problems:?}"));
+        assert!(told.to_string().contains(word), "{told}");
+    }
 }

@@ -58,6 +58,20 @@ impl Kinematics {
         matches!(self, Self::Velocity { .. })
     }
 
+    /// The same for a step of `dt_s` seconds in which the velocity changes by this standard deviation as well, at any time; nothing for what has no velocity, and in no
+    /// time.
+    pub(super) fn kicked(self, kick_sigma_mps: f64, dt_s: f64) -> Option<Self> {
+        match self {
+            Self::Velocity {
+                acceleration_density_m2ps3,
+            } if dt_s > 0.0 => Some(Self::Velocity {
+                acceleration_density_m2ps3: acceleration_density_m2ps3
+                    + kick_sigma_mps * kick_sigma_mps / dt_s,
+            }),
+            _ => None,
+        }
+    }
+
     /// Variance of the position, in m², `dt_s` seconds after it was known, where the velocity had this variance. Back in time there is no noise.
     pub(super) fn variance_m2(self, velocity_variance_m2ps2: f64, dt_s: f64) -> f64 {
         let forward_s = dt_s.max(0.0);

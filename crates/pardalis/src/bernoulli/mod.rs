@@ -28,6 +28,8 @@ use crate::rng::{Draws, Stage};
 const RESAMPLE_BELOW: f64 = 0.5;
 /// Longer times without an update count as this, seconds: nothing is known of the target by then.
 const MAX_PENDING_S: f64 = 1e6;
+/// Of so many particles one is kicked.
+const KICKED_ONE_IN: usize = 4;
 /// The golden ratio's fraction: its multiples fill [0, 1) evenly, any run of them too, so that the copies of a particle are drawn from all parts of the proposal.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
@@ -49,10 +51,14 @@ pub struct BernoulliSettings {
     pub birth_density: f64,
     /// Standard deviation of the velocity there, an axis, m/s.
     pub birth_velocity_sigma_mps: f64,
+    /// How often something kicks a target that has a velocity, or it bounces, 1/s; at most once between two updates, ...
+    pub kick_rate_hz: f64,
+    /// ... and the standard deviation, an axis, by which that changes the velocity, m/s.
+    pub kick_sigma_mps: f64,
 }
 
 impl BernoulliSettings {
-    /// 500 particles; a target comes, goes and is put elsewhere once in ten seconds, in 100 m³ (m²), at up to some m/s.
+    /// 500 particles; a target comes, goes and is put elsewhere once in ten seconds, in 100 m³ (m²), at up to some m/s; nothing kicks it.
     pub const fn of(motion: Motion) -> Self {
         Self {
             particle_count: 500,
@@ -62,6 +68,8 @@ impl BernoulliSettings {
             jump_rate_hz: 0.1,
             birth_density: 0.01,
             birth_velocity_sigma_mps: 1.0,
+            kick_rate_hz: 0.0,
+            kick_sigma_mps: 0.0,
         }
     }
 
@@ -79,6 +87,7 @@ impl BernoulliSettings {
             ("death_rate_hz", self.death_rate_hz),
             ("jump_rate_hz", self.jump_rate_hz),
             ("birth_density", self.birth_density),
+            ("kick_rate_hz", self.kick_rate_hz),
         ] {
             if !(0.0..=1e9).contains(&value) {
                 return Err(Error::out_of_range(name, value, "0 to 1e9"));
@@ -87,8 +96,14 @@ impl BernoulliSettings {
         check_sigma(
             "birth_velocity_sigma_mps",
             [self.birth_velocity_sigma_mps; 3],
-        )
+        )?;
+        check_sigma("kick_sigma_mps", [self.kick_sigma_mps; 3])
     }
+}
+
+/// Refuses motion models that are not white noise on positions or velocities.
+pub(crate) fn check_motion(motion: &Motion) -> Result<(), Error> {
+    Kinematics::of(motion).map(|_| ())
 }
 
 /// One particle at the last update.
@@ -290,6 +305,13 @@ impl BernoulliFilter {
         }
     }
 
+    /// The probability that a kick came in the time since the last update, and what is known of steps with one.
+    fn kick(&self, dt_s: f64) -> Option<(f64, Kinematics)> {
+        let chance = -libm::expm1(-self.settings.kick_rate_hz * dt_s);
+        let kicked = self.kinematics.kicked(self.settings.kick_sigma_mps, dt_s)?;
+        (chance > 0.0).then_some((chance, kicked))
+    }
+
     /// Draws new particles. Their log weights are those of the prior, existence included, over the proposal.
     fn draw_new(&mut self, prior: &Prior) {
         let (draws, observation) = (self.draws, self.observation);
@@ -308,6 +330,7 @@ impl BernoulliFilter {
             libm::log(prior.elsewhere) + libm::log(self.settings.birth_density)
         };
         let height_m = self.proposal.height_m();
+        let kick = self.kick(dt_s);
         let offset = draws.uniform(count as u32, observation, Stage::Proposal);
         for i in 0..count {
             let (ancestor, weight) = if is_worn {
@@ -316,7 +339,18 @@ impl BernoulliFilter {
                 (i, self.weights[i])
             };
             let before = &self.hypotheses[ancestor];
-            let step = self.kinematics.step(before.velocity_variance_m2ps2, dt_s);
+            // One particle in four is kicked, however seldom that is: its weight makes up for it.
+            let (kinematics, log_chance) = match kick {
+                None => (self.kinematics, 0.0),
+                Some((chance, kicked)) if i % KICKED_ONE_IN == 0 => {
+                    (kicked, libm::log(chance * KICKED_ONE_IN as f64))
+                }
+                Some((chance, _)) => {
+                    let share = 1.0 - 1.0 / KICKED_ONE_IN as f64;
+                    (self.kinematics, libm::log((1.0 - chance) / share))
+                }
+            };
+            let step = kinematics.step(before.velocity_variance_m2ps2, dt_s);
             let mut prediction = Prediction {
                 mean_m: before.ahead(dt_s),
                 variance_m2: step.variance_m2,
@@ -332,7 +366,8 @@ impl BernoulliFilter {
 
             let log_continued = log_located + prediction.log_density(position_m, free_axes);
             let log_prior = log_add(log_continued, log_elsewhere);
-            self.new_particles.log_weights[i] = libm::log(weight) + log_prior - log_proposal;
+            self.new_particles.log_weights[i] =
+                libm::log(weight) + log_chance + log_prior - log_proposal;
 
             let chance = libm::exp(log_elsewhere - log_prior);
             let was_elsewhere = draws.uniform(particle, observation, Stage::Proposal) < chance;
@@ -401,6 +436,10 @@ impl BernoulliFilter {
         }
         let dt_s = self.pending_s + ahead_s;
         let (mut position_m, mut velocity_mps, mut spread_m2) = ([0.0; 3], [0.0; 3], 0.0);
+        if let Some((chance, kicked)) = self.kick(dt_s) {
+            spread_m2 +=
+                chance * (kicked.variance_m2(0.0, dt_s) - self.kinematics.variance_m2(0.0, dt_s));
+        }
         for (hypothesis, w) in self.hypotheses.iter().zip(&self.weights) {
             let ahead_m = hypothesis.ahead(dt_s);
             for axis in 0..3 {

@@ -143,9 +143,8 @@ impl Ellipse {
             yy += dy * dy;
         }
         let count = part.len() as f64;
-        // A pixel is not a point: its square has a variance of its own, which that of an area of squares holds and that of their centres does not.
-        let [xx, yy] = [xx, yy].map(|sum| sum / count + 1.0 / 12.0);
-        let xy = xy / count;
+        // Sums over the pixels' centres are those over the area, on average over where it lies among them.
+        let [xx, xy, yy] = [xx, xy, yy].map(|sum| sum / count);
         // The variance along a half axis r of an ellipse's area is r²/4.
         let determinant = xx * yy - xy * xy;
         let form = [yy, -xy, xx].map(|entry| 0.25 * entry / determinant);

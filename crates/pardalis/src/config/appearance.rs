@@ -207,6 +207,7 @@ fn read_edge(edge: &Table) -> Option<EdgeSettings> {
     let settings = EdgeSettings {
         lines: edge.or("lines", default.lines),
         temper: edge.or("temper", default.temper),
+        shared_sigma_px: edge.or("shared_sigma_px", default.shared_sigma_px),
     };
     edge.checked(settings.check())?;
     Some(settings)

@@ -9,11 +9,16 @@ use crate::motion::{
 use crate::shape::Shape;
 
 /// Upright bodies and flat shapes stay on the ground where nothing else is said.
-pub(super) fn read_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion> {
+pub(super) fn read_motion(
+    table: &Table,
+    shape: Option<&Shape>,
+    default: ConstantVelocity,
+) -> Option<Motion> {
     if !table.knows("motion") {
+        let motion = Motion::from(default);
         return Some(match shape {
-            Some(Shape::Upright(_) | Shape::Flat(_)) => Motion::DEFAULT.in_plane(),
-            _ => Motion::DEFAULT,
+            Some(Shape::Upright(_) | Shape::Flat(_)) => motion.in_plane(),
+            _ => motion,
         });
     }
     let kinds = [
@@ -28,7 +33,7 @@ pub(super) fn read_motion(table: &Table, shape: Option<&Shape>) -> Option<Motion
     let planar_model = kind.strip_prefix("planar_");
     let is_planar = planar_model.is_some();
     let motion = match planar_model.unwrap_or(kind) {
-        "constant_velocity" => read_constant_velocity(&table).map(Motion::from),
+        "constant_velocity" => read_constant_velocity(&table, default).map(Motion::from),
         "constant_acceleration" => read_constant_acceleration(&table).map(Motion::from),
         _ => read_random_walk(&table, is_planar).map(Motion::from),
     };
@@ -57,7 +62,7 @@ fn one_setting_of<T>(table: &Table, settings: &[Setting<T>], default: Option<T>)
     given.pop().map(|(_, made)| made).or(default)
 }
 
-fn read_constant_velocity(table: &Table) -> Option<ConstantVelocity> {
+fn read_constant_velocity(table: &Table, default: ConstantVelocity) -> Option<ConstantVelocity> {
     let disturbance = one_setting_of(
         table,
         &[
@@ -75,7 +80,7 @@ fn read_constant_velocity(table: &Table) -> Option<ConstantVelocity> {
                 Disturbance::PerStep { velocity_sigma_mps }
             }),
         ],
-        Some(ConstantVelocity::DEFAULT.disturbance()),
+        Some(default.disturbance()),
     );
     table.checked(ConstantVelocity::new(disturbance?))
 }

@@ -4,10 +4,11 @@ use super::appearance::{read_cues, read_shape};
 use super::motion::read_motion;
 use super::reader::{Located, Table};
 use super::start::{StartConfig, read_start};
+use crate::bernoulli::check_motion;
 use crate::color::ColorModel;
 use crate::filter::{FilterSettings, MAX_PARTICLES};
 use crate::likelihood::{ContourSettings, Cue, CueSettings};
-use crate::motion::Motion;
+use crate::motion::{ConstantVelocity, Motion};
 use crate::resample::Resampling;
 use crate::shape::Shape;
 use crate::start::Start;
@@ -245,6 +246,8 @@ fn read_existence(table: &Table, is_sought: bool) -> Option<ExistenceSettings> {
         birth_rate_hz: existence.or("birth_rate_hz", default.birth_rate_hz),
         death_rate_hz: existence.or("death_rate_hz", default.death_rate_hz),
         jump_rate_hz: existence.or("jump_rate_hz", default.jump_rate_hz),
+        kick_rate_hz: existence.or("kick_rate_hz", default.kick_rate_hz),
+        kick_sigma_mps: existence.or("kick_sigma_mps", default.kick_sigma_mps),
         occlusion: OcclusionRates {
             hide_hz: existence.or("hide_rate_hz", default.occlusion.hide_hz),
             appear_hz: existence.or("appear_rate_hz", default.occlusion.appear_hz),
@@ -257,12 +260,19 @@ fn read_existence(table: &Table, is_sought: bool) -> Option<ExistenceSettings> {
 }
 
 fn read_filter(table: &Table, shape: Option<&Shape>, is_sought: bool) -> Option<FilterSettings> {
-    let motion = read_motion(table, shape);
-    let default_count = if is_sought {
-        SOUGHT_PARTICLES
+    let (default_motion, default_count) = if is_sought {
+        (ConstantVelocity::BETWEEN_KICKS, SOUGHT_PARTICLES)
     } else {
-        DEFAULT_FILTER.particle_count
+        (ConstantVelocity::DEFAULT, DEFAULT_FILTER.particle_count)
     };
+    let motion = read_motion(table, shape, default_motion);
+    if is_sought
+        && let Some(motion) = &motion
+        && let Err(error) = check_motion(motion)
+    {
+        table.problem("motion", error.to_string());
+        return None;
+    }
     let Some(filter) = table.table("filter") else {
         return Some(FilterSettings {
             motion: motion?,

@@ -37,6 +37,13 @@ impl ConstantVelocity {
         },
     };
 
+    /// Of a filter that knows of kicks and bounces by themselves: gravity and friction are left.
+    pub const BETWEEN_KICKS: Self = Self {
+        disturbance: Disturbance::White {
+            acceleration_density_m2ps3: 20.0,
+        },
+    };
+
     /// Constant velocity under this disturbance, whose strength may be 0 to 1e9.
     pub fn new(disturbance: Disturbance) -> Result<Self, Error> {
         check_strength(match disturbance {

@@ -205,6 +205,7 @@ proptest! {
             jump_rate_hz,
             birth_density,
             birth_velocity_sigma_mps: 1.0,
+            ..BernoulliSettings::of(motion)
         };
         let mut filter = filter(settings, 9);
         if starts {

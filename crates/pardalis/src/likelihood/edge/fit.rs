@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::lines::{Lines, SECTORS};
-use super::{Coordinates, EdgeCue, LANES, Look};
+use super::{Around, Coordinates, EdgeCue, LANES, Look};
 
 /// Where a target is seen, by the frames of one instant alone.
 #[derive(Debug, Clone, Default)]
@@ -19,6 +19,33 @@ pub(crate) struct Sighting {
 }
 
 impl Sighting {
+    /// Learns what surrounds the target in a camera's image, beside what was known: slowly, and not of sectors into which something else has come.
+    pub(crate) fn learn_around(&self, camera: usize, known: &mut Option<Around>) {
+        let Some(lines) = self.lines_of(camera).next() else {
+            return;
+        };
+        let known = known.get_or_insert(lines.around);
+        let is_new = |sector: usize| known[sector].iter().any(|value| value.is_nan());
+        let rates: [f32; SECTORS] = std::array::from_fn(|sector| {
+            if is_new(sector) {
+                1.0
+            } else {
+                0.1 * lines.familiar[sector]
+            }
+        });
+        for ((known, around), rate) in known.iter_mut().zip(&lines.around).zip(rates) {
+            if around.iter().all(|value| value.is_finite()) {
+                for (known, value) in known.iter_mut().zip(around) {
+                    *known = if rate == 1.0 {
+                        *value
+                    } else {
+                        *known + rate * (value - *known)
+                    };
+                }
+            }
+        }
+    }
+
     pub(super) fn lines_of(&self, camera: usize) -> impl Iterator<Item = &Lines> {
         self.lines
             .iter()
@@ -138,7 +165,7 @@ impl EdgeCue {
                 look,
                 &self.coordinates,
                 &self.table,
-                self.settings.temper as f32,
+                &self.settings,
                 &mut self.scratch,
             );
             count += usize::from(looked && lines.seen_share >= LEAST_SEEN_SHARE);
@@ -219,7 +246,7 @@ impl EdgeCue {
                 let at = |d: f32| lines.tempered(k, shift_px + d);
                 let [less, here, more] = [-SPAN_PX, 0.0, SPAN_PX].map(at);
                 let gradient = (more - less) / (2.0 * SPAN_PX);
-                let least = LEAST_CURVATURE * self.settings.temper as f32;
+                let least = LEAST_CURVATURE * lines.temper;
                 let curvature = ((2.0 * here - less - more) / (SPAN_PX * SPAN_PX)).max(least);
                 let weight = f64::from(seen[lines.sector(k)]);
                 slope.gradient += along * (weight * f64::from(gradient));

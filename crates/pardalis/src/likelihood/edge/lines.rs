@@ -1,6 +1,6 @@
 //! What one frame says of an outline: the log-likelihood of its shift along its normal, line by line.
 
-use super::{Look, Table};
+use super::{EdgeSettings, Look, Table};
 use crate::color::{EdgePixel, Surroundings};
 use crate::likelihood::outline::Coordinates;
 
@@ -16,11 +16,18 @@ const LONG_PX: f32 = 150.0;
 /// Pixels whose colours tell whether the body is seen on a line, in pixels from the outline.
 const BODY_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
 /// Neighbouring lines that are seen or hidden together.
-pub(super) const SECTORS: usize = 16;
+pub(crate) const SECTORS: usize = 16;
 /// No outline of fewer complete lines is looked at, as a share.
 const LEAST_COMPLETE: f32 = 0.5;
 /// By how much a line speaks against shifts beyond its reach.
 const BEYOND: f32 = 10.0;
+/// Pixels whose colours are what surrounds the body, in pixels from the outline.
+const AROUND_PX: std::ops::RangeInclusive<f32> = 3.0..=7.0;
+/// Differences of what surrounds a sector from what did before, in steps of weighted Y, U and V: up to the first it is the same, from the second on something else
+/// has come.
+const FAMILIAR: [f32; 2] = [18.0, 36.0];
+/// Where this share of the sectors is unfamiliar, the body came into other surroundings.
+const MOVED_ON: f32 = 0.6;
 /// How sure the colours of a sector can be that it is seen, or hidden.
 const LEAST_SEEN: f32 = 0.02;
 
@@ -37,7 +44,12 @@ pub(super) struct Lines {
     seen: [f32; SECTORS],
     /// ... and ln of the likelihood of an edge anywhere along its lines, tempered: what a body of any other outline would do.
     anywhere: [f32; SECTORS],
-    temper: f32,
+    /// What surrounds the body in each sector: mean Y, U and V.
+    pub(super) around: [[f32; 3]; SECTORS],
+    /// How far that is what surrounded it before: 1, or down to 0 where something else has come, which may hide the body.
+    pub(super) familiar: [f32; SECTORS],
+    /// What the lines' log-likelihoods count.
+    pub(super) temper: f32,
     /// The share of the outline along which the body's colours are seen.
     pub(super) seen_share: f32,
 }
@@ -111,11 +123,10 @@ impl Lines {
         look: &Look,
         outline: &[Coordinates],
         table: &Table,
-        temper: f32,
+        settings: &EdgeSettings,
         scratch: &mut Scratch,
     ) -> bool {
         self.camera = look.camera;
-        self.temper = temper;
         let Scratch {
             pixels,
             places,
@@ -148,11 +159,18 @@ impl Lines {
         self.log_ratios.clear();
         self.log_ratios.resize(count, [0.0; SHIFTS]);
         let (mut bodies, mut alike) = ([0_f32; SECTORS], [0_f32; SECTORS]);
+        let mut around = [[0_f32; 4]; SECTORS];
         for (pixel, &(line, is_alike)) in pixels.iter().zip(&*places) {
             let sector = line * SECTORS / count;
             if BODY_PX.contains(&pixel.distance_px) {
                 bodies[sector] += weight;
                 alike[sector] += if is_alike { weight } else { 0.0 };
+            }
+            if AROUND_PX.contains(&pixel.distance_px) {
+                let [y, u, v] = pixel.yuv;
+                for (sum, value) in around[sector].iter_mut().zip([1.0, y, u, v]) {
+                    *sum += value;
+                }
             }
             let membership = surroundings.membership(pixel);
             if membership.is_nan() {
@@ -165,6 +183,7 @@ impl Lines {
                 &mut self.log_ratios[line],
             );
         }
+        self.compare_surroundings(&around, look.known_around);
         let total: f32 = bodies.iter().sum();
         self.seen_share = alike.iter().sum::<f32>() / total.max(1e-6);
         for sector in 0..SECTORS {
@@ -174,10 +193,52 @@ impl Lines {
             } else {
                 self.seen_share
             };
+            let share = share * self.familiar[sector];
             self.seen[sector] = LEAST_SEEN + (1.0 - 2.0 * LEAST_SEEN) * share;
         }
+        self.temper = settings.temper as f32;
+        self.temper /= 1.0 + self.curvature() * (settings.shared_sigma_px as f32).powi(2);
         self.find_anywhere();
         true
+    }
+
+    /// Compares what surrounds the body with what did before: an edge between the body and something that has come is that thing's.
+    fn compare_surroundings(
+        &mut self,
+        sums: &[[f32; 4]; SECTORS],
+        known: Option<&[[f32; 3]; SECTORS]>,
+    ) {
+        for (around, &[count, y, u, v]) in self.around.iter_mut().zip(sums) {
+            // No number where there is no pixel.
+            *around = [y, u, v].map(|sum| sum / count);
+        }
+        self.familiar = [1.0; SECTORS];
+        let Some(known) = known else {
+            return;
+        };
+        let [same, other] = FAMILIAR;
+        for sector in 0..SECTORS {
+            let off = |i: usize| (self.around[sector][i] - known[sector][i]).powi(2);
+            let distance = (off(0) + 2.0 * off(1) + 2.0 * off(2)).sqrt();
+            let familiar = (other - distance) / (other - same);
+            if !familiar.is_nan() {
+                self.familiar[sector] = familiar.clamp(0.0, 1.0);
+            }
+        }
+        let unfamiliar: f32 = self.familiar.iter().map(|familiar| 1.0 - familiar).sum();
+        if unfamiliar > MOVED_ON * SECTORS as f32 {
+            self.familiar = [1.0; SECTORS];
+        }
+    }
+
+    /// How sharply the lines tell, all together, whether the outline lies farther out: 1/px².
+    fn curvature(&self) -> f32 {
+        let of_line = |k: usize| {
+            let [less, here, more] = [-0.5, 0.0, 0.5].map(|shift_px| self.tempered(k, shift_px));
+            (2.0 * here - less - more) / 0.25
+        };
+        let sum: f32 = (0..self.line_count()).map(of_line).sum();
+        sum.max(0.0)
     }
 
     fn find_anywhere(&mut self) {

@@ -26,9 +26,10 @@ use lines::{Lines, REACH_PX, SECTORS, SHIFTS, Scratch};
 pub struct EdgeSettings {
     /// Lines across the outline.
     pub lines: usize,
-    /// What a pixel's log-likelihood counts: below 1, as neighbouring pixels say the same (chroma at half the resolution, compression, a light that falls from one
-    /// side) and what they share does not average out.
+    /// What a pixel's log-likelihood counts: below 1, as neighbouring pixels say the same (chroma at half the resolution, compression).
     pub temper: f64,
+    /// The standard deviation, in pixels, of what is wrong with a whole outline at once and does not average out over its pixels: shading, highlights, shadows.
+    pub shared_sigma_px: f64,
 }
 
 impl Default for EdgeSettings {
@@ -36,6 +37,7 @@ impl Default for EdgeSettings {
         Self {
             lines: 64,
             temper: 0.15,
+            shared_sigma_px: 0.2,
         }
     }
 }
@@ -51,6 +53,13 @@ impl EdgeSettings {
                 "temper",
                 self.temper,
                 "above 0 and at most 1",
+            ));
+        }
+        if !(0.0..=10.0).contains(&self.shared_sigma_px) {
+            return Err(Error::out_of_range(
+                "shared_sigma_px",
+                self.shared_sigma_px,
+                "0 to 10",
             ));
         }
         Ok(())
@@ -94,7 +103,12 @@ pub(crate) struct Look<'a> {
     palette: Palette,
     /// How much likelier a pixel of each bin is the target's than the frame's, t / (t + f).
     likeness: &'a [f64],
+    /// What surrounded the target when this camera saw it last, sector by sector.
+    known_around: Option<&'a Around>,
 }
+
+/// Mean Y, U and V around a body, sector by sector.
+pub(crate) type Around = [[f32; 3]; SECTORS];
 
 impl<'a> Look<'a> {
     pub(crate) fn new(
@@ -102,6 +116,7 @@ impl<'a> Look<'a> {
         evidence: Evidence<'a>,
         palette: Palette,
         likeness: &'a [f64],
+        known_around: Option<&'a Around>,
     ) -> Self {
         Self {
             camera,
@@ -110,6 +125,7 @@ impl<'a> Look<'a> {
             kind: PixelKind::of(evidence.frame()),
             palette,
             likeness,
+            known_around,
         }
     }
 

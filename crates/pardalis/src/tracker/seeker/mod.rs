@@ -14,7 +14,7 @@ use crate::color::ColorModel;
 use crate::detect::{COARSE_PX, likeness};
 use crate::filter::StateEstimate;
 use crate::gaussian::GaussianStart;
-use crate::likelihood::edge::{EdgeCue, EdgeSettings, Look, Sighting};
+use crate::likelihood::edge::{Around, EdgeCue, EdgeSettings, Look, Sighting};
 use crate::particles::Particles;
 use crate::rng::Draws;
 use crate::shape::Shape;
@@ -34,6 +34,10 @@ pub struct ExistenceSettings {
     pub death_rate_hz: f64,
     /// How often one is taken elsewhere, faster than it moves, a second.
     pub jump_rate_hz: f64,
+    /// How often something kicks it, or it bounces, a second, ...
+    pub kick_rate_hz: f64,
+    /// ... and the standard deviation, on each axis, by which that changes its velocity, m/s.
+    pub kick_sigma_mps: f64,
     /// How often something hides it from a camera.
     pub occlusion: OcclusionRates,
     /// Where targets that stay on the ground stand, metres.
@@ -46,6 +50,8 @@ impl Default for ExistenceSettings {
             birth_rate_hz: 0.5,
             death_rate_hz: 0.02,
             jump_rate_hz: 0.02,
+            kick_rate_hz: 1.0,
+            kick_sigma_mps: 4.0,
             occlusion: OcclusionRates::default(),
             ground_z_m: 0.0,
         }
@@ -59,6 +65,8 @@ impl ExistenceSettings {
             ("birth_rate_hz", self.birth_rate_hz),
             ("death_rate_hz", self.death_rate_hz),
             ("jump_rate_hz", self.jump_rate_hz),
+            ("kick_rate_hz", self.kick_rate_hz),
+            ("kick_sigma_mps", self.kick_sigma_mps),
             ("hide_rate_hz", self.occlusion.hide_hz),
         ] {
             if !(0.0..=1000.0).contains(&value) {
@@ -85,10 +93,12 @@ const BIRTH_VELOCITY_SIGMA_MPS: f64 = 1.5;
 /// ln of the likelihood ratio of a frame in which a target is nowhere near any sighting, though nothing hides it: how often the colours of a target that is
 /// there are not recognised.
 const MISSED: f32 = -7.0;
+/// Before the first frames a target may have appeared for so long, in seconds.
+const BEFORE_S: f64 = 2.0;
 /// Sightings a frame at most.
 const MAX_SIGHTINGS: usize = 6;
 /// Sightings below this log ratio are none: any other outline would do as well.
-const LEAST_LOG_RATIO: f64 = 2.0;
+const LEAST_LOG_RATIO: f64 = 0.5;
 /// Sightings closer than this, in diameters, are one.
 const SAME_DIAMETERS: f64 = 0.25;
 /// Frames between looks at whole images while all is well.
@@ -116,6 +126,8 @@ pub(super) struct Seeker {
     sights: Vec<Option<Sight>>,
     /// ln of the likelihood ratio of each camera's last frame, one a particle.
     of_cameras: Vec<Vec<f32>>,
+    /// What surrounded it when each camera saw it last.
+    known_around: Vec<Option<Around>>,
     /// Frames since whole images were searched.
     calm: u32,
 }
@@ -145,6 +157,8 @@ impl Seeker {
                 jump_rate_hz: existence.jump_rate_hz,
                 birth_density: libm::pow(extent_m, if is_planar { -2.0 } else { -3.0 }),
                 birth_velocity_sigma_mps: BIRTH_VELOCITY_SIGMA_MPS,
+                kick_rate_hz: existence.kick_rate_hz,
+                kick_sigma_mps: existence.kick_sigma_mps,
             },
             draws,
         )?;
@@ -161,6 +175,7 @@ impl Seeker {
             is_planar,
             sights: vec![None; views.len()],
             of_cameras: vec![Vec::new(); views.len()],
+            known_around: vec![None; views.len()],
             calm: 0,
         })
     }
@@ -190,6 +205,8 @@ impl Seeker {
             self.filter.predict(dt_s);
         } else if let Start::Gaussian(start) = self.start {
             self.begin(&start);
+        } else {
+            self.filter.predict(BEFORE_S);
         }
         self.started = true;
         let likenesses: Vec<Vec<f64>> = frames
@@ -199,16 +216,46 @@ impl Seeker {
             })
             .collect();
         let palette = self.edge.palette();
+        let known_around = std::mem::take(&mut self.known_around);
         let looks: Vec<Look> = frames
             .iter()
             .zip(&likenesses)
             .map(|((camera, frame), likeness)| {
-                Look::new(*camera, views[*camera].evidence(frame), palette, likeness)
+                let evidence = views[*camera].evidence(frame);
+                Look::new(
+                    *camera,
+                    evidence,
+                    palette,
+                    likeness,
+                    known_around[*camera].as_ref(),
+                )
             })
             .collect();
         let sightings = self.sightings(&looks);
         self.update(&looks, &sightings, time_s);
         self.conclude(time_s);
+        drop(looks);
+        self.known_around = known_around;
+        self.learn_surroundings(frames, &sightings);
+    }
+
+    /// Learns what surrounds the target from the sighting that is it, if it is surely there.
+    fn learn_surroundings(&mut self, frames: &[(usize, Frame)], sightings: &[Sighting]) {
+        if self.state != TrackState::Tracking || self.belief(0.0) < SURE {
+            return;
+        }
+        let Some(known) = self.filter.estimate(0.0) else {
+            return;
+        };
+        let here = Vector3::from(known.position_m);
+        let near_m = 0.5 * self.shape.diameter_m();
+        let is_it =
+            |sighting: &&Sighting| (here - Vector3::from(sighting.position_m)).norm() < near_m;
+        if let Some(sighting) = sightings.iter().find(is_it) {
+            for (camera, _) in frames {
+                sighting.learn_around(*camera, &mut self.known_around[*camera]);
+            }
+        }
     }
 
     /// Knows of no target.
@@ -228,15 +275,11 @@ impl Seeker {
 
     /// Where the frames show the target: near where it is predicted, and, where that is wanted, anywhere.
     fn sightings(&mut self, looks: &[Look]) -> Vec<Sighting> {
+        let predicted = self.filter.estimate(0.0);
+        let predicted = predicted.filter(|_| self.filter.existence() > 0.1);
         let mut sightings = Vec::new();
-        if self.filter.existence() > 0.1
-            && let Some(predicted) = self.filter.estimate(0.0)
-        {
-            let mean_m = predicted.position_m;
-            let information = self.information(predicted.covariance_m2);
-            let prior = Some((&Vector3::from(mean_m), &information));
-            let found = self.edge.fit(looks, mean_m, prior, self.is_planar);
-            sightings.extend(found);
+        if let Some(predicted) = &predicted {
+            sightings.extend(self.sighting_near(looks, predicted));
         }
         self.calm += 1;
         let is_sure = sightings
@@ -254,6 +297,14 @@ impl Seeker {
             }
         }
         self.told_apart(sightings)
+    }
+
+    /// Where the frames show the target near its predicted place.
+    fn sighting_near(&mut self, looks: &[Look], predicted: &StateEstimate) -> Option<Sighting> {
+        let mean_m = predicted.position_m;
+        let information = self.information(predicted.covariance_m2);
+        let prior = Some((&Vector3::from(mean_m), &information));
+        self.edge.fit(looks, mean_m, prior, self.is_planar)
     }
 
     /// The inverse of a covariance (xx, xy, xz, yy, yz, zz), no sharper than a hundredth of a diameter.
@@ -371,9 +422,11 @@ impl Seeker {
             .map(|sight| sight.sees)
             .fold(0.0, f64::max);
         let was_known = matches!(self.state, TrackState::Tracking | TrackState::Occluded);
-        self.state = if existence >= 0.5 && sees >= 0.5 {
+        let belief = self.belief(0.0);
+        let least = if was_known { LEAST_BELIEF } else { 0.5 };
+        self.state = if existence >= 0.5 && sees >= 0.5 && belief >= least {
             TrackState::Tracking
-        } else if existence >= 0.5 && was_known && self.belief(0.0) >= LEAST_BELIEF {
+        } else if existence >= 0.5 && was_known && belief >= LEAST_BELIEF {
             TrackState::Occluded
         } else if was_known || self.state == TrackState::Lost {
             TrackState::Lost
@@ -400,7 +453,9 @@ impl Seeker {
         time_s: f64,
     ) -> Estimate {
         self.begin_anew();
+        self.started = false;
         self.sights.fill(None);
+        self.known_around.fill(None);
         self.state = TrackState::Searching;
         self.handed_over = None;
         self.start = Start::Anywhere;
@@ -438,5 +493,7 @@ impl Seeker {
     }
 }
 
-/// Below this belief in its place, a hidden target is lost.
-const LEAST_BELIEF: f64 = 0.1;
+/// Below this belief in its place, a target is lost.
+const LEAST_BELIEF: f64 = 0.01;
+/// From this belief on, what surrounds it is learnt.
+const SURE: f64 = 0.9;
