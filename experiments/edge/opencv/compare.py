@@ -5,8 +5,8 @@ compare.py PARDALIS OUTPUT_FOLDER, from the repository's root
 PARDALIS is the program. Each method gives in each image a middle and an area, or none. One camera: the direction is that of the middle, the distance that of a
 ball whose disc has the same solid angle. Several cameras: the point nearest to the rays through the middles. threshold: pixels in a range of hue, saturation
 and value, opened, the largest blob. CamShift and CSRT start from the true box, which they need; Pardalis gets no start. Prints a Markdown table: root mean
-square error over frames in which more than 0.6 of the ball is visible, the share of those with an estimate, and how many of them are lost: without an
-estimate, or with one farther off than three diameters (one camera) or one (several).
+square error and mean error of the distance over frames in which more than 0.6 of the ball is visible, the share of those with an estimate, and how many of them are
+lost: without an estimate, or with one farther off than three diameters (one camera) or one (several).
 """
 import csv
 import json
@@ -254,8 +254,11 @@ def track(sequence, scene, folder):
     subprocess.run([program, "track", scene_file, "-o", folder], check=True, capture_output=True)
 
 
-def scored(tracks, sequence, lost_beyond_m):
-    command = [program, "evaluate", tracks, DATA / sequence, "--lost-beyond-m", str(lost_beyond_m), "--json", "-"]
+def scored(tracks, sequence, scene, lost_beyond_m):
+    """Distances are from the first camera."""
+    around_m = ",".join(str(c) for c in cameras_of(sequence, scene)[0][0].center_m)
+    command = [program, "evaluate", tracks, DATA / sequence, "--json", "-"]
+    command += ["--lost-beyond-m", str(lost_beyond_m), "--around", around_m]
     report = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
     return report["targets"][0]
 
@@ -271,7 +274,7 @@ for sequence, scene, radius_m, colors in SEQUENCES:
             track(sequence, scene, tracks)
         else:
             follow(method, sequence, scene, radius_m, colors, tracks)
-        scores = scored(tracks, sequence, lost_beyond_m)
+        scores = scored(tracks, sequence, scene, lost_beyond_m)
         errors, frames = scores["visible"]["errors"], scores["visible"]["frames"]
         rmse = f"{1e3 * errors['position_m']['rmse']:.1f}" if errors else "-"
         distance = f"{1e3 * errors['distance_m']['mean']:.1f}" if errors else "-"
