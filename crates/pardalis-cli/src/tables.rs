@@ -18,16 +18,26 @@ pub(crate) struct Series<T> {
     pub(crate) rows: Vec<(f64, T)>,
 }
 
-/// Reads tracks.csv: for each target, in order of appearance, its rows; none where a row has no estimate.
+/// What a track says of one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TrackRow {
+    /// None while the target is searched or lost.
+    pub(crate) estimate: Option<EstimatedState>,
+    /// 0 to 1, where the track gives it.
+    pub(crate) confidence: Option<f64>,
+}
+
+/// Reads tracks.csv: for each target, in order of appearance, its rows.
 ///
-/// Needs the columns `time_s,target,x_m,y_m,z_m`; takes velocities, headings and covariances where it finds them.
-pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<Option<EstimatedState>>>> {
+/// Needs the columns `time_s,target,x_m,y_m,z_m`; takes velocities, headings, covariances and confidences where it finds them.
+pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<TrackRow>>> {
     let table = Table::read(path)?;
     let [time, target] = [table.column("time_s")?, table.column("target")?];
     let position = table.columns(["x_m", "y_m", "z_m"])?;
     let velocity = table.optional_columns(["vx_mps", "vy_mps", "vz_mps"]);
     let heading = table.optional_column("heading_rad");
     let covariance = table.optional_columns(["xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2"]);
+    let confidence = table.optional_column("confidence");
     let mut tracks = Collector::default();
     for row in table.rows() {
         let velocity_mps = row.all_or_none(velocity)?;
@@ -41,8 +51,12 @@ pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<Option<EstimatedStat
                 heading_rad,
                 covariance_m2,
             });
+        let found = TrackRow {
+            estimate,
+            confidence: row.fraction(confidence)?,
+        };
         let (name, time_s) = (row.text(target)?, row.number(time)?);
-        if let Some((_, first_line)) = tracks.add(name, time_s, (estimate, row.line)) {
+        if let Some((_, first_line)) = tracks.add(name, time_s, (found, row.line)) {
             return Err(fault!(
                 "{}: target \"{name}\" already has a row for {time_s} s in line {first_line}; \
                  allowed: one row a target and time",
@@ -50,7 +64,7 @@ pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<Option<EstimatedStat
             ));
         }
     }
-    Ok(tracks.into_series(|(estimate, _)| estimate))
+    Ok(tracks.into_series(|(row, _)| row))
 }
 
 /// One time of an object while truth.csv is read.
@@ -445,11 +459,18 @@ mod tests {
     #[test]
     fn rows_without_position_have_no_estimate() {
         // With the byte order mark of spreadsheets, spaces, and columns in another order.
-        let text = "\u{feff}target, time_s,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps\r\n\
-                    ball, 0,,,,,,\r\nball, 0.04, 1, 2, 3, 4, 5, 6\r\n";
+        let text = "\u{feff}target, time_s,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,confidence\r\n\
+                    ball, 0,,,,,,,0.25\r\nball, 0.04, 1, 2, 3, 4, 5, 6,\r\n";
         let tracks = read("bare", text, read_tracks).unwrap();
-        assert_eq!(tracks[0].rows[0], (0.0, None));
-        let estimate = tracks[0].rows[1].1.unwrap();
+        let [(first_s, first), (_, second)] = tracks[0].rows[..] else {
+            panic!("two rows were written")
+        };
+        assert_eq!(
+            (first_s, first.estimate, first.confidence),
+            (0.0, None, Some(0.25))
+        );
+        assert_eq!(second.confidence, None);
+        let estimate = second.estimate.unwrap();
         assert_eq!(estimate.position_m, [1.0, 2.0, 3.0]);
         assert_eq!(estimate.velocity_mps, Some([4.0, 5.0, 6.0]));
         assert_eq!(estimate.covariance_m2, None);

@@ -36,8 +36,9 @@ pub(crate) fn read(
         .rows
         .iter()
         .rev()
-        .find(|(time_s, estimate)| *time_s <= first_time_s && estimate.is_some());
-    let Some((time_s, Some(estimate))) = before else {
+        .filter(|(time_s, _)| *time_s <= first_time_s)
+        .find_map(|(time_s, row)| Some((time_s, row.estimate?)));
+    let Some((time_s, estimate)) = before else {
         return Err(fault!(
             "{name}: has no estimate of \"{}\" at or before the first frame, at {first_time_s} s; give a track that begins before, \
              or set time_offset_s if the clocks differ",

@@ -566,3 +566,6 @@ fn headings_are_compared_where_both_tables_have_one() {
         assert!(message.contains(part), "{message}");
     }
 }
+
+#[path = "evaluate/confidence.rs"]
+mod confidence;

@@ -24,10 +24,10 @@ truth = "truth.csv"
 seeds = 2
 "#;
 
-const FIGURES: &str = "coverage,lost_frames,ends_on_target,mean_m,sd_m,rmse_m,max_m,distance_mean_m,distance_sd_m,\
+const FIGURES: &str = "coverage,lost_frames,ends_on_target,frames_to_find,mean_m,sd_m,rmse_m,max_m,distance_mean_m,distance_sd_m,\
     elevation_mean_rad,elevation_sd_rad,azimuth_mean_rad,azimuth_sd_rad,direction_max_rad,mean_nees,\
     planar_mean_m,planar_sd_m,planar_rmse_m,bias_x_m,bias_y_m,bias_z_m,velocity_rmse_mps,course_error_median_rad,course_rad,\
-    true_course_rad,heading_error_median_rad,heading_error_p95_rad,heading_bias_rad,changed_target,estimates,ms_a_frame";
+    true_course_rad,heading_error_median_rad,heading_error_p95_rad,heading_bias_rad,changed_target,calibration_error,confidence_max,estimates,ms_a_frame";
 
 /// A folder with the experiment, its scene of three frames and their truth.
 fn workplace(experiment: &str) -> Workplace {
@@ -133,6 +133,13 @@ fn every_seed_of_every_run_is_tracked_scored_and_recorded() {
         assert!(place.path(&format!("out/small/{file}")).is_file(), "{file}");
     }
 
+    let pooled = fs::read_to_string(place.path("record/today/small-pooled.csv")).unwrap();
+    let names: Vec<_> = pooled
+        .lines()
+        .skip(1)
+        .map(|row| row.split(",ball,").next().unwrap())
+        .collect();
+    assert_eq!(names, [first, again]);
     let kept = fs::read(place.path("record/today/small.csv")).unwrap();
     assert_eq!(kept, fs::read(place.path("out/small/results.csv")).unwrap());
     let facts = fs::read_to_string(place.path("record/today/small.facts.txt")).unwrap();

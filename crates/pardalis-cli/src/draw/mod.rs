@@ -18,6 +18,7 @@ mod panel;
 pub(crate) mod paths;
 pub(crate) mod picture;
 pub(crate) mod plots;
+pub(crate) mod reliability;
 pub(crate) mod svg;
 pub(crate) mod sweep;
 

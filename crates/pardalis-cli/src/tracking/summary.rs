@@ -49,7 +49,9 @@ pub(crate) fn write(
             });
             told.insert(camera.name.clone(), entry);
         }
-        let entry = json!({ "rows": states, "cameras": told });
+        let diameters_m = target.bodies.iter().map(|body| body.shape.diameter_m());
+        let diameter_m = diameters_m.fold(0.0, f64::max);
+        let entry = json!({ "diameter_m": diameter_m, "rows": states, "cameras": told });
         targets.insert(target.name.clone(), entry);
     }
     let summary = json!({

@@ -383,6 +383,99 @@ fn single_images_are_located_from_their_starts() {
     pardalis(&place, &["measure", "small.toml"]).refused(&["small.toml", "find", "locate"]);
 }
 
+const WORLD: &str = r"
+duration_s = 0.2
+training_stills = 2
+[cameras.cam1]
+size_px = [96, 72]
+model.pinhole = { f_px = [100, 100], center_px = [47.5, 35.5] }
+look_from_m = [-0.6, 0, 0.3]
+look_at_m = [0, 0, 0.1]
+[image]
+read_noise = 3
+[objects.ball]
+target = true
+shape.sphere.radius_m = 0.05
+color_srgb = [225, 70, 130]
+path.still.position_m = [0, 0, 0.1]
+";
+
+const FRESH: &str = r#"name = "small"
+question = "Are confidences right?"
+[[sweeps]]
+name = "fresh"
+world = "world.toml"
+fresh_world = true
+seeds = 2
+set = { "targets.ball.filter.particles" = 100 }
+key = "world.objects.ball.path.still.position_m"
+values = [[0, 0, 0.1], [0.05, 0, 0.1]]
+names = ["here", "there"]
+windows = [{ name = "late", from_s = 0.1 }]
+[[runs]]
+name = "shared"
+world = "world.toml"
+seeds = 2
+set = { "targets.ball.filter.particles" = 100 }
+[[figures]]
+name = "sure"
+kind = "reliability"
+runs = ["fresh", "shared"]
+"#;
+
+#[test]
+fn each_seed_has_a_world_of_its_own_and_all_are_judged_together() {
+    let place = workplace(FRESH);
+    place.write("world.toml", WORLD);
+    pardalis(&place, &["measure", "small.toml"]).fine();
+    let image = |run: &str, world: &str| {
+        fs::read(place.path(&format!("out/small/{run}/{world}/frames/000000.png"))).unwrap()
+    };
+    assert_ne!(
+        image("fresh--here", "world-01"),
+        image("fresh--here", "world-02")
+    );
+    // The world's own seed is 1.
+    assert_eq!(image("fresh--here", "world-01"), image("shared", "world"));
+
+    let pooled = fs::read_to_string(place.path("out/small/pooled.csv")).unwrap();
+    let mut rows = pooled.lines();
+    assert_eq!(
+        rows.next().unwrap(),
+        "run,target,window,recordings,mean_nees,nees_99_low,nees_99_high,rows,calibration_error,confidence_max"
+    );
+    let rows: Vec<Vec<&str>> = rows.map(|row| row.split(',').collect()).collect();
+    let of = |column: usize| rows.iter().map(|row| row[column]).collect::<Vec<_>>();
+    assert_eq!(of(0), ["\"shared\"", "\"fresh\"", "\"fresh\""]);
+    assert_eq!(of(2), ["", "", "\"late\""]);
+    // Five frames each; seeds that share their images are one recording, whose scatter nobody knows.
+    assert_eq!((of(3), of(7)), (vec!["1", "4", "4"], vec!["10", "20", "8"]));
+    let number = |row: usize, column: usize| rows[row][column].parse::<f64>().unwrap();
+    assert!(number(1, 5) < number(1, 4) && number(1, 4) < number(1, 6));
+    assert_eq!((rows[0][5], rows[0][6]), ("", ""));
+    assert!((0.0..=1.0).contains(&number(1, 8)) && number(1, 9) <= 1.0);
+
+    let svg = fs::read_to_string(place.path("out/small/sure-reliability.svg")).unwrap();
+    let error = number(1, 8);
+    assert!(svg.contains(&format!("{error:.3}")), "{error}");
+
+    for (piece, other, wanted) in [
+        (
+            "world = \"world.toml\"",
+            "scene = \"scene.toml\"\ntruth = \"truth.csv\"",
+            "fresh_world needs a world",
+        ),
+        (
+            "\"targets.ball.filter.particles\" = 100",
+            "\"world.seed\" = 4",
+            "world.seed has no effect",
+        ),
+    ] {
+        place.write("small.toml", FRESH.replace(piece, other));
+        pardalis(&place, &["measure", "small.toml"]).refused(&["run \"fresh: here\"", wanted]);
+    }
+}
+
 #[test]
 fn the_example_of_the_help_is_an_experiment() {
     let place = workplace(RUN);

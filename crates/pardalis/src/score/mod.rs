@@ -1,14 +1,17 @@
-//! Estimates against truth: errors, coverage, consistency, and which track follows which object.
+//! Estimates against truth: errors, coverage, consistency, what confidences are worth, and which track follows which object.
 
 mod course;
+mod finding;
 mod heading;
 mod identity;
+mod reliability;
 mod spherical;
 mod summary;
 
 pub use course::Course;
 pub use heading::Heading;
 pub use identity::{Identities, assign, ends_on_another, identities};
+pub use reliability::{Bin, Claim, Reliability, reliability};
 pub use spherical::{SphericalError, spherical_error, wrapped_rad};
 pub use summary::{Consistency, Distribution, Errors, MeanSd, Scores, Summary, score};
 
@@ -65,6 +68,19 @@ impl Settings {
     pub const VISIBLE_OVER: f64 = 0.6;
     /// The default of [`Settings::lost_beyond_m`]: three diameters of a football.
     pub const LOST_BEYOND_M: f64 = 0.66;
+
+    /// Whether the object is visible.
+    fn sees(&self, truth: &TrueState) -> bool {
+        let share = truth.visible_fraction;
+        share.is_none_or(|share| share > self.visible_over)
+    }
+
+    /// Whether there is an estimate that has not lost the object.
+    fn is_on_target(&self, sample: &Sample) -> bool {
+        let truth_m = sample.truth.position_m;
+        let near = |e: EstimatedState| distance_m(e.position_m, truth_m) <= self.lost_beyond_m;
+        sample.estimate.is_some_and(near)
+    }
 }
 
 impl Default for Settings {

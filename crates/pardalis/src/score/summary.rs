@@ -4,9 +4,10 @@ use nalgebra::{Cholesky, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use serde::Serialize;
 
 use super::course::Course;
+use super::finding::frames_to_find;
 use super::heading::Heading;
 use super::spherical::{SphericalError, angle_between, spherical_error};
-use super::{EstimatedState, Sample, Settings, TrueState, difference, distance_m, norm};
+use super::{EstimatedState, Sample, Settings, TrueState, difference, norm};
 
 /// What a chi-square variable of three degrees of freedom stays below with probability 0.95.
 const CHI_SQUARE_95_3_DOF: f64 = 7.814_727_903;
@@ -22,6 +23,9 @@ pub struct Scores {
     pub lost_frames: usize,
     /// Whether the last visible frame is not lost; none where the object is never visible.
     pub ends_on_target: Option<bool>,
+    /// Of all stretches of visible frames: the most frames until an estimate is not lost, 1 for the first frame of a stretch, a frame more than a
+    /// stretch has in which none is; none where the object is never visible.
+    pub frames_to_find: Option<usize>,
     /// Over all frames of the truth.
     pub all: Summary,
     /// Over the frames in which the object is visible.
@@ -115,21 +119,16 @@ pub struct Consistency {
 pub fn score(samples: &[Sample], settings: &Settings) -> Scores {
     let visible: Vec<Sample> = samples
         .iter()
-        .filter(|s| {
-            let fraction = s.truth.visible_fraction;
-            fraction.is_none_or(|fraction| fraction > settings.visible_over)
-        })
+        .filter(|s| settings.sees(&s.truth))
         .copied()
         .collect();
-    let on_target = |s: &Sample| {
-        s.estimate
-            .is_some_and(|e| distance_m(e.position_m, s.truth.position_m) <= settings.lost_beyond_m)
-    };
+    let on_target = |s: &Sample| settings.is_on_target(s);
     let seen = summarize(&visible, settings.around_m);
     Scores {
         coverage: (seen.frames > 0).then(|| seen.estimates as f64 / seen.frames as f64),
         lost_frames: visible.iter().filter(|s| !on_target(s)).count(),
         ends_on_target: visible.last().map(on_target),
+        frames_to_find: frames_to_find(samples, settings),
         all: summarize(samples, settings.around_m),
         visible: seen,
     }

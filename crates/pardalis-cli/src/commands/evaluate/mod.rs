@@ -1,6 +1,7 @@
 //! `pardalis evaluate`: tracks against truth.
 
 mod between;
+mod confidence;
 mod frames;
 mod pairing;
 mod report;
@@ -12,13 +13,14 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::score::{self, EstimatedState, Sample, Settings, TrueState};
+use pardalis::score::{self, Sample, Settings, TrueState};
 use serde::Deserialize as _;
 use serde_json::Value;
 
 use crate::fault::fault;
 use crate::say::warn;
-use crate::tables::{self, Series};
+use crate::tables::{self, Series, TrackRow};
+use confidence::Confidence;
 use frames::Frames;
 pub(crate) use report::{Point, Report, TargetReport};
 
@@ -53,6 +55,10 @@ pub(crate) struct Options {
     /// An estimate farther than this from the truth has lost its object
     #[arg(long, value_name = "METRES", value_parser = length, default_value_t = Settings::LOST_BEYOND_M)]
     pub(crate) lost_beyond_m: f64,
+    /// The size of targets: a confidence is right where the object is within it [default: the targets' own, from the summary.json beside
+    /// the tracks]
+    #[arg(long, value_name = "METRES", value_parser = length)]
+    pub(crate) diameter_m: Option<f64>,
     /// Scores only the frames from this time on
     #[arg(long = "from", value_name = "SECONDS", value_parser = finite, allow_hyphen_values = true)]
     pub(crate) from_s: Option<f64>,
@@ -75,6 +81,7 @@ impl Default for Options {
             around: None,
             visible_over: Settings::VISIBLE_OVER,
             lost_beyond_m: Settings::LOST_BEYOND_M,
+            diameter_m: None,
             from_s: None,
             to_s: None,
             seen_by: None,
@@ -118,7 +125,9 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     if options.interpolate {
         objects = between::at_times_of(&tracks, &objects);
     }
-    let around = around(options, &tracks_path)?;
+    let summary_path = tracks_path.with_file_name("summary.json");
+    let summary = RunSummary::read(&summary_path)?;
+    let around = around(options, &summary, &summary_path)?;
     let settings = Settings {
         around_m: around.position_m,
         visible_over: options.visible_over,
@@ -167,8 +176,11 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
             track_rows[pair.target].iter().copied().zip(of_object)
         };
         let with_truth = rows().filter(|(r, t)| r.is_some() && t.is_some()).count();
-        let samples = samples(rows().skip(window.start).take(window.len()), options);
+        let window_rows = || rows().skip(window.start).take(window.len());
+        let samples = samples(window_rows(), options);
         let track = &tracks[pair.target];
+        let of_run = summary.targets.get(&track.name);
+        let diameter_m = options.diameter_m.or(of_run.and_then(|t| t.diameter_m));
         let others: Vec<_> = (0..objects.len())
             .filter(|&o| o != pair.object && !objects[o].name.starts_with(pairing::OCCLUDER))
             .map(|o| &object_paths[o][window.clone()])
@@ -186,6 +198,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
             ),
             scores: score::score(&samples, &settings),
             samples,
+            confidence: Confidence::of(window_rows(), options, diameter_m),
         }
     });
     let targets: Vec<TargetReport> = targets.collect();
@@ -222,33 +235,35 @@ fn check_seen(targets: &[TargetReport], seen_by: Option<usize>, truth: &Path) ->
     }
 }
 
+/// Whether the frame is one of those that are to be scored.
+fn is_seen_by_so_many(truth: Option<&TrueState>, options: &Options) -> bool {
+    let cameras = options.seen_by;
+    cameras.is_none_or(|cameras| truth.and_then(|t| t.seeing_cameras) == Some(cameras))
+}
+
 /// The frames that are scored, of rows of a track and of the truth.
 fn samples<'a>(
-    rows: impl Iterator<Item = (Option<&'a Option<EstimatedState>>, Option<&'a TrueState>)>,
+    rows: impl Iterator<Item = (Option<&'a TrackRow>, Option<&'a TrueState>)>,
     options: &Options,
 ) -> Vec<Sample> {
-    let seen_by_so_many = |sample: &Sample| {
-        let cameras = options.seen_by;
-        cameras.is_none_or(|cameras| sample.truth.seeing_cameras == Some(cameras))
-    };
-    rows.filter_map(|(row, truth)| {
-        Some(Sample {
-            estimate: row.copied().flatten(),
-            truth: *truth?,
+    rows.filter(|(_, truth)| is_seen_by_so_many(*truth, options))
+        .filter_map(|(row, truth)| {
+            Some(Sample {
+                estimate: row.and_then(|row| row.estimate),
+                truth: *truth?,
+            })
         })
-    })
-    .filter(seen_by_so_many)
-    .collect()
+        .collect()
 }
 
 /// Where distance, elevation and azimuth are taken from.
-fn around(options: &Options, tracks_path: &Path) -> Result<Point> {
+fn around(options: &Options, summary: &RunSummary, summary_path: &Path) -> Result<Point> {
     match options.around {
         Some(position_m) => Ok(Point {
             position_m,
             source: "--around".to_owned(),
         }),
-        None => first_camera(&tracks_path.with_file_name("summary.json")),
+        None => summary.first_camera(summary_path),
     }
 }
 
@@ -297,8 +312,8 @@ fn time_range<T>(series: &[Series<T>]) -> String {
 }
 
 /// Estimated positions by frame.
-fn estimated_path(rows: &[Option<&Option<EstimatedState>>]) -> Vec<Option<[f64; 3]>> {
-    let estimates = rows.iter().map(|row| row.copied().flatten());
+fn estimated_path(rows: &[Option<&TrackRow>]) -> Vec<Option<[f64; 3]>> {
+    let estimates = rows.iter().map(|row| (*row)?.estimate);
     estimates.map(|e| Some(e?.position_m)).collect()
 }
 
@@ -308,46 +323,55 @@ fn true_path(rows: &[Option<&TrueState>]) -> Vec<Option<[f64; 3]>> {
 }
 
 /// The part of summary.json that matters here.
-#[derive(serde::Deserialize)]
+#[derive(Default, serde::Deserialize)]
 struct RunSummary {
     #[serde(default)]
     cameras: BTreeMap<String, Value>,
+    #[serde(default)]
+    targets: BTreeMap<String, TargetSummary>,
 }
 
-/// The position of the first camera in a summary.json that gives one, else the world's origin.
-fn first_camera(path: &Path) -> Result<Point> {
-    let origin = Point {
-        position_m: [0.0; 3],
-        source: "the world's origin".to_owned(),
-    };
-    let text = match fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(origin),
-        Err(error) => {
-            return Err(fault!(
-                "{}: {error}; or give --around X,Y,Z",
-                path.display()
-            ));
+/// What it says of a target.
+#[derive(serde::Deserialize)]
+struct TargetSummary {
+    /// Of programs that wrote none, none.
+    diameter_m: Option<f64>,
+}
+
+impl RunSummary {
+    /// Of nothing where there is no such file.
+    fn read(path: &Path) -> Result<Self> {
+        let remedy = "give another file, or remove it and give --around X,Y,Z";
+        match fs::read_to_string(path) {
+            Ok(text) => serde_json::from_str(&text)
+                .map_err(|error| fault!("{}: {error}; {remedy}", path.display())),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
+            Err(error) => Err(fault!("{}: {error}; {remedy}", path.display())),
         }
-    };
-    let summary: RunSummary = serde_json::from_str(&text)
-        .map_err(|error| fault!("{}: {error}; or give --around X,Y,Z", path.display()))?;
-    let mut cameras = summary.cameras.iter();
-    let Some((name, position)) =
-        cameras.find_map(|(name, camera)| Some((name, camera.get("position_m")?)))
-    else {
-        return Ok(origin);
-    };
-    let position_m = <[f64; 3]>::deserialize(position).map_err(|_| {
-        fault!(
-            "{}: cameras.{name}.position_m is {position}; allowed: an array of three numbers; or give --around X,Y,Z",
-            path.display()
-        )
-    })?;
-    Ok(Point {
-        position_m,
-        source: format!("camera {name} of {}", path.display()),
-    })
+    }
+
+    /// The position of the first camera that has one, else the world's origin.
+    fn first_camera(&self, path: &Path) -> Result<Point> {
+        let mut cameras = self.cameras.iter();
+        let Some((name, position)) =
+            cameras.find_map(|(name, camera)| Some((name, camera.get("position_m")?)))
+        else {
+            return Ok(Point {
+                position_m: [0.0; 3],
+                source: "the world's origin".to_owned(),
+            });
+        };
+        let position_m = <[f64; 3]>::deserialize(position).map_err(|_| {
+            fault!(
+                "{}: cameras.{name}.position_m is {position}; allowed: an array of three numbers; or give --around X,Y,Z",
+                path.display()
+            )
+        })?;
+        Ok(Point {
+            position_m,
+            source: format!("camera {name} of {}", path.display()),
+        })
+    }
 }
 
 /// `TARGET=OBJECT`.

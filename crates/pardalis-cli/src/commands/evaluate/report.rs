@@ -4,9 +4,10 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::score::{Errors, Identities, MeanSd, Sample, Scores, Summary};
+use pardalis::score::{Errors, Identities, MeanSd, Reliability, Sample, Scores, Summary};
 use serde::Serialize;
 
+use super::confidence::Confidence;
 pub(crate) use super::pairing::MatchedBy;
 
 /// All figures, and what they depend on.
@@ -70,6 +71,9 @@ pub(crate) struct TargetReport {
     /// The frames that they are of.
     #[serde(skip)]
     pub(crate) samples: Vec<Sample>,
+    /// What its confidences are worth.
+    #[serde(flatten)]
+    pub(crate) confidence: Confidence,
 }
 
 impl Report {
@@ -153,6 +157,8 @@ impl fmt::Display for TargetReport {
         let yes_or_no = |yes| if yes { "yes" } else { "no" }.to_owned();
         let ends = s.ends_on_target.map_or_else(none, yes_or_no);
         line(f, "last visible frame on target", &ends, "")?;
+        let to_find = s.frames_to_find.map_or_else(none, |n| n.to_string());
+        line(f, "frames until it is found, at most", &to_find, "")?;
         if let Some(changed) = self.changed_target {
             line(f, "ends nearer to another object", "", &yes_or_no(changed))?;
         }
@@ -160,7 +166,44 @@ impl fmt::Display for TargetReport {
             let of = |summary: &Summary| summary.errors.as_ref().map_or_else(none, figure);
             line(f, label, &of(visible), &of(all))?;
         }
-        Ok(())
+        match &self.confidence.reliability {
+            Some(reliability) => self.write_reliability(f, reliability),
+            None => Ok(()),
+        }
+    }
+}
+
+impl TargetReport {
+    /// A line a bin.
+    fn write_reliability(
+        &self,
+        f: &mut fmt::Formatter<'_>,
+        reliability: &Reliability,
+    ) -> fmt::Result {
+        let diameter_m = self
+            .confidence
+            .diameter_m
+            .map_or_else(none, |d| d.to_string());
+        let error = fixed(reliability.calibration_error, 3);
+        line(f, "confidence, calibration error", "", &error)?;
+        writeln!(
+            f,
+            "  {:<40}{:>16}{:>16}",
+            "    rows", "mean confidence", "right"
+        )?;
+        for bin in &reliability.bins {
+            writeln!(
+                f,
+                "  {:<40}{:>16}{:>16}",
+                format!("    {}", bin.rows),
+                fixed(bin.mean_confidence, 3),
+                fixed(bin.share_right, 3)
+            )?;
+        }
+        writeln!(
+            f,
+            "    right: within {diameter_m} m of the object; without an estimate: in view"
+        )
     }
 }
 

@@ -73,6 +73,8 @@ pub(super) enum FigureKind {
     Errors,
     /// A figure of merit against the values of sweeps, and against the time a frame.
     Sweep,
+    /// The share of rows that are right against their confidence, a mark a run or sweep.
+    Reliability,
 }
 
 impl Figure {
@@ -140,6 +142,9 @@ pub(super) struct Run {
     pub(super) truth: String,
     /// A world that is simulated first.
     pub(super) world: Option<String>,
+    /// Whether each seed has a recording of its own, simulated with the seed as the world's.
+    #[serde(default)]
+    pub(super) fresh_world: bool,
     /// Seeds 1, 2, … are run.
     pub(super) seeds: u32,
     /// How many of them `--verify` runs.
@@ -327,8 +332,15 @@ impl Run {
                 return Err("world has a scene and a truth of its own; remove these".to_owned());
             }
         }
+        if self.fresh_world && self.world.is_none() {
+            return Err("fresh_world needs a world beside it".to_owned());
+        }
         if self.world.is_none() && !self.replaced()[1].is_empty() {
             return Err("set: keys behind world. need a world beside them".to_owned());
+        }
+        if self.fresh_world && self.set.contains_key("world.seed") {
+            let why = "set: world.seed has no effect beside fresh_world; remove one of them";
+            return Err(why.to_owned());
         }
         if self.key.is_some() || self.values.is_some() || self.names.is_some() {
             return Err(

@@ -7,16 +7,13 @@ use anyhow::Result;
 use pardalis::score::spherical_error;
 
 use super::definition::{Figure, FigureKind};
-use super::plan::Plan;
-use super::results::Figures;
+use super::pooled::{Measured, reliability_of};
 use crate::commands::report::median;
 use crate::draw::errors::{ErrorGroup, SphericalError, write_error_figures};
 use crate::draw::paths::{CameraSymbol, PathGroup, write_path_figures};
+use crate::draw::reliability::{ReliabilityGroup, write_reliability_figures};
 use crate::draw::sweep::{SweepPoint, SweepSeries, write_sweep_figures};
 use crate::fault::fault;
-
-/// A run with its figures.
-type Measured<'a> = (&'a Plan<'a>, Vec<Figures>);
 
 /// Draws the figures of an experiment into a folder, those that show no run (of the few that `--verify` runs) aside. Gives the files.
 pub(super) fn draw_all(
@@ -26,7 +23,7 @@ pub(super) fn draw_all(
 ) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for figure in figures {
-        let shown = measured.iter().filter(|(plan, _)| figure.shows(plan.run));
+        let shown = measured.iter().filter(|m| figure.shows(m.plan.run));
         let shown: Vec<_> = shown.collect();
         if shown.is_empty() {
             continue;
@@ -35,6 +32,7 @@ pub(super) fn draw_all(
             FigureKind::Paths => paths(figure, &shown, folder),
             FigureKind::Errors => errors(figure, &shown, folder),
             FigureKind::Sweep => sweep(figure, &shown, folder),
+            FigureKind::Reliability => reliability(figure, &shown, folder),
         }?);
     }
     Ok(files)
@@ -63,9 +61,9 @@ pub(super) fn copy_pngs(files: &[PathBuf], folder: &Path) -> Result<()> {
 /// The seeds of all runs, a group a run and target, with the truth and the cameras of the first run.
 fn paths(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
     let mut groups = Vec::new();
-    for (plan, _) in shown {
+    for Measured { plan, .. } in shown {
         let tracks = plan.tracks(figure.seeds.unwrap_or(u32::MAX))?;
-        let targets = &plan.scene.targets;
+        let targets = &plan.scene().targets;
         for target in targets {
             let name = match &targets[..] {
                 [_] => plan.run.name.clone(),
@@ -78,9 +76,9 @@ fn paths(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<Path
             });
         }
     }
-    let (first, figures) = shown[0];
-    let truth = first.truth(figures)?;
-    let cameras = CameraSymbol::of_scene(&first.scene);
+    let first = shown[0].plan;
+    let truth = first.truth(&shown[0].figures)?;
+    let cameras = CameraSymbol::of_scene(first.scene());
     let far = figure.reaches_far;
     write_path_figures(folder, &figure.name, &groups, &truth, &cameras, far)
 }
@@ -88,7 +86,7 @@ fn paths(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<Path
 /// A mark a frame, seed and target, around the runs' origins.
 fn errors(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
     let mut groups = Vec::new();
-    for (plan, _) in shown {
+    for Measured { plan, .. } in shown {
         let mut errors = Vec::new();
         for report in plan.reports(&plan.options())? {
             let around_m = report.around.position_m;
@@ -114,7 +112,7 @@ fn errors(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<Pat
 /// A series a sweep, a point a run: median, lowest and highest over seeds and targets.
 fn sweep(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
     let mut series: Vec<SweepSeries> = Vec::new();
-    for (plan, figures) in shown {
+    for Measured { plan, figures, .. } in shown {
         let Some(swept) = &plan.run.swept else {
             continue;
         };
@@ -145,8 +143,22 @@ fn sweep(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<Path
             }),
         }
     }
-    let key = shown.iter().find_map(|(plan, _)| plan.run.swept.as_ref());
+    let key = shown.iter().find_map(|m| m.plan.run.swept.as_ref());
     let x_name = figure.x_name.as_ref().or(key.map(|swept| &swept.key));
     let x_name = x_name.map_or("", |name| name);
     write_sweep_figures(folder, &figure.name, x_name, &series)
+}
+
+/// A group a run or sweep, of all its frames, seeds and targets; those without confidences are left out.
+fn reliability(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
+    let of_one = |name: &String| {
+        let is_of = |m: &&&Measured| m.name() == name || m.plan.run.name == *name;
+        let runs: Vec<&Measured> = shown.iter().filter(is_of).copied().collect();
+        Some(ReliabilityGroup {
+            name: name.clone(),
+            reliability: reliability_of(&runs)?,
+        })
+    };
+    let groups: Vec<_> = figure.runs.iter().filter_map(of_one).collect();
+    write_reliability_figures(folder, &figure.name, &groups)
 }

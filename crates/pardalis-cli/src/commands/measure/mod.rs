@@ -5,6 +5,7 @@ mod figures;
 mod finished;
 mod jobs;
 mod plan;
+mod pooled;
 mod results;
 
 use std::fs;
@@ -21,12 +22,14 @@ use definition::Experiment;
 use finished::Finished;
 use jobs::Job;
 use plan::Plan;
-use results::{Figures, Results};
+use pooled::Measured;
+use results::Results;
 
 /// Runs an experiment with several seeds and scores it
 ///
 /// EXPERIMENT.toml names scenes, their truth, and the bands that every seed's figures must lie in. Writes results.csv
-/// (a row a run, seed, target and window), every track, and plots with all seeds over one another. An experiment that was
+/// (a row a run, seed, target and window), pooled.csv (NEES with its 99 % band and reliability of the confidence over all recordings of a run or sweep),
+/// every track, and plots with all seeds over one another. An experiment that was
 /// interrupted goes on where it stopped: seeds that are finished, with the same program, scene and frames, are taken as they are.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -53,7 +56,8 @@ EXPERIMENT.toml:
   interpolate = true            # scores every row, with the truth interpolated to its time
   origin_m = [0, 0, 0.9]        # for distance, elevation, azimuth; else the first camera
   # in place of scene and truth: world = \"ring.toml\", which is simulated first;
-  # set and sweeps reach its settings as \"world.KEY\"
+  # set and sweeps reach its settings as \"world.KEY\"; fresh_world = true: each seed has
+  # a recording of its own, with the seed as the world's
   method = \"locate\"             # each image on its own, as `pardalis locate`,
   starts = \"truth.csv\"          # from these positions; else from the scene's start
   [[sweeps]]                    # as a run, but one a value
@@ -67,7 +71,7 @@ EXPERIMENT.toml:
   [[figures]]
   name = \"cost\"
   kind = \"sweep\"                # paths (seeds = 10: so many; reaches_far = true: those astray,
-                                # too), errors or sweep
+                                # too), errors, sweep or reliability (of confidences)
   runs = [\"particles\"]          # names of runs or sweeps
   x_name = \"particles\"          # of a sweep: the name of the axis
   figure = \"rmse_m\"             # of a sweep: the figure of merit")]
@@ -130,20 +134,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .num_threads(threads)
         .build()
         .context("the threads cannot be started")?;
-    let figures: Vec<Result<Vec<Figures>>> =
+    let measured: Result<Vec<Measured>> =
         pool.install(|| plans.par_iter().map(Plan::score_and_draw).collect());
+    let measured = measured.with_context(place)?;
     let mut results = Results::default();
     let mut outside = Vec::new();
-    let mut measured = Vec::new();
-    for (plan, figures) in plans.iter().zip(figures) {
-        let figures = figures.with_context(place)?;
-        say(results::told(plan.run, &figures));
-        outside.extend(results::outside_bands(plan.run, &figures));
-        results.extend(plan.run, &figures);
-        measured.push((plan, figures));
+    for Measured { plan, figures, .. } in &measured {
+        say(results::told(plan.run, figures));
+        outside.extend(results::outside_bands(plan.run, figures));
+        results.extend(plan.run, figures);
     }
+    let pooled = pooled::to_csv(&measured);
     let csv = output.join("results.csv");
     write_file(&csv, results.to_csv().as_bytes())?;
+    write_file(&output.join("pooled.csv"), pooled.as_bytes())?;
     say(csv.display());
     if let Some(record) = &arguments.record {
         fs::create_dir_all(record)
@@ -151,6 +155,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let file = |ending| record.join(format!("{}.{ending}", experiment.name));
         write_file(&file("csv"), results.to_csv().as_bytes())?;
         write_file(&file("facts.txt"), facts.as_bytes())?;
+        let pooled_name = format!("{}-pooled.csv", experiment.name);
+        write_file(&record.join(pooled_name), pooled.as_bytes())?;
     }
     let drawn = figures::draw_all(&experiment.figures, &measured, &output)?;
     if let Some(folder) = &arguments.figures {

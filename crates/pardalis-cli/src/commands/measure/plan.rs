@@ -9,6 +9,7 @@ use pardalis::tracker::PASSES_SIGMA_M;
 use super::definition::{Method, Run};
 use super::finished::{self, Finished};
 use super::jobs::Job;
+use super::pooled::{Claims, Measured};
 use super::results::Figures;
 use crate::commands::evaluate::{self, Report};
 use crate::commands::locate::{self, StartsFrom};
@@ -24,13 +25,19 @@ pub(super) struct Plan<'a> {
     pub(super) run: &'a Run,
     /// How many are tracked.
     seeds: u32,
-    scene_path: PathBuf,
-    pub(super) scene: Scene,
+    /// One for all seeds, or one for each.
+    recordings: Vec<Recording>,
     /// Where single images are searched; none for tracks.
     located_from: Option<locate::Settings>,
-    truth_path: PathBuf,
     /// Takes the results.
     folder: PathBuf,
+}
+
+/// A sequence with its truth.
+struct Recording {
+    scene_path: PathBuf,
+    scene: Scene,
+    truth_path: PathBuf,
     /// See [`finished::of_run`].
     fingerprint: u64,
 }
@@ -38,19 +45,37 @@ pub(super) struct Plan<'a> {
 impl<'a> Plan<'a> {
     /// `folder` is the experiment's.
     pub(super) fn new(run: &'a Run, seeds: u32, folder: &Path, output: &Path) -> Result<Self> {
-        let [replaced, of_world] = run.replaced();
-        let (scene_path, truth_path) = match &run.world {
-            None => (folder.join(&run.scene), folder.join(&run.truth)),
-            Some(world) => {
-                let sequence = output.join(run.slug()).join("world");
-                simulated(&folder.join(world), &of_world, &sequence)?;
-                (sequence.join("scene.toml"), sequence.join("truth.csv"))
-            }
-        };
-        let scene = scene::read_with(&scene_path, &replaced)?;
-        tables::read_truth(&truth_path)?;
-        let scene_folder = scene_path.parent().unwrap_or(Path::new(""));
+        let results = output.join(run.slug());
         let starts = run.starts.as_ref().map(|file| folder.join(file));
+        let read = |scene_path: PathBuf, truth_path: PathBuf| {
+            let [replaced, _] = run.replaced();
+            let scene = scene::read_with(&scene_path, &replaced)?;
+            tables::read_truth(&truth_path)?;
+            let scene_folder = scene_path.parent().unwrap_or(Path::new(""));
+            let fingerprint = finished::of_run(&scene, scene_folder, run.method, starts.as_deref());
+            Ok(Recording {
+                scene_path,
+                scene,
+                truth_path,
+                fingerprint,
+            })
+        };
+        let simulate = |world: &String, world_seed: Option<u32>, name: String| {
+            let [_, mut of_world] = run.replaced();
+            if let Some(seed) = world_seed {
+                of_world.insert("seed".to_owned(), i64::from(seed).into());
+            }
+            let sequence = results.join(name);
+            simulated(&folder.join(world), &of_world, &sequence)?;
+            read(sequence.join("scene.toml"), sequence.join("truth.csv"))
+        };
+        let recordings: Result<Vec<Recording>> = match &run.world {
+            None => read(folder.join(&run.scene), folder.join(&run.truth)).map(|one| vec![one]),
+            Some(world) if run.fresh_world => (1..=seeds)
+                .map(|seed| simulate(world, Some(seed), format!("world-{seed:02}")))
+                .collect(),
+            Some(world) => simulate(world, None, "world".to_owned()).map(|one| vec![one]),
+        };
         let located_from = (run.method == Method::Locate).then(|| locate::Settings {
             stills: Vec::new(),
             starts: match &starts {
@@ -62,13 +87,20 @@ impl<'a> Plan<'a> {
         Ok(Self {
             run,
             seeds,
-            fingerprint: finished::of_run(&scene, scene_folder, run.method, starts.as_deref()),
+            recordings: recordings?,
             located_from,
-            scene_path,
-            scene,
-            truth_path,
-            folder: output.join(run.slug()),
+            folder: results,
         })
+    }
+
+    /// What a seed, from 1 on, is tracked in.
+    fn recording(&self, seed: u32) -> &Recording {
+        &self.recordings[(seed as usize - 1) % self.recordings.len()]
+    }
+
+    /// Of the first recording: those of others have the same cameras and targets.
+    pub(super) fn scene(&self) -> &Scene {
+        &self.recording(1).scene
     }
 
     fn seed_folder(&self, seed: u32) -> PathBuf {
@@ -77,27 +109,30 @@ impl<'a> Plan<'a> {
 
     /// One a seed.
     pub(super) fn jobs(&self) -> impl Iterator<Item = Job<'_>> {
-        (1..=self.seeds).map(|seed| Job {
-            run: self.run,
-            scene_path: &self.scene_path,
-            scene: &self.scene,
-            located_from: self.located_from.as_ref(),
-            seed,
-            folder: self.seed_folder(seed),
-            fingerprint: finished::of_seed(self.fingerprint, seed, self.run.timed),
+        (1..=self.seeds).map(|seed| {
+            let recording = self.recording(seed);
+            Job {
+                run: self.run,
+                scene_path: &recording.scene_path,
+                scene: &recording.scene,
+                located_from: self.located_from.as_ref(),
+                seed,
+                folder: self.seed_folder(seed),
+                fingerprint: finished::of_seed(recording.fingerprint, seed, self.run.timed),
+            }
         })
     }
 
     /// The figures of all seeds over all frames, then over each window; draws all seeds over one another.
-    pub(super) fn score_and_draw(&self) -> Result<Vec<Figures>> {
-        let done = self.score().and_then(|figures| {
-            self.draw(&figures)?;
-            Ok(figures)
+    pub(super) fn score_and_draw(&self) -> Result<Measured<'_>> {
+        let done = self.score().and_then(|measured| {
+            self.draw(&measured.figures)?;
+            Ok(measured)
         });
         done.with_context(|| format!("run \"{}\"", self.run.name))
     }
 
-    fn score(&self) -> Result<Vec<Figures>> {
+    fn score(&self) -> Result<Measured<'_>> {
         let whole = ("", self.options());
         let windows = self.run.windows.iter();
         let windows = windows.map(|w| {
@@ -109,16 +144,25 @@ impl<'a> Plan<'a> {
             };
             (&*w.name, options)
         });
-        let mut figures = Vec::new();
+        let (mut figures, mut claims) = (Vec::new(), Vec::new());
         for (window, options) in std::iter::once(whole).chain(windows) {
             for (seed, report) in (1..).zip(self.reports(&options)?) {
                 let finished =
                     Finished::read(&self.seed_folder(seed)).filter(|_| window.is_empty());
                 let ms_a_frame = finished.and_then(|f| f.ms_a_frame);
                 figures.extend(Figures::of(seed, window, &report, ms_a_frame));
+                claims.extend(report.targets.into_iter().map(|target| Claims {
+                    target: target.target,
+                    window: window.to_owned(),
+                    claims: target.confidence.claims,
+                }));
             }
         }
-        Ok(figures)
+        Ok(Measured {
+            plan: self,
+            figures,
+            claims,
+        })
     }
 
     /// Scores all frames, around the run's origin.
@@ -135,7 +179,10 @@ impl<'a> Plan<'a> {
     /// Each seed's scores.
     pub(super) fn reports(&self, options: &evaluate::Options) -> Result<Vec<Report>> {
         (1..=self.seeds)
-            .map(|seed| evaluate::score_files(&self.seed_folder(seed), &self.truth_path, options))
+            .map(|seed| {
+                let truth = &self.recording(seed).truth_path;
+                evaluate::score_files(&self.seed_folder(seed), truth, options)
+            })
             .collect()
     }
 
@@ -150,10 +197,10 @@ impl<'a> Plan<'a> {
                     rows: track
                         .rows
                         .into_iter()
-                        .map(|(time_s, estimate)| Sample {
+                        .map(|(time_s, row)| Sample {
                             time_s,
-                            position_m: estimate.map(|e| e.position_m),
-                            covariance_m2: estimate.and_then(|e| e.covariance_m2),
+                            position_m: row.estimate.map(|e| e.position_m),
+                            covariance_m2: row.estimate.and_then(|e| e.covariance_m2),
                         })
                         .collect(),
                 }
@@ -162,16 +209,16 @@ impl<'a> Plan<'a> {
         Ok(tracks)
     }
 
-    /// The truth of the objects that were scored, to be drawn.
+    /// The truth of the objects that were scored, to be drawn: that of the first recording, as recordings of a world differ in their images alone.
     pub(super) fn truth(&self, figures: &[Figures]) -> Result<Vec<TruthSeries>> {
-        let mut truth = tables::read_truth(&self.truth_path)?;
+        let mut truth = tables::read_truth(&self.recording(1).truth_path)?;
         truth.retain(|object| figures.iter().any(|f| f.object == object.name));
         Ok(tracking::truth_series(&truth))
     }
 
     fn draw(&self, figures: &[Figures]) -> Result<()> {
         let truth = self.truth(figures)?;
-        let cameras = CameraSymbol::of_scene(&self.scene);
+        let cameras = CameraSymbol::of_scene(self.scene());
         write_track_plots(&self.folder, &self.tracks(self.seeds)?, &truth, &cameras)?;
         Ok(())
     }

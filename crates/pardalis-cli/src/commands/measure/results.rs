@@ -20,11 +20,14 @@ pub(super) struct Measured<'a> {
 type Metric = (&'static str, fn(&Measured) -> Option<f64>);
 
 /// The figures, in the order of the columns; errors over all frames that have an estimate.
-pub(super) const METRICS: [Metric; 31] = [
+pub(super) const METRICS: [Metric; 34] = [
     ("coverage", |m| m.report.scores.coverage),
     ("lost_frames", |m| Some(m.report.scores.lost_frames as f64)),
     ("ends_on_target", |m| {
         m.report.scores.ends_on_target.map(one_or_zero)
+    }),
+    ("frames_to_find", |m| {
+        m.report.scores.frames_to_find.map(|n| n as f64)
     }),
     ("mean_m", |m| errors(m).map(|e| e.position_m.mean)),
     ("sd_m", |m| errors(m).map(|e| e.position_m.sd)),
@@ -68,6 +71,11 @@ pub(super) const METRICS: [Metric; 31] = [
     ("changed_target", |m| {
         m.report.changed_target.map(one_or_zero)
     }),
+    ("calibration_error", |m| {
+        let reliability = m.report.confidence.reliability.as_ref();
+        reliability.map(|r| r.calibration_error)
+    }),
+    ("confidence_max", |m| m.report.confidence.confidence_max),
     // With it, a mean and its standard deviation give the mean's standard error.
     ("estimates", |m| Some(m.report.scores.all.estimates as f64)),
     ("ms_a_frame", |m| m.ms_a_frame),
@@ -93,7 +101,7 @@ fn one_or_zero(yes: bool) -> f64 {
 #[derive(Clone)]
 pub(super) struct Figures {
     pub(super) seed: u32,
-    target: String,
+    pub(super) target: String,
     pub(super) object: String,
     /// The name of the run's window; empty for all frames.
     pub(super) window: String,
@@ -176,7 +184,7 @@ impl Results {
 }
 
 /// A field of a CSV file.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
 

@@ -1,0 +1,49 @@
+//! What the confidences of a track are worth.
+
+use pardalis::score::{Claim, Reliability, TrueState, reliability};
+use serde::Serialize;
+
+use super::{Options, is_seen_by_so_many};
+use crate::tables::TrackRow;
+
+/// The confidences of one target in the scored frames.
+#[derive(Debug, Serialize)]
+pub(crate) struct Confidence {
+    /// Within which an estimate is right, in metres; none where nothing says it.
+    pub(crate) diameter_m: Option<f64>,
+    /// The greatest; none where the track gives none.
+    pub(crate) confidence_max: Option<f64>,
+    /// Whether they mean what they say; none without a diameter or without confidences.
+    pub(crate) reliability: Option<Reliability>,
+    /// What it is of.
+    #[serde(skip)]
+    pub(crate) claims: Vec<Claim>,
+}
+
+impl Confidence {
+    /// Of rows of the track and of the truth. Without truth in a frame in which other objects have one, an object is nowhere.
+    pub(super) fn of<'a>(
+        rows: impl Iterator<Item = (Option<&'a TrackRow>, Option<&'a TrueState>)>,
+        options: &Options,
+        diameter_m: Option<f64>,
+    ) -> Self {
+        let (mut confidence_max, mut claims) = (None, Vec::new());
+        for (row, truth) in rows {
+            let Some(row) = row.filter(|_| is_seen_by_so_many(truth, options)) else {
+                continue;
+            };
+            let Some(confidence) = row.confidence else {
+                continue;
+            };
+            confidence_max = Some(confidence_max.map_or(confidence, |m| confidence.max(m)));
+            let claim = |d| Claim::of(confidence, row.estimate.as_ref(), truth, d);
+            claims.extend(diameter_m.map(claim));
+        }
+        Self {
+            diameter_m,
+            confidence_max,
+            reliability: reliability(&claims),
+            claims,
+        }
+    }
+}

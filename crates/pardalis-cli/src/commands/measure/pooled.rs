@@ -1,0 +1,140 @@
+//! What is said of all recordings of a run or sweep together: whether covariances and confidences are honest.
+
+use std::fmt::Write as _;
+
+use pardalis::score::{Claim, Reliability, reliability};
+
+use super::plan::Plan;
+use super::results::{Figures, quoted};
+
+/// 99 % of a normal distribution lie within so many standard deviations of its mean.
+const SIGMAS_99: f64 = 2.576;
+
+/// The claims of one target over one window, of one seed.
+pub(super) struct Claims {
+    pub(super) target: String,
+    /// The name of the run's window; empty for all frames.
+    pub(super) window: String,
+    pub(super) claims: Vec<Claim>,
+}
+
+/// A run as it was tracked.
+pub(super) struct Measured<'a> {
+    pub(super) plan: &'a Plan<'a>,
+    pub(super) figures: Vec<Figures>,
+    /// Of every seed, target and window.
+    pub(super) claims: Vec<Claims>,
+}
+
+impl Measured<'_> {
+    /// The sweep that the run is of, else the run.
+    pub(super) fn name(&self) -> &str {
+        let run = self.plan.run;
+        run.swept.as_ref().map_or(&run.name, |swept| &swept.sweep)
+    }
+}
+
+/// Whether the confidences of runs are right, over all their frames, targets and seeds; none where they give none.
+pub(super) fn reliability_of(runs: &[&Measured]) -> Option<Reliability> {
+    let claims = runs.iter().flat_map(|measured| &measured.claims);
+    let whole = claims.filter(|claims| claims.window.is_empty());
+    let all: Vec<Claim> = whole.flat_map(|c| c.claims.iter().copied()).collect();
+    reliability(&all)
+}
+
+/// A row for each run or sweep, target and window: `recordings` (those that differ in their images), their mean NEES with the 99 % band of that mean by
+/// the scatter of recordings, rows with a confidence, the calibration error over them and their greatest confidence.
+pub(super) fn to_csv(measured: &[Measured]) -> String {
+    let mut text = "run,target,window,recordings,mean_nees,nees_99_low,nees_99_high,rows,calibration_error,confidence_max\n".to_owned();
+    let mut names: Vec<&str> = measured.iter().map(Measured::name).collect();
+    names.dedup();
+    for name in names {
+        let runs: Vec<&Measured> = measured.iter().filter(|m| m.name() == name).collect();
+        let mut keys: Vec<(&str, &str)> = Vec::new();
+        for claims in runs.iter().flat_map(|m| &m.claims) {
+            let key = (&*claims.target, &*claims.window);
+            if !keys.contains(&key) {
+                keys.push(key);
+            }
+        }
+        for (target, window) in keys {
+            push_row(&mut text, name, target, window, &runs);
+        }
+    }
+    text
+}
+
+fn push_row(text: &mut String, name: &str, target: &str, window: &str, runs: &[&Measured]) {
+    let nees: Vec<f64> = runs
+        .iter()
+        .flat_map(|measured| nees_of_recordings(measured, target, window))
+        .collect();
+    let claims: Vec<Claim> = (runs.iter().flat_map(|m| &m.claims))
+        .filter(|c| c.target == target && c.window == window)
+        .flat_map(|c| c.claims.iter().copied())
+        .collect();
+    let mean = mean(&nees);
+    let band = mean.zip(half_band_99(&nees));
+    let reliability = reliability(&claims);
+    let error = reliability.as_ref().map(|r| r.calibration_error);
+    let confidence_max = claims.iter().map(|c| c.confidence).reduce(f64::max);
+    // Writing to a String cannot fail.
+    let _ = write!(text, "{},{target},", quoted(name));
+    if !window.is_empty() {
+        text.push_str(&quoted(window));
+    }
+    let _ = write!(text, ",{}", nees.len());
+    for value in [
+        mean,
+        band.map(|(mean, half)| mean - half),
+        band.map(|(mean, half)| mean + half),
+        reliability.as_ref().map(|r| r.rows as f64),
+        error,
+        confidence_max,
+    ] {
+        text.push(',');
+        if let Some(value) = value {
+            let _ = write!(text, "{value}");
+        }
+    }
+    text.push('\n');
+}
+
+/// The mean NEES of each recording; where seeds share one, over them.
+fn nees_of_recordings(measured: &Measured, target: &str, window: &str) -> Vec<f64> {
+    let seeds = measured.figures.iter();
+    let seeds = seeds.filter(|f| f.target == target && f.window == window);
+    let nees: Vec<f64> = seeds.filter_map(|f| f.value("mean_nees")).collect();
+    if measured.plan.run.fresh_world {
+        nees
+    } else {
+        mean(&nees).into_iter().collect()
+    }
+}
+
+/// None of no numbers.
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+/// By how much the mean of independent numbers may be off, with 99 % probability; none where they are too few to tell.
+fn half_band_99(values: &[f64]) -> Option<f64> {
+    let count = values.len() as f64;
+    let mean = mean(values)?;
+    let squares = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+    (values.len() > 1).then(|| SIGMAS_99 * (squares / (count - 1.0) / count).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_narrow_with_the_root_of_the_number() {
+        assert_eq!(half_band_99(&[3.0]), None);
+        let values = [2.0, 4.0, 2.0, 4.0];
+        // Variance 4/3, of the mean of four a quarter.
+        let expected = 2.576 * (1.0 / 3.0_f64).sqrt();
+        assert!((half_band_99(&values).unwrap() - expected).abs() < 1e-12);
+    }
+}

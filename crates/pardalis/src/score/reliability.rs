@@ -1,0 +1,164 @@
+//! Whether confidences mean what they say: of the rows that say 0.9, nine in ten should be right.
+
+use serde::Serialize;
+
+use super::{EstimatedState, TrueState, distance_m};
+
+/// Rows are told apart in so many equal parts of the confidence.
+const BINS: usize = 10;
+
+/// An object of which some camera sees more than this share is in view.
+const IN_VIEW_OVER: f64 = 0.1;
+
+/// What one row of a track claims, and whether it is so.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Claim {
+    /// The probability that the row gives, 0 to 1.
+    pub confidence: f64,
+    /// Whether what it speaks of is so.
+    pub is_right: bool,
+}
+
+impl Claim {
+    /// A row with an estimate claims that the object is within `diameter_m` of it, in metres; a row without one, that the object is in view at all
+    /// (more than 0.1 of it, or a share that is unknown). Where there is no truth, the object is nowhere, and neither is right.
+    pub fn of(
+        confidence: f64,
+        estimate: Option<&EstimatedState>,
+        truth: Option<&TrueState>,
+        diameter_m: f64,
+    ) -> Self {
+        let is_right = truth.is_some_and(|truth| match estimate {
+            Some(estimate) => distance_m(estimate.position_m, truth.position_m) <= diameter_m,
+            None => truth
+                .visible_fraction
+                .is_none_or(|share| share > IN_VIEW_OVER),
+        });
+        Self {
+            confidence,
+            is_right,
+        }
+    }
+}
+
+/// Confidences beside how often they are right.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Reliability {
+    /// All rows.
+    pub rows: usize,
+    /// Expected calibration error: the mean over rows of |mean confidence − share right| of their bin (Naeini et al. 2015).
+    pub calibration_error: f64,
+    /// Ten equal parts of the confidence in ascending order, those without rows left out.
+    pub bins: Vec<Bin>,
+}
+
+/// The rows whose confidence lies in one part.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Bin {
+    /// How many.
+    pub rows: usize,
+    /// Their mean confidence.
+    pub mean_confidence: f64,
+    /// The share of them that is right.
+    pub share_right: f64,
+}
+
+/// Bins claims of one track or of many; none of no claims.
+pub fn reliability(claims: &[Claim]) -> Option<Reliability> {
+    let bin_of = |claim: &Claim| ((claim.confidence * BINS as f64) as usize).min(BINS - 1);
+    let bins: Vec<Bin> = (0..BINS)
+        .filter_map(|bin| {
+            let inside: Vec<&Claim> = claims.iter().filter(|c| bin_of(c) == bin).collect();
+            let rows = inside.len() as f64;
+            let right = inside.iter().filter(|claim| claim.is_right).count();
+            (!inside.is_empty()).then(|| Bin {
+                rows: inside.len(),
+                mean_confidence: inside.iter().map(|claim| claim.confidence).sum::<f64>() / rows,
+                share_right: right as f64 / rows,
+            })
+        })
+        .collect();
+    let errors = bins
+        .iter()
+        .map(|bin| bin.rows as f64 * (bin.mean_confidence - bin.share_right).abs());
+    let calibration_error = errors.sum::<f64>() / claims.len() as f64;
+    (!claims.is_empty()).then_some(Reliability {
+        rows: claims.len(),
+        calibration_error,
+        bins,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn claims(confidence: f64, right: usize, wrong: usize) -> Vec<Claim> {
+        let claim = |is_right| Claim {
+            confidence,
+            is_right,
+        };
+        [vec![claim(true); right], vec![claim(false); wrong]].concat()
+    }
+
+    #[test]
+    fn confidences_that_hold_have_no_error() {
+        let all = [claims(0.75, 3, 1), claims(1.0, 5, 0), claims(0.0, 0, 7)].concat();
+        let found = reliability(&all).unwrap();
+        assert_eq!((found.rows, found.bins.len()), (16, 3));
+        assert!(found.calibration_error < 1e-12);
+        assert_eq!(reliability(&[]), None);
+    }
+
+    #[test]
+    fn errors_weigh_as_many_rows_as_their_bins_hold() {
+        // Too sure by 0.4 in a bin of ten, not sure enough by 0.75 in a bin of five; confidences of a bin are averaged.
+        let all = [claims(0.93, 2, 3), claims(0.97, 3, 2)].concat();
+        let all = [all, claims(0.25, 5, 0)].concat();
+        let found = reliability(&all).unwrap();
+        let error = (10.0 * (0.95 - 0.5) + 5.0 * 0.75) / 15.0;
+        assert!((found.calibration_error - error).abs() < 1e-12);
+        let [low, high] = found.bins[..] else {
+            panic!("two bins are filled, not {}", found.bins.len())
+        };
+        assert_eq!((low.rows, low.share_right), (5, 1.0));
+        assert_eq!((high.rows, high.share_right), (10, 0.5));
+        assert!((high.mean_confidence - 0.95).abs() < 1e-12);
+    }
+
+    #[test]
+    fn bounds_belong_to_the_bin_above_and_one_to_the_last() {
+        let all = [claims(0.5, 1, 0), claims(0.49, 1, 0), claims(1.0, 1, 0)].concat();
+        let found = reliability(&all).unwrap();
+        let means: Vec<f64> = found.bins.iter().map(|bin| bin.mean_confidence).collect();
+        assert_eq!(means, [0.49, 0.5, 1.0]);
+    }
+
+    #[test]
+    fn rows_claim_a_place_or_a_view() {
+        let estimate = EstimatedState {
+            position_m: [1.0, 2.0, 3.0],
+            velocity_mps: None,
+            heading_rad: None,
+            covariance_m2: None,
+        };
+        let truth = |x_m: f64, share: Option<f64>| TrueState {
+            position_m: [x_m, 2.0, 3.0],
+            velocity_mps: None,
+            heading_rad: None,
+            visible_fraction: share,
+            seeing_cameras: None,
+        };
+        let is_right =
+            |estimate, truth: Option<&TrueState>| Claim::of(0.5, estimate, truth, 0.25).is_right;
+        let here = Some(&estimate);
+        // Near enough, even where it is hidden; too far; of nothing.
+        assert!(is_right(here, Some(&truth(1.25, Some(0.0)))));
+        assert!(!is_right(here, Some(&truth(1.26, Some(1.0)))));
+        assert!(!is_right(here, None));
+        assert!(is_right(None, Some(&truth(9.0, Some(0.11)))));
+        assert!(is_right(None, Some(&truth(9.0, None))));
+        assert!(!is_right(None, Some(&truth(1.0, Some(0.1)))));
+        assert!(!is_right(None, None));
+    }
+}
