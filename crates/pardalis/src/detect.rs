@@ -1,7 +1,7 @@
 //! Detection: where in an image a target's colours stand out, without any knowledge of where it might be.
 
 use crate::camera::Mask;
-use crate::color::{ColorModel, Palette};
+use crate::color::{ColorModel, ColorRanges, Palette};
 use crate::frame::with_pixels;
 use crate::view::Evidence;
 
@@ -69,11 +69,17 @@ pub(crate) const LEAST_LIKENESS: f64 = 2.0 / 3.0;
 /// A colour stands out where its share among the target's pixels is at least twice that in the image. Panics where the frame was not prepared for the colours' palette
 /// ([`View::prepare`](crate::view::View::prepare)).
 pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
-    blobs_alike(evidence, colors.palette(), &likeness(evidence, colors, 1))
+    let likeness = likeness(evidence, colors, 1);
+    blobs_alike(evidence, colors.palette(), &likeness, None)
 }
 
-/// The same where the likeness of each bin is known.
-pub(crate) fn blobs_alike(evidence: &Evidence, palette: Palette, likeness: &[f64]) -> Vec<Blob> {
+/// The same where the likeness of each bin is known, of pixels in these ranges alone, which the frame was prepared for.
+pub(crate) fn blobs_alike(
+    evidence: &Evidence,
+    palette: Palette,
+    likeness: &[f64],
+    ranges: Option<ColorRanges>,
+) -> Vec<Blob> {
     let frame = evidence.frame();
     let table = evidence.table(palette);
     let (width, height) = (frame.width(), frame.height());
@@ -83,11 +89,17 @@ pub(crate) fn blobs_alike(evidence: &Evidence, palette: Palette, likeness: &[f64
     with_pixels!(frame, components => for y in 0..height {
         bins.extend((0..width).map(|x| table.bin(components(x, y))));
     });
-    let alike: Vec<bool> = bins
+    let mut alike: Vec<bool> = bins
         .iter()
         .enumerate()
         .map(|(i, &bin)| is_open(i) && likeness[usize::from(bin)] >= LEAST_LIKENESS)
         .collect();
+    if let Some(ranges) = ranges {
+        let in_ranges = evidence.match_table(ranges);
+        with_pixels!(frame, components => for (i, alike) in alike.iter_mut().enumerate() {
+            *alike = *alike && in_ranges.matches(components(i % width, i / width)) == 1;
+        });
+    }
     let mut is_targets = majority(&alike, width);
     (0..is_targets.len()).for_each(|i| is_targets[i] &= is_open(i));
     let mut found = Vec::new();

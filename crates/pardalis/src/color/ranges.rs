@@ -43,6 +43,27 @@ impl ColorRanges {
         Ok(())
     }
 
+    /// Ranges that hold the same colours in other light and noise: some degrees of hue more, and some saturation and intensity.
+    #[must_use]
+    pub fn widened(&self) -> Self {
+        const HUE_DEG: f64 = 5.0;
+        const SHARE: f64 = 0.12;
+        let [from, to] = self.hue_deg;
+        let span_deg = (to - from).rem_euclid(360.0) + 2.0 * HUE_DEG;
+        let hue_deg = if span_deg < 360.0 {
+            [from - HUE_DEG, to + HUE_DEG].map(|hue: f64| hue.rem_euclid(360.0))
+        } else {
+            [0.0, 360.0]
+        };
+        let widen =
+            |[least, greatest]: [f64; 2]| [(least - SHARE).max(0.0), (greatest + SHARE).min(1.0)];
+        Self {
+            hue_deg,
+            saturation: widen(self.saturation),
+            intensity: widen(self.intensity),
+        }
+    }
+
     /// Whether a colour, R, G, B in 0..=255, lies in all three ranges.
     pub fn contain_rgb(&self, rgb: [f64; 3]) -> bool {
         let [hue, saturation, intensity] = hsi_from_rgb(rgb);
@@ -291,6 +312,23 @@ mod tests {
         let table = MatchTable::new(&ranges, PixelKind::Rgb);
         let matches = [[220, 20, 30], [20, 220, 20]].map(|rgb| table.matches(rgb));
         assert_eq!(matches, [1, 0]);
+    }
+
+    #[test]
+    fn widened_ranges_hold_neighbouring_hues_through_zero_and_stay_ranges() {
+        let wide = PINK.widened();
+        assert_eq!(wide.hue_deg, [325.0, 20.0]);
+        assert!(wide.check().is_ok());
+        let around = ColorRanges {
+            hue_deg: [3.0, 358.0],
+            ..PINK
+        };
+        assert_eq!(around.widened().hue_deg, [0.0, 360.0]);
+        let low = ColorRanges {
+            hue_deg: [2.0, 30.0],
+            ..PINK
+        };
+        assert_eq!(low.widened().hue_deg, [357.0, 35.0]);
     }
 
     #[test]

@@ -21,6 +21,12 @@ pub(crate) struct Sighting {
 }
 
 impl Sighting {
+    /// The share of the outline that is seen in the target's colours, the mean over the cameras that see it.
+    pub(crate) fn seen_share(&self) -> f64 {
+        let sum: f32 = self.lines.iter().map(|lines| lines.seen_share).sum();
+        f64::from(sum) / self.lines.len() as f64
+    }
+
     /// How many cameras see it.
     pub(crate) fn camera_count(&self) -> usize {
         self.lines.len()

@@ -14,7 +14,9 @@ use fit::Sums;
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
 use crate::Error;
 use crate::camera::{LANES, Mask};
-use crate::color::{ColorModel, EdgeLogRatios, EdgeProfile, Palette, PixelKind};
+use crate::color::{
+    ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, MatchTable, Palette, PixelKind,
+};
 use crate::detect::LEAST_LIKENESS;
 use crate::shape::Shape;
 use crate::simd::Level;
@@ -41,7 +43,7 @@ impl Default for EdgeSettings {
         Self {
             lines: 64,
             temper: 0.15,
-            shared_sigma_px: 0.2,
+            shared_sigma_px: 0.25,
             learnt_profile: true,
             watches_surroundings: true,
         }
@@ -107,6 +109,8 @@ pub(crate) struct Look<'a> {
     projector: Projector<'a>,
     kind: PixelKind,
     palette: Palette,
+    /// Pixels outside of these are not the target's.
+    in_ranges: Option<&'a MatchTable>,
     /// How much likelier a pixel of each bin is the target's than the frame's, t / (t + f).
     likeness: &'a [f64],
     /// What surrounded the target when this camera saw it last, sector by sector.
@@ -120,7 +124,7 @@ impl<'a> Look<'a> {
     pub(crate) fn new(
         camera: usize,
         evidence: Evidence<'a>,
-        palette: Palette,
+        (palette, ranges): (Palette, Option<ColorRanges>),
         likeness: &'a [f64],
         known_around: Option<&'a Around>,
     ) -> Self {
@@ -130,6 +134,7 @@ impl<'a> Look<'a> {
             projector: Projector::new(evidence.view()),
             kind: PixelKind::of(evidence.frame()),
             palette,
+            in_ranges: ranges.map(|ranges| evidence.match_table(ranges)),
             likeness,
             known_around,
         }
@@ -172,7 +177,8 @@ impl<'a> Look<'a> {
         }
         let bytes = self.evidence.frame().components(column, row);
         let bin = self.evidence.table(self.palette).bin(bytes);
-        let is_alike = self.likeness[usize::from(bin)] >= LEAST_LIKENESS;
+        let is_alike = self.likeness[usize::from(bin)] >= LEAST_LIKENESS
+            && self.in_ranges.is_none_or(|table| table.matches(bytes) == 1);
         Some((self.kind.full_range_yuv(bytes), is_alike))
     }
 
@@ -193,6 +199,7 @@ pub(crate) struct EdgeCue {
     diameter_m: f64,
     table: Table,
     palette: Palette,
+    ranges: Option<ColorRanges>,
     points: Vec<Points>,
     coordinates: Vec<Coordinates>,
     scratch: Scratch,
@@ -216,6 +223,7 @@ impl EdgeCue {
             diameter_m: shape.diameter_m(),
             table: Table::new(&profile.unwrap_or_else(EdgeProfile::soft_step)),
             palette: colors.palette(),
+            ranges: colors.ranges().map(|ranges| ranges.widened()),
             points: vec![[[0.0; LANES]; 3]; settings.lines],
             coordinates: vec![[[0.0; LANES]; 2]; settings.lines],
             scratch: Scratch::default(),
@@ -229,6 +237,11 @@ impl EdgeCue {
 
     pub(crate) fn palette(&self) -> Palette {
         self.palette
+    }
+
+    /// The ranges that hold the target's colours in any light; none for what has no colour.
+    pub(crate) fn ranges(&self) -> Option<ColorRanges> {
+        self.ranges
     }
 
     /// Projects the outlines of a block of positions.

@@ -105,6 +105,9 @@ const ALIKE_A_FRAME: f64 = 0.1;
 const LIKENESS_NATS: [f64; 2] = [-5.0, 15.0];
 /// ... from one to the other by one for so much of a sighting's log ratio.
 const LIKENESS_SCALE: f64 = 1.5;
+/// By how many nats a sighting is less likely the target where none of what is within its outline has the target's colours: a part, then, may be hidden, but most
+/// things whose colours are like the target's are so in part.
+const UNLIKE_NATS: f64 = 12.0;
 /// Sightings closer than this, in diameters, are one.
 const SAME_DIAMETERS: f64 = 0.25;
 /// Frames between looks at whole images while all is well.
@@ -192,7 +195,11 @@ impl Seeker {
 
     /// Makes sure that a frame of the view, of its size, can be looked up.
     pub(super) fn prepare(&self, view: &mut View, frame: &Frame) {
-        view.prepare(crate::color::PixelKind::of(frame), self.edge.palette());
+        let kind = crate::color::PixelKind::of(frame);
+        view.prepare(kind, self.edge.palette());
+        if let Some(ranges) = self.edge.ranges() {
+            view.prepare_ranges(kind, ranges);
+        }
     }
 
     /// The particles.
@@ -225,7 +232,7 @@ impl Seeker {
                 likeness(&views[*camera].evidence(frame), &self.colors, COARSE_PX)
             })
             .collect();
-        let palette = self.edge.palette();
+        let colors = (self.edge.palette(), self.edge.ranges());
         let known_around = std::mem::take(&mut self.known_around);
         let looks: Vec<Look> = frames
             .iter()
@@ -235,7 +242,7 @@ impl Seeker {
                 Look::new(
                     *camera,
                     evidence,
-                    palette,
+                    colors,
                     likeness,
                     known_around[*camera].as_ref(),
                 )
@@ -368,7 +375,8 @@ impl Seeker {
             0.5 * (f64::from(axes) * libm::log(std::f64::consts::TAU) + libm::log(determinant));
         let cameras = sighting.camera_count() as f64;
         let [least, greatest] = LIKENESS_NATS;
-        let likeness = (sighting.log_ratio / cameras / LIKENESS_SCALE + least).min(greatest);
+        let likeness = (sighting.log_ratio / cameras / LIKENESS_SCALE + least).min(greatest)
+            - UNLIKE_NATS * (1.0 - sighting.seen_share());
         let log_evidence = likeness - libm::log(ALIKE_A_FRAME * self.birth_density);
         sighting.offset = ((log_evidence - log_volume - sighting.log_ratio) / cameras) as f32;
         Some(Peak {
@@ -441,7 +449,7 @@ impl Seeker {
             .fold(0.0, f64::max);
         let was_known = matches!(self.state, TrackState::Tracking | TrackState::Occluded);
         let belief = self.belief(0.0);
-        let least = if was_known { LEAST_BELIEF } else { 0.5 };
+        let least = if was_known { LEAST_BELIEF } else { NEW_BELIEF };
         self.state = if existence >= 0.5 && sees >= 0.5 && belief >= least {
             TrackState::Tracking
         } else if existence >= 0.5 && was_known && belief >= LEAST_BELIEF {
@@ -511,6 +519,8 @@ impl Seeker {
     }
 }
 
+/// A target is found from this belief in its place on; how far away it is may be less sure than a diameter.
+const NEW_BELIEF: f64 = 0.25;
 /// Below this belief in its place, a target is lost.
 const LEAST_BELIEF: f64 = 0.01;
 /// From this belief on, what surrounds it is learnt.

@@ -83,7 +83,8 @@ impl Wanted {
         let mut places_m = Vec::new();
         let mut rays: Vec<(usize, Ray)> = Vec::new();
         for look in looks {
-            for blob in blobs_alike(look.evidence(), edge.palette(), look.likeness()) {
+            let (palette, ranges) = (edge.palette(), edge.ranges());
+            for blob in blobs_alike(look.evidence(), palette, look.likeness(), ranges) {
                 let Some(ray) = Ray::of(look, blob.centroid_px) else {
                     continue;
                 };
