@@ -7,6 +7,8 @@
 
 mod fit;
 mod lines;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use fit::Sighting;
 use fit::Sums;

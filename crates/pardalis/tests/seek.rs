@@ -1,0 +1,144 @@
+//! Targets without a start: found, followed, hidden, lost and found again, on the rendered fisheye sequence.
+
+mod common;
+
+use common::{FPS, SIZE, ball_target, data, fisheye_view, frame, jump_picture};
+use image::{Rgb, RgbImage};
+use pardalis::color::{Palette, YuvEncoding};
+use pardalis::filter::FilterSettings;
+use pardalis::likelihood::{Cue, EdgeSettings};
+use pardalis::motion::ConstantVelocity;
+use pardalis::simd::Level;
+use pardalis::start::Start;
+use pardalis::tracker::{BodySettings, TrackState};
+use pardalis::{Estimate, Frame, PixelFormat, Tracker};
+
+/// The ball, of which nothing but size and colours is known.
+fn sought() -> BodySettings {
+    let published = ball_target(Palette::HSI, 500);
+    BodySettings {
+        cues: vec![Cue::Edge(EdgeSettings::default()).into()],
+        filter: FilterSettings {
+            motion: ConstantVelocity::BETWEEN_KICKS.into(),
+            ..published.filter
+        },
+        start: Start::Anywhere,
+        ..published
+    }
+}
+
+fn tracker(seed: u32) -> Tracker {
+    Tracker::new(vec![fisheye_view()], vec![sought()], seed, Level::best()).unwrap()
+}
+
+fn truth_m(index: usize) -> [f64; 3] {
+    let table = std::fs::read_to_string(data("dioptric-jump/truth.csv")).unwrap();
+    let row: Vec<&str> = table.lines().nth(index + 1).unwrap().split(',').collect();
+    [4, 5, 6].map(|column| row[column].parse().unwrap())
+}
+
+fn as_frame(picture: &RgbImage, index: usize, format: PixelFormat) -> Frame {
+    frame(picture, format, YuvEncoding::default(), index as f64 / FPS)
+}
+
+/// What is known after each of these frames.
+fn follow(tracker: &mut Tracker, frames: impl IntoIterator<Item = Frame>) -> Vec<Estimate> {
+    let step = |frame: Frame| {
+        let time_s = frame.time_s();
+        tracker.observe(&[(0, frame)], time_s).unwrap();
+        tracker.estimate_at(0, time_s)
+    };
+    frames.into_iter().map(step).collect()
+}
+
+fn error_m(estimate: &Estimate, index: usize) -> f64 {
+    let found_m = estimate.kinematics.expect("an estimate").position_m;
+    let squares = found_m
+        .iter()
+        .zip(truth_m(index))
+        .map(|(a, b)| (a - b).powi(2));
+    squares.sum::<f64>().sqrt()
+}
+
+/// The image with everything near a place in plain grey.
+fn covered(index: usize) -> RgbImage {
+    let mut picture = jump_picture(index);
+    let view = fisheye_view();
+    let position_m = nalgebra::Point3::from(truth_m(index));
+    let place = view.camera_from_world() * position_m;
+    let [u, v] = view.camera().project(place.into()).unwrap();
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        if (f64::from(x) - u).abs() < 40.0 && (f64::from(y) - v).abs() < 40.0 {
+            *pixel = Rgb([90, 92, 95]);
+        }
+    }
+    picture
+}
+
+#[test]
+fn a_thrown_ball_is_found_in_the_first_frames_and_followed_in_any_format() {
+    for (seed, format) in [(1, PixelFormat::Rgb8), (2, PixelFormat::I420)] {
+        let frames = (0..25).map(|index| as_frame(&jump_picture(index), index, format));
+        let estimates = follow(&mut tracker(seed), frames);
+        for (index, estimate) in estimates.iter().enumerate().skip(2) {
+            assert_eq!(estimate.state, TrackState::Tracking, "frame {index}");
+            assert!(error_m(estimate, index) < 0.1, "frame {index}");
+            assert!(estimate.confidence > 0.9, "frame {index}");
+        }
+    }
+}
+
+#[test]
+fn a_ball_that_something_hides_is_occluded_and_then_followed_again() {
+    let picture = |index| match index {
+        10..15 => covered(index),
+        _ => jump_picture(index),
+    };
+    let frames = (0..20).map(|index| as_frame(&picture(index), index, PixelFormat::Rgb8));
+    let estimates = follow(&mut tracker(3), frames);
+    for index in 11..15 {
+        assert_eq!(
+            estimates[index].state,
+            TrackState::Occluded,
+            "frame {index}"
+        );
+    }
+    // Hidden, it may be farther and farther from where it was thought to go.
+    let variance = |index: usize| estimates[index].kinematics.unwrap().covariance_m2[0];
+    assert!(variance(14) > 4.0 * variance(9));
+    assert!(estimates[14].confidence < estimates[9].confidence);
+    for index in 17..20 {
+        assert_eq!(
+            estimates[index].state,
+            TrackState::Tracking,
+            "frame {index}"
+        );
+        assert!(error_m(&estimates[index], index) < 0.1, "frame {index}");
+    }
+}
+
+#[test]
+fn where_there_is_no_ball_none_is_found() {
+    let frames = (0..10).map(|index| as_frame(&covered(index), index, PixelFormat::Rgb8));
+    for estimate in follow(&mut tracker(4), frames) {
+        assert_eq!(estimate.state, TrackState::Searching);
+        assert!(estimate.kinematics.is_none() && estimate.confidence < 0.1);
+    }
+    let black = RgbImage::new(SIZE.0 as u32, SIZE.1 as u32);
+    let estimates = follow(&mut tracker(5), [as_frame(&black, 0, PixelFormat::Rgb8)]);
+    assert_eq!(estimates[0].state, TrackState::Searching);
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.unwrap().install(|| {
+            let frames = (0..6).map(|i| as_frame(&jump_picture(i), i, PixelFormat::Rgb8));
+            follow(&mut tracker(6), frames)
+        })
+    };
+    let one = run(1);
+    assert_eq!(one, run(2));
+    assert_eq!(one, run(5));
+}
