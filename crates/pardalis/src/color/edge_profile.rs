@@ -1,4 +1,4 @@
-//! How a body's colours go over into what surrounds it: P(membership | signed distance to the outline), counted in labelled images.
+//! How a body's colours go over into what surrounds it: P(membership | signed distance to the outline, side), counted in labelled images.
 //!
 //! Optics, motion, chroma at half the resolution and compression all blur edges; how much, and to which side of the true outline, is learnt rather than assumed.
 
@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 
 use super::body::BodyColors;
-use super::membership::{EdgePixel, Surroundings};
+use super::membership::{EdgePixel, Side, Surroundings};
 use super::outline_distance::OutlineDistance;
 
 /// Standard deviation of the kernel that smooths over distance, in pixels.
@@ -16,17 +16,22 @@ const SMOOTHING_PX: f64 = 0.35;
 const ADDED: f64 = 0.1;
 /// The last rows, which hold what surrounds bodies.
 const OUTSIDE_ROWS: usize = 3;
+/// What the counts of the other side count, where a side has few of its own.
+const OTHER_SIDE: f64 = 0.05;
 /// An edge where nothing was learnt: blurred by this standard deviation, this far inside, in pixels, as the bundled sets have it ...
 const SOFT_PX: f64 = 1.3;
 const SOFT_INSIDE_PX: f64 = 0.35;
 /// ... with noise of this standard deviation outside, and this much more in the middle of the edge and inside.
 const SOFT_NOISE: [f64; 3] = [0.1, 0.5, 0.08];
 
+/// Pixels in each bin of membership, at each distance.
+type Counts = Vec<[u32; EdgeProfile::MEMBERSHIPS]>;
+
 /// The edge profile of a body in a camera's images.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EdgeProfile {
-    /// Pixels in each bin of membership, at each distance.
-    counts: Vec<[u32; EdgeProfile::MEMBERSHIPS]>,
+    /// In the order of [`Side::ALL`].
+    counts: [Counts; 2],
 }
 
 /// ln P(membership | distance) / P(membership | outside), a row a distance.
@@ -47,15 +52,22 @@ impl EdgeProfile {
         (((membership + 0.5) * 16.0) as usize).min(Self::MEMBERSHIPS - 1)
     }
 
-    /// The table of log ratios, smoothed: finite everywhere.
-    pub fn log_ratios(&self) -> Box<EdgeLogRatios> {
-        let counts: Vec<[f64; Self::MEMBERSHIPS]> =
-            self.counts.iter().map(|row| row.map(f64::from)).collect();
-        log_ratios_of(&smoothed(&counts))
+    /// The tables of log ratios on either side, in the order of [`Side::ALL`], smoothed: finite everywhere.
+    pub fn log_ratios(&self) -> [Box<EdgeLogRatios>; 2] {
+        let own = Side::ALL.map(|side| side as usize);
+        let sides = own.map(|side| {
+            let rows = self.counts[side].iter().zip(&self.counts[1 - side]);
+            let mixed = |(own, other): (&[u32; Self::MEMBERSHIPS], &[u32; Self::MEMBERSHIPS])| {
+                std::array::from_fn(|bin| f64::from(own[bin]) + OTHER_SIDE * f64::from(other[bin]))
+            };
+            shares(&smoothed(&rows.map(mixed).collect::<Vec<_>>()))
+        });
+        let outside = reference(&sides);
+        sides.map(|shares| log_ratios_of(&shares, &outside))
     }
 
-    /// The log ratios of a soft step, for colours that were learnt without an edge.
-    pub fn soft_step() -> Box<EdgeLogRatios> {
+    /// The log ratios of a soft step, on either side, for colours that were learnt without an edge.
+    pub fn soft_step() -> [Box<EdgeLogRatios>; 2] {
         let row = |distance: usize| {
             let distance_px = 0.25 * distance as f64 - f64::from(Self::REACH_PX);
             let off = (distance_px + SOFT_INSIDE_PX) / (SOFT_PX * std::f64::consts::SQRT_2);
@@ -68,12 +80,13 @@ impl EdgeProfile {
                 normal / sigma + 0.01
             })
         };
-        let rows: Vec<[f64; Self::MEMBERSHIPS]> = (0..Self::DISTANCES).map(row).collect();
-        log_ratios_of(&rows)
+        let shares = shares(&(0..Self::DISTANCES).map(row).collect::<Vec<_>>());
+        let outside = reference(std::slice::from_ref(&shares));
+        [(); 2].map(|()| log_ratios_of(&shares, &outside))
     }
 
-    /// The mean membership at each distance.
-    pub fn mean_memberships(&self) -> Vec<f64> {
+    /// The mean membership at each distance, on one side.
+    pub fn mean_memberships(&self, side: Side) -> Vec<f64> {
         let mean = |row: &[u32; Self::MEMBERSHIPS]| {
             let (mut sum, mut total) = (0.0, 0.0);
             for (bin, &count) in row.iter().enumerate() {
@@ -82,19 +95,22 @@ impl EdgeProfile {
             }
             sum / total
         };
-        self.counts.iter().map(mean).collect()
+        self.counts[side as usize].iter().map(mean).collect()
     }
 
     /// The table in a file.
     pub(super) fn to_text(&self) -> String {
         let mut text = String::from(
-            "\n# how the target's colours go over into what surrounds it: pixels at -4 to 4 px from the outline, a row each quarter of a pixel, in 32 bins of \
-             membership from -0.5 to 1.5 (0: as outside, 1: as inside)\n[edge]\ncounts = [\n",
+            "\n# how the target's colours go over into what surrounds it, on the side that is darker than its mean and on the other: pixels at -4 to 4 px from the outline, a \
+             row each quarter of a pixel, in 32 bins of membership from -0.5 to 1.5 (0: as outside, 1: as inside)\n[edge]\n",
         );
-        for row in &self.counts {
-            let _ = writeln!(text, "    {row:?},");
+        for (name, counts) in ["shaded", "lit"].iter().zip(&self.counts) {
+            let _ = writeln!(text, "{name} = [");
+            for row in counts {
+                let _ = writeln!(text, "    {row:?},");
+            }
+            text.push_str("]\n");
         }
-        text.push_str("]\n");
         text
     }
 }
@@ -120,67 +136,84 @@ fn smoothed(counts: &[[f64; EdgeProfile::MEMBERSHIPS]]) -> Vec<[f64; EdgeProfile
     (0..counts.len()).map(row).collect()
 }
 
-fn log_ratios_of(rows: &[[f64; EdgeProfile::MEMBERSHIPS]]) -> Box<EdgeLogRatios> {
-    let shares: Vec<[f64; EdgeProfile::MEMBERSHIPS]> = rows
-        .iter()
-        .map(|row| {
-            let total: f64 = row.iter().sum();
-            row.map(|value| value / total)
-        })
-        .collect();
-    let outside = &shares[EdgeProfile::DISTANCES - OUTSIDE_ROWS..];
-    let reference: [f64; EdgeProfile::MEMBERSHIPS] = std::array::from_fn(|bin| {
-        outside.iter().map(|row| row[bin]).sum::<f64>() / OUTSIDE_ROWS as f64
-    });
+/// What share each bin has at each distance.
+type Shares = Vec<[f64; EdgeProfile::MEMBERSHIPS]>;
+
+fn shares(rows: &[[f64; EdgeProfile::MEMBERSHIPS]]) -> Shares {
+    let share = |row: &[f64; EdgeProfile::MEMBERSHIPS]| {
+        let total: f64 = row.iter().sum();
+        row.map(|value| value / total)
+    };
+    rows.iter().map(share).collect()
+}
+
+/// The shares of what surrounds a body, on all sides.
+fn reference(sides: &[Shares]) -> [f64; EdgeProfile::MEMBERSHIPS] {
+    let rows = || {
+        let outside = |side: &Shares| side[EdgeProfile::DISTANCES - OUTSIDE_ROWS..].to_vec();
+        sides.iter().flat_map(outside)
+    };
+    let count = rows().count() as f64;
+    std::array::from_fn(|bin| rows().map(|row| row[bin]).sum::<f64>() / count)
+}
+
+fn log_ratios_of(shares: &Shares, outside: &[f64; EdgeProfile::MEMBERSHIPS]) -> Box<EdgeLogRatios> {
     let mut table = Box::new([[0.0; EdgeProfile::MEMBERSHIPS]; EdgeProfile::DISTANCES]);
-    for (row, shares) in table.iter_mut().zip(&shares) {
-        for ((log_ratio, share), reference) in row.iter_mut().zip(shares).zip(&reference) {
-            *log_ratio = libm::log(share / reference) as f32;
+    for (row, shares) in table.iter_mut().zip(shares) {
+        for ((log_ratio, share), outside) in row.iter_mut().zip(shares).zip(outside) {
+            *log_ratio = libm::log(share / outside) as f32;
         }
     }
     table
 }
 
-/// The table as it stands in a file.
+/// The tables as they stand in a file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct EdgeText {
-    counts: toml::Spanned<Vec<toml::Spanned<Vec<u32>>>>,
+    shaded: CountsText,
+    lit: CountsText,
 }
+
+type CountsText = toml::Spanned<Vec<toml::Spanned<Vec<u32>>>>;
 
 impl EdgeText {
     /// The profile, or where in the text something is wrong, and what.
     pub(super) fn read(&self) -> Result<EdgeProfile, (usize, String)> {
-        let rows = self.counts.get_ref();
-        if rows.len() != EdgeProfile::DISTANCES {
-            let message = format!(
-                "{} rows of counts; allowed: {}, one a distance",
-                rows.len(),
-                EdgeProfile::DISTANCES
-            );
-            return Err((self.counts.span().start, message));
-        }
-        let row = |row: &toml::Spanned<Vec<u32>>| {
-            let counts: Result<[u32; EdgeProfile::MEMBERSHIPS], _> =
-                row.get_ref().as_slice().try_into();
-            let refused = |message| (row.span().start, message);
-            let counts = counts.map_err(|_| {
-                let found = row.get_ref().len();
-                refused(format!(
-                    "{found} numbers; allowed: {}",
-                    EdgeProfile::MEMBERSHIPS
-                ))
-            })?;
-            if counts.iter().all(|&count| count == 0) {
-                let message = "no pixel at this distance; learn the model again, from more images";
-                return Err(refused(message.to_owned()));
-            }
-            Ok(counts)
-        };
         Ok(EdgeProfile {
-            counts: rows.iter().map(row).collect::<Result<_, _>>()?,
+            counts: [read_counts(&self.shaded)?, read_counts(&self.lit)?],
         })
     }
+}
+
+fn read_counts(text: &CountsText) -> Result<Counts, (usize, String)> {
+    let rows = text.get_ref();
+    if rows.len() != EdgeProfile::DISTANCES {
+        let message = format!(
+            "{} rows of counts; allowed: {}, one a distance",
+            rows.len(),
+            EdgeProfile::DISTANCES
+        );
+        return Err((text.span().start, message));
+    }
+    let row = |row: &toml::Spanned<Vec<u32>>| {
+        let counts: Result<[u32; EdgeProfile::MEMBERSHIPS], _> =
+            row.get_ref().as_slice().try_into();
+        let refused = |message| (row.span().start, message);
+        let counts = counts.map_err(|_| {
+            let found = row.get_ref().len();
+            refused(format!(
+                "{found} numbers; allowed: {}",
+                EdgeProfile::MEMBERSHIPS
+            ))
+        })?;
+        if counts.iter().all(|&count| count == 0) {
+            let message = "no pixel at this distance; learn the model again, from more images";
+            return Err(refused(message.to_owned()));
+        }
+        Ok(counts)
+    };
+    rows.iter().map(row).collect()
 }
 
 /// The mean of some colours; nothing of none.
@@ -198,7 +231,8 @@ fn mean(colors: impl Iterator<Item = [f32; 3]>) -> Option<[f32; 3]> {
 /// Counts memberships along the outlines of labelled bodies, and gathers what these look like.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EdgeLearner {
-    counts: Vec<[u32; EdgeProfile::MEMBERSHIPS]>,
+    /// In the order of [`Side::ALL`].
+    counts: [Counts; 2],
     /// The mean colour of each body.
     bodies: Vec<[f32; 3]>,
     pixels: Vec<EdgePixel>,
@@ -213,8 +247,9 @@ impl EdgeLearner {
         width: usize,
         yuv: impl Fn(usize, usize) -> [f32; 3],
     ) {
-        self.counts
-            .resize(EdgeProfile::DISTANCES, [0; EdgeProfile::MEMBERSHIPS]);
+        for counts in &mut self.counts {
+            counts.resize(EdgeProfile::DISTANCES, [0; EdgeProfile::MEMBERSHIPS]);
+        }
         for outline in OutlineDistance::of_parts(labels, width) {
             self.pixels.clear();
             let pixels = &mut self.pixels;
@@ -239,7 +274,8 @@ impl EdgeLearner {
                 }
                 // Farther in all is as at the least distance; the last row takes half a pixel more.
                 let row = (row.max(0.0) as usize).min(EdgeProfile::DISTANCES - 1);
-                self.counts[row][EdgeProfile::bin_of(membership)] += 1;
+                let side = surroundings.side(pixel) as usize;
+                self.counts[side][row][EdgeProfile::bin_of(membership)] += 1;
             }
         }
     }
@@ -249,10 +285,11 @@ impl EdgeLearner {
         BodyColors::new(self.bodies.clone())
     }
 
-    /// What was learnt; nothing where some distance was never seen.
+    /// What was learnt; nothing where some distance was never seen on some side.
     pub(super) fn profile(&self) -> Option<EdgeProfile> {
         let is_seen = |row: &[u32; EdgeProfile::MEMBERSHIPS]| row.iter().any(|&count| count > 0);
-        let is_whole = !self.counts.is_empty() && self.counts.iter().all(is_seen);
+        let is_whole = |counts: &Counts| !counts.is_empty() && counts.iter().all(is_seen);
+        let is_whole = self.counts.iter().all(is_whole);
         is_whole.then(|| EdgeProfile {
             counts: self.counts.clone(),
         })
@@ -286,19 +323,22 @@ mod tests {
     #[test]
     fn a_soft_edge_is_found_again() {
         let profile = learnt(1.2);
-        for (row, mean) in profile.mean_memberships().into_iter().enumerate() {
-            let distance_px = 0.25 * row as f64 - 4.0;
-            let expected = 0.5 * libm::erfc(distance_px / 1.2 / 2.0_f64.sqrt());
-            assert!(
-                (mean - expected).abs() < 0.05,
-                "{distance_px}: {mean} {expected}"
-            );
+        for side in Side::ALL {
+            for (row, mean) in profile.mean_memberships(side).into_iter().enumerate() {
+                let distance_px = 0.25 * row as f64 - 4.0;
+                let expected = 0.5 * libm::erfc(distance_px / 1.2 / 2.0_f64.sqrt());
+                assert!(
+                    (mean - expected).abs() < 0.07,
+                    "{distance_px}: {mean} {expected}"
+                );
+            }
         }
     }
 
     #[test]
     fn log_ratios_are_finite_and_favour_the_body_inside_and_its_surroundings_outside() {
-        for table in [learnt(0.8).log_ratios(), EdgeProfile::soft_step()] {
+        let tables = [learnt(0.8).log_ratios(), EdgeProfile::soft_step()];
+        for table in tables.into_iter().flatten() {
             assert!(
                 table
                     .iter()
@@ -338,7 +378,7 @@ mod tests {
         let text = profile.to_text();
         let (_, section) = text.split_once("[edge]").unwrap();
         assert_eq!(read(section).unwrap(), profile);
-        let (offset, message) = read("counts = [[1, 2]]").unwrap_err();
+        let (offset, message) = read("shaded = [[1, 2]]\nlit = []").unwrap_err();
         assert!(offset == 9 && message.contains("33"), "{message}");
         let few = section.replacen(", 0]", "]", 1);
         assert!(read(&few).unwrap_err().1.contains("31 numbers"));

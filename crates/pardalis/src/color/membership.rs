@@ -23,14 +23,18 @@ const FEWEST: usize = 6;
 const AROUND_PX: std::ops::Range<f32> = 3.0..7.0;
 /// How fast the weight of colours falls around the turn, for the body and for what surrounds it: the concentration of a von Mises density.
 const CONCENTRATION: [f64; 2] = [2.0, 4.0];
+/// How fast the weight of brightness falls around the turn, likewise, and the pixels that tell it.
+const SHADING_CONCENTRATION: f64 = 4.0;
+const SHADING_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
 /// What differences of Y, U and V count: chroma tells bodies apart that shadows do not.
 const CHANNEL_WEIGHTS: [f32; 3] = [1.0, 15.0, 15.0];
 /// Colours closer than this (squared, weighted as above) are not told apart.
 const LEAST_CONTRAST: f32 = 100.0;
 
 /// Weights over the parts of the turn, by how far they are away.
-static WEIGHTS: LazyLock<[[f32; PARTS]; 2]> = LazyLock::new(|| {
-    CONCENTRATION.map(|concentration| {
+static WEIGHTS: LazyLock<[[f32; PARTS]; 3]> = LazyLock::new(|| {
+    let [body, outside] = CONCENTRATION;
+    [body, outside, SHADING_CONCENTRATION].map(|concentration| {
         std::array::from_fn(|part| {
             let angle = part as f64 / PARTS as f64 * std::f64::consts::TAU;
             libm::exp(concentration * (libm::cos(angle) - 1.0)) as f32
@@ -38,11 +42,26 @@ static WEIGHTS: LazyLock<[[f32; PARTS]; 2]> = LazyLock::new(|| {
     })
 });
 
+/// A side of a body, by its shading: what is round grows dark well inside its outline where it turns away from the light, and stays bright up to it on the other side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Darker than the mean of the body.
+    Shaded,
+    /// As bright, or brighter.
+    Lit,
+}
+
+impl Side {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Shaded, Self::Lit];
+}
+
 /// The colours inside and outside along an outline.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surroundings {
     /// Of each part of the turn: the mean colour around the body, and the difference from there to the body's own.
     parts: [([f32; 3], [f32; 3]); PARTS],
+    sides: [Side; PARTS],
 }
 
 impl Surroundings {
@@ -64,7 +83,13 @@ impl Surroundings {
             let (body, outside) = (body[part], outside[part]);
             (outside, [0, 1, 2].map(|i| body[i] - outside[i]))
         });
-        Some(Self { parts })
+        let sides = sides(pixels).unwrap_or([Side::Lit; PARTS]);
+        Some(Self { parts, sides })
+    }
+
+    /// The side of the body on which a pixel lies.
+    pub fn side(&self, pixel: &EdgePixel) -> Side {
+        self.sides[part_of(pixel.turn)]
     }
 
     /// 0 for the colour that surrounds the body there, 1 for the body's own, in between for mixtures; below and above for colours beyond them. NaN where the two
@@ -83,6 +108,27 @@ impl Surroundings {
             along / whole
         }
     }
+}
+
+/// The side of each part of the turn; `None` where no pixel tells.
+fn sides(pixels: &[EdgePixel]) -> Option<[Side; PARTS]> {
+    let (mut luma, mut count) = (0.0, 0.0);
+    for pixel in pixels {
+        if SHADING_PX.contains(&pixel.distance_px) {
+            luma += pixel.yuv[0];
+            count += 1.0;
+        }
+    }
+    let local = around(pixels, &WEIGHTS[2], |distance| {
+        SHADING_PX.contains(&distance)
+    })?;
+    Some(local.map(|[here, _, _]| {
+        if here < luma / count {
+            Side::Shaded
+        } else {
+            Side::Lit
+        }
+    }))
 }
 
 fn part_of(turn: f32) -> usize {
@@ -183,5 +229,22 @@ mod tests {
         assert_eq!(Surroundings::of(&[]), None);
         pixels.retain(|pixel| pixel.distance_px < 3.0);
         assert_eq!(Surroundings::of(&pixels), None);
+    }
+
+    #[test]
+    fn the_darker_side_is_the_shaded_one() {
+        let mut pixels = edge();
+        for pixel in &mut pixels {
+            let light = 1.0 + 0.2 * libm::cosf(std::f32::consts::TAU * pixel.turn);
+            pixel.yuv[0] *= light;
+        }
+        let surroundings = Surroundings::of(&pixels).unwrap();
+        for pixel in &pixels {
+            let light = libm::cosf(std::f32::consts::TAU * pixel.turn);
+            if light.abs() > 0.1 {
+                let expected = if light > 0.0 { Side::Lit } else { Side::Shaded };
+                assert_eq!(surroundings.side(pixel), expected, "{}", pixel.turn);
+            }
+        }
     }
 }

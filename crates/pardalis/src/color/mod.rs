@@ -15,7 +15,7 @@ pub use body::BodyColors;
 pub use channels::{ChannelBins, ChannelHistograms, ChannelTable};
 pub use edge_profile::{EdgeLogRatios, EdgeProfile};
 pub use histogram::Histogram;
-pub use membership::{EdgePixel, Surroundings};
+pub use membership::{EdgePixel, Side, Surroundings};
 pub use model::{ColorLearner, ColorModel, Separation};
 pub use palette::{MAX_BINS, MAX_CHANNEL_BINS, Palette, PixelKind, PixelTable};
 pub use ranges::{ColorRanges, MatchTable};

@@ -96,9 +96,10 @@ impl Follower {
     }
 
     /// Tells it where the other landmarks of its target are. What is given a start needs no hint.
-    pub(super) fn know_others(&mut self, others_m: Vec<[f64; 3]>) {
+    pub(super) fn know_others(&mut self, others_m: impl Iterator<Item = [f64; 3]>) {
         if let Self::Sought(seeker) = self {
-            seeker.others_m = others_m;
+            seeker.others_m.clear();
+            seeker.others_m.extend(others_m);
         }
     }
 

@@ -381,11 +381,13 @@ impl Target {
     /// One step of each body, and what each camera told.
     fn observe(&mut self, views: &[View], frames: &[(usize, Frame)], time_s: f64, dt_s: f64) {
         for number in 0..self.bodies.len() {
-            let others = self.bodies.iter().enumerate();
-            let others = others.filter(|&(other, _)| other != number);
-            let others_m = others.filter_map(|(_, other)| other.place_m()).collect();
-            self.bodies[number].know_others(others_m);
-            self.bodies[number].observe(views, frames, time_s, dt_s);
+            let (before, from) = self.bodies.split_at_mut(number);
+            let Some((body, after)) = from.split_first_mut() else {
+                break;
+            };
+            let others = before.iter().chain(after.iter());
+            body.know_others(others.filter_map(Follower::place_m));
+            body.observe(views, frames, time_s, dt_s);
         }
         let bodies = &self.bodies;
         if bodies.iter().any(|body| !body.started()) {

@@ -191,8 +191,8 @@ impl Lines {
                 continue;
             }
             table.add(
+                (surroundings.side(pixel), membership),
                 pixel.distance_px,
-                membership,
                 weight,
                 &mut self.log_ratios[line],
             );

@@ -17,7 +17,7 @@ use super::outline::{Coordinates, OutlineKernel, Points, Projector};
 use crate::Error;
 use crate::camera::{LANES, Mask};
 use crate::color::{
-    ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, MatchTable, Palette, PixelKind,
+    ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, MatchTable, Palette, PixelKind, Side,
 };
 use crate::detect::LEAST_LIKENESS;
 use crate::shape::Shape;
@@ -45,7 +45,7 @@ impl Default for EdgeSettings {
         Self {
             lines: 64,
             temper: 0.15,
-            shared_sigma_px: 0.25,
+            shared_sigma_px: 0.15,
             learnt_profile: true,
             watches_surroundings: true,
         }
@@ -76,24 +76,31 @@ impl EdgeSettings {
     }
 }
 
-/// A profile as lines sum it: of each bin of membership the log ratios over distance.
+/// A profile as lines sum it: of each bin of membership the log ratios over distance, on either side.
 #[derive(Debug)]
 struct Table {
-    rows: Vec<[f32; EdgeProfile::DISTANCES]>,
+    rows: [Vec<[f32; EdgeProfile::DISTANCES]>; 2],
 }
 
 impl Table {
-    fn new(by_distance: &EdgeLogRatios) -> Self {
-        let row = |bin: usize| std::array::from_fn(|distance| by_distance[distance][bin]);
-        Self {
-            rows: (0..EdgeProfile::MEMBERSHIPS).map(row).collect(),
-        }
+    fn new(by_distance: &[Box<EdgeLogRatios>; 2]) -> Self {
+        let rows = by_distance.each_ref().map(|by_distance| {
+            let row = |bin: usize| std::array::from_fn(|distance| by_distance[distance][bin]);
+            (0..EdgeProfile::MEMBERSHIPS).map(row).collect()
+        });
+        Self { rows }
     }
 
     /// Adds a pixel's log ratios for all shifts of the outline. Shifts are as far apart as the profile's distances.
     #[inline(always)]
-    fn add(&self, distance_px: f32, membership: f32, weight: f32, log_ratios: &mut [f32; SHIFTS]) {
-        let row = &self.rows[EdgeProfile::bin_of(membership)];
+    fn add(
+        &self,
+        (side, membership): (Side, f32),
+        distance_px: f32,
+        weight: f32,
+        log_ratios: &mut [f32; SHIFTS],
+    ) {
+        let row = &self.rows[side as usize][EdgeProfile::bin_of(membership)];
         let last = (row.len() - 1) as f32;
         for (i, log_ratio) in log_ratios.iter_mut().enumerate() {
             let step = (4.0 * (distance_px + REACH_PX + EdgeProfile::REACH_PX) - i as f32)
