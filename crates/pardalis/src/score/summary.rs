@@ -289,6 +289,7 @@ mod tests {
     /// A visible object at `true_m` and an estimate at `estimated_m`.
     fn sample(estimated_m: [f64; 3], true_m: [f64; 3]) -> Sample {
         Sample {
+            state: None,
             estimate: Some(EstimatedState {
                 position_m: estimated_m,
                 velocity_mps: None,

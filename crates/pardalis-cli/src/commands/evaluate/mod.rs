@@ -55,7 +55,7 @@ pub(crate) struct Options {
     /// An estimate farther than this from the truth has lost its object
     #[arg(long, value_name = "METRES", value_parser = length, default_value_t = Settings::LOST_BEYOND_M)]
     pub(crate) lost_beyond_m: f64,
-    /// The size of targets: a confidence is right where the object is within it [default: the targets' own, from the summary.json beside
+    /// The size of targets: a confidence or state is right where the object is within it [default: the targets' own, from the summary.json beside
     /// the tracks]
     #[arg(long, value_name = "METRES", value_parser = length)]
     pub(crate) diameter_m: Option<f64>,
@@ -197,6 +197,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
                 &others,
             ),
             scores: score::score(&samples, &settings),
+            states: diameter_m.and_then(|diameter_m| score::states(&samples, diameter_m)),
             samples,
             confidence: Confidence::of(window_rows(), options, diameter_m),
         }
@@ -249,6 +250,7 @@ fn samples<'a>(
     rows.filter(|(_, truth)| is_seen_by_so_many(*truth, options))
         .filter_map(|(row, truth)| {
             Some(Sample {
+                state: row.and_then(|row| row.state),
                 estimate: row.and_then(|row| row.estimate),
                 truth: *truth?,
             })

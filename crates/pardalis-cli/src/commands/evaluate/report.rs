@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::score::{Errors, Identities, MeanSd, Reliability, Sample, Scores, Summary};
+use pardalis::score::{Errors, Identities, MeanSd, Reliability, Sample, Scores, States, Summary};
 use serde::Serialize;
 
 use super::confidence::Confidence;
@@ -68,6 +68,9 @@ pub(crate) struct TargetReport {
     /// The figures.
     #[serde(flatten)]
     pub(crate) scores: Scores,
+    /// What its states are worth; none without states or without a diameter.
+    #[serde(flatten)]
+    pub(crate) states: Option<States>,
     /// The frames that they are of.
     #[serde(skip)]
     pub(crate) samples: Vec<Sample>,
@@ -159,6 +162,14 @@ impl fmt::Display for TargetReport {
         line(f, "last visible frame on target", &ends, "")?;
         let to_find = s.frames_to_find.map_or_else(none, |n| n.to_string());
         line(f, "frames until it is found, at most", &to_find, "")?;
+        if let Some(states) = self.states {
+            let most = |frames: Option<usize>| frames.map_or_else(none, |n| n.to_string());
+            let (occluded, tracking) = (states.frames_to_occluded, states.frames_to_tracking);
+            line(f, "frames until occluded, at most", "", &most(occluded))?;
+            line(f, "    until tracking again, at most", "", &most(tracking))?;
+            let elsewhere = states.elsewhere_frames.to_string();
+            line(f, "tracking beyond a diameter, frames", "", &elsewhere)?;
+        }
         if let Some(changed) = self.changed_target {
             line(f, "ends nearer to another object", "", &yes_or_no(changed))?;
         }
