@@ -15,7 +15,7 @@ fn states_are_judged_by_what_is_so() {
     let mut truth_text = "time_s,object,x_m,y_m,z_m,visible_fraction\n".to_owned();
     let mut tracks_text = "time_s,target,state,x_m,y_m,z_m\n".to_owned();
     for (frame, word) in words.iter().enumerate() {
-        let share = if (3..6).contains(&frame) { 0 } else { 1 };
+        let share = u8::from(!(3..6).contains(&frame));
         writeln!(truth_text, "{frame},ball,1,2,3,{share}").unwrap();
         let position = match frame {
             5 => ",,",

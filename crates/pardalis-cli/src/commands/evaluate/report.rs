@@ -228,7 +228,7 @@ fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fm
 type Figure = (&'static str, fn(&Errors) -> String);
 
 /// The lines about errors, in their order.
-const FIGURES: [Figure; 24] = [
+const FIGURES: [Figure; 25] = [
     ("position error, mean, mm", |e| {
         thousandths(e.position_m.mean)
     }),
@@ -281,14 +281,13 @@ const FIGURES: [Figure; 24] = [
         let c = &e.consistency;
         let both = c.mean_nees.zip(c.expected_nees);
         both.map_or_else(none, |(mean, expected)| {
-            // Of a covariance of nothing it has any size.
-            let mean = if mean < 1e6 {
-                fixed(mean, 2)
-            } else {
-                format!("{mean:.1e}")
-            };
-            format!("{mean} ({})", fixed(expected, 1))
+            format!("{} ({})", nees(mean), fixed(expected, 1))
         })
+    }),
+    ("    99 % band of the mean", |e| {
+        let band = e.consistency.mean_nees_band_99;
+        let shown = |[low, high]: [f64; 2]| format!("{} to {}", nees(low), nees(high));
+        band.map_or_else(none, shown)
     }),
     ("    within 95 % bound", |e| {
         let share = e.consistency.share_within_95;
@@ -307,6 +306,15 @@ fn thousandths(value: f64) -> String {
 /// Radians in degrees.
 fn degrees(angle_rad: f64) -> String {
     fixed(angle_rad.to_degrees(), 2)
+}
+
+/// Of a covariance of nothing it has any size.
+fn nees(mean: f64) -> String {
+    if mean < 1e6 {
+        fixed(mean, 2)
+    } else {
+        format!("{mean:.1e}")
+    }
 }
 
 /// Mean and standard deviation in thousandths.

@@ -20,7 +20,7 @@ pub(super) struct Measured<'a> {
 type Metric = (&'static str, fn(&Measured) -> Option<f64>);
 
 /// The figures, in the order of the columns; errors over all frames that have an estimate.
-pub(super) const METRICS: [Metric; 37] = [
+pub(super) const METRICS: [Metric; 39] = [
     ("coverage", |m| m.report.scores.coverage),
     ("lost_frames", |m| Some(m.report.scores.lost_frames as f64)),
     ("ends_on_target", |m| {
@@ -58,6 +58,12 @@ pub(super) const METRICS: [Metric; 37] = [
         errors(m).map(|e| e.direction_max_rad)
     }),
     ("mean_nees", |m| errors(m)?.consistency.mean_nees),
+    ("nees_99_low", |m| {
+        errors(m)?.consistency.mean_nees_band_99.map(|band| band[0])
+    }),
+    ("nees_99_high", |m| {
+        errors(m)?.consistency.mean_nees_band_99.map(|band| band[1])
+    }),
     ("planar_mean_m", |m| errors(m).map(|e| e.planar_m.mean)),
     ("planar_sd_m", |m| errors(m).map(|e| e.planar_m.sd)),
     ("planar_rmse_m", |m| errors(m).map(|e| e.planar_m.rmse)),
