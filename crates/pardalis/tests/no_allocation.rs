@@ -84,7 +84,7 @@ fn check_bernoulli() {
     let mut step = |peaks: &[Peak]| {
         let before = ALLOCATIONS.load(Ordering::Relaxed);
         filter.predict(0.04);
-        filter.update(peaks, |particles, out| {
+        filter.update(peaks, f64::INFINITY, |particles, out| {
             for (x, out) in particles.columns()[0].iter().zip(out) {
                 *out = 20.0 - 800.0 * x * x;
             }

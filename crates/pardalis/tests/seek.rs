@@ -129,6 +129,44 @@ fn where_there_is_no_ball_none_is_found() {
     assert_eq!(estimates[0].state, TrackState::Searching);
 }
 
+/// A disc, as soft at its edge as the ball's, painted over a picture.
+fn with_disc(mut picture: RgbImage, [u, v]: [f64; 2], radius_px: f64, rgb: [f64; 3]) -> RgbImage {
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        let off_px = (f64::from(x) - u).hypot(f64::from(y) - v) - radius_px;
+        let share = 0.5 * libm::erfc(off_px / 1.2);
+        for (value, painted) in pixel.0.iter_mut().zip(rgb) {
+            *value = (f64::from(*value) * (1.0 - share) + painted * share).round() as u8;
+        }
+    }
+    picture
+}
+
+#[test]
+fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is() {
+    let painted = |rgb| {
+        let picture = |index| with_disc(covered(index), [200.0, 150.0], 8.0, rgb);
+        let frames = (0..15).map(|index| as_frame(&picture(index), index, PixelFormat::Rgb8));
+        follow(&mut tracker(7), frames)
+    };
+    // Hues of 18, 22 and 20 degrees.
+    for rgb in [
+        [125.0, 85.0, 68.0],
+        [150.0, 105.0, 78.0],
+        [60.0, 30.0, 15.0],
+    ] {
+        for estimate in painted(rgb) {
+            assert_ne!(estimate.state, TrackState::Tracking, "{rgb:?}");
+            assert!(
+                estimate.confidence < 0.5,
+                "{rgb:?}: {}",
+                estimate.confidence
+            );
+        }
+    }
+    let own = painted([185.0, 90.0, 37.0]);
+    assert!(own[2..].iter().all(|e| e.state == TrackState::Tracking));
+}
+
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
     let run = |threads: usize| {

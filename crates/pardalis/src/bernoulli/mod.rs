@@ -9,6 +9,7 @@
 //! are thought to show the target.
 
 mod kinematics;
+mod overlap;
 mod proposal;
 
 pub use proposal::Peak;
@@ -269,8 +270,13 @@ impl BernoulliFilter {
     /// target does not exist and there is no peak.
     ///
     /// Where all is impossible, the target does not exist; one that certainly does stays as predicted. A time at which nobody looked is no update: it is predicted
-    /// only.
-    pub fn update(&mut self, peaks: &[Peak], log_ratios: impl FnOnce(&Particles, &mut [f32])) {
+    /// only. `most_nats` is ln of the greatest ratio, over all places, by which existence may become likelier: what ratios tell of places may be more than what they tell of existence.
+    pub fn update(
+        &mut self,
+        peaks: &[Peak],
+        most_nats: f64,
+        log_ratios: impl FnOnce(&Particles, &mut [f32]),
+    ) {
         self.observation = self.observation.wrapping_add(1);
         let prior = self.prior();
         let exists = prior.located + prior.elsewhere;
@@ -295,6 +301,7 @@ impl BernoulliFilter {
             }
             return;
         }
+        let log_exists = log_exists.min(libm::log(exists) + most_nats);
         let log_absent = libm::log(prior.absent);
         self.existence = libm::exp(log_exists - log_add(log_exists, log_absent)).min(1.0);
         self.pending_s = 0.0;

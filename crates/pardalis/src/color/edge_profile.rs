@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
+use super::body::BodyColors;
 use super::membership::{EdgePixel, Surroundings};
 use super::outline_distance::OutlineDistance;
 
@@ -182,10 +183,24 @@ impl EdgeText {
     }
 }
 
-/// Counts memberships along the outlines of labelled bodies.
+/// The mean of some colours; nothing of none.
+fn mean(colors: impl Iterator<Item = [f32; 3]>) -> Option<[f32; 3]> {
+    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    for color in colors {
+        for (sum, value) in sum.iter_mut().zip(color) {
+            *sum += value;
+        }
+        count += 1.0;
+    }
+    (count > 0.0).then(|| sum.map(|sum| sum / count))
+}
+
+/// Counts memberships along the outlines of labelled bodies, and gathers what these look like.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EdgeLearner {
     counts: Vec<[u32; EdgeProfile::MEMBERSHIPS]>,
+    /// The mean colour of each body.
+    bodies: Vec<[f32; 3]>,
     pixels: Vec<EdgePixel>,
 }
 
@@ -213,6 +228,9 @@ impl EdgeLearner {
             let Some(surroundings) = Surroundings::of(pixels) else {
                 continue;
             };
+            let inside = |pixel: &&EdgePixel| BodyColors::DEPTH_PX.contains(&pixel.distance_px);
+            let colors = pixels.iter().filter(inside).map(|pixel| pixel.yuv);
+            self.bodies.extend(mean(colors));
             for pixel in pixels.iter() {
                 let membership = surroundings.membership(pixel);
                 let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
@@ -224,6 +242,11 @@ impl EdgeLearner {
                 self.counts[row][EdgeProfile::bin_of(membership)] += 1;
             }
         }
+    }
+
+    /// What the bodies look like as a whole; nothing where there was none.
+    pub(super) fn body(&self) -> Option<BodyColors> {
+        BodyColors::new(self.bodies.clone())
     }
 
     /// What was learnt; nothing where some distance was never seen.
@@ -303,5 +326,25 @@ mod tests {
         let labels: Vec<bool> = (0..400).map(|i| i % 20 < 8).collect();
         learner.add(&labels, 20, |x, _| [10.0 * x as f32, 0.0, 0.0]);
         assert_eq!(learner.profile(), None);
+    }
+
+    #[test]
+    fn text_that_is_no_profile_is_refused_where_it_is_wrong() {
+        let read = |text: &str| {
+            let parsed: EdgeText = toml::from_str(text).unwrap();
+            parsed.read()
+        };
+        let profile = learnt(0.8);
+        let text = profile.to_text();
+        let (_, section) = text.split_once("[edge]").unwrap();
+        assert_eq!(read(section).unwrap(), profile);
+        let (offset, message) = read("counts = [[1, 2]]").unwrap_err();
+        assert!(offset == 9 && message.contains("33"), "{message}");
+        let few = section.replacen(", 0]", "]", 1);
+        assert!(read(&few).unwrap_err().1.contains("31 numbers"));
+        let none = "    [0".to_owned() + &", 0".repeat(31) + "],";
+        let first = section.lines().nth(2).unwrap();
+        let empty = section.replacen(first, &none, 1);
+        assert!(read(&empty).unwrap_err().1.contains("no pixel"));
     }
 }

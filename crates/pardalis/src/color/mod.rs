@@ -1,5 +1,6 @@
 //! Colour: what pixels mean, bins, histograms in all three dimensions or a channel, how colours go over at edges, and colour models learnt from labelled pixels.
 
+mod body;
 mod channels;
 mod edge_profile;
 mod histogram;
@@ -10,6 +11,7 @@ mod palette;
 mod ranges;
 mod space;
 
+pub use body::BodyColors;
 pub use channels::{ChannelBins, ChannelHistograms, ChannelTable};
 pub use edge_profile::{EdgeLogRatios, EdgeProfile};
 pub use histogram::Histogram;

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
+use super::body::{BodyColors, BodyText};
 use super::channels::{ChannelHistograms, ChannelsText};
 use super::edge_profile::{EdgeLearner, EdgeProfile, EdgeText};
 use super::histogram::Histogram;
@@ -20,6 +21,7 @@ pub struct ColorModel {
     ranges: Option<ColorRanges>,
     channels: Option<ChannelHistograms>,
     edge: Option<EdgeProfile>,
+    body: Option<BodyColors>,
     pixel_count: u64,
     image_count: u64,
 }
@@ -43,6 +45,8 @@ struct ColorModelText {
     channels: Option<ChannelsText>,
     /// Older files have none.
     edge: Option<EdgeText>,
+    /// Older files have none.
+    body: Option<BodyText>,
 }
 
 impl ColorModel {
@@ -70,6 +74,11 @@ impl ColorModel {
     /// How its colours go over into what surrounds it; nothing in older files, and where no body was labelled whole and away from the border.
     pub fn edge(&self) -> Option<&EdgeProfile> {
         self.edge.as_ref()
+    }
+
+    /// What it looks like as a whole; nothing in older files, and where no body was labelled whole and away from the border.
+    pub fn body(&self) -> Option<&BodyColors> {
+        self.body.as_ref()
     }
 
     /// How many pixels it was learnt from.
@@ -131,7 +140,8 @@ impl ColorModel {
         };
         let channels = self.channels.as_ref().map(ChannelHistograms::to_text);
         let edge = self.edge.as_ref().map(EdgeProfile::to_text);
-        text + &channels.unwrap_or_default() + &edge.unwrap_or_default()
+        let body = self.body.as_ref().map(BodyColors::to_text);
+        text + &channels.unwrap_or_default() + &body.unwrap_or_default() + &edge.unwrap_or_default()
     }
 
     /// Reads a file's text.
@@ -198,6 +208,8 @@ impl ColorModel {
             .map_err(|(offset, message)| at(line_of(offset), message))?;
         let edge = parsed.edge.map(|text| text.read()).transpose();
         let edge = edge.map_err(|(offset, message)| at(line_of(offset), message))?;
+        let body = parsed.body.map(|text| text.read()).transpose();
+        let body = body.map_err(|(offset, message)| at(line_of(offset), message))?;
         let histogram = Histogram::from_counts(&counts).ok_or_else(|| {
             at(
                 line_with("bins"),
@@ -210,6 +222,7 @@ impl ColorModel {
             ranges: parsed.ranges,
             channels,
             edge,
+            body,
             pixel_count: parsed.pixel_count,
             image_count: parsed.image_count,
         })
@@ -316,6 +329,7 @@ impl ColorLearner {
             ranges: self.ranges.ranges(),
             channels: Some(self.channels.clone()),
             edge: self.edge.profile(),
+            body: self.edge.body(),
             pixel_count: self.object_counts.iter().sum(),
             image_count: self.image_count,
         })

@@ -89,6 +89,19 @@ impl Follower {
         }
     }
 
+    /// Where it is, if that is known.
+    pub(super) fn place_m(&self) -> Option<[f64; 3]> {
+        let known = self.estimate(0.0).kinematics;
+        known.map(|known| known.position_m)
+    }
+
+    /// Tells it where the other landmarks of its target are. What is given a start needs no hint.
+    pub(super) fn know_others(&mut self, others_m: Vec<[f64; 3]>) {
+        if let Self::Sought(seeker) = self {
+            seeker.others_m = others_m;
+        }
+    }
+
     /// One step.
     pub(super) fn observe(
         &mut self,

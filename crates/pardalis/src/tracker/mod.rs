@@ -383,8 +383,12 @@ fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
 impl Target {
     /// One step of each body, and what each camera told.
     fn observe(&mut self, views: &[View], frames: &[(usize, Frame)], time_s: f64, dt_s: f64) {
-        for body in &mut self.bodies {
-            body.observe(views, frames, time_s, dt_s);
+        for number in 0..self.bodies.len() {
+            let others = self.bodies.iter().enumerate();
+            let others = others.filter(|&(other, _)| other != number);
+            let others_m = others.filter_map(|(_, other)| other.place_m()).collect();
+            self.bodies[number].know_others(others_m);
+            self.bodies[number].observe(views, frames, time_s, dt_s);
         }
         let bodies = &self.bodies;
         if bodies.iter().any(|body| !body.started()) {

@@ -96,7 +96,7 @@ fn step(filter: &mut BernoulliFilter, detections: &[Vector3<f64>]) {
     let clutter_density = f64::from(CLUTTER) * CLUTTERED / SIDE_M.powi(3);
     let height = (2.0 * std::f64::consts::PI * SIGMA_M * SIGMA_M).powf(-1.5) / clutter_density;
     filter.predict(STEP_S);
-    filter.update(&peaks, |particles, out| {
+    filter.update(&peaks, f64::INFINITY, |particles, out| {
         for (i, out) in out.iter_mut().enumerate() {
             let position = Vector3::from(particles.position_m(i));
             let squared =

@@ -60,7 +60,7 @@ fn existence_follows_its_recursion() {
         let tell =
             (tracked.located() - located).abs() + (tracked.existence() - located - elsewhere).abs();
         assert!(tell < 1e-6, "step {step}");
-        tracked.update(&[], |_, out| out.fill(log_ratio));
+        tracked.update(&[], f64::INFINITY, |_, out| out.fill(log_ratio));
         let there = located * f64::from(log_ratio).exp();
         expected = there / (1.0 - located - elsewhere + there);
         let found = tracked.existence();
@@ -79,7 +79,7 @@ fn existence_stays_where_nobody_looks_and_goes_with_the_target() {
     steady.start(&START, 0.4).unwrap();
     for _ in 0..50 {
         steady.predict(0.04);
-        steady.update(&[], silent);
+        steady.update(&[], f64::INFINITY, silent);
         assert!(
             (steady.existence() - 0.4).abs() < 1e-12,
             "{}",
@@ -91,22 +91,100 @@ fn existence_stays_where_nobody_looks_and_goes_with_the_target() {
     lost.start(&START, 1.0).unwrap();
     for log_ratio in [500.0, 500.0, -500.0] {
         lost.predict(0.04);
-        lost.update(&[], |_, out| out.fill(log_ratio));
+        lost.update(&[], f64::INFINITY, |_, out| out.fill(log_ratio));
         assert!((lost.existence() > 0.99) == (log_ratio > 0.0));
     }
     assert!(lost.existence() > 0.0 && lost.existence() < 1e-200);
     // All is impossible: gone for certain, with no estimate.
     lost.predict(0.04);
-    lost.update(&[], |_, out| out.fill(f32::NEG_INFINITY));
+    lost.update(&[], f64::INFINITY, |_, out| out.fill(f32::NEG_INFINITY));
     assert_eq!((lost.existence(), lost.estimate(0.0)), (0.0, None));
     // A target that certainly exists is predicted where the images deny it.
     let mut certain = filter(certain(velocity()), 1);
     certain.start(&START, 1.0).unwrap();
     certain.predict(0.1);
     let before = (certain.estimate(0.0), certain.particles().clone());
-    certain.update(&[], |_, out| out.fill(f32::NEG_INFINITY));
+    certain.update(&[], f64::INFINITY, |_, out| out.fill(f32::NEG_INFINITY));
     assert_eq!((certain.estimate(0.0), certain.particles().clone()), before);
     assert_eq!(certain.existence(), 1.0);
+}
+
+#[test]
+fn what_speaks_for_a_place_speaks_for_existence_only_so_far() {
+    let (free, bounded) = (f64::INFINITY, 0.4);
+    let [free, bounded] = [free, bounded].map(|most_nats| {
+        let mut filter = filter(lively(), 1);
+        filter.start(&START, 0.6).unwrap();
+        filter.predict(0.25);
+        let place = Vector3::from(START.position_m);
+        filter.update(
+            &[],
+            most_nats,
+            gaussian_ratio(place, slanted(0.1, 0.02), 5.0),
+        );
+        filter
+    });
+    assert_eq!(free.estimate(0.0), bounded.estimate(0.0));
+    assert!(free.existence() > 0.99);
+    let (located, elsewhere) = located_and_elsewhere(0.6, 0.25);
+    let exists = located + elsewhere;
+    let there = exists * 0.4_f64.exp();
+    let expected = there / (1.0 - exists + there);
+    assert!((bounded.existence() - expected).abs() < 1e-5);
+}
+
+#[test]
+fn a_prediction_is_as_dense_as_its_gaussian() {
+    let settings = BernoulliSettings {
+        kick_rate_hz: 0.0,
+        ..certain(velocity())
+    };
+    let mut tracked = filter(settings, 1);
+    let nowhere = tracked.predicted_density(START.position_m, &slanted(0.2, 0.03));
+    assert_eq!(nowhere, 0.0);
+    tracked.start(&POINT_START, 1.0).unwrap();
+    tracked.predict(0.3);
+    let (mean, variance) = predicted(0.3);
+    for (off, along) in [(0.0, 0.2), (0.1, 0.05), (0.4, 0.3)] {
+        let covariance = slanted(along, 0.03);
+        let place = mean + Vector3::new(off, -0.5 * off, 0.2 * off);
+        let found = tracked.predicted_density(place.into(), &covariance);
+        let both = covariance + Matrix3::from_diagonal_element(variance);
+        let expected = density(place, mean, both);
+        assert!(
+            (found / expected - 1.0).abs() < 1e-5,
+            "{found} for {expected}"
+        );
+    }
+    // Kicks: now and then it is predicted wider.
+    let (rate_hz, sigma_mps, dt_s) = (2.0, 3.0, 0.3_f64);
+    let mut kicked = filter(
+        BernoulliSettings {
+            kick_rate_hz: rate_hz,
+            kick_sigma_mps: sigma_mps,
+            ..settings
+        },
+        1,
+    );
+    kicked.start(&POINT_START, 1.0).unwrap();
+    kicked.predict(dt_s);
+    let chance = 1.0 - (-rate_hz * dt_s).exp();
+    // At any time within it: a third of what a kick at its beginning adds.
+    let wider = variance + sigma_mps.powi(2) * dt_s.powi(2) / 3.0;
+    let place = mean + Vector3::new(0.1, 0.3, 0.0);
+    let at = |variance| {
+        density(
+            place,
+            mean,
+            slanted(0.1, 0.02) + Matrix3::from_diagonal_element(variance),
+        )
+    };
+    let expected = (1.0 - chance) * at(variance) + chance * at(wider);
+    let found = kicked.predicted_density(place.into(), &slanted(0.1, 0.02));
+    assert!(
+        (found / expected - 1.0).abs() < 1e-5,
+        "{found} for {expected}"
+    );
 }
 
 #[test]
@@ -128,7 +206,11 @@ fn a_target_that_comes_into_being_is_found_at_once() {
             born.start(&START, 0.9).unwrap();
         }
         born.predict(0.1);
-        born.update(&[peak], gaussian_ratio(place, covariance, 40.0));
+        born.update(
+            &[peak],
+            f64::INFINITY,
+            gaussian_ratio(place, covariance, 40.0),
+        );
         assert!(born.existence() > 0.999_999, "{}", born.existence());
         let estimate = born.estimate(0.0).unwrap();
         let effective = estimate.effective_sample_size;
@@ -172,7 +254,7 @@ fn check_one_update(
         let mut filter = filter(settings, seed);
         filter.start(&POINT_START, 0.7).unwrap();
         filter.predict(0.2);
-        filter.update(peaks, &log_ratios);
+        filter.update(peaks, f64::INFINITY, &log_ratios);
         let existence = filter.existence();
         odds.push(existence / (1.0 - existence));
         if let Some((near_m, _)) = near {
@@ -301,6 +383,24 @@ fn wrong_peaks_change_no_weights() {
 }
 
 #[test]
+fn in_a_plane_a_prediction_is_so_dense_a_square_metre() {
+    let mut flat = filter(certain(walk(0.2).in_plane()), 1);
+    flat.start(&POINT_START, 1.0).unwrap();
+    flat.predict(0.5);
+    let [x, y, z] = START.position_m;
+    let found = flat.predicted_density([x + 0.2, y, z + 9.0], &slanted(0.3, 0.1));
+    let covariance =
+        slanted(0.3, 0.1).fixed_view::<2, 2>(0, 0) + nalgebra::Matrix2::identity() * 0.1;
+    let off = nalgebra::Vector2::new(0.2, 0.0);
+    let squared = off.dot(&(covariance.try_inverse().unwrap() * off));
+    let expected = (-0.5 * squared).exp() / (2.0 * PI * covariance).determinant().sqrt();
+    assert!(
+        (found / expected - 1.0).abs() < 1e-5,
+        "{found} for {expected}"
+    );
+}
+
+#[test]
 fn in_a_plane_densities_have_two_dimensions_and_particles_one_height() {
     let settings = BernoulliSettings {
         motion: walk(0.3).in_plane(),
@@ -344,7 +444,7 @@ fn in_a_plane_densities_have_two_dimensions_and_particles_one_height() {
     let mut filter = filter(settings, 1);
     filter.start(&START, 0.7).unwrap();
     filter.predict(0.1);
-    filter.update(&[], silent);
+    filter.update(&[], f64::INFINITY, silent);
     let estimate = filter.estimate(0.3).unwrap();
     assert_eq!(estimate.velocity_mps, None);
     assert_eq!(filter.particles().columns().len(), 3);

@@ -214,7 +214,7 @@ proptest! {
         for (dt_s, peaks, log_ratios) in steps {
             filter.predict(dt_s);
             check_sane(&filter)?;
-            filter.update(&peaks, |_, out| {
+            filter.update(&peaks, f64::INFINITY, |_, out| {
                 for (out, log_ratio) in out.iter_mut().zip(log_ratios.iter().cycle()) {
                     *out = *log_ratio;
                 }

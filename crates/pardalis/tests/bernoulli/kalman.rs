@@ -132,7 +132,11 @@ fn check_against_kalman(
         let mut estimates = Vec::new();
         for filter in &mut filters {
             filter.predict(dt_s(step));
-            filter.update(peaks, gaussian_ratio(position_m, covariance_m2, 0.0));
+            filter.update(
+                peaks,
+                f64::INFINITY,
+                gaussian_ratio(position_m, covariance_m2, 0.0),
+            );
             assert_eq!(filter.existence(), 1.0);
             estimates.push(filter.estimate(0.0).unwrap());
         }
@@ -226,7 +230,7 @@ fn predicting_in_pieces_is_predicting_at_once_and_agrees_with_the_kalman_filter(
         assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
     }
     let bits = filters.each_mut().map(|filter| {
-        filter.update(&[], silent);
+        filter.update(&[], f64::INFINITY, silent);
         format!("{:?}", filter.estimate(0.0))
     });
     assert_eq!(bits[0], bits[1]);

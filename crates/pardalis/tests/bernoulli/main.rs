@@ -124,7 +124,11 @@ fn the_seed_alone_decides() {
                 log_evidence: 1.0,
             };
             filter.predict(0.04);
-            filter.update(&[peak], gaussian_ratio(place, covariance, 5.0));
+            filter.update(
+                &[peak],
+                f64::INFINITY,
+                gaussian_ratio(place, covariance, 5.0),
+            );
         }
         format!(
             "{:?} {:?} {:?}",

@@ -16,6 +16,8 @@ pub(crate) struct Sighting {
     pub(crate) log_ratio: f64,
     /// What is added to ln of the ratio, a camera, to compare it with what else may look like the target.
     pub(crate) offset: f32,
+    /// ln of how much likelier it makes it that there is a target.
+    pub(crate) existence_nats: f64,
     /// One for each camera that sees it.
     lines: Vec<Lines>,
 }
@@ -25,6 +27,11 @@ impl Sighting {
     pub(crate) fn seen_share(&self) -> f64 {
         let sum: f32 = self.lines.iter().map(|lines| lines.seen_share).sum();
         f64::from(sum) / self.lines.len() as f64
+    }
+
+    /// What is seen of it in the target's colours, a camera: mean Y, U and V.
+    pub(crate) fn bodies(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.lines.iter().map(|lines| lines.body)
     }
 
     /// How many cameras see it.

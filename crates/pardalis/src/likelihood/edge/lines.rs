@@ -1,7 +1,7 @@
 //! What one frame says of an outline: the log-likelihood of its shift along its normal, line by line.
 
 use super::{EdgeSettings, Look, Table};
-use crate::color::{EdgePixel, Surroundings};
+use crate::color::{BodyColors, EdgePixel, Surroundings};
 use crate::likelihood::outline::Coordinates;
 
 /// Shifts that lines know, either way, in pixels.
@@ -13,8 +13,6 @@ const SHIFTS_A_PX: f32 = 4.0;
 const LOOKED_AT_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
 /// Of outlines longer than this, in pixels, every second pixel will do, as on a chessboard.
 const LONG_PX: f32 = 150.0;
-/// Pixels whose colours tell whether the body is seen on a line, in pixels from the outline.
-const BODY_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
 /// Neighbouring lines that are seen or hidden together.
 pub(crate) const SECTORS: usize = 16;
 /// No outline of fewer complete lines is looked at, as a share.
@@ -52,6 +50,8 @@ pub(super) struct Lines {
     pub(super) temper: f32,
     /// The share of the outline along which the body's colours are seen.
     pub(super) seen_share: f32,
+    /// The mean Y, U and V of its pixels there; no number where there is none.
+    pub(super) body: [f32; 3],
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -78,6 +78,19 @@ struct Corner {
     length_px: f32,
     /// By how much the outline turns towards its tangent a pixel: 1/r of a circle.
     bend_a_px: f32,
+}
+
+/// Adds a colour to a count and a sum of colours.
+fn add([count, sums @ ..]: &mut [f32; 4], yuv: [f32; 3]) {
+    *count += 1.0;
+    for (sum, value) in sums.iter_mut().zip(yuv) {
+        *sum += value;
+    }
+}
+
+/// The mean of a count and a sum of colours; no number of none.
+fn mean([count, sums @ ..]: &[f32; 4]) -> [f32; 3] {
+    sums.map(|sum| sum / count)
 }
 
 /// The corner of number `k`; without numbers where the outline has no pixel there or on either side.
@@ -160,17 +173,18 @@ impl Lines {
         self.log_ratios.resize(count, [0.0; SHIFTS]);
         let (mut bodies, mut alike) = ([0_f32; SECTORS], [0_f32; SECTORS]);
         let mut around = [[0_f32; 4]; SECTORS];
+        let mut body = [0_f32; 4];
         for (pixel, &(line, is_alike)) in pixels.iter().zip(&*places) {
             let sector = line * SECTORS / count;
-            if BODY_PX.contains(&pixel.distance_px) {
+            if BodyColors::DEPTH_PX.contains(&pixel.distance_px) {
                 bodies[sector] += weight;
-                alike[sector] += if is_alike { weight } else { 0.0 };
+                if is_alike {
+                    alike[sector] += weight;
+                    add(&mut body, pixel.yuv);
+                }
             }
             if AROUND_PX.contains(&pixel.distance_px) {
-                let [y, u, v] = pixel.yuv;
-                for (sum, value) in around[sector].iter_mut().zip([1.0, y, u, v]) {
-                    *sum += value;
-                }
+                add(&mut around[sector], pixel.yuv);
             }
             let membership = surroundings.membership(pixel);
             if membership.is_nan() {
@@ -184,6 +198,7 @@ impl Lines {
             );
         }
         self.compare_surroundings(&around, look.known_around);
+        self.body = mean(&body);
         let total: f32 = bodies.iter().sum();
         self.seen_share = alike.iter().sum::<f32>() / total.max(1e-6);
         for sector in 0..SECTORS {
@@ -208,10 +223,7 @@ impl Lines {
         sums: &[[f32; 4]; SECTORS],
         known: Option<&[[f32; 3]; SECTORS]>,
     ) {
-        for (around, &[count, y, u, v]) in self.around.iter_mut().zip(sums) {
-            // No number where there is no pixel.
-            *around = [y, u, v].map(|sum| sum / count);
-        }
+        self.around = sums.each_ref().map(mean);
         self.familiar = [1.0; SECTORS];
         let Some(known) = known else {
             return;

@@ -1,9 +1,12 @@
 //! A body that is found, followed, lost and found again by what the images say of it: sightings by the edge cue, cameras that see it or not, and a
 //! Bernoulli filter for where it is and whether it is there at all.
 
+mod evidence;
+mod existence;
 mod places;
 mod sight;
 
+pub use existence::ExistenceSettings;
 pub use sight::OcclusionRates;
 
 use nalgebra::{Matrix3, Vector3};
@@ -25,67 +28,6 @@ use crate::{Error, Frame};
 use places::Wanted;
 use sight::Sight;
 
-/// How a target comes, goes and hides.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ExistenceSettings {
-    /// How often a target appears where there was none, a second.
-    pub birth_rate_hz: f64,
-    /// How often one goes away, a second.
-    pub death_rate_hz: f64,
-    /// How often one is taken elsewhere, faster than it moves, a second.
-    pub jump_rate_hz: f64,
-    /// How often something kicks it, or it bounces, a second, ...
-    pub kick_rate_hz: f64,
-    /// ... and the standard deviation, on each axis, by which that changes its velocity, m/s.
-    pub kick_sigma_mps: f64,
-    /// How often something hides it from a camera.
-    pub occlusion: OcclusionRates,
-    /// Where targets that stay on the ground stand, metres.
-    pub ground_z_m: f64,
-}
-
-impl Default for ExistenceSettings {
-    fn default() -> Self {
-        Self {
-            birth_rate_hz: 0.5,
-            death_rate_hz: 0.02,
-            jump_rate_hz: 0.02,
-            kick_rate_hz: 1.0,
-            kick_sigma_mps: 4.0,
-            occlusion: OcclusionRates::default(),
-            ground_z_m: 0.0,
-        }
-    }
-}
-
-impl ExistenceSettings {
-    /// Refuses what are no rates.
-    pub fn check(&self) -> Result<(), Error> {
-        for (name, value) in [
-            ("birth_rate_hz", self.birth_rate_hz),
-            ("death_rate_hz", self.death_rate_hz),
-            ("jump_rate_hz", self.jump_rate_hz),
-            ("kick_rate_hz", self.kick_rate_hz),
-            ("kick_sigma_mps", self.kick_sigma_mps),
-            ("hide_rate_hz", self.occlusion.hide_hz),
-        ] {
-            if !(0.0..=1000.0).contains(&value) {
-                return Err(Error::out_of_range(name, value, "0 to 1000"));
-            }
-        }
-        let appear_hz = self.occlusion.appear_hz;
-        if !(appear_hz > 0.0 && appear_hz <= 1000.0) {
-            let allowed = "above 0 and at most 1000";
-            return Err(Error::out_of_range("appear_rate_hz", appear_hz, allowed));
-        }
-        if !(self.ground_z_m.abs() <= 1e6) {
-            let allowed = "-1e6 to 1e6";
-            return Err(Error::out_of_range("ground_z_m", self.ground_z_m, allowed));
-        }
-        Ok(())
-    }
-}
-
 /// Targets appear anywhere in a cube of so many diameters a side.
 const BIRTH_DIAMETERS: f64 = 50.0;
 /// Standard deviation of the speeds at which targets appear, in m/s on each axis.
@@ -99,23 +41,12 @@ const BEFORE_S: f64 = 2.0;
 const MAX_SIGHTINGS: usize = 6;
 /// Sightings below this log ratio are none: any other outline would do as well.
 const LEAST_LOG_RATIO: f64 = 0.5;
-/// Things that look like a target are so many in a frame, on average, over all places where targets appear.
-const ALIKE_A_FRAME: f64 = 0.1;
-/// ln of how much likelier a sighting is the target than such a thing: the least, and the most, ...
-const LIKENESS_NATS: [f64; 2] = [-5.0, 15.0];
-/// ... from one to the other by one for so much of a sighting's log ratio.
-const LIKENESS_SCALE: f64 = 1.5;
-/// By how many nats a sighting is less likely the target where none of what is within its outline has the target's colours: a part, then, may be hidden, but most
-/// things whose colours are like the target's are so in part.
-const UNLIKE_NATS: f64 = 12.0;
 /// Sightings closer than this, in diameters, are one.
 const SAME_DIAMETERS: f64 = 0.25;
 /// Frames between looks at whole images while all is well.
 const CALM_FRAMES: u32 = 10;
 /// A sighting of the predicted target above this log ratio needs no search.
 const SURE_LOG_RATIO: f64 = 12.0;
-/// The standard deviation along any axis of a sighting at most, in diameters: what its outline does not tell.
-const MAX_SIGMA_DIAMETERS: f64 = 5.0;
 /// How long a camera's last word on whether it sees the target holds while other cameras go on without it, in seconds.
 const WORD_HOLDS_S: f64 = 0.5;
 
@@ -141,6 +72,8 @@ pub(super) struct Seeker {
     known_around: Vec<Option<Around>>,
     /// Frames since whole images were searched.
     calm: u32,
+    /// Where the other landmarks of its target are known to be, metres.
+    pub(super) others_m: Vec<[f64; 3]>,
 }
 
 impl Seeker {
@@ -190,6 +123,7 @@ impl Seeker {
             of_cameras: vec![Vec::new(); views.len()],
             known_around: vec![None; views.len()],
             calm: 0,
+            others_m: Vec::new(),
         })
     }
 
@@ -326,10 +260,9 @@ impl Seeker {
     }
 
     /// The inverse of a covariance (xx, xy, xz, yy, yz, zz), no sharper than a hundredth of a diameter.
-    fn information(&self, [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
+    fn information(&self, covariance_m2: [f64; 6]) -> Matrix3<f64> {
         let least = (0.01 * self.shape.diameter_m()).powi(2);
-        let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-            + Matrix3::from_diagonal_element(least);
+        let covariance = symmetric(covariance_m2) + Matrix3::from_diagonal_element(least);
         covariance.try_inverse().unwrap_or_else(Matrix3::zeros)
     }
 
@@ -351,50 +284,18 @@ impl Seeker {
         kept
     }
 
-    /// The Gaussian that a sighting is, and its sighting weighed against what else may look like the target: things of its colours and form, of which so many are in a
-    /// frame, anywhere. The sharper a sighting, the less likely that one of them is just there.
-    fn peak(&self, sighting: &mut Sighting) -> Option<Peak> {
-        let widest_m = MAX_SIGMA_DIAMETERS * self.shape.diameter_m();
-        let mut information =
-            sighting.information + Matrix3::from_diagonal_element(widest_m.powi(-2));
-        if self.is_planar {
-            for axis in 0..3 {
-                information[(axis, 2)] = 0.0;
-                information[(2, axis)] = 0.0;
-            }
-            information[(2, 2)] = 1.0;
-        }
-        let inverse = information.cholesky()?.inverse();
-        let axes = if self.is_planar { 2 } else { 3 };
-        let determinant = if self.is_planar {
-            inverse[(0, 0)] * inverse[(1, 1)] - inverse[(0, 1)].powi(2)
-        } else {
-            inverse.determinant()
-        };
-        let log_volume =
-            0.5 * (f64::from(axes) * libm::log(std::f64::consts::TAU) + libm::log(determinant));
-        let cameras = sighting.camera_count() as f64;
-        let [least, greatest] = LIKENESS_NATS;
-        let likeness = (sighting.log_ratio / cameras / LIKENESS_SCALE + least).min(greatest)
-            - UNLIKE_NATS * (1.0 - sighting.seen_share());
-        let log_evidence = likeness - libm::log(ALIKE_A_FRAME * self.birth_density);
-        sighting.offset = ((log_evidence - log_volume - sighting.log_ratio) / cameras) as f32;
-        Some(Peak {
-            position_m: sighting.position_m,
-            covariance_m2: [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| inverse[at]),
-            log_evidence,
-        })
-    }
-
     /// Weighs the particles.
     fn update(&mut self, looks: &[Look], sightings: &mut [Sighting], time_s: f64) {
-        let peaks: Vec<Peak> = sightings.iter_mut().filter_map(|s| self.peak(s)).collect();
+        let peaks = sightings
+            .iter_mut()
+            .filter_map(|sighting| self.peak(sighting));
+        let peaks: Vec<Peak> = peaks.collect();
+        let speaks = sightings.iter().map(|sighting| sighting.existence_nats);
+        let speaks = speaks.fold(f64::from(MISSED), f64::max);
         let rates = self.settings.occlusion;
         for look in looks {
-            let sight = &mut self.sights[look.camera()];
-            sight
-                .get_or_insert(Sight::new(&rates, time_s))
-                .predict(&rates, time_s);
+            let sight = self.sights[look.camera()].get_or_insert(Sight::new(&rates, time_s));
+            sight.predict(&rates, time_s);
         }
         let Self {
             edge,
@@ -403,7 +304,12 @@ impl Seeker {
             of_cameras,
             ..
         } = self;
-        filter.update(&peaks, |particles, out| {
+        // Where no camera sees it, there may be one all the same.
+        let visible = looks.iter().filter_map(|look| sights[look.camera()]);
+        let most_nats = visible
+            .map(|sight| f64::from(sight.mixed(speaks as f32)))
+            .fold(f64::NEG_INFINITY, f64::max);
+        filter.update(&peaks, most_nats, |particles, out| {
             out.fill(0.0);
             for look in looks {
                 let of_camera = &mut of_cameras[look.camera()];
@@ -517,6 +423,10 @@ impl Seeker {
             confidence,
         }
     }
+}
+
+fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
 /// A target is found from this belief in its place on; how far away it is may be less sure than a diameter.
