@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use pardalis::score::{EstimatedState, TrueState};
+use pardalis::tracker::TrackState;
 
 use crate::fault::fault;
 
@@ -21,6 +22,8 @@ pub(crate) struct Series<T> {
 /// What a track says of one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TrackRow {
+    /// Where the track gives it.
+    pub(crate) state: Option<TrackState>,
     /// None while the target is searched or lost.
     pub(crate) estimate: Option<EstimatedState>,
     /// 0 to 1, where the track gives it.
@@ -29,10 +32,11 @@ pub(crate) struct TrackRow {
 
 /// Reads tracks.csv: for each target, in order of appearance, its rows.
 ///
-/// Needs the columns `time_s,target,x_m,y_m,z_m`; takes velocities, headings, covariances and confidences where it finds them.
+/// Needs the columns `time_s,target,x_m,y_m,z_m`; takes states, velocities, headings, covariances and confidences where it finds them.
 pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<TrackRow>>> {
     let table = Table::read(path)?;
     let [time, target] = [table.column("time_s")?, table.column("target")?];
+    let state = table.optional_column("state");
     let position = table.columns(["x_m", "y_m", "z_m"])?;
     let velocity = table.optional_columns(["vx_mps", "vy_mps", "vz_mps"]);
     let heading = table.optional_column("heading_rad");
@@ -52,6 +56,7 @@ pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<TrackRow>>> {
                 covariance_m2,
             });
         let found = TrackRow {
+            state: row.state(state)?,
             estimate,
             confidence: row.fraction(confidence)?,
         };
@@ -378,6 +383,17 @@ impl Row<'_> {
             }
             (_, share) => Ok(share),
         }
+    }
+
+    /// A track's state, none where there is no such column or its cell is empty.
+    fn state(&self, column: Option<Column<'_>>) -> Result<Option<TrackState>> {
+        let Some(column) = column.filter(|&c| !self.cell(c).is_empty()) else {
+            return Ok(None);
+        };
+        let cell = self.cell(column);
+        let known = TrackState::ALL.into_iter().find(|s| s.name() == cell);
+        let misfit = || self.misfit(column, &TrackState::ALL.map(TrackState::name).join(", "));
+        known.ok_or_else(misfit).map(Some)
     }
 
     /// The fault of a cell that holds something else than is allowed.

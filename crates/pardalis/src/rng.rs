@@ -50,6 +50,8 @@ pub enum Stage {
     Jump = 8,
     /// Which part of a proposal a particle is drawn from, and whether its target was elsewhere before.
     Proposal = 9,
+    /// Which blocks a series is put together of, to see how well its mean is known.
+    Bootstrap = 10,
 }
 
 /// The random numbers of one target.

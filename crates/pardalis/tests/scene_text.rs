@@ -182,7 +182,12 @@ fn target(settings: &str) -> Result<Scene, Vec<String>> {
          model.equidistant = {{ f_px_per_rad = 145.56, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }}\n\
          [targets.t]\ncolors = \"c\"\nstart.gaussian.position_m = [1, 2, 0]\n{settings}\n"
     );
-    Scene::parse(&text, &no_calibration)
+    parsed(&text)
+}
+
+/// The scene, or what is wrong with it, in words.
+fn parsed(text: &str) -> Result<Scene, Vec<String>> {
+    Scene::parse(text, &no_calibration)
         .map_err(|problems| problems.iter().map(ToString::to_string).collect())
 }
 
@@ -255,33 +260,36 @@ fn cues_are_those_that_have_a_table_and_look_at_the_cameras_they_name() {
 
 #[test]
 fn windows_that_cannot_be_are_refused_by_their_keys() {
-    refused(&[
-        ("window.size_px = 4", "targets.t.window", "odd"),
-        ("window.floor = 0", "targets.t.window", "above 0"),
-        (
-            "window.hue_deg = [10, 20]",
-            "targets.t.window.saturation",
-            "together",
-        ),
-        (
-            "window = { hue_deg = [10, 400], saturation = [0, 1] }",
-            "targets.t.window",
-            "360",
-        ),
-        (
-            "window.intensity = [0.1, 0.5]",
-            "targets.t.window.intensity",
-            "hue_deg",
-        ),
-        (
-            "window.cameras = [\"b\"]",
-            "targets.t.window.cameras",
-            "allowed: a",
-        ),
-        ("window.cameras = []", "targets.t.window.cameras", "empty"),
-        ("window.cameras = 3", "targets.t.window.cameras", "list"),
-        ("window.hue = [1, 2]", "targets.t.window.hue", "size_px"),
-    ]);
+    refused(
+        ball,
+        &[
+            ("window.size_px = 4", "targets.t.window", "odd"),
+            ("window.floor = 0", "targets.t.window", "above 0"),
+            (
+                "window.hue_deg = [10, 20]",
+                "targets.t.window.saturation",
+                "together",
+            ),
+            (
+                "window = { hue_deg = [10, 400], saturation = [0, 1] }",
+                "targets.t.window",
+                "360",
+            ),
+            (
+                "window.intensity = [0.1, 0.5]",
+                "targets.t.window.intensity",
+                "hue_deg",
+            ),
+            (
+                "window.cameras = [\"b\"]",
+                "targets.t.window.cameras",
+                "allowed: a",
+            ),
+            ("window.cameras = []", "targets.t.window.cameras", "empty"),
+            ("window.cameras = 3", "targets.t.window.cameras", "list"),
+            ("window.hue = [1, 2]", "targets.t.window.hue", "size_px"),
+        ],
+    );
     // A window that knows its colours needs no file, whatever else does.
     let bare = |settings: &str| {
         let text = "[cameras.a]\nimages = \"a\"\nfps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
@@ -304,74 +312,82 @@ fn windows_that_cannot_be_are_refused_by_their_keys() {
 
 #[test]
 fn motions_that_cannot_be_are_refused_by_their_keys() {
-    refused(&[
-        (
-            "motion.random_walk = { sigma_m = 1, density_m2ps = 2 }",
-            "random_walk.density_m2ps",
-            "keep one",
-        ),
-        (
-            "motion.random_walk.sigma_m = -1",
-            "random_walk.sigma_m",
-            "0 to 1e9",
-        ),
-        (
-            "motion.constant_velocity = { acceleration_sigma_mps2 = 1, velocity_sigma_mps = 2 }",
-            "constant_velocity.velocity_sigma_mps",
-            "keep one",
-        ),
-        (
-            "motion.constant_velocity.velocity_sigma_mps = -1",
-            "constant_velocity.velocity_sigma_mps",
-            "0 to 1e9",
-        ),
-        (
-            "motion.constant_acceleration = {}",
-            "motion.constant_acceleration",
-            "give acceleration_step_sigma_mps2 or jerk_density_m2ps5",
-        ),
-        (
-            "motion.planar_constant_acceleration.jerk_density_m2ps5 = -1",
-            "planar_constant_acceleration.jerk_density_m2ps5",
-            "0 to 1e9",
-        ),
-        (
-            "motion.random_walk.jumps = { min_m = [0, 0, 0], max_m = [1, 1, 1] }",
-            "random_walk.jumps",
-            "give share or rate_hz",
-        ),
-        (
-            "motion.random_walk.jumps = { share = 2, min_m = [0, 0, 0], max_m = [1, 1, 1] }",
-            "jumps.share",
-            "0 to 1",
-        ),
-        (
-            "motion.random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
-            "jumps.min_m",
-            "three",
-        ),
-        (
-            "motion.planar_random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
-            "jumps.max_m",
-            "two",
-        ),
-        (
-            "motion.planar_random_walk.jumps = { rate_hz = 1, min_m = [0, 0], max_m = [1, -1] }",
-            "jumps.max_m",
-            "below that of min_m",
-        ),
-        (
-            "motion.random_walk.jumps = { rate_hz = 1, share = 0.1, area = 3 }",
-            "jumps.area",
-            "max_m, min_m, rate_hz, share",
-        ),
-    ]);
+    refused(
+        ball,
+        &[
+            (
+                "motion.random_walk = { sigma_m = 1, density_m2ps = 2 }",
+                "random_walk.density_m2ps",
+                "keep one",
+            ),
+            (
+                "motion.random_walk.sigma_m = -1",
+                "random_walk.sigma_m",
+                "0 to 1e9",
+            ),
+            (
+                "motion.constant_velocity = { acceleration_sigma_mps2 = 1, velocity_sigma_mps = 2 }",
+                "constant_velocity.velocity_sigma_mps",
+                "keep one",
+            ),
+            (
+                "motion.constant_velocity.velocity_sigma_mps = -1",
+                "constant_velocity.velocity_sigma_mps",
+                "0 to 1e9",
+            ),
+            (
+                "motion.constant_acceleration = {}",
+                "motion.constant_acceleration",
+                "give acceleration_step_sigma_mps2 or jerk_density_m2ps5",
+            ),
+            (
+                "motion.planar_constant_acceleration.jerk_density_m2ps5 = -1",
+                "planar_constant_acceleration.jerk_density_m2ps5",
+                "0 to 1e9",
+            ),
+            (
+                "motion.random_walk.jumps = { min_m = [0, 0, 0], max_m = [1, 1, 1] }",
+                "random_walk.jumps",
+                "give share or rate_hz",
+            ),
+            (
+                "motion.random_walk.jumps = { share = 2, min_m = [0, 0, 0], max_m = [1, 1, 1] }",
+                "jumps.share",
+                "0 to 1",
+            ),
+            (
+                "motion.random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
+                "jumps.min_m",
+                "three",
+            ),
+            (
+                "motion.planar_random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
+                "jumps.max_m",
+                "two",
+            ),
+            (
+                "motion.planar_random_walk.jumps = { rate_hz = 1, min_m = [0, 0], max_m = [1, -1] }",
+                "jumps.max_m",
+                "below that of min_m",
+            ),
+            (
+                "motion.random_walk.jumps = { rate_hz = 1, share = 0.1, area = 3 }",
+                "jumps.area",
+                "max_m, min_m, rate_hz, share",
+            ),
+        ],
+    );
 }
 
-/// Settings of a ball that are refused: at a place that holds the key, in words that hold the word.
-fn refused(cases: &[(&str, &str, &str)]) {
+/// A target that is a ball with these settings.
+fn ball(settings: &str) -> Result<Scene, Vec<String>> {
+    target(&format!("shape.sphere.radius_m = 0.11\n{settings}"))
+}
+
+/// Settings that are refused: at a place that holds the key, in words that hold the word.
+fn refused(read: fn(&str) -> Result<Scene, Vec<String>>, cases: &[(&str, &str, &str)]) {
     for (settings, key, word) in cases {
-        let problems = target(&format!("shape.sphere.radius_m = 0.11\n{settings}")).unwrap_err();
+        let problems = read(settings).unwrap_err();
         let found = problems.iter().any(|p| p.contains(key) && p.contains(word));
         assert!(found, "{settings}: {problems:?}");
     }
@@ -380,70 +396,69 @@ fn refused(cases: &[(&str, &str, &str)]) {
 #[test]
 fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
     let cylinder = "shape.cylinder = { radius_m = 0.25, height_m = 0.8 }";
-    for (settings, key, allowed) in [
-        ("shape.cylinder.radius_m = 0.25", "height_m", "missing"),
-        (
-            "shape.prism = { sides = 2, across_flats_m = 0.5, height_m = 1 }",
-            "sides",
-            "3 to 100",
-        ),
-        (
-            "shape.prism = { sides = 8, across_flats_m = -1, height_m = 1 }",
-            "across_flats_m",
-            "above 0",
-        ),
-        (
-            "shape.cylinder = { radius_m = 1, height_m = 1, outline = \"round\" }",
-            "outline",
-            "exact",
-        ),
-        (
-            &format!("{cylinder}\nshape.sphere.radius_m = 1"),
-            "shape",
-            "sphere",
-        ),
-        (
-            &format!("{cylinder}\ncontour = {{ spline = {{}}, inner_scale = 0.9 }}"),
-            "inner_scale",
-            "spline",
-        ),
-        (
-            &format!("{cylinder}\ncontour.spline.control_points = 61"),
-            "control_points",
-            "3 to half of points, 60",
-        ),
-        (
-            &format!("{cylinder}\ncontour.spline.reach_px = 0"),
-            "reach_px",
-            "above 0",
-        ),
-        (
-            &format!("{cylinder}\ncontour.spline.middle = 1"),
-            "middle",
-            "true or false",
-        ),
-        (
-            &format!("{cylinder}\ncontour.overlap.max_share = 1"),
-            "max_share",
-            "below 1",
-        ),
-        (
-            &format!("{cylinder}\ncontour.overlap.reach_px = 1"),
-            "reach_px",
-            "distance_px",
-        ),
-        (
-            &format!("{cylinder}\nmotion.planar_constant_velocity.acceleration_sigma_mps2 = -1"),
-            "acceleration_sigma_mps2",
-            "0 to",
-        ),
-    ] {
-        let problems = target(settings).unwrap_err().join("\n");
-        assert!(
-            problems.contains(key) && problems.contains(allowed),
-            "{settings}: {problems}"
-        );
-    }
+    refused(
+        target,
+        &[
+            ("shape.cylinder.radius_m = 0.25", "height_m", "missing"),
+            (
+                "shape.prism = { sides = 2, across_flats_m = 0.5, height_m = 1 }",
+                "sides",
+                "3 to 100",
+            ),
+            (
+                "shape.prism = { sides = 8, across_flats_m = -1, height_m = 1 }",
+                "across_flats_m",
+                "above 0",
+            ),
+            (
+                "shape.cylinder = { radius_m = 1, height_m = 1, outline = \"round\" }",
+                "outline",
+                "exact",
+            ),
+            (
+                &format!("{cylinder}\nshape.sphere.radius_m = 1"),
+                "shape",
+                "sphere",
+            ),
+            (
+                &format!("{cylinder}\ncontour = {{ spline = {{}}, inner_scale = 0.9 }}"),
+                "inner_scale",
+                "spline",
+            ),
+            (
+                &format!("{cylinder}\ncontour.spline.control_points = 61"),
+                "control_points",
+                "3 to half of points, 60",
+            ),
+            (
+                &format!("{cylinder}\ncontour.spline.reach_px = 0"),
+                "reach_px",
+                "above 0",
+            ),
+            (
+                &format!("{cylinder}\ncontour.spline.middle = 1"),
+                "middle",
+                "true or false",
+            ),
+            (
+                &format!("{cylinder}\ncontour.overlap.max_share = 1"),
+                "max_share",
+                "below 1",
+            ),
+            (
+                &format!("{cylinder}\ncontour.overlap.reach_px = 1"),
+                "reach_px",
+                "distance_px",
+            ),
+            (
+                &format!(
+                    "{cylinder}\nmotion.planar_constant_velocity.acceleration_sigma_mps2 = -1"
+                ),
+                "acceleration_sigma_mps2",
+                "0 to",
+            ),
+        ],
+    );
 }
 
 #[test]
@@ -540,17 +555,18 @@ fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
     assert_eq!(told.len(), 5, "{told:#?}");
 }
 
-/// A scene with this target.
-fn with_target(settings: &str) -> String {
+/// A scene with a ball that has these settings, and no start unless they say one.
+fn sought(settings: &str) -> Result<Scene, Vec<String>> {
     let (cameras, _) = SCENE.split_once("[targets.robot]").unwrap();
-    format!(
+    let text = format!(
         "{cameras}[targets.ball]\nshape.sphere.radius_m = 0.1\ncolors = \"ball.toml\"\n{settings}\n"
-    )
+    );
+    parsed(&text)
 }
 
 #[test]
 fn what_has_no_start_is_sought_by_the_edge_cue() {
-    let scene = Scene::parse(&with_target(""), &no_calibration).unwrap();
+    let scene = sought("").unwrap();
     let body = &scene.targets[0].bodies[0];
     assert_eq!(body.cues, [Cue::Edge(EdgeSettings::default()).into()]);
     assert_eq!(body.start.value, StartConfig::Here(Start::Anywhere));
@@ -559,7 +575,7 @@ fn what_has_no_start_is_sought_by_the_edge_cue() {
 
     let settings = "edge = { lines = 100, temper = 0.3, shared_sigma_px = 0.1, learnt_profile = false }\nexistence = { birth_rate_hz = 2, hide_rate_hz = 0.25 }\n\
                     start.gaussian.position_m = [1, 2, 3]";
-    let scene = Scene::parse(&with_target(settings), &no_calibration).unwrap();
+    let scene = sought(settings).unwrap();
     let body = &scene.targets[0].bodies[0];
     let edge = EdgeSettings {
         lines: 100,
@@ -576,11 +592,7 @@ fn what_has_no_start_is_sought_by_the_edge_cue() {
     assert_eq!(body.existence.birth_rate_hz, 2.0);
     assert_eq!(body.existence.occlusion.hide_hz, 0.25);
 
-    let scene = Scene::parse(
-        &with_target("start.gaussian.position_m = [1, 2, 3]"),
-        &no_calibration,
-    )
-    .unwrap();
+    let scene = sought("start.gaussian.position_m = [1, 2, 3]").unwrap();
     let cues = &scene.targets[0].bodies[0].cues;
     assert!(
         matches!(cues[0].cue, Cue::Contour(_)),
@@ -590,49 +602,47 @@ fn what_has_no_start_is_sought_by_the_edge_cue() {
 
 #[test]
 fn what_is_sought_cannot_be_told_everything() {
-    for (settings, key, word) in [
-        ("edge = {}\ncontour = {}", "targets.ball.edge", "alone"),
-        (
-            "edge = {}\nstart.pixel.pixel = [3, 4]\nstart.pixel.camera = \"web\"",
-            "targets.ball.start",
-            "pixel",
-        ),
-        (
-            "motion.constant_velocity.acceleration_sigma_mps2 = 3",
-            "targets.ball.motion",
-            "white",
-        ),
-        (
-            "motion.constant_acceleration.jerk_density_m2ps5 = 3",
-            "targets.ball.motion",
-            "white",
-        ),
-        (
-            "existence.death_rate_hz = -1",
-            "targets.ball.existence.death_rate_hz",
-            "0 to 1000",
-        ),
-        (
-            "existence.appear_rate_hz = 0",
-            "targets.ball.existence.appear_rate_hz",
-            "above 0",
-        ),
-        ("edge.lines = 3", "targets.ball.edge.lines", "16 to 1000"),
-        ("edge.temper = nan", "targets.ball.edge.temper", "finite"),
-        (
-            "edge.shared_sigma_px = 11",
-            "targets.ball.edge.shared_sigma_px",
-            "0 to 10",
-        ),
-        (
-            "contour = {}\nexistence = {}\nstart.gaussian.position_m = [1, 2, 3]",
-            "targets.ball.existence",
-            "existence",
-        ),
-    ] {
-        let problems = Scene::parse(&with_target(settings), &no_calibration).unwrap_err();
-        let told = problems.iter().find(|problem| problem.key == key);
-        let told = told.unwrap_or_else(|| panic!("{settings}: {problems:?}"));
-        assert!(told.to_string().contains(word), "{told}");
-    }
+    refused(
+        sought,
+        &[
+            ("edge = {}\ncontour = {}", "targets.ball.edge", "alone"),
+            (
+                "edge = {}\nstart.pixel.pixel = [3, 4]\nstart.pixel.camera = \"web\"",
+                "targets.ball.start",
+                "pixel",
+            ),
+            (
+                "motion.constant_velocity.acceleration_sigma_mps2 = 3",
+                "targets.ball.motion",
+                "white",
+            ),
+            (
+                "motion.constant_acceleration.jerk_density_m2ps5 = 3",
+                "targets.ball.motion",
+                "white",
+            ),
+            (
+                "existence.death_rate_hz = -1",
+                "targets.ball.existence.death_rate_hz",
+                "0 to 1000",
+            ),
+            (
+                "existence.appear_rate_hz = 0",
+                "targets.ball.existence.appear_rate_hz",
+                "above 0",
+            ),
+            ("edge.lines = 3", "targets.ball.edge.lines", "16 to 1000"),
+            ("edge.temper = nan", "targets.ball.edge.temper", "finite"),
+            (
+                "edge.shared_sigma_px = 11",
+                "targets.ball.edge.shared_sigma_px",
+                "0 to 10",
+            ),
+            (
+                "contour = {}\nexistence = {}\nstart.gaussian.position_m = [1, 2, 3]",
+                "targets.ball.existence",
+                "existence",
+            ),
+        ],
+    );
 }

@@ -1,10 +1,46 @@
-//! What confidences are worth.
+//! What confidences and states are worth.
 
 use std::fmt::Write as _;
 
 use serde_json::Value;
 
 use super::{Folder, assert_near, evaluate, fault, figures};
+
+#[test]
+fn states_are_judged_by_what_is_so() {
+    let folder = Folder::new("states");
+    // The ball is hidden in frames 3 to 5; the track says so one frame late, and takes two to see it again, the first time elsewhere.
+    let words = ["tracking", "tracking", "tracking", "tracking", "occluded"];
+    let words = [&words[..], &["lost", "tracking", "tracking"]].concat();
+    let mut truth_text = "time_s,object,x_m,y_m,z_m,visible_fraction\n".to_owned();
+    let mut tracks_text = "time_s,target,state,x_m,y_m,z_m\n".to_owned();
+    for (frame, word) in words.iter().enumerate() {
+        let share = u8::from(!(3..6).contains(&frame));
+        writeln!(truth_text, "{frame},ball,1,2,3,{share}").unwrap();
+        let position = match frame {
+            5 => ",,",
+            6 => "1.3,2,3",
+            _ => "1,2,3",
+        };
+        writeln!(tracks_text, "{frame},ball,{word},{position}").unwrap();
+    }
+    let tracks = folder.write("tracks.csv", &tracks_text);
+    let truth = folder.write("truth.csv", truth_text);
+    let found = &figures(&tracks, &truth, &["--diameter-m", "0.22"])["targets"][0];
+    assert_eq!(found["frames_to_occluded"], 2);
+    assert_eq!(found["frames_to_tracking"], 2);
+    assert_eq!(found["elsewhere_frames"], 1);
+    // Where nothing says how large it is, nothing is said.
+    let none = &figures(&tracks, &truth, &[])["targets"][0];
+    assert_eq!(none["elsewhere_frames"], Value::Null);
+
+    folder.write("tracks.csv", tracks_text.replace("lost", "hidden"));
+    let message = fault(&tracks, &truth, &[]);
+    assert!(
+        message.contains("line 7, column state") && message.contains("occluded"),
+        "{message}"
+    );
+}
 
 #[test]
 fn confidences_are_judged_by_what_is_so() {

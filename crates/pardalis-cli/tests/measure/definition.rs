@@ -335,7 +335,11 @@ fn figures_show_several_runs_and_are_copied_as_png() {
         ),
         ("[\"particles\"]", "[\"a\"]", "\"a\" is no sweep"),
         ("\"cost\"", "\"distances\"", "another figure has that name"),
-        ("\"cost\"", "\"../cost\"", "allowed: the characters"),
+        (
+            "\"cost\"",
+            "\"../cost\"",
+            "allowed: 1 to 64 of the characters",
+        ),
         (
             "x_name = \"particles\"",
             "figure = \"mean_nees\"",

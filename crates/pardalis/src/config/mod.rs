@@ -26,6 +26,15 @@ pub use world::WorldConfig;
 use reader::{Journal, Table};
 use target::CameraNames;
 
+/// What [`is_name`] holds for, in words.
+pub const NAMES_ALLOWED: &str = "1 to 64 of the characters A-Z a-z 0-9 _ -";
+
+/// Whether a text may name a camera, target or object: such names are keys of files, fields of tables and parts of paths.
+pub fn is_name(text: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    (1..=64).contains(&text.len()) && text.chars().all(plain)
+}
+
 /// All that a scene file says.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {

@@ -8,7 +8,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::setting::Setting;
-
+use super::{NAMES_ALLOWED, is_name};
 use crate::Error;
 
 /// What is wrong with a text, and where.
@@ -402,12 +402,8 @@ impl<'a, 't> Table<'a, 't> {
         let mut named = Vec::new();
         for (name, value) in entries {
             let name = name.get_ref();
-            let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-            if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
-                tables.problem(
-                    name,
-                    "is no name; allowed: 1 to 64 of the characters A-Z a-z 0-9 _ -",
-                );
+            if !is_name(name) {
+                tables.problem(name, format!("is no name; allowed: {NAMES_ALLOWED}"));
                 continue;
             }
             named.extend(

@@ -5,14 +5,23 @@ use super::{Sample, Settings};
 /// Of all stretches of frames in which the object is visible: the most frames that it takes until an estimate is on the target; 1 where the first
 /// frame of each stretch has one, and a frame more than a stretch has in which none is. None where the object is never visible.
 pub(super) fn frames_to_find(samples: &[Sample], settings: &Settings) -> Option<usize> {
-    samples
+    let visible = samples
         .chunk_by(|a, b| settings.sees(&a.truth) == settings.sees(&b.truth))
-        .filter(|stretch| settings.sees(&stretch[0].truth))
-        .map(|stretch| {
-            let found = stretch.iter().position(|s| settings.is_on_target(s));
-            found.unwrap_or(stretch.len()) + 1
-        })
-        .max()
+        .filter(|stretch| settings.sees(&stretch[0].truth));
+    most_frames_until(visible, |s| settings.is_on_target(s))
+}
+
+/// Of stretches of frames: the most frames until one is as wanted; 1 where the first frame of each is, and a frame more than a stretch has in which
+/// none is. None without stretches.
+pub(super) fn most_frames_until<'s>(
+    stretches: impl Iterator<Item = &'s [Sample]>,
+    is_wanted: impl Fn(&Sample) -> bool,
+) -> Option<usize> {
+    let frames = |stretch: &[Sample]| {
+        let wanted = stretch.iter().position(&is_wanted);
+        wanted.unwrap_or(stretch.len()) + 1
+    };
+    stretches.map(frames).max()
 }
 
 #[cfg(test)]
@@ -23,6 +32,7 @@ mod tests {
     /// One frame of the object at the origin; the estimate off by so much, in metres.
     fn frame(is_visible: bool, off_m: Option<f64>) -> Sample {
         Sample {
+            state: None,
             estimate: off_m.map(|off_m| EstimatedState {
                 position_m: [off_m, 0.0, 0.0],
                 velocity_mps: None,

@@ -1,11 +1,13 @@
-//! Estimates against truth: errors, coverage, consistency, what confidences are worth, and which track follows which object.
+//! Estimates against truth: errors, coverage, consistency, what confidences and states are worth, and which track follows which object.
 
+mod bootstrap;
 mod course;
 mod finding;
 mod heading;
 mod identity;
 mod reliability;
 mod spherical;
+mod states;
 mod summary;
 
 pub use course::Course;
@@ -13,7 +15,10 @@ pub use heading::Heading;
 pub use identity::{Identities, assign, ends_on_another, identities};
 pub use reliability::{Bin, Claim, Reliability, reliability};
 pub use spherical::{SphericalError, spherical_error, wrapped_rad};
+pub use states::{States, states};
 pub use summary::{Consistency, Distribution, Errors, MeanSd, Scores, Summary, score};
+
+use crate::tracker::TrackState;
 
 /// What a track says of one frame, in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +51,9 @@ pub struct TrueState {
 /// One frame of the truth, with what the track says of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// What the track says; none where it has no estimate.
+    /// The track's state; none where it says none.
+    pub state: Option<TrackState>,
+    /// Where the track has the object; none where it has no estimate.
     pub estimate: Option<EstimatedState>,
     /// What is true.
     pub truth: TrueState,

@@ -3,6 +3,7 @@
 use nalgebra::{Cholesky, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use serde::Serialize;
 
+use super::bootstrap::mean_band_99;
 use super::course::Course;
 use super::finding::frames_to_find;
 use super::heading::Heading;
@@ -109,6 +110,9 @@ pub struct Consistency {
     pub left_out: usize,
     /// Mean NEES; none without a usable covariance.
     pub mean_nees: Option<f64>,
+    /// Within which the mean lies with 99 % probability, lowest and highest, though errors of neighbouring frames resemble one another: by a bootstrap of
+    /// blocks as long as the correlation of neighbours asks for (Carlstein 1986); none of series of less than two blocks.
+    pub mean_nees_band_99: Option<[f64; 2]>,
     /// What the mean NEES should be: 3, or 2 where the z variance is zero, as for targets on a plane.
     pub expected_nees: Option<f64>,
     /// The share of the estimates within the 95 % chi-square bound.
@@ -234,6 +238,7 @@ fn consistency(pairs: &[(EstimatedState, TrueState)]) -> Consistency {
         estimates: nees.len(),
         left_out: pairs.len() - nees.len(),
         mean_nees: mean_of(|n| n.value),
+        mean_nees_band_99: mean_band_99(&nees.iter().map(|n| n.value).collect::<Vec<_>>()),
         expected_nees: mean_of(|n| n.dimensions),
         share_within_95: mean_of(|n| f64::from(n.value <= n.bound_95)),
     }
@@ -289,6 +294,7 @@ mod tests {
     /// A visible object at `true_m` and an estimate at `estimated_m`.
     fn sample(estimated_m: [f64; 3], true_m: [f64; 3]) -> Sample {
         Sample {
+            state: None,
             estimate: Some(EstimatedState {
                 position_m: estimated_m,
                 velocity_mps: None,

@@ -72,6 +72,9 @@ pub enum TrackState {
 }
 
 impl TrackState {
+    /// All there are.
+    pub const ALL: [Self; 4] = [Self::Searching, Self::Tracking, Self::Occluded, Self::Lost];
+
     /// The word for it in files.
     pub fn name(self) -> &'static str {
         match self {

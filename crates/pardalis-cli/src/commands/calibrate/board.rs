@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::calibrate::Calibration;
+use pardalis::config::{NAMES_ALLOWED, is_name};
 
 use super::fit::Fits;
 use super::images::{self, observations};
@@ -151,12 +152,13 @@ pub(super) fn side_note(board: &Board) -> Option<String> {
 
 /// Parses `NAME=FOLDER`.
 fn parse_camera(text: &str) -> Result<(String, PathBuf), String> {
-    let usable = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     text.split_once('=')
-        .filter(|(name, path)| !name.is_empty() && name.chars().all(usable) && !path.is_empty())
+        .filter(|(name, path)| is_name(name) && !path.is_empty())
         .map(|(name, path)| (name.to_owned(), PathBuf::from(path)))
         .ok_or_else(|| {
-            "allowed: a name of letters, digits, _ and -, then = and a folder or pattern, such as left=images/left".to_owned()
+            format!(
+                "allowed: {NAMES_ALLOWED}, then = and a folder or pattern, such as left=images/left"
+            )
         })
 }
 

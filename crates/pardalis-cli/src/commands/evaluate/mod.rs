@@ -55,7 +55,7 @@ pub(crate) struct Options {
     /// An estimate farther than this from the truth has lost its object
     #[arg(long, value_name = "METRES", value_parser = length, default_value_t = Settings::LOST_BEYOND_M)]
     pub(crate) lost_beyond_m: f64,
-    /// The size of targets: a confidence is right where the object is within it [default: the targets' own, from the summary.json beside
+    /// The size of targets: a confidence or state is right where the object is within it [default: the targets' own, from the summary.json beside
     /// the tracks]
     #[arg(long, value_name = "METRES", value_parser = length)]
     pub(crate) diameter_m: Option<f64>,
@@ -197,16 +197,13 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
                 &others,
             ),
             scores: score::score(&samples, &settings),
+            states: diameter_m.and_then(|diameter_m| score::states(&samples, diameter_m)),
             samples,
             confidence: Confidence::of(window_rows(), options, diameter_m),
         }
     });
     let targets: Vec<TargetReport> = targets.collect();
     check_seen(&targets, options.seen_by, &truth_path)?;
-    let without = |all: Vec<&str>, used: Vec<usize>| {
-        let unused = all.iter().enumerate().filter(|(i, _)| !used.contains(i));
-        unused.map(|(_, name)| (*name).to_owned()).collect()
-    };
     Ok(Report {
         tracks: tracks_path,
         truth: truth_path,
@@ -219,8 +216,8 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         time_tolerance_s: frames.tolerance_s,
         targets,
         identities,
-        targets_without_object: without(names(&tracks), pairs.iter().map(|p| p.target).collect()),
-        objects_without_target: without(names(&objects), pairs.iter().map(|p| p.object).collect()),
+        targets_without_object: names_without(&tracks, |i| pairs.iter().any(|p| p.target == i)),
+        objects_without_target: names_without(&objects, |i| pairs.iter().any(|p| p.object == i)),
     })
 }
 
@@ -249,6 +246,7 @@ fn samples<'a>(
     rows.filter(|(_, truth)| is_seen_by_so_many(*truth, options))
         .filter_map(|(row, truth)| {
             Some(Sample {
+                state: row.and_then(|row| row.state),
                 estimate: row.and_then(|row| row.estimate),
                 truth: *truth?,
             })
@@ -301,6 +299,12 @@ fn file_in(path: &Path, name: &str) -> PathBuf {
 /// Names in the order of the file.
 fn names<T>(series: &[Series<T>]) -> Vec<&str> {
     series.iter().map(|s| s.name.as_str()).collect()
+}
+
+/// The names of those whose place is not used.
+fn names_without<T>(series: &[Series<T>], is_used: impl Fn(usize) -> bool) -> Vec<String> {
+    let unused = (0..series.len()).filter(|&i| !is_used(i));
+    unused.map(|i| series[i].name.clone()).collect()
 }
 
 /// First and last time, for faults.

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::score::{Errors, Identities, MeanSd, Reliability, Sample, Scores, Summary};
+use pardalis::score::{Errors, Identities, MeanSd, Reliability, Sample, Scores, States, Summary};
 use serde::Serialize;
 
 use super::confidence::Confidence;
@@ -68,6 +68,9 @@ pub(crate) struct TargetReport {
     /// The figures.
     #[serde(flatten)]
     pub(crate) scores: Scores,
+    /// What its states are worth; none without states or without a diameter.
+    #[serde(flatten)]
+    pub(crate) states: Option<States>,
     /// The frames that they are of.
     #[serde(skip)]
     pub(crate) samples: Vec<Sample>,
@@ -159,6 +162,14 @@ impl fmt::Display for TargetReport {
         line(f, "last visible frame on target", &ends, "")?;
         let to_find = s.frames_to_find.map_or_else(none, |n| n.to_string());
         line(f, "frames until it is found, at most", &to_find, "")?;
+        if let Some(states) = self.states {
+            let most = |frames: Option<usize>| frames.map_or_else(none, |n| n.to_string());
+            let (occluded, tracking) = (states.frames_to_occluded, states.frames_to_tracking);
+            line(f, "frames until occluded, at most", "", &most(occluded))?;
+            line(f, "    until tracking again, at most", "", &most(tracking))?;
+            let elsewhere = states.elsewhere_frames.to_string();
+            line(f, "tracking beyond a diameter, frames", "", &elsewhere)?;
+        }
         if let Some(changed) = self.changed_target {
             line(f, "ends nearer to another object", "", &yes_or_no(changed))?;
         }
@@ -217,7 +228,7 @@ fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fm
 type Figure = (&'static str, fn(&Errors) -> String);
 
 /// The lines about errors, in their order.
-const FIGURES: [Figure; 24] = [
+const FIGURES: [Figure; 25] = [
     ("position error, mean, mm", |e| {
         thousandths(e.position_m.mean)
     }),
@@ -270,14 +281,13 @@ const FIGURES: [Figure; 24] = [
         let c = &e.consistency;
         let both = c.mean_nees.zip(c.expected_nees);
         both.map_or_else(none, |(mean, expected)| {
-            // Of a covariance of nothing it has any size.
-            let mean = if mean < 1e6 {
-                fixed(mean, 2)
-            } else {
-                format!("{mean:.1e}")
-            };
-            format!("{mean} ({})", fixed(expected, 1))
+            format!("{} ({})", nees(mean), fixed(expected, 1))
         })
+    }),
+    ("    99 % band of the mean", |e| {
+        let band = e.consistency.mean_nees_band_99;
+        let shown = |[low, high]: [f64; 2]| format!("{} to {}", nees(low), nees(high));
+        band.map_or_else(none, shown)
     }),
     ("    within 95 % bound", |e| {
         let share = e.consistency.share_within_95;
@@ -296,6 +306,15 @@ fn thousandths(value: f64) -> String {
 /// Radians in degrees.
 fn degrees(angle_rad: f64) -> String {
     fixed(angle_rad.to_degrees(), 2)
+}
+
+/// Of a covariance of nothing it has any size.
+fn nees(mean: f64) -> String {
+    if mean < 1e6 {
+        fixed(mean, 2)
+    } else {
+        format!("{mean:.1e}")
+    }
 }
 
 /// Mean and standard deviation in thousandths.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::ValueEnum;
-use pardalis::config::{FrameRange, Scene};
+use pardalis::config::{FrameRange, NAMES_ALLOWED, Scene, is_name};
 use pardalis::interchange::Lens;
 use pardalis::rig::CalibratedCamera;
 
@@ -329,11 +329,10 @@ fn frames_a_second(text: &str) -> Result<f64, String> {
 
 /// A name as scenes allow it.
 fn target_name(text: &str) -> Result<String, String> {
-    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    if (1..=64).contains(&text.len()) && text.chars().all(plain) {
+    if is_name(text) {
         Ok(text.to_owned())
     } else {
-        Err("allowed: 1 to 64 of the characters A-Z a-z 0-9 _ -".to_owned())
+        Err(format!("allowed: {NAMES_ALLOWED}"))
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
+use pardalis::config::{NAMES_ALLOWED, is_name};
 use pardalis::score::Settings;
 use serde::Deserialize;
 use toml::Value;
@@ -412,13 +413,13 @@ fn number(value: &Value) -> Option<f64> {
 
 /// A name of files or folders.
 fn check_name(name: &str) -> Result<(), String> {
-    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    if name.is_empty() || !name.chars().all(plain) {
-        return Err(format!(
-            "name is \"{name}\"; allowed: the characters A-Z a-z 0-9 _ -, as it names files"
-        ));
+    if is_name(name) {
+        Ok(())
+    } else {
+        Err(format!(
+            "name is \"{name}\"; allowed: {NAMES_ALLOWED}, as it names files"
+        ))
     }
-    Ok(())
 }
 
 fn known_figures(expect: &Bands, place: &str) -> Result<(), String> {

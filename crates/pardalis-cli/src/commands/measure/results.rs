@@ -20,7 +20,7 @@ pub(super) struct Measured<'a> {
 type Metric = (&'static str, fn(&Measured) -> Option<f64>);
 
 /// The figures, in the order of the columns; errors over all frames that have an estimate.
-pub(super) const METRICS: [Metric; 34] = [
+pub(super) const METRICS: [Metric; 39] = [
     ("coverage", |m| m.report.scores.coverage),
     ("lost_frames", |m| Some(m.report.scores.lost_frames as f64)),
     ("ends_on_target", |m| {
@@ -28,6 +28,15 @@ pub(super) const METRICS: [Metric; 34] = [
     }),
     ("frames_to_find", |m| {
         m.report.scores.frames_to_find.map(|n| n as f64)
+    }),
+    ("frames_to_occluded", |m| {
+        m.report.states?.frames_to_occluded.map(|n| n as f64)
+    }),
+    ("frames_to_tracking", |m| {
+        m.report.states?.frames_to_tracking.map(|n| n as f64)
+    }),
+    ("elsewhere_frames", |m| {
+        Some(m.report.states?.elsewhere_frames as f64)
     }),
     ("mean_m", |m| errors(m).map(|e| e.position_m.mean)),
     ("sd_m", |m| errors(m).map(|e| e.position_m.sd)),
@@ -49,6 +58,12 @@ pub(super) const METRICS: [Metric; 34] = [
         errors(m).map(|e| e.direction_max_rad)
     }),
     ("mean_nees", |m| errors(m)?.consistency.mean_nees),
+    ("nees_99_low", |m| {
+        errors(m)?.consistency.mean_nees_band_99.map(|band| band[0])
+    }),
+    ("nees_99_high", |m| {
+        errors(m)?.consistency.mean_nees_band_99.map(|band| band[1])
+    }),
     ("planar_mean_m", |m| errors(m).map(|e| e.planar_m.mean)),
     ("planar_sd_m", |m| errors(m).map(|e| e.planar_m.sd)),
     ("planar_rmse_m", |m| errors(m).map(|e| e.planar_m.rmse)),
