@@ -1,16 +1,17 @@
 //! The rectangle that stands out in images: tape on a floor, or a filled patch.
 //!
 //! Straight edges (`lines`) are joined to quadrilaterals with edges along all their sides, everywhere brighter on the same side (`quads`), in the mean
-//! of all images. The best of them must stand out; its sides are then measured in each image (`sides`).
+//! of all images. The best of them must stand out; its sides are then measured in each image (`sides`), and a tape is fitted whole (`tape`).
 
 mod in_scene;
 mod lines;
 mod quads;
 mod sides;
+mod tape;
 
 use anyhow::Result;
-use image::GrayImage;
 use image::imageops::{FilterType, resize};
+use image::{GrayImage, RgbImage};
 use imageproc::map::map_pixels;
 use pardalis::Frame;
 use pardalis::simulate::linear_from_srgb;
@@ -39,6 +40,9 @@ const MIN_SEEN_SHARE: f64 = 0.5;
 /// The largest scatter of corners over images.
 const MAX_SCATTER_PX: f64 = 1.5;
 
+/// Pixels with this level in any colour may have been brighter than it says.
+const SATURATED: u8 = 250;
+
 /// The least share of images in which the rectangle can be measured.
 const MIN_MEASURED_SHARE: f64 = 0.5;
 
@@ -54,7 +58,7 @@ pub(crate) enum Edge {
 /// A rectangle found in images.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FoundRectangle {
-    /// Counter-clockwise to the eye, first the one nearest the image's bottom left; the median over all images.
+    /// Counter-clockwise to the eye, first the one nearest the image's bottom left: of a tape as it fits all images together, else the median over them.
     pub(crate) corners_px: [[f64; 2]; 4],
     /// Whether the tape or patch is brighter than what is around it.
     pub(crate) is_bright: bool,
@@ -74,8 +78,7 @@ pub(crate) struct FoundRectangle {
 pub(crate) fn find(frames: &[Frame], edge: Edge) -> Result<FoundRectangle> {
     let mut first_fault = None;
     for channel in [luma, red, green, blue] {
-        let images: Vec<GrayImage> = frames.iter().map(|frame| grey(frame, channel)).collect();
-        match find_in(&images, edge) {
+        match find_in(frames, channel, edge) {
             Ok(Some(found)) => return Ok(found),
             Ok(None) => {}
             Err(fault) => first_fault = first_fault.or(Some(fault)),
@@ -88,6 +91,9 @@ pub(crate) fn find(frames: &[Frame], edge: Edge) -> Result<FoundRectangle> {
         )
     }))
 }
+
+/// What is looked at of red, green and blue.
+type Channel = fn([u8; 3]) -> u8;
 
 fn luma([r, g, b]: [u8; 3]) -> u8 {
     ((299 * u32::from(r) + 587 * u32::from(g) + 114 * u32::from(b) + 500) / 1000) as u8
@@ -105,7 +111,7 @@ fn blue(rgb: [u8; 3]) -> u8 {
     rgb[2]
 }
 
-fn grey(frame: &Frame, channel: fn([u8; 3]) -> u8) -> GrayImage {
+fn grey(frame: &Frame, channel: Channel) -> GrayImage {
     GrayImage::from_fn(frame.width() as u32, frame.height() as u32, |x, y| {
         [channel(frame.rgb(x as usize, y as usize))].into()
     })
@@ -125,12 +131,25 @@ fn searched(mean: &GrayImage) -> (GrayImage, f64) {
     (level, scale)
 }
 
-/// Finds the rectangle in images of one size; `None` where there is none.
-fn find_in(images: &[GrayImage], edge: Edge) -> Result<Option<FoundRectangle>> {
-    let Some(mean) = mean_of(images) else {
-        return Ok(None);
-    };
-    let (level, scale) = searched(&mean);
+/// The rectangle that stands out: the quadrilaterals of a tape's edges, in the image's own pixels. Of a patch both are the same.
+struct StandsOut {
+    outer: Quad,
+    inner: Quad,
+    is_tape: bool,
+}
+
+impl StandsOut {
+    fn edge(&self, edge: Edge) -> &Quad {
+        match edge {
+            Edge::Outer => &self.outer,
+            Edge::Inner => &self.inner,
+        }
+    }
+}
+
+/// Looks for the rectangle in an image; `None` where there is none.
+fn stands_out(image: &GrayImage) -> Result<Option<StandsOut>> {
+    let (level, scale) = searched(image);
     let size_px = [f64::from(level.width()), f64::from(level.height())];
     let lines = lines::find(&level);
     let rectangles = quads::find(&lines, size_px).into_iter().filter_map(|quad| {
@@ -162,35 +181,42 @@ fn find_in(images: &[GrayImage], edge: Edge) -> Result<Option<FoundRectangle>> {
             listed(to_image(rival.corners_px))
         ));
     }
-    let is_tape = other.is_some();
     let (outer, inner) = match other {
         Some(other) if other.area_px2() > best.area_px2() => (other, best),
         Some(other) => (best, other),
         None => (best, best),
     };
-    let wanted = match edge {
-        Edge::Outer => outer,
-        Edge::Inner => inner,
+    let in_image = |quad: Quad| quad.moved_to(to_image(quad.corners_px));
+    Ok(Some(StandsOut {
+        outer: in_image(outer),
+        inner: in_image(inner),
+        is_tape: other.is_some(),
+    }))
+}
+
+/// Finds the rectangle in images of one size; `None` where there is none.
+fn find_in(frames: &[Frame], channel: Channel, edge: Edge) -> Result<Option<FoundRectangle>> {
+    let images: Vec<GrayImage> = frames.iter().map(|frame| grey(frame, channel)).collect();
+    let Some(mean) = mean_of(&images) else {
+        return Ok(None);
     };
+    let Some(rectangle) = stands_out(&mean)? else {
+        return Ok(None);
+    };
+    let wanted = rectangle.edge(edge);
     let measured: Vec<Measured> = images
         .iter()
-        .filter_map(|image| {
-            measure(
-                &linear(image),
-                to_image(wanted.corners_px),
-                wanted.inside_is_brighter,
-            )
-        })
+        .filter_map(|image| measure(&linear(image), wanted))
         .collect();
     if (measured.len() as f64) < MIN_MEASURED_SHARE * images.len() as f64 || measured.is_empty() {
         return Err(fault!(
             "the rectangle with corners at {} can be measured in {} of {} images only; keep its sides in view and the camera still",
-            listed(to_image(wanted.corners_px)),
+            listed(wanted.corners_px),
             measured.len(),
             images.len()
         ));
     }
-    let first = nearest_bottom_left(wanted.corners_px, size_px[1]);
+    let first = nearest_bottom_left(wanted.corners_px, f64::from(mean.height()));
     let turned = |i: usize| (first + i) % 4;
     let corner = |i: usize| {
         [0, 1].map(|c| {
@@ -218,10 +244,17 @@ fn find_in(images: &[GrayImage], edge: Edge) -> Result<Option<FoundRectangle>> {
             listed(corners_px)
         ));
     }
+    let fitted_px =
+        fitted_tape(frames, channel, &rectangle).map(|[outer_px, inner_px]| match edge {
+            Edge::Outer => outer_px,
+            Edge::Inner => inner_px,
+        });
     Ok(Some(FoundRectangle {
-        corners_px,
-        is_bright: outer.inside_is_brighter,
-        is_tape,
+        corners_px: fitted_px.map_or(corners_px, |fitted_px| {
+            [0, 1, 2, 3].map(|i| fitted_px[turned(i)])
+        }),
+        is_bright: rectangle.outer.inside_is_brighter,
+        is_tape: rectangle.is_tape,
         support: [0, 1, 2, 3].map(|i| wanted.support[turned(i)]),
         scatter_px: (measured.len() > 1).then_some(scatter_px),
         line_rms_px: rms(
@@ -236,6 +269,43 @@ fn linear(image: &GrayImage) -> Light {
     let light = |level: u8| (255.0 * linear_from_srgb([f64::from(level); 3])[0]) as f32;
     let table: [f32; 256] = std::array::from_fn(|level| light(level as u8));
     map_pixels(image, |pixel| [table[usize::from(pixel[0])]].into())
+}
+
+/// The corners of a tape's outer and of its inner edge, in all images together; none of a patch, and where too little is seen.
+fn fitted_tape(
+    frames: &[Frame],
+    channel: Channel,
+    rectangle: &StandsOut,
+) -> Option<[[[f64; 2]; 4]; 2]> {
+    let still = median_of(frames).filter(|_| rectangle.is_tape)?;
+    let levels = GrayImage::from_fn(still.width(), still.height(), |x, y| {
+        [channel(still.get_pixel(x, y).0)].into()
+    });
+    let light = linear(&levels);
+    let is_saturated = |x, y| still.get_pixel(x, y).0.iter().any(|c| *c >= SATURATED);
+    let [outer, inner] = [&rectangle.outer, &rectangle.inner].map(|quad| measure(&light, quad));
+    tape::fitted(&light, is_saturated, &outer?, &inner?)
+}
+
+/// The median of each pixel over images of one size: without noise, and without what moves.
+fn median_of(frames: &[Frame]) -> Option<RgbImage> {
+    let first = frames.first()?;
+    let median_at = |x: u32, y: u32| {
+        let colors: Vec<[u8; 3]> = frames
+            .iter()
+            .map(|frame| frame.rgb(x as usize, y as usize))
+            .collect();
+        let median = |c: usize| {
+            let mut levels: Vec<u8> = colors.iter().map(|color| color[c]).collect();
+            *levels.select_nth_unstable(colors.len() / 2).1
+        };
+        [0, 1, 2].map(median).into()
+    };
+    Some(RgbImage::from_fn(
+        first.width() as u32,
+        first.height() as u32,
+        median_at,
+    ))
 }
 
 /// The mean of images of one size, so that noise and what moves hardly count.

@@ -50,6 +50,11 @@ pub(super) struct Quad {
 }
 
 impl Quad {
+    /// The same quadrilateral, with its corners in another image.
+    pub(super) fn moved_to(self, corners_px: [[f64; 2]; 4]) -> Self {
+        Self { corners_px, ..self }
+    }
+
     pub(super) fn area_px2(&self) -> f64 {
         let c = self.corners_px;
         let product = |i: usize| {

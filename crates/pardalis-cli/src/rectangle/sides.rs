@@ -2,6 +2,8 @@
 
 use image::{ImageBuffer, Luma};
 
+use super::quads::Quad;
+
 /// An image of light in place of grey levels.
 pub(super) type Light = ImageBuffer<Luma<f32>, Vec<f32>>;
 
@@ -27,41 +29,64 @@ const OUTLIER_SIGMAS: f64 = 3.0;
 const OUTLIER_PX: f64 = 0.3;
 
 /// A rectangle measured in one image.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Measured {
     pub(super) corners_px: [[f64; 2]; 4],
     /// How far the edges that were seen lie from the straight lines, root mean square.
     pub(super) rms_px: f64,
+    /// For the side from each corner to the next, where its edge was seen.
+    seen: [Seen; 4],
 }
 
-/// A line through two points, and how far its edge lies from it.
-#[derive(Clone, Copy)]
+impl Measured {
+    /// Whether a side's edge was seen at the place along it that is nearest to a point.
+    pub(super) fn is_seen(&self, side: usize, point: [f64; 2]) -> bool {
+        self.seen[side].contains(point)
+    }
+}
+
+/// The places along a side at which its edge was seen, each a pixel long.
+#[derive(Debug, Clone, Default)]
+struct Seen {
+    first: [f64; 2],
+    along: [f64; 2],
+    places: Vec<bool>,
+}
+
+impl Seen {
+    fn contains(&self, point: [f64; 2]) -> bool {
+        let offset = [0, 1].map(|c| point[c] - self.first[c]);
+        let place = (offset[0] * self.along[0] + offset[1] * self.along[1]).round();
+        place >= 0.0 && self.places.get(place as usize).is_some_and(|seen| *seen)
+    }
+}
+
+/// A line through two points, how far its edge lies from it, and where it was seen.
 struct Side {
     points: [[f64; 2]; 2],
     rms_px: f64,
+    seen: Seen,
 }
 
-/// Measures the rectangle near these corners (counter-clockwise to the eye). None where too little of a side is seen.
-pub(super) fn measure(
-    image: &Light,
-    corners_px: [[f64; 2]; 4],
-    inside_is_brighter: bool,
-) -> Option<Measured> {
+/// Measures the rectangle near a quadrilateral of the same pixels. None where too little of a side is seen.
+pub(super) fn measure(image: &Light, quad: &Quad) -> Option<Measured> {
     let mut measured = Measured {
-        corners_px,
+        corners_px: quad.corners_px,
         rms_px: 0.0,
+        seen: Default::default(),
     };
     for reach_px in REACH_PX {
         let corners = measured.corners_px;
         let side = |i: usize| {
             let ends = [corners[i], corners[(i + 1) % 4]];
-            fitted(image, ends, inside_is_brighter, reach_px)
+            fitted(image, ends, quad.inside_is_brighter, reach_px)
         };
         let sides = [side(0)?, side(1)?, side(2)?, side(3)?];
         let corner = |i: usize| meet(sides[(i + 3) % 4].points, sides[i].points);
         measured = Measured {
             corners_px: [corner(0)?, corner(1)?, corner(2)?, corner(3)?],
             rms_px: (sides.iter().map(|s| s.rms_px.powi(2)).sum::<f64>() / 4.0).sqrt(),
+            seen: sides.map(|s| s.seen),
         };
     }
     Some(measured)
@@ -120,7 +145,16 @@ fn fitted(
         return None;
     }
     let squares: f64 = kept.iter().map(|p| residual(line, *p).powi(2)).sum();
+    let mut seen = Seen {
+        first: at(end_px, 0.0),
+        along,
+        places: vec![false; places + 1],
+    };
+    for [t, _] in &kept {
+        seen.places[(t - end_px).round() as usize] = true;
+    }
     Some(Side {
+        seen,
         points: [0.0, length_px].map(|t| at(t, line[0] + line[1] * t)),
         rms_px: (squares / kept.len() as f64).sqrt(),
     })
