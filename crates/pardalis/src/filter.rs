@@ -8,6 +8,7 @@ use crate::particles::Particles;
 use crate::resample::Resampling;
 use crate::rng::{Draws, Stage};
 use crate::simd::Level;
+use crate::weighted::{add_scatter, heaviest, weight_within};
 
 /// The most particles a filter may have.
 pub const MAX_PARTICLES: usize = 1_000_000;
@@ -296,27 +297,15 @@ impl Filter {
             }
         }
         let mut covariance_m2 = [0.0; 6];
-        for (i, w) in self.weights.iter().enumerate() {
-            let [dx, dy, dz] = [0, 1, 2].map(|axis| position(axis, i) - position_m[axis]);
-            let products = [dx * dx, dx * dy, dx * dz, dy * dy, dy * dz, dz * dz];
-            for (sum, product) in covariance_m2.iter_mut().zip(products) {
-                *sum += w * product;
-            }
-        }
+        let places = self.weights.iter().enumerate();
+        let places = places.map(|(i, &w)| ([0, 1, 2].map(|axis| position(axis, i)), w));
+        add_scatter(places, position_m, &mut covariance_m2);
         let noise = self.settings.motion.position_variance_m2(ahead_s);
         let free_axes = self.settings.motion.free_axes();
         for diagonal in [0, 3, 5].into_iter().take(free_axes) {
             covariance_m2[diagonal] += noise;
         }
-        let best = (0..self.weights.len())
-            .reduce(|best, i| {
-                if self.weights[i] > self.weights[best] {
-                    i
-                } else {
-                    best
-                }
-            })
-            .unwrap_or(0);
+        let best = heaviest(&self.weights);
         StateEstimate {
             position_m,
             velocity_mps: has_velocity.then_some(velocity_mps),
@@ -329,21 +318,8 @@ impl Filter {
     /// The share of the weight within `distance_m` of a point: the filter's own belief that the target is there.
     pub fn weight_within(&self, point_m: [f64; 3], distance_m: f64) -> f64 {
         let [x, y, z] = self.particles.positions_m();
-        let near = |i: usize| {
-            let d = [x[i], y[i], z[i]]
-                .into_iter()
-                .zip(point_m)
-                .map(|(a, b)| (f64::from(a) - b).powi(2))
-                .sum::<f64>();
-            d <= distance_m * distance_m
-        };
-        self.weights
-            .iter()
-            .enumerate()
-            .filter(|&(i, _)| near(i))
-            // From +0: the sum of nothing would be -0.
-            .fold(0.0_f64, |sum, (_, w)| sum + w)
-            // Rounding aside, they sum to one.
-            .min(1.0)
+        let place_m = |i: usize| [x[i], y[i], z[i]].map(f64::from);
+        let places = self.weights.iter().enumerate();
+        weight_within(places.map(|(i, &w)| (place_m(i), w)), point_m, distance_m)
     }
 }

@@ -43,6 +43,7 @@ pub mod simulate;
 pub mod start;
 pub mod tracker;
 pub mod view;
+mod weighted;
 
 pub use error::Error;
 pub use frame::{Frame, PixelFormat};

@@ -24,6 +24,7 @@ use crate::motion::Motion;
 use crate::particles::Particles;
 use crate::resample;
 use crate::rng::{Draws, Stage};
+use crate::weighted::{add_scatter, heaviest, weight_within};
 
 /// Survivors are drawn when the effective sample size is at most this share of the number of particles.
 const RESAMPLE_BELOW: f64 = 0.5;
@@ -460,23 +461,8 @@ impl BernoulliFilter {
         for diagonal in [0, 3, 5].into_iter().take(self.settings.motion.free_axes()) {
             covariance_m2[diagonal] = spread_m2;
         }
-        for (hypothesis, w) in self.hypotheses.iter().zip(&self.weights) {
-            let ahead_m = hypothesis.ahead(dt_s);
-            let [dx, dy, dz] = [0, 1, 2].map(|axis| ahead_m[axis] - position_m[axis]);
-            let products = [dx * dx, dx * dy, dx * dz, dy * dy, dy * dz, dz * dz];
-            for (sum, product) in covariance_m2.iter_mut().zip(products) {
-                *sum += w * product;
-            }
-        }
-        let best = (0..self.weights.len())
-            .reduce(|best, i| {
-                if self.weights[i] > self.weights[best] {
-                    i
-                } else {
-                    best
-                }
-            })
-            .unwrap_or(0);
+        add_scatter(self.places_m(dt_s), position_m, &mut covariance_m2);
+        let best = heaviest(&self.weights);
         Some(StateEstimate {
             position_m,
             velocity_mps: self.kinematics.has_velocity().then_some(velocity_mps),
@@ -488,19 +474,13 @@ impl BernoulliFilter {
 
     /// The share of the weight within `distance_m` of a point, each particle where it is predicted on average.
     pub fn weight_within(&self, point_m: [f64; 3], distance_m: f64) -> f64 {
-        let near = |hypothesis: &Hypothesis| {
-            let ahead_m = hypothesis.ahead(self.pending_s);
-            let squared: f64 = (0..3)
-                .map(|axis| (ahead_m[axis] - point_m[axis]).powi(2))
-                .sum();
-            squared <= distance_m * distance_m
-        };
-        let all = self.hypotheses.iter().zip(&self.weights);
-        all.filter(|(hypothesis, _)| near(hypothesis))
-            // From +0: the sum of nothing would be -0.
-            .fold(0.0_f64, |sum, (_, w)| sum + w)
-            // Rounding aside, they sum to one.
-            .min(1.0)
+        weight_within(self.places_m(self.pending_s), point_m, distance_m)
+    }
+
+    /// Where each particle is predicted on average after so many seconds, and its weight.
+    fn places_m(&self, dt_s: f64) -> impl Iterator<Item = ([f64; 3], f64)> {
+        let weighted = self.hypotheses.iter().zip(&self.weights);
+        weighted.map(move |(hypothesis, &weight)| (hypothesis.ahead(dt_s), weight))
     }
 }
 

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 
 /// How far, as a standard deviation, light that was never seen in labelled images moves the two ratios of chroma to luma, and ln of the luma.
-const UNSEEN_LIGHT: [f64; 3] = [0.04, 0.04, 0.3];
+const UNSEEN_LIGHT: [f64; 3] = [0.045, 0.045, 0.3];
 /// Over how much of each of these the colours of what looks like the target spread.
 const ALIKE_SPREAD: [f64; 3] = [0.3, 0.3, 1.0];
 

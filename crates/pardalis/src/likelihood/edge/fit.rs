@@ -29,6 +29,12 @@ impl Sighting {
         f64::from(sum) / self.lines.len() as f64
     }
 
+    /// The same of one camera, if it sees it.
+    pub(crate) fn seen_share_by(&self, camera: usize) -> Option<f64> {
+        let lines = self.lines_of(camera).next()?;
+        Some(f64::from(lines.seen_share))
+    }
+
     /// What is seen of it in the target's colours, a camera: mean Y, U and V.
     pub(crate) fn bodies(&self) -> impl Iterator<Item = [f32; 3]> {
         self.lines.iter().map(|lines| lines.body)

@@ -192,7 +192,7 @@ impl<'a> Look<'a> {
     }
 
     /// Whether a place in the world lies in the image, unmasked.
-    pub(crate) fn shows(&self, level: Level, positions: &[[f32; LANES]; 3]) -> [bool; LANES] {
+    fn shows(&self, level: Level, positions: &[[f32; LANES]; 3]) -> [bool; LANES] {
         let [u, v] = self.projector.project(level, positions);
         std::array::from_fn(|lane| self.holds([u[lane], v[lane]]))
     }
@@ -263,6 +263,13 @@ impl EdgeCue {
             &mut self.points,
             &mut self.coordinates,
         );
+    }
+
+    /// Whether the middle of the body at a position lies in the image, unmasked.
+    pub(crate) fn shows(&self, look: &Look, position_m: [f64; 3]) -> bool {
+        let mut place = position_m.map(|v| [v as f32; LANES]);
+        place[2] = place[2].map(|z| z + self.middle_height_m);
+        look.shows(self.level, &place)[0]
     }
 
     /// The area within the outline of a position, as far as it has pixels, in square pixels.

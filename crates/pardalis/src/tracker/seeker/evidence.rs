@@ -70,9 +70,7 @@ impl Seeker {
             .predicted_density(sighting.position_m, covariance_m2);
         let alike = anywhere + followed;
         let as_new = likeness + libm::log(self.birth_density / alike);
-        // The less of it is seen, the less its colours tell.
-        let doubt = sighting.seen_share() * colors.min(0.0);
-        let as_followed = likeness.max(doubt) + libm::log(followed / alike);
+        let as_followed = likeness.max(colors.min(0.0)) + libm::log(followed / alike);
         as_new.max(as_followed)
     }
 

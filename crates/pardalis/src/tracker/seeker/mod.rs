@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{BodySettings, Estimate, TrackState};
 use crate::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
-use crate::color::ColorModel;
+use crate::color::{ColorModel, PixelKind};
 use crate::detect::{COARSE_PX, likeness};
 use crate::filter::StateEstimate;
 use crate::gaussian::GaussianStart;
@@ -72,6 +72,8 @@ pub(super) struct Seeker {
     known_around: Vec<Option<Around>>,
     /// Frames since whole images were searched.
     calm: u32,
+    /// The covariance of the last sighting of it by itself.
+    sighting_m2: Option<[f64; 6]>,
     /// Where the other landmarks of its target are known to be, metres.
     pub(super) others_m: Vec<[f64; 3]>,
 }
@@ -123,13 +125,14 @@ impl Seeker {
             of_cameras: vec![Vec::new(); views.len()],
             known_around: vec![None; views.len()],
             calm: 0,
+            sighting_m2: None,
             others_m: Vec::new(),
         })
     }
 
     /// Makes sure that a frame of the view, of its size, can be looked up.
     pub(super) fn prepare(&self, view: &mut View, frame: &Frame) {
-        let kind = crate::color::PixelKind::of(frame);
+        let kind = PixelKind::of(frame);
         view.prepare(kind, self.edge.palette());
         if let Some(ranges) = self.edge.ranges() {
             view.prepare_ranges(kind, ranges);
@@ -304,11 +307,15 @@ impl Seeker {
             of_cameras,
             ..
         } = self;
-        // Where no camera sees it, there may be one all the same.
-        let visible = looks.iter().filter_map(|look| sights[look.camera()]);
-        let most_nats = visible
-            .map(|sight| f64::from(sight.mixed(speaks as f32)))
-            .fold(f64::NEG_INFINITY, f64::max);
+        // Where a camera does not see it, there may be one all the same: hidden, or out of its image.
+        let predicted = filter.estimate(0.0);
+        let most_nats = looks.iter().filter_map(|look| {
+            let seen = f64::from(sights[look.camera()]?.mixed(speaks as f32));
+            let known = predicted.as_ref().map(|known| known.position_m);
+            let is_shown = known.is_none_or(|position_m| edge.shows(look, position_m));
+            Some(if is_shown { seen } else { seen.max(0.0) })
+        });
+        let most_nats = most_nats.reduce(f64::max).unwrap_or(f64::INFINITY);
         filter.update(&peaks, most_nats, |particles, out| {
             out.fill(0.0);
             for look in looks {
@@ -324,22 +331,38 @@ impl Seeker {
                 }
             }
         });
+        let known = self.filter.estimate(0.0);
+        let near_m = self.shape.diameter_m();
+        let is_it = |place_m: [f64; 3]| {
+            let here = known.as_ref().map(|known| Vector3::from(known.position_m));
+            here.is_some_and(|here| (here - Vector3::from(place_m)).norm() < near_m)
+        };
+        let peak = peaks.iter().find(|peak| is_it(peak.position_m));
+        self.sighting_m2 = peak.map(|peak| peak.covariance_m2);
+        let sighting = sightings.iter().find(|s| is_it(s.position_m));
         for look in looks {
-            let of_camera = &self.of_cameras[look.camera()];
-            let weights = self.filter.weights();
-            if let Some(sight) = &mut self.sights[look.camera()] {
-                let visible = |(&log_ratio, &weight): (&f32, &f64)| {
-                    // Of a particle out of the image the frame says nothing.
-                    let is_shown = log_ratio != 0.0;
-                    let given = sight.given(log_ratio);
-                    [weight * given, if is_shown { weight * given } else { 0.0 }]
-                };
-                let sums = of_camera.iter().zip(weights).map(visible);
-                let [given, sees] = sums.fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
-                sight.visible = given.clamp(0.0, 1.0);
-                sight.sees = sees.clamp(0.0, 1.0);
-            }
+            let share = sighting.and_then(|sighting| sighting.seen_share_by(look.camera()));
+            self.learn_sight(look.camera(), share.unwrap_or(1.0));
         }
+    }
+
+    /// Learns from the particles whether a camera sees the target. What is hidden in part will be hidden, the likelier the more of it is.
+    fn learn_sight(&mut self, camera: usize, seen_share: f64) {
+        let Some(sight) = &mut self.sights[camera] else {
+            return;
+        };
+        let visible = |(&log_ratio, &weight): (&f32, &f64)| {
+            // Of a particle out of the image the frame says nothing.
+            let is_shown = log_ratio != 0.0;
+            let given = sight.given(log_ratio);
+            [weight * given, if is_shown { weight * given } else { 0.0 }]
+        };
+        let sums = self.of_cameras[camera].iter().zip(self.filter.weights());
+        let [given, sees] = sums
+            .map(visible)
+            .fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+        sight.visible = seen_share * given.clamp(0.0, 1.0);
+        sight.sees = sees.clamp(0.0, 1.0);
     }
 
     /// What all that means.
@@ -408,7 +431,13 @@ impl Seeker {
     /// What is known so many seconds after the last frames; nothing changes.
     pub(super) fn estimate(&self, ahead_s: f64) -> Estimate {
         let is_known = matches!(self.state, TrackState::Tracking | TrackState::Occluded);
-        let kinematics = self.filter.estimate(ahead_s).filter(|_| is_known);
+        let mut kinematics = self.filter.estimate(ahead_s).filter(|_| is_known);
+        if let (Some(known), Some(sighting_m2)) = (&mut kinematics, self.sighting_m2) {
+            // The fewer particles count, the less their scatter tells.
+            for (sum, variance) in known.covariance_m2.iter_mut().zip(sighting_m2) {
+                *sum += variance / known.effective_sample_size;
+            }
+        }
         let confidence = if is_known {
             self.belief(ahead_s)
         } else {
