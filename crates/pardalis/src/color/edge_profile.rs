@@ -66,6 +66,19 @@ impl EdgeProfile {
         sides.map(|shares| log_ratios_of(&shares, &outside))
     }
 
+    /// The same where both sides look alike: as both together.
+    #[must_use]
+    pub fn without_sides(&self) -> Self {
+        let [shaded, lit] = &self.counts;
+        let rows = shaded.iter().zip(lit);
+        let both: Counts = rows
+            .map(|(shaded, lit)| std::array::from_fn(|bin| shaded[bin].saturating_add(lit[bin])))
+            .collect();
+        Self {
+            counts: [both.clone(), both],
+        }
+    }
+
     /// The log ratios of a soft step, on either side, for colours that were learnt without an edge.
     pub fn soft_step() -> [Box<EdgeLogRatios>; 2] {
         let row = |distance: usize| {
@@ -366,6 +379,19 @@ mod tests {
         let labels: Vec<bool> = (0..400).map(|i| i % 20 < 8).collect();
         learner.add(&labels, 20, |x, _| [10.0 * x as f32, 0.0, 0.0]);
         assert_eq!(learner.profile(), None);
+    }
+
+    #[test]
+    fn without_sides_both_look_like_all() {
+        let profile = learnt(1.2);
+        let both = profile.without_sides();
+        let [shaded, lit] = Side::ALL.map(|side| both.mean_memberships(side));
+        assert_eq!(shaded, lit);
+        let total = |profile: &EdgeProfile, side: usize| -> u32 {
+            profile.counts[side].iter().flatten().sum()
+        };
+        let all = total(&profile, 0) + total(&profile, 1);
+        assert_eq!((total(&both, 0), total(&both, 1)), (all, all));
     }
 
     #[test]

@@ -209,7 +209,9 @@ fn read_edge(edge: &Table) -> Option<EdgeSettings> {
         temper: edge.or("temper", default.temper),
         shared_sigma_px: edge.or("shared_sigma_px", default.shared_sigma_px),
         learnt_profile: edge.or("learnt_profile", default.learnt_profile),
+        tells_sides: edge.or("tells_sides", default.tells_sides),
         watches_surroundings: edge.or("watches_surroundings", default.watches_surroundings),
+        weighs_colors: edge.or("weighs_colors", default.weighs_colors),
     };
     edge.checked(settings.check())?;
     Some(settings)

@@ -36,8 +36,12 @@ pub struct EdgeSettings {
     pub shared_sigma_px: f64,
     /// Whether edges look as they do where the colours were learnt; else as a soft step does.
     pub learnt_profile: bool,
+    /// Whether edges on the shaded side look as such do, and on the lit side; else alike all around.
+    pub tells_sides: bool,
     /// Whether sectors into which something else came say nothing; else they do as any.
     pub watches_surroundings: bool,
+    /// Whether the mean colour within an outline tells whether it is the target's; else single pixels alone.
+    pub weighs_colors: bool,
 }
 
 impl Default for EdgeSettings {
@@ -47,7 +51,9 @@ impl Default for EdgeSettings {
             temper: 0.15,
             shared_sigma_px: 0.15,
             learnt_profile: true,
+            tells_sides: true,
             watches_surroundings: true,
+            weighs_colors: true,
         }
     }
 }
@@ -224,7 +230,13 @@ impl EdgeCue {
     ) -> Result<Self, Error> {
         settings.check()?;
         let profile = colors.edge().filter(|_| settings.learnt_profile);
-        let profile = profile.map(EdgeProfile::log_ratios);
+        let profile = profile.map(|profile| {
+            if settings.tells_sides {
+                profile.log_ratios()
+            } else {
+                profile.without_sides().log_ratios()
+            }
+        });
         Ok(Self {
             settings,
             outline: OutlineKernel::new(shape, settings.lines),

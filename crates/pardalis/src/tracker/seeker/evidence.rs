@@ -86,7 +86,8 @@ impl Seeker {
 
     /// ln of how much likelier the colours of a sighting, as a whole, are the target's: in the camera where they are least so.
     fn color_nats(&self, sighting: &Sighting) -> f64 {
-        let Some(known) = self.colors.body() else {
+        let weighs = self.edge.settings().weighs_colors;
+        let Some(known) = self.colors.body().filter(|_| weighs) else {
             return 0.0;
         };
         let of_cameras = sighting.bodies().map(|body| known.log_ratio(body));
