@@ -27,6 +27,7 @@ use lines::{Lines, REACH_PX, SECTORS, SHIFTS, Scratch};
 
 /// Parameters of the edge cue.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::struct_excessive_bools)] // parts that are switched off one by one, not states
 pub struct EdgeSettings {
     /// Lines across the outline.
     pub lines: usize,
