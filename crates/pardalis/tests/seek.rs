@@ -14,10 +14,10 @@ use pardalis::tracker::{BodySettings, TrackState};
 use pardalis::{Estimate, Frame, PixelFormat, Tracker};
 
 /// The ball, of which nothing but size and colours is known.
-fn sought() -> BodySettings {
+fn sought(edge: EdgeSettings) -> BodySettings {
     let published = ball_target(Palette::HSI, 500);
     BodySettings {
-        cues: vec![Cue::Edge(EdgeSettings::default()).into()],
+        cues: vec![Cue::Edge(edge).into()],
         filter: FilterSettings {
             motion: ConstantVelocity::BETWEEN_KICKS.into(),
             ..published.filter
@@ -27,8 +27,13 @@ fn sought() -> BodySettings {
     }
 }
 
+fn tracker_with(edge: EdgeSettings, seed: u32) -> Tracker {
+    let views = vec![fisheye_view()];
+    Tracker::new(views, vec![sought(edge)], seed, Level::best()).unwrap()
+}
+
 fn tracker(seed: u32) -> Tracker {
-    Tracker::new(vec![fisheye_view()], vec![sought()], seed, Level::best()).unwrap()
+    tracker_with(EdgeSettings::default(), seed)
 }
 
 fn truth_m(index: usize) -> [f64; 3] {
@@ -143,10 +148,14 @@ fn with_disc(mut picture: RgbImage, [u, v]: [f64; 2], radius_px: f64, rgb: [f64;
 
 #[test]
 fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is() {
-    let painted = |rgb| {
+    let painted = |rgb, weighs_colors| {
+        let edge = EdgeSettings {
+            weighs_colors,
+            ..EdgeSettings::default()
+        };
         let picture = |index| with_disc(covered(index), [200.0, 150.0], 8.0, rgb);
         let frames = (0..15).map(|index| as_frame(&picture(index), index, PixelFormat::Rgb8));
-        follow(&mut tracker(7), frames)
+        follow(&mut tracker_with(edge, 7), frames)
     };
     // Hues of 18, 22 and 20 degrees.
     for rgb in [
@@ -154,7 +163,7 @@ fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is
         [150.0, 105.0, 78.0],
         [60.0, 30.0, 15.0],
     ] {
-        for estimate in painted(rgb) {
+        for estimate in painted(rgb, true) {
             assert_ne!(estimate.state, TrackState::Tracking, "{rgb:?}");
             assert!(
                 estimate.confidence < 0.5,
@@ -163,8 +172,14 @@ fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is
             );
         }
     }
-    let own = painted([185.0, 90.0, 37.0]);
-    assert!(own[2..].iter().all(|e| e.state == TrackState::Tracking));
+    let is_taken = |estimates: &[Estimate]| {
+        estimates[2..]
+            .iter()
+            .all(|e| e.state == TrackState::Tracking)
+    };
+    assert!(is_taken(&painted([185.0, 90.0, 37.0], true)));
+    // It is the colour as a whole that tells.
+    assert!(is_taken(&painted([60.0, 30.0, 15.0], false)));
 }
 
 #[test]

@@ -271,7 +271,8 @@ impl BernoulliFilter {
     /// target does not exist and there is no peak.
     ///
     /// Where all is impossible, the target does not exist; one that certainly does stays as predicted. A time at which nobody looked is no update: it is predicted
-    /// only. `most_nats` is ln of the greatest ratio, over all places, by which existence may become likelier: what ratios tell of places may be more than what they tell of existence.
+    /// only. `most_nats` is ln of the greatest ratio by which existence may become likelier, over all places: ratios may tell places apart better than
+    /// existence.
     pub fn update(
         &mut self,
         peaks: &[Peak],

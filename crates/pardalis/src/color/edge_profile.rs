@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
-use super::body::BodyColors;
+use super::body_colors::BodyColors;
 use super::membership::{EdgePixel, Side, Surroundings};
 use super::outline_distance::OutlineDistance;
 

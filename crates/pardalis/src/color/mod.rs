@@ -1,6 +1,6 @@
 //! Colour: what pixels mean, bins, histograms in all three dimensions or a channel, how colours go over at edges, and colour models learnt from labelled pixels.
 
-mod body;
+mod body_colors;
 mod channels;
 mod edge_profile;
 mod histogram;
@@ -11,7 +11,7 @@ mod palette;
 mod ranges;
 mod space;
 
-pub use body::BodyColors;
+pub use body_colors::BodyColors;
 pub use channels::{ChannelBins, ChannelHistograms, ChannelTable};
 pub use edge_profile::{EdgeLogRatios, EdgeProfile};
 pub use histogram::Histogram;

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
-use super::body::{BodyColors, BodyText};
+use super::body_colors::{BodyColors, BodyText};
 use super::channels::{ChannelHistograms, ChannelsText};
 use super::edge_profile::{EdgeLearner, EdgeProfile, EdgeText};
 use super::histogram::Histogram;

@@ -50,6 +50,13 @@ const SURE_LOG_RATIO: f64 = 12.0;
 /// How long a camera's last word on whether it sees the target holds while other cameras go on without it, in seconds.
 const WORD_HOLDS_S: f64 = 0.5;
 
+/// A target is found from this belief in its place on; how far away it is may be less sure than a diameter.
+const NEW_BELIEF: f64 = 0.25;
+/// Below this belief in its place, a target is lost.
+const LEAST_BELIEF: f64 = 0.01;
+/// From this belief on, what surrounds it is learnt.
+const SURE: f64 = 0.9;
+
 /// A body that is sought.
 pub(super) struct Seeker {
     shape: Shape,
@@ -263,9 +270,10 @@ impl Seeker {
     }
 
     /// The inverse of a covariance (xx, xy, xz, yy, yz, zz), no sharper than a hundredth of a diameter.
-    fn information(&self, covariance_m2: [f64; 6]) -> Matrix3<f64> {
+    fn information(&self, [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
         let least = (0.01 * self.shape.diameter_m()).powi(2);
-        let covariance = symmetric(covariance_m2) + Matrix3::from_diagonal_element(least);
+        let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+            + Matrix3::from_diagonal_element(least);
         covariance.try_inverse().unwrap_or_else(Matrix3::zeros)
     }
 
@@ -453,14 +461,3 @@ impl Seeker {
         }
     }
 }
-
-fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-}
-
-/// A target is found from this belief in its place on; how far away it is may be less sure than a diameter.
-const NEW_BELIEF: f64 = 0.25;
-/// Below this belief in its place, a target is lost.
-const LEAST_BELIEF: f64 = 0.01;
-/// From this belief on, what surrounds it is learnt.
-const SURE: f64 = 0.9;
