@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use image::{ExtendedColorType, ImageEncoder as _};
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use jpeg_encoder::{ChromaSubsamplingMethod, ColorType, Encoder, SamplingFactor};
 use pardalis::simulate::{Renderer, WorldCamera};
 use rayon::prelude::*;
 
@@ -77,8 +77,9 @@ pub(super) fn encoded(camera: &WorldCamera, rgb: &[u8]) -> Result<Vec<u8>> {
         let side =
             |px: usize| u16::try_from(px).map_err(|_| fault!("{px} pixels are too many for JPEG"));
         let mut encoder = Encoder::new(&mut bytes, quality);
-        // As webcams deliver it: colours are soft over two pixels.
+        // As webcams deliver it: colours are soft over two pixels, and where they belong; one pixel's colour for four would move them by half a pixel.
         encoder.set_sampling_factor(SamplingFactor::F_2_2);
+        encoder.set_chroma_subsampling_method(ChromaSubsamplingMethod::Average);
         encoder.encode(rgb, side(width)?, side(height)?, ColorType::Rgb)?;
     } else {
         let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
