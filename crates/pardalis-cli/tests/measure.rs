@@ -288,3 +288,5 @@ fn a_record_becomes_a_table_that_is_checked() {
 mod definition;
 #[path = "measure/resume.rs"]
 mod resume;
+#[path = "measure/worlds.rs"]
+mod worlds;

@@ -265,16 +265,11 @@ fn cell(name: &str, values: &[&str]) -> String {
     }
     numbers.sort_by(f64::total_cmp);
     let shown = |v: f64| {
-        let digits = if name.ends_with("_px") {
-            3
-        } else if v.abs() >= 100.0 || v.fract() == 0.0 {
-            0
-        } else if v.abs() >= 10.0 {
-            1
+        if name.ends_with("_px") {
+            format!("{v:.3}")
         } else {
-            2
-        };
-        format!("{v:.digits$}")
+            shown(v)
+        }
     };
     let (lowest, highest) = (shown(numbers[0]), shown(numbers[numbers.len() - 1]));
     if lowest == highest {
@@ -282,6 +277,18 @@ fn cell(name: &str, values: &[&str]) -> String {
     } else {
         format!("{} ({lowest} to {highest})", shown(median(&numbers)))
     }
+}
+
+/// A figure with three digits or so.
+pub(super) fn shown(value: f64) -> String {
+    let digits = if value.abs() >= 100.0 || value.fract() == 0.0 {
+        0
+    } else if value.abs() >= 10.0 {
+        1
+    } else {
+        2
+    };
+    format!("{value:.digits$}")
 }
 
 /// The median of at least one number; they are sorted.

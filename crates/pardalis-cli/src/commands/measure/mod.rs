@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use rayon::prelude::*;
 
-use crate::commands::simulate;
+use crate::commands::simulate::Sequence;
 use crate::fault::fault;
 use crate::files::write_file;
 use crate::say::say;
@@ -106,7 +106,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let facts = results::facts(&arguments.experiment);
     let output = arguments.output.join(&experiment.name);
     let place = || arguments.experiment.display().to_string();
-    let plans = plans(&experiment, arguments, &output).with_context(place)?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = arguments.threads.map_or(cores, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .context("the threads cannot be started")?;
+    let plans = pool.install(|| plans(&experiment, arguments, &output));
+    let plans = plans.with_context(place)?;
     if plans.is_empty() {
         say("nothing to run: no run has any seeds (with --verify: verify_seeds)");
         return Ok(());
@@ -126,14 +133,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             seeds - jobs.len()
         ));
     }
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = arguments.threads.map_or(cores, usize::from);
     jobs::track_all(&jobs, threads).with_context(place)?;
 
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .context("the threads cannot be started")?;
     let measured: Result<Vec<Measured>> =
         pool.install(|| plans.par_iter().map(Plan::score_and_draw).collect());
     let measured = measured.with_context(place)?;
@@ -191,7 +192,7 @@ fn plans<'a>(
             && let Some(world) = &run.world
         {
             // Simulating takes its time.
-            simulate::check(&folder.join(world), &run.replaced()[1]).with_context(of_run)?;
+            Sequence::read(&folder.join(world), &run.replaced()[1]).with_context(of_run)?;
             continue;
         }
         let plan = Plan::new(run, seeds, folder, output).with_context(of_run)?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use pardalis::config::Scene;
 use pardalis::tracker::PASSES_SIGMA_M;
+use rayon::prelude::*;
 
 use super::definition::{Method, Run};
 use super::finished::{self, Finished};
@@ -13,11 +14,12 @@ use super::pooled::{Claims, Measured};
 use super::results::Figures;
 use crate::commands::evaluate::{self, Report};
 use crate::commands::locate::{self, StartsFrom};
-use crate::commands::simulate;
+use crate::commands::simulate::Sequence;
 use crate::draw::paths::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
 use crate::fault::fault;
 use crate::files::write_file;
+use crate::progress::Progress;
 use crate::{scene, tables, tracking};
 
 /// A run whose scene and truth were found to be fine.
@@ -60,21 +62,16 @@ impl<'a> Plan<'a> {
                 fingerprint,
             })
         };
-        let simulate = |world: &String, world_seed: Option<u32>, name: String| {
-            let [_, mut of_world] = run.replaced();
-            if let Some(seed) = world_seed {
-                of_world.insert("seed".to_owned(), i64::from(seed).into());
+        let recordings = match &run.world {
+            None => vec![read(folder.join(&run.scene), folder.join(&run.truth))?],
+            Some(world) => {
+                let seeds: Vec<Option<u32>> = if run.fresh_world {
+                    (1..=seeds).map(Some).collect()
+                } else {
+                    vec![None]
+                };
+                simulated(run, &folder.join(world), &seeds, &results, read)?
             }
-            let sequence = results.join(name);
-            simulated(&folder.join(world), &of_world, &sequence)?;
-            read(sequence.join("scene.toml"), sequence.join("truth.csv"))
-        };
-        let recordings: Result<Vec<Recording>> = match &run.world {
-            None => read(folder.join(&run.scene), folder.join(&run.truth)).map(|one| vec![one]),
-            Some(world) if run.fresh_world => (1..=seeds)
-                .map(|seed| simulate(world, Some(seed), format!("world-{seed:02}")))
-                .collect(),
-            Some(world) => simulate(world, None, "world".to_owned()).map(|one| vec![one]),
         };
         let located_from = (run.method == Method::Locate).then(|| locate::Settings {
             stills: Vec::new(),
@@ -87,7 +84,7 @@ impl<'a> Plan<'a> {
         Ok(Self {
             run,
             seeds,
-            recordings: recordings?,
+            recordings,
             located_from,
             folder: results,
         })
@@ -224,16 +221,78 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Simulates a world, with settings replaced, into a folder that does not hold just that already.
-fn simulated(world: &Path, replaced: &toml::Table, folder: &Path) -> Result<()> {
-    let text = simulate::check(world, replaced)?;
-    let mark = folder.join("fingerprint.txt");
-    let fingerprint = finished::of_world(&text);
-    if std::fs::read_to_string(&mark).is_ok_and(|found| found == fingerprint) {
-        return Ok(());
+/// A world of a run, and where it is simulated.
+struct Fresh {
+    sequence: Sequence,
+    folder: PathBuf,
+    fingerprint: String,
+    /// Whether it lies there from before.
+    is_there: bool,
+}
+
+impl Fresh {
+    /// Of this seed, if it is to have one that is not its file's.
+    fn of(run: &Run, world: &Path, seed: Option<u32>, results: &Path) -> Result<Self> {
+        let [_, mut replaced] = run.replaced();
+        if let Some(seed) = seed {
+            replaced.insert("seed".to_owned(), i64::from(seed).into());
+        }
+        let sequence = Sequence::read(world, &replaced)?;
+        let name = seed.map_or_else(|| "world".to_owned(), |seed| format!("world-{seed:02}"));
+        let folder = results.join(name);
+        let fingerprint = finished::of_world(sequence.text());
+        let found = std::fs::read_to_string(Self::mark(&folder));
+        Ok(Self {
+            is_there: found.is_ok_and(|found| found == fingerprint),
+            sequence,
+            folder,
+            fingerprint,
+        })
     }
-    std::fs::create_dir_all(folder.parent().unwrap_or(folder))
-        .map_err(|error| fault!("{}: {error}; give another -o", folder.display()))?;
-    simulate::replace(world, replaced, folder)?;
-    write_file(&mark, fingerprint.as_bytes())
+
+    /// Holds the fingerprint of what was simulated.
+    fn mark(folder: &Path) -> PathBuf {
+        folder.join("fingerprint.txt")
+    }
+
+    fn simulate(&self, progress: &Progress) -> Result<()> {
+        let Self { folder, .. } = self;
+        std::fs::create_dir_all(folder.parent().unwrap_or(folder))
+            .map_err(|error| fault!("{}: {error}; give another -o", folder.display()))?;
+        self.sequence.write(folder, true, progress)?;
+        write_file(&Self::mark(folder), self.fingerprint.as_bytes())
+    }
+}
+
+/// Simulates a run's worlds, those that are not there already, as many at a time as there are threads, and reads each by its scene and truth.
+fn simulated(
+    run: &Run,
+    world: &Path,
+    seeds: &[Option<u32>],
+    results: &Path,
+    read: impl Fn(PathBuf, PathBuf) -> Result<Recording> + Sync,
+) -> Result<Vec<Recording>> {
+    let worlds = seeds
+        .iter()
+        .map(|&seed| Fresh::of(run, world, seed, results));
+    let worlds = worlds.collect::<Result<Vec<Fresh>>>()?;
+    let missing = worlds.iter().filter(|world| !world.is_there);
+    let images = missing.map(|world| world.sequence.image_count()).sum();
+    let progress = Progress::new("simulating", Some(images));
+    let recorded = |world: &Fresh| {
+        if !world.is_there {
+            world.simulate(&progress)?;
+        }
+        let file = |name| world.folder.join(name);
+        read(file("scene.toml"), file("truth.csv"))
+    };
+    let mut recordings = Vec::new();
+    for side_by_side in worlds.chunks(rayon::current_num_threads()) {
+        let recorded: Vec<_> = side_by_side.par_iter().map(recorded).collect();
+        // The first fault, whichever thread was faster, and before the next are simulated.
+        for recording in recorded {
+            recordings.push(recording?);
+        }
+    }
+    Ok(recordings)
 }

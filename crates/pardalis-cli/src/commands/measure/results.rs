@@ -8,7 +8,7 @@ use pardalis::score::{Course, Errors, Heading};
 
 use super::definition::{Bands, Run};
 use crate::commands::evaluate::{Report, TargetReport};
-use crate::commands::report::median;
+use crate::commands::report::{median, shown};
 
 /// What is known of one seed and target.
 pub(super) struct Measured<'a> {
@@ -220,13 +220,11 @@ pub(super) fn told(run: &Run, figures: &[Figures]) -> String {
         .iter()
         .filter(|&&yes| yes == 0.0)
         .count();
+    let [middle, lowest, highest] = [median(&rmse_m), *lowest, *highest].map(|m| shown(1e3 * m));
     format!(
-        "{}: {} tracks, RMSE {:.0} mm (median; {:.0} to {:.0}); {lost} of them with lost frames, {off} end off the target",
+        "{}: {} tracks, RMSE {middle} mm (median; {lowest} to {highest}); {lost} of them with lost frames, {off} end off the target",
         run.name,
         whole.len(),
-        1e3 * median(&rmse_m),
-        1e3 * lowest,
-        1e3 * highest,
     )
 }
 

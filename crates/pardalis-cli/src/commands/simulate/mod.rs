@@ -66,9 +66,11 @@ const CONTENT: Content = Content {
 };
 
 /// A world and what its cameras deliver.
-struct Sequence {
+pub(crate) struct Sequence {
     /// The world file.
     path: PathBuf,
+    /// Its text, with settings that were replaced told ahead of it.
+    text: String,
     config: WorldConfig,
     /// Of each camera, in the order of its frames.
     deliveries: Vec<Vec<Delivery>>,
@@ -88,48 +90,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(arguments.threads.map_or(0, usize::from))
         .build()?;
-    let sequence = pool.install(|| simulate(path, &replaced, &output, arguments.force))?;
+    let sequence = Sequence::read(path, &replaced)?;
+    let progress = Progress::new("simulating", Some(sequence.image_count()));
+    pool.install(|| sequence.write(&output, arguments.force, &progress))?;
     say(sequence.told(&output));
     Ok(())
 }
 
-/// Writes the sequence of a world file, with settings replaced: full keys, as `ring.count`, with their values.
-fn simulate(path: &Path, replaced: &toml::Table, output: &Path, force: bool) -> Result<Sequence> {
-    let (config, text) = read_world(path, replaced)?;
-    let sequence = Sequence::of(path, config)?;
-    let folder = Folder::begin(&CONTENT, output, force)?;
-    write(&sequence, &text, &folder)?;
-    folder.finish()?;
-    Ok(sequence)
-}
-
-/// A world file, with settings replaced, and its text.
-fn read_world(path: &Path, replaced: &toml::Table) -> Result<(WorldConfig, String)> {
-    let text = read_text(path)?;
-    let home = path.parent().unwrap_or(Path::new(""));
-    let read = |file: &str, lens| read_calibration(home, file, lens);
-    let config = WorldConfig::parse_with(&text, replaced, &read)
-        .map_err(|problems| problems_in("world", path, &problems))?;
-    let told = replaced
-        .iter()
-        .map(|(key, value)| format!("# Simulated with {key} = {value}\n"));
-    Ok((config, told.collect::<String>() + &text))
-}
-
-/// Checks a world file, with settings replaced, and gives its text.
-pub(crate) fn check(path: &Path, replaced: &toml::Table) -> Result<String> {
-    let (config, text) = read_world(path, replaced)?;
-    Sequence::of(path, config)?;
-    Ok(text)
-}
-
-/// Writes the sequence of a world file, with settings replaced, in the place of what was simulated there before.
-pub(crate) fn replace(path: &Path, replaced: &toml::Table, output: &Path) -> Result<()> {
-    simulate(path, replaced, output, true).map(|_| ())
-}
-
 impl Sequence {
-    fn of(path: &Path, config: WorldConfig) -> Result<Self> {
+    /// Reads and checks a world file, with settings replaced: full keys, as `ring.count`, with their values.
+    pub(crate) fn read(path: &Path, replaced: &toml::Table) -> Result<Self> {
+        let text = read_text(path)?;
+        let home = path.parent().unwrap_or(Path::new(""));
+        let read = |file: &str, lens| read_calibration(home, file, lens);
+        let config = WorldConfig::parse_with(&text, replaced, &read)
+            .map_err(|problems| problems_in("world", path, &problems))?;
+        let told = replaced
+            .iter()
+            .map(|(key, value)| format!("# Simulated with {key} = {value}\n"));
+        let text = told.collect::<String>() + &text;
         let World {
             seed,
             cameras,
@@ -151,9 +130,37 @@ impl Sequence {
         }
         Ok(Self {
             path: path.to_owned(),
+            text,
             config,
             deliveries,
         })
+    }
+
+    pub(crate) fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Images, stills for the colours too.
+    pub(crate) fn image_count(&self) -> usize {
+        let frames: usize = self.deliveries.iter().map(Vec::len).sum();
+        frames + self.config.training_stills
+    }
+
+    /// Writes everything into a folder, by force in the place of what was simulated there before.
+    pub(crate) fn write(&self, output: &Path, force: bool, progress: &Progress) -> Result<()> {
+        let world = self.world();
+        let folder = Folder::begin(&CONTENT, output, force)?;
+        for camera in 0..world.cameras.len() {
+            frames::write(self, camera, &folder, progress)?;
+        }
+        folder.write("truth.csv", tables::truth(self).as_bytes())?;
+        tables::write_cameras(world, &folder)?;
+        if self.config.training_stills > 0 {
+            training::write(self, &folder, progress)?;
+        }
+        folder.write("scene.toml", scene_text::of(self).as_bytes())?;
+        folder.write("world.toml", self.text.as_bytes())?;
+        folder.finish()
     }
 
     fn world(&self) -> &World {
@@ -182,22 +189,4 @@ impl Sequence {
         );
         text
     }
-}
-
-/// Writes all files.
-fn write(sequence: &Sequence, world_text: &str, folder: &Folder) -> Result<()> {
-    let world = sequence.world();
-    let frames: usize = sequence.deliveries.iter().map(Vec::len).sum();
-    let images = frames + sequence.config.training_stills;
-    let progress = Progress::new("simulating", Some(images));
-    for camera in 0..world.cameras.len() {
-        frames::write(sequence, camera, folder, &progress)?;
-    }
-    folder.write("truth.csv", tables::truth(sequence).as_bytes())?;
-    tables::write_cameras(world, folder)?;
-    if sequence.config.training_stills > 0 {
-        training::write(sequence, folder, &progress)?;
-    }
-    folder.write("scene.toml", scene_text::of(sequence).as_bytes())?;
-    folder.write("world.toml", world_text.as_bytes())
 }
