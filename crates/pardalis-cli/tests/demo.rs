@@ -71,9 +71,9 @@ fn the_demo_tracks_the_ball_and_says_how_well() {
     let errors = &all["errors"];
     let figure = |value: &Value| value.as_f64().unwrap();
     let worst_deg = figure(&errors["direction_max_rad"]).to_degrees();
-    assert!(worst_deg < 3.0, "{worst_deg} degrees");
+    assert!(worst_deg < 1.0, "{worst_deg} degrees");
     let mean_mm = 1e3 * figure(&errors["position_m"]["mean"]);
-    assert!(mean_mm < 360.0, "{mean_mm} mm");
+    assert!(mean_mm < 60.0, "{mean_mm} mm");
     let mean_deg = figure(&errors["direction_mean_rad"]).to_degrees();
     for sentence in [
         format!("On average the ball was {mean_mm:.0} mm from where it is"),

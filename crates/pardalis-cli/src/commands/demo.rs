@@ -12,7 +12,7 @@ use crate::tracking::{self, Annotate, Options, Output};
 
 /// Tracks the bundled sequence
 ///
-/// An orange ball is lowered, thrown and bounces before a fisheye camera; it is started by one click. Writes tracks, plots
+/// An orange ball is lowered, thrown and bounces before a fisheye camera; it is found by itself. Writes tracks, plots
 /// with the truth, and annotated frames, and says how far the tracks are from the truth.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {

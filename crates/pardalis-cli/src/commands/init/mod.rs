@@ -57,7 +57,8 @@ pub(crate) struct Arguments {
     /// The ball's radius in metres [default: what camera.json says, else 0.11, marked CHANGE]
     #[arg(long, value_parser = positive_m, allow_negative_numbers = true)]
     radius_m: Option<f64>,
-    /// A pixel near the middle of the target in the first frame, of the first camera where there are several
+    /// Starts the target by a click, and tracks it by the published contour cue: a pixel near its middle in the first frame,
+    /// of the first camera where there are several [default: it is found by itself]
     #[arg(long, value_name = "X,Y", value_parser = pixel, allow_negative_numbers = true)]
     pixel: Option<[f64; 2]>,
     /// Replaces an existing scene file

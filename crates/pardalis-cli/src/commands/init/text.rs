@@ -234,7 +234,27 @@ impl SceneText<'_> {
             text,
             "[targets.{target}]\n\
              shape.sphere.radius_m = {radius_m:?}{radius_mark}\n\
-             colors = {colors}  # made by `pardalis learn`\n\n\
+             colors = {colors}  # made by `pardalis learn`"
+        );
+        match self.pixel {
+            Some(pixel) => self.push_click(&mut text, pixel),
+            None => text.push_str(
+                "# Nothing more is needed: the target is found by itself, told to be hidden or lost, and found again.\n",
+            ),
+        }
+        text
+    }
+
+    /// The published method: it starts from a click.
+    fn push_click(&self, text: &mut String, pixel: [f64; 2]) {
+        let (target, camera) = (self.target, &self.cameras[0].name);
+        let _ = writeln!(
+            text,
+            "\n# Where it starts: along the ray through a pixel of the first frame. Without this and the contour it is found by itself.\n\
+             [targets.{target}.start.pixel]\n\
+             camera = \"{camera}\"\n\
+             pixel = {pixel:?}\n\
+             max_range_m = 8.0\n\n\
              # How the outline is compared with the image. The published real-time settings are 0.7 and 1.3 with 300 particles.\n\
              [targets.{target}.contour]\n\
              inner_scale = 0.9\n\
@@ -247,10 +267,8 @@ impl SceneText<'_> {
              # White noise of this density disturbs the velocity: about 1 for what rolls or is carried, 100 for what is thrown and bounces.\n\
              # Too low, and quick turns are missed; too high, and the target is lost sooner while something hides it.\n\
              [targets.{target}.motion.constant_velocity]\n\
-             acceleration_density_m2ps3 = 100.0\n"
+             acceleration_density_m2ps3 = 100.0"
         );
-        self.start_text(&mut text, radius_m);
-        text
     }
 
     /// Faults: the given pixel is outside the first camera's image.
@@ -267,32 +285,5 @@ impl SceneText<'_> {
             )),
             _ => Ok(()),
         }
-    }
-
-    fn start_text(&self, text: &mut String, radius_m: f64) {
-        let target = self.target;
-        let camera = &self.cameras[0];
-        let (width, height) = camera.size;
-        let middle = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
-        let pixel = self.pixel.unwrap_or(middle);
-        let mark = match self.pixel {
-            Some(_) => "",
-            None => "  # CHANGE: a pixel near the middle of the target in the first frame",
-        };
-        let _ = writeln!(
-            text,
-            "# Where it starts: along the ray through a pixel of the first frame …\n\
-             [targets.{target}.start.pixel]\n\
-             camera = \"{}\"\n\
-             pixel = {pixel:?}{mark}\n\
-             max_range_m = 8.0\n\n\
-             # … or, in place of that, around a known position:\n\
-             # [targets.{target}.start.gaussian]\n\
-             # position_m = [1.0, 0.0, {:?}]\n\
-             # position_sigma_m = 0.1\n\
-             # velocity_mps = [0.0, 0.0, 0.0]\n\
-             # velocity_sigma_mps = 0.5",
-            camera.name, radius_m
-        );
     }
 }

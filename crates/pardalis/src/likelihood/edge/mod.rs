@@ -49,7 +49,7 @@ impl Default for EdgeSettings {
     fn default() -> Self {
         Self {
             lines: 64,
-            temper: 0.15,
+            temper: 0.3,
             shared_sigma_px: 0.15,
             learnt_profile: true,
             tells_sides: true,
