@@ -261,8 +261,8 @@ fn two_equal_balls_that_pass_each_other_stay_who_they_are() {
     let discs = |index: usize| {
         let moved_px = 4.0 * index as f64;
         [
-            ([330.0 - moved_px, 150.0], 7.0),
-            ([200.0 + moved_px, 152.0], 9.0),
+            ([330.0 - moved_px, 150.0], 6.0),
+            ([200.0 + moved_px, 152.0], 11.0),
         ]
     };
     for seed in 1..6 {
