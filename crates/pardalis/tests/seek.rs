@@ -10,7 +10,7 @@ use pardalis::likelihood::{Cue, EdgeSettings};
 use pardalis::motion::ConstantVelocity;
 use pardalis::simd::Level;
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, TrackState};
+use pardalis::tracker::{BodySettings, PASSES_SIGMA_M, TrackState};
 use pardalis::{Estimate, Frame, PixelFormat, Tracker};
 
 /// The ball, of which nothing but size and colours is known.
@@ -180,6 +180,140 @@ fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is
     assert!(is_taken(&painted([185.0, 90.0, 37.0], true)));
     // It is the colour as a whole that tells.
     assert!(is_taken(&painted([60.0, 30.0, 15.0], false)));
+}
+
+/// A disc in the image: its middle and its radius, pixels.
+type Disc = ([f64; 2], f64);
+
+/// The image without the ball, with discs of its colour, the later over the earlier.
+fn with_balls(index: usize, discs: &[Disc]) -> Frame {
+    let balls = discs
+        .iter()
+        .fold(covered(index), |picture, (middle, radius_px)| {
+            with_disc(picture, *middle, *radius_px, [185.0, 90.0, 37.0])
+        });
+    as_frame(&balls, index, PixelFormat::Rgb8)
+}
+
+/// What is known of two targets alike after each of these frames.
+fn follow_two(seed: u32, frames: impl IntoIterator<Item = Frame>) -> Vec<[Estimate; 2]> {
+    let ball = || sought(EdgeSettings::default());
+    let views = vec![fisheye_view()];
+    let mut tracker = Tracker::new(views, vec![ball(), ball()], seed, Level::best()).unwrap();
+    let step = |frame: Frame| {
+        let time_s = frame.time_s();
+        tracker.observe(&[(0, frame)], time_s).unwrap();
+        [0, 1].map(|target| tracker.estimate_at(target, time_s))
+    };
+    frames.into_iter().map(step).collect()
+}
+
+/// The disc that a target is seen at, within two pixels.
+fn disc_of(estimate: &Estimate, discs: &[Disc]) -> Option<usize> {
+    let view = fisheye_view();
+    let position_m = nalgebra::Point3::from(estimate.kinematics?.position_m);
+    let place = view.camera_from_world() * position_m;
+    let [u, v] = view.camera().project(place.into())?;
+    let off_px = |disc: &Disc| (disc.0[0] - u).hypot(disc.0[1] - v);
+    discs.iter().position(|disc| off_px(disc) < 2.0)
+}
+
+#[test]
+fn of_two_equal_balls_each_target_finds_one() {
+    let discs = [([200.0, 150.0], 8.0), ([300.0, 180.0], 8.0)];
+    for seed in 1..6 {
+        let frames = (0..8).map(|index| with_balls(index, &discs));
+        let estimates = follow_two(seed, frames);
+        for (index, both) in estimates.iter().enumerate().skip(2) {
+            let mut found = both.each_ref().map(|estimate| disc_of(estimate, &discs));
+            found.sort_unstable();
+            assert_eq!(found, [Some(0), Some(1)], "seed {seed}, frame {index}");
+            assert!(both.iter().all(|e| e.state == TrackState::Tracking));
+        }
+    }
+}
+
+#[test]
+fn of_two_targets_only_one_finds_a_single_ball() {
+    for seed in 1..6 {
+        let discs = [([200.0, 150.0], 8.0)];
+        let frames = (0..25).map(|index| with_balls(index, &discs));
+        let estimates = follow_two(seed, frames);
+        for (index, [one, other]) in estimates.iter().enumerate().skip(2) {
+            assert_eq!(
+                one.state,
+                TrackState::Tracking,
+                "seed {seed}, frame {index}"
+            );
+            assert_eq!(
+                other.state,
+                TrackState::Searching,
+                "seed {seed}, frame {index}"
+            );
+            assert!(other.confidence < 0.5, "{}", other.confidence);
+        }
+    }
+}
+
+#[test]
+fn two_equal_balls_that_pass_each_other_stay_who_they_are() {
+    // The second is nearer and hides the first wholly.
+    let discs = |index: usize| {
+        let moved_px = 4.0 * index as f64;
+        [
+            ([330.0 - moved_px, 150.0], 6.0),
+            ([200.0 + moved_px, 152.0], 11.0),
+        ]
+    };
+    for seed in 1..6 {
+        let frames = (0..32).map(|index| with_balls(index, &discs(index)));
+        let estimates = follow_two(seed, frames);
+        let found = |index: usize| {
+            let discs = discs(index);
+            estimates[index]
+                .each_ref()
+                .map(|estimate| disc_of(estimate, &discs))
+        };
+        let first = found(4);
+        assert!(
+            first == [Some(0), Some(1)] || first == [Some(1), Some(0)],
+            "seed {seed}: {first:?}"
+        );
+        for index in (4..12).chain(22..32) {
+            assert_eq!(found(index), first, "seed {seed}, frame {index}");
+        }
+        // In between the one is not taken for lost, nor where the other is.
+        for (index, both) in estimates.iter().enumerate().take(22).skip(12) {
+            let [one, other] = both.each_ref().map(|e| e.kinematics.unwrap().position_m);
+            let apart_m = (0..3)
+                .map(|i| (one[i] - other[i]).powi(2))
+                .sum::<f64>()
+                .sqrt();
+            assert!(apart_m > 0.11, "seed {seed}, frame {index}: {apart_m}");
+        }
+        let hidden = first.iter().position(|found| *found == Some(0)).unwrap();
+        let states = [16, 17].map(|index| estimates[index][hidden].state);
+        assert!(
+            states.contains(&TrackState::Occluded),
+            "seed {seed}: {states:?}"
+        );
+    }
+}
+
+#[test]
+fn two_equal_balls_in_a_single_image_are_one_for_each_target() {
+    let ball = || sought(EdgeSettings::default());
+    let views = vec![fisheye_view()];
+    let mut tracker = Tracker::new(views, vec![ball(), ball()], 1, Level::best()).unwrap();
+    let discs = [([200.0, 150.0], 8.0), ([300.0, 180.0], 8.0)];
+    let frame = with_balls(0, &discs);
+    let starts = [Start::Anywhere; 2];
+    let located = tracker
+        .locate(&[(0, frame)], 0.0, &starts, &PASSES_SIGMA_M)
+        .unwrap();
+    let mut found = [0, 1].map(|target: usize| disc_of(&located[target], &discs));
+    found.sort_unstable();
+    assert_eq!(found, [Some(0), Some(1)]);
 }
 
 #[test]

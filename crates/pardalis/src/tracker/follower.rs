@@ -1,7 +1,7 @@
 //! A body, followed by cues that are compared with it at every particle, or sought by the edge cue.
 
 use super::body::Body;
-use super::seeker::Seeker;
+use super::seeker::{Alike, Seeker};
 use super::{BodySettings, Estimate};
 use crate::filter::StateEstimate;
 use crate::gaussian::GaussianStart;
@@ -103,28 +103,56 @@ impl Follower {
         }
     }
 
-    /// One step.
+    /// What is sought, among others alike perhaps.
+    pub(super) fn seeker(&self) -> Option<&Seeker> {
+        match self {
+            Self::Given(_) => None,
+            Self::Sought(seeker) => Some(seeker),
+        }
+    }
+
+    /// Whether both are sought, and no image tells them apart.
+    pub(super) fn looks_like(&self, other: &Self) -> bool {
+        let both = self.seeker().zip(other.seeker());
+        both.is_some_and(|(seeker, other)| seeker.looks_like(other))
+    }
+
+    /// The first half of a step of what is sought, so that others alike know where it is expected.
+    pub(super) fn predict(&mut self, time_s: f64, dt_s: f64) {
+        if let Self::Sought(seeker) = self {
+            seeker.predict(time_s, dt_s);
+        }
+    }
+
+    /// One step, or the second half of it.
     pub(super) fn observe(
         &mut self,
         views: &[View],
         frames: &[(usize, Frame)],
-        time_s: f64,
-        dt_s: f64,
+        (time_s, dt_s): (f64, f64),
+        alike: &Alike,
     ) {
         match self {
             Self::Given(body) => body.observe(views, frames, time_s, dt_s),
-            Self::Sought(seeker) => seeker.observe(views, frames, time_s, dt_s),
+            Self::Sought(seeker) => seeker.observe(views, frames, time_s, alike),
         }
     }
 
-    /// Where these frames alone say that it is. What is sought needs neither start nor passes.
+    /// Forgets what frames said of what is sought; where it starts, too.
+    pub(super) fn forget(&mut self) {
+        if let Self::Sought(seeker) = self {
+            seeker.forget();
+        }
+    }
+
+    /// Where these frames alone say that it is. What is sought, and was forgotten before, needs neither start nor passes.
     pub(super) fn locate(
         &mut self,
         views: &[View],
         frames: &[(usize, Frame)],
         time_s: f64,
-        start: &Start,
-        passes_sigma_m: &[f64],
+        (start, passes_sigma_m): (&Start, &[f64]),
+        alike: &Alike,
     ) -> Estimate {
         match self {
             Self::Given(body) => {
@@ -132,7 +160,9 @@ impl Follower {
                 body.estimate_of(found)
             }
             Self::Sought(seeker) => {
-                let found = seeker.locate(views, frames, time_s);
+                seeker.predict(time_s, 0.0);
+                seeker.observe(views, frames, time_s, alike);
+                let found = seeker.estimate(0.0);
                 Estimate {
                     kinematics: found.kinematics.map(|known| StateEstimate {
                         velocity_mps: None,

@@ -2,12 +2,17 @@
 
 mod body;
 mod follower;
+mod groups;
 mod landmarks;
 mod seeker;
 
 pub use seeker::{ExistenceSettings, OcclusionRates};
 
+use std::ops::Range;
+
 use follower::Follower;
+use groups::{apart, groups};
+use seeker::Seeker;
 
 use crate::color::ColorModel;
 use crate::filter::{FilterSettings, StateEstimate};
@@ -129,8 +134,8 @@ pub const SEEN_NATS: f64 = 1.0;
 const LANDMARK_BITS: u32 = 16;
 
 struct Target {
-    /// Its one body, or its landmarks.
-    bodies: Vec<Follower>,
+    /// Its one body, or its landmarks: their numbers among all.
+    bodies: Range<usize>,
     /// Its front and its rear landmark.
     heading: Option<[usize; 2]>,
     /// One a camera.
@@ -140,7 +145,11 @@ struct Target {
 /// Tracks targets through cameras.
 pub struct Tracker {
     views: Vec<View>,
+    /// Of all targets.
+    bodies: Vec<Follower>,
     targets: Vec<Target>,
+    /// The numbers of all bodies, those together that look the same.
+    groups: Vec<Vec<usize>>,
     time_s: Option<f64>,
 }
 
@@ -152,7 +161,8 @@ impl Tracker {
         seed: u32,
         level: Level,
     ) -> Result<Self, Error> {
-        let target = |(number, settings): (usize, TargetSettings)| {
+        let mut bodies: Vec<Follower> = Vec::new();
+        let mut target = |(number, settings): (usize, TargetSettings)| {
             let count = settings.bodies.len();
             if count == 0 {
                 return Err(Error::Empty {
@@ -167,17 +177,14 @@ impl Tracker {
                 let value = format!("{pair:?}");
                 return Err(Error::out_of_range("heading", value, &allowed));
             }
-            let body = |(landmark, body): (usize, &BodySettings)| {
+            let first = bodies.len();
+            for (landmark, body) in settings.bodies.iter().enumerate() {
                 let stream = number + (landmark << LANDMARK_BITS);
-                Follower::new(body, Draws::new(seed, stream as u32), &views, level)
-            };
+                let draws = Draws::new(seed, stream as u32);
+                bodies.push(Follower::new(body, draws, &views, level)?);
+            }
             Ok(Target {
-                bodies: settings
-                    .bodies
-                    .iter()
-                    .enumerate()
-                    .map(body)
-                    .collect::<Result<_, Error>>()?,
+                bodies: first..bodies.len(),
                 heading: settings.heading,
                 contributions: vec![Contribution::default(); views.len()],
             })
@@ -186,10 +193,12 @@ impl Tracker {
             .into_iter()
             .map(Into::into)
             .enumerate()
-            .map(target)
+            .map(&mut target)
             .collect::<Result<_, Error>>()?;
         Ok(Self {
             views,
+            groups: groups(&bodies),
+            bodies,
             targets,
             time_s: None,
         })
@@ -207,7 +216,7 @@ impl Tracker {
 
     /// Where each body of a target starts.
     pub fn starts(&self, target: usize) -> impl Iterator<Item = &Start> {
-        self.targets[target].bodies.iter().map(Follower::start)
+        self.bodies_of(target).iter().map(Follower::start)
     }
 
     /// The time of the last frames, in seconds.
@@ -217,7 +226,7 @@ impl Tracker {
 
     /// The particles of a target's bodies that have started.
     pub fn particles(&self, target: usize) -> impl Iterator<Item = &Particles> {
-        let bodies = self.targets[target].bodies.iter();
+        let bodies = self.bodies_of(target).iter();
         bodies
             .filter(|body| body.started())
             .map(Follower::particles)
@@ -239,16 +248,37 @@ impl Tracker {
             return Ok(Observed::Repeated);
         }
         self.prepare(frames)?;
-        for target in &mut self.targets {
-            target.observe(&self.views, frames, time_s, dt_s);
+        for group in 0..self.groups.len() {
+            self.step(group, frames, (time_s, dt_s));
         }
-        if self.bodies().any(Follower::compares_frames) {
+        for target in &mut self.targets {
+            target.note(&self.bodies[target.bodies.clone()], frames);
+        }
+        if self.bodies.iter().any(Follower::compares_frames) {
             for (camera, frame) in frames {
                 self.views[*camera].keep(frame.clone());
             }
         }
         self.time_s = Some(time_s);
         Ok(Observed::Used)
+    }
+
+    /// One step of bodies that look the same: those of whom more is known first, so that others look for what these leave.
+    fn step(&mut self, group: usize, frames: &[(usize, Frame)], (time_s, dt_s): (f64, f64)) {
+        let order = &mut self.groups[group];
+        for &number in &*order {
+            self.bodies[number].predict(time_s, dt_s);
+        }
+        let belief = |number: usize| self.bodies[number].seeker().map_or(0.0, Seeker::belief);
+        order.sort_by(|&a, &b| belief(b).total_cmp(&belief(a)).then(a.cmp(&b)));
+        for &number in &*order {
+            let (body, others) = apart(&mut self.bodies, number);
+            let target = self.targets.iter().find(|t| t.bodies.contains(&number));
+            let landmarks = target.into_iter().flat_map(|target| target.bodies.clone());
+            body.know_others(landmarks.filter_map(|number| others.get(number)?.place_m()));
+            let alike = others.alike(order);
+            body.observe(&self.views, frames, (time_s, dt_s), &alike);
+        }
     }
 
     /// Starts a target anew with its next frames, whatever becomes of it until then: from another robot's estimate, say
@@ -264,11 +294,11 @@ impl Tracker {
             return Err(Error::out_of_range("time_s", time_s, "-1e12 to 1e12"));
         }
         let count = self.targets.len();
-        let Some(found) = self.targets.get_mut(target) else {
+        let Some(found) = self.targets.get(target) else {
             let allowed = format!("the number of a target, below {count}");
             return Err(Error::out_of_range("target", target, &allowed));
         };
-        let [body] = &mut found.bodies[..] else {
+        let [body] = &mut self.bodies[found.bodies.clone()] else {
             let allowed =
                 "a target of one body; where its landmarks are, its position does not say";
             return Err(Error::out_of_range("target", target, allowed));
@@ -291,7 +321,7 @@ impl Tracker {
         starts: &[Start],
         passes_sigma_m: &[f64],
     ) -> Result<Vec<Estimate>, Error> {
-        let count = self.bodies().count();
+        let count = self.bodies.len();
         if starts.len() != count {
             let allowed = format!("{count}, one a body");
             return Err(Error::out_of_range("starts", starts.len(), &allowed));
@@ -306,19 +336,27 @@ impl Tracker {
         check_passes(passes_sigma_m)?;
         self.prepare(frames)?;
         self.time_s = Some(time_s);
-        let mut starts = starts.iter();
-        let mut located = |target: &mut Target| {
-            let starts = starts.by_ref().take(target.bodies.len());
-            let estimates = target.bodies.iter_mut().zip(starts).map(|(body, start)| {
-                body.locate(&self.views, frames, time_s, start, passes_sigma_m)
-            });
-            landmarks::combined(estimates, target.heading)
+        self.bodies.iter_mut().for_each(Follower::forget);
+        for group in &mut self.groups {
+            group.sort_unstable();
+        }
+        let mut located = Vec::new();
+        for (number, start) in starts.iter().enumerate() {
+            let (body, others) = apart(&mut self.bodies, number);
+            let group = self.groups.iter().find(|group| group.contains(&number));
+            let alike = others.alike(group.expect("every body is of a group"));
+            let start = (start, passes_sigma_m);
+            located.push(body.locate(&self.views, frames, time_s, start, &alike));
+        }
+        let estimate = |target: &Target| {
+            let of_bodies = located[target.bodies.clone()].iter();
+            landmarks::combined(of_bodies.copied(), target.heading)
         };
-        Ok(self.targets.iter_mut().map(&mut located).collect())
+        Ok(self.targets.iter().map(estimate).collect())
     }
 
-    fn bodies(&self) -> impl Iterator<Item = &Follower> {
-        self.targets.iter().flat_map(|target| &target.bodies)
+    fn bodies_of(&self, target: usize) -> &[Follower] {
+        &self.bodies[self.targets[target].bodies.clone()]
     }
 
     /// Makes sure that the frames can be looked up for every target.
@@ -327,7 +365,7 @@ impl Tracker {
             self.views[*camera].check(frame)?;
         }
         for (camera, frame) in frames {
-            for body in self.targets.iter().flat_map(|target| &target.bodies) {
+            for body in &self.bodies {
                 body.prepare(&mut self.views[*camera], frame);
             }
         }
@@ -347,7 +385,7 @@ impl Tracker {
 
     fn estimates(&self, target: usize, time_s: f64) -> impl ExactSizeIterator<Item = Estimate> {
         let ahead_s = self.time_s.map_or(0.0, |before| time_s - before);
-        let bodies = self.targets[target].bodies.iter();
+        let bodies = self.bodies_of(target).iter();
         bodies.map(move |body| body.estimate(ahead_s))
     }
 }
@@ -381,18 +419,8 @@ fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
 }
 
 impl Target {
-    /// One step of each body, and what each camera told.
-    fn observe(&mut self, views: &[View], frames: &[(usize, Frame)], time_s: f64, dt_s: f64) {
-        for number in 0..self.bodies.len() {
-            let (before, from) = self.bodies.split_at_mut(number);
-            let Some((body, after)) = from.split_first_mut() else {
-                break;
-            };
-            let others = before.iter().chain(after.iter());
-            body.know_others(others.filter_map(Follower::place_m));
-            body.observe(views, frames, time_s, dt_s);
-        }
-        let bodies = &self.bodies;
+    /// Notes what each camera told of its bodies.
+    fn note(&mut self, bodies: &[Follower], frames: &[(usize, Frame)]) {
         if bodies.iter().any(|body| !body.started()) {
             return;
         }

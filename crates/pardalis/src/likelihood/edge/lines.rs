@@ -201,6 +201,7 @@ impl Lines {
         self.body = mean(&body);
         let total: f32 = bodies.iter().sum();
         self.seen_share = alike.iter().sum::<f32>() / total.max(1e-6);
+        let alone = alone(look, corners);
         for sector in 0..SECTORS {
             // A sector without pixels of its own follows the others.
             let share = if bodies[sector] > 0.0 {
@@ -208,7 +209,7 @@ impl Lines {
             } else {
                 self.seen_share
             };
-            let share = share * self.familiar[sector];
+            let share = share * self.familiar[sector] * alone[sector];
             self.seen[sector] = LEAST_SEEN + (1.0 - 2.0 * LEAST_SEEN) * share;
         }
         self.temper = settings.temper as f32;
@@ -333,6 +334,18 @@ impl Lines {
     pub(super) fn sector(&self, k: usize) -> usize {
         k * SECTORS / self.crossings.len()
     }
+}
+
+/// The share of each sector that lies outside of others of the body's colours.
+fn alone(look: &Look, corners: &[Corner]) -> [f32; SECTORS] {
+    let mut shares = [1.0_f32; SECTORS];
+    let a_corner = SECTORS as f32 / corners.len() as f32;
+    for (k, corner) in corners.iter().enumerate() {
+        if look.is_anothers(corner.crossing.point) {
+            shares[k * SECTORS / corners.len()] -= a_corner;
+        }
+    }
+    shares.map(|share| share.max(0.0))
 }
 
 /// Finds how each corner's outline bends, from its neighbours' normals.

@@ -131,6 +131,8 @@ pub(crate) struct Look<'a> {
     likeness: &'a [f64],
     /// What surrounded the target when this camera saw it last, sector by sector.
     known_around: Option<&'a Around>,
+    /// The outlines of others of its colours: an edge between it and them cannot be seen.
+    others: Vec<Vec<[f32; 2]>>,
 }
 
 /// Mean Y, U and V around a body, sector by sector.
@@ -153,7 +155,20 @@ impl<'a> Look<'a> {
             in_ranges: ranges.map(|ranges| evidence.match_table(ranges)),
             likeness,
             known_around,
+            others: Vec::new(),
         }
+    }
+
+    /// Whether a place in the image lies within the outline of another of the target's colours.
+    fn is_anothers(&self, [u, v]: [f32; 2]) -> bool {
+        let is_within = |outline: &Vec<[f32; 2]>| {
+            let next = outline.iter().cycle().skip(1);
+            let crossed = outline.iter().zip(next).filter(|([u0, v0], [u1, v1])| {
+                (*v0 > v) != (*v1 > v) && u < u0 + (v - v0) / (v1 - v0) * (u1 - u0)
+            });
+            crossed.count() % 2 == 1
+        };
+        self.others.iter().any(is_within)
     }
 
     pub(crate) fn camera(&self) -> usize {
@@ -285,16 +300,29 @@ impl EdgeCue {
         look.shows(self.level, &place)[0]
     }
 
+    /// The outline of a position, as far as it has pixels.
+    fn outline_px(
+        &mut self,
+        look: &Look,
+        position_m: [f64; 3],
+    ) -> impl Iterator<Item = [f32; 2]> + Clone {
+        self.project(look, &position_m.map(|v| [v as f32; LANES]));
+        let points = self.coordinates.iter().map(|[u, v]| [u[0], v[0]]);
+        points.filter(|point| point.iter().all(|v| v.is_finite()))
+    }
+
+    /// Tells a look of a body that looks as the target does.
+    pub(crate) fn show_another(&mut self, look: &mut Look, position_m: [f64; 3]) {
+        let outline = self.outline_px(look, position_m).collect();
+        look.others.push(outline);
+    }
+
     /// The area within the outline of a position, as far as it has pixels, in square pixels.
     pub(crate) fn area_px(&mut self, look: &Look, position_m: [f64; 3]) -> f64 {
-        self.project(look, &position_m.map(|v| [v as f32; LANES]));
-        let points = || {
-            let at = |[u, v]: &Coordinates| [f64::from(u[0]), f64::from(v[0])];
-            let points = self.coordinates.iter().map(at);
-            points.filter(|[u, v]| u.is_finite() && v.is_finite())
-        };
-        let next = points().cycle().skip(1);
-        let twice: f64 = points()
+        let points = self.outline_px(look, position_m);
+        let points = points.map(|point| point.map(f64::from));
+        let next = points.clone().cycle().skip(1);
+        let twice: f64 = points
             .zip(next)
             .map(|([u0, v0], [u1, v1])| u0 * v1 - u1 * v0)
             .sum();

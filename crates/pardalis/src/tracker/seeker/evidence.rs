@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Seeker;
+use super::alike::Alike;
 use crate::bernoulli::Peak;
 use crate::likelihood::edge::Sighting;
 
@@ -23,9 +24,28 @@ const APART_DIAMETERS: f64 = 10.0;
 const APART_NATS: f64 = 8.0;
 
 impl Seeker {
+    /// A peak for each sighting. Which is which of targets that look the same nobody can say: the first that looks for one takes what is likeliest, and leaves the other
+    /// sightings to those after it.
+    pub(super) fn peaks(&self, sightings: &mut Vec<Sighting>, alike: &Alike) -> Vec<Peak> {
+        let mut peaks: Vec<Peak> = Vec::new();
+        sightings.retain_mut(|sighting| {
+            let peak = self.peak(sighting, alike);
+            peaks.extend(peak);
+            peak.is_some()
+        });
+        if !self.is_found()
+            && alike.leaves_some_to_others()
+            && let Some(likeliest) = self.likeliest(&peaks)
+        {
+            peaks = vec![peaks[likeliest]];
+            *sightings = vec![sightings.swap_remove(likeliest)];
+        }
+        peaks
+    }
+
     /// The Gaussian that a sighting is, and its sighting weighed against what else may look like the target: things of its colours and form, of which so many are in a
     /// frame, anywhere. The sharper a sighting, the less likely that one of them is just there.
-    pub(super) fn peak(&self, sighting: &mut Sighting) -> Option<Peak> {
+    fn peak(&self, sighting: &mut Sighting, alike: &Alike) -> Option<Peak> {
         let widest_m = MAX_SIGMA_DIAMETERS * self.shape.diameter_m();
         let mut information =
             sighting.information + Matrix3::from_diagonal_element(widest_m.powi(-2));
@@ -45,8 +65,10 @@ impl Seeker {
             - UNLIKE_NATS * (1.0 - sighting.seen_share())
             + colors;
         let anywhere = ALIKE_A_FRAME * self.birth_density;
-        let log_evidence = likeness - libm::log(anywhere);
-        sighting.existence_nats = self.existence_nats(sighting, &inverse, likeness, colors);
+        let place = (sighting.position_m, &inverse);
+        let taken = self.taken_nats(alike, place, likeness, anywhere);
+        let log_evidence = likeness - libm::log(anywhere) - taken;
+        sighting.existence_nats = self.existence_nats(sighting, &inverse, likeness, colors) - taken;
         sighting.offset = ((log_evidence - log_volume - sighting.log_ratio) / cameras) as f32;
         Some(Peak {
             position_m: sighting.position_m,
@@ -72,6 +94,20 @@ impl Seeker {
         let as_new = likeness + libm::log(self.birth_density / alike);
         let as_followed = likeness.max(colors.min(0.0)) + libm::log(followed / alike);
         as_new.max(as_followed)
+    }
+
+    /// The number of the peak that most likely is the target: where it was expected, or else where the images speak for it most.
+    fn likeliest(&self, peaks: &[Peak]) -> Option<usize> {
+        let score = |peak: &Peak| {
+            let [xx, xy, xz, yy, yz, zz] = peak.covariance_m2;
+            let covariance_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            let expected = self.density(peak.position_m, &covariance_m2) + self.birth_density;
+            peak.log_evidence + libm::log(expected)
+        };
+        let scores = peaks.iter().map(score).enumerate();
+        // Of two alike the first.
+        let best = scores.reduce(|best, next| if next.1 > best.1 { next } else { best });
+        best.map(|(number, _)| number)
     }
 
     /// ln of √|2πΣ| of a covariance Σ, m³, or m² on the ground.

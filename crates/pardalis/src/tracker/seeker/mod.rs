@@ -1,18 +1,20 @@
 //! A body that is found, followed, lost and found again by what the images say of it: sightings by the edge cue, cameras that see it or not, and a
 //! Bernoulli filter for where it is and whether it is there at all.
 
+mod alike;
 mod evidence;
 mod existence;
 mod places;
 mod sight;
 
+pub(super) use alike::Alike;
 pub use existence::ExistenceSettings;
 pub use sight::OcclusionRates;
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::{BodySettings, Estimate, TrackState};
-use crate::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use crate::bernoulli::{BernoulliFilter, BernoulliSettings};
 use crate::color::{ColorModel, PixelKind};
 use crate::detect::{COARSE_PX, likeness};
 use crate::filter::StateEstimate;
@@ -151,14 +153,8 @@ impl Seeker {
         self.filter.particles()
     }
 
-    /// One step.
-    pub(super) fn observe(
-        &mut self,
-        views: &[View],
-        frames: &[(usize, Frame)],
-        time_s: f64,
-        dt_s: f64,
-    ) {
+    /// Lets time pass, or starts.
+    pub(super) fn predict(&mut self, time_s: f64, dt_s: f64) {
         if let Some((start, since_s)) = self.handed_over.take() {
             self.begin(&start);
             self.filter.predict((time_s - since_s).max(0.0));
@@ -170,6 +166,16 @@ impl Seeker {
             self.filter.predict(BEFORE_S);
         }
         self.started = true;
+    }
+
+    /// Weighs what was predicted by the frames.
+    pub(super) fn observe(
+        &mut self,
+        views: &[View],
+        frames: &[(usize, Frame)],
+        time_s: f64,
+        alike: &Alike,
+    ) {
         let likenesses: Vec<Vec<f64>> = frames
             .iter()
             .map(|(camera, frame)| {
@@ -178,7 +184,7 @@ impl Seeker {
             .collect();
         let colors = (self.edge.palette(), self.edge.ranges());
         let known_around = std::mem::take(&mut self.known_around);
-        let looks: Vec<Look> = frames
+        let mut looks: Vec<Look> = frames
             .iter()
             .zip(&likenesses)
             .map(|((camera, frame), likeness)| {
@@ -192,8 +198,13 @@ impl Seeker {
                 )
             })
             .collect();
+        for place_m in alike.places_m() {
+            for look in &mut looks {
+                self.edge.show_another(look, place_m);
+            }
+        }
         let mut sightings = self.sightings(&looks);
-        self.update(&looks, &mut sightings, time_s);
+        self.update(&looks, &mut sightings, time_s, alike);
         self.conclude(time_s);
         drop(looks);
         self.known_around = known_around;
@@ -203,7 +214,7 @@ impl Seeker {
     /// Learns what surrounds the target from the sighting that is it, if it is surely there.
     fn learn_surroundings(&mut self, frames: &[(usize, Frame)], sightings: &[Sighting]) {
         let watches = self.edge.settings().watches_surroundings;
-        if !watches || self.state != TrackState::Tracking || self.belief(0.0) < SURE {
+        if !watches || self.state != TrackState::Tracking || self.belief() < SURE {
             return;
         }
         let Some(known) = self.filter.estimate(0.0) else {
@@ -296,11 +307,14 @@ impl Seeker {
     }
 
     /// Weighs the particles.
-    fn update(&mut self, looks: &[Look], sightings: &mut [Sighting], time_s: f64) {
-        let peaks = sightings
-            .iter_mut()
-            .filter_map(|sighting| self.peak(sighting));
-        let peaks: Vec<Peak> = peaks.collect();
+    fn update(
+        &mut self,
+        looks: &[Look],
+        sightings: &mut Vec<Sighting>,
+        time_s: f64,
+        alike: &Alike,
+    ) {
+        let peaks = self.peaks(sightings, alike);
         let speaks = sightings.iter().map(|sighting| sighting.existence_nats);
         let speaks = speaks.fold(f64::from(MISSED), f64::max);
         let rates = self.settings.occlusion;
@@ -385,7 +399,7 @@ impl Seeker {
             .map(|sight| sight.sees)
             .fold(0.0, f64::max);
         let was_known = matches!(self.state, TrackState::Tracking | TrackState::Occluded);
-        let belief = self.belief(0.0);
+        let belief = self.belief();
         let least = if was_known { LEAST_BELIEF } else { NEW_BELIEF };
         self.state = if existence >= 0.5 && sees >= 0.5 && belief >= least {
             TrackState::Tracking
@@ -399,7 +413,12 @@ impl Seeker {
     }
 
     /// The probability that the target is there, and within a diameter of the estimate.
-    fn belief(&self, ahead_s: f64) -> f64 {
+    pub(super) fn belief(&self) -> f64 {
+        self.belief_ahead(0.0)
+    }
+
+    /// The same so many seconds later.
+    fn belief_ahead(&self, ahead_s: f64) -> f64 {
         let near = |known: StateEstimate| {
             self.filter
                 .weight_within(known.position_m, self.shape.diameter_m())
@@ -408,13 +427,8 @@ impl Seeker {
         self.filter.existence() * known.map_or(0.0, near)
     }
 
-    /// Where these frames alone say that it is: as if it had never been seen before.
-    pub(super) fn locate(
-        &mut self,
-        views: &[View],
-        frames: &[(usize, Frame)],
-        time_s: f64,
-    ) -> Estimate {
+    /// As if it had never been seen before.
+    pub(super) fn forget(&mut self) {
         self.begin_anew();
         self.started = false;
         self.sights.fill(None);
@@ -422,8 +436,6 @@ impl Seeker {
         self.state = TrackState::Searching;
         self.handed_over = None;
         self.start = Start::Anywhere;
-        self.observe(views, frames, time_s, 0.0);
-        self.estimate(0.0)
     }
 
     /// How many nats more likely than nothing a camera's last frame is, in the mean over the posterior.
@@ -447,7 +459,7 @@ impl Seeker {
             }
         }
         let confidence = if is_known {
-            self.belief(ahead_s)
+            self.belief_ahead(ahead_s)
         } else {
             // That it is in view at all.
             let sees = self.sights.iter().flatten().map(|sight| sight.sees);
