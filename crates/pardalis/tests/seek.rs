@@ -182,6 +182,144 @@ fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is
     assert!(is_taken(&painted([60.0, 30.0, 15.0], false)));
 }
 
+/// The picture in other light: gains of red, green and blue.
+fn in_light(mut picture: RgbImage, gains: [f64; 3]) -> RgbImage {
+    for pixel in picture.pixels_mut() {
+        for (value, gain) in pixel.0.iter_mut().zip(gains) {
+            *value = (f64::from(*value) * gain).round().min(255.0) as u8;
+        }
+    }
+    picture
+}
+
+/// Six seconds, in which the ball moves little, up and down again; `paint` makes each picture, given its number and the share of the time that is over.
+fn six_seconds(edge: EdgeSettings, paint: impl Fn(usize, f64) -> RgbImage) -> Vec<Estimate> {
+    let frames = (0..150).map(|count| {
+        let index = if count % 50 < 25 {
+            count % 25
+        } else {
+            24 - count % 25
+        };
+        let picture = paint(index, f64::from(count as u32) / 149.0);
+        as_frame(&picture, count, PixelFormat::Rgb8)
+    });
+    follow(&mut tracker_with(edge, 8), frames)
+}
+
+const FIXED: EdgeSettings = EdgeSettings {
+    adapts_colors: false,
+    lines: 64,
+    temper: 0.15,
+    shared_sigma_px: 0.15,
+    learnt_profile: true,
+    tells_sides: true,
+    watches_surroundings: true,
+    weighs_colors: true,
+};
+
+/// Light that becomes so much darker and colder, and that grows warm.
+const LIGHTS: [[f64; 3]; 3] = [[0.35, 0.35, 0.35], [0.48, 0.6, 0.9], [0.74, 0.6, 0.4]];
+
+fn fading(gains: [f64; 3], share: f64) -> [f64; 3] {
+    gains.map(|gain| libm::pow(gain, share))
+}
+
+#[test]
+fn light_that_changes_is_followed_by_colours_that_adapt() {
+    for gains in LIGHTS {
+        for adapts in [true, false] {
+            let edge = EdgeSettings {
+                adapts_colors: adapts,
+                ..EdgeSettings::default()
+            };
+            let estimates = six_seconds(edge, |index, share| {
+                in_light(jump_picture(index), fading(gains, share))
+            });
+            let t: String = estimates
+                .iter()
+                .map(|e| format!("{:?}", e.state).chars().next().unwrap())
+                .collect();
+            println!(
+                "{gains:?} {adapts} {t} {:.2} {:.2}",
+                estimates[120].confidence, estimates[149].confidence
+            );
+        }
+    }
+}
+
+#[test]
+fn a_ball_that_is_painted_slowly() {
+    for rgb in [
+        [150.0, 105.0, 78.0],
+        [230.0, 180.0, 60.0],
+        [60.0, 30.0, 15.0],
+        [215.0, 85.0, 60.0],
+        [125.0, 85.0, 68.0],
+    ] {
+        for adapts in [true, false] {
+            let edge = EdgeSettings {
+                adapts_colors: adapts,
+                ..EdgeSettings::default()
+            };
+            let estimates = six_seconds(edge, |index, share| {
+                let color = [0, 1, 2].map(|i| {
+                    [185.0, 90.0, 37.0][i]
+                        + share.min(0.8) / 0.8 * (rgb[i] - [185.0, 90.0, 37.0][i])
+                });
+                with_disc(covered(index), [200.0, 150.0], 8.0, color)
+            });
+            let t: String = estimates
+                .iter()
+                .map(|e| format!("{:?}", e.state).chars().next().unwrap())
+                .collect();
+            println!(
+                "{rgb:?} {adapts} {t} {:.2} {:.2}",
+                estimates[120].confidence, estimates[149].confidence
+            );
+        }
+    }
+}
+
+#[test]
+fn distractor() {
+    for gains in [[1.0; 3]] {
+        for rgb in [
+            [125.0, 85.0, 68.0],
+            [150.0, 105.0, 78.0],
+            [60.0, 30.0, 15.0],
+            [200.0, 45.0, 40.0],
+            [215.0, 85.0, 60.0],
+            [170., 100., 60.],
+        ] {
+            for adapts in [true, false] {
+                let edge = EdgeSettings {
+                    adapts_colors: adapts,
+                    ..EdgeSettings::default()
+                };
+                let estimates = six_seconds(edge, |index, share| {
+                    let p = if share < 0.6 {
+                        jump_picture(index)
+                    } else {
+                        covered(index)
+                    };
+                    in_light(
+                        with_disc(p, [200.0, 150.0], 8.0, rgb),
+                        fading(gains, (share / 0.6).min(1.0)),
+                    )
+                });
+                let t: String = estimates
+                    .iter()
+                    .map(|e| format!("{:?}", e.state).chars().next().unwrap())
+                    .collect();
+                println!(
+                    "{gains:?} {rgb:?} {adapts} {t} {:.2} {:.2}",
+                    estimates[120].confidence, estimates[149].confidence
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
     let run = |threads: usize| {

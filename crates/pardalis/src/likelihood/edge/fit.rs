@@ -36,8 +36,15 @@ impl Sighting {
     }
 
     /// What is seen of it in the target's colours, a camera: mean Y, U and V.
-    pub(crate) fn bodies(&self) -> impl Iterator<Item = [f32; 3]> {
-        self.lines.iter().map(|lines| lines.body)
+    pub(crate) fn bodies(&self) -> impl Iterator<Item = (usize, [f32; 3])> {
+        self.lines.iter().map(|lines| (lines.camera, lines.body))
+    }
+
+    /// The same of one camera, if nothing hides any of it there.
+    pub(crate) fn whole_body(&self, camera: usize) -> Option<[f32; 3]> {
+        let lines = self.lines_of(camera).next()?;
+        let is_whole = lines.seen_share >= WHOLE && lines.familiar_share() >= WHOLE;
+        is_whole.then_some(lines.body)
     }
 
     /// How many cameras see it.
@@ -100,6 +107,8 @@ impl Sums {
     }
 }
 
+/// From these shares of its pixels and of what surrounds it on, nothing hides a body.
+const WHOLE: f32 = 0.75;
 /// Times that lines are looked along anew, around what the ones before made of it.
 const ROUNDS: usize = 4;
 /// Newton steps a round.

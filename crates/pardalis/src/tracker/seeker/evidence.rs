@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::Seeker;
 use crate::bernoulli::Peak;
+use crate::color::PixelKind;
 use crate::likelihood::edge::Sighting;
 
 /// Things that look like a target are so many in a frame, on average, over all places where targets appear.
@@ -90,7 +91,10 @@ impl Seeker {
         let Some(known) = self.colors.body().filter(|_| weighs) else {
             return 0.0;
         };
-        let of_cameras = sighting.bodies().map(|body| known.log_ratio(body));
+        let of_cameras = sighting.bodies().map(|(camera, body)| {
+            let relight = self.lighting[camera].light.undone(PixelKind::MEAN);
+            known.log_ratio(relight.color(body))
+        });
         of_cameras.reduce(f64::min).unwrap_or(0.0)
     }
 
