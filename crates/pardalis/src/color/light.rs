@@ -10,6 +10,9 @@ const MEAN_SIGMA: f64 = 5.0;
 /// ... and how far light differs, in brightness and warmth.
 const USUAL: [f64; 2] = [1.0, 0.3];
 
+/// Raw bytes around which gains are linear in any kind of pixels: far from the borders of the gamut, in brighter light too.
+const GREY: [f64; 3] = [40.0, 128.0, 128.0];
+
 /// How light differs from other light. Of grey levels, not of the light itself: a power law keeps gains gains.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Light {
@@ -59,21 +62,19 @@ impl Light {
                 encoding.yuv_from_rgb([0, 1, 2].map(|i| rgb[i] * gains[i]))
             }
         };
-        // Linear but for the gamut's borders, far from which it is probed.
-        const MIDDLE: [f64; 3] = [40.0, 128.0, 128.0];
-        let at_middle = relit(MIDDLE);
+        let at_grey = relit(GREY);
         let mut rows = [[0.0_f32; 4]; 3];
         for column in 0..3 {
-            let mut beside = MIDDLE;
+            let mut beside = GREY;
             beside[column] += 1.0;
             let beside = relit(beside);
             for row in 0..3 {
-                rows[row][column] = (beside[row] - at_middle[row]) as f32;
+                rows[row][column] = (beside[row] - at_grey[row]) as f32;
             }
         }
         for row in 0..3 {
-            let linear: f64 = (0..3).map(|i| f64::from(rows[row][i]) * MIDDLE[i]).sum();
-            rows[row][3] = (at_middle[row] - linear) as f32;
+            let linear: f64 = (0..3).map(|i| f64::from(rows[row][i]) * GREY[i]).sum();
+            rows[row][3] = (at_grey[row] - linear) as f32;
         }
         Relight { rows: Some(rows) }
     }

@@ -197,8 +197,8 @@ pub enum PixelKind {
 }
 
 impl PixelKind {
-    /// Y, U and V of BT.601, full range: what mean colours are given in.
-    pub(crate) const MEAN: Self = Self::Yuv(YuvEncoding {
+    /// Y, U and V of BT.601, full range.
+    pub(crate) const FULL_RANGE_YUV: Self = Self::Yuv(YuvEncoding {
         matrix: super::YuvMatrix::Bt601,
         range: super::YuvRange::Full,
     });

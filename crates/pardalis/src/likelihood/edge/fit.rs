@@ -43,8 +43,7 @@ impl Sighting {
     /// The same of one camera, if nothing hides any of it there.
     pub(crate) fn whole_body(&self, camera: usize) -> Option<[f32; 3]> {
         let lines = self.lines_of(camera).next()?;
-        let is_whole = lines.seen_share >= WHOLE && lines.familiar_share() >= WHOLE;
-        is_whole.then_some(lines.body)
+        (lines.seen_share >= WHOLE).then_some(lines.body)
     }
 
     /// How many cameras see it.
@@ -107,7 +106,7 @@ impl Sums {
     }
 }
 
-/// From these shares of its pixels and of what surrounds it on, nothing hides a body.
+/// From this share of its outline on, seen in the target's colours, nothing hides a body.
 const WHOLE: f32 = 0.75;
 /// Times that lines are looked along anew, around what the ones before made of it.
 const ROUNDS: usize = 4;

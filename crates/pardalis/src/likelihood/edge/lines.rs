@@ -237,14 +237,10 @@ impl Lines {
                 self.familiar[sector] = familiar.clamp(0.0, 1.0);
             }
         }
-        if self.familiar_share() < 1.0 - MOVED_ON {
+        let unfamiliar: f32 = self.familiar.iter().map(|familiar| 1.0 - familiar).sum();
+        if unfamiliar > MOVED_ON * SECTORS as f32 {
             self.familiar = [1.0; SECTORS];
         }
-    }
-
-    /// The share of the sectors that are familiar.
-    pub(super) fn familiar_share(&self) -> f32 {
-        self.familiar.iter().sum::<f32>() / SECTORS as f32
     }
 
     /// How sharply the lines tell, all together, whether the outline lies farther out: 1/px².

@@ -92,7 +92,7 @@ impl Seeker {
             return 0.0;
         };
         let of_cameras = sighting.bodies().map(|(camera, body)| {
-            let relight = self.lighting[camera].light.undone(PixelKind::MEAN);
+            let relight = self.lighting[camera].relight(PixelKind::FULL_RANGE_YUV);
             known.log_ratio(relight.color(body))
         });
         of_cameras.reduce(f64::min).unwrap_or(0.0)

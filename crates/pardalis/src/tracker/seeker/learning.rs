@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::{Seeker, TrackState};
 use crate::Frame;
-use crate::color::{Light, PixelKind};
+use crate::color::{Light, PixelKind, Relight};
 use crate::detect::mean_color;
 use crate::likelihood::edge::Sighting;
 use crate::view::View;
@@ -12,7 +12,7 @@ use crate::view::View;
 /// From this belief on, the target is surely there.
 const SURE: f64 = 0.9;
 /// Light is learnt, all but 1/e of it, in so many seconds, ...
-const LEARN_S: f64 = 1.0;
+const LEARN_S: f64 = 0.5;
 /// ... and forgotten in so many where the target is not seen.
 const FORGET_S: f64 = 10.0;
 /// How far light may be from that in which the colours were learnt, in brightness and warmth, ...
@@ -24,25 +24,30 @@ const APART: [f64; 2] = [0.2, 0.05];
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Lighting {
     /// Beside that in which its colours were learnt.
-    pub(super) light: Light,
+    light: Light,
     /// The mean colour of the image in which it was surely seen first.
     first: Option<[f32; 3]>,
     /// The time of the camera's last frame, in seconds.
-    time_s: f64,
+    time_s: Option<f64>,
 }
 
 impl Lighting {
-    /// Learns from the target's mean colour beside the `known` one, in an image of this mean colour; forgets where the target is not seen.
-    fn learn(&mut self, known: [f32; 3], seen: Option<[f32; 3]>, image: [f32; 3], time_s: f64) {
-        let (aim, within_s) = if let Some(body) = seen {
+    /// From its frames' pixels to those in the light in which the target's colours were learnt.
+    pub(super) fn relight(&self, kind: PixelKind) -> Relight {
+        self.light.undone(kind)
+    }
+
+    /// Learns from the mean colours of the target, as it is `known` and as it is seen now, and of the image; forgets where the target is not seen.
+    fn learn(&mut self, known: [f32; 3], seen: Option<[[f32; 3]; 2]>, time_s: f64) {
+        let (aim, within_s) = if let Some([body, image]) = seen {
             let first = *self.first.get_or_insert(image);
             let aim = possible(Light::between(known, body), Light::between(first, image));
             (aim, LEARN_S)
         } else {
             (Light::default(), FORGET_S)
         };
-        let rate = 1.0 - libm::exp(-(time_s - self.time_s).max(0.0) / within_s);
-        self.time_s = time_s;
+        let since_s = self.time_s.replace(time_s).unwrap_or(time_s);
+        let rate = 1.0 - libm::exp((since_s - time_s).min(0.0) / within_s);
         self.light.brightness += rate * (aim.brightness - self.light.brightness);
         self.light.warmth += rate * (aim.warmth - self.light.warmth);
     }
@@ -76,14 +81,14 @@ impl Seeker {
             if let Some(sighting) = sighting.filter(|_| settings.watches_surroundings) {
                 sighting.learn_around(*camera, &mut self.known_around[*camera]);
             }
-            if let Some(body) = self.colors.body().filter(|_| settings.adapts_colors) {
+            if let Some(known) = self.colors.body().filter(|_| settings.adapts_colors) {
+                let lighting = &mut self.lighting[*camera];
+                let relight = lighting.relight(PixelKind::FULL_RANGE_YUV);
                 let seen = sighting.and_then(|sighting| sighting.whole_body(*camera));
-                let light = self.lighting[*camera].light;
-                let seen = seen.filter(|&color| {
-                    body.log_ratio(light.undone(PixelKind::MEAN).color(color)) > 0.0
-                });
-                let image = mean_color(&views[*camera].evidence(frame));
-                self.lighting[*camera].learn(body.mean(), seen, image, time_s);
+                // Nothing is learnt from colours that speak against the target.
+                let seen = seen.filter(|&body| known.log_ratio(relight.color(body)) > 0.0);
+                let image = || mean_color(&views[*camera].evidence(frame));
+                lighting.learn(known.mean(), seen.map(|body| [body, image()]), time_s);
             }
         }
     }
@@ -121,7 +126,7 @@ mod tests {
             let share = frame as f64 / (25 * seconds) as f64;
             let [target, image] = [(ORANGE, of_target), (ROOM, of_image)]
                 .map(|(rgb, least)| yuv(rgb.map(|level| level * libm::pow(least, share))));
-            lighting.learn(yuv(ORANGE), Some(target), image, frame as f64 / 25.0);
+            lighting.learn(yuv(ORANGE), Some([target, image]), frame as f64 / 25.0);
         }
         lighting
     }
@@ -142,8 +147,7 @@ mod tests {
     #[test]
     fn light_is_forgotten_where_the_target_is_not_seen() {
         let mut lighting = learnt([0.4, 0.4], 10);
-        let dark = yuv(ROOM.map(|level| 0.4 * level));
-        lighting.learn(yuv(ORANGE), None, dark, 10.0 + FORGET_S);
+        lighting.learn(yuv(ORANGE), None, 10.0 + FORGET_S);
         let kept = lighting.light.brightness / libm::log(0.4);
         assert!((0.25..0.37).contains(&kept), "{kept}");
     }

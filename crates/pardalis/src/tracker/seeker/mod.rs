@@ -176,7 +176,7 @@ impl Seeker {
             .iter()
             .map(|(camera, frame)| {
                 let evidence = views[*camera].evidence(frame);
-                let relight = self.lighting[*camera].light.undone(PixelKind::of(frame));
+                let relight = self.lighting[*camera].relight(PixelKind::of(frame));
                 let likeness = likeness(&evidence, &self.colors, &relight, COARSE_PX);
                 (likeness, relight)
             })
