@@ -1,7 +1,7 @@
 //! Detection: where in an image a target's colours stand out, without any knowledge of where it might be.
 
 use crate::camera::Mask;
-use crate::color::{ColorModel, ColorRanges, Palette};
+use crate::color::{ColorModel, ColorRanges, Palette, PixelKind, Relight};
 use crate::frame::with_pixels;
 use crate::view::Evidence;
 
@@ -30,11 +30,16 @@ pub struct Blob {
 pub(crate) const COARSE_PX: usize = 4;
 
 /// For each bin, how much likelier a pixel of it is the target's than the image's: t / (t + f), of shares t of the target's and f of the image's
-/// pixels, so that nothing need be known of the background (the ratio of histograms of Swain and Ballard 1991). Every `step_px`th pixel of every
+/// pixels, their light undone, so that nothing need be known of the background (the ratio of histograms of Swain and Ballard 1991). Every `step_px`th pixel of every
 /// `step_px`th row is counted.
 ///
 /// Panics where the frame was not prepared for the colours' palette ([`View::prepare`](crate::view::View::prepare)).
-pub(crate) fn likeness(evidence: &Evidence, colors: &ColorModel, step_px: usize) -> Vec<f64> {
+pub(crate) fn likeness(
+    evidence: &Evidence,
+    colors: &ColorModel,
+    relight: &Relight,
+    step_px: usize,
+) -> Vec<f64> {
     let frame = evidence.frame();
     let table = evidence.table(colors.palette());
     let (width, height) = (frame.width(), frame.height());
@@ -44,7 +49,7 @@ pub(crate) fn likeness(evidence: &Evidence, colors: &ColorModel, step_px: usize)
     with_pixels!(frame, components => for y in (0..height).step_by(step_px) {
         for x in (0..width).step_by(step_px) {
             if open.is_none_or(|open| open[y * width + x]) {
-                counts[usize::from(table.bin(components(x, y)))] += 1;
+                counts[usize::from(table.bin(relight.bytes(components(x, y))))] += 1;
                 total += 1;
             }
         }
@@ -64,21 +69,41 @@ pub(crate) fn likeness(evidence: &Evidence, colors: &ColorModel, step_px: usize)
 /// From this likeness on, a pixel counts as the target's: its colour has twice the share among the target's pixels that it has in the image.
 pub(crate) const LEAST_LIKENESS: f64 = 2.0 / 3.0;
 
+/// The mean Y, U and V of an image's unmasked pixels.
+pub(crate) fn mean_color(evidence: &Evidence) -> [f32; 3] {
+    let frame = evidence.frame();
+    let kind = PixelKind::of(frame);
+    let (width, height) = (frame.width(), frame.height());
+    let open = evidence.view().mask().map(Mask::open);
+    let (mut sums, mut count) = ([0.0_f32; 3], 0.0_f32);
+    with_pixels!(frame, components => for y in (0..height).step_by(COARSE_PX) {
+        for x in (0..width).step_by(COARSE_PX) {
+            if open.is_none_or(|open| open[y * width + x]) {
+                let color = kind.full_range_yuv(components(x, y));
+                (0..3).for_each(|i| sums[i] += color[i]);
+                count += 1.0;
+            }
+        }
+    });
+    sums.map(|sum| sum / count.max(1.0))
+}
+
 /// The blobs of a target's colours in one image, the largest first, at most eight.
 ///
 /// A colour stands out where its share among the target's pixels is at least twice that in the image. Panics where the frame was not prepared for the colours' palette
 /// ([`View::prepare`](crate::view::View::prepare)).
 pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
-    let likeness = likeness(evidence, colors, 1);
-    blobs_alike(evidence, colors.palette(), &likeness, None)
+    let likeness = likeness(evidence, colors, &Relight::NONE, 1);
+    blobs_alike(evidence, colors.palette(), &likeness, None, &Relight::NONE)
 }
 
-/// The same where the likeness of each bin is known, of pixels in these ranges alone, which the frame was prepared for.
+/// The same where the likeness of each bin is known, of pixels in these ranges alone, which the frame was prepared for, in light that is to be undone.
 pub(crate) fn blobs_alike(
     evidence: &Evidence,
     palette: Palette,
     likeness: &[f64],
     ranges: Option<ColorRanges>,
+    relight: &Relight,
 ) -> Vec<Blob> {
     let frame = evidence.frame();
     let table = evidence.table(palette);
@@ -87,7 +112,7 @@ pub(crate) fn blobs_alike(
     let is_open = |i: usize| open.is_none_or(|open| open[i]);
     let mut bins = Vec::with_capacity(width * height);
     with_pixels!(frame, components => for y in 0..height {
-        bins.extend((0..width).map(|x| table.bin(components(x, y))));
+        bins.extend((0..width).map(|x| table.bin(relight.bytes(components(x, y)))));
     });
     let mut alike: Vec<bool> = bins
         .iter()
@@ -97,7 +122,7 @@ pub(crate) fn blobs_alike(
     if let Some(ranges) = ranges {
         let in_ranges = evidence.match_table(ranges);
         with_pixels!(frame, components => for (i, alike) in alike.iter_mut().enumerate() {
-            *alike = *alike && in_ranges.matches(components(i % width, i / width)) == 1;
+            *alike = *alike && in_ranges.matches(relight.bytes(components(i % width, i / width))) == 1;
         });
     }
     let mut is_targets = majority(&alike, width);

@@ -573,7 +573,7 @@ fn what_has_no_start_is_sought_by_the_edge_cue() {
     assert_eq!(body.existence, ExistenceSettings::default());
     assert_eq!(body.filter.particle_count, 500);
 
-    let settings = "edge = { lines = 100, temper = 0.3, shared_sigma_px = 0.1, learnt_profile = false, tells_sides = false, weighs_colors = false }\nexistence = { birth_rate_hz = 2, hide_rate_hz = 0.25 }\n\
+    let settings = "edge = { lines = 100, temper = 0.3, shared_sigma_px = 0.1, learnt_profile = false, tells_sides = false, weighs_colors = false, adapts_colors = false }\nexistence = { birth_rate_hz = 2, hide_rate_hz = 0.25 }\n\
                     start.gaussian.position_m = [1, 2, 3]";
     let scene = sought(settings).unwrap();
     let body = &scene.targets[0].bodies[0];
@@ -585,6 +585,7 @@ fn what_has_no_start_is_sought_by_the_edge_cue() {
         tells_sides: false,
         watches_surroundings: true,
         weighs_colors: false,
+        adapts_colors: false,
     };
     assert_eq!(body.cues, [Cue::Edge(edge).into()]);
     assert!(matches!(

@@ -316,6 +316,104 @@ fn two_equal_balls_in_a_single_image_are_one_for_each_target() {
     assert_eq!(found, [Some(0), Some(1)]);
 }
 
+/// The picture in other light: gains of red, green and blue.
+fn in_light(mut picture: RgbImage, gains: [f64; 3]) -> RgbImage {
+    for pixel in picture.pixels_mut() {
+        for (value, gain) in pixel.0.iter_mut().zip(gains) {
+            *value = (f64::from(*value) * gain).round().min(255.0) as u8;
+        }
+    }
+    picture
+}
+
+/// Gains of light that grew dark, and of light that grew colder and darker.
+const DARK: [f64; 3] = [0.28, 0.28, 0.28];
+const COLD: [f64; 3] = [0.42, 0.6, 1.0];
+
+/// Frames of five seconds in which the ball moves little, down and up again.
+const FIVE_SECONDS: usize = 125;
+
+/// The number of the picture that a frame of these shows.
+fn picture_of(frame: usize) -> usize {
+    let step = frame % 50;
+    step.min(49 - step)
+}
+
+/// What is known after each frame of these, which are painted, given the number of a picture and the share of the time that is over.
+fn five_seconds(adapts_colors: bool, paint: impl Fn(usize, f64) -> RgbImage) -> Vec<Estimate> {
+    let edge = EdgeSettings {
+        adapts_colors,
+        ..EdgeSettings::default()
+    };
+    let frames = (0..FIVE_SECONDS).map(|frame| {
+        let share = frame as f64 / (FIVE_SECONDS - 1) as f64;
+        as_frame(&paint(picture_of(frame), share), frame, PixelFormat::Rgb8)
+    });
+    follow(&mut tracker_with(edge, 8), frames)
+}
+
+fn is_tracked(estimate: &Estimate) -> bool {
+    estimate.state == TrackState::Tracking
+}
+
+#[test]
+fn light_that_changes_is_followed_by_colours_that_adapt_alone() {
+    for gains in [DARK, COLD] {
+        let paint = |index, share| {
+            let gains = gains.map(|gain| libm::pow(gain, share));
+            in_light(jump_picture(index), gains)
+        };
+        let adapting = five_seconds(true, paint);
+        for (frame, estimate) in adapting.iter().enumerate().skip(2) {
+            assert!(is_tracked(estimate), "{gains:?}, frame {frame}");
+            let error_m = error_m(estimate, picture_of(frame));
+            assert!(error_m < 0.1, "{gains:?}, frame {frame}: {error_m}");
+        }
+        let fixed = five_seconds(false, paint);
+        assert!(is_tracked(&fixed[30]), "{gains:?}");
+        assert!(!is_tracked(&fixed[FIVE_SECONDS - 1]), "{gains:?}");
+    }
+}
+
+#[test]
+fn a_ball_that_slowly_turns_another_colour_in_the_same_light_is_not_followed() {
+    const ORANGE: [f64; 3] = [185.0, 90.0, 37.0];
+    // As skin and wood, dark brown, olive.
+    for rgb in [
+        [150.0, 105.0, 78.0],
+        [60.0, 30.0, 15.0],
+        [90.0, 110.0, 40.0],
+    ] {
+        let estimates = five_seconds(true, |index, share| {
+            let turned = (share / 0.75).min(1.0);
+            let now = [0, 1, 2].map(|i| ORANGE[i] + turned * (rgb[i] - ORANGE[i]));
+            with_disc(covered(index), [200.0, 150.0], 8.0, now)
+        });
+        assert!(estimates[2..20].iter().all(is_tracked), "{rgb:?}");
+        for estimate in &estimates[FIVE_SECONDS - 10..] {
+            assert!(!is_tracked(estimate), "{rgb:?}");
+            assert!(estimate.confidence < 0.5, "{rgb:?}");
+        }
+    }
+}
+
+#[test]
+fn in_light_that_changed_no_other_colour_is_taken_either() {
+    let estimates = five_seconds(true, |index, share| {
+        let ball_or_none = if share < 0.7 { jump_picture } else { covered };
+        let beside = [150.0, 105.0, 78.0];
+        let picture = with_disc(ball_or_none(index), [200.0, 150.0], 8.0, beside);
+        let faded = (share / 0.7).min(1.0);
+        in_light(picture, DARK.map(|gain| libm::pow(gain, faded)))
+    });
+    let gone = FIVE_SECONDS * 7 / 10 + 2;
+    assert!(estimates[2..gone - 5].iter().all(is_tracked));
+    for estimate in &estimates[gone + 5..] {
+        assert!(!is_tracked(estimate));
+        assert!(estimate.confidence < 0.5, "{}", estimate.confidence);
+    }
+}
+
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
     let run = |threads: usize| {

@@ -44,6 +44,12 @@ impl BodyColors {
         Some(Self { means, compared })
     }
 
+    /// The mean of all (Y, U and V).
+    pub(crate) fn mean(&self) -> [f32; 3] {
+        let count = self.means.len() as f32;
+        [0, 1, 2].map(|i| self.means.iter().map(|mean| mean[i]).sum::<f32>() / count)
+    }
+
     /// ln of how much likelier a body of this mean colour (Y, U and V) is the target than something else whose single pixels could be the target's.
     pub fn log_ratio(&self, mean: [f32; 3]) -> f64 {
         let values = compared(mean).into_iter().zip(&self.compared);

@@ -1,9 +1,10 @@
-//! Colour: what pixels mean, bins, histograms in all three dimensions or a channel, how colours go over at edges, and colour models learnt from labelled pixels.
+//! Colour: what pixels mean, bins, histograms in all three dimensions or a channel, how light changes them, how colours go over at edges, and colour models learnt from labelled pixels.
 
 mod body_colors;
 mod channels;
 mod edge_profile;
 mod histogram;
+mod light;
 mod membership;
 mod model;
 mod outline_distance;
@@ -15,6 +16,7 @@ pub use body_colors::BodyColors;
 pub use channels::{ChannelBins, ChannelHistograms, ChannelTable};
 pub use edge_profile::{EdgeLogRatios, EdgeProfile};
 pub use histogram::Histogram;
+pub use light::{Light, Relight};
 pub use membership::{EdgePixel, Side, Surroundings};
 pub use model::{ColorLearner, ColorModel, Separation};
 pub use palette::{MAX_BINS, MAX_CHANNEL_BINS, Palette, PixelKind, PixelTable};

@@ -197,6 +197,12 @@ pub enum PixelKind {
 }
 
 impl PixelKind {
+    /// Y, U and V of BT.601, full range.
+    pub(crate) const FULL_RANGE_YUV: Self = Self::Yuv(YuvEncoding {
+        matrix: super::YuvMatrix::Bt601,
+        range: super::YuvRange::Full,
+    });
+
     /// The kind of this frame's pixels.
     pub fn of(frame: &Frame) -> Self {
         match frame.format() {

@@ -212,6 +212,7 @@ fn read_edge(edge: &Table) -> Option<EdgeSettings> {
         tells_sides: edge.or("tells_sides", default.tells_sides),
         watches_surroundings: edge.or("watches_surroundings", default.watches_surroundings),
         weighs_colors: edge.or("weighs_colors", default.weighs_colors),
+        adapts_colors: edge.or("adapts_colors", default.adapts_colors),
     };
     edge.checked(settings.check())?;
     Some(settings)

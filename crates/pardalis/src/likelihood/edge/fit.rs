@@ -36,8 +36,14 @@ impl Sighting {
     }
 
     /// What is seen of it in the target's colours, a camera: mean Y, U and V.
-    pub(crate) fn bodies(&self) -> impl Iterator<Item = [f32; 3]> {
-        self.lines.iter().map(|lines| lines.body)
+    pub(crate) fn bodies(&self) -> impl Iterator<Item = (usize, [f32; 3])> {
+        self.lines.iter().map(|lines| (lines.camera, lines.body))
+    }
+
+    /// The same of one camera, if nothing hides any of it there.
+    pub(crate) fn whole_body(&self, camera: usize) -> Option<[f32; 3]> {
+        let lines = self.lines_of(camera).next()?;
+        (lines.seen_share >= WHOLE).then_some(lines.body)
     }
 
     /// How many cameras see it.
@@ -100,6 +106,8 @@ impl Sums {
     }
 }
 
+/// From this share of its outline on, seen in the target's colours, nothing hides a body.
+const WHOLE: f32 = 0.75;
 /// Times that lines are looked along anew, around what the ones before made of it.
 const ROUNDS: usize = 4;
 /// Newton steps a round.

@@ -17,7 +17,8 @@ use super::outline::{Coordinates, OutlineKernel, Points, Projector};
 use crate::Error;
 use crate::camera::{LANES, Mask};
 use crate::color::{
-    ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, MatchTable, Palette, PixelKind, Side,
+    ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, MatchTable, Palette, PixelKind, Relight,
+    Side,
 };
 use crate::detect::LEAST_LIKENESS;
 use crate::shape::Shape;
@@ -43,6 +44,8 @@ pub struct EdgeSettings {
     pub watches_surroundings: bool,
     /// Whether the mean colour within an outline tells whether it is the target's; else single pixels alone.
     pub weighs_colors: bool,
+    /// Whether colours are looked up as if in the light in which they were learnt, by what light the target was seen in; else as they are.
+    pub adapts_colors: bool,
 }
 
 impl Default for EdgeSettings {
@@ -55,6 +58,7 @@ impl Default for EdgeSettings {
             tells_sides: true,
             watches_surroundings: true,
             weighs_colors: true,
+            adapts_colors: true,
         }
     }
 }
@@ -129,6 +133,8 @@ pub(crate) struct Look<'a> {
     in_ranges: Option<&'a MatchTable>,
     /// How much likelier a pixel of each bin is the target's than the frame's, t / (t + f).
     likeness: &'a [f64],
+    /// To the light in which the colours were learnt.
+    relight: Relight,
     /// What surrounded the target when this camera saw it last, sector by sector.
     known_around: Option<&'a Around>,
     /// The outlines of others of its colours: an edge between it and them cannot be seen.
@@ -143,7 +149,7 @@ impl<'a> Look<'a> {
         camera: usize,
         evidence: Evidence<'a>,
         (palette, ranges): (Palette, Option<ColorRanges>),
-        likeness: &'a [f64],
+        (likeness, relight): (&'a [f64], Relight),
         known_around: Option<&'a Around>,
     ) -> Self {
         Self {
@@ -154,6 +160,7 @@ impl<'a> Look<'a> {
             palette,
             in_ranges: ranges.map(|ranges| evidence.match_table(ranges)),
             likeness,
+            relight,
             known_around,
             others: Vec::new(),
         }
@@ -183,6 +190,10 @@ impl<'a> Look<'a> {
         self.likeness
     }
 
+    pub(crate) fn relight(&self) -> &Relight {
+        &self.relight
+    }
+
     fn size(&self) -> (usize, usize) {
         self.evidence.view().size()
     }
@@ -207,9 +218,10 @@ impl<'a> Look<'a> {
             return None;
         }
         let bytes = self.evidence.frame().components(column, row);
-        let bin = self.evidence.table(self.palette).bin(bytes);
+        let relit = self.relight.bytes(bytes);
+        let bin = self.evidence.table(self.palette).bin(relit);
         let is_alike = self.likeness[usize::from(bin)] >= LEAST_LIKENESS
-            && self.in_ranges.is_none_or(|table| table.matches(bytes) == 1);
+            && self.in_ranges.is_none_or(|table| table.matches(relit) == 1);
         Some((self.kind.full_range_yuv(bytes), is_alike))
     }
 

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::Seeker;
 use super::alike::Alike;
 use crate::bernoulli::Peak;
+use crate::color::PixelKind;
 use crate::likelihood::edge::Sighting;
 
 /// Things that look like a target are so many in a frame, on average, over all places where targets appear.
@@ -126,7 +127,10 @@ impl Seeker {
         let Some(known) = self.colors.body().filter(|_| weighs) else {
             return 0.0;
         };
-        let of_cameras = sighting.bodies().map(|body| known.log_ratio(body));
+        let of_cameras = sighting.bodies().map(|(camera, body)| {
+            let relight = self.lighting[camera].relight(PixelKind::FULL_RANGE_YUV);
+            known.log_ratio(relight.color(body))
+        });
         of_cameras.reduce(f64::min).unwrap_or(0.0)
     }
 

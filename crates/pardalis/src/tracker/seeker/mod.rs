@@ -4,6 +4,7 @@
 mod alike;
 mod evidence;
 mod existence;
+mod learning;
 mod places;
 mod sight;
 
@@ -15,7 +16,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{BodySettings, Estimate, TrackState};
 use crate::bernoulli::{BernoulliFilter, BernoulliSettings};
-use crate::color::{ColorModel, PixelKind};
+use crate::color::{ColorModel, PixelKind, Relight};
 use crate::detect::{COARSE_PX, likeness};
 use crate::filter::StateEstimate;
 use crate::gaussian::GaussianStart;
@@ -27,6 +28,7 @@ use crate::simd::Level;
 use crate::start::Start;
 use crate::view::View;
 use crate::{Error, Frame};
+use learning::Lighting;
 use places::Wanted;
 use sight::Sight;
 
@@ -56,8 +58,6 @@ const WORD_HOLDS_S: f64 = 0.5;
 const NEW_BELIEF: f64 = 0.25;
 /// Below this belief in its place, a target is lost.
 const LEAST_BELIEF: f64 = 0.01;
-/// From this belief on, what surrounds it is learnt.
-const SURE: f64 = 0.9;
 
 /// A body that is sought.
 pub(super) struct Seeker {
@@ -79,6 +79,7 @@ pub(super) struct Seeker {
     of_cameras: Vec<Vec<f32>>,
     /// What surrounded it when each camera saw it last.
     known_around: Vec<Option<Around>>,
+    lighting: Vec<Lighting>,
     /// Frames since whole images were searched.
     calm: u32,
     /// The covariance of the last sighting of it by itself.
@@ -133,6 +134,7 @@ impl Seeker {
             sights: vec![None; views.len()],
             of_cameras: vec![Vec::new(); views.len()],
             known_around: vec![None; views.len()],
+            lighting: vec![Lighting::default(); views.len()],
             calm: 0,
             sighting_m2: None,
             others_m: Vec::new(),
@@ -176,10 +178,13 @@ impl Seeker {
         time_s: f64,
         alike: &Alike,
     ) {
-        let likenesses: Vec<Vec<f64>> = frames
+        let likenesses: Vec<(Vec<f64>, Relight)> = frames
             .iter()
             .map(|(camera, frame)| {
-                likeness(&views[*camera].evidence(frame), &self.colors, COARSE_PX)
+                let evidence = views[*camera].evidence(frame);
+                let relight = self.lighting[*camera].relight(PixelKind::of(frame));
+                let likeness = likeness(&evidence, &self.colors, &relight, COARSE_PX);
+                (likeness, relight)
             })
             .collect();
         let colors = (self.edge.palette(), self.edge.ranges());
@@ -187,13 +192,13 @@ impl Seeker {
         let mut looks: Vec<Look> = frames
             .iter()
             .zip(&likenesses)
-            .map(|((camera, frame), likeness)| {
+            .map(|((camera, frame), (likeness, relight))| {
                 let evidence = views[*camera].evidence(frame);
                 Look::new(
                     *camera,
                     evidence,
                     colors,
-                    likeness,
+                    (likeness, *relight),
                     known_around[*camera].as_ref(),
                 )
             })
@@ -208,27 +213,7 @@ impl Seeker {
         self.conclude(time_s);
         drop(looks);
         self.known_around = known_around;
-        self.learn_surroundings(frames, &sightings);
-    }
-
-    /// Learns what surrounds the target from the sighting that is it, if it is surely there.
-    fn learn_surroundings(&mut self, frames: &[(usize, Frame)], sightings: &[Sighting]) {
-        let watches = self.edge.settings().watches_surroundings;
-        if !watches || self.state != TrackState::Tracking || self.belief() < SURE {
-            return;
-        }
-        let Some(known) = self.filter.estimate(0.0) else {
-            return;
-        };
-        let here = Vector3::from(known.position_m);
-        let near_m = 0.5 * self.shape.diameter_m();
-        let is_it =
-            |sighting: &&Sighting| (here - Vector3::from(sighting.position_m)).norm() < near_m;
-        if let Some(sighting) = sightings.iter().find(is_it) {
-            for (camera, _) in frames {
-                sighting.learn_around(*camera, &mut self.known_around[*camera]);
-            }
-        }
+        self.learn(views, frames, &sightings, time_s);
     }
 
     /// Knows of no target.
@@ -433,6 +418,7 @@ impl Seeker {
         self.started = false;
         self.sights.fill(None);
         self.known_around.fill(None);
+        self.lighting.fill(Lighting::default());
         self.state = TrackState::Searching;
         self.handed_over = None;
         self.start = Start::Anywhere;

@@ -84,7 +84,13 @@ impl Wanted {
         let mut rays: Vec<(usize, Ray)> = Vec::new();
         for look in looks {
             let (palette, ranges) = (edge.palette(), edge.ranges());
-            for blob in blobs_alike(look.evidence(), palette, look.likeness(), ranges) {
+            for blob in blobs_alike(
+                look.evidence(),
+                palette,
+                look.likeness(),
+                ranges,
+                look.relight(),
+            ) {
                 let Some(ray) = Ray::of(look, blob.centroid_px) else {
                     continue;
                 };
