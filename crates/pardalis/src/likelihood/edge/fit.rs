@@ -106,7 +106,7 @@ impl Sums {
     }
 }
 
-/// From this share of its outline on, seen in the target's colours, nothing hides a body.
+/// Where at least this share of its pixels has the target's colours, nothing hides a body.
 const WHOLE: f32 = 0.75;
 /// Times that lines are looked along anew, around what the ones before made of it.
 const ROUNDS: usize = 4;

@@ -79,6 +79,7 @@ pub(super) struct Seeker {
     of_cameras: Vec<Vec<f32>>,
     /// What surrounded it when each camera saw it last.
     known_around: Vec<Option<Around>>,
+    /// The light in which each camera sees it.
     lighting: Vec<Lighting>,
     /// Frames since whole images were searched.
     calm: u32,
