@@ -52,6 +52,8 @@ pub enum Stage {
     Proposal = 9,
     /// Which blocks a series is put together of, to see how well its mean is known.
     Bootstrap = 10,
+    /// Which part of a proposal a particle is drawn from again, where few agree with the images, and whether its target was kicked or elsewhere before.
+    Moments = 11,
 }
 
 /// The random numbers of one target.

@@ -5,10 +5,12 @@
 //! ceases to be at constant rates over true time, and one that exists may be taken elsewhere. With r the chance that it is where particles were and moved
 //! on, e the chance that it exists elsewhere, uniformly with density B, and N the prediction of particle i, the prior density is
 //! Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New positions come from a mixture of predictions and of peaks, whose whole density divides the weights
-//! (Isard and Blake 1998, ICONDENSATION): peaks say where to look and nothing else. Of the places elsewhere only those at peaks are looked at; no others
+//! (Isard and Blake 1998, ICONDENSATION): peaks say where to look and nothing else. Where few particles agree with the images, they are drawn anew and weighed by
+//! the moments of all predictions ([`moments`]). Of the places elsewhere only those at peaks are looked at; no others
 //! are thought to show the target.
 
 mod kinematics;
+mod moments;
 mod overlap;
 mod proposal;
 
@@ -267,7 +269,7 @@ impl BernoulliFilter {
     }
 
     /// Draws new particles from the prediction and the peaks and weighs them by what the images say: `log_ratios` is given the particles and writes ln p(images |
-    /// target there) − ln p(images | no target) for each. What is no number counts as impossible. It is not called where there is nothing to weigh: the
+    /// target there) − ln p(images | no target) for each, twice where particles are drawn again. What is no number counts as impossible. It is not called where there is nothing to weigh: the
     /// target does not exist and there is no peak.
     ///
     /// Where all is impossible, the target does not exist; one that certainly does stays as predicted. A time at which nobody looked is no update: it is predicted
@@ -277,7 +279,7 @@ impl BernoulliFilter {
         &mut self,
         peaks: &[Peak],
         most_nats: f64,
-        log_ratios: impl FnOnce(&Particles, &mut [f32]),
+        mut log_ratios: impl FnMut(&Particles, &mut [f32]),
     ) {
         self.observation = self.observation.wrapping_add(1);
         let prior = self.prior();
@@ -294,7 +296,13 @@ impl BernoulliFilter {
         } else {
             self.draw_new(&prior);
             log_ratios(&self.new_particles, &mut self.log_ratios);
-            self.weigh_new()
+            let log_exists = self.weigh_new();
+            // Where it is, is told better by these; whether it is, by all predictions.
+            if self.agrees_too_little(&prior) && self.draw_from_moments(&prior) {
+                log_ratios(&self.new_particles, &mut self.log_ratios);
+                self.weigh_new();
+            }
+            log_exists
         };
         if log_exists == f64::NEG_INFINITY {
             if prior.absent > 0.0 {
@@ -380,23 +388,34 @@ impl BernoulliFilter {
 
             let chance = libm::exp(log_elsewhere - log_prior);
             let was_elsewhere = draws.uniform(particle, observation, Stage::Proposal) < chance;
-            let mut new = Hypothesis {
-                position_m,
-                ..Hypothesis::default()
-            };
-            if was_elsewhere && self.kinematics.has_velocity() {
-                new.velocity_variance_m2ps2 = self.settings.birth_velocity_sigma_mps.powi(2);
-            } else if !was_elsewhere {
-                new.velocity_mps = before.velocity_mps;
+            self.new_hypotheses[i] = if was_elsewhere {
+                self.born_at(position_m)
+            } else {
+                let mut velocity_mps = before.velocity_mps;
                 for axis in 0..free_axes {
-                    new.velocity_mps[axis] +=
+                    velocity_mps[axis] +=
                         step.gain_hz * (position_m[axis] - prediction.mean_m[axis]);
                 }
-                new.velocity_variance_m2ps2 = step.velocity_variance_m2ps2;
-            }
-            self.new_hypotheses[i] = new;
+                Hypothesis {
+                    position_m,
+                    velocity_mps,
+                    velocity_variance_m2ps2: step.velocity_variance_m2ps2,
+                }
+            };
         }
         write(&self.new_hypotheses, &mut self.new_particles);
+    }
+
+    /// A target that came into being, or was put down, at a place.
+    fn born_at(&self, position_m: [f64; 3]) -> Hypothesis {
+        let mut born = Hypothesis {
+            position_m,
+            ..Hypothesis::default()
+        };
+        if self.kinematics.has_velocity() {
+            born.velocity_variance_m2ps2 = self.settings.birth_velocity_sigma_mps.powi(2);
+        }
+        born
     }
 
     /// Multiplies the new weights by the ratios and normalises them. Returns the logarithm of their sum, -∞ where all are impossible.

@@ -149,6 +149,28 @@ impl Proposal {
         (position_m, log_density)
     }
 
+    /// A position from the peaks alone, of which `share` in [0, 1) tells the peak.
+    pub(super) fn fresh(&self, share: f64, normals: [f64; 3]) -> [f64; 3] {
+        let mut left = share;
+        let is_it = |place: &&Place| {
+            left -= place.fresh_share;
+            left < 0.0
+        };
+        let found = self.places.iter().find(is_it);
+        let place = found.unwrap_or(&self.places[self.places.len() - 1]);
+        place.fresh(normals, self.free_axes)
+    }
+
+    /// The logarithm of the density that these are drawn from.
+    pub(super) fn log_fresh_density(&self, position_m: [f64; 3]) -> f64 {
+        let of_place = |place: &Place| {
+            let (squared, log_height) = place.squared_and_log_height(position_m, self.free_axes);
+            place.log_fresh_density(squared, log_height, self.free_axes)
+        };
+        let logs = self.places.iter().map(of_place);
+        logs.fold(f64::NEG_INFINITY, log_add)
+    }
+
     /// The first place where `is_it`, or, as shares sum to one but for rounding, the last that agrees with anything.
     fn pick(&self, mut is_it: impl FnMut(&Place) -> bool) -> &Place {
         let found = self.places.iter().find(|place| is_it(place));
@@ -171,13 +193,8 @@ impl Proposal {
         let [mut log_fresh, mut log_peaks] = [f64::NEG_INFINITY; 2];
         for place in &self.places {
             let (squared, log_height) = place.squared_and_log_height(position_m, self.free_axes);
-            let widened = squared / FRESH_WIDENING.powi(2);
-            let log_widening = self.free_axes as f64 * libm::log(FRESH_WIDENING);
-            let log_share = libm::log(place.fresh_share);
-            log_fresh = log_add(
-                log_fresh,
-                log_share + log_height - log_widening - widened / 2.0,
-            );
+            let of_place = place.log_fresh_density(squared, log_height, self.free_axes);
+            log_fresh = log_add(log_fresh, of_place);
             if place.log_agreement > f64::NEG_INFINITY {
                 log_peaks = log_add(log_peaks, place.log_evidence + log_height - squared / 2.0);
             }
@@ -264,6 +281,13 @@ impl Place {
             determinant *= 2.0 * PI * self.variances_m2[axis];
         }
         (squared, -0.5 * libm::log(determinant))
+    }
+
+    /// The logarithm of its share of what the widened peaks alone make of a position.
+    fn log_fresh_density(&self, squared: f64, log_height: f64, free_axes: usize) -> f64 {
+        let widened = squared / FRESH_WIDENING.powi(2);
+        let log_widening = free_axes as f64 * libm::log(FRESH_WIDENING);
+        libm::log(self.fresh_share) + log_height - log_widening - widened / 2.0
     }
 
     /// A position from the widened peak alone.

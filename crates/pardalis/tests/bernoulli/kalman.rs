@@ -203,6 +203,51 @@ fn broad_measurements_agree_with_the_kalman_filter() {
     }
 }
 
+/// A target is hidden for a third of a second, until particles lie farther from one another than a sharp sight tells places apart.
+#[test]
+fn what_comes_forth_is_weighed_by_the_whole_prediction() {
+    let covariance_m2 = slanted(0.05, 0.004);
+    let mut kalman = Kalman::new(&START);
+    for _ in 0..9 {
+        kalman.predict(0.04);
+    }
+    // One deviation off along each axis.
+    let spread = kalman.block::<0, 0>().diagonal().map(f64::sqrt);
+    let position_m = kalman.mean.fixed_rows::<3>(0) + spread;
+    kalman.update(position_m, covariance_m2);
+    let peak = Peak {
+        position_m: position_m.into(),
+        covariance_m2: entries(&covariance_m2),
+        log_evidence: 3.0,
+    };
+    let mut estimates = Vec::new();
+    for seed in 0..100 {
+        let mut filter = filter(certain(velocity()), seed);
+        filter.start(&START, 1.0).unwrap();
+        for _ in 0..8 {
+            filter.predict(0.04);
+            filter.update(&[], f64::INFINITY, silent);
+        }
+        filter.predict(0.04);
+        let ratio = gaussian_ratio(position_m, covariance_m2, 0.0);
+        filter.update(&[peak], f64::INFINITY, ratio);
+        let estimate = filter.estimate(0.0).unwrap();
+        let effective = estimate.effective_sample_size;
+        assert!(effective > 0.05 * PARTICLES as f64, "{seed}: {effective}");
+        estimates.push(estimate);
+    }
+    for axis in 0..3 {
+        let sigma = kalman.block::<0, 0>()[(axis, axis)].sqrt();
+        let values: Vec<f64> = estimates.iter().map(|e| e.position_m[axis]).collect();
+        let scatter = check_unbiased(&values, kalman.mean[axis], sigma, "position");
+        assert!(scatter < 5.0, "axis {axis}: {scatter}");
+        let sigma = kalman.block::<1, 1>()[(axis, axis)].sqrt();
+        let velocities = estimates.iter().map(|e| e.velocity_mps.unwrap()[axis]);
+        let values: Vec<f64> = velocities.collect();
+        check_unbiased(&values, kalman.mean[axis + 3], sigma, "velocity");
+    }
+}
+
 #[test]
 fn predicting_in_pieces_is_predicting_at_once_and_agrees_with_the_kalman_filter() {
     let settings = BernoulliSettings::of(velocity());
