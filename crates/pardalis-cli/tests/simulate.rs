@@ -313,3 +313,39 @@ fn bad_worlds_are_refused_with_every_key_and_line() {
     let run = place.run(&["simulate", "world.toml", "-o", "out"]);
     run.refused(&["world.toml: camera right delivers no image"]);
 }
+
+/// The chroma of JPEG, which has half the resolution, lies where the body is.
+#[test]
+fn colours_lie_where_the_body_is_seen() {
+    let world = "seed = 1\nduration_s = 0.4\n[cameras.cam]\nsize_px = [96, 72]\n\
+         model.pinhole = { f_px = [100, 100], center_px = [47.5, 35.5] }\n\
+         look_from_m = [-1, 0, 0.3]\nlook_at_m = [0, 0, 0.3]\n\
+         [image]\njpeg_quality = 95\n[light]\nambient = 1\n\
+         [objects.ball]\ntarget = true\nshape.sphere.radius_m = 0.1\ncolor_srgb = [200, 60, 60]\n\
+         path.circle = { center_m = [0, 0, 0.3], radius_m = 0.1, period_s = 1 }\n";
+    let place = Place::with(world);
+    place.run(&["simulate", "world.toml", "-o", "out"]).fine();
+    let truth = columns(&place.read("out/truth.csv"), ["u_px", "v_px"], "");
+    let mut off_px = [0.0; 2];
+    for (index, seen) in truth.iter().enumerate() {
+        let file = format!("out/frames/{index:06}.jpg");
+        let picture = image::open(place.path(&file)).unwrap().to_rgb8();
+        let (mut sums, mut total) = ([0.0; 2], 0.0);
+        for (x, y, pixel) in picture.enumerate_pixels() {
+            // What the room has of red beyond green says nothing.
+            let red = f64::from(pixel[0]) - f64::from(pixel[1]) - 30.0;
+            if red > 0.0 {
+                sums[0] += red * f64::from(x);
+                sums[1] += red * f64::from(y);
+                total += red;
+            }
+        }
+        for axis in 0..2 {
+            off_px[axis] += (sums[axis] / total - seen[axis]) / truth.len() as f64;
+        }
+    }
+    assert!(
+        truth.len() >= 5 && off_px.iter().all(|off| off.abs() < 0.1),
+        "{off_px:?}"
+    );
+}
