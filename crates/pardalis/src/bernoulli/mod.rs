@@ -265,8 +265,8 @@ impl BernoulliFilter {
     }
 
     /// Draws new particles from the prediction and the peaks and weighs them by what the images say: `log_ratios` is given the particles and writes ln p(images |
-    /// target there) − ln p(images | no target) for each, twice where particles are drawn again. What is no number counts as impossible. It is not called where there is nothing to weigh: the
-    /// target does not exist and there is no peak.
+    /// target there) − ln p(images | no target) for each, anew where particles are drawn again. What is no number counts as
+    /// impossible. It is not called where there is nothing to weigh: the target does not exist and there is no peak.
     ///
     /// Where all is impossible, the target does not exist; one that certainly does stays as predicted. A time at which nobody looked is no update: it is predicted
     /// only. `most_nats` is ln of the greatest ratio by which existence may become likelier, over all places: ratios may tell places apart better than
@@ -296,7 +296,12 @@ impl BernoulliFilter {
             // Where it is, is told better by these; whether it is, by all predictions.
             if self.agrees_too_little(&prior) && self.draw_from_moments(&prior) {
                 log_ratios(&self.new_particles, &mut self.log_ratios);
-                self.weigh_new();
+                if self.weigh_new() == f64::NEG_INFINITY {
+                    // None of them is possible: the first were, and the same numbers draw them again.
+                    self.draw_new(&prior);
+                    log_ratios(&self.new_particles, &mut self.log_ratios);
+                    self.weigh_new();
+                }
             }
             log_exists
         };

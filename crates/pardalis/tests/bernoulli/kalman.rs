@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
-use pardalis::bernoulli::{BernoulliSettings, Peak};
+use pardalis::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
 use pardalis::gaussian::{GaussianStart, diagonal_m2};
 
 use super::{
@@ -203,6 +203,42 @@ fn broad_measurements_agree_with_the_kalman_filter() {
     }
 }
 
+fn after_a_while_unseen(seed: u32) -> BernoulliFilter {
+    let mut filter = filter(certain(velocity()), seed);
+    filter.start(&START, 1.0).unwrap();
+    for _ in 0..8 {
+        filter.predict(0.04);
+        filter.update(&[], f64::INFINITY, silent);
+    }
+    filter
+}
+
+#[test]
+fn where_all_that_is_drawn_again_is_impossible_the_first_draw_stands() {
+    let covariance_m2 = slanted(0.05, 0.004);
+    let position_m = Vector3::from(START.position_m);
+    let peak = Peak {
+        position_m: START.position_m,
+        covariance_m2: entries(&covariance_m2),
+        log_evidence: 3.0,
+    };
+    let mut filter = after_a_while_unseen(1);
+    filter.predict(0.04);
+    let ratio = gaussian_ratio(position_m, covariance_m2, 0.0);
+    let mut calls = 0;
+    filter.update(&[peak], f64::INFINITY, |particles, out| {
+        ratio(particles, out);
+        calls += 1;
+        if calls == 2 {
+            out.fill(f32::NEG_INFINITY);
+        }
+    });
+    assert_eq!(calls, 3);
+    assert!((filter.weights().iter().sum::<f64>() - 1.0).abs() < 1e-9);
+    let found_m = Vector3::from(filter.estimate(0.0).unwrap().position_m);
+    assert!((found_m - position_m).norm() < 0.3, "{found_m}");
+}
+
 /// A target is hidden for a third of a second, until particles lie farther from one another than a sharp sight tells places apart.
 #[test]
 fn what_comes_forth_is_weighed_by_the_whole_prediction() {
@@ -222,12 +258,7 @@ fn what_comes_forth_is_weighed_by_the_whole_prediction() {
     };
     let mut estimates = Vec::new();
     for seed in 0..100 {
-        let mut filter = filter(certain(velocity()), seed);
-        filter.start(&START, 1.0).unwrap();
-        for _ in 0..8 {
-            filter.predict(0.04);
-            filter.update(&[], f64::INFINITY, silent);
-        }
+        let mut filter = after_a_while_unseen(seed);
         filter.predict(0.04);
         let ratio = gaussian_ratio(position_m, covariance_m2, 0.0);
         filter.update(&[peak], f64::INFINITY, ratio);
