@@ -573,19 +573,19 @@ fn what_has_no_start_is_sought_by_the_edge_cue() {
     assert_eq!(body.existence, ExistenceSettings::default());
     assert_eq!(body.filter.particle_count, 500);
 
-    let settings = "edge = { lines = 100, temper = 0.3, shared_sigma_px = 0.1, learnt_profile = false, tells_sides = false, weighs_colors = false, adapts_colors = false }\nexistence = { birth_rate_hz = 2, hide_rate_hz = 0.25 }\n\
+    let settings = "edge = { correspondence_lines = 100, likelihood_exponent = 0.3, shared_sigma_px = 0.1, learned_profile = false, lit_and_shaded_profiles = false, color_evidence = false, illumination_adaptation = false }\nexistence = { birth_rate_hz = 2, occlusion_rate_hz = 0.25 }\n\
                     start.gaussian.position_m = [1, 2, 3]";
     let scene = sought(settings).unwrap();
     let body = &scene.targets[0].bodies[0];
     let edge = EdgeSettings {
-        lines: 100,
-        temper: 0.3,
+        correspondence_lines: 100,
+        likelihood_exponent: 0.3,
         shared_sigma_px: 0.1,
-        learnt_profile: false,
-        tells_sides: false,
-        watches_surroundings: true,
-        weighs_colors: false,
-        adapts_colors: false,
+        learned_profile: false,
+        lit_and_shaded_profiles: false,
+        background_model: true,
+        color_evidence: false,
+        illumination_adaptation: false,
     };
     assert_eq!(body.cues, [Cue::Edge(edge).into()]);
     assert!(matches!(
@@ -593,7 +593,7 @@ fn what_has_no_start_is_sought_by_the_edge_cue() {
         StartConfig::Here(Start::Gaussian(_))
     ));
     assert_eq!(body.existence.birth_rate_hz, 2.0);
-    assert_eq!(body.existence.occlusion.hide_hz, 0.25);
+    assert_eq!(body.existence.occlusion.occlusion_hz, 0.25);
 
     let scene = sought("start.gaussian.position_m = [1, 2, 3]").unwrap();
     let cues = &scene.targets[0].bodies[0].cues;
@@ -630,12 +630,20 @@ fn what_is_sought_cannot_be_told_everything() {
                 "0 to 1000",
             ),
             (
-                "existence.appear_rate_hz = 0",
-                "targets.ball.existence.appear_rate_hz",
+                "existence.reappearance_rate_hz = 0",
+                "targets.ball.existence.reappearance_rate_hz",
                 "above 0",
             ),
-            ("edge.lines = 3", "targets.ball.edge.lines", "16 to 1000"),
-            ("edge.temper = nan", "targets.ball.edge.temper", "finite"),
+            (
+                "edge.correspondence_lines = 3",
+                "targets.ball.edge.correspondence_lines",
+                "16 to 1000",
+            ),
+            (
+                "edge.likelihood_exponent = nan",
+                "targets.ball.edge.likelihood_exponent",
+                "finite",
+            ),
             (
                 "edge.shared_sigma_px = 11",
                 "targets.ball.edge.shared_sigma_px",

@@ -148,9 +148,9 @@ fn with_disc(mut picture: RgbImage, [u, v]: [f64; 2], radius_px: f64, rgb: [f64;
 
 #[test]
 fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is() {
-    let painted = |rgb, weighs_colors| {
+    let painted = |rgb, color_evidence| {
         let edge = EdgeSettings {
-            weighs_colors,
+            color_evidence,
             ..EdgeSettings::default()
         };
         let picture = |index| with_disc(covered(index), [200.0, 150.0], 8.0, rgb);
@@ -340,9 +340,12 @@ fn picture_of(frame: usize) -> usize {
 }
 
 /// What is known after each frame of these, which are painted, given the number of a picture and the share of the time that is over.
-fn five_seconds(adapts_colors: bool, paint: impl Fn(usize, f64) -> RgbImage) -> Vec<Estimate> {
+fn five_seconds(
+    illumination_adaptation: bool,
+    paint: impl Fn(usize, f64) -> RgbImage,
+) -> Vec<Estimate> {
     let edge = EdgeSettings {
-        adapts_colors,
+        illumination_adaptation,
         ..EdgeSettings::default()
     };
     let frames = (0..FIVE_SECONDS).map(|frame| {

@@ -14,8 +14,10 @@ const KICKED_ONE_IN: usize = 4;
 impl BernoulliFilter {
     /// The probability that a kick came in the time since the last update, and what is known of steps with one.
     pub(super) fn kick(&self, dt_s: f64) -> Option<(f64, Kinematics)> {
-        let chance = -libm::expm1(-self.settings.kick_rate_hz * dt_s);
-        let kicked = self.kinematics.kicked(self.settings.kick_sigma_mps, dt_s)?;
+        let chance = -libm::expm1(-self.settings.velocity_jump_rate_hz * dt_s);
+        let kicked = self
+            .kinematics
+            .kicked(self.settings.velocity_jump_sigma_mps, dt_s)?;
         (chance > 0.0).then_some((chance, kicked))
     }
 

@@ -46,15 +46,15 @@ pub struct BernoulliSettings {
     /// How often a target ceases to be, 1/s.
     pub death_rate_hz: f64,
     /// How often a target is elsewhere, taken away and put down again, 1/s.
-    pub jump_rate_hz: f64,
+    pub relocation_rate_hz: f64,
     /// The density of the places where targets come into being or are put down, 1/m³ (1/m² in a plane): one over the volume that they may be in.
     pub birth_density: f64,
     /// Standard deviation of the velocity there, an axis, m/s.
     pub birth_velocity_sigma_mps: f64,
     /// How often something kicks a target that has a velocity, or it bounces, 1/s; at most once between two updates, ...
-    pub kick_rate_hz: f64,
+    pub velocity_jump_rate_hz: f64,
     /// ... and the standard deviation, an axis, by which that changes the velocity, m/s.
-    pub kick_sigma_mps: f64,
+    pub velocity_jump_sigma_mps: f64,
 }
 
 impl BernoulliSettings {
@@ -65,11 +65,11 @@ impl BernoulliSettings {
             motion,
             birth_rate_hz: 0.1,
             death_rate_hz: 0.1,
-            jump_rate_hz: 0.1,
+            relocation_rate_hz: 0.1,
             birth_density: 0.01,
             birth_velocity_sigma_mps: 1.0,
-            kick_rate_hz: 0.0,
-            kick_sigma_mps: 0.0,
+            velocity_jump_rate_hz: 0.0,
+            velocity_jump_sigma_mps: 0.0,
         }
     }
 
@@ -85,9 +85,9 @@ impl BernoulliSettings {
         for (name, value) in [
             ("birth_rate_hz", self.birth_rate_hz),
             ("death_rate_hz", self.death_rate_hz),
-            ("jump_rate_hz", self.jump_rate_hz),
+            ("relocation_rate_hz", self.relocation_rate_hz),
             ("birth_density", self.birth_density),
-            ("kick_rate_hz", self.kick_rate_hz),
+            ("velocity_jump_rate_hz", self.velocity_jump_rate_hz),
         ] {
             if !(0.0..=1e9).contains(&value) {
                 return Err(Error::out_of_range(name, value, "0 to 1e9"));
@@ -97,7 +97,7 @@ impl BernoulliSettings {
             "birth_velocity_sigma_mps",
             [self.birth_velocity_sigma_mps; 3],
         )?;
-        check_sigma("kick_sigma_mps", [self.kick_sigma_mps; 3])
+        check_sigma("velocity_jump_sigma_mps", [self.velocity_jump_sigma_mps; 3])
     }
 }
 
@@ -256,7 +256,7 @@ impl BernoulliFilter {
         let both = born + dead;
         let settled = if both > 0.0 { born / both } else { 0.0 };
         let exists = settled + (self.existence - settled) * fallen(both);
-        let located = self.existence * fallen(dead + settings.jump_rate_hz);
+        let located = self.existence * fallen(dead + settings.relocation_rate_hz);
         Prior {
             located,
             elsewhere: (exists - located).max(0.0),

@@ -205,14 +205,16 @@ fn read_cameras(cue: &Table, cameras: &[String]) -> Result<Option<Vec<usize>>, (
 fn read_edge(edge: &Table) -> Option<EdgeSettings> {
     let default = EdgeSettings::default();
     let settings = EdgeSettings {
-        lines: edge.or("lines", default.lines),
-        temper: edge.or("temper", default.temper),
+        correspondence_lines: edge.or("correspondence_lines", default.correspondence_lines),
+        likelihood_exponent: edge.or("likelihood_exponent", default.likelihood_exponent),
         shared_sigma_px: edge.or("shared_sigma_px", default.shared_sigma_px),
-        learnt_profile: edge.or("learnt_profile", default.learnt_profile),
-        tells_sides: edge.or("tells_sides", default.tells_sides),
-        watches_surroundings: edge.or("watches_surroundings", default.watches_surroundings),
-        weighs_colors: edge.or("weighs_colors", default.weighs_colors),
-        adapts_colors: edge.or("adapts_colors", default.adapts_colors),
+        learned_profile: edge.or("learned_profile", default.learned_profile),
+        lit_and_shaded_profiles: edge
+            .or("lit_and_shaded_profiles", default.lit_and_shaded_profiles),
+        background_model: edge.or("background_model", default.background_model),
+        color_evidence: edge.or("color_evidence", default.color_evidence),
+        illumination_adaptation: edge
+            .or("illumination_adaptation", default.illumination_adaptation),
     };
     edge.checked(settings.check())?;
     Some(settings)

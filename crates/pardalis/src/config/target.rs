@@ -245,12 +245,14 @@ fn read_existence(table: &Table, is_sought: bool) -> Option<ExistenceSettings> {
     let settings = ExistenceSettings {
         birth_rate_hz: existence.or("birth_rate_hz", default.birth_rate_hz),
         death_rate_hz: existence.or("death_rate_hz", default.death_rate_hz),
-        jump_rate_hz: existence.or("jump_rate_hz", default.jump_rate_hz),
-        kick_rate_hz: existence.or("kick_rate_hz", default.kick_rate_hz),
-        kick_sigma_mps: existence.or("kick_sigma_mps", default.kick_sigma_mps),
+        relocation_rate_hz: existence.or("relocation_rate_hz", default.relocation_rate_hz),
+        velocity_jump_rate_hz: existence.or("velocity_jump_rate_hz", default.velocity_jump_rate_hz),
+        velocity_jump_sigma_mps: existence
+            .or("velocity_jump_sigma_mps", default.velocity_jump_sigma_mps),
         occlusion: OcclusionRates {
-            hide_hz: existence.or("hide_rate_hz", default.occlusion.hide_hz),
-            appear_hz: existence.or("appear_rate_hz", default.occlusion.appear_hz),
+            occlusion_hz: existence.or("occlusion_rate_hz", default.occlusion.occlusion_hz),
+            reappearance_hz: existence
+                .or("reappearance_rate_hz", default.occlusion.reappearance_hz),
         },
         ground_z_m: existence.or("ground_z_m", default.ground_z_m),
     };

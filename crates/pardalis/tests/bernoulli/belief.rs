@@ -28,7 +28,7 @@ fn settings() -> BernoulliSettings {
         particle_count: 2000,
         birth_rate_hz: RATE_HZ,
         death_rate_hz: RATE_HZ,
-        jump_rate_hz: RATE_HZ,
+        relocation_rate_hz: RATE_HZ,
         birth_density: SIDE_M.powi(-3),
         birth_velocity_sigma_mps: VELOCITY_SIGMA_MPS,
         ..BernoulliSettings::of(velocity())

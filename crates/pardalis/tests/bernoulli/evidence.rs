@@ -136,7 +136,7 @@ fn what_speaks_for_a_place_speaks_for_existence_only_so_far() {
 #[test]
 fn a_prediction_is_as_dense_as_its_gaussian() {
     let settings = BernoulliSettings {
-        kick_rate_hz: 0.0,
+        velocity_jump_rate_hz: 0.0,
         ..certain(velocity())
     };
     let mut tracked = filter(settings, 1);
@@ -160,8 +160,8 @@ fn a_prediction_is_as_dense_as_its_gaussian() {
     let (rate_hz, sigma_mps, dt_s) = (2.0, 3.0, 0.3_f64);
     let mut kicked = filter(
         BernoulliSettings {
-            kick_rate_hz: rate_hz,
-            kick_sigma_mps: sigma_mps,
+            velocity_jump_rate_hz: rate_hz,
+            velocity_jump_sigma_mps: sigma_mps,
             ..settings
         },
         1,

@@ -63,10 +63,10 @@ fn other_motion_and_settings_out_of_range_are_refused() {
         ),
         (
             BernoulliSettings {
-                jump_rate_hz: f64::INFINITY,
+                relocation_rate_hz: f64::INFINITY,
                 ..good
             },
-            "jump_rate_hz",
+            "relocation_rate_hz",
         ),
         (
             BernoulliSettings {
@@ -196,13 +196,13 @@ proptest! {
             1..8,
         ),
     ) {
-        let [birth_rate_hz, death_rate_hz, jump_rate_hz] = rates_hz;
+        let [birth_rate_hz, death_rate_hz, relocation_rate_hz] = rates_hz;
         let settings = BernoulliSettings {
             particle_count: 37,
             motion,
             birth_rate_hz,
             death_rate_hz,
-            jump_rate_hz,
+            relocation_rate_hz,
             birth_density,
             birth_velocity_sigma_mps: 1.0,
             ..BernoulliSettings::of(motion)

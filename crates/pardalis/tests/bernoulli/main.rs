@@ -36,7 +36,7 @@ fn certain(motion: Motion) -> BernoulliSettings {
     BernoulliSettings {
         birth_rate_hz: 0.0,
         death_rate_hz: 0.0,
-        jump_rate_hz: 0.0,
+        relocation_rate_hz: 0.0,
         ..BernoulliSettings::of(motion)
     }
 }
@@ -46,7 +46,7 @@ fn lively() -> BernoulliSettings {
     BernoulliSettings {
         birth_rate_hz: 0.3,
         death_rate_hz: 0.2,
-        jump_rate_hz: 0.15,
+        relocation_rate_hz: 0.15,
         ..BernoulliSettings::of(velocity())
     }
 }

@@ -284,7 +284,7 @@ impl EdgeCue {
                 let at = |d: f32| lines.tempered(k, shift_px + d);
                 let [less, here, more] = [-SPAN_PX, 0.0, SPAN_PX].map(at);
                 let gradient = (more - less) / (2.0 * SPAN_PX);
-                let least = LEAST_CURVATURE * lines.temper;
+                let least = LEAST_CURVATURE * lines.likelihood_exponent;
                 let curvature = ((2.0 * here - less - more) / (SPAN_PX * SPAN_PX)).max(least);
                 let weight = f64::from(seen[lines.sector(k)]);
                 slope.gradient += along * (weight * f64::from(gradient));

@@ -47,7 +47,7 @@ pub(super) struct Lines {
     /// How far that is what surrounded it before: 1, or down to 0 where something else has come, which may hide the body.
     pub(super) familiar: [f32; SECTORS],
     /// What the lines' log-likelihoods count.
-    pub(super) temper: f32,
+    pub(super) likelihood_exponent: f32,
     /// The share of the outline along which the body's colours are seen.
     pub(super) seen_share: f32,
     /// The mean Y, U and V of its pixels there; no number where there is none.
@@ -212,8 +212,9 @@ impl Lines {
             let share = share * self.familiar[sector] * alone[sector];
             self.seen[sector] = LEAST_SEEN + (1.0 - 2.0 * LEAST_SEEN) * share;
         }
-        self.temper = settings.temper as f32;
-        self.temper /= 1.0 + self.curvature() * (settings.shared_sigma_px as f32).powi(2);
+        self.likelihood_exponent = settings.likelihood_exponent as f32;
+        self.likelihood_exponent /=
+            1.0 + self.curvature() * (settings.shared_sigma_px as f32).powi(2);
         self.find_anywhere();
         true
     }
@@ -259,7 +260,7 @@ impl Lines {
         let mut sums = [[0_f32; SHIFTS]; SECTORS];
         for (line, log_ratios) in self.log_ratios.iter().enumerate() {
             for (sum, log_ratio) in sums[line * SECTORS / count].iter_mut().zip(log_ratios) {
-                *sum += self.temper * log_ratio;
+                *sum += self.likelihood_exponent * log_ratio;
             }
         }
         for (anywhere, sums) in self.anywhere.iter_mut().zip(&sums) {
@@ -298,7 +299,7 @@ impl Lines {
         let [before, at, after] =
             [nearest - 1, nearest, nearest + 1].map(|i| self.log_ratios[k][i]);
         let (less, more) = (0.5 - off, 0.5 + off);
-        let inside = self.temper
+        let inside = self.likelihood_exponent
             * (0.5 * less * less * before + (0.75 - off * off) * at + 0.5 * more * more * after);
         if shift_px.abs() < REACH_PX {
             inside

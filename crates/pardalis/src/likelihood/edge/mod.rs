@@ -31,34 +31,34 @@ use lines::{Lines, REACH_PX, SECTORS, SHIFTS, Scratch};
 #[allow(clippy::struct_excessive_bools)] // parts that are switched off one by one, not states
 pub struct EdgeSettings {
     /// Lines across the outline.
-    pub lines: usize,
+    pub correspondence_lines: usize,
     /// What a pixel's log-likelihood counts: below 1, as neighbouring pixels say the same (chroma at half the resolution, compression).
-    pub temper: f64,
+    pub likelihood_exponent: f64,
     /// The standard deviation, in pixels, of what is wrong with a whole outline at once and does not average out over its pixels: shading, highlights, shadows.
     pub shared_sigma_px: f64,
     /// Whether edges look as they do where the colours were learnt; else as a soft step does.
-    pub learnt_profile: bool,
+    pub learned_profile: bool,
     /// Whether edges on the shaded side look as such do, and on the lit side; else alike all around.
-    pub tells_sides: bool,
+    pub lit_and_shaded_profiles: bool,
     /// Whether sectors into which something else came say nothing; else they do as any.
-    pub watches_surroundings: bool,
+    pub background_model: bool,
     /// Whether the mean colour within an outline tells whether it is the target's; else single pixels alone.
-    pub weighs_colors: bool,
+    pub color_evidence: bool,
     /// Whether colours are looked up as if in the light in which they were learnt, by what light the target was seen in; else as they are.
-    pub adapts_colors: bool,
+    pub illumination_adaptation: bool,
 }
 
 impl Default for EdgeSettings {
     fn default() -> Self {
         Self {
-            lines: 64,
-            temper: 0.3,
+            correspondence_lines: 64,
+            likelihood_exponent: 0.3,
             shared_sigma_px: 0.15,
-            learnt_profile: true,
-            tells_sides: true,
-            watches_surroundings: true,
-            weighs_colors: true,
-            adapts_colors: true,
+            learned_profile: true,
+            lit_and_shaded_profiles: true,
+            background_model: true,
+            color_evidence: true,
+            illumination_adaptation: true,
         }
     }
 }
@@ -66,13 +66,17 @@ impl Default for EdgeSettings {
 impl EdgeSettings {
     /// Refuses what makes no lines.
     pub fn check(&self) -> Result<(), Error> {
-        if !(SECTORS..=1000).contains(&self.lines) {
-            return Err(Error::out_of_range("lines", self.lines, "16 to 1000"));
-        }
-        if !(self.temper > 0.0 && self.temper <= 1.0) {
+        if !(SECTORS..=1000).contains(&self.correspondence_lines) {
             return Err(Error::out_of_range(
-                "temper",
-                self.temper,
+                "correspondence_lines",
+                self.correspondence_lines,
+                "16 to 1000",
+            ));
+        }
+        if !(self.likelihood_exponent > 0.0 && self.likelihood_exponent <= 1.0) {
+            return Err(Error::out_of_range(
+                "likelihood_exponent",
+                self.likelihood_exponent,
                 "above 0 and at most 1",
             ));
         }
@@ -257,9 +261,9 @@ impl EdgeCue {
         level: Level,
     ) -> Result<Self, Error> {
         settings.check()?;
-        let profile = colors.edge().filter(|_| settings.learnt_profile);
+        let profile = colors.edge().filter(|_| settings.learned_profile);
         let profile = profile.map(|profile| {
-            if settings.tells_sides {
+            if settings.lit_and_shaded_profiles {
                 profile.log_ratios()
             } else {
                 profile.without_sides().log_ratios()
@@ -267,14 +271,14 @@ impl EdgeCue {
         });
         Ok(Self {
             settings,
-            outline: OutlineKernel::new(shape, settings.lines),
+            outline: OutlineKernel::new(shape, settings.correspondence_lines),
             middle_height_m: shape.middle_height_m() as f32,
             diameter_m: shape.diameter_m(),
             table: Table::new(&profile.unwrap_or_else(EdgeProfile::soft_step)),
             palette: colors.palette(),
             ranges: colors.ranges().map(|ranges| ranges.widened()),
-            points: vec![[[0.0; LANES]; 3]; settings.lines],
-            coordinates: vec![[[0.0; LANES]; 2]; settings.lines],
+            points: vec![[[0.0; LANES]; 3]; settings.correspondence_lines],
+            coordinates: vec![[[0.0; LANES]; 2]; settings.correspondence_lines],
             scratch: Scratch::default(),
             level,
         })

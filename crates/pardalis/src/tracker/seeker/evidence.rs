@@ -123,7 +123,7 @@ impl Seeker {
 
     /// ln of how much likelier the colours of a sighting, as a whole, are the target's: in the camera where they are least so.
     fn color_nats(&self, sighting: &Sighting) -> f64 {
-        let weighs = self.edge.settings().weighs_colors;
+        let weighs = self.edge.settings().color_evidence;
         let Some(known) = self.colors.body().filter(|_| weighs) else {
             return 0.0;
         };

@@ -11,11 +11,11 @@ pub struct ExistenceSettings {
     /// How often one goes away, a second.
     pub death_rate_hz: f64,
     /// How often one is taken elsewhere, faster than it moves, a second.
-    pub jump_rate_hz: f64,
+    pub relocation_rate_hz: f64,
     /// How often something kicks it, or it bounces, a second, ...
-    pub kick_rate_hz: f64,
+    pub velocity_jump_rate_hz: f64,
     /// ... and the standard deviation, on each axis, by which that changes its velocity, m/s.
-    pub kick_sigma_mps: f64,
+    pub velocity_jump_sigma_mps: f64,
     /// How often something hides it from a camera.
     pub occlusion: OcclusionRates,
     /// Where targets that stay on the ground stand, metres.
@@ -27,9 +27,9 @@ impl Default for ExistenceSettings {
         Self {
             birth_rate_hz: 0.5,
             death_rate_hz: 0.02,
-            jump_rate_hz: 0.02,
-            kick_rate_hz: 1.0,
-            kick_sigma_mps: 4.0,
+            relocation_rate_hz: 0.02,
+            velocity_jump_rate_hz: 1.0,
+            velocity_jump_sigma_mps: 4.0,
             occlusion: OcclusionRates::default(),
             ground_z_m: 0.0,
         }
@@ -42,19 +42,23 @@ impl ExistenceSettings {
         for (name, value) in [
             ("birth_rate_hz", self.birth_rate_hz),
             ("death_rate_hz", self.death_rate_hz),
-            ("jump_rate_hz", self.jump_rate_hz),
-            ("kick_rate_hz", self.kick_rate_hz),
-            ("kick_sigma_mps", self.kick_sigma_mps),
-            ("hide_rate_hz", self.occlusion.hide_hz),
+            ("relocation_rate_hz", self.relocation_rate_hz),
+            ("velocity_jump_rate_hz", self.velocity_jump_rate_hz),
+            ("velocity_jump_sigma_mps", self.velocity_jump_sigma_mps),
+            ("occlusion_rate_hz", self.occlusion.occlusion_hz),
         ] {
             if !(0.0..=1000.0).contains(&value) {
                 return Err(Error::out_of_range(name, value, "0 to 1000"));
             }
         }
-        let appear_hz = self.occlusion.appear_hz;
-        if !(appear_hz > 0.0 && appear_hz <= 1000.0) {
+        let reappearance_hz = self.occlusion.reappearance_hz;
+        if !(reappearance_hz > 0.0 && reappearance_hz <= 1000.0) {
             let allowed = "above 0 and at most 1000";
-            return Err(Error::out_of_range("appear_rate_hz", appear_hz, allowed));
+            return Err(Error::out_of_range(
+                "reappearance_rate_hz",
+                reappearance_hz,
+                allowed,
+            ));
         }
         if !(self.ground_z_m.abs() <= 1e6) {
             let allowed = "-1e6 to 1e6";

@@ -78,10 +78,14 @@ impl Seeker {
         let sighting = self.sure(sightings);
         let settings = self.edge.settings();
         for (camera, frame) in frames {
-            if let Some(sighting) = sighting.filter(|_| settings.watches_surroundings) {
+            if let Some(sighting) = sighting.filter(|_| settings.background_model) {
                 sighting.learn_around(*camera, &mut self.known_around[*camera]);
             }
-            if let Some(known) = self.colors.body().filter(|_| settings.adapts_colors) {
+            if let Some(known) = self
+                .colors
+                .body()
+                .filter(|_| settings.illumination_adaptation)
+            {
                 let lighting = &mut self.lighting[*camera];
                 let relight = lighting.relight(PixelKind::FULL_RANGE_YUV);
                 let seen = sighting.and_then(|sighting| sighting.whole_body(*camera));

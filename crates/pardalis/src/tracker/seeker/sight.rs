@@ -4,16 +4,16 @@
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OcclusionRates {
     /// Of what is seen, a second.
-    pub hide_hz: f64,
+    pub occlusion_hz: f64,
     /// Of what is hidden, a second.
-    pub appear_hz: f64,
+    pub reappearance_hz: f64,
 }
 
 impl Default for OcclusionRates {
     fn default() -> Self {
         Self {
-            hide_hz: 0.5,
-            appear_hz: 1.0,
+            occlusion_hz: 0.5,
+            reappearance_hz: 1.0,
         }
     }
 }
@@ -33,7 +33,7 @@ impl Sight {
     /// Of a camera that never had a frame.
     pub(super) fn new(rates: &OcclusionRates, time_s: f64) -> Self {
         Self {
-            visible: rates.appear_hz / (rates.appear_hz + rates.hide_hz),
+            visible: rates.reappearance_hz / (rates.reappearance_hz + rates.occlusion_hz),
             sees: 0.0,
             time_s,
         }
@@ -41,8 +41,8 @@ impl Sight {
 
     /// Lets time pass: a Markov chain of two states.
     pub(super) fn predict(&mut self, rates: &OcclusionRates, time_s: f64) {
-        let both_hz = rates.hide_hz + rates.appear_hz;
-        let settled = rates.appear_hz / both_hz;
+        let both_hz = rates.occlusion_hz + rates.reappearance_hz;
+        let settled = rates.reappearance_hz / both_hz;
         let kept = libm::exp(-both_hz * (time_s - self.time_s).max(0.0));
         self.visible = settled + (self.visible - settled) * kept;
         self.time_s = time_s;
