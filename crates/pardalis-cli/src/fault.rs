@@ -25,6 +25,6 @@ pub(crate) fn exit_code_of(outcome: &anyhow::Result<()>) -> ExitCode {
     let _ = writeln!(std::io::stderr(), "error: {error:#}");
     let users = error
         .chain()
-        .any(|e| e.is::<Fault>() || e.is::<pardalis::Error>());
+        .any(|e| e.is::<Fault>() || e.is::<pardalis_core::Error>());
     ExitCode::from(if users { 2 } else { 1 })
 }

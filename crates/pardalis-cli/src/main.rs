@@ -63,7 +63,6 @@ enum Command {
     Rectify(commands::rectify::Arguments),
     Evaluate(commands::evaluate::Arguments),
     Measure(commands::measure::Arguments),
-    Report(commands::report::Arguments),
     Simulate(commands::simulate::Arguments),
 }
 
@@ -79,7 +78,6 @@ fn main() -> ExitCode {
         Command::Rectify(arguments) => commands::rectify::run(&arguments),
         Command::Evaluate(arguments) => commands::evaluate::run(&arguments),
         Command::Measure(arguments) => commands::measure::run(&arguments),
-        Command::Report(arguments) => commands::report::run(&arguments),
         Command::Simulate(arguments) => commands::simulate::run(&arguments),
     };
     fault::exit_code_of(&outcome)

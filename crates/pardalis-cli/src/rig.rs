@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pardalis::config::{CameraConfig, Input, Problem};
+use pardalis_scene::{CameraConfig, Input, Problem};
 
 use crate::source::{Source, TimeSpan};
 

@@ -5,16 +5,17 @@ use std::{fs, io};
 
 use anyhow::Result;
 use pardalis::Tracker;
-use pardalis::camera::Mask;
 use pardalis::color::ColorModel;
-use pardalis::config::{BodyConfig, CameraConfig, Input, Problem, Scene, StartConfig};
-use pardalis::interchange::{self, Lens};
 use pardalis::likelihood::{Cue, CueSettings};
-use pardalis::rig::CalibratedCamera;
-use pardalis::simd::Level;
 use pardalis::start::Start;
 use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
+use pardalis_camera::CalibratedCamera;
+use pardalis_camera::Mask;
+use pardalis_camera::formats::Lens;
+use pardalis_core::simd::Level;
+use pardalis_scene::calibration;
+use pardalis_scene::{BodyConfig, CameraConfig, Input, Problem, Scene, StartConfig};
 
 use crate::fault::{Fault, fault};
 use crate::rectangle::find_in_scene;
@@ -106,7 +107,7 @@ pub(crate) fn read_calibration(
 ) -> Result<Vec<CalibratedCamera>, String> {
     let path = resolve(folder, file);
     let text = read_text(&path).map_err(|error| format!("{error:#}"))?;
-    interchange::read(&text, lens).map_err(|error| format!("{}: {error}", path.display()))
+    calibration::read(&text, lens).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// Opens all that a scene names, which was read from the file at `path`. `seed` takes the place of the scene's, `stills`, where there are any,

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
-use pardalis::score::{EstimatedState, TrueState};
 use pardalis::tracker::TrackState;
+use pardalis_evaluate::{EstimatedState, TrueState};
 
 use crate::fault::fault;
 

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis::config::TrackStart;
-use pardalis::gaussian::GaussianStart;
+use pardalis_filter::gaussian::GaussianStart;
+use pardalis_scene::TrackStart;
 
 use crate::fault::fault;
 use crate::tables;

@@ -6,11 +6,11 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use pardalis::camera::{
+use pardalis_camera::{
     Camera, ConstantResolution, DoubleSphere, Equidistant, ExactMirror, ExtendedUnified,
     KannalaBrandt, Mei, Ocam, PerspectiveMirror, Pinhole, Resolution, Unified,
 };
-use pardalis::simd::Level;
+use pardalis_core::simd::Level;
 
 const POINTS: usize = 50_000;
 const CENTER_PX: [f64; 2] = [319.5, 239.5];

@@ -3,7 +3,7 @@
 //!
 //! `cargo bench -p pardalis --bench region`. Each measured path is first held to the naive reference.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/integration/common/mod.rs"]
 mod common;
 
 use std::hint::black_box;
@@ -12,13 +12,14 @@ use common::frame;
 use common::robot::{landmark, landmark_colors, mast_view, picture};
 use criterion::{Criterion, criterion_group, criterion_main};
 use pardalis::color::YuvEncoding;
-use pardalis::likelihood::{Cue, CueSettings, Cues, Likelihood, PatchSettings};
-use pardalis::particles::Particles;
+use pardalis::likelihood::{Cue, CueSettings, Cues, PatchSettings};
 use pardalis::reference::{difference_log_likelihood, region_log_likelihood};
-use pardalis::rng::{Draws, Stage};
-use pardalis::simd::Level;
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
+use pardalis_core::rng::{Draws, Stage};
+use pardalis_core::simd::Level;
+use pardalis_filter::Likelihood;
+use pardalis_filter::Particles;
 
 const COUNTS: [usize; 2] = [500, 5000];
 /// Where the red landmark is in frame 20.

@@ -2,7 +2,7 @@
 //!
 //! `cargo bench -p pardalis --bench step`. Each measured path is first held to the reference.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/integration/common/mod.rs"]
 mod common;
 
 use std::hint::black_box;
@@ -13,16 +13,17 @@ use common::{
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::Vector3;
 use pardalis::color::{ColorModel, Palette, PixelKind, PixelTable, YuvEncoding};
-use pardalis::filter::Filter;
-use pardalis::likelihood::{ContourSettings, Cue, Cues, Likelihood};
-use pardalis::particles::Particles;
+use pardalis::likelihood::{ContourSettings, Cue, Cues};
 use pardalis::reference;
-use pardalis::resample::Resampling;
-use pardalis::rng::{Draws, Stage};
 use pardalis::shape::Shape;
-use pardalis::simd::Level;
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat, Tracker};
+use pardalis_core::rng::{Draws, Stage};
+use pardalis_core::simd::Level;
+use pardalis_filter::Likelihood;
+use pardalis_filter::Particles;
+use pardalis_filter::particle_filter::Filter;
+use pardalis_filter::resample::Resampling;
 
 /// Particles in real time and offline in Taiana 2007; each has two contours of 50 points.
 const PARTICLE_COUNTS: [usize; 2] = [300, 10_000];

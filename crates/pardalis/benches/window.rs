@@ -3,7 +3,7 @@
 //!
 //! `cargo bench -p pardalis --bench window`. Each measured path is first held to the naive reference.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/integration/common/mod.rs"]
 mod common;
 
 use std::hint::black_box;
@@ -11,20 +11,21 @@ use std::hint::black_box;
 use common::{data, frame};
 use criterion::{Criterion, criterion_group, criterion_main};
 use pardalis::color::{ColorModel, ColorRanges, YuvEncoding};
-use pardalis::filter::FilterSettings;
-use pardalis::gaussian::{GaussianStart, diagonal_m2};
-use pardalis::likelihood::{Cue, Cues, Likelihood, WindowCounting, WindowSettings};
-use pardalis::motion::RandomWalk;
-use pardalis::particles::Particles;
+use pardalis::likelihood::{Cue, Cues, WindowCounting, WindowSettings};
 use pardalis::reference::window_log_likelihood;
-use pardalis::resample::Resampling;
-use pardalis::rng::{Draws, Stage};
 use pardalis::shape::{Shape, Sphere, SphereOutline};
-use pardalis::simd::Level;
 use pardalis::start::Start;
 use pardalis::tracker::{BodySettings, ExistenceSettings};
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat, Tracker};
+use pardalis_core::rng::{Draws, Stage};
+use pardalis_core::simd::Level;
+use pardalis_filter::Likelihood;
+use pardalis_filter::Particles;
+use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
+use pardalis_filter::motion::RandomWalk;
+use pardalis_filter::particle_filter::FilterSettings;
+use pardalis_filter::resample::Resampling;
 
 /// The published number.
 const PARTICLES: usize = 200;
@@ -33,8 +34,8 @@ const COUNTS: [usize; 5] = [200, 1000, 3000, 10_000, 30_000];
 
 fn views() -> Vec<View> {
     let text = std::fs::read_to_string(data("webcams-two/cameras.json")).unwrap();
-    let cameras = pardalis::interchange::read(&text, None).unwrap();
-    let view = |camera: &pardalis::rig::CalibratedCamera| {
+    let cameras = pardalis_camera::formats::read(&text, None).unwrap();
+    let view = |camera: &pardalis_camera::CalibratedCamera| {
         let size = camera.size_px.unwrap();
         View::new(
             camera.camera.clone(),

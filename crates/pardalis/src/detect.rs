@@ -1,9 +1,9 @@
 //! Detection: where in an image a target's colours stand out, without any knowledge of where it might be.
 
-use crate::camera::Mask;
 use crate::color::{ColorModel, ColorRanges, Palette, PixelKind, Relight};
 use crate::frame::with_pixels;
 use crate::view::Evidence;
+use pardalis_camera::Mask;
 
 /// Smaller blobs are noise, in pixels.
 const LEAST_AREA_PX: usize = 9;
@@ -218,11 +218,11 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Camera, Pinhole};
     use crate::color::{ColorLearner, Palette, YuvEncoding};
-    use crate::rig::Pose;
     use crate::view::View;
     use crate::{Frame, PixelFormat};
+    use pardalis_camera::Pose;
+    use pardalis_camera::{Camera, Pinhole};
 
     const SIZE: (usize, usize) = (60, 40);
 

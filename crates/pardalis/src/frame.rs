@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
-use crate::color::YuvEncoding;
+use crate::color_space::YuvEncoding;
+use pardalis_core::Error;
+use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 
 /// How the bytes of an image are laid out. Rows are tightly packed, the top row first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -88,9 +89,6 @@ macro_rules! with_pixels {
     }};
 }
 pub(crate) use with_pixels;
-
-/// The largest image width or height that is taken, in pixels: image offsets then fit in 31 bits.
-pub const MAX_IMAGE_SIDE_PX: usize = 16_384;
 
 /// The largest time stamp, in seconds, either way from zero: some 30 000 years, so that the square of a time is still a plain number.
 pub const MAX_TIME_S: f64 = 1e12;

@@ -16,35 +16,18 @@
 //! Pixel centres lie at integer coordinates. The library opens no files, reads no clock and prints nothing; every random
 //! number is a function of seed, target, particle and observation.
 
-pub mod bernoulli;
-pub mod calibrate;
-pub mod camera;
 pub mod color;
-pub mod config;
+mod color_space;
 pub mod detect;
-mod error;
-pub mod filter;
 pub mod frame;
-pub mod gaussian;
-pub mod interchange;
 pub mod likelihood;
-pub mod motion;
-pub mod particles;
-pub mod plane;
-pub mod real;
+pub mod rectify;
 pub mod reference;
-pub mod resample;
-pub mod rig;
-pub mod rng;
-pub mod score;
 pub mod shape;
-pub mod simd;
-pub mod simulate;
 pub mod start;
 pub mod tracker;
 pub mod view;
-mod weighted;
 
-pub use error::Error;
 pub use frame::{Frame, PixelFormat};
+pub use pardalis_core::Error;
 pub use tracker::{Estimate, Tracker};

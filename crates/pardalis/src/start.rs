@@ -2,13 +2,13 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::Error;
-use crate::camera::Mask;
-use crate::gaussian::{GaussianStart, MAX_START, check_sigma, diagonal_m2};
-use crate::likelihood::Likelihood;
-use crate::particles::Particles;
-use crate::rng::{Draws, Stage};
 use crate::view::View;
+use pardalis_camera::Mask;
+use pardalis_core::Error;
+use pardalis_core::rng::{Draws, Stage};
+use pardalis_filter::Likelihood;
+use pardalis_filter::Particles;
+use pardalis_filter::gaussian::{GaussianStart, MAX_START, check_sigma, diagonal_m2};
 
 /// How a target's particles start.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,9 +1,10 @@
 //! All that belongs to one camera over time: model, pose, mask, palette tables and the frame before. It turns frames into evidence.
 
-use crate::camera::{Camera, Mask};
+use crate::Frame;
 use crate::color::{ColorRanges, MatchTable, Palette, PixelKind, PixelTable};
-use crate::rig::Pose;
-use crate::{Error, Frame};
+use pardalis_camera::Pose;
+use pardalis_camera::{Camera, Mask};
+use pardalis_core::Error;
 
 /// One camera: where it stands, how it projects, which of its pixels count.
 #[derive(Debug, Clone)]

@@ -1,6 +1,7 @@
 //! A warm step allocates nothing: buffers belong to the filter and the cue.
 #![allow(unsafe_code)] // a counting allocator passes every call on to the system's
 
+#[path = "integration/common/mod.rs"]
 mod common;
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -9,14 +10,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use common::robot::{self, mast_view, robot_target};
 use common::{FPS, ball_target, fisheye_view, frame, jump_picture};
 use image::RgbImage;
-use pardalis::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
 use pardalis::color::{Palette, YuvEncoding};
-use pardalis::motion::Motion;
-use pardalis::rng::Draws;
-use pardalis::simd::Level;
 use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat, Tracker};
+use pardalis_core::rng::Draws;
+use pardalis_core::simd::Level;
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::motion::Motion;
 
 struct Counting;
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use nalgebra::Matrix4;
-use pardalis::calibrate::{
+use pardalis_calibrate::{
     CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind,
     OUTLIER_SIGMAS, RigCamera, calibrate, calibrate_rig,
 };

@@ -9,6 +9,5 @@ pub(crate) mod learn;
 pub(crate) mod locate;
 pub(crate) mod measure;
 pub(crate) mod rectify;
-pub(crate) mod report;
 pub(crate) mod simulate;
 pub(crate) mod track;

@@ -4,9 +4,9 @@ use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Point3, Rotation3, Vector3};
-use pardalis::camera::Camera;
-use pardalis::config::Scene;
-use pardalis::rig::Pose;
+use pardalis_camera::Camera;
+use pardalis_camera::Pose;
+use pardalis_scene::Scene;
 
 use super::plots::{Figures, TrackSeries, TruthSeries};
 use super::svg::write_svg_and_png;

@@ -1,5 +1,5 @@
 use nalgebra::{Rotation3, Vector3};
-use pardalis::rig::Pose;
+use pardalis_camera::Pose;
 
 use super::*;
 use crate::draw::test_folder;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pardalis::score::{Bin, Reliability};
+use pardalis_evaluate::{Bin, Reliability};
 use plotters::prelude::*;
 
 use super::legend::{self, Key, group_mark};
@@ -95,7 +95,7 @@ fn draw_bins(
 mod tests {
     use super::*;
     use crate::draw::test_folder;
-    use pardalis::score::{Claim, reliability};
+    use pardalis_evaluate::{Claim, reliability};
 
     /// Left in `draw-tests` beside the test program.
     #[test]

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use pardalis::Frame;
-use pardalis::config::{CameraConfig, FrameRange, Problem};
+use pardalis_scene::{CameraConfig, FrameRange, Problem};
 
 use super::{Edge, find};
 use crate::fault::fault;

@@ -14,7 +14,7 @@ use image::imageops::{FilterType, resize};
 use image::{GrayImage, RgbImage};
 use imageproc::map::map_pixels;
 use pardalis::Frame;
-use pardalis::simulate::linear_from_srgb;
+use pardalis_simulate::linear_from_srgb;
 
 use crate::fault::fault;
 pub(crate) use in_scene::{find_in_scene, first_frames};

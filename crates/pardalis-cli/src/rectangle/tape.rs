@@ -6,7 +6,8 @@
 //! and its width: one along each two opposite sides, so that perspective makes far ones thinner.
 
 use nalgebra::{DMatrix, DVector};
-use pardalis::plane::{Homography, PointPair, fit};
+use pardalis_calibrate::plane::{PointPair, fit};
+use pardalis_camera::Homography;
 
 use super::sides::{Light, Measured};
 

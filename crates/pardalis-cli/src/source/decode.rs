@@ -8,7 +8,7 @@ use anyhow::{Context, Result, ensure};
 use image::codecs::png::PngDecoder;
 use image::{DynamicImage, ImageDecoder, Limits};
 use pardalis::PixelFormat;
-use pardalis::frame::MAX_IMAGE_SIDE_PX;
+use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;

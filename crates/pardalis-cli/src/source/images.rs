@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
 
 use anyhow::Result;
-use pardalis::config::FrameRange;
 use pardalis::frame::MAX_TIME_S;
+use pardalis_scene::FrameRange;
 
 use super::decode::{decode_image, image_size};
 use super::times::{ImageTimes, read_times};

@@ -1,7 +1,7 @@
 use tempfile::TempDir;
 
 use super::*;
-use pardalis::config::FrameRange;
+use pardalis_scene::FrameRange;
 
 fn folder_with(names: &[&str]) -> TempDir {
     let folder = TempDir::new().expect("a folder");

@@ -16,8 +16,8 @@ use std::time::Duration;
 
 use anyhow::Result;
 use pardalis::color::YuvEncoding;
-use pardalis::config::FrameRange;
 use pardalis::{Frame, PixelFormat};
+use pardalis_scene::FrameRange;
 use serde::Serialize;
 
 use crate::fault::fault;

@@ -4,7 +4,7 @@ use tempfile::TempDir;
 
 use super::decode::decode_image;
 use super::*;
-use pardalis::config::FrameRange;
+use pardalis_scene::FrameRange;
 
 fn sequence() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/dioptric-jump/frames")

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use anyhow::{Context, Error, Result};
 use pardalis::PixelFormat;
 use pardalis::color::{YuvEncoding, YuvMatrix, YuvRange};
-use pardalis::config::FrameRange;
-use pardalis::frame::MAX_IMAGE_SIDE_PX;
+use pardalis_core::error::MAX_IMAGE_SIDE_PX;
+use pardalis_scene::FrameRange;
 
 use super::ffmpeg::{Decode, ProbedStream, Process, Programs};
 use super::{Description, Pixels, TimeSpan, TimedBytes};

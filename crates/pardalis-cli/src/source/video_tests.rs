@@ -7,7 +7,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::source::{Clock, Counters, Delivery, Source, SourceConfig, SourceKind};
 use pardalis::Frame;
-use pardalis::config::FrameRange;
+use pardalis_scene::FrameRange;
 
 /// The installed programs; none, with a note, where these tests can not be made.
 fn programs() -> Option<Programs> {

@@ -5,10 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::config::{BodyConfig, Scene, TargetConfig};
-use pardalis::filter::StateEstimate;
-use pardalis::particles::Particles;
 use pardalis::view::View;
+use pardalis_filter::Particles;
+use pardalis_filter::estimate::StateEstimate;
+use pardalis_scene::{BodyConfig, Scene, TargetConfig};
 
 use super::{Annotate, Instant, Sink};
 use crate::draw::PALETTE;

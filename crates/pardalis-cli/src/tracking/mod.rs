@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use pardalis::config::Scene;
 use pardalis::{Estimate, Frame, Tracker};
+use pardalis_scene::Scene;
 use serde::Serialize;
 
 use crate::fault::fault;

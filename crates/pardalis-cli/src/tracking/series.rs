@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::config::Scene;
-use pardalis::score::TrueState;
 use pardalis::tracker::TrackState;
+use pardalis_evaluate::TrueState;
+use pardalis_scene::Scene;
 
 use super::{Instant, Sink};
 use crate::draw::paths::CameraSymbol;

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 
 use super::palette::PixelKind;
-use super::space::YuvEncoding;
-use crate::Error;
+use crate::color_space::YuvEncoding;
+use pardalis_core::Error;
 
 /// Steps that a channel is counted in.
 const STEPS: usize = 64;

@@ -1,7 +1,7 @@
 //! Light: the colours of a whole scene in it, as gains of red, green and blue (von Kries 1902) along the two ways in which light changes, brighter or darker and warmer or colder.
 
 use super::palette::PixelKind;
-use super::space::YuvEncoding;
+use crate::color_space::YuvEncoding;
 
 /// ln of the gains of red, green and blue in light that is warmer by one, about as of black bodies (Wien's law).
 const WARMER: [f64; 3] = [0.5, 0.0, -1.0];

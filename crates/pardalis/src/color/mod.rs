@@ -10,8 +10,8 @@ mod model;
 mod outline_distance;
 mod palette;
 mod ranges;
-mod space;
 
+pub use crate::color_space::{YuvEncoding, YuvMatrix, YuvRange, hsi_from_rgb};
 pub use body_colors::BodyColors;
 pub use channels::{ChannelBins, ChannelHistograms, ChannelTable};
 pub use edge_profile::{EdgeLogRatios, EdgeProfile};
@@ -21,4 +21,3 @@ pub use membership::{EdgePixel, Side, Surroundings};
 pub use model::{ColorLearner, ColorModel, Separation};
 pub use palette::{MAX_BINS, MAX_CHANNEL_BINS, Palette, PixelKind, PixelTable};
 pub use ranges::{ColorRanges, MatchTable};
-pub use space::{YuvEncoding, YuvMatrix, YuvRange, hsi_from_rgb};

@@ -10,7 +10,8 @@ use super::edge_profile::{EdgeLearner, EdgeProfile, EdgeText};
 use super::histogram::Histogram;
 use super::palette::{Palette, PixelKind, PixelTable};
 use super::ranges::{ColorRanges, RangeLearner};
-use crate::{Error, Frame};
+use crate::Frame;
+use pardalis_core::Error;
 
 /// What a target looks like: the histogram of its pixels in one palette, the ranges that hold them, the histograms of red, green and blue, and how its colours
 /// go over into what surrounds it.

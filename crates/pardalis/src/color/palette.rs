@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::space::{YuvEncoding, hsi_from_rgb};
+use crate::Frame;
+use crate::color_space::{YuvEncoding, hsi_from_rgb};
 use crate::frame::PixelFormat;
-use crate::{Error, Frame};
+use pardalis_core::Error;
 
 /// A division of colour space into bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]

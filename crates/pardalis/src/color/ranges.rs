@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::palette::PixelKind;
-use super::space::hsi_from_rgb;
-use crate::Error;
+use crate::color_space::hsi_from_rgb;
+use pardalis_core::Error;
 
 /// The colours of a target as ranges, ends included.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -4,8 +4,8 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::outline::Coordinates;
-use crate::Error;
-use crate::camera::LANES;
+use pardalis_camera::LANES;
+use pardalis_core::Error;
 
 /// How the points on either side of the outline are found.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

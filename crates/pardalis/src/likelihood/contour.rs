@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 use super::boundary::{Sampling, ScaledSampling, SplineBasis, normals_by_neighbours};
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
 use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster, overlaps};
-use crate::Error;
-use crate::camera::{LANES, Mask};
 use crate::color::{ColorModel, Palette};
 use crate::frame::with_pixels;
 use crate::shape::Shape;
-use crate::simd::Level;
 use crate::view::{Evidence, View};
+use pardalis_camera::{LANES, Mask};
+use pardalis_core::Error;
+use pardalis_core::simd::Level;
 
 /// Parameters of the contour cue.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

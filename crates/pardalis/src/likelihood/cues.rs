@@ -1,18 +1,19 @@
 //! All cues of one target over all cameras: independent given the state, so that their likelihoods multiply.
 
-use super::Likelihood;
 use super::contour::{ContourCue, ContourSettings};
 use super::difference::DifferenceCue;
 use super::edge::EdgeSettings;
 use super::patch::PatchSettings;
 use super::region::RegionCue;
 use super::window::{WindowCounting, WindowCue, WindowSettings};
+use crate::Frame;
 use crate::color::{ColorModel, PixelKind};
-use crate::particles::Particles;
 use crate::shape::Shape;
-use crate::simd::Level;
 use crate::view::View;
-use crate::{Error, Frame};
+use pardalis_core::Error;
+use pardalis_core::simd::Level;
+use pardalis_filter::Likelihood;
+use pardalis_filter::Particles;
 
 /// A cue and the cameras whose frames it looks at.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,11 +4,12 @@
 use rayon::prelude::*;
 
 use super::patch::{Patch, PatchSettings, squared_distance};
+use crate::Frame;
 use crate::frame::{PixelFormat, with_pixels};
 use crate::shape::Shape;
-use crate::simd::Level;
 use crate::view::Evidence;
-use crate::{Error, Frame};
+use pardalis_core::Error;
+use pardalis_core::simd::Level;
 
 /// The difference cue of one target: the histogram of absolute differences of grey against a uniform one. Only for cameras that stand still.
 #[derive(Debug)]

@@ -17,11 +17,3 @@ pub use cues::{Cue, CueSettings, Cues, CuesLikelihood};
 pub use edge::EdgeSettings;
 pub use patch::PatchSettings;
 pub use window::{WindowCounting, WindowSettings};
-
-use crate::particles::Particles;
-
-/// The seam between the filter and vision: one call a frame for all particles.
-pub trait Likelihood {
-    /// Writes the logarithm of each particle's likelihood, up to a constant that all share. Negative infinity means impossible; NaN counts as that.
-    fn log_likelihoods(&mut self, particles: &Particles, out: &mut [f32]);
-}

@@ -1,9 +1,9 @@
 //! Where the outlines of a block of particles lie in a camera's image: the projection kernel of the contour cue.
 
-use crate::camera::{LANES, project_block, with_model};
 use crate::shape::{OutlineCircle, Place, Seen, Shape, Sides, SidesKind, SphereOutline};
-use crate::simd::Level;
 use crate::view::View;
+use pardalis_camera::{LANES, project_block, with_model};
+use pardalis_core::simd::Level;
 
 /// One point of each of a block's outlines, in the camera's frame; NaN where there is none.
 pub(super) type Points = [[f32; LANES]; 3];

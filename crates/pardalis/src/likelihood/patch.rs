@@ -7,12 +7,12 @@ use rayon::prelude::*;
 
 use super::outline::{Coordinates, Points, Projector};
 use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster};
-use crate::Error;
-use crate::camera::{LANES, Mask};
 use crate::color::ChannelBins;
 use crate::shape::{FlatForm, Shape};
-use crate::simd::Level;
 use crate::view::View;
+use pardalis_camera::{LANES, Mask};
+use pardalis_core::Error;
+use pardalis_core::simd::Level;
 
 /// Particles a piece of work for one thread.
 const CHUNK: usize = 4 * LANES;

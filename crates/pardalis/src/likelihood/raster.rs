@@ -1,8 +1,8 @@
 //! From image coordinates to the pixels that are looked up.
 
 use super::outline::Coordinates;
-use crate::camera::LANES;
 use crate::view::View;
+use pardalis_camera::LANES;
 
 /// Rows apart in the number of a pixel, where look-ups need both its coordinates.
 pub(super) const COORDINATES_STRIDE: u32 = 1 << 16;

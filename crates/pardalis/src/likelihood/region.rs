@@ -1,12 +1,12 @@
 //! The colours of a region, channel by channel, against those of the target (Campos 2009, section 3.2).
 
 use super::patch::{Patch, PatchSettings, squared_distance};
-use crate::Error;
 use crate::color::{ChannelHistograms, ChannelTable, PixelKind};
 use crate::frame::with_pixels;
 use crate::shape::Shape;
-use crate::simd::Level;
 use crate::view::Evidence;
+use pardalis_core::Error;
+use pardalis_core::simd::Level;
 
 /// The region cue of one target.
 #[derive(Debug)]

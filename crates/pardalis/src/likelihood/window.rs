@@ -4,12 +4,12 @@ use rayon::prelude::*;
 
 use super::outline::Projector;
 use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster};
-use crate::Error;
-use crate::camera::{LANES, Mask};
 use crate::color::{ColorRanges, MatchTable};
 use crate::frame::{PixelFormat, with_pixels};
-use crate::simd::Level;
 use crate::view::{Evidence, View};
+use pardalis_camera::{LANES, Mask};
+use pardalis_core::Error;
+use pardalis_core::simd::Level;
 
 /// Parameters of the window cue.
 #[derive(Debug, Clone, Copy, PartialEq)]

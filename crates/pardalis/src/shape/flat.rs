@@ -1,6 +1,6 @@
 //! Flat shapes: discs and rectangles that lie, or are carried, level at a fixed height over the ground.
 
-use crate::Error;
+use pardalis_core::Error;
 
 /// The largest size and height; metres, or pixels where the world is the image.
 const MAX_SIZE: f64 = 100_000.0;

@@ -11,8 +11,8 @@ pub use upright::{Section, Upright, UprightOutline};
 
 use nalgebra::{Point3, Vector3};
 
-use crate::camera::Camera;
-use crate::rig::Pose;
+use pardalis_camera::Camera;
+use pardalis_camera::Pose;
 
 /// Any shape.
 #[derive(Debug, Clone, Copy, PartialEq)]

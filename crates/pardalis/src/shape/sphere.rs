@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
-use crate::real::Real;
+use pardalis_core::Error;
+use pardalis_core::real::Real;
 
 /// Which circle of the sphere stands for its outline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

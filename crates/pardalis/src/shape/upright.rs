@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
-use crate::real::Real;
+use pardalis_core::Error;
+use pardalis_core::real::Real;
 
 /// The largest width and height in metres.
 const MAX_SIZE_M: f64 = 1000.0;

@@ -1,15 +1,17 @@
 //! One body: a filter of its own, its cues, and what the cameras say of it.
 
 use super::{BodySettings, Estimate, TrackState};
-use crate::filter::{Filter, StateEstimate, Update};
-use crate::gaussian::{GaussianStart, diagonal_m2};
+use crate::Frame;
 use crate::likelihood::Cues;
-use crate::rng::Draws;
 use crate::shape::Shape;
-use crate::simd::Level;
 use crate::start::{PixelStart, Start};
 use crate::view::View;
-use crate::{Error, Frame};
+use pardalis_core::Error;
+use pardalis_core::rng::Draws;
+use pardalis_core::simd::Level;
+use pardalis_filter::estimate::StateEstimate;
+use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
+use pardalis_filter::particle_filter::{Filter, Update};
 
 /// How long a camera's last word on whether a particle is seen holds, in seconds, while other cameras go on without it.
 const WORD_HOLDS_S: f64 = 0.5;

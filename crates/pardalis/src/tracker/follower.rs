@@ -3,15 +3,16 @@
 use super::body::Body;
 use super::seeker::{Alike, Seeker};
 use super::{BodySettings, Estimate};
-use crate::filter::StateEstimate;
-use crate::gaussian::GaussianStart;
+use crate::Frame;
 use crate::likelihood::Cue;
-use crate::particles::Particles;
-use crate::rng::Draws;
-use crate::simd::Level;
 use crate::start::Start;
 use crate::view::View;
-use crate::{Error, Frame};
+use pardalis_core::Error;
+use pardalis_core::rng::Draws;
+use pardalis_core::simd::Level;
+use pardalis_filter::Particles;
+use pardalis_filter::estimate::StateEstimate;
+use pardalis_filter::gaussian::GaussianStart;
 
 /// A target of one body, or a landmark of one of several.
 pub(super) enum Follower {

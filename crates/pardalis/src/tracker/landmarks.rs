@@ -1,7 +1,7 @@
 //! One target from several landmarks, each tracked on its own (Campos 2009, section 4).
 
 use super::{Estimate, TrackState};
-use crate::filter::StateEstimate;
+use pardalis_filter::estimate::StateEstimate;
 
 /// What the estimates of its landmarks, one at least, say of a target: their middle, and the heading from the rear landmark to the front one, `[front, rear]`.
 /// It is tracked as well as the landmark that is tracked worst. Of a single body, its own estimate.

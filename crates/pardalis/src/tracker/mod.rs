@@ -14,18 +14,20 @@ use follower::Follower;
 use groups::{apart, groups};
 use seeker::Seeker;
 
+use crate::Frame;
 use crate::color::ColorModel;
-use crate::filter::{FilterSettings, StateEstimate};
 use crate::frame::MAX_TIME_S;
-use crate::gaussian::{GaussianStart, MAX_START};
 use crate::likelihood::CueSettings;
-use crate::particles::Particles;
-use crate::rng::Draws;
 use crate::shape::Shape;
-use crate::simd::Level;
 use crate::start::{PixelStart, Start};
 use crate::view::View;
-use crate::{Error, Frame};
+use pardalis_core::Error;
+use pardalis_core::rng::Draws;
+use pardalis_core::simd::Level;
+use pardalis_filter::Particles;
+use pardalis_filter::estimate::StateEstimate;
+use pardalis_filter::gaussian::{GaussianStart, MAX_START};
+use pardalis_filter::particle_filter::FilterSettings;
 
 /// What a target is and how it is tracked: a body, or several landmarks of one, each of which is tracked on its own (Campos 2009, section 4).
 #[derive(Debug, Clone)]

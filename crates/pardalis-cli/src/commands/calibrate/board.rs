@@ -4,8 +4,8 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::calibrate::Calibration;
-use pardalis::config::{NAMES_ALLOWED, is_name};
+use pardalis_calibrate::Calibration;
+use pardalis_scene::{NAMES_ALLOWED, is_name};
 
 use super::fit::Fits;
 use super::images::{self, observations};

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
-use pardalis::calibrate::{Calibration, CalibrationSettings, CalibrationView, calibrate};
+use pardalis_calibrate::{Calibration, CalibrationSettings, CalibrationView, calibrate};
 use rayon::prelude::*;
 
 use super::model::Model;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
-use pardalis::calibrate::{CalibrationView, Correspondence};
+use pardalis_calibrate::{CalibrationView, Correspondence};
 use rayon::prelude::*;
 
 use crate::board::{Board, Corner, detect};

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::calibrate::{CalibrationStart, ModelKind, OUTLIER_SIGMAS};
-use pardalis::rig::CalibratedCamera;
+use pardalis_calibrate::{CalibrationStart, ModelKind, OUTLIER_SIGMAS};
+use pardalis_camera::CalibratedCamera;
 
 use crate::fault::fault;
 use crate::scene::read_calibration;
@@ -137,7 +137,7 @@ pub(in crate::commands) fn parse_size(text: &str) -> Result<(usize, usize), Stri
     let sides = text
         .split_once('x')
         .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
-    let allowed = 1..=pardalis::frame::MAX_IMAGE_SIDE_PX;
+    let allowed = 1..=pardalis_core::error::MAX_IMAGE_SIDE_PX;
     sides
         .filter(|(width, height)| allowed.contains(width) && allowed.contains(height))
         .ok_or_else(|| {

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis::calibrate::{CalibrationView, Correspondence};
+use pardalis_calibrate::{CalibrationView, Correspondence};
 
 use crate::fault::fault;
 use crate::tables::{Row, Table};

@@ -5,9 +5,9 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::calibrate::{Calibration, ModelKind};
-use pardalis::config::calibration;
-use pardalis::rig::CalibratedCamera;
+use pardalis_calibrate::{Calibration, ModelKind};
+use pardalis_camera::CalibratedCamera;
+use pardalis_scene::calibration;
 
 use super::fit::{Fit, free_parameters};
 use super::page;
@@ -39,7 +39,7 @@ pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
         written.push(path);
         anyhow::Ok(())
     };
-    let text_of = |fit: &Calibration| calibration::write(&[camera_of(report, fit)]);
+    let text_of = |fit: &Calibration| calibration::write_toml(&[camera_of(report, fit)]);
     write("camera.toml".to_owned(), text_of(report.best()))?;
     remove_earlier(folder)?;
     if report.fits.fitted.len() > 1 {

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use image::RgbImage;
 use pardalis::Frame;
-use pardalis::camera::{Camera, Plane};
-use pardalis::config::{FrameRange, calibration};
-use pardalis::plane::{OUTLIER_PX, PlaneFit, PointPair, Rectangle, camera_center_m, fit};
-use pardalis::rig::CalibratedCamera;
+use pardalis_calibrate::plane::{OUTLIER_PX, PlaneFit, PointPair, Rectangle, camera_center_m, fit};
+use pardalis_camera::CalibratedCamera;
+use pardalis_camera::{Camera, Plane};
+use pardalis_scene::{FrameRange, calibration};
 
 use super::model::read_camera;
 use super::output;
@@ -115,7 +115,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let folder = output::folder(arguments.output.as_deref(), input, "plane");
     output::make_folder(&folder)?;
     let mut written = vec![folder.join("camera.toml")];
-    write_file(&written[0], calibration::write(&[camera]).as_bytes())?;
+    write_file(&written[0], calibration::write_toml(&[camera]).as_bytes())?;
     if let Some(frame) = frames.first() {
         written.push(folder.join("corners.png"));
         write_picture(&written[1], &drawn(frame, &known, &fitted)?)?;

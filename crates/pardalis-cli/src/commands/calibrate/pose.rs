@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::calibrate::{Calibration, FittedParameter, FittedView, OUTLIER_SIGMAS, fit_pose};
+use pardalis_calibrate::{Calibration, FittedParameter, FittedView, OUTLIER_SIGMAS, fit_pose};
 
 use super::fit::{Fit, Fits, all_sightings};
 use super::model::{parse_size, read_camera};

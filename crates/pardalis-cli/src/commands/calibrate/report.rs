@@ -3,8 +3,8 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
-use pardalis::calibrate::{Calibration, FittedParameter, FittedView};
-use pardalis::camera::Camera;
+use pardalis_calibrate::{Calibration, FittedParameter, FittedView};
+use pardalis_camera::Camera;
 
 use super::fit::{Fit, Fits, all_sightings, free_parameters, largest_residual_px, sightings};
 use super::images::SearchedImage;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::calibrate::{RigCamera, calibrate_rig};
-use pardalis::config::calibration;
+use pardalis_calibrate::{RigCamera, calibrate_rig};
+use pardalis_scene::calibration;
 
 use super::board::{check_found, side_note};
 use super::fit::Fits;
@@ -76,7 +76,10 @@ pub(super) fn run(
         cameras: &reports,
     };
     let [path, page] = ["rig.toml", "report.html"].map(|name| folder.join(name));
-    write_file(&path, calibration::write(&calibration.cameras).as_bytes())?;
+    write_file(
+        &path,
+        calibration::write_toml(&calibration.cameras).as_bytes(),
+    )?;
     write_file(&page, report.page()?.as_bytes())?;
     say(&report);
     output::say_written(&[path, page]);

@@ -3,7 +3,7 @@
 use std::fmt::{self, Write as _};
 
 use anyhow::Result;
-use pardalis::calibrate::RigCalibration;
+use pardalis_calibrate::RigCalibration;
 
 use super::images::SearchedImage;
 use super::page::{begin, push_paragraph, push_table};

@@ -1,7 +1,7 @@
 //! How well a camera sees views that it was not fitted to.
 
-use pardalis::calibrate::{CalibrationView, closest_pose};
-use pardalis::camera::Camera;
+use pardalis_calibrate::{CalibrationView, closest_pose};
+use pardalis_camera::Camera;
 use rayon::prelude::*;
 
 /// A camera's figures on test views: its intrinsics held, the pose of each view fitted to all of its points.

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::camera::Camera;
-use pardalis::interchange::{self, Format};
-use pardalis::rig::CalibratedCamera;
+use pardalis_camera::CalibratedCamera;
+use pardalis_camera::Camera;
+use pardalis_scene::calibration::{self, CalibrationFormat};
 
 use super::load::Selection;
 use crate::fault::fault;
@@ -27,17 +27,24 @@ pub(super) struct Arguments {
     selection: Selection,
     /// The format to write: pardalis, opencv-yaml, opencv-xml, ros, kalibr, ocamcalib or basalt
     #[arg(long, value_name = "FORMAT", value_parser = format)]
-    to: Format,
+    to: CalibrationFormat,
     /// The file to write
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
 
-fn format(word: &str) -> Result<Format, String> {
-    Format::ALL
+fn format(word: &str) -> Result<CalibrationFormat, String> {
+    CalibrationFormat::ALL
         .into_iter()
         .find(|format| format.name() == word)
-        .ok_or_else(|| format!("allowed: {}", Format::ALL.map(Format::name).join(", ")))
+        .ok_or_else(|| {
+            format!(
+                "allowed: {}",
+                CalibrationFormat::ALL
+                    .map(CalibrationFormat::name)
+                    .join(", ")
+            )
+        })
 }
 
 /// Runs the command.
@@ -53,9 +60,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     let refuse = |error| fault!("{}: {error}", input.display());
-    let text = interchange::write(arguments.to, &cameras).map_err(refuse)?;
+    let text = calibration::write(arguments.to, &cameras).map_err(refuse)?;
     // What comes back from the text is what it holds.
-    let held = interchange::read(&text, None).map_err(refuse)?;
+    let held = calibration::read(&text, None).map_err(refuse)?;
     write_file(output, text.as_bytes())?;
     for (camera, held) in cameras.iter().zip(&held) {
         say(format!("{}: {}", camera.name, camera.camera.kind()));

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use image::RgbImage;
 use nalgebra::Point3;
-use pardalis::camera::Camera;
-use pardalis::rig::{CalibratedCamera, Pose};
+use pardalis_camera::Camera;
+use pardalis_camera::{CalibratedCamera, Pose};
 
 use crate::draw::Rgb;
 use crate::draw::grid::{Label, drawn_over};

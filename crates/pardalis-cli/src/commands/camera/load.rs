@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use pardalis::interchange::{self, Lens};
-use pardalis::rig::CalibratedCamera;
+use pardalis_camera::CalibratedCamera;
+use pardalis_camera::formats::Lens;
+use pardalis_scene::calibration;
 
 use crate::commands::calibrate::parse_size;
 use crate::fault::fault;
@@ -105,7 +106,7 @@ fn cameras_in(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>> 
         .lines()
         .any(|line| line.trim_start().starts_with("[targets."));
     if !is_scene {
-        return interchange::read(&text, lens)
+        return calibration::read(&text, lens)
             .map_err(|error| fault!("{}: {error}", path.display()));
     }
     if let Some(lens) = lens {

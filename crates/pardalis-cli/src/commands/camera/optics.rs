@@ -1,6 +1,6 @@
 //! What a camera's model means for its images: which angles it sees, and how finely.
 
-use pardalis::camera::Camera;
+use pardalis_camera::Camera;
 
 /// How far away points are drawn from, in metres: far enough for models without a single viewpoint.
 const FAR_M: f64 = 100.0;
@@ -265,7 +265,7 @@ fn angle_between_rad(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pardalis::camera::{Equidistant, Pinhole};
+    use pardalis_camera::{Equidistant, Pinhole};
 
     #[test]
     fn a_pinholes_fields_of_view_are_those_of_its_triangle() {

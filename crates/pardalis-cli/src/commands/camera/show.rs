@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::{f64::consts, fs};
 
 use anyhow::Result;
-use pardalis::rig::CalibratedCamera;
+use pardalis_camera::CalibratedCamera;
 
 use super::grid::{GridOptions, read_image};
 use super::load::Selection;

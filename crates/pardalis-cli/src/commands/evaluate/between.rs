@@ -1,6 +1,6 @@
 //! The truth between its rows, for tracks whose cameras run on clocks of their own.
 
-use pardalis::score::{TrueState, wrapped_rad};
+use pardalis_evaluate::{TrueState, wrapped_rad};
 
 use crate::tables::Series;
 

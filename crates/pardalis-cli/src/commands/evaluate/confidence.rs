@@ -1,6 +1,6 @@
 //! What the confidences of a track are worth.
 
-use pardalis::score::{Claim, Reliability, TrueState, reliability};
+use pardalis_evaluate::{Claim, Reliability, TrueState, reliability};
 use serde::Serialize;
 
 use super::{Options, is_seen_by_so_many};

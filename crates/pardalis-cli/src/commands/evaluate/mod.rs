@@ -13,7 +13,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::score::{self, Sample, Settings, TrueState};
+use pardalis_evaluate::{self, Sample, Settings, TrueState};
 use serde::Deserialize as _;
 use serde_json::Value;
 
@@ -168,7 +168,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
             .iter()
             .map(|p| &object_paths[p.object][window.clone()])
             .collect();
-        score::identities(&of_tracks, &of_objects, options.lost_beyond_m)
+        pardalis_evaluate::identities(&of_tracks, &of_objects, options.lost_beyond_m)
     });
     let targets = pairs.iter().map(|pair| {
         let rows = || {
@@ -191,13 +191,14 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
             matched_by: pair.matched_by,
             rows: track.rows.len(),
             rows_without_truth: track.rows.len() - with_truth,
-            changed_target: score::ends_on_another(
+            changed_target: pardalis_evaluate::ends_on_another(
                 &track_paths[pair.target][window.clone()],
                 &object_paths[pair.object][window.clone()],
                 &others,
             ),
-            scores: score::score(&samples, &settings),
-            states: diameter_m.and_then(|diameter_m| score::states(&samples, diameter_m)),
+            scores: pardalis_evaluate::score(&samples, &settings),
+            states: diameter_m
+                .and_then(|diameter_m| pardalis_evaluate::states(&samples, diameter_m)),
             samples,
             confidence: Confidence::of(window_rows(), options, diameter_m),
         }

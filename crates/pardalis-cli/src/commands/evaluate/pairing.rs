@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis::score;
 use serde::Serialize;
 
 use crate::fault::fault;
@@ -80,7 +79,7 @@ pub(super) fn pair(
     } else {
         MatchedBy::Position
     };
-    let assignment = score::assign(&left_paths, &free_paths, cap_m);
+    let assignment = pardalis_evaluate::assign(&left_paths, &free_paths, cap_m);
     for (&t, o) in left.iter().zip(assignment) {
         object_of[t] = o.map(|o| (free[o], matched_by));
     }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::score::{Errors, Identities, MeanSd, Reliability, Sample, Scores, States, Summary};
+use pardalis_evaluate::{Errors, Identities, MeanSd, Reliability, Sample, Scores, States, Summary};
 use serde::Serialize;
 
 use super::confidence::Confidence;

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::ValueEnum;
-use pardalis::config::{FrameRange, NAMES_ALLOWED, Scene, is_name};
-use pardalis::interchange::Lens;
-use pardalis::rig::CalibratedCamera;
+use pardalis_camera::CalibratedCamera;
+use pardalis_camera::formats::Lens;
+use pardalis_scene::{FrameRange, NAMES_ALLOWED, Scene, is_name};
 
 use crate::commands::camera::load::lens;
 use crate::fault::fault;

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use pardalis::camera::Camera;
-use pardalis::interchange::Lens;
-use pardalis::rig::CalibratedCamera;
+use pardalis_camera::CalibratedCamera;
+use pardalis_camera::Camera;
+use pardalis_camera::formats::Lens;
 
 use super::{Model as ModelName, Opened};
 use crate::fault::fault;

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::Estimate;
-use pardalis::config::{FrameRange, Scene};
 use pardalis::tracker::{PASSES_SIGMA_M, check_passes};
+use pardalis_scene::{FrameRange, Scene};
 
 use crate::fault::fault;
 use crate::say::say;

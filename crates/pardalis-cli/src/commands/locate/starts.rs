@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::Tracker;
-use pardalis::config::Scene;
-use pardalis::gaussian::GaussianStart;
 use pardalis::start::{PixelStart, Start};
+use pardalis_filter::gaussian::GaussianStart;
+use pardalis_scene::Scene;
 
 use crate::fault::fault;
 use crate::tables::{Column, Row, Table};

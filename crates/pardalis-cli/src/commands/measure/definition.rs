@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis::config::{NAMES_ALLOWED, is_name};
-use pardalis::score::Settings;
+use pardalis_evaluate::Settings;
+use pardalis_scene::{NAMES_ALLOWED, is_name};
 use serde::Deserialize;
 use toml::Value;
 

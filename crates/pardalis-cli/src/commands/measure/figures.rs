@@ -4,11 +4,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::score::spherical_error;
+use pardalis_evaluate::spherical_error;
 
 use super::definition::{Figure, FigureKind};
+use super::digits::median;
 use super::pooled::{Measured, reliability_of};
-use crate::commands::report::median;
 use crate::draw::errors::{ErrorGroup, SphericalError, write_error_figures};
 use crate::draw::paths::{CameraSymbol, PathGroup, write_path_figures};
 use crate::draw::reliability::{ReliabilityGroup, write_reliability_figures};

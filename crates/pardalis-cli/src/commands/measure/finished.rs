@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use anyhow::Result;
-use pardalis::config::Scene;
+use pardalis_scene::Scene;
 use serde::{Deserialize, Serialize};
 use toml::Value;
 

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context as _, Result, anyhow};
 use indicatif::{ProgressBar, ProgressStyle};
-use pardalis::config::Scene;
+use pardalis_scene::Scene;
 
 use super::definition::Run;
 use super::finished::Finished;

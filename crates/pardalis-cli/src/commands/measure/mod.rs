@@ -1,6 +1,7 @@
 //! `pardalis measure`: runs an experiment's scenes with several seeds and scores them against the truth.
 
 mod definition;
+mod digits;
 mod figures;
 mod finished;
 mod jobs;

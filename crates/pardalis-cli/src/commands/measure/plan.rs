@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use pardalis::config::Scene;
 use pardalis::tracker::PASSES_SIGMA_M;
+use pardalis_scene::Scene;
 use rayon::prelude::*;
 
 use super::definition::{Method, Run};

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use pardalis::score::{Claim, Reliability, reliability};
+use pardalis_evaluate::{Claim, Reliability, reliability};
 
 use super::plan::Plan;
 use super::results::{Figures, quoted};

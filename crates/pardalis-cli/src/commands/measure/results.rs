@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use pardalis::score::{Course, Errors, Heading};
+use pardalis_evaluate::{Course, Errors, Heading};
 
 use super::definition::{Bands, Run};
+use super::digits::{median, shown};
 use crate::commands::evaluate::{Report, TargetReport};
-use crate::commands::report::{median, shown};
 
 /// What is known of one seed and target.
 pub(super) struct Measured<'a> {

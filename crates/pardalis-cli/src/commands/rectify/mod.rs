@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
-use pardalis::camera::Camera;
-use pardalis::config::{CameraConfig, Scene};
-use pardalis::interchange::{self, Format};
-use pardalis::plane::{Area, Rectifier, area_seen_m, step_for_m};
-use pardalis::rig::CalibratedCamera;
+use pardalis::rectify::{Area, Rectifier, area_seen_m, step_for_m};
 use pardalis::view::View;
+use pardalis_camera::CalibratedCamera;
+use pardalis_camera::Camera;
+use pardalis_scene::calibration::{self, CalibrationFormat};
+use pardalis_scene::{CameraConfig, Scene};
 use rayon::prelude::*;
 
 use crate::fault::fault;
@@ -125,7 +125,7 @@ fn rectify(arguments: &Arguments, output: &Path) -> Result<String> {
         size_px: Some(rectifier.size_px()),
         world_from_camera: None,
     };
-    let calibration = interchange::write(Format::Pardalis, &[maps_camera])?;
+    let calibration = calibration::write(CalibrationFormat::Pardalis, &[maps_camera])?;
     folder.write("camera.toml", calibration.as_bytes())?;
     let new_scene = scene_text::of(path, &camera.name, is_masked, &view, &rectifier)?;
     folder.write("scene.toml", new_scene.as_bytes())?;

@@ -5,9 +5,9 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis::camera::Projection as _;
-use pardalis::plane::{Rectifier, on_plane_m};
+use pardalis::rectify::{Rectifier, on_plane_m};
 use pardalis::view::View;
+use pardalis_camera::Projection as _;
 use toml::de::{DeTable, DeValue};
 
 use crate::fault::fault;

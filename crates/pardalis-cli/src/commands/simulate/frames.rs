@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use image::{ExtendedColorType, ImageEncoder as _};
 use jpeg_encoder::{ChromaSubsamplingMethod, ColorType, Encoder, SamplingFactor};
-use pardalis::simulate::{Renderer, WorldCamera};
+use pardalis_simulate::{Renderer, WorldCamera};
 use rayon::prelude::*;
 
 use super::Sequence;

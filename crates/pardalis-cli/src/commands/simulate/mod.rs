@@ -8,8 +8,8 @@ mod training;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::config::WorldConfig;
-use pardalis::simulate::{Delivery, World};
+use pardalis_scene::WorldConfig;
+use pardalis_simulate::{Delivery, World};
 
 use crate::fault::fault;
 use crate::folder::{Content, Folder};

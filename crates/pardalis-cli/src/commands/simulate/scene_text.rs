@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use pardalis::simulate::{Body, Course, Object, Path, Placed};
+use pardalis_simulate::{Body, Course, Object, Path, Placed};
 
 use super::{Sequence, frames};
 

@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use pardalis::camera::Camera;
-use pardalis::interchange::{self, Format};
-use pardalis::rig::{CalibratedCamera, Pose};
-use pardalis::simulate::{Body, Course, Object, World, WorldCamera, truth as truth_of};
+use pardalis_camera::Camera;
+use pardalis_camera::{CalibratedCamera, Pose};
+use pardalis_scene::calibration::{self, CalibrationFormat};
+use pardalis_simulate::{Body, Course, Object, World, WorldCamera, truth as truth_of};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -69,7 +69,7 @@ fn has_heading(world: &World, object: usize) -> bool {
 /// Writes cameras.toml, which the scene uses, and cameras.json as other sequences have it, where that can hold the models.
 pub(super) fn write_cameras(world: &World, folder: &Folder) -> Result<()> {
     let cameras: Vec<_> = world.cameras.iter().map(calibrated).collect();
-    let text = interchange::write(Format::Pardalis, &cameras)?;
+    let text = calibration::write(CalibrationFormat::Pardalis, &cameras)?;
     folder.write("cameras.toml", text.as_bytes())?;
     let described: Option<Vec<_>> = world.cameras.iter().map(description).collect();
     if let Some(cameras) = described {

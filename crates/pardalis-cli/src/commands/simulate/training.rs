@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use anyhow::Result;
 use image::{ExtendedColorType, ImageEncoder as _};
 use pardalis::color::{ColorLearner, Palette, YuvEncoding};
-use pardalis::rng::{Draws, Stage};
-use pardalis::simulate::{Body, Course, Object, Path, Renderer, World, truth};
 use pardalis::{Frame, PixelFormat};
+use pardalis_core::rng::{Draws, Stage};
+use pardalis_simulate::{Body, Course, Object, Path, Renderer, World, truth};
 
 use super::frames;
 use super::{Sequence, scene_text};

@@ -14,17 +14,17 @@ pub(crate) use fit::Sighting;
 use fit::Sums;
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
-use crate::Error;
-use crate::camera::{LANES, Mask};
 use crate::color::{
     ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, MatchTable, Palette, PixelKind, Relight,
     Side,
 };
 use crate::detect::LEAST_LIKENESS;
 use crate::shape::Shape;
-use crate::simd::Level;
 use crate::view::Evidence;
 use lines::{Lines, REACH_PX, SECTORS, SHIFTS, Scratch};
+use pardalis_camera::{LANES, Mask};
+use pardalis_core::Error;
+use pardalis_core::simd::Level;
 
 /// Parameters of the edge cue.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,11 +1,11 @@
 use super::*;
-use crate::camera::{Camera, Pinhole};
 use crate::color::{ColorLearner, YuvEncoding};
 use crate::detect::likeness;
-use crate::rig::Pose;
 use crate::shape::{Sphere, SphereOutline};
 use crate::view::View;
 use crate::{Frame, PixelFormat};
+use pardalis_camera::Pose;
+use pardalis_camera::{Camera, Pinhole};
 
 const SIZE: (usize, usize) = (160, 120);
 const RADIUS_M: f64 = 0.1;

@@ -4,9 +4,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::Seeker;
 use super::alike::Alike;
-use crate::bernoulli::Peak;
 use crate::color::PixelKind;
 use crate::likelihood::edge::Sighting;
+use pardalis_filter::bernoulli::Peak;
 
 /// Things that look like a target are so many in a frame, on average, over all places where targets appear.
 const ALIKE_A_FRAME: f64 = 0.1;

@@ -1,7 +1,7 @@
 //! How a target comes, goes and hides.
 
 use super::OcclusionRates;
-use crate::Error;
+use pardalis_core::Error;
 
 /// How a target comes, goes and hides.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -15,20 +15,21 @@ pub use sight::OcclusionRates;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{BodySettings, Estimate, TrackState};
-use crate::bernoulli::{BernoulliFilter, BernoulliSettings};
+use crate::Frame;
 use crate::color::{ColorModel, PixelKind, Relight};
 use crate::detect::{COARSE_PX, likeness};
-use crate::filter::StateEstimate;
-use crate::gaussian::GaussianStart;
 use crate::likelihood::edge::{Around, EdgeCue, EdgeSettings, Look, Sighting};
-use crate::particles::Particles;
-use crate::rng::Draws;
 use crate::shape::Shape;
-use crate::simd::Level;
 use crate::start::Start;
 use crate::view::View;
-use crate::{Error, Frame};
 use learning::Lighting;
+use pardalis_core::Error;
+use pardalis_core::rng::Draws;
+use pardalis_core::simd::Level;
+use pardalis_filter::Particles;
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings};
+use pardalis_filter::estimate::StateEstimate;
+use pardalis_filter::gaussian::GaussianStart;
 use places::Wanted;
 use sight::Sight;
 

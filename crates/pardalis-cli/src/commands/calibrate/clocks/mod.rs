@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
-use pardalis::calibrate::{ClockCamera, MAX_CLOCK_OFFSET_S, SightedFrame, estimate_clocks};
 use pardalis::color::{ColorModel, PixelKind};
-use pardalis::config::{Scene, TargetConfig, with_time_offsets};
 use pardalis::detect::blobs;
 use pardalis::view::View;
+use pardalis_calibrate::{ClockCamera, MAX_CLOCK_OFFSET_S, SightedFrame, estimate_clocks};
+use pardalis_scene::{Scene, TargetConfig, with_time_offsets};
 use rayon::prelude::*;
 
 use super::output;

@@ -3,8 +3,8 @@
 use std::fmt::{self, Write as _};
 
 use anyhow::Result;
-use pardalis::calibrate::{ClockCamera, ClockFit, ClockSighting};
-use pardalis::config::Scene;
+use pardalis_calibrate::{ClockCamera, ClockFit, ClockSighting};
+use pardalis_scene::Scene;
 
 use super::super::page::{begin, push_paragraph, push_table};
 use super::super::report::{with_sigma, write_table};
@@ -47,7 +47,7 @@ impl<'a> Report<'a> {
     ) -> Self {
         let all = scene.cameras.iter().zip(cameras).zip(fits);
         let of_camera = |((config, camera), fit): ((_, &'a ClockCamera), &'a ClockFit)| {
-            let config: &pardalis::config::CameraConfig = config;
+            let config: &pardalis_scene::CameraConfig = config;
             Camera {
                 name: camera.name,
                 size_px: camera.view.size(),

@@ -1,0 +1,14 @@
+//! The plane that a camera sees, from points whose positions on it are known, without knowing the camera.
+//!
+//! Plane frame: metres, z = 0 on the plane, z towards the viewer: seen from above, y lies to the left of x.
+
+mod camera_center;
+mod fit;
+mod rectangle;
+
+pub use camera_center::camera_center_m;
+pub use fit::{OUTLIER_PX, PlaneFit, PointPair, fit};
+pub use rectangle::Rectangle;
+
+#[cfg(test)]
+mod tests;

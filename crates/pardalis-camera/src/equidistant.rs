@@ -1,0 +1,99 @@
+//! Equidistant fisheye: the radius in the image grows with the angle from the optical axis.
+
+use super::{Projection, Ray, check_angle, check_focal, check_principal_point};
+use pardalis_core::Error;
+use pardalis_core::real::Real;
+
+/// ρ = f·θ, u = cx + ρ·x/r, v = cy + ρ·y/r, with r = √(x² + y²) and θ = atan2(r, z) (Taiana 2007, eq. 3.5).
+///
+/// Domain: θ up to `max_angle_rad`, which may lie beyond 90 degrees; never the point straight behind the camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Equidistant<R> {
+    f_px_per_rad: R,
+    cx_px: R,
+    cy_px: R,
+    max_angle_rad: R,
+}
+
+impl Equidistant<f64> {
+    /// `f_px_per_rad` in pixels per radian, the principal point in pixels, the largest angle from the axis in radians (at most pi).
+    pub fn new(
+        f_px_per_rad: f64,
+        [cx_px, cy_px]: [f64; 2],
+        max_angle_rad: f64,
+    ) -> Result<Self, Error> {
+        check_focal("f_px_per_rad", f_px_per_rad)?;
+        check_principal_point([cx_px, cy_px])?;
+        check_angle("max_angle_rad", max_angle_rad)?;
+        Ok(Self {
+            f_px_per_rad,
+            cx_px,
+            cy_px,
+            max_angle_rad,
+        })
+    }
+
+    /// The largest angle from the axis, in radians.
+    pub fn max_angle_rad(&self) -> f64 {
+        self.max_angle_rad
+    }
+
+    /// The same camera with other parameters, in the order of [`Self::NAMES`].
+    pub(super) fn with_parameters(&self, [f, cx, cy]: [f64; 3]) -> Result<Self, Error> {
+        Self::new(f, [cx, cy], self.max_angle_rad)
+    }
+
+    /// The same camera in single precision, for kernels.
+    pub fn to_f32(&self) -> Equidistant<f32> {
+        self.vary(self.parameters().map(|p| p as f32))
+    }
+}
+
+impl<R: Real> Equidistant<R> {
+    /// The names of the parameters, in their order.
+    pub(super) const NAMES: [&'static str; 3] = ["f_px_per_rad", "cx_px", "cy_px"];
+
+    pub(super) fn parameters(&self) -> [R; 3] {
+        [self.f_px_per_rad, self.cx_px, self.cy_px]
+    }
+
+    /// The same domain with other parameters, unchecked, in any arithmetic.
+    pub(super) fn vary<S: Real>(&self, [f_px_per_rad, cx_px, cy_px]: [S; 3]) -> Equidistant<S> {
+        Equidistant {
+            f_px_per_rad,
+            cx_px,
+            cy_px,
+            max_angle_rad: S::of(self.max_angle_rad.to_f64()),
+        }
+    }
+}
+
+impl<R: Real> Projection<R> for Equidistant<R> {
+    #[inline(always)]
+    fn project(&self, [x, y, z]: [R; 3]) -> ([R; 2], bool) {
+        let r = (x * x + y * y).sqrt();
+        let angle = r.atan2(z);
+        let on_axis = !(r > R::of(1e-30));
+        let ahead = z > R::of(0.0);
+        // θ/r tends to 1/z on the axis, where the quotient has no value.
+        let angle_over_r = if on_axis {
+            R::of(1.0) / if ahead { z } else { R::of(1.0) }
+        } else {
+            angle / r
+        };
+        let scale = self.f_px_per_rad * angle_over_r;
+        let valid = angle <= self.max_angle_rad && (ahead || !on_axis);
+        ([self.cx_px + scale * x, self.cy_px + scale * y], valid)
+    }
+
+    fn unproject(&self, [u, v]: [R; 2]) -> Option<Ray<R>> {
+        let (x, y) = (u - self.cx_px, v - self.cy_px);
+        let rho = (x * x + y * y).sqrt();
+        let angle = rho / self.f_px_per_rad;
+        // A hair beyond, so that the pixel of a point on the border has its ray despite rounding.
+        if !(angle <= self.max_angle_rad * R::of(1.0 + 1e-12)) {
+            return None;
+        }
+        Some(Ray::at_angle(angle, [x, y], rho))
+    }
+}

@@ -1,0 +1,223 @@
+//! Basalt's calibration: JSON as the cereal library writes it, everything under `value0`. The IMU's frame is the world.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Quaternion, Rotation3, Translation3, UnitQuaternion};
+
+use super::document::Entry;
+use super::intrinsics::size_from_pair;
+use super::written;
+use crate::pose::{CalibratedCamera, Pose};
+use crate::{Camera, DoubleSphere, ExtendedUnified, KannalaBrandt, Pinhole};
+use pardalis_core::Error;
+
+/// How far a quaternion's length may be from 1.
+const UNIT_TOLERANCE: f64 = 1e-3;
+
+/// The farthest camera from the IMU, in metres.
+const MAX_OFFSET_M: f64 = 1e6;
+
+/// The cameras of a document. A single camera at the IMU's place has no pose: the file tells none.
+pub(super) fn read(root: &Entry) -> Result<Vec<CalibratedCamera>, Error> {
+    let root = root.required("value0")?;
+    let intrinsics = root.required("intrinsics")?;
+    let tables = intrinsics.items()?;
+    let of_all = |key: &str| {
+        let entry = root.required(key)?;
+        let items = entry.items()?;
+        if items.len() == tables.len() {
+            return Ok(items);
+        }
+        Err(entry.fault(format!(
+            "is about {} cameras, but intrinsics about {}",
+            items.len(),
+            tables.len()
+        )))
+    };
+    let transforms = of_all("T_imu_cam")?;
+    let sizes = of_all("resolution")?;
+    let mut cameras = Vec::new();
+    for (i, table) in tables.iter().enumerate() {
+        let pose = read_transform(&transforms[i])?;
+        let says_nothing = tables.len() == 1 && pose == Pose::identity();
+        cameras.push(CalibratedCamera {
+            name: format!("cam{i}"),
+            camera: read_camera(table)?,
+            size_px: Some(size_from_pair(&sizes[i])?),
+            world_from_camera: (!says_nothing).then_some(pose),
+        });
+    }
+    Ok(cameras)
+}
+
+fn numbers<const N: usize>(table: &Entry, keys: [&str; N]) -> Result<[f64; N], Error> {
+    let mut values = [0.0; N];
+    for (value, key) in values.iter_mut().zip(keys) {
+        *value = table.required(key)?.number()?;
+    }
+    Ok(values)
+}
+
+fn read_transform(table: &Entry) -> Result<Pose, Error> {
+    let [x, y, z] = numbers(table, ["px", "py", "pz"])?;
+    let [i, j, k, w] = numbers(table, ["qx", "qy", "qz", "qw"])?;
+    if [x, y, z].iter().any(|v| v.abs() > MAX_OFFSET_M) {
+        return Err(table.fault("has an offset beyond 1e6 metres; allowed: less"));
+    }
+    let quaternion = Quaternion::new(w, i, j, k);
+    let length = quaternion.norm();
+    if !((length - 1.0).abs() <= UNIT_TOLERANCE) {
+        return Err(table.fault(format!(
+            "has a quaternion of length {length}; allowed: length 1"
+        )));
+    }
+    let rotation = Rotation3::from(UnitQuaternion::new_normalize(quaternion));
+    Ok(Pose::from_parts(Translation3::new(x, y, z), rotation))
+}
+
+fn read_camera(table: &Entry) -> Result<Camera, Error> {
+    let kind = table.required("camera_type")?;
+    let values = table.required("intrinsics")?;
+    let [fx, fy, cx, cy] = numbers(&values, ["fx", "fy", "cx", "cy"])?;
+    let (f, c) = ([fx, fy], [cx, cy]);
+    let camera = match kind.text()?.as_str() {
+        "pinhole" => Pinhole::new(f, c, &[]).map(Camera::Pinhole),
+        "pinhole-radtan8" => {
+            let k = numbers(&values, ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"])?;
+            Pinhole::new(f, c, &k).map(Camera::Pinhole)
+        }
+        "kb4" => {
+            let k = numbers(&values, ["k1", "k2", "k3", "k4"])?;
+            KannalaBrandt::new(f, c, k, PI).map(Camera::KannalaBrandt)
+        }
+        "ds" => {
+            let [xi, alpha] = numbers(&values, ["xi", "alpha"])?;
+            DoubleSphere::new(f, c, xi, alpha).map(Camera::DoubleSphere)
+        }
+        "eucm" => {
+            let [alpha, beta] = numbers(&values, ["alpha", "beta"])?;
+            ExtendedUnified::new(f, c, alpha, beta).map(Camera::ExtendedUnified)
+        }
+        "ucm" => {
+            let [alpha] = numbers(&values, ["alpha"])?;
+            ExtendedUnified::new(f, c, alpha, 1.0).map(Camera::ExtendedUnified)
+        }
+        _ => return Err(kind.refuse("pinhole, pinhole-radtan8, kb4, ds, eucm, ucm")),
+    };
+    values.checked(camera)
+}
+
+/// The text of a rig. What Basalt wants to know of an IMU is written as zeros.
+pub(super) fn write(cameras: &[CalibratedCamera]) -> Result<String, Error> {
+    let poses = match written::poses(cameras)? {
+        Some(poses) => poses,
+        None if cameras.len() == 1 => vec![Pose::identity()],
+        None => {
+            return Err(written::cannot_hold(
+                &cameras[0],
+                "the pose",
+                "missing",
+                "world_from_camera for each camera of a Basalt file of several; or write each camera into a file of its own",
+            ));
+        }
+    };
+    let mut sizes = Vec::new();
+    let mut intrinsics = Vec::new();
+    for camera in cameras {
+        let (width, height) = written::size_px(camera)?;
+        sizes.push(format!("[{width}, {height}]"));
+        intrinsics.push(intrinsics_of(camera)?);
+    }
+    let transforms: Vec<_> = poses.iter().map(transform_text).collect();
+    let listed = |items: &[String]| {
+        format!(
+            "[\n            {}\n        ]",
+            items.join(",\n            ")
+        )
+    };
+    let zeros = |count| format!("[{}]", written::numbers(&vec![0.0; count]));
+    let fields = [
+        ("T_imu_cam", listed(&transforms)),
+        ("intrinsics", listed(&intrinsics)),
+        ("resolution", listed(&sizes)),
+        ("calib_accel_bias", zeros(9)),
+        ("calib_gyro_bias", zeros(12)),
+        ("imu_update_rate", written::number(0.0)),
+        ("accel_noise_std", zeros(3)),
+        ("gyro_noise_std", zeros(3)),
+        ("accel_bias_std", zeros(3)),
+        ("gyro_bias_std", zeros(3)),
+        ("cam_time_offset_ns", "0".to_owned()),
+        ("vignette", "[]".to_owned()),
+    ];
+    let fields: Vec<_> = fields
+        .iter()
+        .map(|(key, value)| format!("        \"{key}\": {value}"))
+        .collect();
+    Ok(format!(
+        "{{\n    \"value0\": {{\n{}\n    }}\n}}\n",
+        fields.join(",\n")
+    ))
+}
+
+fn object(fields: impl IntoIterator<Item = (&'static str, f64)>) -> String {
+    let fields: Vec<_> = fields
+        .into_iter()
+        .map(|(key, value)| format!("\"{key}\": {}", written::number(value)))
+        .collect();
+    format!("{{ {} }}", fields.join(", "))
+}
+
+fn transform_text(pose: &Pose) -> String {
+    let [x, y, z]: [f64; 3] = pose.translation.vector.into();
+    let q = UnitQuaternion::from_rotation_matrix(&pose.rotation);
+    object([
+        ("px", x),
+        ("py", y),
+        ("pz", z),
+        ("qx", q.i),
+        ("qy", q.j),
+        ("qz", q.k),
+        ("qw", q.w),
+    ])
+}
+
+fn intrinsics_of(camera: &CalibratedCamera) -> Result<String, Error> {
+    let model = &camera.camera;
+    let f_and_c = ["fx", "fy", "cx", "cy"]
+        .into_iter()
+        .zip(written::focals_and_center(model));
+    let (kind, names, values): (_, &[&'static str], Vec<f64>) =
+        if let Some(k) = written::fisheye(model) {
+            ("kb4", &["k1", "k2", "k3", "k4"], k.to_vec())
+        } else if let Camera::DoubleSphere(_) = model {
+            let values = written::parameters(model, ["xi", "alpha"]);
+            ("ds", &["xi", "alpha"], values.to_vec())
+        } else if let Camera::ExtendedUnified(_) = model {
+            let values = written::parameters(model, ["alpha", "beta"]);
+            ("eucm", &["alpha", "beta"], values.to_vec())
+        } else {
+            let all = written::pinhole_distortion(model);
+            match written::count_of(&all, &[0, 8]) {
+                Some(0) => ("pinhole", &[], Vec::new()),
+                // rpmax = 0: no bound on the radius; ours follows from the coefficients.
+                Some(_) => (
+                    "pinhole-radtan8",
+                    &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "rpmax"],
+                    [&all[..8], &[0.0]].concat(),
+                ),
+                None => {
+                    return Err(written::cannot_hold(
+                        camera,
+                        "the distortion",
+                        "longer, with the thin prism's s1 to s4",
+                        "k1 k2 p1 p2 k3 k4 k5 k6 in Basalt files; OpenCV files hold all twelve",
+                    ));
+                }
+            }
+        };
+    let values = object(f_and_c.chain(names.iter().copied().zip(values)));
+    Ok(format!(
+        "{{ \"camera_type\": \"{kind}\", \"intrinsics\": {values} }}"
+    ))
+}

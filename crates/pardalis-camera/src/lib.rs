@@ -1,0 +1,296 @@
+//! Camera models: from points in the camera's frame (x right, y down, z along the optical axis, metres) to pixels and back.
+//!
+//! Pixel centres lie at integer coordinates, (0, 0) is the centre of the top left pixel.
+
+mod batch;
+mod distortion;
+mod double_sphere;
+mod equidistant;
+mod exact_mirror;
+mod extended_unified;
+#[cfg(feature = "formats")]
+pub mod formats;
+mod homography;
+mod jacobian;
+mod kannala_brandt;
+mod mask;
+mod mei;
+mod mirror;
+mod ocam;
+mod ocam_look_up;
+mod perspective_mirror;
+mod pinhole;
+mod plane;
+mod pose;
+mod unified;
+
+#[doc(hidden)]
+pub use batch::{LANES, project_block};
+pub use double_sphere::DoubleSphere;
+pub use equidistant::Equidistant;
+pub use exact_mirror::ExactMirror;
+pub use extended_unified::ExtendedUnified;
+pub use homography::Homography;
+pub use jacobian::ProjectionJacobian;
+pub use kannala_brandt::KannalaBrandt;
+pub use mask::Mask;
+pub use mei::Mei;
+pub use mirror::{ConstantResolution, MirrorForm, MirrorLookUp, MirrorProfile, Resolution};
+pub use ocam::Ocam;
+pub use ocam_look_up::OcamLookUp;
+pub use pardalis_core::Error;
+pub use perspective_mirror::PerspectiveMirror;
+pub use pinhole::Pinhole;
+pub use plane::Plane;
+pub use pose::{CalibratedCamera, Pose, looking_at, pose_from_matrix};
+pub use unified::Unified;
+
+use pardalis_core::real::Real;
+
+/// What a pixel sees lies along this half line, in the camera's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray<R> {
+    /// Where it begins, in metres: the camera's origin for models with one viewpoint, a point of the mirror for the exact mirror.
+    pub origin: [R; 3],
+    /// Its unit direction.
+    pub direction: [R; 3],
+}
+
+impl<R: Real> Ray<R> {
+    /// From the camera's origin along a unit direction.
+    fn from_camera(direction: [R; 3]) -> Self {
+        Self {
+            origin: [R::of(0.0); 3],
+            direction,
+        }
+    }
+
+    /// From the camera's origin along a direction of any length.
+    fn towards([x, y, z]: [R; 3]) -> Self {
+        let inverse = R::of(1.0) / (x * x + y * y + z * z).sqrt();
+        Self::from_camera([x * inverse, y * inverse, z * inverse])
+    }
+
+    /// From the camera's origin at an angle from the optical axis, on the side of (x, y), which is `rho` long.
+    fn at_angle(angle_rad: R, [x, y]: [R; 2], rho: R) -> Self {
+        let (sin, cos) = angle_rad.sin_cos();
+        let on_axis = !(rho > R::of(0.0));
+        let scale = if on_axis { R::of(0.0) } else { sin / rho };
+        Self::from_camera([x * scale, y * scale, cos])
+    }
+}
+
+/// A camera model.
+///
+/// Law, tested over every model's whole field of view: where `project` says valid, the point lies on the ray that `unproject` gives for the pixel.
+pub trait Projection<R: Real>: Send + Sync {
+    /// The pixel of a point, and whether the point lies in the model's domain. Without branches; outside the domain the
+    /// pixel means nothing.
+    fn project(&self, point_in_camera: [R; 3]) -> ([R; 2], bool);
+
+    /// The ray of a pixel, or `None` where the model has none.
+    fn unproject(&self, pixel: [R; 2]) -> Option<Ray<R>>;
+}
+
+/// Any camera model.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Camera {
+    /// Equidistant fisheye.
+    Equidistant(Equidistant<f64>),
+    /// Pinhole with Brown-Conrady distortion.
+    Pinhole(Pinhole<f64>),
+    /// Kannala-Brandt fisheye (OpenCV's fisheye module).
+    KannalaBrandt(KannalaBrandt<f64>),
+    /// Unified model of mirror cameras, the thesis' form.
+    Unified(Unified<f64>),
+    /// Unified model with distortion, Mei's form (OpenCV's omnidir module).
+    Mei(Mei<f64>),
+    /// Perspective model of mirror cameras.
+    PerspectiveMirror(PerspectiveMirror<f64>),
+    /// Double sphere.
+    DoubleSphere(DoubleSphere<f64>),
+    /// Extended unified model.
+    ExtendedUnified(ExtendedUnified<f64>),
+    /// Scaramuzza's polynomial (OCamCalib).
+    Ocam(Ocam<f64>),
+    /// A perspective camera before a mirror of revolution, exactly.
+    ExactMirror(ExactMirror<f64>),
+    /// A camera of unknown lens and pose, by what it makes of the plane z = 0.
+    Plane(Plane<f64>),
+}
+
+/// Calls `$body` with `$model` bound to the camera's model: the one place where cameras are told apart.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! with_model {
+    ($camera:expr, $model:ident => $body:expr) => {
+        match $camera {
+            $crate::Camera::Equidistant($model) => $body,
+            $crate::Camera::Pinhole($model) => $body,
+            $crate::Camera::KannalaBrandt($model) => $body,
+            $crate::Camera::Unified($model) => $body,
+            $crate::Camera::Mei($model) => $body,
+            $crate::Camera::PerspectiveMirror($model) => $body,
+            $crate::Camera::DoubleSphere($model) => $body,
+            $crate::Camera::ExtendedUnified($model) => $body,
+            $crate::Camera::Ocam($model) => $body,
+            $crate::Camera::ExactMirror($model) => $body,
+            $crate::Camera::Plane($model) => $body,
+        }
+    };
+}
+
+/// Calls `$body`, which gives a model, and makes a camera of the same kind of it.
+macro_rules! map_model {
+    ($camera:expr, $model:ident => $body:expr) => {
+        match $camera {
+            Camera::Equidistant($model) => $body.map(Camera::Equidistant),
+            Camera::Pinhole($model) => $body.map(Camera::Pinhole),
+            Camera::KannalaBrandt($model) => $body.map(Camera::KannalaBrandt),
+            Camera::Unified($model) => $body.map(Camera::Unified),
+            Camera::Mei($model) => $body.map(Camera::Mei),
+            Camera::PerspectiveMirror($model) => $body.map(Camera::PerspectiveMirror),
+            Camera::DoubleSphere($model) => $body.map(Camera::DoubleSphere),
+            Camera::ExtendedUnified($model) => $body.map(Camera::ExtendedUnified),
+            Camera::Ocam($model) => $body.map(Camera::Ocam),
+            Camera::ExactMirror($model) => $body.map(Camera::ExactMirror),
+            Camera::Plane($model) => $body.map(Camera::Plane),
+        }
+    };
+}
+
+impl Camera {
+    /// The pixel of one point, or `None` outside the model's domain. Kernels match the model once a batch instead.
+    pub fn project(&self, point_in_camera: [f64; 3]) -> Option<[f64; 2]> {
+        let (pixel, valid) = with_model!(self, model => model.project(point_in_camera));
+        valid.then_some(pixel)
+    }
+
+    /// The ray of a pixel, or `None` where the model has none.
+    pub fn unproject(&self, pixel: [f64; 2]) -> Option<Ray<f64>> {
+        with_model!(self, model => model.unproject(pixel))
+    }
+
+    /// The point that all of its rays pass through, in metres in the camera's frame; for the exact mirror, which has none, a point near to
+    /// them all. Outlines are what is seen from there.
+    pub fn viewpoint_m(&self) -> [f64; 3] {
+        match self {
+            Self::ExactMirror(mirror) => mirror.viewpoint_m(),
+            Self::Plane(plane) => plane.viewpoint_m(),
+            _ => [0.0; 3],
+        }
+    }
+
+    /// The model's name, as scene files have it.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Equidistant(_) => "equidistant",
+            Self::Pinhole(_) => "pinhole",
+            Self::KannalaBrandt(_) => "kannala_brandt",
+            Self::Unified(_) => "unified",
+            Self::Mei(_) => "mei",
+            Self::PerspectiveMirror(_) => "perspective_mirror",
+            Self::DoubleSphere(_) => "double_sphere",
+            Self::ExtendedUnified(_) => "extended_unified",
+            Self::Ocam(_) => "ocam",
+            Self::ExactMirror(_) => "exact_mirror",
+            Self::Plane(_) => "plane",
+        }
+    }
+
+    /// Whether the camera looks along +z into a mirror, so that the scene lies about −z.
+    pub fn looks_into_mirror(&self) -> bool {
+        matches!(
+            self,
+            Self::Unified(_) | Self::PerspectiveMirror(_) | Self::ExactMirror(_)
+        )
+    }
+
+    /// The names and values of the model's parameters, in the order of [`Camera::with_parameters`].
+    pub fn parameters(&self) -> Vec<(&'static str, f64)> {
+        fn named<const N: usize>(
+            names: [&'static str; N],
+            values: [f64; N],
+        ) -> Vec<(&'static str, f64)> {
+            names.into_iter().zip(values).collect()
+        }
+        match self {
+            Self::Equidistant(model) => named(Equidistant::<f64>::NAMES, model.parameters()),
+            Self::Pinhole(model) => named(Pinhole::<f64>::NAMES, model.parameters()),
+            Self::KannalaBrandt(model) => named(KannalaBrandt::<f64>::NAMES, model.parameters()),
+            Self::Unified(model) => named(Unified::<f64>::NAMES, model.parameters()),
+            Self::Mei(model) => named(Mei::<f64>::NAMES, model.parameters()),
+            Self::PerspectiveMirror(model) => {
+                named(PerspectiveMirror::<f64>::NAMES, model.parameters())
+            }
+            Self::DoubleSphere(model) => named(DoubleSphere::<f64>::NAMES, model.parameters()),
+            Self::ExtendedUnified(model) => {
+                named(ExtendedUnified::<f64>::NAMES, model.parameters())
+            }
+            Self::Ocam(model) => named(Ocam::<f64>::NAMES, model.parameters()),
+            Self::ExactMirror(model) => named(ExactMirror::<f64>::NAMES, model.parameters()),
+            Self::Plane(model) => named(Plane::<f64>::NAMES, model.parameters()),
+        }
+    }
+
+    /// The same model with other parameters, as many as [`Camera::parameters`] gives and in that order, checked as new ones are.
+    pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self, Error> {
+        fn exactly<const N: usize>(parameters: &[f64]) -> [f64; N] {
+            parameters
+                .try_into()
+                .expect("a model has as many parameters as Camera::parameters gives")
+        }
+        map_model!(self, model => model.with_parameters(exactly(parameters)))
+    }
+}
+
+fn check_focals([fx_px, fy_px]: [f64; 2]) -> Result<(), Error> {
+    check_focal("fx_px", fx_px)?;
+    check_focal("fy_px", fy_px)
+}
+
+fn check_focal(name: &str, value: f64) -> Result<(), Error> {
+    if value.is_finite() && value > 0.0 && value <= 1e6 {
+        return Ok(());
+    }
+    Err(Error::out_of_range(
+        name,
+        value,
+        "a positive number up to 1e6",
+    ))
+}
+
+fn check_principal_point([cx, cy]: [f64; 2]) -> Result<(), Error> {
+    for (name, value) in [("cx_px", cx), ("cy_px", cy)] {
+        if !(value.abs() <= 1e6) {
+            return Err(Error::out_of_range(
+                name,
+                value,
+                "a number between -1e6 and 1e6",
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn check_angle(name: &str, value: f64) -> Result<(), Error> {
+    if value > 0.0 && value <= std::f64::consts::PI {
+        return Ok(());
+    }
+    Err(Error::out_of_range(
+        name,
+        value,
+        "above 0 and at most pi (180 degrees)",
+    ))
+}
+
+fn check_coefficients(name: &str, values: &[f64]) -> Result<(), Error> {
+    match values.iter().find(|v| !(v.abs() <= 1e9)) {
+        None => Ok(()),
+        Some(value) => Err(Error::out_of_range(
+            name,
+            value,
+            "numbers between -1e9 and 1e9",
+        )),
+    }
+}

@@ -1,0 +1,138 @@
+//! Where cameras stand: rigid transforms between the world, in metres, and a camera's frame.
+
+use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
+
+use crate::Camera;
+use pardalis_core::Error;
+
+/// A rigid transform. `a_from_b` takes coordinates in frame b to frame a.
+pub type Pose = IsometryMatrix3<f64>;
+
+/// One camera as calibration files hold it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CalibratedCamera {
+    /// Its name.
+    pub name: String,
+    /// Its model.
+    pub camera: Camera,
+    /// Width and height of its images in pixels, where the file says them.
+    pub size_px: Option<(usize, usize)>,
+    /// Its pose, where the file says one; the file's reference frame (the first camera, say) is the world.
+    pub world_from_camera: Option<Pose>,
+}
+
+/// A pose from a 4x4 matrix, rows first, as calibration files give it.
+///
+/// The rotation may be off by rounding (1e-4); it is made exact. Mirrored, scaled or skewed matrices are refused.
+pub fn pose_from_matrix(rows: [[f64; 4]; 4]) -> Result<Pose, Error> {
+    const NAME: &str = "the pose matrix";
+    if rows.iter().flatten().any(|v| !v.is_finite()) {
+        return Err(Error::out_of_range(NAME, "not finite", "finite numbers"));
+    }
+    if rows[3] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(Error::out_of_range(
+            NAME,
+            format!("{:?} in its last row", rows[3]),
+            "0, 0, 0, 1 there",
+        ));
+    }
+    if let Some(value) = (0..3).map(|i| rows[i][3]).find(|v| v.abs() > 1e6) {
+        return Err(Error::out_of_range(
+            NAME,
+            format!("{value:?} in its last column"),
+            "-1e6 to 1e6 metres there",
+        ));
+    }
+    let matrix = Matrix3::from_fn(|i, j| rows[i][j]);
+    let deviation = (matrix.transpose() * matrix - Matrix3::identity())
+        .abs()
+        .max();
+    if deviation > 1e-4 || matrix.determinant() < 0.0 {
+        return Err(Error::out_of_range(
+            NAME,
+            format!(
+                "no rotation (its columns are off by {deviation:.1e}, its determinant is {:.3})",
+                matrix.determinant()
+            ),
+            "orthonormal columns and determinant 1 in the left 3 x 3 part",
+        ));
+    }
+    // Gram-Schmidt: exact to rounding after the check above.
+    let x = matrix.column(0).normalize();
+    let y = (matrix.column(1) - x * x.dot(&matrix.column(1))).normalize();
+    let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, x.cross(&y)]));
+    let translation = Vector3::new(rows[0][3], rows[1][3], rows[2][3]);
+    Ok(Pose::from_parts(Translation3::from(translation), rotation))
+}
+
+/// The pose of a camera that stands at one point and looks at another, world frame, metres. Its image is upright (a camera that looks straight up or
+/// down has the world's y at the top), turned counter-clockwise by `roll_rad`. `None` where both points are one.
+pub fn looking_at(from_m: Vector3<f64>, at_m: Vector3<f64>, roll_rad: f64) -> Option<Pose> {
+    /// Nearer to the vertical than this there is no upright image.
+    const VERTICAL: f64 = 1e-6;
+    let z = (at_m - from_m).try_normalize(1e-9)?;
+    let up = if z.xy().norm() > VERTICAL {
+        Vector3::z()
+    } else {
+        Vector3::y()
+    };
+    let x = z.cross(&up).normalize();
+    let y = z.cross(&x);
+    let (sin, cos) = libm::sincos(roll_rad);
+    let columns = [x * cos + y * sin, y * cos - x * sin, z];
+    let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&columns));
+    Some(Pose::from_parts(Translation3::from(from_m), rotation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Point3;
+
+    #[test]
+    fn a_camera_looks_at_its_point_with_the_world_upright() {
+        let from = Vector3::new(1.0, 2.0, 0.5);
+        let camera_from = |at: Vector3<f64>, roll_rad| {
+            let pose = looking_at(from, at, roll_rad).unwrap();
+            assert!((pose.rotation.matrix().determinant() - 1.0).abs() < 1e-12);
+            let at_in_camera = pose.inverse() * Point3::from(at);
+            assert!(at_in_camera.x.abs() < 1e-12 && at_in_camera.y.abs() < 1e-12);
+            assert!((at_in_camera.z - (at - from).norm()).abs() < 1e-12);
+            pose.inverse()
+        };
+        let at = Vector3::new(3.0, 1.0, 0.2);
+        // Higher is further up in the image: y is smaller.
+        let up = camera_from(at, 0.0).rotation * Vector3::z();
+        assert!(up.x.abs() < 1e-12 && up.y < -0.9);
+        // The image turned counter-clockwise: what was up is left.
+        let up = camera_from(at, std::f64::consts::FRAC_PI_2).rotation * Vector3::z();
+        assert!(up.y.abs() < 1e-12 && up.x < -0.9);
+        camera_from(from - Vector3::z(), 0.3);
+        assert!(looking_at(from, from, 0.0).is_none());
+    }
+
+    #[test]
+    fn a_pose_moves_points_and_faulty_matrices_are_refused() {
+        let down = [
+            [0.0, -1.0, 0.0, 0.1],
+            [-1.0, 0.0, 0.0, 0.2],
+            [0.0, 0.0, -1.0, 0.9],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        let world_from_camera = pose_from_matrix(down).unwrap();
+        let point = world_from_camera * Point3::new(1.25, -1.35, 0.28);
+        assert!((point - Point3::new(1.45, -1.05, 0.62)).norm() < 1e-12);
+        let mut mirrored = down;
+        mirrored[2][2] = 1.0;
+        assert!(pose_from_matrix(mirrored).is_err());
+        let mut infinite = down;
+        infinite[0][3] = f64::INFINITY;
+        assert!(pose_from_matrix(infinite).is_err());
+        let mut far = down;
+        far[0][3] = 1e7;
+        assert!(pose_from_matrix(far).is_err());
+        let mut scaled = down;
+        scaled[0][1] = -2.0;
+        assert!(pose_from_matrix(scaled).is_err());
+    }
+}

@@ -1,0 +1,5 @@
+//! Integration tests of the camera models, in one executable.
+
+mod cameras;
+mod exact_mirror;
+mod mirrors;

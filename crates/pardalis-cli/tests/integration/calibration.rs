@@ -1,0 +1,183 @@
+//! Scenes whose cameras come from calibration files, on the real binary.
+
+use crate::common::{SCENE, Workplace, data, scene_with};
+
+/// The scene's own camera as a calibration file of ours.
+const RIG: &str = "[cameras.cam1]
+size_px = [640, 480]
+world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]]
+[cameras.cam1.model.equidistant]
+f_px_per_rad = 145.5622506548578
+center_px = [319.5, 239.5]
+field_of_view_deg = 185.0
+[cameras.cam2.model.pinhole]
+f_px = [300, 300]
+center_px = [320, 240]
+";
+
+/// The same camera as OpenCV's fisheye, which has no pose.
+const OPENCV: &str = "%YAML:1.0
+---
+image_width: 640
+image_height: 480
+K: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 145.5622506548578, 0., 319.5, 0., 145.5622506548578, 239.5, 0., 0., 1. ]
+D: !!opencv-matrix
+   rows: 1
+   cols: 4
+   dt: d
+   data: [ 0., 0., 0., 0. ]
+";
+
+const MODEL: &str = "model.equidistant = { f_px_per_rad = 145.5622506548578, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }";
+const POSE: &str =
+    "world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]]\n";
+
+/// The scene with other lines in place of the camera's model, with or without its pose.
+fn scene(lines: &str, pose: bool) -> String {
+    let scene = scene_with(MODEL, lines);
+    if pose { scene } else { scene.replace(POSE, "") }
+}
+
+#[test]
+fn a_calibration_file_tracks_as_the_model_in_the_scene() {
+    let place = Workplace::with_frames(3);
+    place.track(SCENE).fine();
+    let expected = place.rows();
+    place.write("rig.toml", RIG);
+    place
+        .track(scene("calibration = \"rig.toml\"", false))
+        .fine();
+    assert_eq!(place.rows(), expected);
+
+    // The scene's pose wins over the file's, which is said; the same pose needs no word.
+    place
+        .track(scene("calibration = \"rig.toml\"", true))
+        .fine();
+    place.write("moved.toml", RIG.replace("0.9]", "1.9]"));
+    let run = place.track(scene("calibration = \"moved.toml\"", true));
+    assert_eq!(
+        (run.code, &*run.stderr),
+        (
+            Some(0),
+            "warning: scene.toml: line 6: cameras.cam1.world_from_camera: stands in place of the pose in moved.toml; \
+             take it out to use that one\n"
+        )
+    );
+    assert_eq!(place.rows(), expected);
+
+    // The camera.json of a sequence folder is the same camera.
+    std::fs::copy(data().join("camera.json"), place.path("camera.json")).unwrap();
+    place
+        .track(scene("calibration = \"camera.json\"", false))
+        .fine();
+    assert_eq!(place.rows(), expected);
+
+    // The fisheye of zeros is the same model to rounding, but for where its field of view ends.
+    place.write("lens.yml", OPENCV);
+    place
+        .track(scene(
+            "calibration = \"lens.yml\"\ncalibration_as = \"fisheye\"",
+            true,
+        ))
+        .fine();
+    let rows = place.rows();
+    assert_eq!(rows.len(), expected.len());
+    for (a, b) in rows.iter().zip(&expected) {
+        for column in 4..7 {
+            let value = |row: &[String]| row[column].parse::<f64>().unwrap();
+            assert!((value(a) - value(b)).abs() < 0.02, "{a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn a_calibration_can_name_its_camera() {
+    let place = Workplace::with_frames(1);
+    place.write("rig.toml", RIG.replace("cam1", "left"));
+    let named = "calibration = \"rig.toml\"\ncalibration_camera = \"left\"";
+    place.track(scene(named, false)).fine();
+    place
+        .track(scene("calibration = \"rig.toml\"", false))
+        .refused(&[
+            "scene.toml",
+            "line 5: cameras.cam1.calibration: holds the cameras left, cam2; say which by calibration_camera",
+        ]);
+    place
+        .track(scene(&named.replace("left", "up"), false))
+        .refused(&[
+            "line 6: cameras.cam1.calibration_camera: is the text \"up\"; allowed: left, cam2",
+        ]);
+}
+
+#[test]
+fn faulty_calibrations() {
+    let place = Workplace::with_frames(1);
+    place.write("rig.toml", RIG);
+    place.write("lens.yml", OPENCV);
+    let file = "calibration = \"rig.toml\"";
+    let refused = |scene: String, wanted: &[&str]| place.track(scene).refused(wanted);
+
+    refused(
+        scene("calibration = \"none.toml\"", true),
+        &["line 5: cameras.cam1.calibration: none.toml: can not be read: there is no such file"],
+    );
+    place.write("bad.toml", RIG.replace("145.5622506548578", "-1"));
+    refused(
+        scene("calibration = \"bad.toml\"", true),
+        &[
+            "line 5: cameras.cam1.calibration: bad.toml: line 5: cameras.cam1.model.equidistant.f_px_per_rad: is -1; allowed",
+        ],
+    );
+    refused(
+        scene("calibration = \"lens.yml\"", true),
+        &[
+            "line 5: cameras.cam1.calibration: lens.yml: line 10: D: has 4 numbers, which may be a pinhole's",
+        ],
+    );
+    refused(
+        scene(
+            "calibration = \"lens.yml\"\ncalibration_as = \"fish\"",
+            true,
+        ),
+        &[
+            "line 6: cameras.cam1.calibration_as: is the text \"fish\"; allowed: \"pinhole\", \"fisheye\"",
+        ],
+    );
+    refused(
+        scene(
+            "calibration = \"lens.yml\"\ncalibration_as = \"fisheye\"",
+            false,
+        ),
+        &[
+            "cameras.cam1.world_from_camera: is missing, and the calibration file has no pose either; give four rows",
+        ],
+    );
+    refused(
+        scene(&format!("{file}\n{MODEL}"), true),
+        &["line 6: cameras.cam1.model: stands beside calibration; keep one of them"],
+    );
+    refused(
+        scene(&format!("{file}\nsize_px = [320, 240]"), true),
+        &[
+            "line 6: cameras.cam1.size_px: contradicts the calibration file, which is for images of 640 x 480",
+        ],
+    );
+    refused(
+        scene(&format!("{MODEL}\ncalibration_camera = \"left\""), true),
+        &["line 6: cameras.cam1.calibration_camera: needs calibration = \"FILE\" beside it"],
+    );
+    place.write("small.toml", RIG.replace("640, 480", "320, 240"));
+    refused(
+        scene("calibration = \"small.toml\"", true),
+        &["line 5: cameras.cam1.calibration: is 320 x 240, but the images are 640 x 480"],
+    );
+    // Several problems at once, each with its place.
+    refused(
+        scene("calibration = \"none.toml\"", true).replace("radius_m = 0.11", "radius_m = 0"),
+        &["2 problems", "none.toml", "radius_m: is 0"],
+    );
+}

@@ -1,0 +1,461 @@
+//! `pardalis init`: each kind of input gives a scene that `pardalis track` takes, with every guess marked.
+
+use std::fs;
+use std::process::Command;
+
+use crate::common::{Run, Workplace, data, frame_file};
+
+/// `pardalis init` in the folder.
+fn init(place: &Workplace, arguments: &[&str]) -> Run {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+    let command = command.current_dir(place.path(""));
+    Run::of(command.arg("init").args(arguments))
+}
+
+/// The scene that `pardalis init` wrote.
+fn scene(place: &Workplace) -> String {
+    fs::read_to_string(place.path("scene.toml")).unwrap()
+}
+
+/// Keys of the lines marked CHANGE.
+fn marked(scene: &str) -> Vec<&str> {
+    let lines = scene.lines().filter(|line| line.contains("# CHANGE"));
+    lines.map(|line| line.split(' ').next().unwrap()).collect()
+}
+
+/// Tracks with few particles; the number of rows.
+#[track_caller]
+fn tracked(place: &Workplace, scene: &str) -> usize {
+    assert!(scene.contains("particles = 5000"), "started by a click");
+    let scene = scene.replace("particles = 5000", "particles = 100");
+    place.track(&scene).fine();
+    place.rows().len()
+}
+
+/// A sequence folder with the calibration of data/dioptric-jump, changed by `edit`, and three frames of each camera.
+fn sequence(cameras: &[&str], edit: impl Fn(&mut serde_json::Value)) -> Workplace {
+    let place = Workplace::with_frames(0);
+    let mut camera: serde_json::Value = serde_json::from_str(&calibration(edit)).unwrap();
+    fs::create_dir(place.path("ride")).unwrap();
+    let put_frames = |folder: &str| {
+        fs::create_dir_all(place.path(folder)).unwrap();
+        for number in 0..3 {
+            let name = format!("{folder}/{number:06}.jpg");
+            fs::copy(frame_file(number), place.path(&name)).unwrap();
+        }
+    };
+    if cameras.is_empty() {
+        place.write("ride/camera.json", camera.to_string());
+        put_frames("ride/frames");
+    } else {
+        let named = cameras.iter().map(|name| {
+            put_frames(&format!("ride/frames/{name}"));
+            camera["name"] = (*name).into();
+            // No two stand at one place.
+            camera["T_world_from_camera"][0][3] = (name.len() as f64 / 100.0).into();
+            camera.clone()
+        });
+        let named: Vec<_> = named.collect();
+        let file =
+            serde_json::json!({"cameras": named, "sequence": {"fps": 20, "ball_radius_m": 0.035}});
+        place.write("ride/cameras.json", file.to_string());
+    }
+    place
+}
+
+#[test]
+fn every_guess_is_marked_and_nothing_else() {
+    let place = Workplace::with_frames(1);
+    let run = init(&place, &["images"]).fine();
+    let guesses = [
+        "fps",
+        "world_from_camera",
+        "f_px_per_rad",
+        "center_px",
+        "field_of_view_deg",
+        "shape.sphere.radius_m",
+    ];
+    assert_eq!(marked(&scene(&place)), guesses);
+    assert!(run.stdout.contains("marked CHANGE (6)"), "{}", run.stdout);
+    assert!(run.stdout.contains("learn … -o target.colors.toml"));
+
+    let known = [
+        "--fps",
+        "5",
+        "--radius-m",
+        "0.2",
+        "--pixel",
+        "460,88",
+        "--colors",
+        "ball.toml",
+    ];
+    let run = init(&place, &[&["images", "--force"], &known[..]].concat()).fine();
+    assert_eq!(marked(&scene(&place)), guesses[1..5]);
+    assert!(!run.stdout.contains("learn"), "{}", run.stdout);
+    let text = scene(&place);
+    for line in [
+        "fps = 5.0",
+        "shape.sphere.radius_m = 0.2",
+        "pixel = [460.0, 88.0]",
+    ] {
+        assert!(text.lines().any(|l| l == line), "{line}");
+    }
+}
+
+#[test]
+fn every_camera_model_gives_a_scene_that_tracks() {
+    for model in ["equidistant", "pinhole", "unified", "perspective_mirror"] {
+        let place = Workplace::with_frames(2);
+        let arguments = [
+            "images",
+            "--camera",
+            model,
+            "--colors",
+            "ball.toml",
+            "--pixel",
+            "460,88",
+        ];
+        init(&place, &arguments).fine();
+        let text = scene(&place);
+        assert!(text.contains(&format!(".model.{model}]")), "{text}");
+        assert_eq!(tracked(&place, &text), 2, "{model}");
+    }
+}
+
+#[test]
+fn the_values_that_a_user_puts_in_lead_to_the_ball() {
+    let place = Workplace::with_frames(3);
+    let arguments = [
+        "images",
+        "--fps",
+        "25",
+        "--colors",
+        "ball.toml",
+        "--pixel",
+        "460,88",
+    ];
+    init(&place, &arguments).fine();
+    let text = scene(&place)
+        .replace("[0.0, 0.0, -1.0, 1.0]", "[0.0, 0.0, -1.0, 0.9]")
+        .replace("f_px_per_rad = 148.7", "f_px_per_rad = 145.5622506548578");
+    assert_eq!(tracked(&place, &text), 3);
+    let row = place.rows().pop().unwrap();
+    let [x, y, z]: [f64; 3] = std::array::from_fn(|i| row[4 + i].parse().unwrap());
+    // The truth is (1.35, -1.25, 0.62); of the direction one can be sure.
+    let off = f64::hypot(y / x + 1.25 / 1.35, (z - 0.9) / x - (0.62 - 0.9) / 1.35);
+    assert!(off < 0.05, "({x}, {y}, {z})");
+}
+
+#[test]
+fn a_sequence_folder_says_all_and_the_ball_is_found() {
+    let place = sequence(&[], |_| {});
+    let run = init(&place, &["ride", "--colors", "ball.toml"]).fine();
+    assert!(!run.stdout.contains("CHANGE"), "{}", run.stdout);
+    let text = scene(&place);
+    // The ball is found by itself.
+    assert!(!text.contains("pixel ="), "{text}");
+    place.track(&text).fine();
+    let rows = place.rows();
+    assert_eq!(rows.len(), 3);
+    assert!(rows.iter().all(|row| row[3] == "tracking"), "{rows:?}");
+    let arguments = [
+        "ride",
+        "--colors",
+        "ball.toml",
+        "--pixel",
+        "460,88",
+        "--force",
+    ];
+    let run = init(&place, &arguments).fine();
+    assert!(!run.stdout.contains("CHANGE"), "{}", run.stdout);
+    let text = scene(&place);
+    for line in ["[cameras.cam1]", "images = \"ride/frames\"", "fps = 25.0"] {
+        assert!(text.lines().any(|l| l == line), "{line}");
+    }
+    assert_eq!(tracked(&place, &text), 3);
+}
+
+#[test]
+fn several_cameras_and_their_ball_are_taken_over() {
+    let place = sequence(&["left", "right"], |_| {});
+    init(
+        &place,
+        &["ride", "--colors", "ball.toml", "--pixel", "460,88"],
+    )
+    .fine();
+    let text = scene(&place);
+    for line in [
+        "images = \"ride/frames/left\"",
+        "images = \"ride/frames/right\"",
+        "fps = 20.0",
+        "camera = \"left\"",
+        "shape.sphere.radius_m = 0.035",
+    ] {
+        assert!(text.lines().any(|l| l == line), "{line}");
+    }
+    assert_eq!(tracked(&place, &text), 3);
+}
+
+#[test]
+fn a_pinhole_calibration_keeps_its_numbers() {
+    let place = sequence(&[], |camera| {
+        camera["model"] = "pinhole".into();
+        camera["fx"] = 330.5.into();
+        camera["fy"] = 331.5.into();
+        camera["distortion"] = vec![0.1, -0.01].into();
+    });
+    init(
+        &place,
+        &["ride", "--colors", "ball.toml", "--pixel", "460,88"],
+    )
+    .fine();
+    let text = scene(&place);
+    assert!(
+        text.contains("calibration = \"ride/camera.json\""),
+        "{text}"
+    );
+    assert_eq!(tracked(&place, &text), 3);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+    let command = command.current_dir(place.path(""));
+    let shown = Run::of(command.args(["camera", "show", "scene.toml"])).fine();
+    for number in ["330.5", "331.5", "0.1", "-0.01"] {
+        assert!(shown.stdout.contains(&format!(" {number}\n")), "{number}");
+    }
+}
+
+/// The camera of data/dioptric-jump as OpenCV's fisheye, which has no pose and does not say that it is one.
+const OPENCV: &str = "%YAML:1.0
+---
+image_width: 640
+image_height: 480
+K: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 145.5622506548578, 0., 319.5, 0., 145.5622506548578, 239.5, 0., 0., 1. ]
+D: !!opencv-matrix
+   rows: 1
+   cols: 4
+   dt: d
+   data: [ 0., 0., 0., 0. ]
+";
+
+#[test]
+fn a_calibration_of_any_format_is_named_in_the_scene() {
+    let place = Workplace::with_frames(2);
+    fs::create_dir(place.path("lens")).unwrap();
+    place.write("lens/cam.yml", OPENCV);
+    let common = [
+        "--fps",
+        "25",
+        "--colors",
+        "ball.toml",
+        "--pixel",
+        "460,88",
+        "--force",
+    ];
+    let arguments = |file| [&["images", "--camera", file], &common[..]].concat();
+    init(&place, &arguments("lens/cam.yml")).refused(&["lens/cam.yml", "line 10: D", "--as"]);
+    init(
+        &place,
+        &[&arguments("lens/cam.yml")[..], &["--as", "fisheye"]].concat(),
+    )
+    .fine();
+    let text = scene(&place);
+    for line in [
+        "calibration = \"lens/cam.yml\"",
+        "calibration_as = \"fisheye\"",
+    ] {
+        assert!(text.lines().any(|l| l.starts_with(line)), "{line}: {text}");
+    }
+    assert_eq!(
+        marked(&text),
+        ["world_from_camera", "shape.sphere.radius_m"]
+    );
+    assert_eq!(tracked(&place, &text), 2);
+
+    // With a pose there is nothing to guess.
+    let lens = "[cameras.left]
+model.equidistant = { f_px_per_rad = 145.5, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }
+world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]]
+";
+    place.write("lens/camera.toml", lens);
+    init(&place, &arguments("lens/camera.toml")).fine();
+    let text = scene(&place);
+    assert!(text.contains("[cameras.left]"), "{text}");
+    assert!(!text.contains("world_from_camera ="), "{text}");
+    assert_eq!(tracked(&place, &text), 2);
+
+    // Each camera of several has a folder of its own.
+    place.write(
+        "rig.toml",
+        format!(
+            "{lens}{}",
+            lens.replace("left", "right")
+                .replace("-1, 0, 0]", "-1, 0, 0.1]")
+        ),
+    );
+    init(&place, &arguments("rig.toml")).refused(&["images/left", "rig.toml has 2 cameras"]);
+    for name in ["left", "right"] {
+        fs::create_dir(place.path(&format!("images/{name}"))).unwrap();
+        let to = place.path(&format!("images/{name}/000000.jpg"));
+        fs::copy(frame_file(0), to).unwrap();
+    }
+    init(&place, &arguments("rig.toml")).fine();
+    assert_eq!(tracked(&place, &scene(&place)), 1);
+}
+
+#[test]
+fn a_video_takes_a_calibration_and_its_own_time() {
+    if Command::new("ffmpeg").arg("-version").output().is_err() {
+        eprintln!("not tested: there is no ffmpeg");
+        return;
+    }
+    let place = Workplace::with_frames(3);
+    let made = Command::new("ffmpeg")
+        .current_dir(place.path(""))
+        .args(["-v", "error", "-framerate", "10", "-i", "images/%06d.jpg"])
+        .args(["-c:v", "mjpeg", "-q:v", "2", "ride.avi"])
+        .status();
+    assert!(made.unwrap().success());
+    let calibration = data().join("camera.json");
+    let calibration = calibration.to_str().unwrap();
+    let arguments = [
+        "ride.avi",
+        "--camera",
+        calibration,
+        "--colors",
+        "ball.toml",
+        "--pixel",
+        "460,88",
+    ];
+    init(&place, &arguments).fine();
+    let text = scene(&place);
+    assert!(text.contains("video = \"ride.avi\""), "{text}");
+    assert!(!text.contains("fps ="), "{text}");
+    assert_eq!(tracked(&place, &text), 3);
+    let times_s: Vec<_> = place.rows().into_iter().map(|row| row[1].clone()).collect();
+    assert_eq!(times_s, ["0", "0.1", "0.2"]);
+    init(&place, &["ride.avi", "--fps", "25", "--force"]).refused(&["--fps", "own time stamps"]);
+}
+
+#[test]
+fn times_beside_the_images_take_the_place_of_a_rate() {
+    let place = Workplace::with_frames(2);
+    place.write("images/times.csv", "frame,time_s\n0,0.5\n1,0.75\n");
+    init(
+        &place,
+        &["images", "--colors", "ball.toml", "--pixel", "460,88"],
+    )
+    .fine();
+    assert_eq!(tracked(&place, &scene(&place)), 2);
+    assert_eq!(place.rows()[1][1], "0.75");
+    init(&place, &["images", "--fps", "25", "--force"]).refused(&["--fps", "times.csv"]);
+}
+
+#[test]
+fn paths_hold_for_a_scene_in_another_folder() {
+    let place = Workplace::with_frames(1);
+    fs::create_dir(place.path("scenes")).unwrap();
+    let arguments = [
+        "images",
+        "-o",
+        "scenes/a.toml",
+        "--colors",
+        "ball.toml",
+        "--pixel",
+        "460,88",
+    ];
+    init(&place, &arguments).fine();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+    let command = command.current_dir(place.path("scenes"));
+    let run = Run::of(command.args(["track", "a.toml", "-o", "-"])).fine();
+    assert_eq!(run.stdout.lines().count(), 2);
+}
+
+#[test]
+fn an_existing_scene_is_kept_unless_forced() {
+    let place = Workplace::with_frames(1);
+    place.write("scene.toml", "mine");
+    init(&place, &["images"]).refused(&["scene.toml", "exists already", "--force"]);
+    assert_eq!(scene(&place), "mine");
+    init(&place, &["images", "--force"]).fine();
+    assert_ne!(scene(&place), "mine");
+}
+
+#[test]
+fn bad_input_is_named_and_writes_nothing() {
+    let place = sequence(&[], |camera| camera["width"] = 320.into());
+    let frame = frame_file(0);
+    fs::copy(&frame, place.image(0)).unwrap();
+    fs::create_dir(place.path("empty")).unwrap();
+    place.write(
+        "moving.json",
+        calibration(|c| c["T_world_from_camera"] = "camera_pose.csv".into()),
+    );
+    place.write("mirror.json", calibration(|c| c["model"] = "other".into()));
+    place.write(
+        "no-f.json",
+        calibration(|c| c["f_px_per_rad"] = serde_json::Value::Null),
+    );
+    let cases: [(&[&str], &[&str]); 16] = [
+        (&["nowhere"], &["nowhere", "no such file or folder"]),
+        (&["empty"], &["empty", "no images"]),
+        (
+            &[frame.to_str().unwrap()],
+            &["000000.jpg", "single image", "folder"],
+        ),
+        (&["ball.toml"], &["ball.toml"]),
+        (
+            &["ride"],
+            &["camera.json", "cam1", "320 x 480", "640 x 480"],
+        ),
+        (
+            &["images", "--camera", "fisheye"],
+            &["--camera fisheye", "equidistant", "nor a file"],
+        ),
+        (
+            &["images", "--camera", "ball.toml"],
+            &["ball.toml", "cameras: is missing"],
+        ),
+        (
+            &["images", "--camera", "moving.json"],
+            &["moving.json", "T_world_from_camera", "moving cameras"],
+        ),
+        (
+            &["images", "--camera", "mirror.json"],
+            &["mirror.json", "other", "pinhole"],
+        ),
+        (
+            &["images", "--camera", "no-f.json"],
+            &["no-f.json", "f_px_per_rad: is empty"],
+        ),
+        (
+            &["images", "--pixel", "640,3"],
+            &["--pixel 640,3", "640 x 480"],
+        ),
+        (&["images", "--pixel", "3"], &["--pixel", "X,Y"]),
+        (&["images", "--fps", "0"], &["--fps", "above 0"]),
+        (&["images", "--radius-m", "-1"], &["--radius-m", "above 0"]),
+        (
+            &["images", "--target", "my ball"],
+            &["--target", "A-Z a-z 0-9"],
+        ),
+        (
+            &["images", "-o", "none/scene.toml"],
+            &["none/scene.toml", "cannot be written"],
+        ),
+    ];
+    for (arguments, wanted) in cases {
+        init(&place, arguments).refused(wanted);
+        assert!(!place.path("scene.toml").exists(), "{arguments:?}");
+    }
+}
+
+/// The calibration of data/dioptric-jump, changed by `edit`.
+fn calibration(edit: impl Fn(&mut serde_json::Value)) -> String {
+    let text = fs::read_to_string(data().join("camera.json")).unwrap();
+    let mut camera = serde_json::from_str(&text).unwrap();
+    edit(&mut camera);
+    camera.to_string()
+}

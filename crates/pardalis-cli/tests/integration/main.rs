@@ -1,0 +1,21 @@
+//! Integration tests of the program, in one executable.
+
+mod bad_input;
+mod bad_scene;
+mod calibrate;
+mod calibration;
+mod camera;
+mod clocks;
+mod common;
+mod demo;
+mod evaluate;
+mod init;
+mod learn;
+mod locate;
+mod measure;
+mod plane;
+mod rectify;
+mod rig;
+mod simulate;
+mod track;
+mod track_plane;

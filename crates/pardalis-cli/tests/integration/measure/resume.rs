@@ -1,0 +1,156 @@
+//! Many seeds at a time, and experiments that go on where they stopped.
+
+use std::fs;
+use std::process::{Command, Stdio};
+use std::time::{Duration, SystemTime};
+
+use super::{EXPERIMENT, pardalis, workplace};
+use crate::common::{Run, SCENE, Workplace, data};
+
+const CSV: &str = "out/small/results.csv";
+const FIRST: &str = "out/small/first-frames--few-particles";
+
+/// Runs the experiment and gives what it said and the bytes of results.csv.
+fn measured(place: &Workplace, options: &[&str]) -> (Run, Vec<u8>) {
+    let run = pardalis(place, &[&["measure", "small.toml"], options].concat()).fine();
+    (run, fs::read(place.path(CSV)).unwrap())
+}
+
+/// When each seed's tracks were written.
+fn times(place: &Workplace) -> Vec<SystemTime> {
+    let seeds = [
+        format!("{FIRST}/seed-01"),
+        format!("{FIRST}/seed-02"),
+        format!("{FIRST}/seed-03"),
+        "out/small/again/seed-01".to_owned(),
+        "out/small/again/seed-02".to_owned(),
+    ];
+    let time = |seed: &String| fs::metadata(place.path(&format!("{seed}/tracks.csv")))?.modified();
+    seeds.iter().map(|seed| time(seed).unwrap()).collect()
+}
+
+/// Which of the seeds were tracked again.
+fn tracked_again(before: &[SystemTime], after: &[SystemTime]) -> Vec<bool> {
+    before.iter().zip(after).map(|(b, a)| b != a).collect()
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    let place = workplace(EXPERIMENT);
+    let (run, one) = measured(&place, &["--threads", "1"]);
+    assert!(!run.stdout.contains("taken"), "{}", run.stdout);
+    let (run, four) = measured(&place, &["--threads", "4", "--fresh"]);
+    assert!(!run.stdout.contains("taken"), "{}", run.stdout);
+    assert_eq!(one, four);
+}
+
+#[test]
+fn only_what_is_missing_or_changed_is_tracked_again() {
+    let place = workplace(EXPERIMENT);
+    let (_, first) = measured(&place, &[]);
+    let before = times(&place);
+
+    fs::remove_file(place.path(&format!("{FIRST}/seed-02/finished.json"))).unwrap();
+    let (run, again) = measured(&place, &[]);
+    assert!(
+        run.stdout.starts_with("4 of 5 seeds were tracked before"),
+        "{}",
+        run.stdout
+    );
+    assert_eq!(again, first);
+    let after = times(&place);
+    assert_eq!(
+        tracked_again(&before, &after),
+        [false, true, false, false, false]
+    );
+
+    // A damaged file says nothing.
+    let damaged = place.path("out/small/again/seed-01/finished.json");
+    fs::write(damaged, "{").unwrap();
+    let (run, again) = measured(&place, &[]);
+    assert!(run.stdout.starts_with("4 of 5"), "{}", run.stdout);
+    assert_eq!(again, first);
+
+    // The bands and what is scored decide nothing about the tracks.
+    place.write("small.toml", EXPERIMENT.replace("[0, 0.1]", "[0, 0.2]"));
+    let (run, again) = measured(&place, &[]);
+    assert!(run.stdout.starts_with("5 of 5"), "{}", run.stdout);
+    assert_eq!(again, first);
+
+    let before = times(&place);
+    let (_, again) = measured(&place, &["--fresh"]);
+    assert_eq!(again, first);
+    assert_eq!(tracked_again(&before, &times(&place)), [true; 5]);
+}
+
+#[test]
+fn another_scene_colour_model_or_frame_tracks_everything_again() {
+    let place = workplace(EXPERIMENT);
+    let (_, first) = measured(&place, &[]);
+    let changes: [(&str, &dyn Fn()); 3] = [
+        ("scene", &|| {
+            place.write(
+                "scene.toml",
+                SCENE.replace("particles = 100", "particles = 110"),
+            );
+        }),
+        ("colours", &|| {
+            let colors = fs::read_to_string(place.path("ball.toml")).unwrap();
+            place.write(
+                "ball.toml",
+                colors.replace("1, 432]", "1, 431]").replace("1553", "1552"),
+            );
+        }),
+        ("frame", &|| {
+            fs::copy(data().join("frames/000040.jpg"), place.image(2)).unwrap();
+        }),
+    ];
+    let mut before = first;
+    for (what, change) in changes {
+        change();
+        let (run, after) = measured(&place, &[]);
+        assert!(!run.stdout.contains("taken"), "{what}: {}", run.stdout);
+        assert_ne!(after, before, "{what}");
+        before = after;
+    }
+}
+
+#[test]
+fn what_was_finished_before_ctrl_c_is_kept_and_the_rest_follows() {
+    let many = EXPERIMENT
+        .replace("seeds = 3", "seeds = 40")
+        .replace("few particles", "few particles, many seeds");
+    let place = workplace(&many);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_pardalis"))
+        .current_dir(place.path(""))
+        .args(["measure", "small.toml", "--threads", "2"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let third = place.path(&format!("{FIRST}--many-seeds/seed-03/finished.json"));
+    while !third.exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended early");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    // The shell's own kill: the program of that name is not everywhere.
+    let sent = Command::new("/bin/sh")
+        .args(["-c", &format!("kill -INT {}", child.id())])
+        .status()
+        .unwrap();
+    assert!(sent.success());
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(
+        stderr.contains("interrupted: ") && stderr.contains(" of 42 seeds"),
+        "{stderr}"
+    );
+    assert!(!place.path(CSV).exists());
+
+    let (run, resumed) = measured(&place, &[]);
+    let taken: usize = run.stdout.split(' ').next().unwrap().parse().unwrap();
+    assert!((2..42).contains(&taken), "{}", run.stdout);
+    let (_, whole) = measured(&place, &["--fresh"]);
+    assert_eq!(resumed, whole);
+}

@@ -1,0 +1,187 @@
+//! `pardalis track` on the four cameras of data/webcams-four, one of which fails: the target is not lost, and the summary tells what happened.
+
+mod faults;
+mod place;
+mod refusals;
+
+use crate::common::run::rows_in;
+use place::{FPS, FRAMES, Rig};
+use serde_json::json;
+
+#[test]
+fn four_sound_cameras() {
+    let rig = Rig::new();
+    let run = rig.track("").fine();
+    rig.assert_followed();
+    let summary = rig.summary();
+    assert_eq!(
+        (&summary["frame_sets"], &summary["max_delay_s"]),
+        (&FRAMES.into(), &0.1.into())
+    );
+    for camera in Rig::CAMERAS {
+        let frames = rig.frames(camera);
+        assert_eq!(
+            (&frames["delivered"], &frames["used"]),
+            (&120.into(), &120.into())
+        );
+        assert_eq!(
+            (&frames["first_time_s"], &frames["last_time_s"]),
+            (&0.0.into(), &4.76.into())
+        );
+        assert_eq!(summary["cameras"][camera]["stopped"], json!(null));
+        let told = &summary["targets"]["ball"]["cameras"][camera];
+        let seen = told["seen_frames"].as_u64().unwrap();
+        assert!(
+            told["weighed_frames"] == 120 && (50..=120).contains(&seen),
+            "{told}"
+        );
+        assert!(told["mean_evidence_nats"].as_f64().unwrap() > 0.0, "{told}");
+        assert!(
+            run.stdout
+                .contains(&format!("{camera}                  120      120 ")),
+            "{}",
+            run.stdout
+        );
+    }
+    // The same by fps, whatever the delay and the number of threads.
+    let tracks = rig.tracks();
+    for (scene, threads) in [
+        ("[timing]\nmax_delay_s = 0\n", "1"),
+        ("[timing]\nmax_delay_s = 1\n", "3"),
+    ] {
+        let run = rig
+            .track_with(scene, &["-o", "-", "--threads", threads])
+            .fine();
+        assert!(run.stdout == tracks, "{scene} {threads}");
+    }
+    rig.by_fps();
+    rig.track("").fine();
+    assert!(rig.tracks() == tracks);
+}
+
+#[test]
+fn one_camera_frozen() {
+    // The ball's radius is 35 mm. Without the first camera all the time, two must do for long.
+    for (from, to, bound_m) in [(50, 75, 0.012), (1, FRAMES, 0.020)] {
+        let rig = Rig::new();
+        rig.freeze("cam1", from..to);
+        let run = rig.track("");
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let told = "warning: cameras.cam1: only 1 of its 120 frames were used";
+        assert_eq!(run.stderr.starts_with(told), from == 1, "{}", run.stderr);
+        rig.assert_followed_within(bound_m);
+        let frames = rig.frames("cam1");
+        assert_eq!(
+            (&frames["frozen"], &frames["used"]),
+            (&(to - from).into(), &(FRAMES - to + from).into())
+        );
+        assert_eq!(rows_in(&rig.tracks()).len(), FRAMES);
+    }
+}
+
+/// Nothing new: the state is predicted, and its uncertainty grows.
+#[test]
+fn all_cameras_frozen() {
+    let rig = Rig::new();
+    for camera in Rig::CAMERAS {
+        rig.freeze(camera, 20..40);
+    }
+    rig.track("").fine();
+    let rows = rows_in(&rig.tracks());
+    assert_eq!(rows.len(), FRAMES);
+    let variance_m2 = |row: usize| rows[row][11].parse::<f64>().unwrap();
+    assert!(
+        variance_m2(39) > 3.0 * variance_m2(19),
+        "{} {}",
+        variance_m2(39),
+        variance_m2(19)
+    );
+    assert_eq!(rows[39][3], "occluded");
+}
+
+#[test]
+fn one_camera_without_frames_for_a_second() {
+    let rig = Rig::new();
+    rig.remove("cam3", 40..65);
+    rig.track("").fine();
+    rig.assert_followed();
+    let frames = rig.frames("cam3");
+    assert_eq!(
+        (&frames["used"], &frames["delivered"]),
+        (&95.into(), &95.into())
+    );
+    let gap_s = frames["longest_gap_s"].as_f64().unwrap();
+    assert!((gap_s - 26.0 / FPS).abs() < 1e-9, "{gap_s}");
+}
+
+#[test]
+fn one_camera_arrives_late() {
+    let sound = Rig::new();
+    sound.track("").fine();
+    let rig = Rig::new();
+    rig.times("cam2", true, |frame| {
+        (frame as f64 / FPS, (frame + 1) as f64 / FPS)
+    });
+    rig.track("").fine();
+    assert!(
+        rig.tracks() == sound.tracks(),
+        "nothing is lost, and nothing changed"
+    );
+    let frames = rig.frames("cam2");
+    assert_eq!(
+        (&frames["sorted_in_late"], &frames["dropped_late"]),
+        (&120.into(), &0.into())
+    );
+
+    let run = rig.track("[timing]\nmax_delay_s = 0\n");
+    assert_eq!(run.code, Some(0));
+    let told =
+        "warning: cameras.cam2: 120 frames left out that came too late; timing.max_delay_s is 0";
+    assert!(run.stderr.starts_with(told), "{}", run.stderr);
+    rig.assert_followed();
+    let frames = rig.frames("cam2");
+    assert_eq!(
+        (&frames["sorted_in_late"], &frames["dropped_late"]),
+        (&0.into(), &120.into())
+    );
+    assert_eq!(rig.frames("cam1")["used"], 120);
+    assert_eq!(rig.summary()["cameras"]["cam2"]["stopped"], json!(null));
+}
+
+#[test]
+fn one_camera_shuffled() {
+    let sound = Rig::new();
+    sound.track("").fine();
+    let rig = Rig::new();
+    // Of every three frames the last is delivered first.
+    rig.deliver("cam4", |place| place / 3 * 3 + 2 - place % 3);
+    rig.track("").fine();
+    assert!(
+        rig.tracks() == sound.tracks(),
+        "sorted, they are as they were"
+    );
+    let frames = rig.frames("cam4");
+    assert_eq!(
+        (&frames["used"], &frames["sorted_in_late"]),
+        (&120.into(), &80.into())
+    );
+    // Too short a delay loses some, and not the target.
+    let run = rig.track("[timing]\nmax_delay_s = 0.05\n");
+    assert_eq!(run.code, Some(0));
+    rig.assert_followed();
+    let frames = rig.frames("cam4");
+    assert_eq!(
+        (&frames["sorted_in_late"], &frames["dropped_late"]),
+        (&40.into(), &40.into())
+    );
+}
+
+#[test]
+fn one_camera_with_a_wrong_clock() {
+    let rig = Rig::new();
+    rig.times("cam2", false, |frame| ((frame + 1) as f64 / FPS, 0.0));
+    rig.edit("cam2", "time_offset_s = -0.04\n");
+    rig.track("").fine();
+    rig.assert_followed();
+    assert_eq!(rig.summary()["frame_sets"], FRAMES);
+}

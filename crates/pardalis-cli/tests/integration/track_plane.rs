@@ -1,0 +1,149 @@
+//! `pardalis track` in the plane, on frames of data/plane-robot: two landmarks make one target with a heading; scenes of it that cannot be.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::common::run::{Run, rows_in};
+
+/// Lines are counted in tests.
+const SCENE: &str = r#"seed = 1
+[cameras.mast]
+images = "DATA/plane-robot/frames"
+fps = 15
+frame_limit = 20
+[cameras.mast.model.plane]
+points = [
+    [184.34, 327.52, -0.8452467, -0.2679295],
+    [448.73, 304.71, 1.1498814, -0.1284166],
+    [402.42, 198.82, 1.0452467, 1.3679295],
+    [195.57, 212.70, -0.9498814, 1.2284166],
+]
+camera_center_m = [0.0, -3.2, 3.0]
+[targets.robot]
+shape.disc = { radius_m = 0.06, height_m = 0.406 }
+filter = { particles = 500 }
+motion.planar_constant_velocity.velocity_sigma_mps = 0.2
+region = {}
+difference = {}
+[targets.robot.landmarks.front]
+colors = "DATA/colors/landmark-red.colors.toml"
+start.gaussian = { position_m = [-1.3, -0.35, 0], position_sigma_m = 0.05, velocity_sigma_mps = 0.1 }
+[targets.robot.landmarks.rear]
+colors = "DATA/colors/landmark-yellow.colors.toml"
+start.gaussian = { position_m = [-1.6, -0.35, 0], position_sigma_m = 0.05, velocity_sigma_mps = 0.1 }
+"#;
+
+/// A colour model as they were learnt before they held histograms of channels.
+const OLD_COLORS: &str = r#"format = "pardalis color model 1"
+pixel_count = 30
+image_count = 2
+bins = [[0, 9, 1, 20], [11, 3, 3, 10]]
+[palette.hsi]
+hue_bins = 12
+saturation_bins = 12
+intensity_bins = 4
+"#;
+
+fn data() -> PathBuf {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    folder.canonicalize().unwrap()
+}
+
+/// `pardalis track` on the scene with a piece of it, which must be there, replaced.
+fn track(folder: &Path, piece: &str, other: &str) -> Run {
+    assert!(SCENE.contains(piece), "{piece}");
+    let data = data();
+    let scene = SCENE
+        .replace(piece, other)
+        .replace("DATA", data.to_str().unwrap());
+    fs::write(folder.join("scene.toml"), scene).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+    let arguments = ["track", "scene.toml", "-o", "out", "--no-plots"];
+    Run::of(command.current_dir(folder).args(arguments))
+}
+
+/// x, y and heading of the robot in each frame.
+fn truth() -> Vec<[f64; 3]> {
+    let text = fs::read_to_string(data().join("plane-robot/truth.csv")).unwrap();
+    text.lines()
+        .map(|line| line.split(',').collect::<Vec<_>>())
+        .filter(|row| row[2] == "robot")
+        .map(|row| [4, 5, 16].map(|column| row[column].parse().unwrap()))
+        .collect()
+}
+
+#[test]
+fn two_landmarks_are_one_target_with_a_heading() {
+    let folder = tempfile::tempdir().unwrap();
+    track(folder.path(), "", "").fine();
+    let rows = rows_in(&fs::read_to_string(folder.path().join("out/tracks.csv")).unwrap());
+    assert_eq!(rows.len(), 20);
+    for (frame, (row, truth)) in rows.iter().zip(truth()).enumerate() {
+        assert_eq!(row[0], frame.to_string());
+        assert_eq!((&*row[2], &*row[3]), ("robot", "tracking"));
+        let number = |column: usize| row[column].parse::<f64>().unwrap();
+        assert_eq!(number(6), 0.0, "its place is on the plane");
+        let error_m = (number(4) - truth[0]).hypot(number(5) - truth[1]);
+        assert!(error_m < 0.05, "frame {frame}: {error_m} m off");
+        let error_rad = number(10) - truth[2];
+        assert!(error_rad.abs() < 0.15, "frame {frame}: {error_rad} rad off");
+    }
+}
+
+#[test]
+fn scenes_that_cannot_be_name_their_key_and_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |piece, other, wanted: &[&str]| {
+        let run = track(folder.path(), piece, other);
+        run.refused(&[&["scene.toml: "], wanted].concat());
+        assert!(!folder.path().join("out").exists());
+    };
+    let center = "camera_center_m = [0.0, -3.2, 3.0]";
+    refused(
+        "    [448.73, 304.71, 1.1498814, -0.1284166],\n",
+        "",
+        &[
+            "line 7: cameras.mast.model.plane.points: 3 points are too few",
+            "give four or more",
+        ],
+    );
+    refused(
+        center,
+        "",
+        &[
+            "line 15: targets.robot.shape: rises over the plane, but where camera \"mast\" stands is not known",
+            "give cameras.mast.model.plane.camera_center_m",
+        ],
+    );
+    refused(
+        "region = {}",
+        "region = {}\ncolors = \"c\"",
+        &["line 19: targets.robot.colors: stands beside landmarks; give each landmark its own"],
+    );
+    let disc = "shape.disc = { radius_m = 0.06, height_m = 0.406 }";
+    refused(
+        disc,
+        "shape.sphere.radius_m = 0.06",
+        &[
+            "line 18: targets.robot.region: looks at a flat region; give shape.disc or shape.rectangle",
+        ],
+    );
+    fs::write(folder.path().join("old.toml"), OLD_COLORS).unwrap();
+    refused(
+        "DATA/colors/landmark-red.colors.toml",
+        "old.toml",
+        &[
+            "line 21: targets.robot.landmarks.front.colors: ",
+            "no histograms of red, green and blue",
+            "learn it again",
+        ],
+    );
+    // A heading needs both: there is none, and that is said.
+    let run = track(folder.path(), "landmarks.rear", "landmarks.back");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let warning = "line 20: targets.robot.landmarks: has one of `front` and `rear`";
+    assert!(run.stderr.contains(warning), "{}", run.stderr);
+    let rows = rows_in(&fs::read_to_string(folder.path().join("out/tracks.csv")).unwrap());
+    assert!(rows.iter().all(|row| row[10].is_empty()), "no heading");
+}

@@ -1,0 +1,237 @@
+//! The arithmetic that kernels are generic over: `f32` for speed, `f64` for the reference and for calibration.
+//!
+//! IEEE + − × ÷ √ are correctly rounded everywhere; the transcendentals here are our own polynomials (`f32`, without
+//! branches, so that loops over particles become vector code) or `libm` (`f64`). Results therefore depend neither on the
+//! platform's mathematics library nor on the instruction set.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+mod dual;
+
+pub use dual::Dual;
+
+/// A floating-point number.
+pub trait Real:
+    Copy
+    + PartialOrd
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Send
+    + Sync
+    + 'static
+{
+    /// The nearest representable number.
+    fn of(value: f64) -> Self;
+    /// The same number in double precision.
+    fn to_f64(self) -> f64;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// Absolute value.
+    fn abs(self) -> Self;
+    /// The angle of the point `(x, self)` from the x axis, in radians.
+    fn atan2(self, x: Self) -> Self;
+    /// Sine and cosine of an angle in radians.
+    fn sin_cos(self) -> (Self, Self);
+    /// Sine and cosine of an angle in full turns.
+    fn sin_cos_turns(self) -> (Self, Self);
+    /// `magnitude` 1 with the sign of `self`.
+    fn signum(self) -> Self;
+    /// The greatest whole number that is not greater.
+    fn floor(self) -> Self;
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn of(value: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        f64::abs(self)
+    }
+    fn atan2(self, x: Self) -> Self {
+        libm::atan2(self, x)
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        libm::sincos(self)
+    }
+    fn sin_cos_turns(self) -> (Self, Self) {
+        libm::sincos(self * std::f64::consts::TAU)
+    }
+    #[inline(always)]
+    fn signum(self) -> Self {
+        1_f64.copysign(self)
+    }
+    #[inline(always)]
+    fn floor(self) -> Self {
+        f64::floor(self)
+    }
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn of(value: f64) -> Self {
+        value as f32
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f32::sqrt(self)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        f32::abs(self)
+    }
+    #[inline(always)]
+    fn atan2(self, x: Self) -> Self {
+        atan2_f32(self, x)
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        libm::sincosf(self)
+    }
+    #[inline(always)]
+    fn sin_cos_turns(self) -> (Self, Self) {
+        sin_cos_turns_f32(self - self.floor())
+    }
+    #[inline(always)]
+    fn signum(self) -> Self {
+        1_f32.copysign(self)
+    }
+    #[inline(always)]
+    fn floor(self) -> Self {
+        f32::floor(self)
+    }
+}
+
+/// `atan2` within 4e-7 rad (half a unit in the last place of pi is 1.2e-7), without branches.
+#[inline(always)]
+fn atan2_f32(y: f32, x: f32) -> f32 {
+    let (ax, ay) = (x.abs(), y.abs());
+    let steep = ay > ax;
+    let (small, large) = if steep { (ax, ay) } else { (ay, ax) };
+    // Both zero: the quotient is 0/tiny = 0, and the angle of the origin is 0 or pi.
+    let t = small
+        / if large > f32::MIN_POSITIVE {
+            large
+        } else {
+            f32::MIN_POSITIVE
+        };
+    let s = t * t;
+    // Minimax polynomial of atan(t) on 0..=1.
+    let mut p = 0.002_823_639_f32;
+    p = p * s - 0.015_956_903;
+    p = p * s + 0.042_504_99;
+    p = p * s - 0.074_890_09;
+    p = p * s + 0.106_347_93;
+    p = p * s - 0.142_027_36;
+    p = p * s + 0.199_926_96;
+    p = p * s - 0.333_331_02;
+    let mut angle = t + t * s * p;
+    angle = if steep {
+        std::f32::consts::FRAC_PI_2 - angle
+    } else {
+        angle
+    };
+    angle = if x < 0.0 {
+        std::f32::consts::PI - angle
+    } else {
+        angle
+    };
+    angle.copysign(y)
+}
+
+/// Natural logarithm of a normal positive number within 2e-7 relative, without branches.
+#[inline(always)]
+pub fn ln_f32(x: f32) -> f32 {
+    // x = m 2^e with m in 0.75..1.5, so that the series is centred on 1.
+    let bits = x.to_bits();
+    let shifted = bits.wrapping_sub(0x3f40_0000);
+    let e = (shifted as i32) >> 23;
+    let m = f32::from_bits(bits.wrapping_sub((e << 23) as u32));
+    let s = (m - 1.0) / (m + 1.0);
+    let s2 = s * s;
+    let mut p = 0.239_282_85_f32;
+    p = p * s2 + 0.285_182_12;
+    p = p * s2 + 0.400_005_88;
+    p = p * s2 + 0.666_666_7;
+    p = p * s2 + 2.0;
+    s * p + e as f32 * std::f32::consts::LN_2
+}
+
+/// Sine and cosine of `turns` full turns, for `turns` from 0 to 1, within 2e-7, without branches.
+#[inline(always)]
+pub fn sin_cos_turns_f32(turns: f32) -> (f32, f32) {
+    let quadrant = (turns * 4.0 + 0.5) as i32;
+    let x = (turns - quadrant as f32 * 0.25) * std::f32::consts::TAU;
+    let s = x * x;
+    // Taylor to the 9th and 8th power: the argument is at most pi/4.
+    let sin =
+        x + x * s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0 + s * (1.0 / 362_880.0))));
+    let cos = 1.0 + s * (-0.5 + s * (1.0 / 24.0 + s * (-1.0 / 720.0 + s * (1.0 / 40_320.0))));
+    let swap = quadrant & 1 == 1;
+    let (a, b) = if swap { (cos, sin) } else { (sin, cos) };
+    let sin_sign = if quadrant & 2 == 2 { -1.0 } else { 1.0 };
+    let cos_sign = if (quadrant + 1) & 2 == 2 { -1.0 } else { 1.0 };
+    (a * sin_sign, b * cos_sign)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn atan2_agrees_with_libm_all_around() {
+        for i in 0..100_000 {
+            let angle = (i as f64 / 100_000.0 - 0.5) * 1.999_99 * std::f64::consts::PI;
+            for radius in [1e-6, 1.0, 3e5] {
+                let (y, x) = ((radius * angle.sin()) as f32, (radius * angle.cos()) as f32);
+                let error =
+                    (f64::from(atan2_f32(y, x)) - libm::atan2(f64::from(y), f64::from(x))).abs();
+                assert!(error < 4e-7, "atan2({y}, {x}) is off by {error}");
+            }
+        }
+        assert_eq!(atan2_f32(0.0, 0.0), 0.0);
+        assert!((atan2_f32(0.0, -1.0) - std::f32::consts::PI).abs() < 1e-6);
+    }
+
+    #[test]
+    fn ln_agrees_with_libm() {
+        for i in 1..200_000_u32 {
+            let x = i as f32 / 100_000.0;
+            let expected = libm::log(f64::from(x));
+            let error = (f64::from(ln_f32(x)) - expected).abs();
+            assert!(
+                error < 2e-7 * expected.abs().max(1.0),
+                "ln({x}) is off by {error}"
+            );
+        }
+        assert!((ln_f32(2_f32.powi(-25)) + 25.0 * std::f32::consts::LN_2).abs() < 1e-5);
+    }
+
+    #[test]
+    fn sin_cos_of_turns_agrees_with_libm() {
+        for i in 0..100_000 {
+            let turns = i as f32 / 100_000.0;
+            let (sin, cos) = libm::sincos(f64::from(turns) * std::f64::consts::TAU);
+            let (s, c) = sin_cos_turns_f32(turns);
+            assert!(
+                (f64::from(s) - sin).abs() < 5e-7 && (f64::from(c) - cos).abs() < 5e-7,
+                "{turns}"
+            );
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! How soon an object is found that comes into view.
+
+use super::{Sample, Settings};
+
+/// Of all stretches of frames in which the object is visible: the most frames that it takes until an estimate is on the target; 1 where the first
+/// frame of each stretch has one, and a frame more than a stretch has in which none is. None where the object is never visible.
+pub(super) fn frames_to_find(samples: &[Sample], settings: &Settings) -> Option<usize> {
+    let visible = samples
+        .chunk_by(|a, b| settings.sees(&a.truth) == settings.sees(&b.truth))
+        .filter(|stretch| settings.sees(&stretch[0].truth));
+    most_frames_until(visible, |s| settings.is_on_target(s))
+}
+
+/// Of stretches of frames: the most frames until one is as wanted; 1 where the first frame of each is, and a frame more than a stretch has in which
+/// none is. None without stretches.
+pub(super) fn most_frames_until<'s>(
+    stretches: impl Iterator<Item = &'s [Sample]>,
+    is_wanted: impl Fn(&Sample) -> bool,
+) -> Option<usize> {
+    let frames = |stretch: &[Sample]| {
+        let wanted = stretch.iter().position(&is_wanted);
+        wanted.unwrap_or(stretch.len()) + 1
+    };
+    stretches.map(frames).max()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{EstimatedState, TrueState};
+
+    /// One frame of the object at the origin; the estimate off by so much, in metres.
+    fn frame(is_visible: bool, off_m: Option<f64>) -> Sample {
+        Sample {
+            state: None,
+            estimate: off_m.map(|off_m| EstimatedState {
+                position_m: [off_m, 0.0, 0.0],
+                velocity_mps: None,
+                heading_rad: None,
+                covariance_m2: None,
+            }),
+            truth: TrueState {
+                position_m: [0.0; 3],
+                velocity_mps: None,
+                heading_rad: None,
+                visible_fraction: Some(f64::from(u8::from(is_visible))),
+                seeing_cameras: None,
+            },
+        }
+    }
+
+    #[test]
+    fn the_stretch_that_takes_longest_counts() {
+        let settings = Settings {
+            lost_beyond_m: 0.5,
+            ..Settings::default()
+        };
+        let found = |samples: &[Sample]| frames_to_find(samples, &settings);
+        let (on, off, none) = (Some(0.1), Some(0.6), None);
+        let at_once = [frame(true, on), frame(true, none), frame(true, off)];
+        assert_eq!(found(&at_once), Some(1));
+        // What is said while it is hidden finds nothing.
+        let hidden = [frame(false, on), frame(false, none)];
+        assert_eq!(found(&hidden), None);
+        let again = [frame(true, none), frame(true, off), frame(true, on)];
+        assert_eq!(found(&[&at_once[..], &hidden, &again].concat()), Some(3));
+        assert_eq!(found(&[&again[..], &hidden, &at_once].concat()), Some(3));
+        assert_eq!(found(&again[..2]), Some(3));
+        assert_eq!(found(&[]), None);
+    }
+}

@@ -1,0 +1,434 @@
+//! Error figures of one track against its object.
+
+use nalgebra::{Cholesky, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use serde::Serialize;
+
+use super::bootstrap::mean_band_99;
+use super::course::Course;
+use super::distribution::{Distribution, MeanSd, distribution, mean, mean_sd};
+use super::finding::frames_to_find;
+use super::heading::Heading;
+use super::spherical::{SphericalError, angle_between, spherical_error};
+use super::{EstimatedState, Sample, Settings, TrueState, difference, norm};
+
+/// What a chi-square variable of three degrees of freedom stays below with probability 0.95.
+const CHI_SQUARE_95_3_DOF: f64 = 7.814_727_903;
+/// What a chi-square variable of two degrees of freedom stays below with probability 0.95.
+const CHI_SQUARE_95_2_DOF: f64 = 5.991_464_547;
+
+/// How well a track follows its object.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scores {
+    /// The share of the visible frames that have an estimate; none where the object is never visible.
+    pub coverage: Option<f64>,
+    /// Visible frames without an estimate or with one too far from the truth.
+    pub lost_frames: usize,
+    /// Whether the last visible frame is not lost; none where the object is never visible.
+    pub ends_on_target: Option<bool>,
+    /// Of all stretches of visible frames: the most frames until an estimate is not lost, 1 for the first frame of a stretch, a frame more than a
+    /// stretch has in which none is; none where the object is never visible.
+    pub frames_to_find: Option<usize>,
+    /// Over all frames of the truth.
+    pub all: Summary,
+    /// Over the frames in which the object is visible.
+    pub visible: Summary,
+}
+
+/// Figures over a set of frames.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Frames of the truth.
+    pub frames: usize,
+    /// Those with an estimate.
+    pub estimates: usize,
+    /// Errors of the estimates; none where there is no estimate.
+    pub errors: Option<Errors>,
+}
+
+/// Errors, estimate minus truth, over frames with an estimate.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Errors {
+    /// Length of the position error in metres.
+    pub position_m: Distribution,
+    /// Length of the position error in the world's x and y in metres.
+    pub planar_m: Distribution,
+    /// Mean position error along the world's x, y and z in metres.
+    pub bias_m: [f64; 3],
+    /// Error of the distance from [`Settings::around_m`] in metres.
+    pub distance_m: MeanSd,
+    /// Error of the elevation above the world's horizontal, seen from that point, in radians.
+    pub elevation_rad: MeanSd,
+    /// Error of the azimuth about the world's z, seen from that point, in radians, wrapped to ±π.
+    pub azimuth_rad: MeanSd,
+    /// Angle between the directions to estimate and truth, seen from that point, in radians: mean.
+    pub direction_mean_rad: f64,
+    /// Likewise: maximum.
+    pub direction_max_rad: f64,
+    /// Root mean square length of the velocity error in metres a second, where both sides give velocities.
+    pub velocity_rmse_mps: Option<f64>,
+    /// Directions of travel; none where the object does not travel or a side gives no velocities.
+    pub course: Option<Course>,
+    /// Errors of the heading; none where no frame has both headings.
+    pub heading: Option<Heading>,
+    /// Whether the covariances speak the truth about the errors.
+    pub consistency: Consistency,
+}
+
+/// Normalised estimation error squared (NEES), e′ C⁻¹ e, of the position.
+///
+/// Where the covariances are right its mean is the number of dimensions, and 95 % lie within the chi-square bound.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Consistency {
+    /// Estimates with a usable covariance, which alone count here.
+    pub estimates: usize,
+    /// Estimates whose covariance is absent or not positive definite.
+    pub left_out: usize,
+    /// Mean NEES; none without a usable covariance.
+    pub mean_nees: Option<f64>,
+    /// Within which the mean lies with 99 % probability, lowest and highest, though errors of neighbouring frames resemble one another: by a bootstrap of
+    /// blocks as long as the correlation of neighbours asks for (Carlstein 1986); none of series of less than two blocks.
+    pub mean_nees_band_99: Option<[f64; 2]>,
+    /// What the mean NEES should be: 3, or 2 where the z variance is zero, as for targets on a plane.
+    pub expected_nees: Option<f64>,
+    /// The share of the estimates within the 95 % chi-square bound.
+    pub share_within_95: Option<f64>,
+}
+
+/// Scores one track; `samples` holds every frame of its object's truth in time order.
+pub fn score(samples: &[Sample], settings: &Settings) -> Scores {
+    let visible: Vec<Sample> = samples
+        .iter()
+        .filter(|s| settings.sees(&s.truth))
+        .copied()
+        .collect();
+    let on_target = |s: &Sample| settings.is_on_target(s);
+    let seen = summarize(&visible, settings.around_m);
+    Scores {
+        coverage: (seen.frames > 0).then(|| seen.estimates as f64 / seen.frames as f64),
+        lost_frames: visible.iter().filter(|s| !on_target(s)).count(),
+        ends_on_target: visible.last().map(on_target),
+        frames_to_find: frames_to_find(samples, settings),
+        all: summarize(samples, settings.around_m),
+        visible: seen,
+    }
+}
+
+/// Figures over the given frames.
+fn summarize(samples: &[Sample], around_m: [f64; 3]) -> Summary {
+    let pairs: Vec<(EstimatedState, TrueState)> = samples
+        .iter()
+        .filter_map(|s| s.estimate.map(|e| (e, s.truth)))
+        .collect();
+    Summary {
+        frames: samples.len(),
+        estimates: pairs.len(),
+        errors: (!pairs.is_empty()).then(|| errors(&pairs, around_m)),
+    }
+}
+
+/// Errors of at least one estimate.
+fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
+    let position_errors_m: Vec<[f64; 3]> = pairs
+        .iter()
+        .map(|(e, t)| difference(e.position_m, t.position_m))
+        .collect();
+    let spherical_errors: Vec<SphericalError> = pairs
+        .iter()
+        .map(|(e, t)| spherical_error(e, t, around_m))
+        .collect();
+    let direction_errors_rad: Vec<f64> = pairs
+        .iter()
+        .map(|(e, t)| {
+            let estimated = difference(e.position_m, around_m);
+            angle_between(estimated, difference(t.position_m, around_m))
+        })
+        .collect();
+    let planar_errors_m = position_errors_m
+        .iter()
+        .map(|[x, y, _]| libm::hypot(*x, *y));
+    let squared_velocity_errors: Vec<f64> = pairs
+        .iter()
+        .filter_map(|(e, t)| Some(norm(difference(e.velocity_mps?, t.velocity_mps?)).powi(2)))
+        .collect();
+    let spherical = |of: fn(&SphericalError) -> f64| mean_sd(spherical_errors.iter().map(of));
+    Errors {
+        position_m: distribution(position_errors_m.iter().map(|&e| norm(e)).collect()),
+        planar_m: distribution(planar_errors_m.collect()),
+        bias_m: [0, 1, 2].map(|i| mean_sd(position_errors_m.iter().map(|e| e[i])).mean),
+        distance_m: spherical(|e| e.distance_m),
+        elevation_rad: spherical(|e| e.elevation_rad),
+        azimuth_rad: spherical(|e| e.azimuth_rad),
+        direction_mean_rad: mean(&direction_errors_rad).unwrap_or(0.0),
+        direction_max_rad: direction_errors_rad.iter().copied().fold(0.0, f64::max),
+        velocity_rmse_mps: mean(&squared_velocity_errors).map(f64::sqrt),
+        course: Course::of(pairs),
+        heading: Heading::of(pairs),
+        consistency: consistency(pairs),
+    }
+}
+
+/// Judges the covariances by the errors.
+fn consistency(pairs: &[(EstimatedState, TrueState)]) -> Consistency {
+    let nees: Vec<Nees> = pairs.iter().filter_map(|(e, t)| Nees::of(e, t)).collect();
+    let mean_of = |value: fn(&Nees) -> f64| mean(&nees.iter().map(value).collect::<Vec<_>>());
+    Consistency {
+        estimates: nees.len(),
+        left_out: pairs.len() - nees.len(),
+        mean_nees: mean_of(|n| n.value),
+        mean_nees_band_99: mean_band_99(&nees.iter().map(|n| n.value).collect::<Vec<_>>()),
+        expected_nees: mean_of(|n| n.dimensions),
+        share_within_95: mean_of(|n| f64::from(n.value <= n.bound_95)),
+    }
+}
+
+/// The normalised squared error of one estimate.
+struct Nees {
+    /// e′ C⁻¹ e.
+    value: f64,
+    /// The dimensions of e.
+    dimensions: f64,
+    /// The 95 % bound for that many dimensions.
+    bound_95: f64,
+}
+
+impl Nees {
+    /// None where the covariance is absent or not positive definite.
+    fn of(estimate: &EstimatedState, truth: &TrueState) -> Option<Self> {
+        let [xx, xy, xz, yy, yz, zz] = estimate.covariance_m2?;
+        let [x, y, z] = difference(estimate.position_m, truth.position_m);
+        if zz == 0.0 {
+            Some(Self {
+                value: nees(Vector2::new(x, y), Matrix2::new(xx, xy, xy, yy))?,
+                dimensions: 2.0,
+                bound_95: CHI_SQUARE_95_2_DOF,
+            })
+        } else {
+            let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            Some(Self {
+                value: nees(Vector3::new(x, y, z), covariance)?,
+                dimensions: 3.0,
+                bound_95: CHI_SQUARE_95_3_DOF,
+            })
+        }
+    }
+}
+
+/// e′ C⁻¹ e, none where C is not positive definite, or so nearly singular that rounding decides.
+fn nees<const D: usize>(error: SVector<f64, D>, covariance: SMatrix<f64, D, D>) -> Option<f64> {
+    let factor = Cholesky::new(covariance)?;
+    let l = factor.l_dirty();
+    let sound = |i| l[(i, i)] * l[(i, i)] > 1e-12 * covariance[(i, i)];
+    let value = error.dot(&factor.solve(&error));
+    ((0..D).all(sound) && value.is_finite()).then_some(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+
+    /// A visible object at `true_m` and an estimate at `estimated_m`.
+    fn sample(estimated_m: [f64; 3], true_m: [f64; 3]) -> Sample {
+        Sample {
+            state: None,
+            estimate: Some(EstimatedState {
+                position_m: estimated_m,
+                velocity_mps: None,
+                heading_rad: None,
+                covariance_m2: None,
+            }),
+            truth: TrueState {
+                position_m: true_m,
+                velocity_mps: None,
+                heading_rad: None,
+                visible_fraction: Some(1.0),
+                seeing_cameras: None,
+            },
+        }
+    }
+
+    /// An estimate at the origin's distance `error_m` along x.
+    fn off_by(error_m: f64) -> Sample {
+        sample([error_m, 0.0, 0.0], [0.0; 3])
+    }
+
+    fn errors_of(samples: &[Sample], settings: &Settings) -> Errors {
+        score(samples, settings).all.errors.unwrap()
+    }
+
+    fn assert_near(found: f64, expected: f64) {
+        assert!(
+            (found - expected).abs() < 1e-12,
+            "{found} is not {expected}"
+        );
+    }
+
+    #[test]
+    fn position_errors_have_the_figures_computed_by_hand() {
+        let samples = [3.0, 4.0, 0.0, 1.0].map(off_by);
+        let p = errors_of(&samples, &Settings::default()).position_m;
+        assert_near(p.mean, 2.0);
+        assert_near(p.sd, 2.5_f64.sqrt());
+        assert_near(p.rmse, 6.5_f64.sqrt());
+        assert_near(p.median, 2.0);
+        assert_near(p.p95, 3.85);
+        assert_near(p.max, 4.0);
+    }
+
+    #[test]
+    fn planar_errors_leave_out_the_height() {
+        let samples = [
+            sample([3.0, 4.0, 9.0], [0.0; 3]),
+            sample([1.0, 1.0, 5.0], [1.0, 0.0, 1.0]),
+        ];
+        let planar_m = errors_of(&samples, &Settings::default()).planar_m;
+        assert_eq!((planar_m.mean, planar_m.sd, planar_m.max), (3.0, 2.0, 5.0));
+        assert_near(planar_m.rmse, 13_f64.sqrt());
+    }
+
+    #[test]
+    fn bias_keeps_the_sign_of_each_axis() {
+        let samples = [
+            sample([1.0, 2.0, 3.0], [0.5, 2.0, 4.0]),
+            sample([1.0, 2.0, 3.0], [1.0, 1.0, 4.0]),
+        ];
+        let bias_m = errors_of(&samples, &Settings::default()).bias_m;
+        assert_eq!(bias_m, [0.25, 0.5, -1.0]);
+    }
+
+    #[test]
+    fn spherical_errors_are_taken_around_the_point_in_the_world_frame() {
+        let settings = Settings {
+            around_m: [1.0, 1.0, 1.0],
+            ..Settings::default()
+        };
+        // From 2 m along x to 3 m straight down.
+        let e = errors_of(&[sample([1.0, 1.0, -2.0], [3.0, 1.0, 1.0])], &settings);
+        assert_near(e.distance_m.mean, 1.0);
+        assert_near(e.elevation_rad.mean, -PI / 2.0);
+        // 45° to the left at the same height.
+        let e = errors_of(&[sample([3.0, 3.0, 1.0], [3.0, 1.0, 1.0])], &settings);
+        assert_near(e.distance_m.mean, 8_f64.sqrt() - 2.0);
+        assert_near(e.elevation_rad.mean, 0.0);
+        assert_near(e.azimuth_rad.mean, PI / 4.0);
+        assert_near(e.direction_mean_rad, PI / 4.0);
+        assert_near(e.direction_max_rad, PI / 4.0);
+    }
+
+    #[test]
+    fn azimuth_errors_are_wrapped() {
+        // Just left and just right of the negative x axis: 2·0.1 rad apart, not 2π - 0.2.
+        let behind = |a: f64| [-libm::cos(a), libm::sin(a), 0.0];
+        let samples = [
+            sample(behind(-0.1), behind(0.1)),
+            sample(behind(0.1), behind(-0.1)),
+        ];
+        let azimuth_rad = errors_of(&samples, &Settings::default()).azimuth_rad;
+        assert_near(azimuth_rad.mean, 0.0);
+        assert_near(azimuth_rad.sd, 0.2);
+    }
+
+    #[test]
+    fn coverage_and_loss_speak_of_visible_frames_alone() {
+        let without = |fraction| {
+            let mut s = off_by(0.0);
+            s.estimate = None;
+            s.truth.visible_fraction = fraction;
+            s
+        };
+        let samples = [
+            off_by(0.1),
+            off_by(0.7),         // too far
+            without(Some(0.61)), // missed
+            without(None),       // missed: counts as visible
+            without(Some(0.6)),  // not over the threshold
+            off_by(0.66),        // on the bound
+            without(Some(0.0)),  // hidden
+        ];
+        let s = score(&samples, &Settings::default());
+        assert_eq!((s.all.frames, s.all.estimates), (7, 3));
+        assert_eq!((s.visible.frames, s.visible.estimates), (5, 3));
+        assert_eq!(s.coverage, Some(0.6));
+        assert_eq!(s.lost_frames, 3);
+        assert_eq!(s.ends_on_target, Some(true));
+        let lost_at_the_end = score(&samples[..4], &Settings::default());
+        assert_eq!(lost_at_the_end.ends_on_target, Some(false));
+    }
+
+    #[test]
+    fn hidden_frames_count_in_the_figures_over_all_frames_alone() {
+        let mut hidden = off_by(0.5);
+        hidden.truth.visible_fraction = Some(0.3);
+        let s = score(&[off_by(0.1), hidden], &Settings::default());
+        assert_near(s.all.errors.unwrap().position_m.max, 0.5);
+        assert_near(s.visible.errors.unwrap().position_m.max, 0.1);
+    }
+
+    #[test]
+    fn velocities_count_where_both_sides_give_them() {
+        let mut both = off_by(0.0);
+        let mut one_sided = off_by(0.0);
+        for s in [&mut both, &mut one_sided] {
+            s.estimate.as_mut().unwrap().velocity_mps = Some([3.0, 0.0, 5.0]);
+        }
+        both.truth.velocity_mps = Some([0.0, 4.0, 5.0]);
+        let rmse_mps =
+            |samples: &[Sample]| errors_of(samples, &Settings::default()).velocity_rmse_mps;
+        assert_eq!(rmse_mps(&[both, one_sided]), Some(5.0));
+        assert_eq!(rmse_mps(&[one_sided]), None);
+    }
+
+    fn with_covariance(error_m: [f64; 3], covariance_m2: [f64; 6]) -> Sample {
+        let mut s = sample(error_m, [0.0; 3]);
+        s.estimate.as_mut().unwrap().covariance_m2 = Some(covariance_m2);
+        s
+    }
+
+    #[test]
+    fn consistency_weighs_errors_by_their_covariance() {
+        let diagonal = [0.01, 0.0, 0.0, 0.04, 0.0, 0.09];
+        // C = [[2, 1, 0], [1, 2, 0], [0, 0, 1]] has C⁻¹ = [[2, -1, 0], [-1, 2, 0], [0, 0, 3]] / 3.
+        let correlated = [2.0, 1.0, 0.0, 2.0, 0.0, 1.0];
+        let samples = [
+            with_covariance([0.1, 0.2, 0.3], diagonal),    // 3
+            with_covariance([0.3, 0.0, 0.0], diagonal),    // 9: beyond the bound
+            with_covariance([1.0, -1.0, 2.0], correlated), // 2 + 4
+            with_covariance([0.1, 0.0, 0.0], [0.0; 6]),    // singular
+            with_covariance([0.1, 0.0, 0.0], [0.3, 0.3, 0.0, 0.3, 0.0, 1.0]), // singular but for rounding
+            with_covariance([0.1, 0.0, 0.0], [-1.0, 0.0, 0.0, 1.0, 0.0, 1.0]), // no covariance
+            off_by(0.1),                                                      // none given
+        ];
+        let c = errors_of(&samples, &Settings::default()).consistency;
+        assert_eq!((c.estimates, c.left_out), (3, 4));
+        assert_near(c.mean_nees.unwrap(), 6.0);
+        assert_eq!(c.expected_nees, Some(3.0));
+        assert_near(c.share_within_95.unwrap(), 2.0 / 3.0);
+    }
+
+    #[test]
+    fn planar_covariances_have_two_dimensions() {
+        let planar = [0.01, 0.0, 0.0, 0.01, 0.0, 0.0];
+        // 6.25 lies beyond the bound of two dimensions, within that of three.
+        let samples = [with_covariance([0.25, 0.0, 0.0], planar)];
+        let c = errors_of(&samples, &Settings::default()).consistency;
+        assert_near(c.mean_nees.unwrap(), 6.25);
+        assert_eq!(c.expected_nees, Some(2.0));
+        assert_eq!(c.share_within_95, Some(0.0));
+    }
+
+    #[test]
+    fn nothing_to_score_gives_no_figures() {
+        let s = score(&[], &Settings::default());
+        assert_eq!(
+            (s.coverage, s.lost_frames, s.ends_on_target),
+            (None, 0, None)
+        );
+        assert_eq!(s.all.errors, None);
+        let mut missed = off_by(0.0);
+        missed.estimate = None;
+        let s = score(&[missed], &Settings::default());
+        assert_eq!((s.coverage, s.lost_frames), (Some(0.0), 1));
+        assert_eq!(s.visible.errors, None);
+    }
+}

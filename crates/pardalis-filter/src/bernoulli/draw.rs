@@ -1,0 +1,135 @@
+//! New particles: drawn from what each before predicts and from the peaks, and weighed by what the images say.
+
+use super::kinematics::Kinematics;
+use super::proposal::{Prediction, log_add};
+use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
+use crate::resample;
+use pardalis_core::rng::Stage;
+
+/// Survivors are drawn when the effective sample size is at most this share of the number of particles.
+const RESAMPLE_BELOW: f64 = 0.5;
+/// Of so many particles one is kicked.
+const KICKED_ONE_IN: usize = 4;
+
+impl BernoulliFilter {
+    /// The probability that a kick came in the time since the last update, and what is known of steps with one.
+    pub(super) fn kick(&self, dt_s: f64) -> Option<(f64, Kinematics)> {
+        let chance = -libm::expm1(-self.settings.velocity_jump_rate_hz * dt_s);
+        let kicked = self
+            .kinematics
+            .kicked(self.settings.velocity_jump_sigma_mps, dt_s)?;
+        (chance > 0.0).then_some((chance, kicked))
+    }
+
+    /// Draws new particles. Their log weights are those of the prior, existence included, over the proposal.
+    pub(super) fn draw_new(&mut self, prior: &Prior) {
+        let (draws, observation) = (self.draws, self.observation);
+        let dt_s = self.pending_s;
+        let free_axes = self.settings.motion.free_axes();
+        let count = self.weights.len();
+        let is_worn = self.effective_sample_size() <= RESAMPLE_BELOW * count as f64;
+        if is_worn {
+            let uniform = |_| draws.uniform(0, observation, Stage::Resampling);
+            resample::systematic(&self.weights, uniform, &mut self.ancestors);
+        }
+        let log_located = libm::log(prior.located);
+        let log_elsewhere = if self.proposal.is_blind() {
+            f64::NEG_INFINITY
+        } else {
+            libm::log(prior.elsewhere) + libm::log(self.settings.birth_density)
+        };
+        let height_m = self.proposal.height_m();
+        let kick = self.kick(dt_s);
+        let offset = draws.uniform(count as u32, observation, Stage::Proposal);
+        for i in 0..count {
+            let (ancestor, weight) = if is_worn {
+                (self.ancestors[i] as usize, 1.0 / count as f64)
+            } else {
+                (i, self.weights[i])
+            };
+            let before = &self.hypotheses[ancestor];
+            // One particle in four is kicked, however seldom that is: its weight makes up for it.
+            let (kinematics, log_chance) = match kick {
+                None => (self.kinematics, 0.0),
+                Some((chance, kicked)) if i % KICKED_ONE_IN == 0 => {
+                    (kicked, libm::log(chance * KICKED_ONE_IN as f64))
+                }
+                Some((chance, _)) => {
+                    let share = 1.0 - 1.0 / KICKED_ONE_IN as f64;
+                    (self.kinematics, libm::log((1.0 - chance) / share))
+                }
+            };
+            let step = kinematics.step(before.velocity_variance_m2ps2, dt_s);
+            let mut prediction = Prediction {
+                mean_m: before.ahead(dt_s),
+                variance_m2: step.variance_m2,
+            };
+            if let (true, Some(height_m)) = (free_axes == 2, height_m) {
+                prediction.mean_m[2] = height_m;
+            }
+            let particle = i as u32;
+            let [x, y, z, _] = draws.normals(particle, observation, Stage::Motion, 0);
+            let normals = [x, y, z].map(f64::from);
+            let share = (offset + i as f64 * GOLDEN).fract();
+            let (position_m, log_proposal) = self.proposal.draw(&prediction, share, normals);
+
+            let log_continued = log_located + prediction.log_density(position_m, free_axes);
+            let log_prior = log_add(log_continued, log_elsewhere);
+            self.new_particles.log_weights[i] =
+                libm::log(weight) + log_chance + log_prior - log_proposal;
+
+            let chance = libm::exp(log_elsewhere - log_prior);
+            let was_elsewhere = draws.uniform(particle, observation, Stage::Proposal) < chance;
+            self.new_hypotheses[i] = if was_elsewhere {
+                self.born_at(position_m)
+            } else {
+                let mut velocity_mps = before.velocity_mps;
+                for axis in 0..free_axes {
+                    velocity_mps[axis] +=
+                        step.gain_hz * (position_m[axis] - prediction.mean_m[axis]);
+                }
+                Hypothesis {
+                    position_m,
+                    velocity_mps,
+                    velocity_variance_m2ps2: step.velocity_variance_m2ps2,
+                }
+            };
+        }
+        write(&self.new_hypotheses, &mut self.new_particles);
+    }
+
+    /// A target that came into being, or was put down, at a place.
+    pub(super) fn born_at(&self, position_m: [f64; 3]) -> Hypothesis {
+        let mut born = Hypothesis {
+            position_m,
+            ..Hypothesis::default()
+        };
+        if self.kinematics.has_velocity() {
+            born.velocity_variance_m2ps2 = self.settings.birth_velocity_sigma_mps.powi(2);
+        }
+        born
+    }
+
+    /// Multiplies the new weights by the ratios and normalises them. Returns the logarithm of their sum, -∞ where all are impossible.
+    pub(super) fn weigh_new(&mut self) -> f64 {
+        let log_weights = &mut self.new_particles.log_weights;
+        let mut greatest = f64::NEG_INFINITY;
+        for (log_weight, &log_ratio) in log_weights.iter_mut().zip(&self.log_ratios) {
+            // +∞ would leave nothing to compare.
+            *log_weight += f64::from(log_ratio.min(f32::MAX));
+            if log_ratio.is_nan() || log_weight.is_nan() {
+                *log_weight = f64::NEG_INFINITY;
+            }
+            greatest = greatest.max(*log_weight);
+        }
+        if greatest == f64::NEG_INFINITY {
+            return greatest;
+        }
+        let terms = log_weights.iter().map(|log| libm::exp(log - greatest));
+        let log_sum = libm::log(terms.sum());
+        for log_weight in log_weights {
+            *log_weight = *log_weight - greatest - log_sum;
+        }
+        greatest + log_sum
+    }
+}

@@ -1,0 +1,110 @@
+//! The motion of one particle whose position is known and whose velocity is a Gaussian, on one axis.
+
+use crate::motion::{Disturbance, Model, Motion, Stray};
+use pardalis_core::Error;
+
+/// Variance that every step adds to a position, in m²: 10 µm keep densities finite where no time has passed or nothing disturbs the target.
+const STEP_VARIANCE_M2: f64 = 1e-10;
+
+/// White noise on each axis, so that steps compose: predicting twice is predicting once.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Kinematics {
+    /// No velocity: the position's variance grows by this much a second.
+    Walk { diffusion_m2ps: f64 },
+    /// Constant velocity: its variance grows by this much a second.
+    Velocity { acceleration_density_m2ps3: f64 },
+}
+
+/// Where a particle is after a step on one axis, and what its velocity is given where it came to be.
+pub(super) struct Step {
+    /// Variance of the position around position + velocity·time, m².
+    pub(super) variance_m2: f64,
+    /// How much faster a target is that came to be a metre farther, 1/s: the covariance of position and velocity over the former's variance.
+    pub(super) gain_hz: f64,
+    /// Variance of the velocity given the new position, m²/s².
+    pub(super) velocity_variance_m2ps2: f64,
+}
+
+impl Kinematics {
+    /// Refuses what is not white noise on a random walk or on constant velocity.
+    pub(super) fn of(motion: &Motion) -> Result<Self, Error> {
+        match motion.model() {
+            Model::RandomWalk(walk) => {
+                if let (Stray::Diffusion { density_m2ps }, None) = (walk.stray(), walk.jumps()) {
+                    return Ok(Self::Walk {
+                        diffusion_m2ps: density_m2ps,
+                    });
+                }
+            }
+            Model::ConstantVelocity(velocity) => {
+                if let Disturbance::White {
+                    acceleration_density_m2ps3,
+                } = velocity.disturbance()
+                {
+                    return Ok(Self::Velocity {
+                        acceleration_density_m2ps3,
+                    });
+                }
+            }
+            Model::ConstantAcceleration(_) => {}
+        }
+        Err(Error::refused(
+            "this motion model has no velocity that can be marginalised for any time step",
+            "take constant velocity with white acceleration, or a random walk that diffuses and does not jump (the filter itself has a rate of jumps)",
+        ))
+    }
+
+    pub(super) fn has_velocity(self) -> bool {
+        matches!(self, Self::Velocity { .. })
+    }
+
+    /// The same for a step of `dt_s` seconds in which the velocity changes by this standard deviation as well, at any time; nothing for what has no velocity, and in no
+    /// time.
+    pub(super) fn kicked(self, velocity_jump_sigma_mps: f64, dt_s: f64) -> Option<Self> {
+        match self {
+            Self::Velocity {
+                acceleration_density_m2ps3,
+            } if dt_s > 0.0 => Some(Self::Velocity {
+                acceleration_density_m2ps3: acceleration_density_m2ps3
+                    + velocity_jump_sigma_mps * velocity_jump_sigma_mps / dt_s,
+            }),
+            _ => None,
+        }
+    }
+
+    /// Variance of the position, in m², `dt_s` seconds after it was known, where the velocity had this variance. Back in time there is no noise.
+    pub(super) fn variance_m2(self, velocity_variance_m2ps2: f64, dt_s: f64) -> f64 {
+        let forward_s = dt_s.max(0.0);
+        match self {
+            Self::Walk { diffusion_m2ps } => diffusion_m2ps * forward_s,
+            Self::Velocity {
+                acceleration_density_m2ps3: q,
+            } => velocity_variance_m2ps2 * dt_s * dt_s + q * forward_s.powi(3) / 3.0,
+        }
+    }
+
+    /// A step of `dt_s` seconds, at least 0.
+    pub(super) fn step(self, velocity_variance_m2ps2: f64, dt_s: f64) -> Step {
+        let variance_m2 = self.variance_m2(velocity_variance_m2ps2, dt_s) + STEP_VARIANCE_M2;
+        match self {
+            Self::Walk { .. } => Step {
+                variance_m2,
+                gain_hz: 0.0,
+                velocity_variance_m2ps2: 0.0,
+            },
+            Self::Velocity {
+                acceleration_density_m2ps3: q,
+            } => {
+                let (s, t) = (velocity_variance_m2ps2, dt_s);
+                // The determinant of the covariance of position and velocity, multiplied out: nothing cancels.
+                let determinant =
+                    q * t.powi(3) * (s / 3.0 + q * t / 12.0) + STEP_VARIANCE_M2 * (s + q * t);
+                Step {
+                    variance_m2,
+                    gain_hz: (s * t + q * t * t / 2.0) / variance_m2,
+                    velocity_variance_m2ps2: determinant / variance_m2,
+                }
+            }
+        }
+    }
+}

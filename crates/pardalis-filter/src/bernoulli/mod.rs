@@ -1,0 +1,401 @@
+//! A Bernoulli particle filter (Ristic, Vo, Vo and Farina 2013, "A tutorial on Bernoulli filters"): whether the target exists, and if so where. It knows
+//! nothing of images.
+//!
+//! Particles are positions; each has the mean and the variance of its velocity given its path (Rao-Blackwellised). A target comes into being and
+//! ceases to be at constant rates over true time, and one that exists may be taken elsewhere. With r the chance that it is where particles were and moved
+//! on, e the chance that it exists elsewhere, uniformly with density B, and N the prediction of particle i, the prior density is
+//! Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New positions come from a mixture of predictions and of peaks, whose whole density divides the weights
+//! (Isard and Blake 1998, ICONDENSATION): peaks say where to look and nothing else. Where few particles agree with the images, they are drawn anew and weighed by
+//! the moments of all predictions. Of the places elsewhere only those at peaks are looked at; no others
+//! are thought to show the target.
+
+mod draw;
+mod kinematics;
+mod moments;
+mod overlap;
+mod proposal;
+
+pub use proposal::Peak;
+
+use kinematics::Kinematics;
+use proposal::{Proposal, log_add};
+
+use crate::estimate::StateEstimate;
+use crate::gaussian::{GaussianStart, check_sigma};
+use crate::motion::Motion;
+use crate::particle_filter::MAX_PARTICLES;
+use crate::particles::Particles;
+use crate::weighted::{add_scatter, heaviest, weight_within};
+use pardalis_core::Error;
+use pardalis_core::rng::{Draws, Stage};
+
+/// Longer times without an update count as this, seconds: nothing is known of the target by then.
+const MAX_PENDING_S: f64 = 1e6;
+/// The golden ratio's fraction: its multiples fill [0, 1) evenly, any run of them too, so that the copies of a particle are drawn from all parts of the proposal.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// What a Bernoulli filter is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BernoulliSettings {
+    /// The number of particles. The fewer, the surer the filter is of a position that is measured much less surely than it is predicted: velocities that were
+    /// sampled with it are then remembered for long.
+    pub particle_count: usize,
+    /// How the target moves: constant velocity with white acceleration, or a random walk that diffuses.
+    pub motion: Motion,
+    /// How often a target comes into being where there is none, 1/s.
+    pub birth_rate_hz: f64,
+    /// How often a target ceases to be, 1/s.
+    pub death_rate_hz: f64,
+    /// How often a target is elsewhere, taken away and put down again, 1/s.
+    pub relocation_rate_hz: f64,
+    /// The density of the places where targets come into being or are put down, 1/m³ (1/m² in a plane): one over the volume that they may be in.
+    pub birth_density: f64,
+    /// Standard deviation of the velocity there, an axis, m/s.
+    pub birth_velocity_sigma_mps: f64,
+    /// How often something kicks a target that has a velocity, or it bounces, 1/s; at most once between two updates, ...
+    pub velocity_jump_rate_hz: f64,
+    /// ... and the standard deviation, an axis, by which that changes the velocity, m/s.
+    pub velocity_jump_sigma_mps: f64,
+}
+
+impl BernoulliSettings {
+    /// 500 particles; a target comes, goes and is put elsewhere once in ten seconds, in 100 m³ (m²), at up to some m/s; nothing kicks it.
+    pub const fn of(motion: Motion) -> Self {
+        Self {
+            particle_count: 500,
+            motion,
+            birth_rate_hz: 0.1,
+            death_rate_hz: 0.1,
+            relocation_rate_hz: 0.1,
+            birth_density: 0.01,
+            birth_velocity_sigma_mps: 1.0,
+            velocity_jump_rate_hz: 0.0,
+            velocity_jump_sigma_mps: 0.0,
+        }
+    }
+
+    /// Refuses what makes no filter.
+    fn check(&self) -> Result<(), Error> {
+        if !(1..=MAX_PARTICLES).contains(&self.particle_count) {
+            return Err(Error::out_of_range(
+                "particles",
+                self.particle_count,
+                "1 to 1000000",
+            ));
+        }
+        for (name, value) in [
+            ("birth_rate_hz", self.birth_rate_hz),
+            ("death_rate_hz", self.death_rate_hz),
+            ("relocation_rate_hz", self.relocation_rate_hz),
+            ("birth_density", self.birth_density),
+            ("velocity_jump_rate_hz", self.velocity_jump_rate_hz),
+        ] {
+            if !(0.0..=1e9).contains(&value) {
+                return Err(Error::out_of_range(name, value, "0 to 1e9"));
+            }
+        }
+        check_sigma(
+            "birth_velocity_sigma_mps",
+            [self.birth_velocity_sigma_mps; 3],
+        )?;
+        check_sigma("velocity_jump_sigma_mps", [self.velocity_jump_sigma_mps; 3])
+    }
+}
+
+/// Refuses motion models that are not white noise on positions or velocities.
+pub fn check_motion(motion: &Motion) -> Result<(), Error> {
+    Kinematics::of(motion).map(|_| ())
+}
+
+/// One particle at the last update.
+#[derive(Debug, Clone, Copy, Default)]
+struct Hypothesis {
+    position_m: [f64; 3],
+    /// Mean velocity given the path.
+    velocity_mps: [f64; 3],
+    /// Variance of the velocity given the path, on each free axis, m²/s².
+    velocity_variance_m2ps2: f64,
+}
+
+impl Hypothesis {
+    /// The mean position `dt_s` seconds later.
+    fn ahead(&self, dt_s: f64) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.position_m[axis] + self.velocity_mps[axis] * dt_s)
+    }
+}
+
+/// What is believed of existence before the images are looked at.
+struct Prior {
+    /// The target exists and is where particles were and moved on.
+    located: f64,
+    /// It exists elsewhere: it came into being, or was put down.
+    elsewhere: f64,
+    /// There is none.
+    absent: f64,
+}
+
+/// A Bernoulli particle filter. A warm step allocates nothing.
+#[derive(Debug)]
+pub struct BernoulliFilter {
+    settings: BernoulliSettings,
+    kinematics: Kinematics,
+    draws: Draws,
+    /// The number of the update or start, part of the random numbers' counter.
+    observation: u32,
+    /// The probability that the target exists, at the last update.
+    existence: f64,
+    /// Time since then, seconds. White noise composes, so that this is all that there is to predict.
+    pending_s: f64,
+    hypotheses: Vec<Hypothesis>,
+    /// Their positions and velocities, for kernels.
+    particles: Particles,
+    weights: Vec<f64>,
+    proposal: Proposal,
+    /// Where an update gathers what is new before the two are swapped.
+    new_hypotheses: Vec<Hypothesis>,
+    new_particles: Particles,
+    ancestors: Vec<u32>,
+    log_ratios: Vec<f32>,
+}
+
+impl BernoulliFilter {
+    /// A filter of a target that does not exist yet. Motion models that are not white noise on positions or velocities are refused, and so are settings out of range.
+    pub fn new(settings: BernoulliSettings, draws: Draws) -> Result<Self, Error> {
+        settings.check()?;
+        let kinematics = Kinematics::of(&settings.motion)?;
+        let count = settings.particle_count;
+        let particles = Particles::new(count, settings.motion.column_count());
+        Ok(Self {
+            settings,
+            kinematics,
+            draws,
+            observation: 0,
+            existence: 0.0,
+            pending_s: 0.0,
+            hypotheses: vec![Hypothesis::default(); count],
+            particles: particles.clone(),
+            weights: vec![1.0 / count as f64; count],
+            proposal: Proposal::new(settings.motion.free_axes()),
+            new_hypotheses: vec![Hypothesis::default(); count],
+            new_particles: particles,
+            ancestors: vec![0; count],
+            log_ratios: vec![0.0; count],
+        })
+    }
+
+    /// Draws all particles anew around a start, by numbers that no start had before; in a plane at its height, without vertical velocity. The target exists with this
+    /// probability, 0 to 1.
+    pub fn start(&mut self, start: &GaussianStart, existence: f64) -> Result<(), Error> {
+        start.check()?;
+        if !(0.0..=1.0).contains(&existence) {
+            return Err(Error::out_of_range("existence", existence, "0 to 1"));
+        }
+        let free_axes = self.settings.motion.free_axes();
+        let start = &if self.settings.motion.is_planar() {
+            start.in_plane()
+        } else {
+            *start
+        };
+        self.observation = self.observation.wrapping_add(1);
+        self.existence = existence;
+        self.pending_s = 0.0;
+        // One variance serves all axes: what an axis has beyond the smallest is drawn.
+        let variances = start.velocity_sigma_mps.map(|sigma| sigma * sigma);
+        let free = &variances[..free_axes];
+        let least = free.iter().copied().fold(f64::INFINITY, f64::min);
+        let position_of = start.sampler();
+        for (i, hypothesis) in self.hypotheses.iter_mut().enumerate() {
+            let [a, b] = [0, 1].map(|draw| {
+                let (particle, observation) = (i as u32, self.observation);
+                let [x, y, z, _] = self
+                    .draws
+                    .normals(particle, observation, Stage::Start, draw);
+                [x, y, z].map(f64::from)
+            });
+            *hypothesis = Hypothesis {
+                position_m: position_of(a),
+                ..Hypothesis::default()
+            };
+            if self.kinematics.has_velocity() {
+                hypothesis.velocity_mps = [0, 1, 2].map(|axis| {
+                    start.velocity_mps[axis] + (variances[axis] - least).max(0.0).sqrt() * b[axis]
+                });
+                hypothesis.velocity_variance_m2ps2 = least;
+            }
+        }
+        write(&self.hypotheses, &mut self.particles);
+        self.particles.reset_weights();
+        let count = self.weights.len() as f64;
+        self.weights.fill(1.0 / count);
+        Ok(())
+    }
+
+    /// Lets `dt_s` seconds pass; no time passes where that is not above 0. Predicting in pieces is predicting at once.
+    pub fn predict(&mut self, dt_s: f64) {
+        if dt_s > 0.0 {
+            self.pending_s = (self.pending_s + dt_s).min(MAX_PENDING_S);
+        }
+    }
+
+    /// The probability that the target exists, wherever.
+    pub fn existence(&self) -> f64 {
+        let prior = self.prior();
+        (prior.located + prior.elsewhere).min(1.0)
+    }
+
+    /// The probability that it exists and is where the particles and its motion say: after an update the whole of [`BernoulliFilter::existence`], later
+    /// without what came into being or was put elsewhere since.
+    pub fn located(&self) -> f64 {
+        self.prior().located
+    }
+
+    /// Two states that change into one another at constant rates, solved over the time since the last update.
+    fn prior(&self) -> Prior {
+        let settings = &self.settings;
+        let (born, dead) = (settings.birth_rate_hz, settings.death_rate_hz);
+        let fallen = |rate_hz: f64| libm::exp(-rate_hz * self.pending_s);
+        let both = born + dead;
+        let settled = if both > 0.0 { born / both } else { 0.0 };
+        let exists = settled + (self.existence - settled) * fallen(both);
+        let located = self.existence * fallen(dead + settings.relocation_rate_hz);
+        Prior {
+            located,
+            elsewhere: (exists - located).max(0.0),
+            absent: 1.0 - exists.max(located).min(1.0),
+        }
+    }
+
+    /// Draws new particles from the prediction and the peaks and weighs them by what the images say: `log_ratios` is given the particles and writes ln p(images |
+    /// target there) − ln p(images | no target) for each, anew where particles are drawn again. What is no number counts as
+    /// impossible. It is not called where there is nothing to weigh: the target does not exist and there is no peak.
+    ///
+    /// Where all is impossible, the target does not exist; one that certainly does stays as predicted. A time at which nobody looked is no update: it is predicted
+    /// only. `most_nats` is ln of the greatest ratio by which existence may become likelier, over all places: ratios may tell places apart better than
+    /// existence.
+    pub fn update(
+        &mut self,
+        peaks: &[Peak],
+        most_nats: f64,
+        mut log_ratios: impl FnMut(&Particles, &mut [f32]),
+    ) {
+        self.observation = self.observation.wrapping_add(1);
+        let prior = self.prior();
+        let exists = prior.located + prior.elsewhere;
+        let elsewhere_share = if exists > 0.0 {
+            prior.elsewhere / exists
+        } else {
+            0.0
+        };
+        self.proposal.aim(peaks, elsewhere_share);
+        let is_nowhere = prior.located == 0.0 && (self.proposal.is_blind() || exists == 0.0);
+        let log_exists = if is_nowhere {
+            f64::NEG_INFINITY
+        } else {
+            self.draw_new(&prior);
+            log_ratios(&self.new_particles, &mut self.log_ratios);
+            let log_exists = self.weigh_new();
+            // Where it is, is told better by these; whether it is, by all predictions.
+            if self.agrees_too_little(&prior) && self.draw_from_moments(&prior) {
+                log_ratios(&self.new_particles, &mut self.log_ratios);
+                if self.weigh_new() == f64::NEG_INFINITY {
+                    // None of them is possible: the first were, and the same numbers draw them again.
+                    self.draw_new(&prior);
+                    log_ratios(&self.new_particles, &mut self.log_ratios);
+                    self.weigh_new();
+                }
+            }
+            log_exists
+        };
+        if log_exists == f64::NEG_INFINITY {
+            if prior.absent > 0.0 {
+                self.existence = 0.0;
+                self.pending_s = 0.0;
+            }
+            return;
+        }
+        let log_exists = log_exists.min(libm::log(exists) + most_nats);
+        let log_absent = libm::log(prior.absent);
+        self.existence = libm::exp(log_exists - log_add(log_exists, log_absent)).min(1.0);
+        self.pending_s = 0.0;
+        std::mem::swap(&mut self.hypotheses, &mut self.new_hypotheses);
+        std::mem::swap(&mut self.particles, &mut self.new_particles);
+        for (weight, log_weight) in self.weights.iter_mut().zip(&self.particles.log_weights) {
+            *weight = libm::exp(*log_weight);
+        }
+    }
+
+    /// The particles at the last update; their columns are the motion model's, velocities being means given the path.
+    pub fn particles(&self) -> &Particles {
+        &self.particles
+    }
+
+    /// The weights, which sum to one.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// 1/Σw².
+    fn effective_sample_size(&self) -> f64 {
+        1.0 / self.weights.iter().map(|w| w * w).sum::<f64>()
+    }
+
+    /// Where the target is, if it is located, `ahead_s` seconds after what was predicted; nothing changes. Straight after [`BernoulliFilter::predict`], and 0 s ahead, it is the
+    /// predicted mixture's mean and covariance, without births. `None` where the target does not exist.
+    pub fn estimate(&self, ahead_s: f64) -> Option<StateEstimate> {
+        if self.located() == 0.0 {
+            return None;
+        }
+        let dt_s = self.pending_s + ahead_s;
+        let (mut position_m, mut velocity_mps, mut spread_m2) = ([0.0; 3], [0.0; 3], 0.0);
+        if let Some((chance, kicked)) = self.kick(dt_s) {
+            spread_m2 +=
+                chance * (kicked.variance_m2(0.0, dt_s) - self.kinematics.variance_m2(0.0, dt_s));
+        }
+        for (hypothesis, w) in self.hypotheses.iter().zip(&self.weights) {
+            let ahead_m = hypothesis.ahead(dt_s);
+            for axis in 0..3 {
+                position_m[axis] += w * ahead_m[axis];
+                velocity_mps[axis] += w * hypothesis.velocity_mps[axis];
+            }
+            let variance = hypothesis.velocity_variance_m2ps2;
+            spread_m2 += w * self.kinematics.variance_m2(variance, dt_s);
+        }
+        let mut covariance_m2 = [0.0; 6];
+        for diagonal in [0, 3, 5].into_iter().take(self.settings.motion.free_axes()) {
+            covariance_m2[diagonal] = spread_m2;
+        }
+        add_scatter(self.places_m(dt_s), position_m, &mut covariance_m2);
+        let best = heaviest(&self.weights);
+        Some(StateEstimate {
+            position_m,
+            velocity_mps: self.kinematics.has_velocity().then_some(velocity_mps),
+            covariance_m2,
+            best_position_m: self.hypotheses[best].ahead(dt_s),
+            effective_sample_size: self.effective_sample_size(),
+        })
+    }
+
+    /// The share of the weight within `distance_m` of a point, each particle where it is predicted on average.
+    pub fn weight_within(&self, point_m: [f64; 3], distance_m: f64) -> f64 {
+        weight_within(self.places_m(self.pending_s), point_m, distance_m)
+    }
+
+    /// Where each particle is predicted on average after so many seconds, and its weight.
+    fn places_m(&self, dt_s: f64) -> impl Iterator<Item = ([f64; 3], f64)> {
+        let weighted = self.hypotheses.iter().zip(&self.weights);
+        weighted.map(move |(hypothesis, &weight)| (hypothesis.ahead(dt_s), weight))
+    }
+}
+
+/// Writes the columns.
+fn write(hypotheses: &[Hypothesis], particles: &mut Particles) {
+    // A random walk has no columns for velocities.
+    for (order, axes) in particles.columns_mut().chunks_exact_mut(3).enumerate() {
+        for (axis, column) in axes.iter_mut().enumerate() {
+            for (value, hypothesis) in column.iter_mut().zip(hypotheses) {
+                let state = [hypothesis.position_m, hypothesis.velocity_mps][order];
+                *value = state[axis] as f32;
+            }
+        }
+    }
+}

@@ -1,0 +1,311 @@
+//! The particle filter: propose, reweight, estimate, resample. It knows nothing of images.
+
+use crate::Likelihood;
+use crate::StateEstimate;
+use crate::gaussian::GaussianStart;
+use crate::motion::{Motion, taylor};
+use crate::particles::Particles;
+use crate::resample::Resampling;
+use crate::weighted::{add_scatter, heaviest, weight_within};
+use pardalis_core::Error;
+use pardalis_core::rng::{Draws, Stage};
+use pardalis_core::simd::Level;
+
+/// The most particles a filter may have.
+pub const MAX_PARTICLES: usize = 1_000_000;
+
+/// What a filter is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FilterSettings {
+    /// The number of particles.
+    pub particle_count: usize,
+    /// How the state changes with time.
+    pub motion: Motion,
+    /// How survivors are drawn.
+    pub resampling: Resampling,
+    /// Survivors are drawn when the effective sample size is at most this share of the number of particles: 1 for every
+    /// step, as the papers do.
+    pub resample_below: f64,
+}
+
+impl FilterSettings {
+    /// Refuses what makes no filter.
+    fn check(&self) -> Result<(), Error> {
+        if !(1..=MAX_PARTICLES).contains(&self.particle_count) {
+            return Err(Error::out_of_range(
+                "particles",
+                self.particle_count,
+                "1 to 1000000",
+            ));
+        }
+        if !(self.resample_below > 0.0 && self.resample_below <= 1.0) {
+            return Err(Error::out_of_range(
+                "resample_below",
+                self.resample_below,
+                "above 0 and at most 1",
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Whether an update found any particle possible.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Update {
+    /// The weights are the posterior.
+    Weighted,
+    /// Every particle is impossible; the weights are as before.
+    AllImpossible,
+}
+
+/// A particle filter. A step that has the size of the one before allocates nothing.
+#[derive(Debug)]
+pub struct Filter {
+    settings: FilterSettings,
+    draws: Draws,
+    level: Level,
+    /// The number of the observation, part of the random numbers' counter.
+    observation: u32,
+    particles: Particles,
+    /// Weights, normalised: the exponentials of the log weights.
+    weights: Vec<f64>,
+    /// Where resampling gathers survivors before the two are swapped.
+    survivors: Particles,
+    ancestors: Vec<u32>,
+    cumulated: Vec<f64>,
+    log_likelihoods: Vec<f32>,
+}
+
+impl Filter {
+    /// A filter whose particles are drawn from `start`.
+    pub fn new(
+        settings: FilterSettings,
+        start: &GaussianStart,
+        draws: Draws,
+        level: Level,
+    ) -> Result<Self, Error> {
+        settings.check()?;
+        start.check()?;
+        let count = settings.particle_count;
+        let columns = settings.motion.column_count();
+        let mut filter = Self {
+            settings,
+            draws,
+            level,
+            observation: 0,
+            particles: Particles::new(count, columns),
+            weights: vec![1.0 / count as f64; count],
+            survivors: Particles::new(count, columns),
+            ancestors: vec![0; count],
+            cumulated: vec![0.0; count],
+            log_likelihoods: vec![0.0; count],
+        };
+        filter.restart(start);
+        Ok(filter)
+    }
+
+    /// Draws all particles anew around `start`, by the numbers of the observation at hand; in a plane at its height, without vertical velocity.
+    /// Accelerations, of which starts know nothing, are zero.
+    pub fn restart(&mut self, start: &GaussianStart) {
+        let start = &if self.settings.motion.is_planar() {
+            start.in_plane()
+        } else {
+            *start
+        };
+        let has_velocity = self.settings.motion.orders() > 1;
+        let position_of = start.sampler();
+        for accelerations in self.particles.columns_mut().iter_mut().skip(6) {
+            accelerations.fill(0.0);
+        }
+        for i in 0..self.particles.count() {
+            let particle = i as u32;
+            let [a, b] = [0, 1].map(|draw| {
+                let [x, y, z, _] =
+                    self.draws
+                        .normals(particle, self.observation, Stage::Start, draw);
+                [x, y, z].map(f64::from)
+            });
+            let columns = self.particles.columns_mut();
+            for (axis, position_m) in position_of(a).into_iter().enumerate() {
+                columns[axis][i] = position_m as f32;
+            }
+            if has_velocity {
+                for axis in 0..3 {
+                    columns[3 + axis][i] = (start.velocity_mps[axis]
+                        + start.velocity_sigma_mps[axis] * b[axis])
+                        as f32;
+                }
+            }
+        }
+        self.particles.reset_weights();
+        self.weights.fill(1.0 / self.particles.count() as f64);
+    }
+
+    /// As [`Filter::restart`], as a new observation: by numbers that no start had before.
+    pub fn start_over(&mut self, start: &GaussianStart) {
+        self.observation += 1;
+        self.restart(start);
+    }
+
+    /// The number of the observation at hand, part of the random numbers' counter.
+    pub fn observation(&self) -> u32 {
+        self.observation
+    }
+
+    /// How the state changes with time.
+    pub fn motion(&self) -> &Motion {
+        &self.settings.motion
+    }
+
+    /// The particles.
+    pub fn particles(&self) -> &Particles {
+        &self.particles
+    }
+
+    /// The weights, which sum to one.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// The greatest log-likelihood of the last update.
+    pub fn best_log_likelihood(&self) -> f32 {
+        self.log_likelihoods
+            .iter()
+            .copied()
+            .fold(f32::NEG_INFINITY, f32::max)
+    }
+
+    /// Moves the particles to the time of the next observation, `dt_s` seconds later, after drawing survivors if that is due.
+    ///
+    /// Survivors are drawn here and not after the update, so that the estimate is taken from the full sample.
+    pub fn predict(&mut self, dt_s: f64) {
+        if self.effective_sample_size() <= self.settings.resample_below * self.weights.len() as f64
+        {
+            self.resample();
+        }
+        self.observation += 1;
+        if dt_s > 0.0 {
+            self.settings.motion.propagate(
+                &mut self.particles,
+                dt_s,
+                self.draws,
+                self.observation,
+                self.level,
+            );
+        }
+    }
+
+    /// Multiplies the weights by the likelihoods.
+    pub fn update(&mut self, likelihood: &mut impl Likelihood) -> Update {
+        likelihood.log_likelihoods(&self.particles, &mut self.log_likelihoods);
+        let sum = |log_weight: f64, log_likelihood: f32| {
+            let sum = log_weight + f64::from(log_likelihood);
+            if sum.is_nan() { f64::NEG_INFINITY } else { sum }
+        };
+        let log_weights = &mut self.particles.log_weights;
+        let mut max = f64::NEG_INFINITY;
+        for (&log_weight, &log_likelihood) in log_weights.iter().zip(&self.log_likelihoods) {
+            max = max.max(sum(log_weight, log_likelihood));
+        }
+        if !max.is_finite() {
+            return Update::AllImpossible;
+        }
+        let mut total = 0.0;
+        let updated = log_weights
+            .iter_mut()
+            .zip(&self.log_likelihoods)
+            .zip(&mut self.weights);
+        for ((log_weight, &log_likelihood), weight) in updated {
+            *log_weight = sum(*log_weight, log_likelihood) - max;
+            *weight = libm::exp(*log_weight);
+            total += *weight;
+        }
+        let log_total = libm::log(total);
+        for (log_weight, weight) in log_weights.iter_mut().zip(&mut self.weights) {
+            *log_weight -= log_total;
+            *weight /= total;
+        }
+        Update::Weighted
+    }
+
+    /// 1/Σw².
+    pub fn effective_sample_size(&self) -> f64 {
+        1.0 / self.weights.iter().map(|w| w * w).sum::<f64>()
+    }
+
+    /// Replaces the particles by survivors of equal weight.
+    fn resample(&mut self) {
+        let (draws, observation) = (self.draws, self.observation);
+        self.settings.resampling.draw(
+            &self.weights,
+            |i| draws.uniform(i as u32, observation, Stage::Resampling),
+            &mut self.ancestors,
+            &mut self.cumulated,
+        );
+        for (to, from) in self
+            .survivors
+            .columns_mut()
+            .iter_mut()
+            .zip(self.particles.columns())
+        {
+            for (value, &ancestor) in to.iter_mut().zip(&self.ancestors) {
+                *value = from[ancestor as usize];
+            }
+        }
+        std::mem::swap(&mut self.particles, &mut self.survivors);
+        self.particles.reset_weights();
+        self.weights.fill(1.0 / self.particles.count() as f64);
+    }
+
+    /// Mean, covariance and best particle, `ahead_s` seconds after the last observation; nothing changes.
+    pub fn estimate(&self, ahead_s: f64) -> StateEstimate {
+        let columns = self.particles.columns();
+        let orders = self.settings.motion.orders();
+        let taylor = taylor(ahead_s);
+        // The position (order 0) or one of its derivatives.
+        let predicted = |order: usize, axis: usize, i: usize| {
+            let terms = (order..orders).zip(taylor);
+            terms.fold(0.0, |sum, (later, factor)| {
+                sum + f64::from(columns[3 * later + axis][i]) * factor
+            })
+        };
+        let position = |axis, i| predicted(0, axis, i);
+        let has_velocity = orders > 1;
+        let (mut position_m, mut velocity_mps) = ([0.0; 3], [0.0; 3]);
+        for (i, w) in self.weights.iter().enumerate() {
+            for axis in 0..3 {
+                position_m[axis] += w * position(axis, i);
+            }
+            if has_velocity {
+                for axis in 0..3 {
+                    velocity_mps[axis] += w * predicted(1, axis, i);
+                }
+            }
+        }
+        let mut covariance_m2 = [0.0; 6];
+        let places = self.weights.iter().enumerate();
+        let places = places.map(|(i, &w)| ([0, 1, 2].map(|axis| position(axis, i)), w));
+        add_scatter(places, position_m, &mut covariance_m2);
+        let noise = self.settings.motion.position_variance_m2(ahead_s);
+        let free_axes = self.settings.motion.free_axes();
+        for diagonal in [0, 3, 5].into_iter().take(free_axes) {
+            covariance_m2[diagonal] += noise;
+        }
+        let best = heaviest(&self.weights);
+        StateEstimate {
+            position_m,
+            velocity_mps: has_velocity.then_some(velocity_mps),
+            covariance_m2,
+            best_position_m: [0, 1, 2].map(|axis| position(axis, best)),
+            effective_sample_size: self.effective_sample_size(),
+        }
+    }
+
+    /// The share of the weight within `distance_m` of a point: the filter's own belief that the target is there.
+    pub fn weight_within(&self, point_m: [f64; 3], distance_m: f64) -> f64 {
+        let [x, y, z] = self.particles.positions_m();
+        let place_m = |i: usize| [x[i], y[i], z[i]].map(f64::from);
+        let places = self.weights.iter().enumerate();
+        weight_within(places.map(|(i, &w)| (place_m(i), w)), point_m, distance_m)
+    }
+}

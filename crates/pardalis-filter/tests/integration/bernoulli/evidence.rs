@@ -1,0 +1,454 @@
+//! Existence, and what peaks and likelihoods do to it and to the weights: recursions and integrals by hand.
+
+use std::cell::RefCell;
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix3, Vector3};
+use pardalis_filter::Particles;
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::gaussian::GaussianStart;
+
+use super::{
+    DENSITY_M2PS3, PARTICLES, START, certain, entries, filter, gaussian_ratio, lively, silent,
+    slanted, velocity, walk,
+};
+
+/// The start with one velocity variance, at one place: every particle predicts the same.
+const POINT_START: GaussianStart = GaussianStart {
+    covariance_m2: [0.0; 6],
+    velocity_sigma_mps: [0.4; 3],
+    ..START
+};
+
+/// Mean of what every particle predicts from there after these seconds, and its variance.
+fn predicted(dt_s: f64) -> (Vector3<f64>, f64) {
+    let mean = Vector3::from(START.position_m) + Vector3::from(START.velocity_mps) * dt_s;
+    (
+        mean,
+        0.4_f64.powi(2) * dt_s.powi(2) + DENSITY_M2PS3 * dt_s.powi(3) / 3.0,
+    )
+}
+
+fn density(at_m: Vector3<f64>, mean_m: Vector3<f64>, covariance_m2: Matrix3<f64>) -> f64 {
+    let d = at_m - mean_m;
+    let squared = d.dot(&(covariance_m2.try_inverse().unwrap() * d));
+    (-0.5 * squared).exp() / (2.0 * PI * covariance_m2).determinant().sqrt()
+}
+
+/// What has become of existence under [`lively`] settings after some seconds: the chances that the target is located, and elsewhere.
+fn located_and_elsewhere(existence: f64, dt_s: f64) -> (f64, f64) {
+    // Many small steps of Euler's for what the filter solves in one.
+    const STEPS: usize = 200_000;
+    let h = dt_s / STEPS as f64;
+    let (mut located, mut exists) = (existence, existence);
+    for _ in 0..STEPS {
+        located -= h * (0.2 + 0.15) * located;
+        exists += h * (0.3 * (1.0 - exists) - 0.2 * exists);
+    }
+    (located, exists - located)
+}
+
+#[test]
+fn existence_follows_its_recursion() {
+    let mut tracked = filter(lively(), 1);
+    tracked.start(&START, 0.6).unwrap();
+    let mut expected = 0.6;
+    for step in 0..30 {
+        let log_ratio = [0.7, -1.5, 0.0, 2.0, -0.5][step % 5];
+        tracked.predict(0.25);
+        let (located, elsewhere) = located_and_elsewhere(expected, 0.25);
+        let tell =
+            (tracked.located() - located).abs() + (tracked.existence() - located - elsewhere).abs();
+        assert!(tell < 1e-6, "step {step}");
+        tracked.update(&[], f64::INFINITY, |_, out| out.fill(log_ratio));
+        let there = located * f64::from(log_ratio).exp();
+        expected = there / (1.0 - located - elsewhere + there);
+        let found = tracked.existence();
+        assert!(
+            (found - expected).abs() < 1e-5,
+            "step {step}: {found} for {expected}"
+        );
+        assert!((tracked.located() - found).abs() < 1e-15);
+        expected = found;
+    }
+}
+
+#[test]
+fn existence_stays_where_nobody_looks_and_goes_with_the_target() {
+    let mut steady = filter(certain(velocity()), 1);
+    steady.start(&START, 0.4).unwrap();
+    for _ in 0..50 {
+        steady.predict(0.04);
+        steady.update(&[], f64::INFINITY, silent);
+        assert!(
+            (steady.existence() - 0.4).abs() < 1e-12,
+            "{}",
+            steady.existence()
+        );
+    }
+    // However sure it was, a target that is nowhere is soon known to be gone, and the other way round.
+    let mut lost = filter(lively(), 1);
+    lost.start(&START, 1.0).unwrap();
+    for log_ratio in [500.0, 500.0, -500.0] {
+        lost.predict(0.04);
+        lost.update(&[], f64::INFINITY, |_, out| out.fill(log_ratio));
+        assert!((lost.existence() > 0.99) == (log_ratio > 0.0));
+    }
+    assert!(lost.existence() > 0.0 && lost.existence() < 1e-200);
+    // All is impossible: gone for certain, with no estimate.
+    lost.predict(0.04);
+    lost.update(&[], f64::INFINITY, |_, out| out.fill(f32::NEG_INFINITY));
+    assert_eq!((lost.existence(), lost.estimate(0.0)), (0.0, None));
+    // A target that certainly exists is predicted where the images deny it.
+    let mut certain = filter(certain(velocity()), 1);
+    certain.start(&START, 1.0).unwrap();
+    certain.predict(0.1);
+    let before = (certain.estimate(0.0), certain.particles().clone());
+    certain.update(&[], f64::INFINITY, |_, out| out.fill(f32::NEG_INFINITY));
+    assert_eq!((certain.estimate(0.0), certain.particles().clone()), before);
+    assert_eq!(certain.existence(), 1.0);
+}
+
+#[test]
+fn what_speaks_for_a_place_speaks_for_existence_only_so_far() {
+    let (free, bounded) = (f64::INFINITY, 0.4);
+    let [free, bounded] = [free, bounded].map(|most_nats| {
+        let mut filter = filter(lively(), 1);
+        filter.start(&START, 0.6).unwrap();
+        filter.predict(0.25);
+        let place = Vector3::from(START.position_m);
+        filter.update(
+            &[],
+            most_nats,
+            gaussian_ratio(place, slanted(0.1, 0.02), 5.0),
+        );
+        filter
+    });
+    assert_eq!(free.estimate(0.0), bounded.estimate(0.0));
+    assert!(free.existence() > 0.99);
+    let (located, elsewhere) = located_and_elsewhere(0.6, 0.25);
+    let exists = located + elsewhere;
+    let there = exists * 0.4_f64.exp();
+    let expected = there / (1.0 - exists + there);
+    assert!((bounded.existence() - expected).abs() < 1e-5);
+}
+
+#[test]
+fn a_prediction_is_as_dense_as_its_gaussian() {
+    let settings = BernoulliSettings {
+        velocity_jump_rate_hz: 0.0,
+        ..certain(velocity())
+    };
+    let mut tracked = filter(settings, 1);
+    let nowhere = tracked.predicted_density(START.position_m, &slanted(0.2, 0.03));
+    assert_eq!(nowhere, 0.0);
+    tracked.start(&POINT_START, 1.0).unwrap();
+    tracked.predict(0.3);
+    let (mean, variance) = predicted(0.3);
+    for (off, along) in [(0.0, 0.2), (0.1, 0.05), (0.4, 0.3)] {
+        let covariance = slanted(along, 0.03);
+        let place = mean + Vector3::new(off, -0.5 * off, 0.2 * off);
+        let found = tracked.predicted_density(place.into(), &covariance);
+        let both = covariance + Matrix3::from_diagonal_element(variance);
+        let expected = density(place, mean, both);
+        assert!(
+            (found / expected - 1.0).abs() < 1e-5,
+            "{found} for {expected}"
+        );
+    }
+    // Kicks: now and then it is predicted wider.
+    let (rate_hz, sigma_mps, dt_s) = (2.0, 3.0, 0.3_f64);
+    let mut kicked = filter(
+        BernoulliSettings {
+            velocity_jump_rate_hz: rate_hz,
+            velocity_jump_sigma_mps: sigma_mps,
+            ..settings
+        },
+        1,
+    );
+    kicked.start(&POINT_START, 1.0).unwrap();
+    kicked.predict(dt_s);
+    let chance = 1.0 - (-rate_hz * dt_s).exp();
+    // At any time within it: a third of what a kick at its beginning adds.
+    let wider = variance + sigma_mps.powi(2) * dt_s.powi(2) / 3.0;
+    let place = mean + Vector3::new(0.1, 0.3, 0.0);
+    let at = |variance| {
+        density(
+            place,
+            mean,
+            slanted(0.1, 0.02) + Matrix3::from_diagonal_element(variance),
+        )
+    };
+    let expected = (1.0 - chance) * at(variance) + chance * at(wider);
+    let found = kicked.predicted_density(place.into(), &slanted(0.1, 0.02));
+    assert!(
+        (found / expected - 1.0).abs() < 1e-5,
+        "{found} for {expected}"
+    );
+}
+
+#[test]
+fn a_target_that_comes_into_being_is_found_at_once() {
+    let covariance = slanted(0.2, 0.02);
+    let place = Vector3::new(-2.0, 3.0, 1.0);
+    let peak = Peak {
+        position_m: place.into(),
+        covariance_m2: entries(&covariance),
+        log_evidence: 40.0,
+    };
+    for started in [false, true] {
+        let settings = BernoulliSettings {
+            birth_velocity_sigma_mps: 0.8,
+            ..lively()
+        };
+        let mut born = filter(settings, 3);
+        if started {
+            born.start(&START, 0.9).unwrap();
+        }
+        born.predict(0.1);
+        born.update(
+            &[peak],
+            f64::INFINITY,
+            gaussian_ratio(place, covariance, 40.0),
+        );
+        assert!(born.existence() > 0.999_999, "{}", born.existence());
+        let estimate = born.estimate(0.0).unwrap();
+        let effective = estimate.effective_sample_size;
+        assert!(
+            effective > if started { 50.0 } else { 120.0 },
+            "{effective}"
+        );
+        let off = Vector3::from(estimate.position_m) - place;
+        let whitening = covariance.cholesky().unwrap().l().try_inverse().unwrap();
+        assert!(
+            (whitening * off).abs().max() < 4.5 / effective.sqrt(),
+            "{off}"
+        );
+        assert_eq!(estimate.velocity_mps, Some([0.0; 3]));
+        let later = estimate_growth(&born, 0.5);
+        let expected = 0.8_f64.powi(2) * 0.25 + DENSITY_M2PS3 * 0.125 / 3.0;
+        assert!(
+            (later / expected - 1.0).abs() < 1e-9,
+            "{later} for {expected}"
+        );
+    }
+}
+
+/// By how much the variance of x grows over a time without images.
+fn estimate_growth(filter: &BernoulliFilter, ahead_s: f64) -> f64 {
+    let [now, later] = [0.0, ahead_s].map(|at| filter.estimate(at).unwrap().covariance_m2[0]);
+    later - now
+}
+
+/// Runs one update of a start at one place, for many seeds, and holds existence's odds and the share of weight around `near_m` to what is exact, within standard errors.
+fn check_one_update(
+    settings: BernoulliSettings,
+    peaks: &[Peak],
+    log_ratios: impl Fn(&Particles, &mut [f32]),
+    exact_odds: f64,
+    near: Option<(Vector3<f64>, f64)>,
+) {
+    const SEEDS: u32 = 400;
+    let (mut odds, mut shares) = (Vec::new(), Vec::new());
+    for seed in 0..SEEDS {
+        let mut filter = filter(settings, seed);
+        filter.start(&POINT_START, 0.7).unwrap();
+        filter.predict(0.2);
+        filter.update(peaks, f64::INFINITY, &log_ratios);
+        let existence = filter.existence();
+        odds.push(existence / (1.0 - existence));
+        if let Some((near_m, _)) = near {
+            shares.push(filter.weight_within(near_m.into(), 1.0));
+        }
+    }
+    check_mean(&odds, exact_odds, 0.0);
+    if let Some((_, exact)) = near {
+        // Normalised by their own sum: a bias of 1/N.
+        check_mean(&shares, exact, 2.0 * exact / PARTICLES as f64);
+    }
+}
+
+fn check_mean(values: &[f64], exact: f64, bias: f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let scatter = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
+    let allowed = 4.0 * scatter / count.sqrt() + bias;
+    assert!(
+        (mean - exact).abs() < allowed,
+        "{mean} for {exact}, allowed {allowed}"
+    );
+    // And the test can tell.
+    assert!(allowed < 0.05 * exact, "{allowed} of {exact}");
+}
+
+#[test]
+fn near_and_far_are_weighed_by_their_densities() {
+    let settings = lively();
+    let covariance = slanted(0.06, 0.01);
+    let (mean, variance) = predicted(0.2);
+    let near = mean + Vector3::new(0.2, 0.1, -0.1);
+    let far = mean + Vector3::new(3.0, -2.0, 1.0);
+    let (located, elsewhere) = located_and_elsewhere(0.7, 0.2);
+    let absent = 1.0 - located - elsewhere;
+    let continued = located * density(near, mean, covariance + Matrix3::identity() * variance);
+    let born = elsewhere * settings.birth_density;
+    let peak_at = |position_m: Vector3<f64>| Peak {
+        position_m: position_m.into(),
+        covariance_m2: entries(&covariance),
+        log_evidence: 2.0,
+    };
+    let plus = 2.0;
+    let gain = f64::exp(plus) / absent;
+    // Both, with equal evidence. One of the two is always elsewhere: a birth may be near, too.
+    let [at_near, at_far] = [near, far].map(|place| gaussian_ratio(place, covariance, plus));
+    let mut from_far = vec![0.0; PARTICLES];
+    let both = RefCell::new(&mut from_far);
+    check_one_update(
+        settings,
+        &[peak_at(far), peak_at(near)],
+        |particles, out| {
+            let mut from_far = both.borrow_mut();
+            at_near(particles, out);
+            at_far(particles, &mut from_far);
+            for (out, far) in out.iter_mut().zip(from_far.iter()) {
+                *out = out.max(*far);
+            }
+        },
+        gain * (continued + 2.0 * born),
+        Some((near, (continued + born) / (continued + 2.0 * born))),
+    );
+    // One beyond what agrees with the prediction, though the images speak for it much more.
+    let beyond = mean + Vector3::new(0.8, -0.5, 0.4);
+    let sure = Peak {
+        log_evidence: 62.0,
+        ..peak_at(beyond)
+    };
+    check_one_update(
+        settings,
+        &[sure, peak_at(near)],
+        gaussian_ratio(beyond, covariance, plus),
+        gain * born,
+        None,
+    );
+    // The far one alone: it is a birth or a jump.
+    check_one_update(
+        settings,
+        &[peak_at(far)],
+        gaussian_ratio(far, covariance, plus),
+        gain * born,
+        Some((far, 1.0)),
+    );
+}
+
+/// Cells of an integral.
+const CELLS: i32 = 20_000;
+
+#[test]
+fn wrong_peaks_change_no_weights() {
+    // A likelihood of x alone, its integral by trapezia; peaks that are off, too sure, and say nonsense.
+    let ratio = |x: f64| 1.5 + (9.0 * x).sin() + 3.0 * (-((x - 1.3) / 0.05).powi(2)).exp();
+    let (mean, variance) = predicted(0.2);
+    let sigma = variance.sqrt();
+    let integral: f64 = (-CELLS..CELLS)
+        .map(|cell| {
+            let z = 8.0 * (f64::from(cell) + 0.5) / f64::from(CELLS);
+            let height = (-0.5 * z * z).exp() / (2.0 * PI).sqrt();
+            height * ratio(mean.x + sigma * z) * 8.0 / f64::from(CELLS)
+        })
+        .sum();
+    let peak = |dx: f64, width_m: f64, log_evidence: f64| Peak {
+        position_m: (mean + Vector3::new(dx, -dx, 0.5 * dx)).into(),
+        covariance_m2: entries(&slanted(width_m, width_m / 4.0)),
+        log_evidence,
+    };
+    let wrong = [
+        peak(0.1, 0.05, 5.0),
+        peak(-0.15, 0.3, 2.0),
+        peak(4.0, 1.0, -200.0),
+    ];
+    let settings = certain(velocity());
+    for peaks in [&wrong[..], &wrong[..1], &[]] {
+        check_one_update(
+            settings,
+            peaks,
+            |particles, out| {
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out = ratio(particles.position_m(i)[0]).ln() as f32;
+                }
+            },
+            0.7 / 0.3 * integral,
+            None,
+        );
+    }
+}
+
+#[test]
+fn in_a_plane_a_prediction_is_so_dense_a_square_metre() {
+    let mut flat = filter(certain(walk(0.2).in_plane()), 1);
+    flat.start(&POINT_START, 1.0).unwrap();
+    flat.predict(0.5);
+    let [x, y, z] = START.position_m;
+    let found = flat.predicted_density([x + 0.2, y, z + 9.0], &slanted(0.3, 0.1));
+    let covariance =
+        slanted(0.3, 0.1).fixed_view::<2, 2>(0, 0) + nalgebra::Matrix2::identity() * 0.1;
+    let off = nalgebra::Vector2::new(0.2, 0.0);
+    let squared = off.dot(&(covariance.try_inverse().unwrap() * off));
+    let expected = (-0.5 * squared).exp() / (2.0 * PI * covariance).determinant().sqrt();
+    assert!(
+        (found / expected - 1.0).abs() < 1e-5,
+        "{found} for {expected}"
+    );
+}
+
+#[test]
+fn in_a_plane_densities_have_two_dimensions_and_particles_one_height() {
+    let settings = BernoulliSettings {
+        motion: walk(0.3).in_plane(),
+        birth_density: 0.05,
+        ..lively()
+    };
+    let variance = 0.3 * 0.2;
+    let mean = Vector3::from(START.position_m);
+    let near = mean + Vector3::new(0.3, -0.1, 0.0);
+    let (xx, xy, yy) = (0.004, 0.0035, 0.005);
+    // What is said of the vertical means nothing.
+    let peak = Peak {
+        position_m: [near.x, near.y, 1.25],
+        covariance_m2: [xx, xy, 7.0, yy, -3.0, 0.0],
+        log_evidence: 0.0,
+    };
+    let height = |variance: f64| {
+        let [a, b] = [xx + variance, yy + variance];
+        let determinant = a * b - xy * xy;
+        move |x: f64, y: f64| {
+            let squared = (b * x * x - 2.0 * xy * x * y + a * y * y) / determinant;
+            (-0.5 * squared).exp() / (2.0 * PI * determinant.sqrt())
+        }
+    };
+    let likelihood = height(0.0);
+    let agreed = height(variance)(near.x - mean.x, near.y - mean.y);
+    let (located, elsewhere) = located_and_elsewhere(0.7, 0.2);
+    check_one_update(
+        settings,
+        &[peak],
+        |particles, out| {
+            for (i, out) in out.iter_mut().enumerate() {
+                let [x, y, z] = particles.position_m(i);
+                assert_eq!(z, 1.25);
+                *out = likelihood(x - near.x, y - near.y).ln() as f32;
+            }
+        },
+        (located * agreed + elsewhere * 0.05) / (1.0 - located - elsewhere),
+        None,
+    );
+    let mut filter = filter(settings, 1);
+    filter.start(&START, 0.7).unwrap();
+    filter.predict(0.1);
+    filter.update(&[], f64::INFINITY, silent);
+    let estimate = filter.estimate(0.3).unwrap();
+    assert_eq!(estimate.velocity_mps, None);
+    assert_eq!(filter.particles().columns().len(), 3);
+    let [_, _, xz, _, yz, zz] = estimate.covariance_m2;
+    assert!(estimate.position_m[2] == 2.3 || (estimate.position_m[2] - 2.3).abs() < 1e-12);
+    assert!([xz, yz, zz].iter().all(|v| v.abs() < 1e-12), "{estimate:?}");
+}

@@ -1,0 +1,313 @@
+//! Gaussian measurements: a Kalman filter knows the answer.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
+
+use super::{
+    DENSITY_M2PS3, PARTICLES, START, certain, entries, filter, gaussian_ratio, matrix, measured,
+    silent, slanted, velocity,
+};
+
+/// Exact inference of position and velocity in space.
+struct Kalman {
+    mean: Vector6<f64>,
+    covariance: Matrix6<f64>,
+}
+
+impl Kalman {
+    fn new(start: &GaussianStart) -> Self {
+        let [a, b, c] = start.velocity_sigma_mps.map(|sigma| sigma * sigma);
+        let mut covariance = Matrix6::zeros();
+        covariance
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&matrix(start.covariance_m2));
+        covariance
+            .fixed_view_mut::<3, 3>(3, 3)
+            .copy_from(&matrix([a, 0.0, 0.0, b, 0.0, c]));
+        let [x, y, z] = start.position_m;
+        let [vx, vy, vz] = start.velocity_mps;
+        Self {
+            mean: Vector6::new(x, y, z, vx, vy, vz),
+            covariance,
+        }
+    }
+
+    fn predict(&mut self, dt_s: f64) {
+        let mut f = Matrix6::identity();
+        for axis in 0..3 {
+            f[(axis, axis + 3)] = dt_s;
+        }
+        self.mean = f * self.mean;
+        self.covariance = f * self.covariance * f.transpose();
+        for axis in 0..3 {
+            let q = DENSITY_M2PS3;
+            self.covariance[(axis, axis)] += q * dt_s.powi(3) / 3.0;
+            self.covariance[(axis, axis + 3)] += q * dt_s.powi(2) / 2.0;
+            self.covariance[(axis + 3, axis)] += q * dt_s.powi(2) / 2.0;
+            self.covariance[(axis + 3, axis + 3)] += q * dt_s;
+        }
+    }
+
+    /// Returns the logarithm of the measurement's density.
+    fn update(&mut self, measured_m: Vector3<f64>, covariance_m2: Matrix3<f64>) -> f64 {
+        let h = Matrix3x6::<f64>::identity();
+        let expected: Matrix3<f64> = h * self.covariance * h.transpose() + covariance_m2;
+        let inverse = expected.try_inverse().unwrap();
+        let gain = self.covariance * h.transpose() * inverse;
+        let off = measured_m - h * self.mean;
+        self.mean += gain * off;
+        // Joseph's form: symmetric and positive whatever is rounded.
+        let rest = Matrix6::identity() - gain * h;
+        self.covariance =
+            rest * self.covariance * rest.transpose() + gain * covariance_m2 * gain.transpose();
+        -0.5 * (off.dot(&(inverse * off)) + (2.0 * PI * expected).determinant().ln())
+    }
+
+    fn block<const ROW: usize, const COLUMN: usize>(&self) -> Matrix3<f64> {
+        self.covariance
+            .fixed_view::<3, 3>(3 * ROW, 3 * COLUMN)
+            .into()
+    }
+}
+
+const STEPS: usize = 60;
+
+/// Irregular steps, a repeated time and a gap among them.
+fn dt_s(step: usize) -> f64 {
+    match step % 20 {
+        7 => 0.0,
+        13 => 0.3,
+        other => 0.03 + 0.002 * other as f64,
+    }
+}
+
+/// The mean over seeds of a number lies within so many standard errors of the exact one; returns the scatter of single runs in posterior standard
+/// deviations over √N.
+fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str) -> f64 {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let scatter = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
+    let error = mean - exact;
+    // Weights that are normalised by their own sum are biased by about the share of the variance that the scatter is.
+    let allowed = 4.5 * scatter / count.sqrt() + scatter.powi(2) / sigma;
+    assert!(
+        error.abs() < allowed,
+        "{place}: {mean} for {exact}, scatter {scatter}, sigma {sigma}"
+    );
+    scatter * (PARTICLES as f64).sqrt() / sigma
+}
+
+/// Follows the measurements with 100 seeds, with peaks or without, and holds them to the Kalman filter. Returns the average and the widest scatter of positions, in
+/// σ/√N.
+fn check_against_kalman(
+    start: &GaussianStart,
+    covariance_m2: Matrix3<f64>,
+    has_peaks: bool,
+) -> (f64, f64) {
+    const SEEDS: u32 = 100;
+    let mut kalman = Kalman::new(start);
+    let mut filters: Vec<_> = (0..SEEDS)
+        .map(|seed| {
+            let mut filter = filter(certain(velocity()), seed);
+            filter.start(start, 1.0).unwrap();
+            filter
+        })
+        .collect();
+    let mut time_s = 0.0;
+    let mut scatters = Vec::new();
+    for step in 0..STEPS {
+        time_s += dt_s(step);
+        let position_m = measured(step, time_s, &covariance_m2);
+        kalman.predict(dt_s(step));
+        kalman.update(position_m, covariance_m2);
+        let peak = Peak {
+            position_m: position_m.into(),
+            covariance_m2: entries(&covariance_m2),
+            log_evidence: 3.0,
+        };
+        let peaks = if has_peaks { &[peak][..] } else { &[] };
+        let mut estimates = Vec::new();
+        for filter in &mut filters {
+            filter.predict(dt_s(step));
+            filter.update(
+                peaks,
+                f64::INFINITY,
+                gaussian_ratio(position_m, covariance_m2, 0.0),
+            );
+            assert_eq!(filter.existence(), 1.0);
+            estimates.push(filter.estimate(0.0).unwrap());
+        }
+        let covariance = kalman.block::<0, 0>();
+        let velocity_covariance = kalman.block::<1, 1>();
+        for axis in 0..3 {
+            let place = format!("step {step}, axis {axis}");
+            let sigma = covariance[(axis, axis)].sqrt();
+            let values: Vec<f64> = estimates.iter().map(|e| e.position_m[axis]).collect();
+            scatters.push(check_unbiased(&values, kalman.mean[axis], sigma, &place));
+            let sigma = velocity_covariance[(axis, axis)].sqrt();
+            let values: Vec<f64> = estimates
+                .iter()
+                .map(|e| e.velocity_mps.unwrap()[axis])
+                .collect();
+            check_unbiased(&values, kalman.mean[axis + 3], sigma, &place);
+        }
+        // The law of total variance: a cloud that strays from the exact mean is narrower by as much. In the directions in which the exact covariance is the
+        // unit matrix.
+        let total: Matrix3<f64> = estimates
+            .iter()
+            .map(|e| {
+                let error = Vector3::from(e.position_m) - kalman.mean.fixed_rows::<3>(0);
+                matrix(e.covariance_m2) + error * error.transpose()
+            })
+            .sum::<Matrix3<f64>>()
+            / f64::from(SEEDS);
+        let whitening = covariance.cholesky().unwrap().l().try_inverse().unwrap();
+        let off = whitening * total * whitening.transpose() - Matrix3::identity();
+        let effective = scatters[3 * step..]
+            .iter()
+            .copied()
+            .fold(0.0, f64::max)
+            .powi(-2)
+            * PARTICLES as f64;
+        let allowed = 6.0 * (2.0 / f64::from(SEEDS) / effective).sqrt();
+        assert!(
+            off.abs().max() < allowed,
+            "step {step}: {off}, allowed {allowed}"
+        );
+    }
+    let average = scatters.iter().sum::<f64>() / scatters.len() as f64;
+    (average, scatters.iter().copied().fold(0.0, f64::max))
+}
+
+#[test]
+fn sharp_measurements_agree_with_the_kalman_filter() {
+    // A fiftieth of what is predicted, and less across; 0.3 mm across and 6 mm along the line of sight.
+    let start = GaussianStart {
+        covariance_m2: diagonal_m2([0.003; 3]),
+        ..START
+    };
+    for covariance_m2 in [slanted(0.001, 0.001), slanted(0.006, 0.0003)] {
+        let (average, widest) = check_against_kalman(&start, covariance_m2, true);
+        assert!(average < 2.0 && widest < 6.0, "{average} {widest}");
+    }
+}
+
+#[test]
+fn broad_measurements_agree_with_the_kalman_filter() {
+    for has_peaks in [true, false] {
+        let (average, widest) = check_against_kalman(&START, slanted(0.15, 0.05), has_peaks);
+        assert!(average < 7.0 && widest < 15.0, "{average} {widest}");
+    }
+}
+
+fn after_a_while_unseen(seed: u32) -> BernoulliFilter {
+    let mut filter = filter(certain(velocity()), seed);
+    filter.start(&START, 1.0).unwrap();
+    for _ in 0..8 {
+        filter.predict(0.04);
+        filter.update(&[], f64::INFINITY, silent);
+    }
+    filter
+}
+
+#[test]
+fn where_all_that_is_drawn_again_is_impossible_the_first_draw_stands() {
+    let covariance_m2 = slanted(0.05, 0.004);
+    let position_m = Vector3::from(START.position_m);
+    let peak = Peak {
+        position_m: START.position_m,
+        covariance_m2: entries(&covariance_m2),
+        log_evidence: 3.0,
+    };
+    let mut filter = after_a_while_unseen(1);
+    filter.predict(0.04);
+    let ratio = gaussian_ratio(position_m, covariance_m2, 0.0);
+    let mut calls = 0;
+    filter.update(&[peak], f64::INFINITY, |particles, out| {
+        ratio(particles, out);
+        calls += 1;
+        if calls == 2 {
+            out.fill(f32::NEG_INFINITY);
+        }
+    });
+    assert_eq!(calls, 3);
+    assert!((filter.weights().iter().sum::<f64>() - 1.0).abs() < 1e-9);
+    let found_m = Vector3::from(filter.estimate(0.0).unwrap().position_m);
+    assert!((found_m - position_m).norm() < 0.3, "{found_m}");
+}
+
+/// A target is hidden for a third of a second, until particles lie farther from one another than a sharp sight tells places apart.
+#[test]
+fn what_comes_forth_is_weighed_by_the_whole_prediction() {
+    let covariance_m2 = slanted(0.05, 0.004);
+    let mut kalman = Kalman::new(&START);
+    for _ in 0..9 {
+        kalman.predict(0.04);
+    }
+    // One deviation off along each axis.
+    let spread = kalman.block::<0, 0>().diagonal().map(f64::sqrt);
+    let position_m = kalman.mean.fixed_rows::<3>(0) + spread;
+    kalman.update(position_m, covariance_m2);
+    let peak = Peak {
+        position_m: position_m.into(),
+        covariance_m2: entries(&covariance_m2),
+        log_evidence: 3.0,
+    };
+    let mut estimates = Vec::new();
+    for seed in 0..100 {
+        let mut filter = after_a_while_unseen(seed);
+        filter.predict(0.04);
+        let ratio = gaussian_ratio(position_m, covariance_m2, 0.0);
+        filter.update(&[peak], f64::INFINITY, ratio);
+        let estimate = filter.estimate(0.0).unwrap();
+        let effective = estimate.effective_sample_size;
+        assert!(effective > 0.05 * PARTICLES as f64, "{seed}: {effective}");
+        estimates.push(estimate);
+    }
+    for axis in 0..3 {
+        let sigma = kalman.block::<0, 0>()[(axis, axis)].sqrt();
+        let values: Vec<f64> = estimates.iter().map(|e| e.position_m[axis]).collect();
+        let scatter = check_unbiased(&values, kalman.mean[axis], sigma, "position");
+        assert!(scatter < 5.0, "axis {axis}: {scatter}");
+        let sigma = kalman.block::<1, 1>()[(axis, axis)].sqrt();
+        let velocities = estimates.iter().map(|e| e.velocity_mps.unwrap()[axis]);
+        let values: Vec<f64> = velocities.collect();
+        check_unbiased(&values, kalman.mean[axis + 3], sigma, "velocity");
+    }
+}
+
+#[test]
+fn predicting_in_pieces_is_predicting_at_once_and_agrees_with_the_kalman_filter() {
+    let settings = BernoulliSettings::of(velocity());
+    let mut filters = [[0.75, 0.0, 0.0], [0.25, 0.125, 0.375]].map(|pieces| {
+        let mut filter = filter(settings, 5);
+        filter.start(&START, 0.75).unwrap();
+        for dt_s in pieces {
+            filter.predict(dt_s);
+        }
+        filter
+    });
+    let [a, b] = &filters;
+    assert_eq!(a.estimate(0.25), b.estimate(0.25));
+    assert_eq!(a.existence(), b.existence());
+    assert_eq!(a.located(), b.located());
+    let estimate = a.estimate(0.25).unwrap();
+    let mut kalman = Kalman::new(&START);
+    kalman.predict(1.0);
+    let covariance = kalman.block::<0, 0>();
+    for axis in 0..3 {
+        let sigma = covariance[(axis, axis)].sqrt();
+        let error = (estimate.position_m[axis] - kalman.mean[axis]) / sigma;
+        assert!(error.abs() < 5.0 / (PARTICLES as f64).sqrt(), "{error}");
+        let ratio = estimate.covariance_m2[[0, 3, 5][axis]] / sigma.powi(2);
+        assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+    }
+    let bits = filters.each_mut().map(|filter| {
+        filter.update(&[], f64::INFINITY, silent);
+        format!("{:?}", filter.estimate(0.0))
+    });
+    assert_eq!(bits[0], bits[1]);
+}

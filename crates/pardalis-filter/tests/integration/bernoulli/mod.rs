@@ -1,0 +1,142 @@
+//! The Bernoulli filter against exact inference.
+
+mod belief;
+mod evidence;
+mod faults;
+mod kalman;
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix3, Vector3};
+use pardalis_core::rng::{Draws, Stage};
+use pardalis_filter::Particles;
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
+use pardalis_filter::motion::{ConstantVelocity, Disturbance, Motion, RandomWalk, Stray};
+
+/// What settings say by default.
+const PARTICLES: usize = 500;
+/// How strongly the targets' velocity is disturbed, m²/s³.
+const DENSITY_M2PS3: f64 = 2.0;
+
+fn velocity() -> Motion {
+    let disturbance = Disturbance::White {
+        acceleration_density_m2ps3: DENSITY_M2PS3,
+    };
+    ConstantVelocity::new(disturbance).unwrap().into()
+}
+
+fn walk(density_m2ps: f64) -> Motion {
+    let stray = Stray::Diffusion { density_m2ps };
+    RandomWalk::new(stray).unwrap().into()
+}
+
+/// Neither births, nor deaths, nor jumps.
+fn certain(motion: Motion) -> BernoulliSettings {
+    BernoulliSettings {
+        birth_rate_hz: 0.0,
+        death_rate_hz: 0.0,
+        relocation_rate_hz: 0.0,
+        ..BernoulliSettings::of(motion)
+    }
+}
+
+/// Births, deaths and jumps, each at another rate.
+fn lively() -> BernoulliSettings {
+    BernoulliSettings {
+        birth_rate_hz: 0.3,
+        death_rate_hz: 0.2,
+        relocation_rate_hz: 0.15,
+        ..BernoulliSettings::of(velocity())
+    }
+}
+
+fn filter(settings: BernoulliSettings, seed: u32) -> BernoulliFilter {
+    BernoulliFilter::new(settings, Draws::new(seed, 0)).unwrap()
+}
+
+const START: GaussianStart = GaussianStart {
+    position_m: [1.0, -0.5, 2.3],
+    covariance_m2: diagonal_m2([0.1, 0.1, 0.1]),
+    velocity_mps: [0.5, 0.0, -0.3],
+    velocity_sigma_mps: [0.4, 0.6, 0.5],
+};
+
+fn matrix([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+fn entries(matrix: &Matrix3<f64>) -> [f64; 6] {
+    [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| matrix[at])
+}
+
+/// A covariance that is `along` wide in a slanted direction and `across` elsewhere, as a camera sees a ball.
+fn slanted(along_m: f64, across_m: f64) -> Matrix3<f64> {
+    let direction = Vector3::new(2.0, -1.0, 0.5).normalize();
+    let beam = direction * direction.transpose();
+    beam * along_m.powi(2) + (Matrix3::identity() - beam) * across_m.powi(2)
+}
+
+/// The logarithm of a normalised Gaussian likelihood of the position, plus a constant.
+fn gaussian_ratio(
+    mean_m: Vector3<f64>,
+    covariance_m2: Matrix3<f64>,
+    plus: f64,
+) -> impl Fn(&Particles, &mut [f32]) {
+    let precision = covariance_m2.try_inverse().unwrap();
+    let log_height = -0.5 * (2.0 * PI * covariance_m2).determinant().ln();
+    move |particles, out| {
+        for (i, out) in out.iter_mut().enumerate() {
+            let d = Vector3::from(particles.position_m(i)) - mean_m;
+            *out = (plus + log_height - 0.5 * d.dot(&(precision * d))) as f32;
+        }
+    }
+}
+
+fn silent(_: &Particles, out: &mut [f32]) {
+    out.fill(0.0);
+}
+
+/// Where a target that swings is measured to be, with errors of the stated covariance.
+fn measured(step: usize, time_s: f64, covariance_m2: &Matrix3<f64>) -> Vector3<f64> {
+    let truth = Vector3::new(
+        1.0 + 0.6 * time_s,
+        -0.5 + 0.3 * (1.5 * time_s).sin(),
+        2.3 - 0.2 * time_s,
+    );
+    let factor = covariance_m2.cholesky().unwrap().l();
+    let [x, y, z, _] = Draws::new(77, 0)
+        .normals(step as u32, 0, Stage::Clock, 0)
+        .map(f64::from);
+    truth + factor * Vector3::new(x, y, z)
+}
+
+#[test]
+fn the_seed_alone_decides() {
+    let run = |seed: u32| {
+        let covariance = slanted(0.1, 0.01);
+        let mut filter = filter(lively(), seed);
+        for step in 0..10 {
+            let place = measured(step, 0.04 * step as f64, &covariance);
+            let peak = Peak {
+                position_m: place.into(),
+                covariance_m2: entries(&covariance),
+                log_evidence: 1.0,
+            };
+            filter.predict(0.04);
+            filter.update(
+                &[peak],
+                f64::INFINITY,
+                gaussian_ratio(place, covariance, 5.0),
+            );
+        }
+        format!(
+            "{:?} {:?} {:?}",
+            filter.estimate(0.1),
+            filter.existence(),
+            filter.particles()
+        )
+    };
+    assert_eq!(run(4), run(4));
+    assert_ne!(run(4), run(5));
+}

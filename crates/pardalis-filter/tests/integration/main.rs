@@ -1,0 +1,4 @@
+//! Integration tests of the filters, in one executable.
+
+mod bernoulli;
+mod kalman;

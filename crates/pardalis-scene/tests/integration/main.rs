@@ -1,0 +1,7 @@
+//! Integration tests of scene, world and calibration files, in one executable.
+
+mod calibration_file_errors;
+mod calibration_files;
+mod samples;
+mod scene_plane;
+mod scene_text;

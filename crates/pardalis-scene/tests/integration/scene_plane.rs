@@ -1,0 +1,399 @@
+//! Scenes of the plane: cameras by a plane or an image alone, flat shapes, cues of regions, targets of several landmarks; refusals with key and line.
+
+use pardalis::color::ChannelBins;
+use pardalis::likelihood::{Cue, PatchSettings};
+use pardalis::shape::{Flat, Shape};
+use pardalis_camera::CalibratedCamera;
+use pardalis_camera::formats::Lens;
+use pardalis_camera::{Camera, Plane};
+use pardalis_scene::{Problem, Scene};
+
+/// Lines are counted in tests.
+const SCENE: &str = r#"[cameras.mast]
+images = "frames"
+fps = 15
+[cameras.mast.model.plane]
+points = [
+    [184.34, 327.52, -0.8452467, -0.2679295],
+    [448.73, 304.71, 1.1498814, -0.1284166],
+    [402.42, 198.82, 1.0452467, 1.3679295],
+    [195.57, 212.70, -0.9498814, 1.2284166],
+]
+camera_center_m = [0.0, -3.2, 3.0]
+[targets.robot]
+shape.disc = { radius_m = 0.06, height_m = 0.406 }
+region = {}
+difference = { scale = 2, samples = 8, bins = 32, sigma = 0.3 }
+[targets.robot.landmarks.front]
+colors = "red.toml"
+start.gaussian = { position_m = [-1.3, -0.35, 0] }
+[targets.robot.landmarks.rear]
+shape.rectangle = { size_m = [0.2, 0.1] }
+colors = "yellow.toml"
+start.gaussian = { position_m = [-1.6, -0.35, 0] }
+"#;
+
+/// Where the camera stands.
+const CENTER: &str = "camera_center_m = [0.0, -3.2, 3.0]";
+
+fn no_calibration(file: &str, _: Option<Lens>) -> Result<Vec<CalibratedCamera>, String> {
+    Err(format!("{file}: is not there"))
+}
+
+/// The scene with pieces of it replaced, which must be there.
+fn scene_with(pieces: &[(&str, &str)]) -> Result<Scene, Vec<Problem>> {
+    let replaced = |text: String, (piece, other): &(&str, &str)| {
+        assert!(text.contains(piece), "{piece}");
+        text.replace(piece, other)
+    };
+    let text = pieces.iter().fold(SCENE.to_owned(), replaced);
+    Scene::parse(&text, &no_calibration)
+}
+
+fn plane(scene: &Scene) -> Plane<f64> {
+    match &scene.cameras[0].camera {
+        Camera::Plane(plane) => *plane,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[track_caller]
+fn refused(pieces: &[(&str, &str)], wanted: &str) {
+    let problems = scene_with(pieces).unwrap_err();
+    let said = problems.iter().any(|p| p.to_string().contains(wanted));
+    assert!(said, "no {wanted:?} in {problems:#?}");
+}
+
+#[test]
+fn a_target_of_landmarks_has_its_settings_for_all_of_them() {
+    let scene = scene_with(&[]).unwrap();
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let robot = &scene.targets[0];
+    assert_eq!(robot.heading, Some([0, 1]));
+    let [front, rear] = &robot.bodies[..] else {
+        panic!("{robot:?}")
+    };
+    assert_eq!((&*front.name, &*rear.name), ("front", "rear"));
+    let disc = Shape::Flat(Flat::disc(0.06, 0.406).unwrap());
+    assert_eq!(front.shape, disc);
+    let rectangle = Shape::Flat(Flat::rectangle([0.2, 0.1], 0.0).unwrap());
+    assert_eq!(rear.shape, rectangle);
+    let difference = PatchSettings {
+        scale: 2.0,
+        samples: 8,
+        bins: ChannelBins::new(32).unwrap(),
+        sigma: 0.3,
+    };
+    let cues = [
+        Cue::Region(PatchSettings::within(&disc)).into(),
+        Cue::Difference(difference).into(),
+    ];
+    for body in [front, rear] {
+        assert_eq!(body.cues, cues);
+        assert!(body.filter.motion.is_planar(), "landmarks stay level");
+    }
+    // The difference alone needs no colours.
+    let bare = [
+        ("region = {}\n", ""),
+        ("colors = \"red.toml\"\n", ""),
+        ("colors = \"yellow.toml\"\n", ""),
+    ];
+    assert!(scene_with(&bare).is_ok());
+    refused(
+        &bare[1..2],
+        "line 16: targets.robot.landmarks.front.colors: is missing",
+    );
+    // Names are free, but only front and rear make a heading.
+    let named = scene_with(&[
+        ("landmarks.front", "landmarks.a"),
+        ("landmarks.rear", "landmarks.b"),
+    ]);
+    let named = named.unwrap();
+    assert_eq!((named.targets[0].heading, named.warnings.len()), (None, 0));
+    let half = scene_with(&[("landmarks.rear", "landmarks.back")]).unwrap();
+    assert_eq!(half.targets[0].heading, None);
+    let warning = half.warnings[0].to_string();
+    assert!(
+        warning.contains("targets.robot.landmarks: has one of `front` and `rear`"),
+        "{warning}"
+    );
+}
+
+#[test]
+fn cameras_know_a_plane_by_points_or_homography_and_their_place_by_numbers_or_lens() {
+    let by_points = plane(&scene_with(&[]).unwrap());
+    let seen = |plane: Plane<f64>, place| Camera::Plane(plane).project(place).unwrap();
+    for (pixel, place) in [
+        ([184.34, 327.52], [-0.845_246_7, -0.267_929_5, 0.0]),
+        ([402.42, 198.82], [1.045_246_7, 1.367_929_5, 0.0]),
+    ] {
+        let [u, v] = seen(by_points, place);
+        assert!((u - pixel[0]).hypot(v - pixel[1]) < 1e-6, "{u} {v}");
+    }
+    assert_eq!(by_points.center_m(), Some([0.0, -3.2, 3.0]));
+    // The homography of these points, of any scale and sign.
+    let (start, end) = (
+        SCENE.find("points").unwrap(),
+        SCENE.find("camera_center").unwrap(),
+    );
+    let points = &SCENE[start..end];
+    let rows = by_points
+        .pixel_from_plane()
+        .map(|row| row.map(|v| -7.0 * v));
+    let homography = format!("homography = {rows:?}\n");
+    let by_homography = plane(&scene_with(&[(points, &homography)]).unwrap());
+    let place = [0.3, 0.4, 0.406];
+    let [[a, b], [c, d]] = [by_points, by_homography].map(|plane| seen(plane, place));
+    assert!((a - c).hypot(b - d) < 1e-6);
+    // The lens of data/plane-robot says where the camera stands: truth in its camera.json.
+    let lens = "f_px = [560, 560]\ncenter_px = [319.5, 239.5]";
+    let found_m = plane(&scene_with(&[(CENTER, lens)]).unwrap())
+        .center_m()
+        .unwrap();
+    for (found_m, true_m) in found_m.into_iter().zip([0.0, -3.2, 3.0]) {
+        assert!((found_m - true_m).abs() < 0.02, "{found_m:?}");
+    }
+    // Without a place only what lies on the plane can be tracked; and in the image itself.
+    let flat = ("height_m = 0.406", "height_m = 0");
+    assert_eq!(
+        plane(&scene_with(&[(CENTER, ""), flat]).unwrap()).center_m(),
+        None
+    );
+    let model = &SCENE[SCENE.find("[cameras.mast.model").unwrap()..SCENE.find("[targets").unwrap()];
+    let image = plane(&scene_with(&[(model, "model.image = {}\n"), flat]).unwrap());
+    assert_eq!(seen(image, [12.0, 34.5, 0.0]), [12.0, 34.5]);
+    refused(
+        &[(CENTER, "")],
+        "line 13: targets.robot.shape: rises over the plane, but where camera \"mast\" stands is not known",
+    );
+}
+
+#[test]
+fn a_point_that_does_not_agree_is_named() {
+    // Where the camera sees these two; the second is moved away by 30 px.
+    let camera = Camera::Plane(plane(&scene_with(&[]).unwrap()));
+    let [a, b] = [[0.4, 0.1, 0.0], [0.0, 0.6, 0.0]].map(|place| camera.project(place).unwrap());
+    let rows = format!(
+        "\n    [{:.2}, {:.2}, 0.4, 0.1],\n    [{:.2}, {:.2}, 0.0, 0.6],\n]",
+        a[0],
+        a[1],
+        b[0] + 30.0,
+        b[1]
+    );
+    let scene = scene_with(&[("\n]", &rows)]).unwrap();
+    let warning = scene.warnings[0].to_string();
+    assert!(
+        warning.contains("line 5: cameras.mast.model.plane.points: point 6 does not agree with the others, which put it 30.0 px from there"),
+        "{warning}"
+    );
+    let [u, v] = Camera::Plane(plane(&scene))
+        .project([0.4, 0.1, 0.0])
+        .unwrap();
+    assert!((u - a[0]).hypot(v - a[1]) < 0.1);
+}
+
+#[test]
+fn planes_that_cannot_be_are_refused_by_their_keys() {
+    let second = "[448.73, 304.71, 1.1498814, -0.1284166],";
+    let third = "[402.42, 198.82, 1.0452467, 1.3679295],";
+    let points = "line 5: cameras.mast.model.plane.points: ";
+    let key = |key: &str| format!("cameras.mast.model.plane.{key}: ");
+    for (piece, other, wanted) in [
+        (second, "", format!("{points}3 points are too few")),
+        (
+            second,
+            "[448.73, 304.71, 1.1498814],",
+            format!("{points}is [["),
+        ),
+        (
+            second,
+            "[nan, 304.71, 1.1498814, -0.1284166],",
+            points.to_owned(),
+        ),
+        (
+            second,
+            third,
+            format!("{points}points 2 and 3 are the same"),
+        ),
+        // Crossed: two points of the plane swapped.
+        (
+            "1.1498814, -0.1284166],\n    [402.42, 198.82, 1.0452467, 1.3679295]",
+            "1.0452467, 1.3679295],\n    [402.42, 198.82, 1.1498814, -0.1284166]",
+            points.to_owned(),
+        ),
+        (
+            "points = [",
+            "homography = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]\npoints = [",
+            format!("{}stands beside points; keep one", key("homography")),
+        ),
+        (
+            CENTER,
+            "camera_center_m = [0, 0, -3]",
+            key("camera_center_m"),
+        ),
+        (CENTER, "camera_center_m = 3", key("camera_center_m")),
+        (
+            CENTER,
+            "camera_center_m = [0, 0, 3]\nf_px = [560, 560]",
+            format!("{}stands beside camera_center_m", key("f_px")),
+        ),
+        (
+            CENTER,
+            "f_px = [560, 560]",
+            format!("{}is missing", key("center_px")),
+        ),
+        (
+            CENTER,
+            "center_px = [1, 2]",
+            format!("{}is missing", key("f_px")),
+        ),
+        // No such lens sees the plane so.
+        (
+            CENTER,
+            "f_px = [10, 5000]\ncenter_px = [319.5, 239.5]",
+            key("f_px"),
+        ),
+        (
+            CENTER,
+            "center_m = [0, 0, 3]",
+            format!("{}is not a key", key("center_m")),
+        ),
+        (
+            "fps = 15",
+            "fps = 15\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
+            "line 4: cameras.mast.world_from_camera: stands beside a camera of a plane".to_owned(),
+        ),
+    ] {
+        refused(&[(piece, other)], &wanted);
+    }
+    let (start, end) = (
+        SCENE.find("points").unwrap(),
+        SCENE.find("camera_center").unwrap(),
+    );
+    let points = &SCENE[start..end];
+    refused(
+        &[(points, "")],
+        "cameras.mast.model.plane.points: is missing; give four or more",
+    );
+    for homography in ["[[1, 0, 0], [0, 1, 0], [1, 1, 0]]", "[[1, 0], [0, 1]]", "1"] {
+        let text = format!("homography = {homography}\n");
+        refused(
+            &[(points, &text)],
+            "line 5: cameras.mast.model.plane.homography: ",
+        );
+    }
+}
+
+#[test]
+fn landmarks_and_regions_that_cannot_be_are_refused_by_their_keys() {
+    let disc = "shape.disc = { radius_m = 0.06, height_m = 0.406 }";
+    let front = &SCENE[SCENE.find("[targets.robot.landmarks.front]").unwrap()
+        ..SCENE.find("[targets.robot.landmarks.rear]").unwrap()];
+    let start = "start.gaussian = { position_m = [-1.3, -0.35, 0] }";
+    for (piece, other, wanted) in [
+        (
+            disc,
+            "shape.disc.radius_m = 0",
+            "line 13: targets.robot.shape.disc.radius_m: is 0",
+        ),
+        (
+            disc,
+            "shape.disc = { radius_m = 1, height_m = -1 }",
+            "line 13: targets.robot.shape.disc.height_m: is -1",
+        ),
+        (
+            "size_m = [0.2, 0.1]",
+            "size_m = [0.2]",
+            "line 20: targets.robot.landmarks.rear.shape.rectangle.size_m: is [0.2]",
+        ),
+        (
+            "size_m = [0.2, 0.1]",
+            "size_m = [0.2, -1]",
+            "line 20: targets.robot.landmarks.rear.shape.rectangle.size_m: is ",
+        ),
+        (
+            "shape.rectangle = { size_m = [0.2, 0.1] }",
+            "shape.sphere.radius_m = 0.1",
+            "line 20: targets.robot.landmarks.rear.shape: is not flat",
+        ),
+        (
+            disc,
+            "shape.sphere.radius_m = 0.1",
+            "targets.robot.region: looks at a flat region; give shape.disc or shape.rectangle",
+        ),
+        (disc, "", "landmarks.front.shape: is missing"),
+        (
+            "scale = 2",
+            "scale = 0",
+            "line 15: targets.robot.difference.scale: is 0",
+        ),
+        (
+            "samples = 8",
+            "samples = 65",
+            "line 15: targets.robot.difference.samples: is 65; allowed: 1 to 64",
+        ),
+        (
+            "bins = 32",
+            "bins = 10",
+            "line 15: targets.robot.difference.bins: is 10; allowed: 2, 4, 8",
+        ),
+        (
+            "sigma = 0.3",
+            "sigma = -1",
+            "line 15: targets.robot.difference.sigma: is -1",
+        ),
+        (
+            "sigma = 0.3",
+            "steps = 3",
+            "line 15: targets.robot.difference.steps: is not a key",
+        ),
+        (
+            "region = {}",
+            "region.cameras = [\"up\"]",
+            "line 14: targets.robot.region.cameras: names \"up\"; allowed: mast",
+        ),
+        (
+            front,
+            "",
+            "targets.robot.landmarks: has one; give two or more",
+        ),
+        (
+            "region = {}",
+            "region = {}\ncolors = \"red.toml\"",
+            "line 15: targets.robot.colors: stands beside landmarks",
+        ),
+        (
+            "region = {}",
+            "region = {}\nstart.gaussian.position_m = [0, 0, 0]",
+            "line 15: targets.robot.start: stands beside landmarks",
+        ),
+        (
+            start,
+            "start.track.file = \"theirs.csv\"",
+            "line 18: targets.robot.landmarks.front.start: is a track",
+        ),
+        (start, "", "targets.robot.landmarks.front.start: is missing"),
+        (
+            start,
+            "filter.particles = 3",
+            "targets.robot.landmarks.front.filter: is not a key",
+        ),
+    ] {
+        refused(&[(piece, other)], wanted);
+    }
+}
+
+#[test]
+fn texts_cut_off_at_any_byte() {
+    let cut = (0..SCENE.len()).filter_map(|end| SCENE.get(..end));
+    let is_sound = |text: &&str| match Scene::parse(text, &no_calibration) {
+        Ok(_) => true,
+        Err(problems) => {
+            assert!(!problems.is_empty() && problems.is_sorted(), "{problems:?}");
+            false
+        }
+    };
+    // What is left is a scene only where it ends behind the last key that is needed.
+    let sound: Vec<&str> = cut.filter(is_sound).collect();
+    assert!(sound.len() < 5, "{sound:?}");
+}

@@ -1,0 +1,659 @@
+//! Damaged scenes and colour models: an error with a plausible line, never a panic.
+
+use pardalis::color::{ColorModel, ColorRanges};
+use pardalis::likelihood::{Cue, CueSettings, EdgeSettings, Sampling, WindowSettings};
+use pardalis::start::Start;
+use pardalis::tracker::ExistenceSettings;
+use pardalis_camera::CalibratedCamera;
+use pardalis_camera::formats::Lens;
+use pardalis_core::Error;
+use pardalis_filter::motion::{
+    ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, JumpChance, Jumps, Motion,
+    RandomWalk,
+};
+use pardalis_scene::{BodyConfig, Scene, StartConfig};
+
+const SCENE: &str = r#"# Everything that a scene may say.
+seed = 7
+[cameras.dioptric]
+images = "frames" # földer
+fps = 25.0
+first_frame = 2
+frame_limit = 100
+time_offset_s = -0.5
+mask = "mask.png"
+mask_radius_px = 200
+mask_center_px = [320, 240]
+size_px = [640, 480]
+model.equidistant = { f_px_per_rad = 145.56, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }
+world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]]
+[cameras.web]
+video = '/dev/video0'
+input_options = ["-f", "v4l2"]
+yuv = { matrix = "bt709", range = "full" }
+world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+[cameras.web.model.pinhole]
+f_px = [300, 301]
+center_px = [159.5, 119.5]
+distortion = [0.1, -0.2, 1e-3, 0, 0]
+[cameras.mirror]
+images = "up"
+world_from_camera = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0.82], [0, 0, 0, 1]]
+[cameras.mirror.model.exact_mirror]
+f_px = [579, 579]
+center_px = [319.5, 239.5]
+constant_resolution = { vertex_m = 0.16, rim_m = 0.08, plane_z_m = -0.82, rim_shows_m = 5, offset = 0 }
+[targets.robot]
+shape.prism = { sides = 8, across_flats_m = 0.5, height_m = 0.8, turn_deg = 22.5, outline = "facing" }
+colors = "robot.toml"
+contour.spline = { control_points = 30, reach_px = 1.5, steps = 2, middle = false }
+motion.planar_constant_velocity.acceleration_density_m2ps3 = 2
+start.gaussian = { position_m = [1, 2, 0], covariance_m2 = [0.04, 0.03, 0, 0.09, 0, 0.01] }
+[targets.post]
+shape.cylinder = { radius_m = 0.1, height_m = 1, outline = "exact" }
+colors = "post.toml"
+contour.overlap = { max_share = 0.4, distance_px = 3 }
+start.track = { file = "theirs.csv", target = "post2", velocity_sigma_mps = 0.1, world_from_other = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]] }
+[targets.ball]
+shape.sphere = { radius_m = 0.11, outline = "tangent" }
+colors = "ball.toml"
+contour = { inner_scale = 0.9, outer_scale = 1.1, points = 50, kappa = 1.5, b = 0.03 }
+filter = { particles = 1_000, resampling = "residual", resample_below = 0.5 }
+motion.constant_velocity.acceleration_sigma_mps2 = 3
+[targets.ball.start.pixel]
+camera = "web"
+pixel = [46, 0x58]
+min_range_m = 0.2
+max_range_m = 5
+[targets.other]
+shape.sphere.radius_m = 0.2
+colors = """other.toml"""
+motion.planar_random_walk = { density_m2ps = 0.1, jumps = { share = 0.1, min_m = [-1, 2], max_m = [3, 4] } }
+start.gaussian = { position_m = [1, 2, 3], position_sigma_m = [0.1, 0.2, 0.3], velocity_mps = [0, 0, 1] }
+"#;
+
+const COLORS: &str = r#"format = "pardalis color model 1"
+pixel_count = 30
+image_count = 2
+bins = [
+    [0, 9, 1, 20],
+    [11, 3, 3, 10],
+]
+[palette.hsi]
+hue_bins = 12
+saturation_bins = 12
+intensity_bins = 4
+"#;
+
+/// The scene names no calibration file.
+fn no_calibration(file: &str, _: Option<Lens>) -> Result<Vec<CalibratedCamera>, String> {
+    Err(format!("{file}: is not there"))
+}
+
+/// Parses a scene; errors must come in order, with lines of the text and something to say.
+fn check_scene(text: &str) -> bool {
+    let Err(problems) = Scene::parse(text, &no_calibration) else {
+        return true;
+    };
+    assert!(!problems.is_empty());
+    assert!(problems.is_sorted(), "{problems:?}");
+    let last_line = text.matches('\n').count() + 1;
+    for problem in &problems {
+        assert!((1..=last_line).contains(&problem.line), "{problem}");
+        assert!(!problem.message.is_empty());
+    }
+    false
+}
+
+fn check_colors(text: &str) -> bool {
+    let last_line = text.matches('\n').count() + 1;
+    match ColorModel::from_text(text) {
+        Ok(_) => true,
+        Err(Error::Parse { line, message }) => {
+            assert!((1..=last_line).contains(&line), "line {line}: {message}");
+            assert!(!message.is_empty());
+            false
+        }
+        Err(other) => panic!("{other}: has no line"),
+    }
+}
+
+#[test]
+fn texts_cut_off_at_any_byte() {
+    assert!(check_scene(SCENE) && check_colors(COLORS));
+    let cut = |text: &'static str| (0..text.len()).filter_map(move |end| text.get(..end));
+    // What is left is a scene only where a target's shape and colours are told and no setting is cut: all others have defaults.
+    let sound: Vec<_> = cut(SCENE).filter(|text| check_scene(text)).collect();
+    let begun = SCENE.find("\ncontour.spline").unwrap_or_default();
+    assert!(sound.len() < 60, "{}", sound.len());
+    assert!(sound.iter().all(|text| text.len() >= begun));
+    let sound = cut(COLORS).filter(|text| check_colors(text)).count();
+    assert!(sound <= 2, "{sound}");
+}
+
+/// Bytes of the text replaced at random, at one to four places; what is no UTF-8 is made so.
+fn flipped(text: &str, seed: u64) -> String {
+    // The generator of Numerical Recipes; any would do.
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let mut next = |below: usize| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    let mut bytes = text.as_bytes().to_vec();
+    for _ in 0..=next(4) {
+        let at = next(bytes.len());
+        bytes[at] = match next(3) {
+            0 => bytes[at] ^ (1 << next(8)),
+            1 => next(256) as u8,
+            _ => b"[]{}=.\"'#\n,-+_e0"[next(16)],
+        };
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[test]
+fn texts_with_flipped_bytes() {
+    let mut sound = [0; 2];
+    for seed in 0..2000 {
+        sound[0] += usize::from(check_scene(&flipped(SCENE, seed)));
+        sound[1] += usize::from(check_colors(&flipped(COLORS, seed)));
+    }
+    // Some flips do no harm (in comments, digits, names), most do.
+    assert!(sound.iter().all(|n| (1..1500).contains(n)), "{sound:?}");
+}
+
+#[test]
+fn a_doubled_key_hides_no_other_problem() {
+    let text = SCENE
+        .replace("fps = 25.0", "fps = 25.0\nfps = 30.0")
+        .replace("radius_m = 0.11", "radius_m = -1")
+        .replace("[cameras.web]", "[cameras.web]\nwide = 1");
+    let problems = Scene::parse(&text, &no_calibration).unwrap_err();
+    let lines: Vec<_> = problems.iter().map(|p| p.line).collect();
+    assert_eq!(lines, [6, 17, 45], "{problems:?}");
+}
+
+/// A scene with one target whose shape and contour are given.
+fn target(settings: &str) -> Result<Scene, Vec<String>> {
+    let text = format!(
+        "[cameras.a]\nimages = \"a\"\nfps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
+         model.equidistant = {{ f_px_per_rad = 145.56, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }}\n\
+         [targets.t]\ncolors = \"c\"\nstart.gaussian.position_m = [1, 2, 0]\n{settings}\n"
+    );
+    parsed(&text)
+}
+
+/// The scene, or what is wrong with it, in words.
+fn parsed(text: &str) -> Result<Scene, Vec<String>> {
+    Scene::parse(text, &no_calibration)
+        .map_err(|problems| problems.iter().map(ToString::to_string).collect())
+}
+
+#[test]
+fn robots_have_settings_of_their_own_that_each_scene_may_change() {
+    let cylinder = "shape.cylinder = { radius_m = 0.25, height_m = 0.8 }";
+    let robot = &target(cylinder).unwrap().targets[0].bodies[0];
+    assert_eq!(robot.contour().unwrap().points, 120);
+    let Sampling::Scaled(scaled) = robot.contour().unwrap().sampling else {
+        panic!("{:?}", robot.contour().unwrap())
+    };
+    assert_eq!((scaled.inner_scale, scaled.outer_scale), (0.75, 1.25));
+    assert_eq!(scaled.overlap, None);
+    assert!(robot.filter.motion.is_planar(), "robots stay on the ground");
+    let flying = format!("{cylinder}\nmotion.constant_velocity.acceleration_density_m2ps3 = 2");
+    assert!(
+        !target(&flying).unwrap().targets[0].bodies[0]
+            .filter
+            .motion
+            .is_planar()
+    );
+    let ball = &target("shape.sphere.radius_m = 0.11\ncontour.spline = {}")
+        .unwrap()
+        .targets[0]
+        .bodies[0];
+    assert!(!ball.filter.motion.is_planar());
+    let Sampling::Spline(spline) = ball.contour().unwrap().sampling else {
+        panic!("{:?}", ball.contour().unwrap())
+    };
+    assert_eq!(
+        (spline.control_points, spline.steps, spline.middle),
+        (12, 2, false)
+    );
+    assert_eq!(ball.contour().unwrap().sampling.samples(50), 100);
+}
+
+#[test]
+fn cues_are_those_that_have_a_table_and_look_at_the_cameras_they_name() {
+    let ball = "shape.sphere.radius_m = 0.11\n";
+    let cues = |settings: &str| {
+        target(&format!("{ball}{settings}")).unwrap().targets[0].bodies[0]
+            .cues
+            .clone()
+    };
+    assert!(matches!(
+        cues("")[..],
+        [CueSettings {
+            cue: Cue::Contour(_),
+            cameras: None
+        }]
+    ));
+    let window = &cues("window = {}")[..];
+    assert_eq!(window, [Cue::Window(WindowSettings::default()).into()]);
+    let both = "contour.points = 40\nwindow = { size_px = 7, cameras = [\"a\"] }";
+    let [contour, window] = &cues(both)[..] else {
+        panic!("{both}")
+    };
+    assert!(matches!(contour.cue, Cue::Contour(contour) if contour.points == 40));
+    assert_eq!(contour.cameras, None);
+    assert_eq!(window.cue, Cue::Window(WindowSettings::of_size(7)));
+    assert_eq!(window.cameras, Some(vec![0]));
+    let ranges = &cues("window = { hue_deg = [330, 15], saturation = [0.3, 1], floor = 0.1 }")[0];
+    let Cue::Window(settings) = ranges.cue else {
+        panic!("{ranges:?}")
+    };
+    assert_eq!((settings.floor, settings.outside), (0.1, 0.04));
+    assert_eq!(settings.ranges.unwrap().hue_deg, [330.0, 15.0]);
+    assert_eq!(settings.ranges.unwrap().intensity, ColorRanges::INTENSITY);
+}
+
+#[test]
+fn windows_that_cannot_be_are_refused_by_their_keys() {
+    refused(
+        ball,
+        &[
+            ("window.size_px = 4", "targets.t.window", "odd"),
+            ("window.floor = 0", "targets.t.window", "above 0"),
+            (
+                "window.hue_deg = [10, 20]",
+                "targets.t.window.saturation",
+                "together",
+            ),
+            (
+                "window = { hue_deg = [10, 400], saturation = [0, 1] }",
+                "targets.t.window",
+                "360",
+            ),
+            (
+                "window.intensity = [0.1, 0.5]",
+                "targets.t.window.intensity",
+                "hue_deg",
+            ),
+            (
+                "window.cameras = [\"b\"]",
+                "targets.t.window.cameras",
+                "allowed: a",
+            ),
+            ("window.cameras = []", "targets.t.window.cameras", "empty"),
+            ("window.cameras = 3", "targets.t.window.cameras", "list"),
+            ("window.hue = [1, 2]", "targets.t.window.hue", "size_px"),
+        ],
+    );
+    // A window that knows its colours needs no file, whatever else does.
+    let bare = |settings: &str| {
+        let text = "[cameras.a]\nimages = \"a\"\nfps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
+             model.pinhole = { f_px = [300, 300], center_px = [160, 120] }\n\
+             [targets.t]\nshape.sphere.radius_m = 0.1\nstart.gaussian.position_m = [1, 2, 0]\n";
+        Scene::parse(&format!("{text}{settings}"), &no_calibration)
+    };
+    let known = "window = { hue_deg = [330, 15], saturation = [0.3, 1] }";
+    assert!(bare(known).unwrap().targets[0].bodies[0].colors.is_none());
+    for unknown in ["", "window = {}"] {
+        let problems = bare(unknown).unwrap_err();
+        assert!(
+            problems[0]
+                .to_string()
+                .contains("targets.t.colors: is missing"),
+            "{problems:?}"
+        );
+    }
+}
+
+#[test]
+fn motions_that_cannot_be_are_refused_by_their_keys() {
+    refused(
+        ball,
+        &[
+            (
+                "motion.random_walk = { sigma_m = 1, density_m2ps = 2 }",
+                "random_walk.density_m2ps",
+                "keep one",
+            ),
+            (
+                "motion.random_walk.sigma_m = -1",
+                "random_walk.sigma_m",
+                "0 to 1e9",
+            ),
+            (
+                "motion.constant_velocity = { acceleration_sigma_mps2 = 1, velocity_sigma_mps = 2 }",
+                "constant_velocity.velocity_sigma_mps",
+                "keep one",
+            ),
+            (
+                "motion.constant_velocity.velocity_sigma_mps = -1",
+                "constant_velocity.velocity_sigma_mps",
+                "0 to 1e9",
+            ),
+            (
+                "motion.constant_acceleration = {}",
+                "motion.constant_acceleration",
+                "give acceleration_step_sigma_mps2 or jerk_density_m2ps5",
+            ),
+            (
+                "motion.planar_constant_acceleration.jerk_density_m2ps5 = -1",
+                "planar_constant_acceleration.jerk_density_m2ps5",
+                "0 to 1e9",
+            ),
+            (
+                "motion.random_walk.jumps = { min_m = [0, 0, 0], max_m = [1, 1, 1] }",
+                "random_walk.jumps",
+                "give share or rate_hz",
+            ),
+            (
+                "motion.random_walk.jumps = { share = 2, min_m = [0, 0, 0], max_m = [1, 1, 1] }",
+                "jumps.share",
+                "0 to 1",
+            ),
+            (
+                "motion.random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
+                "jumps.min_m",
+                "three",
+            ),
+            (
+                "motion.planar_random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
+                "jumps.max_m",
+                "two",
+            ),
+            (
+                "motion.planar_random_walk.jumps = { rate_hz = 1, min_m = [0, 0], max_m = [1, -1] }",
+                "jumps.max_m",
+                "below that of min_m",
+            ),
+            (
+                "motion.random_walk.jumps = { rate_hz = 1, share = 0.1, area = 3 }",
+                "jumps.area",
+                "max_m, min_m, rate_hz, share",
+            ),
+        ],
+    );
+}
+
+/// A target that is a ball with these settings.
+fn ball(settings: &str) -> Result<Scene, Vec<String>> {
+    target(&format!("shape.sphere.radius_m = 0.11\n{settings}"))
+}
+
+/// Settings that are refused: at a place that holds the key, in words that hold the word.
+fn refused(read: fn(&str) -> Result<Scene, Vec<String>>, cases: &[(&str, &str, &str)]) {
+    for (settings, key, word) in cases {
+        let problems = read(settings).unwrap_err();
+        let found = problems.iter().any(|p| p.contains(key) && p.contains(word));
+        assert!(found, "{settings}: {problems:?}");
+    }
+}
+
+#[test]
+fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
+    let cylinder = "shape.cylinder = { radius_m = 0.25, height_m = 0.8 }";
+    refused(
+        target,
+        &[
+            ("shape.cylinder.radius_m = 0.25", "height_m", "missing"),
+            (
+                "shape.prism = { sides = 2, across_flats_m = 0.5, height_m = 1 }",
+                "sides",
+                "3 to 100",
+            ),
+            (
+                "shape.prism = { sides = 8, across_flats_m = -1, height_m = 1 }",
+                "across_flats_m",
+                "above 0",
+            ),
+            (
+                "shape.cylinder = { radius_m = 1, height_m = 1, outline = \"round\" }",
+                "outline",
+                "exact",
+            ),
+            (
+                &format!("{cylinder}\nshape.sphere.radius_m = 1"),
+                "shape",
+                "sphere",
+            ),
+            (
+                &format!("{cylinder}\ncontour = {{ spline = {{}}, inner_scale = 0.9 }}"),
+                "inner_scale",
+                "spline",
+            ),
+            (
+                &format!("{cylinder}\ncontour.spline.control_points = 61"),
+                "control_points",
+                "3 to half of points, 60",
+            ),
+            (
+                &format!("{cylinder}\ncontour.spline.reach_px = 0"),
+                "reach_px",
+                "above 0",
+            ),
+            (
+                &format!("{cylinder}\ncontour.spline.middle = 1"),
+                "middle",
+                "true or false",
+            ),
+            (
+                &format!("{cylinder}\ncontour.overlap.max_share = 1"),
+                "max_share",
+                "below 1",
+            ),
+            (
+                &format!("{cylinder}\ncontour.overlap.reach_px = 1"),
+                "reach_px",
+                "distance_px",
+            ),
+            (
+                &format!(
+                    "{cylinder}\nmotion.planar_constant_velocity.acceleration_sigma_mps2 = -1"
+                ),
+                "acceleration_sigma_mps2",
+                "0 to",
+            ),
+        ],
+    );
+}
+
+#[test]
+fn motions_are_read_as_they_are_said() {
+    let read = |settings: &str| {
+        let text = format!("shape.sphere.radius_m = 0.1\nmotion.{settings}");
+        target(&text).unwrap().targets[0].bodies[0].filter.motion
+    };
+    let velocity = Disturbance::PerStep {
+        velocity_sigma_mps: 0.3,
+    };
+    assert_eq!(
+        read("constant_velocity.velocity_sigma_mps = 0.3"),
+        ConstantVelocity::new(velocity).unwrap().into()
+    );
+    let published = Jerk::PerStep {
+        acceleration_step_sigma_mps2: 2.0,
+    };
+    assert_eq!(
+        read("constant_acceleration.acceleration_step_sigma_mps2 = 2"),
+        ConstantAcceleration::new(published).unwrap().into()
+    );
+    let white = Jerk::White {
+        jerk_density_m2ps5: 5.0,
+    };
+    assert_eq!(
+        read("planar_constant_acceleration.jerk_density_m2ps5 = 5"),
+        Motion::from(ConstantAcceleration::new(white).unwrap()).in_plane()
+    );
+    let [share, rate] = [
+        JumpChance::PerStep { share: 0.1 },
+        JumpChance::Rate { rate_hz: 2.0 },
+    ];
+    let jumps = Jumps::new(share, [-1.0, 2.0, 0.0], [3.0, 4.0, 1.0]).unwrap();
+    assert_eq!(
+        read("random_walk.jumps = { share = 0.1, min_m = [-1, 2, 0], max_m = [3, 4, 1] }"),
+        RandomWalk::PUBLISHED.with_jumps(jumps).into()
+    );
+    let jumps = Jumps::new(rate, [-1.0, 2.0, 0.0], [3.0, 4.0, 0.0]).unwrap();
+    assert_eq!(
+        read("planar_random_walk.jumps = { rate_hz = 2, min_m = [-1, 2], max_m = [3, 4] }"),
+        Motion::from(RandomWalk::PUBLISHED.with_jumps(jumps)).in_plane()
+    );
+}
+
+fn target_of<'a>(scene: &'a Scene, name: &str) -> &'a BodyConfig {
+    let mut targets = scene.targets.iter();
+    &targets.find(|target| target.name == name).unwrap().bodies[0]
+}
+
+#[test]
+fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
+    let replaced: toml::Table = r#"
+        "targets.ball.filter.particles" = 77
+        "targets.ball.motion" = { constant_velocity = { acceleration_density_m2ps3 = 5 } }
+        "targets.ball.start" = { gaussian = { position_m = [1, 2, 3], position_sigma_m = 0.1 } }
+        "targets.other.contour.points" = 30
+    "#
+    .parse()
+    .unwrap();
+    let scene = Scene::parse_with(SCENE, &replaced, &no_calibration).unwrap();
+    let plain = Scene::parse(SCENE, &no_calibration).unwrap();
+    let [ball, plain_ball] = [&scene, &plain].map(|scene| target_of(scene, "ball"));
+    assert_eq!(ball.filter.particle_count, 77);
+    assert_eq!(ball.filter.resampling, plain_ball.filter.resampling);
+    assert_ne!(ball.start.value, plain_ball.start.value);
+    assert_eq!(target_of(&scene, "other").contour().unwrap().points, 30);
+    assert_eq!(scene.cameras, plain.cameras);
+
+    let wrong: toml::Table = r#"
+        "targets.ball.filter.particles" = 0
+        "targets.ball.filter.partikles" = 5
+        "targets.ball.shape" = { sphere = { radius_m = "big" } }
+        "seed.x" = 1
+    "#
+    .parse()
+    .unwrap();
+    // Lines of the text are those of the text alone.
+    let text = SCENE.replace("fps = 25.0", "fps = 0");
+    let problems = Scene::parse_with(&text, &wrong, &no_calibration).unwrap_err();
+    let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    for wanted in [
+        "as set: seed: is a table; allowed: a whole number",
+        "as set: targets.ball.filter.particles: is 0; allowed:",
+        "as set: targets.ball.filter.partikles: is not a key; did you mean particles?",
+        "as set: targets.ball.shape.sphere.radius_m: is the text \"big\"; allowed: a finite number",
+        "line 5: cameras.dioptric.fps: is 0",
+    ] {
+        assert!(
+            told.iter().any(|t| t.starts_with(wanted)),
+            "no {wanted:?} in {told:#?}"
+        );
+    }
+    assert_eq!(told.len(), 5, "{told:#?}");
+}
+
+/// A scene with a ball that has these settings, and no start unless they say one.
+fn sought(settings: &str) -> Result<Scene, Vec<String>> {
+    let (cameras, _) = SCENE.split_once("[targets.robot]").unwrap();
+    let text = format!(
+        "{cameras}[targets.ball]\nshape.sphere.radius_m = 0.1\ncolors = \"ball.toml\"\n{settings}\n"
+    );
+    parsed(&text)
+}
+
+#[test]
+fn what_has_no_start_is_sought_by_the_edge_cue() {
+    let scene = sought("").unwrap();
+    let body = &scene.targets[0].bodies[0];
+    assert_eq!(body.cues, [Cue::Edge(EdgeSettings::default()).into()]);
+    assert_eq!(body.start.value, StartConfig::Here(Start::Anywhere));
+    assert_eq!(body.existence, ExistenceSettings::default());
+    assert_eq!(body.filter.particle_count, 500);
+
+    let settings = "edge = { correspondence_lines = 100, likelihood_exponent = 0.3, shared_sigma_px = 0.1, learned_profile = false, lit_and_shaded_profiles = false, color_evidence = false, illumination_adaptation = false }\nexistence = { birth_rate_hz = 2, occlusion_rate_hz = 0.25 }\n\
+                    start.gaussian.position_m = [1, 2, 3]";
+    let scene = sought(settings).unwrap();
+    let body = &scene.targets[0].bodies[0];
+    let edge = EdgeSettings {
+        correspondence_lines: 100,
+        likelihood_exponent: 0.3,
+        shared_sigma_px: 0.1,
+        learned_profile: false,
+        lit_and_shaded_profiles: false,
+        background_model: true,
+        color_evidence: false,
+        illumination_adaptation: false,
+    };
+    assert_eq!(body.cues, [Cue::Edge(edge).into()]);
+    assert!(matches!(
+        body.start.value,
+        StartConfig::Here(Start::Gaussian(_))
+    ));
+    assert_eq!(body.existence.birth_rate_hz, 2.0);
+    assert_eq!(body.existence.occlusion.occlusion_hz, 0.25);
+
+    let scene = sought("start.gaussian.position_m = [1, 2, 3]").unwrap();
+    let cues = &scene.targets[0].bodies[0].cues;
+    assert!(
+        matches!(cues[0].cue, Cue::Contour(_)),
+        "a start without a cue is published"
+    );
+}
+
+#[test]
+fn what_is_sought_cannot_be_told_everything() {
+    refused(
+        sought,
+        &[
+            ("edge = {}\ncontour = {}", "targets.ball.edge", "alone"),
+            (
+                "edge = {}\nstart.pixel.pixel = [3, 4]\nstart.pixel.camera = \"web\"",
+                "targets.ball.start",
+                "pixel",
+            ),
+            (
+                "motion.constant_velocity.acceleration_sigma_mps2 = 3",
+                "targets.ball.motion",
+                "white",
+            ),
+            (
+                "motion.constant_acceleration.jerk_density_m2ps5 = 3",
+                "targets.ball.motion",
+                "white",
+            ),
+            (
+                "existence.death_rate_hz = -1",
+                "targets.ball.existence.death_rate_hz",
+                "0 to 1000",
+            ),
+            (
+                "existence.reappearance_rate_hz = 0",
+                "targets.ball.existence.reappearance_rate_hz",
+                "above 0",
+            ),
+            (
+                "edge.correspondence_lines = 3",
+                "targets.ball.edge.correspondence_lines",
+                "16 to 1000",
+            ),
+            (
+                "edge.likelihood_exponent = nan",
+                "targets.ball.edge.likelihood_exponent",
+                "finite",
+            ),
+            (
+                "edge.shared_sigma_px = 11",
+                "targets.ball.edge.shared_sigma_px",
+                "0 to 10",
+            ),
+            (
+                "contour = {}\nexistence = {}\nstart.gaussian.position_m = [1, 2, 3]",
+                "targets.ball.existence",
+                "existence",
+            ),
+        ],
+    );
+}

@@ -1,0 +1,336 @@
+//! Where things go: position and velocity as functions of time.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Vector3;
+
+use pardalis_core::Error;
+
+/// A path through the world; metres, seconds, world frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Path {
+    /// It stays.
+    Still {
+        /// Here.
+        position_m: Vector3<f64>,
+    },
+    /// A straight line at constant velocity.
+    Line {
+        /// Where it is at time 0.
+        position_m: Vector3<f64>,
+        /// Its velocity in m/s.
+        velocity_mps: Vector3<f64>,
+    },
+    /// A horizontal circle, counter-clockwise from above.
+    Circle {
+        /// The middle.
+        center_m: Vector3<f64>,
+        /// The radius.
+        radius_m: f64,
+        /// The time of a round in seconds; negative for clockwise.
+        period_s: f64,
+        /// The angle from the x axis at time 0, in radians.
+        phase_rad: f64,
+    },
+    /// Through points at given times.
+    Waypoints(Waypoints),
+    /// A sum of sines on each axis.
+    Harmonic {
+        /// The middle.
+        center_m: Vector3<f64>,
+        /// The sines of x, y and z.
+        sines: [Vec<Sine>; 3],
+    },
+    /// A throw that bounces.
+    Throw(Throw),
+}
+
+/// `amplitude_m · sin(2π t / period_s + phase_rad)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sine {
+    /// Its amplitude in metres.
+    pub amplitude_m: f64,
+    /// Its period in seconds.
+    pub period_s: f64,
+    /// Its phase in radians.
+    pub phase_rad: f64,
+}
+
+impl Path {
+    /// Position and velocity at a time.
+    pub fn at(&self, time_s: f64) -> (Vector3<f64>, Vector3<f64>) {
+        match self {
+            Self::Still { position_m } => (*position_m, Vector3::zeros()),
+            Self::Line {
+                position_m,
+                velocity_mps,
+            } => (position_m + velocity_mps * time_s, *velocity_mps),
+            Self::Circle {
+                center_m,
+                radius_m,
+                period_s,
+                phase_rad,
+            } => {
+                let rate = TAU / period_s;
+                let (sin, cos) = libm::sincos(rate * time_s + phase_rad);
+                let speed = radius_m * rate;
+                (
+                    center_m + Vector3::new(radius_m * cos, radius_m * sin, 0.0),
+                    Vector3::new(-speed * sin, speed * cos, 0.0),
+                )
+            }
+            Self::Waypoints(waypoints) => waypoints.at(time_s),
+            Self::Harmonic { center_m, sines } => {
+                let (mut position_m, mut velocity_mps) = (*center_m, Vector3::zeros());
+                for (axis, sines) in sines.iter().enumerate() {
+                    for sine in sines {
+                        let rate = TAU / sine.period_s;
+                        let (sin, cos) = libm::sincos(rate * time_s + sine.phase_rad);
+                        position_m[axis] += sine.amplitude_m * sin;
+                        velocity_mps[axis] += sine.amplitude_m * rate * cos;
+                    }
+                }
+                (position_m, velocity_mps)
+            }
+            Self::Throw(throw) => throw.at(time_s),
+        }
+    }
+
+    /// Where it is heading, about the vertical, in radians; 0 where it goes nowhere. At rest it faces where it will go, or went.
+    pub fn course_rad(&self, time_s: f64) -> f64 {
+        /// Slower than this is at rest, in m/s.
+        const REST_MPS: f64 = 1e-9;
+        let velocity = match self {
+            Self::Waypoints(waypoints) => {
+                let [first, last] = waypoints.span_s();
+                let inside = 1e-3 * (last - first);
+                waypoints.at(time_s.clamp(first + inside, last - inside)).1
+            }
+            Self::Throw(throw) => throw.velocity_mps,
+            _ => self.at(time_s).1,
+        };
+        if velocity.xy().norm() < REST_MPS {
+            return 0.0;
+        }
+        libm::atan2(velocity.y, velocity.x)
+    }
+}
+
+/// A smooth curve through points (cubic Hermite, slopes from neighbours as Catmull and Rom 1974): at rest before the first and after the last,
+/// velocity without jumps between.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Waypoints {
+    times_s: Vec<f64>,
+    positions_m: Vec<Vector3<f64>>,
+}
+
+impl Waypoints {
+    /// Two or more points; as many times, ascending.
+    pub fn new(times_s: Vec<f64>, positions_m: Vec<Vector3<f64>>) -> Result<Self, Error> {
+        if times_s.len() < 2 || times_s.len() != positions_m.len() {
+            return Err(Error::out_of_range(
+                "times_s",
+                format!("{} times for {} points", times_s.len(), positions_m.len()),
+                "two or more points in positions_m, and a time for each",
+            ));
+        }
+        if let Some([before, after]) = times_s.array_windows().find(|[a, b]| !(b > a)) {
+            return Err(Error::out_of_range(
+                "times_s",
+                format!("{after} after {before}"),
+                "times that ascend",
+            ));
+        }
+        Ok(Self {
+            times_s,
+            positions_m,
+        })
+    }
+
+    /// Its first and last time.
+    fn span_s(&self) -> [f64; 2] {
+        [self.times_s[0], self.times_s[self.times_s.len() - 1]]
+    }
+
+    /// The velocity at a point; none at the ends.
+    fn slope(&self, point: usize) -> Vector3<f64> {
+        if point == 0 || point + 1 == self.times_s.len() {
+            return Vector3::zeros();
+        }
+        (self.positions_m[point + 1] - self.positions_m[point - 1])
+            / (self.times_s[point + 1] - self.times_s[point - 1])
+    }
+
+    fn at(&self, time_s: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let last = self.times_s.len() - 1;
+        let after = self.times_s.partition_point(|&t| t <= time_s);
+        if after == 0 {
+            return (self.positions_m[0], Vector3::zeros());
+        }
+        if after > last {
+            return (self.positions_m[last], Vector3::zeros());
+        }
+        let (a, b) = (after - 1, after);
+        let h = self.times_s[b] - self.times_s[a];
+        let s = (time_s - self.times_s[a]) / h;
+        let (p, q) = (self.positions_m[a], self.positions_m[b]);
+        let (u, v) = (self.slope(a) * h, self.slope(b) * h);
+        // Power basis of the Hermite cubic.
+        let (c2, c3) = ((q - p) * 3.0 - u * 2.0 - v, (p - q) * 2.0 + u + v);
+        (
+            p + (u + (c2 + c3 * s) * s) * s,
+            (u + (c2 * 2.0 + c3 * (3.0 * s)) * s) / h,
+        )
+    }
+}
+
+/// A free throw under gravity that bounces at a height and at last rolls on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Throw {
+    /// Where it is thrown; it waits there until then.
+    pub position_m: Vector3<f64>,
+    /// Its velocity when it is thrown, m/s.
+    pub velocity_mps: Vector3<f64>,
+    /// When it is thrown, in seconds.
+    pub start_s: f64,
+    /// The height of `position_m.z` at which it bounces: of a ball on the floor, its radius.
+    pub rest_z_m: f64,
+    /// Vertical speed after a bounce over that before, 0 up to, but not including, 1.
+    pub bounce: f64,
+}
+
+/// Gravity, m/s².
+const GRAVITY_MPS2: f64 = 9.81;
+/// Slower rebounds are none: it rolls from there.
+const ROLLS_BELOW_MPS: f64 = 0.05;
+
+impl Throw {
+    fn at(&self, time_s: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let elapsed_s = time_s - self.start_s;
+        if elapsed_s < 0.0 {
+            return (self.position_m, Vector3::zeros());
+        }
+        let (mut z, mut vz) = (self.position_m.z - self.rest_z_m, self.velocity_mps.z);
+        let mut left_s = elapsed_s;
+        // Speeds shrink by `bounce` each time, so that this ends.
+        loop {
+            let flight_s = (vz + (vz * vz + 2.0 * GRAVITY_MPS2 * z.max(0.0)).sqrt()) / GRAVITY_MPS2;
+            if left_s < flight_s {
+                z += (vz - 0.5 * GRAVITY_MPS2 * left_s) * left_s;
+                vz -= GRAVITY_MPS2 * left_s;
+                break;
+            }
+            left_s -= flight_s;
+            vz = self.bounce * (GRAVITY_MPS2 * flight_s - vz);
+            z = 0.0;
+            if vz < ROLLS_BELOW_MPS {
+                vz = 0.0;
+                break;
+            }
+        }
+        let velocity = self.velocity_mps;
+        let mut position_m = self.position_m + velocity * elapsed_s;
+        position_m.z = self.rest_z_m + z;
+        (position_m, Vector3::new(velocity.x, velocity.y, vz))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn paths() -> Vec<Path> {
+        let sine = |amplitude_m, period_s, phase_rad| Sine {
+            amplitude_m,
+            period_s,
+            phase_rad,
+        };
+        vec![
+            Path::Still {
+                position_m: Vector3::new(1.0, 2.0, 3.0),
+            },
+            Path::Line {
+                position_m: Vector3::new(1.0, 2.0, 3.0),
+                velocity_mps: Vector3::new(-0.3, 0.2, 0.1),
+            },
+            Path::Circle {
+                center_m: Vector3::new(0.0, 1.0, 0.2),
+                radius_m: 0.7,
+                period_s: -3.0,
+                phase_rad: 0.4,
+            },
+            Path::Waypoints(
+                Waypoints::new(
+                    vec![0.5, 1.0, 2.5, 3.0],
+                    [0.0, 1.0, -1.0, 0.5]
+                        .map(|x| Vector3::new(x, 1.0 - x, x * x))
+                        .to_vec(),
+                )
+                .unwrap(),
+            ),
+            Path::Harmonic {
+                center_m: Vector3::new(0.5, 0.5, 0.2),
+                sines: [
+                    vec![sine(0.2, 2.0, 0.0), sine(0.05, 0.7, 1.0)],
+                    vec![sine(0.1, 3.0, 2.0)],
+                    vec![],
+                ],
+            },
+            Path::Throw(Throw {
+                position_m: Vector3::new(0.0, 0.0, 1.0),
+                velocity_mps: Vector3::new(1.0, 0.5, 1.0),
+                start_s: 0.2,
+                rest_z_m: 0.1,
+                bounce: 0.6,
+            }),
+        ]
+    }
+
+    #[test]
+    fn velocities_are_the_derivatives_of_positions() {
+        const H: f64 = 1e-6;
+        for path in paths() {
+            let mut jumps = 0;
+            for i in 0..400 {
+                let t = f64::from(i) * 0.01 + 0.0012;
+                let difference = (path.at(t + H).0 - path.at(t - H).0) / (2.0 * H);
+                jumps += i32::from((difference - path.at(t).1).norm() > 1e-6);
+            }
+            assert_eq!(jumps, 0, "{path:?}");
+        }
+    }
+
+    #[test]
+    fn a_curve_passes_its_points_at_their_times_and_rests_at_its_ends() {
+        let points = [[0.0, 0.0, 0.0], [1.0, 2.0, 0.0], [1.0, 3.0, 1.0]].map(Vector3::from);
+        let path = Path::Waypoints(Waypoints::new(vec![1.0, 1.5, 4.0], points.to_vec()).unwrap());
+        for (time_s, point) in [1.0, 1.5, 4.0].into_iter().zip(points) {
+            assert!((path.at(time_s).0 - point).norm() < 1e-12);
+        }
+        assert_eq!(path.at(-5.0), (points[0], Vector3::zeros()));
+        assert_eq!(path.at(9.0), (points[2], Vector3::zeros()));
+        // Towards (1, 2), from a first leg that bends towards y.
+        assert!(path.course_rad(0.0) > 0.8 && path.course_rad(0.0) < 1.6);
+        assert!(Waypoints::new(vec![1.0, 1.0, 2.0], points.to_vec()).is_err());
+        assert!(Waypoints::new(vec![1.0, 2.0], points.to_vec()).is_err());
+    }
+
+    #[test]
+    fn a_throw_bounces_with_its_share_of_speed_and_at_last_rolls() {
+        let throw = Throw {
+            position_m: Vector3::new(0.0, 0.0, 1.1),
+            velocity_mps: Vector3::new(2.0, 0.0, 0.0),
+            start_s: 1.0,
+            rest_z_m: 0.1,
+            bounce: 0.5,
+        };
+        assert_eq!(throw.at(0.5), (throw.position_m, Vector3::zeros()));
+        // It falls 1 m in sqrt(2 / g) and rises to a quarter of it.
+        let fall_s = (2.0 / GRAVITY_MPS2).sqrt();
+        assert!((throw.at(1.0 + fall_s).0.z - 0.1).abs() < 1e-9);
+        assert!((throw.at(1.0 + 1.5 * fall_s).0.z - 0.35).abs() < 1e-9);
+        let (position_m, velocity_mps) = throw.at(9.0);
+        assert_eq!(position_m.z, 0.1);
+        assert_eq!(velocity_mps, Vector3::new(2.0, 0.0, 0.0));
+    }
+}

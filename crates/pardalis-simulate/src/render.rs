@@ -1,0 +1,282 @@
+//! The images of a camera: its still background once, and in each frame only what moves.
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use super::trace::{Snapshot, WorldRay};
+use super::{World, WorldCamera};
+use pardalis::shape::{OutlineCircle, SphereOutline};
+use pardalis_camera::Camera;
+use pardalis_core::rng::Draws;
+
+/// A camera of a world, ready to take images.
+///
+/// The light on a pixel is the mean over rays within it ([`ImageSettings::samples`](super::ImageSettings::samples) along each side) and over the
+/// instants of the shutter; it is then blurred, drifts, gets its noise and is written as sRGB. Pixels without a ray are black.
+pub struct Renderer<'a> {
+    world: &'a World,
+    camera: &'a WorldCamera,
+    draws: Draws,
+    /// Objects that move.
+    moving: Vec<usize>,
+    /// The light on each pixel without them.
+    sharp: Light,
+    /// The same through the lens' blur.
+    soft: Light,
+    kernel: Vec<f32>,
+}
+
+/// Red, green and blue on each pixel, linear, row by row.
+type Light = Vec<[f32; 3]>;
+
+/// Pixels: columns and rows from and up to, but not including, these.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Rectangle {
+    x: [usize; 2],
+    y: [usize; 2],
+}
+
+/// Pixels around what moves that are looked at too.
+const MARGIN_PX: f64 = 2.0;
+/// The same for mirrors without one viewpoint, from which outlines are only nearly what is seen.
+const MIRROR_MARGIN_PX: f64 = 8.0;
+/// Points of an outline by which its place in the image is found.
+const OUTLINE_POINTS: usize = 64;
+
+impl<'a> Renderer<'a> {
+    /// Renders the still background of the camera of this number.
+    pub fn new(world: &'a World, camera: usize) -> Self {
+        let draws = Draws::new(world.seed, camera as u32);
+        let camera = &world.cameras[camera];
+        let (width, height) = camera.size_px;
+        let snapshot = [Snapshot::still(world)];
+        let mut sharp = vec![[0.0; 3]; width * height];
+        let rows = sharp.par_chunks_mut(width).enumerate();
+        rows.for_each(|(y, row)| {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                *pixel = light_along(&rays_of(camera, x, y), &snapshot);
+            }
+        });
+        let kernel = camera.image.blur_kernel();
+        let mut soft = sharp.clone();
+        let whole = Rectangle {
+            x: [0, width],
+            y: [0, height],
+        };
+        blur(&sharp, &mut soft, camera.size_px, &kernel, whole);
+        Self {
+            world,
+            camera,
+            draws,
+            moving: (0..world.objects.len())
+                .filter(|&object| world.moves(object))
+                .collect(),
+            sharp,
+            soft,
+            kernel,
+        }
+    }
+
+    /// The image of an exposure: three bytes a pixel, row by row. Its number chooses the noise, its time in seconds what is seen.
+    pub fn image(&self, exposure: u32, time_s: f64) -> Vec<u8> {
+        let instants = self.camera.image.instants_around(time_s);
+        let snapshots: Vec<_> = instants
+            .iter()
+            .map(|&time_s| Snapshot::new(self.world, time_s))
+            .collect();
+        let (mut sharp, mut soft) = (self.sharp.clone(), self.soft.clone());
+        let boxes: Vec<_> = self
+            .moving
+            .iter()
+            .filter_map(|&object| self.seen_box(object, &snapshots))
+            .collect();
+        let width = self.camera.size_px.0;
+        for seen in &boxes {
+            for y in seen.y[0]..seen.y[1] {
+                for x in seen.x[0]..seen.x[1] {
+                    let rays = rays_of(self.camera, x, y);
+                    let is_met = |ray: &WorldRay| {
+                        let meets =
+                            |s: &Snapshot| self.moving.iter().any(|&o| s.hit(o, ray).is_some());
+                        snapshots.iter().any(meets)
+                    };
+                    if rays.iter().flatten().any(is_met) {
+                        sharp[y * width + x] = light_along(&rays, &snapshots);
+                    }
+                }
+            }
+        }
+        for seen in boxes {
+            let around = seen.grown(self.kernel.len() - 1, self.camera.size_px);
+            blur(&sharp, &mut soft, self.camera.size_px, &self.kernel, around);
+        }
+        let image = &self.camera.image;
+        image.develop(&soft, self.draws, exposure, time_s)
+    }
+
+    /// The share of each pixel, row by row, in which an object is seen at a time in seconds, without blur.
+    pub fn coverage(&self, object: usize, time_s: f64) -> Vec<f32> {
+        let snapshot = Snapshot::new(self.world, time_s);
+        let (width, height) = self.camera.size_px;
+        let mut coverage = vec![0.0; width * height];
+        let Some(seen) = self.seen_box(object, std::slice::from_ref(&snapshot)) else {
+            return coverage;
+        };
+        for y in seen.y[0]..seen.y[1] {
+            for x in seen.x[0]..seen.x[1] {
+                let rays = rays_of(self.camera, x, y);
+                let shows = |ray: &&WorldRay| {
+                    snapshot
+                        .first(ray)
+                        .is_some_and(|(first, _)| first == object)
+                };
+                let hits = rays.iter().flatten().filter(shows).count();
+                coverage[y * width + x] = hits as f32 / rays.len() as f32;
+            }
+        }
+        coverage
+    }
+
+    /// Pixels outside of which an object is not seen at any of some instants; `None` where it is not seen at all.
+    fn seen_box(&self, object: usize, snapshots: &[Snapshot]) -> Option<Rectangle> {
+        let (width, height) = self.camera.size_px;
+        let whole = Rectangle {
+            x: [0, width],
+            y: [0, height],
+        };
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for snapshot in snapshots {
+            let (middle, radius_m) = snapshot.bounds(object);
+            let pixels = outline_px(self.camera, &middle, radius_m);
+            let outside = pixels.iter().filter(|pixel| pixel.is_none()).count();
+            // Cut off by the border of the camera's domain: what is left may be anywhere.
+            if outside > 0 && outside < pixels.len() {
+                return Some(whole);
+            }
+            for pixel in pixels.into_iter().flatten() {
+                for axis in 0..2 {
+                    low[axis] = low[axis].min(pixel[axis]);
+                    high[axis] = high[axis].max(pixel[axis]);
+                }
+            }
+        }
+        let margin = match self.camera.camera {
+            Camera::ExactMirror(_) => MIRROR_MARGIN_PX,
+            _ => MARGIN_PX,
+        };
+        // Casts of floats saturate: left of and above the image becomes 0.
+        let span = |axis: usize, count: usize| {
+            let from = (low[axis] - margin).floor() as usize;
+            let to = (high[axis] + margin).ceil() as usize;
+            [from.min(count), to.saturating_add(1).min(count)]
+        };
+        let seen = Rectangle {
+            x: span(0, width),
+            y: span(1, height),
+        };
+        let is_empty = low[0] > high[0]
+            || high[0] + margin < 0.0
+            || high[1] + margin < 0.0
+            || seen.x[0] == seen.x[1]
+            || seen.y[0] == seen.y[1];
+        (!is_empty).then_some(seen)
+    }
+}
+
+/// The pixels of the outline of a sphere in the world, of a smaller one and of its middle, each `None` outside the camera's domain. All are, around a
+/// camera inside of it, where it is seen all around.
+fn outline_px(camera: &WorldCamera, middle: &Vector3<f64>, radius_m: f64) -> Vec<Option<[f64; 2]>> {
+    let viewpoint = Vector3::from(camera.camera.viewpoint_m());
+    let in_camera = camera.world_from_camera.inverse() * Point3::from(*middle);
+    let middle = in_camera.coords - viewpoint;
+    let project = |point: Vector3<f64>| camera.camera.project((point + viewpoint).into());
+    let (circle, outside) =
+        OutlineCircle::of_sphere(middle.into(), radius_m, SphereOutline::Tangent);
+    let mut pixels = vec![project(middle)];
+    if !outside {
+        // One place without a pixel and one with: the whole image.
+        return vec![None, Some([0.0; 2])];
+    }
+    for i in 0..OUTLINE_POINTS {
+        let (sin, cos) = libm::sincos(i as f64 / OUTLINE_POINTS as f64 * std::f64::consts::TAU);
+        pixels.push(project(circle.point(cos, sin).into()));
+        pixels.push(project(circle.point(0.5 * cos, 0.5 * sin).into()));
+    }
+    pixels
+}
+
+/// The rays of a pixel, from evenly spread places in it.
+fn rays_of(camera: &WorldCamera, x: usize, y: usize) -> Vec<Option<WorldRay>> {
+    let samples = camera.image.samples;
+    let place = |at: usize, i: usize| at as f64 + (i as f64 + 0.5) / samples as f64 - 0.5;
+    (0..samples * samples)
+        .map(|i| {
+            let pixel = [place(x, i % samples), place(y, i / samples)];
+            WorldRay::of_pixel(&camera.camera, &camera.world_from_camera, pixel)
+        })
+        .collect()
+}
+
+/// The mean light along rays at some instants; none where there is no ray.
+fn light_along(rays: &[Option<WorldRay>], snapshots: &[Snapshot]) -> [f32; 3] {
+    let mut sum = Vector3::zeros();
+    for ray in rays.iter().flatten() {
+        for snapshot in snapshots {
+            sum += snapshot.color(ray);
+        }
+    }
+    let mean = sum / (rays.len() * snapshots.len()) as f64;
+    mean.map(|light| light as f32).into()
+}
+
+/// Blurs part of an image; beyond its border its border's pixels count.
+fn blur(
+    sharp: &[[f32; 3]],
+    soft: &mut [[f32; 3]],
+    (width, height): (usize, usize),
+    kernel: &[f32],
+    part: Rectangle,
+) {
+    let reach = kernel.len() as isize - 1;
+    let rows = part.grown(kernel.len() - 1, (width, height)).y;
+    let columns = part.x[1] - part.x[0];
+    let sum = |pixel: &dyn Fn(isize) -> [f32; 3]| {
+        let mut sum = [0.0; 3];
+        for offset in -reach..=reach {
+            let (weight, color) = (kernel[offset.unsigned_abs()], pixel(offset));
+            for channel in 0..3 {
+                sum[channel] += weight * color[channel];
+            }
+        }
+        sum
+    };
+    // Along rows, then along columns.
+    let mut along_rows = Vec::with_capacity(columns * (rows[1] - rows[0]));
+    for y in rows[0]..rows[1] {
+        for x in part.x[0]..part.x[1] {
+            along_rows.push(sum(&|offset| {
+                sharp[y * width + x.saturating_add_signed(offset).min(width - 1)]
+            }));
+        }
+    }
+    for y in part.y[0]..part.y[1] {
+        for x in part.x[0]..part.x[1] {
+            soft[y * width + x] = sum(&|offset| {
+                let row = y.saturating_add_signed(offset).min(height - 1) - rows[0];
+                along_rows[row * columns + x - part.x[0]]
+            });
+        }
+    }
+}
+
+impl Rectangle {
+    /// With as many pixels more on each side as the image has.
+    fn grown(self, by: usize, (width, height): (usize, usize)) -> Self {
+        let grow =
+            |[from, to]: [usize; 2], count: usize| [from.saturating_sub(by), (to + by).min(count)];
+        Self {
+            x: grow(self.x, width),
+            y: grow(self.y, height),
+        }
+    }
+}

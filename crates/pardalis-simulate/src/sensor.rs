@@ -1,0 +1,180 @@
+//! From light to the bytes of an image.
+
+use std::f64::consts::TAU;
+use std::sync::OnceLock;
+
+use pardalis_core::rng::{Draws, Stage};
+
+/// What a camera's images are like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImageSettings {
+    /// Rays along each side of a pixel.
+    pub samples: usize,
+    /// How long the shutter is open, in seconds, half of it on either side of the stated time.
+    pub shutter_s: f64,
+    /// Instants within that time whose images are averaged.
+    pub instants: usize,
+    /// Standard deviation of the lens' blur in pixels.
+    pub blur_px: f64,
+    /// Standard deviation of the shot noise of white, in shares of white; it goes with the root of the light.
+    pub shot_noise: f64,
+    /// Standard deviation of the read noise, in grey levels of 255.
+    pub read_noise: f64,
+    /// Amplitude by which the exposure drifts, in shares.
+    pub gain_drift: f64,
+    /// Amplitude by which red and blue drift against each other, in shares.
+    pub white_balance_drift: f64,
+    /// The period of both drifts in seconds.
+    pub drift_period_s: f64,
+    /// JPEG of this quality, 1 to 100, with chroma of half the size; none for PNG.
+    pub jpeg_quality: Option<u8>,
+}
+
+impl Default for ImageSettings {
+    /// A clean camera: no noise, blur or drift.
+    fn default() -> Self {
+        Self {
+            samples: 3,
+            shutter_s: 0.0,
+            instants: 5,
+            blur_px: 0.0,
+            shot_noise: 0.0,
+            read_noise: 0.0,
+            gain_drift: 0.0,
+            white_balance_drift: 0.0,
+            drift_period_s: 7.0,
+            jpeg_quality: None,
+        }
+    }
+}
+
+impl ImageSettings {
+    /// The instants within the shutter's time around a time, in seconds.
+    pub(super) fn instants_around(&self, time_s: f64) -> Vec<f64> {
+        if self.shutter_s == 0.0 {
+            return vec![time_s];
+        }
+        let place = |i: usize| (i as f64 + 0.5) / self.instants as f64 - 0.5;
+        (0..self.instants)
+            .map(|i| time_s + self.shutter_s * place(i))
+            .collect()
+    }
+
+    /// One side of the blur's kernel with its middle, which comes first; all of it sums to 1.
+    pub(super) fn blur_kernel(&self) -> Vec<f32> {
+        let reach = (3.0 * self.blur_px).ceil() as usize;
+        let weight = |i: usize| libm::exp(-0.5 * (i as f64 / self.blur_px).powi(2));
+        let weights: Vec<f64> = (1..=reach).map(weight).collect();
+        let sum = 1.0 + 2.0 * weights.iter().sum::<f64>();
+        let kernel = std::iter::once(1.0).chain(weights);
+        kernel.map(|w| (w / sum) as f32).collect()
+    }
+
+    /// The bytes of an image, three a pixel, of the light on its pixels, taken as this exposure at a time in seconds.
+    pub(super) fn develop(
+        &self,
+        light: &[[f32; 3]],
+        draws: Draws,
+        exposure: u32,
+        time_s: f64,
+    ) -> Vec<u8> {
+        let drift = |number: u32| {
+            let phase = draws.uniform(number, 0, Stage::Drift);
+            libm::sin(TAU * (time_s / self.drift_period_s + phase))
+        };
+        let gain = 1.0 + self.gain_drift * drift(0);
+        let tint = self.white_balance_drift * drift(1);
+        let gains = [gain * (1.0 + tint), gain, gain * (1.0 - tint)].map(|g| g as f32);
+        let (shot, read) = (self.shot_noise as f32, self.read_noise as f32);
+        let is_noisy = shot > 0.0 || read > 0.0;
+        let mut bytes = Vec::with_capacity(3 * light.len());
+        for (pixel, color) in light.iter().enumerate() {
+            let normals = if is_noisy {
+                draws.normals(pixel as u32, exposure, Stage::Pixel, 0)
+            } else {
+                [0.0; 4]
+            };
+            for channel in 0..3 {
+                let level = color[channel] * gains[channel];
+                let (grey, slope) = grey_from_linear(level);
+                // The noise of the light as it shows in grey levels, and that of reading.
+                let variance = (slope * shot).powi(2) * level + read * read;
+                // Casts of floats saturate.
+                bytes.push((grey + variance.sqrt() * normals[channel] + 0.5) as u8);
+            }
+        }
+        bytes
+    }
+}
+
+/// Linear red, green, blue, 0 to 1, of sRGB from 0 to 255 (IEC 61966-2-1).
+pub fn linear_from_srgb(srgb: [f64; 3]) -> [f64; 3] {
+    srgb.map(|grey| {
+        let v = grey / 255.0;
+        if v <= 0.040_45 {
+            v / 12.92
+        } else {
+            libm::pow((v + 0.055) / 1.055, 2.4)
+        }
+    })
+}
+
+/// The sRGB value, 0 to 255, of linear light, and its derivative; from a table, within 0.1 grey levels.
+fn grey_from_linear(level: f32) -> (f32, f32) {
+    const STEPS: usize = 4096;
+    static TABLE: OnceLock<Vec<f32>> = OnceLock::new();
+    let table = TABLE.get_or_init(|| {
+        let exact = |i: usize| {
+            let v = i as f64 / STEPS as f64;
+            if v <= 0.003_130_8 {
+                12.92 * v
+            } else {
+                1.055 * libm::pow(v, 1.0 / 2.4) - 0.055
+            }
+        };
+        (0..=STEPS).map(|i| (255.0 * exact(i)) as f32).collect()
+    });
+    let place = level.clamp(0.0, 1.0) * STEPS as f32;
+    let cell = (place as usize).min(STEPS - 1);
+    let step = table[cell + 1] - table[cell];
+    (
+        table[cell] + step * (place - cell as f32),
+        step * STEPS as f32,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_come_out_as_they_went_in() {
+        let clean = ImageSettings::default();
+        for grey in 0..=255_u8 {
+            let light = linear_from_srgb([f64::from(grey); 3]).map(|v| v as f32);
+            let bytes = clean.develop(&[light], Draws::new(1, 0), 0, 0.3);
+            assert_eq!(bytes, [grey; 3]);
+        }
+    }
+
+    #[test]
+    fn noise_is_as_strong_as_stated_and_each_exposure_has_its_own() {
+        let noisy = ImageSettings {
+            read_noise: 3.0,
+            ..ImageSettings::default()
+        };
+        let light = vec![linear_from_srgb([128.0; 3]).map(|v| v as f32); 20_000];
+        let draws = Draws::new(1, 0);
+        let bytes = noisy.develop(&light, draws, 4, 0.0);
+        let mean = bytes.iter().map(|&b| f64::from(b)).sum::<f64>() / bytes.len() as f64;
+        let square = |&b: &u8| (f64::from(b) - mean).powi(2);
+        let sigma = (bytes.iter().map(square).sum::<f64>() / bytes.len() as f64).sqrt();
+        // Rounding adds a twelfth to the variance.
+        assert!(
+            (mean - 128.0).abs() < 0.1 && (sigma - 3.014).abs() < 0.05,
+            "{mean} {sigma}"
+        );
+        assert_eq!(bytes, noisy.develop(&light, draws, 4, 0.0));
+        assert_ne!(bytes, noisy.develop(&light, draws, 5, 0.0));
+    }
+}

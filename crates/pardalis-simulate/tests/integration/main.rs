@@ -1,0 +1,3 @@
+//! Integration tests of simulation, in one executable.
+
+mod simulate;

@@ -1,0 +1,181 @@
+//! What several tests and benchmarks need: the rendered fisheye sequence, its camera and the ball's colours.
+#![allow(dead_code)] // each test uses its part
+
+pub(crate) mod robot;
+
+use std::path::PathBuf;
+
+use image::RgbImage;
+use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
+use pardalis::likelihood::{ContourSettings, Cue};
+use pardalis::shape::{Shape, Sphere, SphereOutline};
+use pardalis::start::Start;
+use pardalis::tracker::{BodySettings, ExistenceSettings};
+use pardalis::view::View;
+use pardalis::{Frame, PixelFormat};
+use pardalis_camera::{Camera, Equidistant};
+use pardalis_camera::{Pose, pose_from_matrix};
+use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
+use pardalis_filter::motion::{ConstantVelocity, Disturbance};
+use pardalis_filter::particle_filter::FilterSettings;
+use pardalis_filter::resample::Resampling;
+
+/// Width and height of the sequence's images, pixels.
+pub(crate) const SIZE: (usize, usize) = (640, 480);
+/// The sequence's frame rate.
+pub(crate) const FPS: f64 = 25.0;
+/// The ball's radius, metres.
+pub(crate) const RADIUS_M: f64 = 0.11;
+/// Where the ball is in the first frames, metres.
+pub(crate) const FIRST_POSITION_M: [f64; 3] = [1.35, -1.25, 0.62];
+
+pub(crate) fn data(path: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../../data")
+        .join(path)
+}
+
+fn open(path: &str) -> image::DynamicImage {
+    let path = data(path);
+    image::open(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// A picture of data/dioptric-jump.
+pub(crate) fn jump_picture(index: usize) -> RgbImage {
+    open(&format!("dioptric-jump/frames/{index:06}.jpg")).into_rgb8()
+}
+
+/// A picture as a frame of this format.
+pub(crate) fn frame(
+    picture: &RgbImage,
+    format: PixelFormat,
+    encoding: YuvEncoding,
+    time_s: f64,
+) -> Frame {
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let bytes = match format {
+        PixelFormat::Rgb8 => picture.as_raw().clone(),
+        _ => yuv_bytes(picture, format, encoding),
+    };
+    Frame::new(format, encoding, width, height, bytes, time_s).unwrap()
+}
+
+/// A picture in a YUV format. Chroma is taken from the top left pixel of those that share it.
+fn yuv_bytes(picture: &RgbImage, format: PixelFormat, encoding: YuvEncoding) -> Vec<u8> {
+    let (width, height) = picture.dimensions();
+    let yuv = |x: u32, y: u32| {
+        let rgb = picture.get_pixel(x.min(width - 1), y).0.map(f64::from);
+        encoding.yuv_from_rgb(rgb).map(|c| c.round() as u8)
+    };
+    let mut bytes = Vec::new();
+    match format {
+        PixelFormat::Rgb8 => unreachable!("not a YUV format"),
+        PixelFormat::Yuyv | PixelFormat::Uyvy => {
+            for y in 0..height {
+                for x in (0..width).step_by(2) {
+                    let ([y0, u, v], [y1, ..]) = (yuv(x, y), yuv(x + 1, y));
+                    bytes.extend(match format {
+                        PixelFormat::Yuyv => [y0, u, y1, v],
+                        _ => [u, y0, v, y1],
+                    });
+                }
+            }
+        }
+        PixelFormat::Nv12 | PixelFormat::I420 => {
+            let mut v_plane = Vec::new();
+            bytes.extend(
+                (0..height)
+                    .flat_map(|y| (0..width).map(move |x| (x, y)))
+                    .map(|(x, y)| yuv(x, y)[0]),
+            );
+            for y in (0..height).step_by(2) {
+                for x in (0..width).step_by(2) {
+                    let [_, u, v] = yuv(x, y);
+                    bytes.push(u);
+                    if format == PixelFormat::Nv12 {
+                        bytes.push(v);
+                    } else {
+                        v_plane.push(v);
+                    }
+                }
+            }
+            bytes.extend(v_plane);
+        }
+    }
+    bytes
+}
+
+/// The sequence's camera.
+pub(crate) fn fisheye() -> Camera {
+    let model = Equidistant::new(145.562_250_654_857_8, [319.5, 239.5], 92.5_f64.to_radians());
+    Camera::Equidistant(model.unwrap())
+}
+
+/// The pose of the sequence's camera: 0.9 m above the floor, looking down.
+pub(crate) fn world_from_fisheye() -> Pose {
+    let rows = [
+        [0.0, -1.0, 0.0, 0.0],
+        [-1.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, -1.0, 0.9],
+        [0.0, 0.0, 0.0, 1.0],
+    ];
+    pose_from_matrix(rows).unwrap()
+}
+
+/// The sequence's camera in its place.
+pub(crate) fn fisheye_view() -> View {
+    View::new(fisheye(), world_from_fisheye(), SIZE, None).unwrap()
+}
+
+/// The ball's colours, learnt from the labelled stills of data/training/dioptric.
+pub(crate) fn ball_colors(palette: Palette) -> ColorModel {
+    let mut learner = ColorLearner::new(palette).unwrap();
+    for i in 0..6 {
+        let picture = open(&format!("training/dioptric/{i:03}.jpg")).into_rgb8();
+        let mask = open(&format!("training/dioptric/{i:03}_ball_mask.png")).into_luma8();
+        let labels: Vec<bool> = mask.as_raw().iter().map(|&g| g >= 128).collect();
+        let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), 0.0);
+        learner.add(&frame, &labels).unwrap();
+    }
+    learner.learn().unwrap()
+}
+
+/// The sequence's ball.
+pub(crate) fn ball() -> Sphere {
+    Sphere::new(RADIUS_M, SphereOutline::Tangent).unwrap()
+}
+
+/// How the paper tracks the ball offline: 90 mm/frame² of acceleration, survivors drawn at every step.
+pub(crate) fn ball_filter(particle_count: usize) -> FilterSettings {
+    let disturbance = Disturbance::PiecewiseConstant {
+        acceleration_sigma_mps2: 0.09 * FPS * FPS,
+    };
+    FilterSettings {
+        particle_count,
+        motion: ConstantVelocity::new(disturbance).unwrap().into(),
+        resampling: Resampling::Systematic,
+        resample_below: 1.0,
+    }
+}
+
+/// A guess of where the ball is in the first frames.
+pub(crate) fn ball_start() -> GaussianStart {
+    GaussianStart {
+        position_m: FIRST_POSITION_M,
+        covariance_m2: diagonal_m2([0.1; 3]),
+        velocity_mps: [0.0; 3],
+        velocity_sigma_mps: [0.5; 3],
+    }
+}
+
+/// The ball as the tracker's target.
+pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> BodySettings {
+    BodySettings {
+        shape: Shape::Sphere(ball()),
+        colors: Some(ball_colors(palette)),
+        cues: vec![Cue::Contour(ContourSettings::default()).into()],
+        filter: ball_filter(particle_count),
+        start: Start::Gaussian(ball_start()),
+        existence: ExistenceSettings::default(),
+    }
+}

@@ -1,0 +1,90 @@
+//! The sequence of the plane: its camera known by the tape rectangle, its robot by two landmarks.
+
+use image::RgbImage;
+use pardalis::color::ColorModel;
+use pardalis::likelihood::{Cue, PatchSettings};
+use pardalis::shape::{Flat, Shape};
+use pardalis::start::Start;
+use pardalis::tracker::{BodySettings, ExistenceSettings, TargetSettings};
+use pardalis::view::View;
+use pardalis_calibrate::plane::{PointPair, fit};
+use pardalis_camera::Pose;
+use pardalis_camera::{Camera, Plane};
+use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
+use pardalis_filter::motion::Motion;
+use pardalis_filter::particle_filter::FilterSettings;
+use pardalis_filter::resample::Resampling;
+
+use super::{SIZE, data, open};
+
+/// The sequence's frame rate.
+pub(crate) const FPS: f64 = 15.0;
+/// Outer corners of the tape: u, v, x, y.
+const CORNERS: [[f64; 4]; 4] = [
+    [184.34, 327.52, -0.845_246_7, -0.267_929_5],
+    [448.73, 304.71, 1.149_881_4, -0.128_416_6],
+    [402.42, 198.82, 1.045_246_7, 1.367_929_5],
+    [195.57, 212.70, -0.949_881_4, 1.228_416_6],
+];
+/// Where the camera stands.
+const CENTER_M: [f64; 3] = [0.0, -3.2, 3.0];
+
+/// A picture of data/plane-robot.
+pub(crate) fn picture(index: usize) -> RgbImage {
+    open(&format!("plane-robot/frames/{index:06}.jpg")).into_rgb8()
+}
+
+/// The camera by its corners, with its place or without.
+pub(crate) fn mast(knows_its_place: bool) -> Plane<f64> {
+    let pairs = CORNERS.map(|[u, v, x, y]| PointPair {
+        pixel: [u, v],
+        plane_m: [x, y],
+    });
+    let found = fit(&pairs).unwrap();
+    Plane::new(&found.homography, knows_its_place.then_some(CENTER_M)).unwrap()
+}
+
+/// The sequence's camera; its frame is the world.
+pub(crate) fn mast_view() -> View {
+    View::new(Camera::Plane(mast(true)), Pose::identity(), SIZE, None).unwrap()
+}
+
+/// A landmark's shape.
+pub(crate) fn landmark() -> Shape {
+    Shape::Flat(Flat::disc(0.06, 0.406).unwrap())
+}
+
+/// A landmark's colours: `red` or `yellow`.
+pub(crate) fn landmark_colors(name: &str) -> ColorModel {
+    let path = data(&format!("colors/landmark-{name}.colors.toml"));
+    ColorModel::from_text(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// The robot by its landmarks, red in front and yellow behind, each with the region and the difference cue.
+pub(crate) fn robot_target(particle_count: usize) -> TargetSettings {
+    let body = |colors, x_m| BodySettings {
+        shape: landmark(),
+        colors: Some(landmark_colors(colors)),
+        cues: vec![
+            Cue::Region(PatchSettings::within(&landmark())).into(),
+            Cue::Difference(PatchSettings::around()).into(),
+        ],
+        filter: FilterSettings {
+            particle_count,
+            motion: Motion::DEFAULT.in_plane(),
+            resampling: Resampling::Systematic,
+            resample_below: 1.0,
+        },
+        start: Start::Gaussian(GaussianStart {
+            position_m: [x_m, -0.35, 0.0],
+            covariance_m2: diagonal_m2([0.05, 0.05, 0.0]),
+            velocity_sigma_mps: [0.1, 0.1, 0.0],
+            ..GaussianStart::default()
+        }),
+        existence: ExistenceSettings::default(),
+    };
+    TargetSettings {
+        bodies: vec![body("red", -1.3), body("yellow", -1.6)],
+        heading: Some([0, 1]),
+    }
+}

@@ -1,0 +1,9 @@
+//! Integration tests of the tracker and its kernels, in one executable.
+
+mod common;
+mod determinism;
+mod kernels;
+mod locate;
+mod locate_bias;
+mod rectify;
+mod seek;

@@ -1,0 +1,430 @@
+//! Targets without a start: found, followed, hidden, lost and found again, on the rendered fisheye sequence.
+
+use crate::common::{FPS, SIZE, ball_target, data, fisheye_view, frame, jump_picture};
+use image::{Rgb, RgbImage};
+use pardalis::color::{Palette, YuvEncoding};
+use pardalis::likelihood::{Cue, EdgeSettings};
+use pardalis::start::Start;
+use pardalis::tracker::{BodySettings, PASSES_SIGMA_M, TrackState};
+use pardalis::{Estimate, Frame, PixelFormat, Tracker};
+use pardalis_core::simd::Level;
+use pardalis_filter::motion::ConstantVelocity;
+use pardalis_filter::particle_filter::FilterSettings;
+
+/// The ball, of which nothing but size and colours is known.
+fn sought(edge: EdgeSettings) -> BodySettings {
+    let published = ball_target(Palette::HSI, 500);
+    BodySettings {
+        cues: vec![Cue::Edge(edge).into()],
+        filter: FilterSettings {
+            motion: ConstantVelocity::BETWEEN_KICKS.into(),
+            ..published.filter
+        },
+        start: Start::Anywhere,
+        ..published
+    }
+}
+
+fn tracker_with(edge: EdgeSettings, seed: u32) -> Tracker {
+    let views = vec![fisheye_view()];
+    Tracker::new(views, vec![sought(edge)], seed, Level::best()).unwrap()
+}
+
+fn tracker(seed: u32) -> Tracker {
+    tracker_with(EdgeSettings::default(), seed)
+}
+
+fn truth_m(index: usize) -> [f64; 3] {
+    let table = std::fs::read_to_string(data("dioptric-jump/truth.csv")).unwrap();
+    let row: Vec<&str> = table.lines().nth(index + 1).unwrap().split(',').collect();
+    [4, 5, 6].map(|column| row[column].parse().unwrap())
+}
+
+fn as_frame(picture: &RgbImage, index: usize, format: PixelFormat) -> Frame {
+    frame(picture, format, YuvEncoding::default(), index as f64 / FPS)
+}
+
+/// What is known after each of these frames.
+fn follow(tracker: &mut Tracker, frames: impl IntoIterator<Item = Frame>) -> Vec<Estimate> {
+    let step = |frame: Frame| {
+        let time_s = frame.time_s();
+        tracker.observe(&[(0, frame)], time_s).unwrap();
+        tracker.estimate_at(0, time_s)
+    };
+    frames.into_iter().map(step).collect()
+}
+
+fn error_m(estimate: &Estimate, index: usize) -> f64 {
+    let found_m = estimate.kinematics.expect("an estimate").position_m;
+    let squares = found_m
+        .iter()
+        .zip(truth_m(index))
+        .map(|(a, b)| (a - b).powi(2));
+    squares.sum::<f64>().sqrt()
+}
+
+/// The image with everything near a place in plain grey.
+fn covered(index: usize) -> RgbImage {
+    let mut picture = jump_picture(index);
+    let view = fisheye_view();
+    let position_m = nalgebra::Point3::from(truth_m(index));
+    let place = view.camera_from_world() * position_m;
+    let [u, v] = view.camera().project(place.into()).unwrap();
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        if (f64::from(x) - u).abs() < 40.0 && (f64::from(y) - v).abs() < 40.0 {
+            *pixel = Rgb([90, 92, 95]);
+        }
+    }
+    picture
+}
+
+#[test]
+fn a_thrown_ball_is_found_in_the_first_frames_and_followed_in_any_format() {
+    for (seed, format) in [(1, PixelFormat::Rgb8), (2, PixelFormat::I420)] {
+        let frames = (0..25).map(|index| as_frame(&jump_picture(index), index, format));
+        let estimates = follow(&mut tracker(seed), frames);
+        for (index, estimate) in estimates.iter().enumerate().skip(2) {
+            assert_eq!(estimate.state, TrackState::Tracking, "frame {index}");
+            assert!(error_m(estimate, index) < 0.1, "frame {index}");
+            assert!(estimate.confidence > 0.9, "frame {index}");
+        }
+    }
+}
+
+#[test]
+fn a_ball_that_something_hides_is_occluded_and_then_followed_again() {
+    let picture = |index| match index {
+        10..15 => covered(index),
+        _ => jump_picture(index),
+    };
+    let frames = (0..20).map(|index| as_frame(&picture(index), index, PixelFormat::Rgb8));
+    let estimates = follow(&mut tracker(3), frames);
+    for index in 11..15 {
+        assert_eq!(
+            estimates[index].state,
+            TrackState::Occluded,
+            "frame {index}"
+        );
+    }
+    // Hidden, it may be farther and farther from where it was thought to go.
+    let variance = |index: usize| estimates[index].kinematics.unwrap().covariance_m2[0];
+    assert!(variance(14) > 4.0 * variance(9));
+    assert!(estimates[14].confidence < estimates[9].confidence);
+    for index in 17..20 {
+        assert_eq!(
+            estimates[index].state,
+            TrackState::Tracking,
+            "frame {index}"
+        );
+        assert!(error_m(&estimates[index], index) < 0.1, "frame {index}");
+    }
+}
+
+#[test]
+fn where_there_is_no_ball_none_is_found() {
+    let frames = (0..10).map(|index| as_frame(&covered(index), index, PixelFormat::Rgb8));
+    for estimate in follow(&mut tracker(4), frames) {
+        assert_eq!(estimate.state, TrackState::Searching);
+        assert!(estimate.kinematics.is_none() && estimate.confidence < 0.1);
+    }
+    let black = RgbImage::new(SIZE.0 as u32, SIZE.1 as u32);
+    let estimates = follow(&mut tracker(5), [as_frame(&black, 0, PixelFormat::Rgb8)]);
+    assert_eq!(estimates[0].state, TrackState::Searching);
+}
+
+/// A disc, as soft at its edge as the ball's, painted over a picture.
+fn with_disc(mut picture: RgbImage, [u, v]: [f64; 2], radius_px: f64, rgb: [f64; 3]) -> RgbImage {
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        let off_px = (f64::from(x) - u).hypot(f64::from(y) - v) - radius_px;
+        let share = 0.5 * libm::erfc(off_px / 1.2);
+        for (value, painted) in pixel.0.iter_mut().zip(rgb) {
+            *value = (f64::from(*value) * (1.0 - share) + painted * share).round() as u8;
+        }
+    }
+    picture
+}
+
+#[test]
+fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is() {
+    let painted = |rgb, color_evidence| {
+        let edge = EdgeSettings {
+            color_evidence,
+            ..EdgeSettings::default()
+        };
+        let picture = |index| with_disc(covered(index), [200.0, 150.0], 8.0, rgb);
+        let frames = (0..15).map(|index| as_frame(&picture(index), index, PixelFormat::Rgb8));
+        follow(&mut tracker_with(edge, 7), frames)
+    };
+    // Hues of 18, 22 and 20 degrees.
+    for rgb in [
+        [125.0, 85.0, 68.0],
+        [150.0, 105.0, 78.0],
+        [60.0, 30.0, 15.0],
+    ] {
+        for estimate in painted(rgb, true) {
+            assert_ne!(estimate.state, TrackState::Tracking, "{rgb:?}");
+            assert!(
+                estimate.confidence < 0.5,
+                "{rgb:?}: {}",
+                estimate.confidence
+            );
+        }
+    }
+    let is_taken = |estimates: &[Estimate]| {
+        estimates[2..]
+            .iter()
+            .all(|e| e.state == TrackState::Tracking)
+    };
+    assert!(is_taken(&painted([185.0, 90.0, 37.0], true)));
+    // It is the colour as a whole that tells.
+    assert!(is_taken(&painted([60.0, 30.0, 15.0], false)));
+}
+
+/// A disc in the image: its middle and its radius, pixels.
+type Disc = ([f64; 2], f64);
+
+/// The image without the ball, with discs of its colour, the later over the earlier.
+fn with_balls(index: usize, discs: &[Disc]) -> Frame {
+    let balls = discs
+        .iter()
+        .fold(covered(index), |picture, (middle, radius_px)| {
+            with_disc(picture, *middle, *radius_px, [185.0, 90.0, 37.0])
+        });
+    as_frame(&balls, index, PixelFormat::Rgb8)
+}
+
+/// What is known of two targets alike after each of these frames.
+fn follow_two(seed: u32, frames: impl IntoIterator<Item = Frame>) -> Vec<[Estimate; 2]> {
+    let ball = || sought(EdgeSettings::default());
+    let views = vec![fisheye_view()];
+    let mut tracker = Tracker::new(views, vec![ball(), ball()], seed, Level::best()).unwrap();
+    let step = |frame: Frame| {
+        let time_s = frame.time_s();
+        tracker.observe(&[(0, frame)], time_s).unwrap();
+        [0, 1].map(|target| tracker.estimate_at(target, time_s))
+    };
+    frames.into_iter().map(step).collect()
+}
+
+/// The disc that a target is seen at, within two pixels.
+fn disc_of(estimate: &Estimate, discs: &[Disc]) -> Option<usize> {
+    let view = fisheye_view();
+    let position_m = nalgebra::Point3::from(estimate.kinematics?.position_m);
+    let place = view.camera_from_world() * position_m;
+    let [u, v] = view.camera().project(place.into())?;
+    let off_px = |disc: &Disc| (disc.0[0] - u).hypot(disc.0[1] - v);
+    discs.iter().position(|disc| off_px(disc) < 2.0)
+}
+
+#[test]
+fn of_two_equal_balls_each_target_finds_one() {
+    let discs = [([200.0, 150.0], 8.0), ([300.0, 180.0], 8.0)];
+    for seed in 1..6 {
+        let frames = (0..8).map(|index| with_balls(index, &discs));
+        let estimates = follow_two(seed, frames);
+        for (index, both) in estimates.iter().enumerate().skip(2) {
+            let mut found = both.each_ref().map(|estimate| disc_of(estimate, &discs));
+            found.sort_unstable();
+            assert_eq!(found, [Some(0), Some(1)], "seed {seed}, frame {index}");
+            assert!(both.iter().all(|e| e.state == TrackState::Tracking));
+        }
+    }
+}
+
+#[test]
+fn of_two_targets_only_one_finds_a_single_ball() {
+    for seed in 1..6 {
+        let discs = [([200.0, 150.0], 8.0)];
+        let frames = (0..25).map(|index| with_balls(index, &discs));
+        let estimates = follow_two(seed, frames);
+        for (index, [one, other]) in estimates.iter().enumerate().skip(2) {
+            assert_eq!(
+                one.state,
+                TrackState::Tracking,
+                "seed {seed}, frame {index}"
+            );
+            assert_eq!(
+                other.state,
+                TrackState::Searching,
+                "seed {seed}, frame {index}"
+            );
+            assert!(other.confidence < 0.5, "{}", other.confidence);
+        }
+    }
+}
+
+#[test]
+fn two_equal_balls_that_pass_each_other_stay_who_they_are() {
+    // The second is nearer and hides the first wholly.
+    let discs = |index: usize| {
+        let moved_px = 4.0 * index as f64;
+        [
+            ([330.0 - moved_px, 150.0], 6.0),
+            ([200.0 + moved_px, 152.0], 11.0),
+        ]
+    };
+    for seed in 1..6 {
+        let frames = (0..32).map(|index| with_balls(index, &discs(index)));
+        let estimates = follow_two(seed, frames);
+        let found = |index: usize| {
+            let discs = discs(index);
+            estimates[index]
+                .each_ref()
+                .map(|estimate| disc_of(estimate, &discs))
+        };
+        let first = found(4);
+        assert!(
+            first == [Some(0), Some(1)] || first == [Some(1), Some(0)],
+            "seed {seed}: {first:?}"
+        );
+        for index in (4..12).chain(22..32) {
+            assert_eq!(found(index), first, "seed {seed}, frame {index}");
+        }
+        // In between the one is not taken for lost, nor where the other is.
+        for (index, both) in estimates.iter().enumerate().take(22).skip(12) {
+            let [one, other] = both.each_ref().map(|e| e.kinematics.unwrap().position_m);
+            let apart_m = (0..3)
+                .map(|i| (one[i] - other[i]).powi(2))
+                .sum::<f64>()
+                .sqrt();
+            assert!(apart_m > 0.11, "seed {seed}, frame {index}: {apart_m}");
+        }
+        let hidden = first.iter().position(|found| *found == Some(0)).unwrap();
+        let states = [16, 17].map(|index| estimates[index][hidden].state);
+        assert!(
+            states.contains(&TrackState::Occluded),
+            "seed {seed}: {states:?}"
+        );
+    }
+}
+
+#[test]
+fn two_equal_balls_in_a_single_image_are_one_for_each_target() {
+    let ball = || sought(EdgeSettings::default());
+    let views = vec![fisheye_view()];
+    let mut tracker = Tracker::new(views, vec![ball(), ball()], 1, Level::best()).unwrap();
+    let discs = [([200.0, 150.0], 8.0), ([300.0, 180.0], 8.0)];
+    let frame = with_balls(0, &discs);
+    let starts = [Start::Anywhere; 2];
+    let located = tracker
+        .locate(&[(0, frame)], 0.0, &starts, &PASSES_SIGMA_M)
+        .unwrap();
+    let mut found = [0, 1].map(|target: usize| disc_of(&located[target], &discs));
+    found.sort_unstable();
+    assert_eq!(found, [Some(0), Some(1)]);
+}
+
+/// The picture in other light: gains of red, green and blue.
+fn in_light(mut picture: RgbImage, gains: [f64; 3]) -> RgbImage {
+    for pixel in picture.pixels_mut() {
+        for (value, gain) in pixel.0.iter_mut().zip(gains) {
+            *value = (f64::from(*value) * gain).round().min(255.0) as u8;
+        }
+    }
+    picture
+}
+
+/// Gains of light that grew dark, and of light that grew colder and darker.
+const DARK: [f64; 3] = [0.28, 0.28, 0.28];
+const COLD: [f64; 3] = [0.42, 0.6, 1.0];
+
+/// Frames of five seconds in which the ball moves little, down and up again.
+const FIVE_SECONDS: usize = 125;
+
+/// The number of the picture that a frame of these shows.
+fn picture_of(frame: usize) -> usize {
+    let step = frame % 50;
+    step.min(49 - step)
+}
+
+/// What is known after each frame of these, which are painted, given the number of a picture and the share of the time that is over.
+fn five_seconds(
+    illumination_adaptation: bool,
+    paint: impl Fn(usize, f64) -> RgbImage,
+) -> Vec<Estimate> {
+    let edge = EdgeSettings {
+        illumination_adaptation,
+        ..EdgeSettings::default()
+    };
+    let frames = (0..FIVE_SECONDS).map(|frame| {
+        let share = frame as f64 / (FIVE_SECONDS - 1) as f64;
+        as_frame(&paint(picture_of(frame), share), frame, PixelFormat::Rgb8)
+    });
+    follow(&mut tracker_with(edge, 8), frames)
+}
+
+fn is_tracked(estimate: &Estimate) -> bool {
+    estimate.state == TrackState::Tracking
+}
+
+#[test]
+fn light_that_changes_is_followed_by_colours_that_adapt_alone() {
+    for gains in [DARK, COLD] {
+        let paint = |index, share| {
+            let gains = gains.map(|gain| libm::pow(gain, share));
+            in_light(jump_picture(index), gains)
+        };
+        let adapting = five_seconds(true, paint);
+        for (frame, estimate) in adapting.iter().enumerate().skip(2) {
+            assert!(is_tracked(estimate), "{gains:?}, frame {frame}");
+            let error_m = error_m(estimate, picture_of(frame));
+            assert!(error_m < 0.1, "{gains:?}, frame {frame}: {error_m}");
+        }
+        let fixed = five_seconds(false, paint);
+        assert!(is_tracked(&fixed[30]), "{gains:?}");
+        assert!(!is_tracked(&fixed[FIVE_SECONDS - 1]), "{gains:?}");
+    }
+}
+
+#[test]
+fn a_ball_that_slowly_turns_another_colour_in_the_same_light_is_not_followed() {
+    const ORANGE: [f64; 3] = [185.0, 90.0, 37.0];
+    // As skin and wood, dark brown, olive.
+    for rgb in [
+        [150.0, 105.0, 78.0],
+        [60.0, 30.0, 15.0],
+        [90.0, 110.0, 40.0],
+    ] {
+        let estimates = five_seconds(true, |index, share| {
+            let turned = (share / 0.75).min(1.0);
+            let now = [0, 1, 2].map(|i| ORANGE[i] + turned * (rgb[i] - ORANGE[i]));
+            with_disc(covered(index), [200.0, 150.0], 8.0, now)
+        });
+        assert!(estimates[2..20].iter().all(is_tracked), "{rgb:?}");
+        for estimate in &estimates[FIVE_SECONDS - 10..] {
+            assert!(!is_tracked(estimate), "{rgb:?}");
+            assert!(estimate.confidence < 0.5, "{rgb:?}");
+        }
+    }
+}
+
+#[test]
+fn in_light_that_changed_no_other_colour_is_taken_either() {
+    let estimates = five_seconds(true, |index, share| {
+        let ball_or_none = if share < 0.7 { jump_picture } else { covered };
+        let beside = [150.0, 105.0, 78.0];
+        let picture = with_disc(ball_or_none(index), [200.0, 150.0], 8.0, beside);
+        let faded = (share / 0.7).min(1.0);
+        in_light(picture, DARK.map(|gain| libm::pow(gain, faded)))
+    });
+    let gone = FIVE_SECONDS * 7 / 10 + 2;
+    assert!(estimates[2..gone - 5].iter().all(is_tracked));
+    for estimate in &estimates[gone + 5..] {
+        assert!(!is_tracked(estimate));
+        assert!(estimate.confidence < 0.5, "{}", estimate.confidence);
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.unwrap().install(|| {
+            let frames = (0..6).map(|i| as_frame(&jump_picture(i), i, PixelFormat::Rgb8));
+            follow(&mut tracker(6), frames)
+        })
+    };
+    let one = run(1);
+    assert_eq!(one, run(2));
+    assert_eq!(one, run(5));
+}

@@ -1,0 +1,116 @@
+//! Checks that relative links in Markdown pages lead to files, and links to headings to headings.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+
+/// Runs the check on every page of the repository.
+pub(crate) fn run(root: &Path) -> Result<()> {
+    let mut broken = Vec::new();
+    let pages = crate::files(root, "md")?;
+    for page in &pages {
+        let text = std::fs::read_to_string(page)?;
+        for link in links(&text) {
+            if let Some(reason) = reason_broken(page, &link) {
+                let shown = page.strip_prefix(root)?.display();
+                broken.push(format!("{shown}: ({link}): {reason}"));
+            }
+        }
+    }
+    if !broken.is_empty() {
+        bail!("links that lead nowhere:\n  {}", broken.join("\n  "));
+    }
+    println!("all links of {} pages lead somewhere", pages.len());
+    Ok(())
+}
+
+/// Returns why a link of a page leads nowhere; `None` for links that do and for other sites.
+fn reason_broken(page: &Path, link: &str) -> Option<String> {
+    if link.contains("://") || link.starts_with("mailto:") {
+        return None;
+    }
+    let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+    let target: PathBuf = if file.is_empty() {
+        page.to_owned()
+    } else {
+        page.parent().unwrap_or(Path::new(".")).join(file)
+    };
+    if !target.exists() {
+        return Some("there is no such file".to_owned());
+    }
+    if heading.is_empty() || target.extension().is_none_or(|e| e != "md") {
+        return None;
+    }
+    let text = std::fs::read_to_string(&target).ok()?;
+    (!anchors(&text).contains(heading)).then(|| "there is no such heading".to_owned())
+}
+
+/// Returns the lines of a page outside of code blocks.
+fn prose(text: &str) -> impl Iterator<Item = &str> {
+    let mut in_code = false;
+    text.lines().filter(move |line| {
+        let fence = line.trim_start().starts_with("```");
+        in_code ^= fence;
+        !in_code && !fence
+    })
+}
+
+/// Returns the targets of all links `[text](target)`.
+fn links(text: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for line in prose(text) {
+        let mut rest = line;
+        while let Some((_, after)) = rest.split_once("](") {
+            if let Some((target, _)) = after.split_once(')') {
+                let target = target.split_whitespace().next().unwrap_or_default();
+                found.push(target.trim_matches(['<', '>']).to_owned());
+            }
+            rest = after;
+        }
+    }
+    found
+}
+
+/// Returns the anchors of a page's headings, as GitHub and mdBook make them.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let mut anchors = BTreeSet::new();
+    for line in prose(text) {
+        let heading = line.trim_start_matches('#');
+        if heading.len() == line.len() || !heading.starts_with(' ') {
+            continue;
+        }
+        let keep = |c: char| c.is_alphanumeric() || c == ' ' || c == '-' || c == '_';
+        let anchor: String = heading
+            .trim()
+            .to_lowercase()
+            .chars()
+            .filter(|&c| keep(c))
+            .collect();
+        anchors.insert(anchor.replace(' ', "-"));
+    }
+    anchors
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn broken_links_and_headings_are_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let page = folder.path().join("a.md");
+        let text = "# One, two!\n[x](b.md) ![y](c.png) [z](#one-two)\n```\n[no](none.md)\n```\n[w](b.md#there) [v](https://a.b/c)";
+        std::fs::write(&page, text).unwrap();
+        std::fs::write(folder.path().join("b.md"), "## Here\n").unwrap();
+        let broken: Vec<_> = links(text)
+            .into_iter()
+            .filter(|link| reason_broken(&page, link).is_some())
+            .collect();
+        assert_eq!(broken, ["c.png", "b.md#there"]);
+        assert!(run(folder.path()).is_err());
+        std::fs::write(folder.path().join("c.png"), "").unwrap();
+        std::fs::write(folder.path().join("b.md"), "## There\n").unwrap();
+        assert!(run(folder.path()).is_ok());
+    }
+}
