@@ -360,15 +360,15 @@ fn view_of(
     if let Some(file) = &camera.mask {
         let path = resolve(folder, &file.value);
         let read = decode_mask(&path).and_then(|grey| {
-            if (grey.width, grey.height) != size {
+            if grey.size_px() != size {
                 return Err(fault!(
                     "{}: the mask is {} x {} pixels, the images are {width} x {height}; they must agree",
                     path.display(),
-                    grey.width,
-                    grey.height
+                    grey.width(),
+                    grey.height()
                 ));
             }
-            Mask::from_grey(width, height, &grey.bytes).map_err(|error| fault!("{}: {error}", path.display()))
+            Mask::from_grey(width, height, grey.as_raw()).map_err(|error| fault!("{}: {error}", path.display()))
         });
         match read {
             Ok(read) => mask = Some(read),

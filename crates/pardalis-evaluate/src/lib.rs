@@ -1,5 +1,6 @@
 //! Estimates against truth: errors, coverage, consistency, what confidences and states are worth, and which track follows which object.
 
+mod assignment;
 mod bootstrap;
 mod course;
 mod distribution;

@@ -8,7 +8,7 @@ mod common;
 
 use std::hint::black_box;
 
-use common::{data, frame};
+use common::{data, frame, open};
 use criterion::{Criterion, criterion_group, criterion_main};
 use pardalis::color::{ColorModel, ColorRanges, YuvEncoding};
 use pardalis::likelihood::{Cue, Cues, WindowCounting, WindowSettings};
@@ -52,7 +52,7 @@ fn views() -> Vec<View> {
 fn frames(index: usize) -> [(usize, Frame); 2] {
     [0, 1].map(|camera| {
         let name = format!("webcams-two/frames/cam{}/{index:06}.jpg", camera + 1);
-        let picture = image::open(data(&name)).unwrap().into_rgb8();
+        let picture = open(&name);
         let time_s = index as f64 / 25.0;
         let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s);
         (camera, frame)

@@ -9,7 +9,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use common::robot::{self, mast_view, robot_target};
 use common::{FPS, ball_target, fisheye_view, frame, jump_picture};
-use image::RgbImage;
 use pardalis::color::{Palette, YuvEncoding};
 use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
@@ -18,6 +17,7 @@ use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
 use pardalis_filter::motion::Motion;
+use pardalis_images::RgbImage;
 
 struct Counting;
 

@@ -241,7 +241,7 @@ impl Sink for Annotator {
                 label: self.label(instant),
                 zoom_at_px: first_shown_m.and_then(|place_m| pixel_of(view, place_m)),
             };
-            let picture = annotated(&picture_of(frame), &overlay)?;
+            let picture = annotated(&picture_of(frame), &overlay);
             write_picture(
                 &self.camera_folders[*camera].join(format!("{:06}.jpg", instant.index)),
                 &picture,

@@ -6,6 +6,8 @@ use std::process::Command;
 
 use crate::common::{Run, SCENE, Workplace, rows_in, scene_with};
 
+use pardalis_images::decode_grey;
+
 /// The robot with two landmarks on data/plane-robot, by the corners of the tape, colour and motion fused. The rear landmark comes first.
 const ROBOT: &str = r#"seed = 1
 [cameras.mast]
@@ -51,7 +53,7 @@ fn read(place: &Workplace, name: &str) -> String {
 
 /// Width and height, and the grey values, of a picture.
 fn grey(place: &Workplace, name: &str) -> ((u32, u32), Vec<u8>) {
-    let picture = image::open(place.path(name)).unwrap().to_luma8();
+    let picture = decode_grey(&fs::read(place.path(name)).unwrap()).unwrap();
     (picture.dimensions(), picture.into_raw())
 }
 

@@ -1,6 +1,6 @@
 //! Single images through mirrors, and starts that others hand over.
 
-use crate::common::{FPS, ball_target, data, fisheye_view, frame, jump_picture};
+use crate::common::{FPS, ball_target, data, fisheye_view, frame, jump_picture, open};
 use nalgebra::Point3;
 use pardalis::color::{ColorModel, Palette, YuvEncoding};
 use pardalis::start::{PixelStart, Start};
@@ -50,8 +50,7 @@ struct Still {
 fn stills(numbers: impl IntoIterator<Item = usize>) -> Vec<Still> {
     let truth = std::fs::read_to_string(data("catadioptric-static/truth.csv")).unwrap();
     let still = |number: usize| {
-        let picture = data(&format!("catadioptric-static/frames/{number:06}.jpg"));
-        let picture = image::open(picture).unwrap().into_rgb8();
+        let picture = open(&format!("catadioptric-static/frames/{number:06}.jpg"));
         let row: Vec<&str> = truth.lines().nth(number + 1).unwrap().split(',').collect();
         let column = |i: usize| row[i].parse::<f64>().unwrap();
         Still {

@@ -1,7 +1,6 @@
 //! Where the bias of distances "farther" comes from: from soft edges, not from camera model, outline or filter.
 
 use crate::common::frame;
-use image::{Rgb, RgbImage};
 use nalgebra::{Point3, Vector3};
 use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
 use pardalis::likelihood::{ContourSettings, Cue};
@@ -14,6 +13,7 @@ use pardalis_core::simd::Level;
 use pardalis_filter::motion::Motion;
 use pardalis_filter::particle_filter::FilterSettings;
 use pardalis_filter::resample::Resampling;
+use pardalis_images::RgbImage;
 use pardalis_scene::calibration;
 
 const ORANGE: [f64; 3] = [225.0, 105.0, 30.0];
@@ -72,7 +72,7 @@ fn picture(view: &View, center: [f64; 3], is_soft: bool) -> RgbImage {
     };
     RgbImage::from_fn(640, 480, |x, y| {
         let share = share(i64::from(x), i64::from(y));
-        Rgb([0, 1, 2].map(|c| (share * ORANGE[c] + (1.0 - share) * FLOOR[c]).round() as u8))
+        [0, 1, 2].map(|c| (share * ORANGE[c] + (1.0 - share) * FLOOR[c]).round() as u8)
     })
 }
 
@@ -81,7 +81,7 @@ fn rgb_frame(picture: &RgbImage) -> Frame {
 }
 
 fn orange() -> ColorModel {
-    let picture = RgbImage::from_pixel(4, 4, Rgb(ORANGE.map(|c| c as u8)));
+    let picture = RgbImage::from_pixel(4, 4, ORANGE.map(|c| c as u8));
     let mut learner = ColorLearner::new(Palette::HSI).unwrap();
     learner.add(&rgb_frame(&picture), &[true; 16]).unwrap();
     learner.learn().unwrap()

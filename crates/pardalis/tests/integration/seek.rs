@@ -1,7 +1,6 @@
 //! Targets without a start: found, followed, hidden, lost and found again, on the rendered fisheye sequence.
 
 use crate::common::{FPS, SIZE, ball_target, data, fisheye_view, frame, jump_picture};
-use image::{Rgb, RgbImage};
 use pardalis::color::{Palette, YuvEncoding};
 use pardalis::likelihood::{Cue, EdgeSettings};
 use pardalis::start::Start;
@@ -10,6 +9,7 @@ use pardalis::{Estimate, Frame, PixelFormat, Tracker};
 use pardalis_core::simd::Level;
 use pardalis_filter::motion::ConstantVelocity;
 use pardalis_filter::particle_filter::FilterSettings;
+use pardalis_images::RgbImage;
 
 /// The ball, of which nothing but size and colours is known.
 fn sought(edge: EdgeSettings) -> BodySettings {
@@ -72,7 +72,7 @@ fn covered(index: usize) -> RgbImage {
     let [u, v] = view.camera().project(place.into()).unwrap();
     for (x, y, pixel) in picture.enumerate_pixels_mut() {
         if (f64::from(x) - u).abs() < 40.0 && (f64::from(y) - v).abs() < 40.0 {
-            *pixel = Rgb([90, 92, 95]);
+            *pixel = [90, 92, 95];
         }
     }
     picture
@@ -137,7 +137,7 @@ fn with_disc(mut picture: RgbImage, [u, v]: [f64; 2], radius_px: f64, rgb: [f64;
     for (x, y, pixel) in picture.enumerate_pixels_mut() {
         let off_px = (f64::from(x) - u).hypot(f64::from(y) - v) - radius_px;
         let share = 0.5 * libm::erfc(off_px / 1.2);
-        for (value, painted) in pixel.0.iter_mut().zip(rgb) {
+        for (value, painted) in pixel.iter_mut().zip(rgb) {
             *value = (f64::from(*value) * (1.0 - share) + painted * share).round() as u8;
         }
     }
@@ -317,7 +317,7 @@ fn two_equal_balls_in_a_single_image_are_one_for_each_target() {
 /// The picture in other light: gains of red, green and blue.
 fn in_light(mut picture: RgbImage, gains: [f64; 3]) -> RgbImage {
     for pixel in picture.pixels_mut() {
-        for (value, gain) in pixel.0.iter_mut().zip(gains) {
+        for (value, gain) in pixel.iter_mut().zip(gains) {
             *value = (f64::from(*value) * gain).round().min(255.0) as u8;
         }
     }

@@ -5,7 +5,6 @@ pub(crate) mod robot;
 
 use std::path::PathBuf;
 
-use image::RgbImage;
 use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
 use pardalis::likelihood::{ContourSettings, Cue};
 use pardalis::shape::{Shape, Sphere, SphereOutline};
@@ -19,6 +18,7 @@ use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 use pardalis_filter::motion::{ConstantVelocity, Disturbance};
 use pardalis_filter::particle_filter::FilterSettings;
 use pardalis_filter::resample::Resampling;
+use pardalis_images::{RgbImage, decode};
 
 /// Width and height of the sequence's images, pixels.
 pub(crate) const SIZE: (usize, usize) = (640, 480);
@@ -35,14 +35,15 @@ pub(crate) fn data(path: &str) -> PathBuf {
         .join(path)
 }
 
-fn open(path: &str) -> image::DynamicImage {
-    let path = data(path);
-    image::open(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+/// Decodes a bundled image.
+pub(crate) fn open(path: &str) -> RgbImage {
+    let file = std::fs::read(data(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+    decode(&file).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
 /// A picture of data/dioptric-jump.
 pub(crate) fn jump_picture(index: usize) -> RgbImage {
-    open(&format!("dioptric-jump/frames/{index:06}.jpg")).into_rgb8()
+    open(&format!("dioptric-jump/frames/{index:06}.jpg"))
 }
 
 /// A picture as a frame of this format.
@@ -54,7 +55,7 @@ pub(crate) fn frame(
 ) -> Frame {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let bytes = match format {
-        PixelFormat::Rgb8 => picture.as_raw().clone(),
+        PixelFormat::Rgb8 => picture.as_raw().to_vec(),
         _ => yuv_bytes(picture, format, encoding),
     };
     Frame::new(format, encoding, width, height, bytes, time_s).unwrap()
@@ -64,7 +65,7 @@ pub(crate) fn frame(
 fn yuv_bytes(picture: &RgbImage, format: PixelFormat, encoding: YuvEncoding) -> Vec<u8> {
     let (width, height) = picture.dimensions();
     let yuv = |x: u32, y: u32| {
-        let rgb = picture.get_pixel(x.min(width - 1), y).0.map(f64::from);
+        let rgb = picture.get_pixel(x.min(width - 1), y).map(f64::from);
         encoding.yuv_from_rgb(rgb).map(|c| c.round() as u8)
     };
     let mut bytes = Vec::new();
@@ -131,9 +132,9 @@ pub(crate) fn fisheye_view() -> View {
 pub(crate) fn ball_colors(palette: Palette) -> ColorModel {
     let mut learner = ColorLearner::new(palette).unwrap();
     for i in 0..6 {
-        let picture = open(&format!("training/dioptric/{i:03}.jpg")).into_rgb8();
-        let mask = open(&format!("training/dioptric/{i:03}_ball_mask.png")).into_luma8();
-        let labels: Vec<bool> = mask.as_raw().iter().map(|&g| g >= 128).collect();
+        let picture = open(&format!("training/dioptric/{i:03}.jpg"));
+        let mask = open(&format!("training/dioptric/{i:03}_ball_mask.png"));
+        let labels: Vec<bool> = mask.pixels().map(|[grey, ..]| grey >= 128).collect();
         let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), 0.0);
         learner.add(&frame, &labels).unwrap();
     }

@@ -1,6 +1,5 @@
 //! The sequence of the plane: its camera known by the tape rectangle, its robot by two landmarks.
 
-use image::RgbImage;
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{Cue, PatchSettings};
 use pardalis::shape::{Flat, Shape};
@@ -14,6 +13,7 @@ use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 use pardalis_filter::motion::Motion;
 use pardalis_filter::particle_filter::FilterSettings;
 use pardalis_filter::resample::Resampling;
+use pardalis_images::RgbImage;
 
 use super::{SIZE, data, open};
 
@@ -31,7 +31,7 @@ const CENTER_M: [f64; 3] = [0.0, -3.2, 3.0];
 
 /// A picture of data/plane-robot.
 pub(crate) fn picture(index: usize) -> RgbImage {
-    open(&format!("plane-robot/frames/{index:06}.jpg")).into_rgb8()
+    open(&format!("plane-robot/frames/{index:06}.jpg"))
 }
 
 /// The camera by its corners, with its place or without.

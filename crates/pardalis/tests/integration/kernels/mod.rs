@@ -6,7 +6,6 @@ mod window;
 
 use crate::common::robot::mast;
 use crate::common::{ball_colors, fisheye, frame, jump_picture, world_from_fisheye};
-use image::{Rgb, RgbImage};
 use nalgebra::Point3;
 use pardalis::color::{ColorModel, Palette, PixelKind, YuvEncoding, YuvMatrix, YuvRange};
 use pardalis::likelihood::{
@@ -27,6 +26,7 @@ use pardalis_core::rng::{Draws, Stage};
 use pardalis_core::simd::Level;
 use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
+use pardalis_images::RgbImage;
 
 /// A point this close to a border between pixels may be rounded to either side: the kernels' single precision leaves some 2e-4 px.
 const BORDER_PX: f64 = 1e-3;
@@ -142,7 +142,7 @@ fn patches(seed: u32) -> RgbImage {
     let draws = Draws::new(seed, 1);
     RgbImage::from_fn(401, 333, |x, y| {
         let channel = |c| (256.0 * draws.uniform(x / 9 + 1000 * (y / 7), c, Stage::Start)) as u8;
-        Rgb([channel(0), channel(1), channel(2)])
+        [channel(0), channel(1), channel(2)]
     })
 }
 

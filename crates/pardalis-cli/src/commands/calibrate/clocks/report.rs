@@ -222,7 +222,7 @@ impl<'a> Report<'a> {
         let _ = writeln!(
             page,
             "<figure>{}</figure>",
-            residuals_over_time(&residuals)?
+            residuals_over_time(&residuals)?.svg
         );
         for camera in &self.cameras {
             for (when, residual) in [
@@ -235,7 +235,7 @@ impl<'a> Report<'a> {
                     outlier: sighting.outlier,
                 });
                 let sightings: Vec<Sighting> = sightings.collect();
-                let picture = observed_and_projected(camera.size_px, &sightings)?;
+                let picture = observed_and_projected(camera.size_px, &sightings)?.svg;
                 let _ = writeln!(
                     page,
                     "<h2>{}: where the target was seen and where its path is projected, {when}</h2>\n<figure>{picture}</figure>",
