@@ -28,6 +28,18 @@ pub struct FilterSettings {
     pub resample_below: f64,
 }
 
+impl Default for FilterSettings {
+    /// 2000 particles with the default motion, resampled systematically at every step.
+    fn default() -> Self {
+        Self {
+            particle_count: 2000,
+            motion: Motion::DEFAULT,
+            resampling: Resampling::Systematic,
+            resample_below: 1.0,
+        }
+    }
+}
+
 impl FilterSettings {
     /// Refuses what makes no filter.
     fn check(&self) -> Result<(), Error> {

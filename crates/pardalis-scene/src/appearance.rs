@@ -103,58 +103,71 @@ fn read_upright(body: &Table, section: Option<Section>) -> Option<Shape> {
         .map(Shape::Upright)
 }
 
-/// The cues of a target: each that has a table. Where none has, the edge cue, which finds the target by itself, or the contour cue where the scene says where it
-/// starts.
+/// The keys of the published cues.
+const PUBLISHED_CUES: [&str; 4] = ["contour", "window", "region", "difference"];
+
+/// The cues of a target, which say in which way it is tracked.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum CuesConfig {
+    /// The edge cue detects the target.
+    Edge(EdgeSettings),
+    /// These track it from a given start.
+    Published(Vec<CueSettings>),
+}
+
+/// Reads the cues of a target: each that has a table. If none has, the edge cue, or the contour cue if the scene says where the target starts.
 pub(super) fn read_cues(
     table: &Table,
     shape: Option<&Shape>,
     cameras: &[String],
     has_start: bool,
-) -> Option<Vec<CueSettings>> {
+) -> Option<CuesConfig> {
     let default = shape.map_or_else(ContourSettings::default, ContourSettings::of_shape);
     let within = shape.map_or_else(PatchSettings::around, PatchSettings::within);
     let read = |key: &'static str, table: &Table| match key {
         "contour" => read_contour(table, default).map(Cue::Contour),
         "window" => read_window(table).map(Cue::Window),
         "region" => read_patch(table, within, shape).map(Cue::Region),
-        "edge" => read_edge(table).map(Cue::Edge),
         _ => read_patch(table, PatchSettings::around(), shape).map(Cue::Difference),
     };
     let (mut found, mut fine) = (false, true);
     let mut cues = Vec::new();
-    for key in ["contour", "window", "region", "difference", "edge"] {
+    for key in PUBLISHED_CUES {
         found |= table.has(key);
         let Some(cue_table) = table.table(key) else {
             fine &= !table.has(key);
             continue;
         };
         let cue = read(key, &cue_table);
-        // The edge cue looks at all cameras.
-        let cameras = if key == "edge" {
-            Ok(None)
-        } else {
-            read_cameras(&cue_table, cameras)
-        };
+        let cameras = read_cameras(&cue_table, cameras);
         cue_table.finish();
         match (cue, cameras) {
             (Some(cue), Ok(cameras)) => cues.push(CueSettings { cue, cameras }),
             _ => fine = false,
         }
     }
-    if !found {
-        let cue = if has_start {
-            Cue::Contour(default)
-        } else {
-            Cue::Edge(EdgeSettings::default())
-        };
-        return Some(vec![cue.into()]);
-    }
-    if cues.len() > 1 && cues.iter().any(CueSettings::is_edge) {
+    let has_edge = table.has("edge");
+    let edge = table.table("edge").map(|edge_table| {
+        let edge = read_edge(&edge_table);
+        edge_table.finish();
+        edge
+    });
+    if has_edge && found {
         table.problem(
             "edge",
-            "stands beside other cues, but finds its target by itself; keep it alone, or leave it out",
+            "stands beside published cues, but detects its target by itself; keep it alone, or leave it out",
         );
         return None;
+    }
+    if has_edge {
+        return edge.flatten().map(CuesConfig::Edge);
+    }
+    if !found {
+        return Some(if has_start {
+            CuesConfig::Published(vec![Cue::Contour(default).into()])
+        } else {
+            CuesConfig::Edge(EdgeSettings::default())
+        });
     }
     let looked_at = |camera: usize| {
         let looks = |cue: &CueSettings| cue.cameras.as_ref().is_none_or(|c| c.contains(&camera));
@@ -168,7 +181,7 @@ pub(super) fn read_cues(
             fine = false;
         }
     }
-    (fine && !cues.is_empty()).then_some(cues)
+    (fine && !cues.is_empty()).then_some(CuesConfig::Published(cues))
 }
 
 /// The numbers of the cameras that a cue names; none where it names none, and an error, which the journal says, where it names wrong ones.

@@ -20,7 +20,7 @@ pub use offsets::with_time_offsets;
 pub use plane::RectangleConfig;
 pub use reader::{Located, Problem};
 pub use start::{StartConfig, TrackStart};
-pub use target::{BodyConfig, TargetConfig};
+pub use target::{BodyConfig, TargetConfig, TrackingConfig};
 pub use world::WorldConfig;
 
 use reader::{Journal, Table};

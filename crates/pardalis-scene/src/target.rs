@@ -1,14 +1,17 @@
 //! The targets of a scene.
 
-use super::appearance::{read_cues, read_shape};
+use super::appearance::{CuesConfig, read_cues, read_shape};
 use super::motion::read_motion;
 use super::reader::{Located, Table};
 use super::start::{StartConfig, read_start};
 use pardalis::color::ColorModel;
-use pardalis::likelihood::{ContourSettings, Cue, CueSettings};
+use pardalis::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
 use pardalis::shape::Shape;
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, ExistenceSettings, OcclusionRates};
+use pardalis::tracker::{
+    BodySettings, DetectedSettings, ExistenceSettings, InitializedSettings, OcclusionRates,
+};
+use pardalis_core::Error;
 use pardalis_filter::bernoulli::check_motion;
 use pardalis_filter::motion::{ConstantVelocity, Motion};
 use pardalis_filter::particle_filter::{FilterSettings, MAX_PARTICLES};
@@ -34,14 +37,49 @@ pub struct BodyConfig {
     pub shape: Shape,
     /// The file with its colours; none where every cue knows its own.
     pub colors: Option<Located<String>>,
-    /// How it is compared with the images.
-    pub cues: Vec<CueSettings>,
-    /// Its filter.
-    pub filter: FilterSettings,
-    /// Where its particles start, with the place of the position, pixel or file.
-    pub start: Located<StartConfig>,
-    /// How it comes, goes and hides, where it is sought.
-    pub existence: ExistenceSettings,
+    /// In which way it is tracked.
+    pub tracking: TrackingConfig,
+}
+
+/// One of the two ways in which a body is tracked.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TrackingConfig {
+    /// The tracker detects the target itself.
+    Detected {
+        /// The edge cue.
+        edge: EdgeSettings,
+        /// How it moves.
+        motion: Motion,
+        /// The number of particles.
+        particle_count: usize,
+        /// How it appears, disappears and becomes occluded.
+        existence: ExistenceSettings,
+        /// Where it is at first, if that is known, with the place of the position or file.
+        start: Option<Located<StartConfig>>,
+    },
+    /// The published cues track it from a given start.
+    Initialized {
+        /// The cues.
+        cues: Vec<CueSettings>,
+        /// Its particle filter.
+        filter: FilterSettings,
+        /// Where its particles start, with the place of the position, pixel or file.
+        start: Located<StartConfig>,
+    },
+}
+
+/// What the bodies of a target share, before their starts are read.
+enum Shared {
+    Detected {
+        edge: EdgeSettings,
+        motion: Option<Motion>,
+        particle_count: usize,
+        existence: Option<ExistenceSettings>,
+    },
+    Initialized {
+        cues: Vec<CueSettings>,
+        filter: Option<FilterSettings>,
+    },
 }
 
 /// The cameras of a scene, as far as its targets need to know them.
@@ -83,47 +121,54 @@ impl TargetConfig {
         let has_start =
             table.has("start") || landmarks.iter().any(|(_, landmark)| landmark.has("start"));
         let cues = read_cues(&table, typical.as_ref(), &cameras.all, has_start);
-        let is_sought = cues
-            .as_ref()
-            .is_some_and(|cues| cues.iter().any(CueSettings::is_edge));
-        let filter = read_filter(&table, typical.as_ref(), is_sought);
-        let existence = read_existence(&table, is_sought);
+        let shared = read_shared(&table, typical.as_ref(), cues);
+        let motion = match &shared {
+            Some(Shared::Detected { motion, .. }) => *motion,
+            Some(Shared::Initialized { filter, .. }) => filter.map(|filter| filter.motion),
+            None => None,
+        };
         if matches!(typical, Some(Shape::Flat(_)))
-            && filter.is_some_and(|filter| !filter.motion.is_planar())
+            && motion.is_some_and(|motion| !motion.is_planar())
         {
             let message = "lets a flat shape leave the ground; give planar_constant_velocity, planar_random_walk or planar_constant_acceleration";
             table.problem("motion", message);
         }
         let body = |name: String, table: &Table, shape: Option<Shape>| {
             let colors = table.located("colors");
-            // Of cues that cannot be read their own problems are told.
-            let need_colors =
-                |cues: &Vec<CueSettings>| cues.iter().any(|cue| !cue.cue.knows_its_colors());
-            if !table.has("colors") && cues.as_ref().is_some_and(need_colors) {
+            // Cues that cannot be read have problems of their own.
+            let needs_colors = match &shared {
+                Some(Shared::Detected { .. }) => true,
+                Some(Shared::Initialized { cues, .. }) => {
+                    cues.iter().any(|cue| !cue.cue.knows_its_colors())
+                }
+                None => false,
+            };
+            if !table.has("colors") && needs_colors {
                 let message = "is missing; give a colour model, made by `pardalis learn`, or, for the window cue alone, window.hue_deg and window.saturation";
                 table.problem("colors", message);
             }
-            // Of a shape that all share the cue's own table tells.
+            // If all share a shape, the cue's own table reports it.
             let has_form = matches!(shape, Some(Shape::Sphere(_) | Shape::Upright(_)));
-            let looks_at_regions =
-                |cues: &Vec<CueSettings>| cues.iter().any(|cue| cue.cue.looks_at_regions());
-            if has_form && cues.as_ref().is_some_and(looks_at_regions) {
+            let looks_at_regions = |shared: &Shared| match shared {
+                Shared::Detected { .. } => false,
+                Shared::Initialized { cues, .. } => {
+                    cues.iter().any(|cue| cue.cue.looks_at_regions())
+                }
+            };
+            if has_form && shared.as_ref().is_some_and(looks_at_regions) {
                 let message = "is not flat, but the cues region and difference look at flat regions; give shape.disc or shape.rectangle, or leave these cues out";
                 table.problem("shape", message);
             }
-            let start = if is_sought {
-                read_sought_start(table, &name, &cameras.all)
-            } else {
-                read_start(table, &name, &cameras.all)
+            let tracking = match &shared {
+                Some(shared) => shared.with_start(table, &name, &cameras.all),
+                // Problems of the start are reported all the same.
+                None => read_start(table, &name, &cameras.all).and(None),
             };
             Some(BodyConfig {
                 name,
                 shape: shape?,
                 colors,
-                cues: cues.clone()?,
-                filter: filter?,
-                start: start?,
-                existence: existence?,
+                tracking: tracking?,
             })
         };
         let (bodies, heading) = if has_landmarks {
@@ -141,8 +186,8 @@ impl TargetConfig {
             let mut bodies = Vec::new();
             for ((name, landmark), shape) in landmarks.into_iter().zip(own_shapes) {
                 bodies.push(body(name, &landmark, shape));
-                if matches!(&bodies.last(), Some(Some(body)) if matches!(body.start.value, StartConfig::Track(_)))
-                {
+                let start = bodies.last().and_then(|body| body.as_ref()?.start());
+                if start.is_some_and(|start| matches!(start.value, StartConfig::Track(_))) {
                     let message = "is a track, which does not say where landmarks are; give start.gaussian or start.pixel";
                     landmark.problem("start", message);
                 }
@@ -172,24 +217,165 @@ fn read_heading(table: &Table, landmarks: &[String]) -> Option<[usize; 2]> {
 }
 
 impl BodyConfig {
-    /// How it is tracked, once its files are read.
-    pub fn settings(&self, colors: Option<ColorModel>, start: Start) -> BodySettings {
-        BodySettings {
-            shape: self.shape,
-            colors,
-            cues: self.cues.clone(),
-            filter: self.filter,
-            start,
-            existence: self.existence,
+    /// Where it starts, if the scene says so.
+    pub fn start(&self) -> Option<&Located<StartConfig>> {
+        match &self.tracking {
+            TrackingConfig::Detected { start, .. } => start.as_ref(),
+            TrackingConfig::Initialized { start, .. } => Some(start),
         }
     }
 
-    /// Its contour cue, where it has one.
+    /// The published cues; none if the tracker detects the body itself.
+    pub fn cues(&self) -> &[CueSettings] {
+        match &self.tracking {
+            TrackingConfig::Detected { .. } => &[],
+            TrackingConfig::Initialized { cues, .. } => cues,
+        }
+    }
+
+    /// How it moves.
+    pub fn motion(&self) -> &Motion {
+        match &self.tracking {
+            TrackingConfig::Detected { motion, .. } => motion,
+            TrackingConfig::Initialized { filter, .. } => &filter.motion,
+        }
+    }
+
+    /// The number of its particles.
+    pub fn particle_count(&self) -> usize {
+        match &self.tracking {
+            TrackingConfig::Detected { particle_count, .. } => *particle_count,
+            TrackingConfig::Initialized { filter, .. } => filter.particle_count,
+        }
+    }
+
+    /// Its settings, once its files are read.
+    ///
+    /// Errors: a detected body without colours or with a start in a pixel, an initialised one without start.
+    pub fn settings(
+        &self,
+        colors: Option<ColorModel>,
+        start: Option<Start>,
+    ) -> Result<BodySettings, Error> {
+        let missing = |what: &str, remedy: &str| Error::Empty {
+            what: what.to_owned(),
+            remedy: remedy.to_owned(),
+        };
+        match &self.tracking {
+            TrackingConfig::Detected {
+                edge,
+                motion,
+                particle_count,
+                existence,
+                ..
+            } => {
+                let start = match start {
+                    Some(Start::Gaussian(start)) => Some(start),
+                    Some(Start::Pixel(_)) => {
+                        let allowed = "none or a position for detected targets";
+                        return Err(Error::out_of_range("start", "a pixel", allowed));
+                    }
+                    None => None,
+                };
+                Ok(BodySettings::Detected(DetectedSettings {
+                    shape: self.shape,
+                    colors: colors
+                        .ok_or_else(|| missing("the edge cue's colour model", "learn one"))?,
+                    edge: *edge,
+                    motion: *motion,
+                    particle_count: *particle_count,
+                    existence: *existence,
+                    start,
+                }))
+            }
+            TrackingConfig::Initialized { cues, filter, .. } => {
+                let no_start = || missing("the start", "give a position or a pixel");
+                Ok(BodySettings::Initialized(InitializedSettings {
+                    shape: self.shape,
+                    colors,
+                    cues: cues.clone(),
+                    filter: *filter,
+                    start: start.ok_or_else(no_start)?,
+                }))
+            }
+        }
+    }
+
+    /// Its contour cue, if it has one.
     pub fn contour(&self) -> Option<&ContourSettings> {
-        self.cues.iter().find_map(|cue| match &cue.cue {
+        self.cues().iter().find_map(|cue| match &cue.cue {
             Cue::Contour(contour) => Some(contour),
             _ => None,
         })
+    }
+}
+
+impl Shared {
+    /// What the bodies share, with the start of the body in this table.
+    fn with_start(&self, table: &Table, name: &str, cameras: &[String]) -> Option<TrackingConfig> {
+        match self {
+            Self::Detected {
+                edge,
+                motion,
+                particle_count,
+                existence,
+            } => {
+                let start = read_detected_start(table, name, cameras);
+                Some(TrackingConfig::Detected {
+                    edge: *edge,
+                    motion: (*motion)?,
+                    particle_count: *particle_count,
+                    existence: (*existence)?,
+                    start: start?,
+                })
+            }
+            Self::Initialized { cues, filter } => {
+                let start = read_start(table, name, cameras);
+                Some(TrackingConfig::Initialized {
+                    cues: cues.clone(),
+                    filter: (*filter)?,
+                    start: start?,
+                })
+            }
+        }
+    }
+}
+
+/// Reads what the bodies of a target share; `None` if its cues cannot be read.
+fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -> Option<Shared> {
+    match cues {
+        Some(CuesConfig::Edge(edge)) => {
+            let motion = read_motion(table, shape, ConstantVelocity::BETWEEN_KICKS);
+            let motion = motion.filter(|motion| match check_motion(motion) {
+                Ok(()) => true,
+                Err(error) => {
+                    table.problem("motion", error.to_string());
+                    false
+                }
+            });
+            Some(Shared::Detected {
+                edge,
+                motion,
+                particle_count: read_detected_particles(table),
+                existence: read_existence(table),
+            })
+        }
+        Some(CuesConfig::Published(cues)) => {
+            if table.knows("existence") {
+                let message = "stands without the edge cue: the published cues track a target that is always there; leave it out, or give edge in their place";
+                table.problem("existence", message);
+            }
+            Some(Shared::Initialized {
+                cues,
+                filter: read_filter(table, shape),
+            })
+        }
+        // Problems of the other tables are reported all the same.
+        None => {
+            table.knows("existence");
+            read_filter(table, shape);
+            None
+        }
     }
 }
 
@@ -215,30 +401,27 @@ pub(super) fn kind_of<'a, 't>(
     found
 }
 
-/// What is sought needs no start.
-fn read_sought_start(
+/// Reads the start of a detected body, which needs none.
+fn read_detected_start(
     table: &Table,
     name: &str,
     cameras: &[String],
-) -> Option<Located<StartConfig>> {
+) -> Option<Option<Located<StartConfig>>> {
     if !table.has("start") {
-        return Some(table.at("start", StartConfig::Here(Start::Anywhere)));
+        return Some(None);
     }
     let start = read_start(table, name, cameras)?;
     if let StartConfig::Here(Start::Pixel(_)) = start.value {
-        let message = "is a pixel, but the edge cue finds its target by itself; leave start out, or give start.gaussian or start.track";
+        let message = "is a pixel, but the edge cue detects its target by itself; leave start out, or give start.gaussian or start.track";
         table.problem("start", message);
         return None;
     }
-    Some(start)
+    Some(Some(start))
 }
 
-/// Rates of coming, going and hiding; only what is sought has them.
-fn read_existence(table: &Table, is_sought: bool) -> Option<ExistenceSettings> {
+/// Reads how a detected target appears, disappears and becomes occluded.
+fn read_existence(table: &Table) -> Option<ExistenceSettings> {
     let default = ExistenceSettings::default();
-    if !is_sought {
-        return Some(default);
-    }
     let Some(existence) = table.table("existence") else {
         return (!table.has("existence")).then_some(default);
     };
@@ -261,31 +444,41 @@ fn read_existence(table: &Table, is_sought: bool) -> Option<ExistenceSettings> {
     Some(settings)
 }
 
-fn read_filter(table: &Table, shape: Option<&Shape>, is_sought: bool) -> Option<FilterSettings> {
-    let (default_motion, default_count) = if is_sought {
-        (ConstantVelocity::BETWEEN_KICKS, SOUGHT_PARTICLES)
-    } else {
-        (ConstantVelocity::DEFAULT, DEFAULT_FILTER.particle_count)
+/// Reads the number of particles of a detected target.
+fn read_detected_particles(table: &Table) -> usize {
+    let default = DetectedSettings::PARTICLE_COUNT;
+    let Some(filter) = table.table("filter") else {
+        return default;
     };
-    let motion = read_motion(table, shape, default_motion);
-    if is_sought
-        && let Some(motion) = &motion
-        && let Err(error) = check_motion(motion)
-    {
-        table.problem("motion", error.to_string());
-        return None;
+    let count = read_particles(&filter, default);
+    for key in ["resampling", "resample_below"] {
+        if filter.knows(key) {
+            let message = "has no effect on a target that the edge cue detects: its filter resamples in a way of its own";
+            filter.warn(key, message);
+        }
     }
+    filter.finish();
+    count
+}
+
+fn read_particles(filter: &Table, default: usize) -> usize {
+    let count = filter.or("particles", default);
+    if !(1..=MAX_PARTICLES).contains(&count) {
+        filter.refuse("particles", &format!("1 to {MAX_PARTICLES}"));
+    }
+    count
+}
+
+fn read_filter(table: &Table, shape: Option<&Shape>) -> Option<FilterSettings> {
+    let default = FilterSettings::default();
+    let motion = read_motion(table, shape, ConstantVelocity::DEFAULT);
     let Some(filter) = table.table("filter") else {
         return Some(FilterSettings {
             motion: motion?,
-            particle_count: default_count,
-            ..DEFAULT_FILTER
+            ..default
         });
     };
-    let particle_count = filter.or("particles", default_count);
-    if !(1..=MAX_PARTICLES).contains(&particle_count) {
-        filter.refuse("particles", &format!("1 to {MAX_PARTICLES}"));
-    }
+    let particle_count = read_particles(&filter, default.particle_count);
     let schemes = [
         ("systematic", Resampling::Systematic),
         ("stratified", Resampling::Stratified),
@@ -293,7 +486,7 @@ fn read_filter(table: &Table, shape: Option<&Shape>, is_sought: bool) -> Option<
         ("multinomial", Resampling::Multinomial),
     ];
     let resampling = filter.word("resampling", &schemes, "systematic");
-    let resample_below = filter.or("resample_below", DEFAULT_FILTER.resample_below);
+    let resample_below = filter.or("resample_below", default.resample_below);
     if !(resample_below > 0.0 && resample_below <= 1.0) {
         filter.refuse("resample_below", "above 0 and at most 1 (1: at every step)");
     }
@@ -305,13 +498,3 @@ fn read_filter(table: &Table, shape: Option<&Shape>, is_sought: bool) -> Option<
         resample_below,
     })
 }
-
-/// Of the edge cue: its particles are drawn where the images say.
-const SOUGHT_PARTICLES: usize = 500;
-
-const DEFAULT_FILTER: FilterSettings = FilterSettings {
-    particle_count: 2000,
-    motion: Motion::DEFAULT,
-    resampling: Resampling::Systematic,
-    resample_below: 1.0,
-};

@@ -10,15 +10,13 @@ use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
 use pardalis_filter::gaussian::{GaussianStart, MAX_START, check_sigma, diagonal_m2};
 
-/// How a target's particles start.
+/// How the particles of an initialised target start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
     /// Around a rough guess.
     Gaussian(GaussianStart),
     /// Where the target is most likely along the ray through a pixel of a camera.
     Pixel(PixelStart),
-    /// Wherever the edge cue finds it.
-    Anywhere,
 }
 
 /// A start from a clicked pixel (thesis 5.2, fig. 5.1): particles along the pixel's ray, from near the camera to where it meets the

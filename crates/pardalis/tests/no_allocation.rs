@@ -15,7 +15,7 @@ use pardalis::view::View;
 use pardalis::{Frame, PixelFormat, Tracker};
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::motion::Motion;
 use pardalis_images::RgbImage;
 
@@ -82,7 +82,7 @@ fn check(view: View, target: TargetSettings, frames: &[[(usize, Frame); 1]]) {
 fn check_bernoulli() {
     let settings = BernoulliSettings::of(Motion::DEFAULT);
     let mut filter = BernoulliFilter::new(settings, Draws::new(1, 0)).unwrap();
-    let mut step = |peaks: &[Peak]| {
+    let mut step = |peaks: &[MeasurementComponent]| {
         let before = ALLOCATIONS.load(Ordering::Relaxed);
         filter.predict(0.04);
         filter.update(peaks, f64::INFINITY, |particles, out| {
@@ -93,10 +93,10 @@ fn check_bernoulli() {
         assert!(filter.estimate(0.01).is_some() && filter.existence() > 0.5);
         ALLOCATIONS.load(Ordering::Relaxed) - before
     };
-    let peaks = [-0.05, 0.05, 2.0].map(|x| Peak {
+    let peaks = [-0.05, 0.05, 2.0].map(|x| MeasurementComponent {
         position_m: [x, 0.0, 1.0],
         covariance_m2: [0.01, 0.002, 0.0, 0.02, 0.0, 0.03],
-        log_evidence: 1.0,
+        log_weight: 1.0,
     });
     assert!(step(&peaks) > 0, "the first peaks are kept");
     for peaks in [&peaks[..], &peaks[..1], &[], &peaks] {

@@ -169,7 +169,7 @@ fn detect(
             view.prepare(PixelKind::of(&frame), colors.palette());
             frames.push(SightedFrame {
                 time_s: frame.time_s(),
-                blobs: blobs(&view.evidence(&frame), colors),
+                blobs: blobs(&view.prepared(&frame), colors),
             });
         }
         // Frames may have been delivered in another order.

@@ -29,7 +29,7 @@ impl BernoulliFilter {
             };
             libm::exp(-0.5 * (0..3).filter(|&axis| is_free(axis)).map(log).sum::<f64>())
         };
-        let kick = self.kick(self.pending_s);
+        let velocity_jump = self.velocity_jump(self.pending_s);
         let hypotheses = self.hypotheses.iter().zip(&self.weights);
         let terms = hypotheses.map(|(hypothesis, weight)| {
             let ahead = Vector3::from(hypothesis.ahead(self.pending_s));
@@ -43,8 +43,9 @@ impl BernoulliFilter {
                         .variance_m2,
                 )
             };
-            let (chance, kicked) = kick.map_or((0.0, 0.0), |(chance, k)| (chance, given(k)));
-            weight * ((1.0 - chance) * given(self.kinematics) + chance * kicked)
+            let (chance, jumped) =
+                velocity_jump.map_or((0.0, 0.0), |(chance, k)| (chance, given(k)));
+            weight * ((1.0 - chance) * given(self.kinematics) + chance * jumped)
         });
         terms.sum()
     }

@@ -1,24 +1,24 @@
-//! How a target comes, goes and hides.
+//! How a detected target appears, disappears and becomes occluded.
 
 use super::OcclusionRates;
 use pardalis_core::Error;
 
-/// How a target comes, goes and hides.
+/// How a detected target appears, disappears and becomes occluded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExistenceSettings {
-    /// How often a target appears where there was none, a second.
+    /// Appearances per second while there is no target, Hz.
     pub birth_rate_hz: f64,
-    /// How often one goes away, a second.
+    /// Disappearances per second of a target that exists, Hz.
     pub death_rate_hz: f64,
-    /// How often one is taken elsewhere, faster than it moves, a second.
+    /// How often the target is carried to another place, faster than it moves by itself, Hz.
     pub relocation_rate_hz: f64,
-    /// How often something kicks it, or it bounces, a second, ...
+    /// Sudden changes of velocity per second (kicks, bounces), Hz, ...
     pub velocity_jump_rate_hz: f64,
-    /// ... and the standard deviation, on each axis, by which that changes its velocity, m/s.
+    /// ... and their standard deviation on each axis, m/s.
     pub velocity_jump_sigma_mps: f64,
-    /// How often something hides it from a camera.
+    /// How often a camera's view of it becomes occluded and free again.
     pub occlusion: OcclusionRates,
-    /// Where targets that stay on the ground stand, metres.
+    /// The height of the ground, for targets that stay on it, metres.
     pub ground_z_m: f64,
 }
 
@@ -37,7 +37,7 @@ impl Default for ExistenceSettings {
 }
 
 impl ExistenceSettings {
-    /// Refuses what are no rates.
+    /// Returns an error for rates out of range.
     pub fn check(&self) -> Result<(), Error> {
         for (name, value) in [
             ("birth_rate_hz", self.birth_rate_hz),

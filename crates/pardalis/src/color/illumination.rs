@@ -1,4 +1,4 @@
-//! Light: the colours of a whole scene in it, as gains of red, green and blue (von Kries 1902) along the two ways in which light changes, brighter or darker and warmer or colder.
+//! Illumination: the colours of a whole scene in it, as gains of red, green and blue (von Kries 1902) along the two ways in which light changes, brighter or darker and warmer or colder.
 
 use super::palette::PixelKind;
 use crate::color_space::YuvEncoding;
@@ -15,14 +15,14 @@ const GREY: [f64; 3] = [40.0, 128.0, 128.0];
 
 /// How light differs from other light. Of grey levels, not of the light itself: a power law keeps gains gains.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Light {
+pub struct Illumination {
     /// ln of the gain of green.
     pub brightness: f64,
     /// How much warmer it is: ln of the loss of blue, of which red gains half.
     pub warmth: f64,
 }
 
-impl Light {
+impl Illumination {
     /// The light in which a mean colour (Y, U and V of BT.601, full range) that was `known` becomes `now`: a least-squares fit, in which bright channels tell most.
     pub fn between(known: [f32; 3], now: [f32; 3]) -> Self {
         let [known, now] = [known, now].map(|yuv| {
@@ -50,9 +50,9 @@ impl Light {
     }
 
     /// What pixels of a kind would be in the other light.
-    pub fn undone(self, kind: PixelKind) -> Relight {
+    pub fn correction(self, kind: PixelKind) -> IlluminationCorrection {
         if self == Self::default() {
-            return Relight::NONE;
+            return IlluminationCorrection::NONE;
         }
         let gains = WARMER.map(|warmer| libm::exp(-self.brightness - self.warmth * warmer));
         let relit = |bytes: [f64; 3]| match kind {
@@ -76,17 +76,17 @@ impl Light {
             let linear: f64 = (0..3).map(|i| f64::from(rows[row][i]) * GREY[i]).sum();
             rows[row][3] = (at_grey[row] - linear) as f32;
         }
-        Relight { rows: Some(rows) }
+        IlluminationCorrection { rows: Some(rows) }
     }
 }
 
 /// From the bytes of pixels in one light to those in another: a linear map and a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Relight {
+pub struct IlluminationCorrection {
     rows: Option<[[f32; 4]; 3]>,
 }
 
-impl Relight {
+impl IlluminationCorrection {
     /// Leaves pixels as they are.
     pub const NONE: Self = Self { rows: None };
 
@@ -124,35 +124,35 @@ mod tests {
             .map(|value| value as f32)
     }
 
-    fn lit(rgb: [f64; 3], light: Light) -> [f64; 3] {
+    fn lit(rgb: [f64; 3], light: Illumination) -> [f64; 3] {
         [0, 1, 2].map(|i| rgb[i] * libm::exp(light.brightness + light.warmth * WARMER[i]))
     }
 
     #[test]
     fn light_is_found_by_what_it_does_to_a_colour() {
-        let light = Light {
+        let light = Illumination {
             brightness: -0.6,
             warmth: 0.25,
         };
         for rgb in [ORANGE, [120.0, 130.0, 110.0], [60.0, 70.0, 160.0]] {
-            let found = Light::between(yuv(rgb), yuv(lit(rgb, light)));
+            let found = Illumination::between(yuv(rgb), yuv(lit(rgb, light)));
             assert!((found.brightness + 0.6).abs() < 0.02, "{found:?}");
             assert!((found.warmth - 0.25).abs() < 0.05, "{found:?}");
         }
         assert_eq!(
-            Light::between(yuv(ORANGE), yuv(ORANGE)).undone(PixelKind::Rgb),
-            Relight::NONE
+            Illumination::between(yuv(ORANGE), yuv(ORANGE)).correction(PixelKind::Rgb),
+            IlluminationCorrection::NONE
         );
         // Of a colour of one channel warmth is not told from brightness; black tells nothing that is no number.
         for rgb in [[0.0, 0.0, 200.0], [0.0; 3]] {
-            let found = Light::between(yuv(rgb), yuv(lit(rgb, light)));
+            let found = Illumination::between(yuv(rgb), yuv(lit(rgb, light)));
             assert!(found.brightness.is_finite() && found.warmth.abs() < 0.5);
         }
     }
 
     #[test]
     fn undone_light_gives_pixels_of_any_kind_back() {
-        let light = Light {
+        let light = Illumination {
             brightness: -0.5,
             warmth: -0.2,
         };
@@ -171,16 +171,18 @@ mod tests {
                 PixelKind::Yuv(encoding) => encoding.yuv_from_rgb(rgb),
             };
             let seen = raw(lit(ORANGE, light)).map(|value| value.round() as u8);
-            let back = light.undone(kind).bytes(seen);
+            let back = light.correction(kind).bytes(seen);
             for (found, expected) in back.into_iter().zip(raw(ORANGE)) {
                 assert!(
                     (f64::from(found) - expected).abs() < 2.0,
                     "{kind:?} {back:?}"
                 );
             }
-            let white = light.undone(kind).bytes(raw([255.0; 3]).map(|v| v as u8));
+            let white = light
+                .correction(kind)
+                .bytes(raw([255.0; 3]).map(|v| v as u8));
             assert!(white[0] > 230, "brighter than white stays white: {white:?}");
         }
-        assert_eq!(Relight::NONE.bytes([3, 4, 5]), [3, 4, 5]);
+        assert_eq!(IlluminationCorrection::NONE.bytes([3, 4, 5]), [3, 4, 5]);
     }
 }

@@ -1,6 +1,6 @@
-//! A second draw where few particles agree with the images. After a while unseen particles lie farther from one another than images tell places apart, and no
+//! A second draw where few particles agree with the images. After a while unseen particles lie farther from one another than images tell components apart, and no
 //! single one predicts where the target comes forth. What all of them predict together is then taken as two Gaussians of their moments, of a target
-//! that was kicked and of one that was not (a Gaussian sum particle filter: Kotecha and Djurić 2003).
+//! that was jumped and of one that was not (a Gaussian sum particle filter: Kotecha and Djurić 2003).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -10,10 +10,10 @@ use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
 use pardalis_core::rng::Stage;
 
 /// Particles are drawn again where the effective sample size falls below this share of their number, from above it: where it was below before, they may be
-/// in several places, of which moments say little.
-const LEAST_EFFECTIVE: f64 = 0.1;
-/// The share of them that come from the peaks.
-const FRESH_SHARE: f64 = 0.5;
+/// in several components, of which moments say little.
+const MIN_EFFECTIVE_SHARE: f64 = 0.1;
+/// The share of them that come from the components.
+const BIRTH_SHARE: f64 = 0.5;
 
 /// What all particles predict together.
 struct Predicted {
@@ -54,25 +54,25 @@ impl Predicted {
 impl BernoulliFilter {
     /// Whether the new particles, weighed, are too few that count, though many did before.
     pub(super) fn agrees_too_little(&self, prior: &Prior) -> bool {
-        let least = LEAST_EFFECTIVE * self.weights.len() as f64;
+        let least = MIN_EFFECTIVE_SHARE * self.weights.len() as f64;
         let log_weights = self.new_particles.log_weights.iter();
         let squares: f64 = log_weights.map(|log| libm::exp(2.0 * log)).sum();
         let is_thin = squares * least > 1.0 && self.effective_sample_size() > least;
-        is_thin && prior.located > 0.0 && !self.proposal.is_blind()
+        is_thin && prior.located > 0.0 && !self.proposal.is_empty()
     }
 
-    /// Draws new particles from the peaks and from what all predict together. Their log weights are those of the prior, existence included, over the proposal. `false`
-    /// where all predict the same place: there is nothing to draw from.
-    pub(super) fn draw_from_moments(&mut self, prior: &Prior) -> bool {
-        let kick = self.kick(self.pending_s);
-        let unkicked = (
-            1.0 - kick.map_or(0.0, |(chance, _)| chance),
+    /// Draws new particles from the components and from what all predict together. Their log weights are those of the prior, existence included, over the proposal. `false`
+    /// where all predict the same component: there is nothing to draw from.
+    pub(super) fn draw_moment_matched(&mut self, prior: &Prior) -> bool {
+        let velocity_jump = self.velocity_jump(self.pending_s);
+        let steady = (
+            1.0 - velocity_jump.map_or(0.0, |(chance, _)| chance),
             self.kinematics,
         );
-        let Some(unkicked) = self.predicted(unkicked) else {
+        let Some(steady) = self.predicted(steady) else {
             return false;
         };
-        let kicked = kick.and_then(|kick| self.predicted(kick));
+        let jumped = velocity_jump.and_then(|velocity_jump| self.predicted(velocity_jump));
         let count = self.weights.len();
         let (draws, observation) = (self.draws, self.observation);
         let log_located = libm::log(prior.located);
@@ -83,28 +83,28 @@ impl BernoulliFilter {
             let [which, from, elsewhere, _] = draws.uniforms(particle, observation, Stage::Moments);
             let [x, y, z, _] = draws.normals(particle, observation, Stage::Motion, 1);
             let normals = [x, y, z].map(f64::from);
-            let position_m = if (offset + i as f64 * GOLDEN).fract() < FRESH_SHARE {
-                self.proposal.fresh(which, normals)
+            let position_m = if (offset + i as f64 * GOLDEN).fract() < BIRTH_SHARE {
+                self.proposal.draw_birth(which, normals)
             } else {
-                let chance = libm::exp(unkicked.log_chance);
-                let from = kicked.as_ref().filter(|_| which >= chance);
-                from.unwrap_or(&unkicked).draw(normals)
+                let chance = libm::exp(steady.log_chance);
+                let from = jumped.as_ref().filter(|_| which >= chance);
+                from.unwrap_or(&steady).draw(normals)
             };
-            let log_unkicked = unkicked.log_density(position_m);
-            let log_kicked = kicked.as_ref().map(|kicked| kicked.log_density(position_m));
-            let log_predicted = log_kicked.map_or(log_unkicked, |log| log_add(log_unkicked, log));
+            let log_steady = steady.log_density(position_m);
+            let log_jumped = jumped.as_ref().map(|jumped| jumped.log_density(position_m));
+            let log_predicted = log_jumped.map_or(log_steady, |log| log_add(log_steady, log));
             let log_prior = log_add(log_located + log_predicted, log_elsewhere);
             let log_proposal = log_add(
-                libm::log(FRESH_SHARE) + self.proposal.log_fresh_density(position_m),
-                libm::log(1.0 - FRESH_SHARE) + log_predicted,
+                libm::log(BIRTH_SHARE) + self.proposal.log_birth_density(position_m),
+                libm::log(1.0 - BIRTH_SHARE) + log_predicted,
             );
             self.new_particles.log_weights[i] = log_prior - log_proposal - libm::log(count as f64);
             self.new_hypotheses[i] = if elsewhere < libm::exp(log_elsewhere - log_prior) {
                 self.born_at(position_m)
             } else {
-                let was_kicked = from >= libm::exp(log_unkicked - log_predicted);
-                let from = kicked.as_ref().filter(|_| was_kicked);
-                from.unwrap_or(&unkicked).at(position_m)
+                let has_jumped = from >= libm::exp(log_steady - log_predicted);
+                let from = jumped.as_ref().filter(|_| has_jumped);
+                from.unwrap_or(&steady).at(position_m)
             };
         }
         write(&self.new_hypotheses, &mut self.new_particles);
@@ -134,7 +134,7 @@ impl BernoulliFilter {
             vv += (v * v.transpose() + Matrix3::identity() * velocity_variance) * weight;
         }
         if free_axes == 2 {
-            // On the ground the height is the peaks' and says nothing.
+            // On the ground the height is the components' and says nothing.
             for axis in 0..3 {
                 for matrix in [&mut xx, &mut vx, &mut vv] {
                     matrix[(axis, 2)] = 0.0;
