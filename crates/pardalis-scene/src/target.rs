@@ -1,8 +1,10 @@
 //! The targets of a scene.
 
 use super::appearance::{CuesConfig, read_cues, read_shape};
+use super::description::{Presence, above};
 use super::motion::read_motion;
 use super::reader::{Located, Table};
+use super::setting::Word;
 use super::start::{StartConfig, read_start};
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
@@ -94,16 +96,13 @@ pub(super) struct CameraNames {
 }
 
 impl TargetConfig {
-    /// Reads one target; `None` when something needed is missing or faulty, which the journal then says.
+    /// Reads one target. Returns `None` after reporting a problem to the journal.
     pub(super) fn read(name: String, table: Table, cameras: &CameraNames) -> Option<Self> {
-        let landmarks = if table.has("landmarks") {
-            table.named_tables("landmarks", "landmark")
-        } else {
-            Vec::new()
-        };
-        let has_landmarks = table.has("landmarks");
+        let about = "Landmarks on the target, two or more, each with `colors`, `start` and perhaps a `shape` of its own. With the names `front` and `rear` they give the target a heading.";
+        let landmarks = table.named_tables("landmarks", about, Presence::Optional(""));
+        let has_landmarks = table.has("landmarks") || table.is_describing();
         // Each landmark may have a shape of its own.
-        let shape = (!has_landmarks || table.has("shape"))
+        let shape = (!has_landmarks || table.has("shape") || table.is_describing())
             .then(|| read_shape(&table, cameras))
             .flatten();
         let own_shapes: Vec<_> = landmarks
@@ -134,8 +133,11 @@ impl TargetConfig {
             table.problem("motion", message);
         }
         let body = |name: String, table: &Table, shape: Option<Shape>| {
-            let colors = table.located("colors");
-            // Cues that cannot be read have problems of their own.
+            let colors = table
+                .key("colors", "Colour model of the target, made by `pardalis learn`. Relative to this file.")
+                .depends("unless the target has only the difference cue, or the window cue with `hue_deg`")
+                .located_conditional();
+            // Invalid cues report their own problems.
             let needs_colors = match &shared {
                 Some(Shared::Detected { .. }) => true,
                 Some(Shared::Initialized { cues, .. }) => {
@@ -156,7 +158,7 @@ impl TargetConfig {
                 }
             };
             if has_form && shared.as_ref().is_some_and(looks_at_regions) {
-                let message = "is not flat, but the cues region and difference look at flat regions; give shape.disc or shape.rectangle, or leave these cues out";
+                let message = "is not flat, but the cues region and difference apply to flat targets only; give shape.disc or shape.rectangle, or remove these cues";
                 table.problem("shape", message);
             }
             let tracking = match &shared {
@@ -171,16 +173,22 @@ impl TargetConfig {
                 tracking: tracking?,
             })
         };
+        if table.is_describing() {
+            body(name.clone(), &table, shape);
+        }
         let (bodies, heading) = if has_landmarks {
             for key in ["colors", "start"] {
                 if table.knows(key) {
-                    table.problem(key, "stands beside landmarks; give each landmark its own");
+                    table.problem(
+                        key,
+                        "cannot be combined with landmarks; move it into each landmark",
+                    );
                 }
             }
             let names: Vec<String> = landmarks.iter().map(|(name, _)| name.clone()).collect();
             if names.len() == 1 {
                 let message =
-                    "has one; give two or more, or put its settings into the target itself";
+                    "has one; give two or more, or move its settings into the target itself";
                 table.problem("landmarks", message);
             }
             let mut bodies = Vec::new();
@@ -188,7 +196,7 @@ impl TargetConfig {
                 bodies.push(body(name, &landmark, shape));
                 let start = bodies.last().and_then(|body| body.as_ref()?.start());
                 if start.is_some_and(|start| matches!(start.value, StartConfig::Track(_))) {
-                    let message = "is a track, which does not say where landmarks are; give start.gaussian or start.pixel";
+                    let message = "is a track, which does not contain the positions of landmarks; give start.gaussian or start.pixel";
                     landmark.problem("start", message);
                 }
                 landmark.finish();
@@ -341,8 +349,14 @@ impl Shared {
     }
 }
 
-/// Reads what the bodies of a target share; `None` if its cues cannot be read.
+/// Reads what the bodies of a target share. Returns `None` if its cues are invalid.
 fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -> Option<Shared> {
+    if table.is_describing() {
+        // The keys of both ways.
+        read_filter(table, shape);
+        read_existence(table);
+        return None;
+    }
     match cues {
         Some(CuesConfig::Edge(edge)) => {
             let motion = read_motion(table, shape, ConstantVelocity::BETWEEN_KICKS);
@@ -362,7 +376,7 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
         }
         Some(CuesConfig::Published(cues)) => {
             if table.knows("existence") {
-                let message = "stands without the edge cue: the published cues track a target that is always there; leave it out, or give edge in their place";
+                let message = "needs the edge cue: the published cues track a target that always exists; remove it, or replace them by edge";
                 table.problem("existence", message);
             }
             Some(Shared::Initialized {
@@ -370,35 +384,13 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
                 filter: read_filter(table, shape),
             })
         }
-        // Problems of the other tables are reported all the same.
+        // Problems of the other tables are reported nevertheless.
         None => {
             table.knows("existence");
             read_filter(table, shape);
             None
         }
     }
-}
-
-/// A table that holds one of several kinds of things.
-pub(super) fn kind_of<'a, 't>(
-    table: &Table<'a, 't>,
-    key: &'static str,
-    kinds: &[&'static str],
-) -> Option<(&'static str, Table<'a, 't>)> {
-    let Some(outer) = table.table(key) else {
-        if !table.has(key) {
-            let wanted = kinds
-                .iter()
-                .map(|kind| format!("{key}.{kind}"))
-                .collect::<Vec<_>>()
-                .join(" or ");
-            table.problem(key, format!("is missing; give a table {wanted}"));
-        }
-        return None;
-    };
-    let found = outer.one_of(kinds);
-    outer.finish();
-    found
 }
 
 /// Reads the start of a detected body, which needs none.
@@ -412,7 +404,7 @@ fn read_detected_start(
     }
     let start = read_start(table, name, cameras)?;
     if let StartConfig::Here(Start::Pixel(_)) = start.value {
-        let message = "is a pixel, but the edge cue detects its target by itself; leave start out, or give start.gaussian or start.track";
+        let message = "is a pixel, but the edge cue detects the target itself; remove start, or give start.gaussian or start.track";
         table.problem("start", message);
         return None;
     }
@@ -422,79 +414,136 @@ fn read_detected_start(
 /// Reads how a detected target appears, disappears and becomes occluded.
 fn read_existence(table: &Table) -> Option<ExistenceSettings> {
     let default = ExistenceSettings::default();
-    let Some(existence) = table.table("existence") else {
-        return (!table.has("existence")).then_some(default);
-    };
-    let settings = ExistenceSettings {
-        birth_rate_hz: existence.or("birth_rate_hz", default.birth_rate_hz),
-        death_rate_hz: existence.or("death_rate_hz", default.death_rate_hz),
-        relocation_rate_hz: existence.or("relocation_rate_hz", default.relocation_rate_hz),
-        velocity_jump_rate_hz: existence.or("velocity_jump_rate_hz", default.velocity_jump_rate_hz),
-        velocity_jump_sigma_mps: existence
-            .or("velocity_jump_sigma_mps", default.velocity_jump_sigma_mps),
-        occlusion: OcclusionRates {
-            occlusion_hz: existence.or("occlusion_rate_hz", default.occlusion.occlusion_hz),
-            reappearance_hz: existence
-                .or("reappearance_rate_hz", default.occlusion.reappearance_hz),
-        },
-        ground_z_m: existence.or("ground_z_m", default.ground_z_m),
-    };
-    existence.checked(settings.check())?;
-    existence.finish();
-    Some(settings)
+    let about = "How often the target appears, disappears and is occluded. Only for targets with the edge cue.";
+    let settings = table.section("existence", about, |existence| {
+        let rate = |name, about, default| {
+            let key = existence.key(name, about).within(0.0..=1000.0);
+            key.or(default)
+        };
+        let settings = ExistenceSettings {
+            birth_rate_hz: rate(
+                "birth_rate_hz",
+                "Rate at which an absent target appears.",
+                default.birth_rate_hz,
+            ),
+            death_rate_hz: rate(
+                "death_rate_hz",
+                "Rate at which a present target disappears.",
+                default.death_rate_hz,
+            ),
+            relocation_rate_hz: rate(
+                "relocation_rate_hz",
+                "Rate at which the target is carried to any other place.",
+                default.relocation_rate_hz,
+            ),
+            velocity_jump_rate_hz: rate(
+                "velocity_jump_rate_hz",
+                "Rate of velocity jumps, such as bounces and kicks.",
+                default.velocity_jump_rate_hz,
+            ),
+            velocity_jump_sigma_mps: rate(
+                "velocity_jump_sigma_mps",
+                "Standard deviation of the velocity after a jump, on each axis.",
+                default.velocity_jump_sigma_mps,
+            ),
+            occlusion: OcclusionRates {
+                occlusion_hz: rate(
+                    "occlusion_rate_hz",
+                    "Rate at which a visible target becomes occluded in a camera.",
+                    default.occlusion.occlusion_hz,
+                ),
+                reappearance_hz: existence
+                    .key(
+                        "reappearance_rate_hz",
+                        "Rate at which an occluded target becomes visible again.",
+                    )
+                    .within(above(0.0, 1000.0))
+                    .or(default.occlusion.reappearance_hz),
+            },
+            ground_z_m: existence
+                .key(
+                    "ground_z_m",
+                    "Height of the ground in the world, below which there are no targets.",
+                )
+                .within(-1e6..=1e6)
+                .or(default.ground_z_m),
+        };
+        existence.checked(settings.check())?;
+        Some(settings)
+    });
+    if table.has("existence") {
+        settings
+    } else {
+        Some(default)
+    }
 }
+
+/// What the table `filter` holds.
+const ABOUT_FILTER: &str = "The particle filter.";
 
 /// Reads the number of particles of a detected target.
 fn read_detected_particles(table: &Table) -> usize {
     let default = DetectedSettings::PARTICLE_COUNT;
-    let Some(filter) = table.table("filter") else {
-        return default;
-    };
-    let count = read_particles(&filter, default);
-    for key in ["resampling", "resample_below"] {
-        if filter.knows(key) {
-            let message = "has no effect on a target that the edge cue detects: its filter resamples in a way of its own";
-            filter.warn(key, message);
+    let count = table.section("filter", ABOUT_FILTER, |filter| {
+        let count = read_particles(filter, default);
+        for key in ["resampling", "resample_below"] {
+            if filter.knows(key) {
+                let message =
+                    "has no effect on a detected target, whose filter resamples in its own way";
+                filter.warn(key, message);
+            }
         }
-    }
-    filter.finish();
-    count
+        Some(count)
+    });
+    count.unwrap_or(default)
 }
 
 fn read_particles(filter: &Table, default: usize) -> usize {
-    let count = filter.or("particles", default);
-    if !(1..=MAX_PARTICLES).contains(&count) {
-        filter.refuse("particles", &format!("1 to {MAX_PARTICLES}"));
-    }
-    count
+    filter
+        .key("particles", "Number of particles.")
+        .within(1.0..=MAX_PARTICLES as f64)
+        .depends("2000; 500 for a target with the edge cue")
+        .or(default)
 }
 
 fn read_filter(table: &Table, shape: Option<&Shape>) -> Option<FilterSettings> {
     let default = FilterSettings::default();
     let motion = read_motion(table, shape, ConstantVelocity::DEFAULT);
-    let Some(filter) = table.table("filter") else {
-        return Some(FilterSettings {
-            motion: motion?,
-            ..default
-        });
+    let settings = table.section("filter", ABOUT_FILTER, |filter| {
+        let particle_count = read_particles(filter, default.particle_count);
+        let resampling = filter
+            .key("resampling", "Resampling scheme.")
+            .word(default.resampling);
+        let resample_below = filter
+            .key(
+                "resample_below",
+                "Resample when the effective sample size falls to this share of the particles; 1 resamples at every step.",
+            )
+            .within(above(0.0, 1.0))
+            .or(default.resample_below);
+        Some(FilterSettings {
+            particle_count,
+            motion: default.motion,
+            resampling: resampling?,
+            resample_below,
+        })
+    });
+    let settings = if table.has("filter") {
+        settings
+    } else {
+        Some(default)
     };
-    let particle_count = read_particles(&filter, default.particle_count);
-    let schemes = [
-        ("systematic", Resampling::Systematic),
-        ("stratified", Resampling::Stratified),
-        ("residual", Resampling::Residual),
-        ("multinomial", Resampling::Multinomial),
-    ];
-    let resampling = filter.word("resampling", &schemes, "systematic");
-    let resample_below = filter.or("resample_below", default.resample_below);
-    if !(resample_below > 0.0 && resample_below <= 1.0) {
-        filter.refuse("resample_below", "above 0 and at most 1 (1: at every step)");
-    }
-    filter.finish();
     Some(FilterSettings {
-        particle_count,
         motion: motion?,
-        resampling: resampling?,
-        resample_below,
+        ..settings?
     })
+}
+
+impl Word for Resampling {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("systematic", Self::Systematic),
+        ("stratified", Self::Stratified),
+        ("residual", Self::Residual),
+        ("multinomial", Self::Multinomial),
+    ];
 }

@@ -148,7 +148,36 @@ pub struct Placed {
     pub heading_rad: f64,
 }
 
+impl Default for Room {
+    /// A sphere of 20 m, painted with grey clouds.
+    fn default() -> Self {
+        Self {
+            radius_m: 20.0,
+            texture: Texture {
+                pattern: Pattern::Noise {
+                    size_m: 5.0,
+                    octaves: Pattern::DEFAULT_OCTAVES,
+                },
+                colors: [[0.1, 0.1, 0.11], [0.35, 0.35, 0.34]],
+            },
+        }
+    }
+}
+
+impl Default for Light {
+    /// A lamp nearly overhead; half of the light comes from everywhere.
+    fn default() -> Self {
+        Self {
+            direction: Vector3::new(0.3, 0.2, 1.0).normalize(),
+            ambient: 0.5,
+        }
+    }
+}
+
 impl World {
+    /// The seed of worlds that state none.
+    pub const DEFAULT_SEED: u32 = 1;
+
     /// Where every object is at a time, in the order of the objects.
     pub fn placed(&self, time_s: f64) -> Vec<Placed> {
         let of_object = |object: &Object| match &object.course {

@@ -39,6 +39,11 @@ pub enum Pattern {
     },
 }
 
+impl Pattern {
+    /// Octaves of noise, if none are stated.
+    pub const DEFAULT_OCTAVES: u32 = 4;
+}
+
 impl Texture {
     /// The colour at a point in metres. `key` tells noises of different surfaces apart.
     pub(super) fn color_at(&self, point_m: &Vector3<f64>, key: [u32; 2]) -> Vector3<f64> {

@@ -55,8 +55,8 @@ impl PixelStart {
             max_range_m: 8.0,
             ground_z_m: 0.0,
             ray_particles: 2000,
-            position_sigma_m: [0.1; 3],
-            velocity_sigma_mps: [0.5; 3],
+            position_sigma_m: GaussianStart::POSITION_SIGMA_M,
+            velocity_sigma_mps: GaussianStart::VELOCITY_SIGMA_MPS,
         }
     }
 
@@ -64,7 +64,7 @@ impl PixelStart {
     pub fn check(&self) -> Result<(), Error> {
         let positive = |v: f64| v > 0.0 && v <= MAX_START;
         if let Some(value) = self.pixel.iter().find(|v| !v.is_finite()) {
-            return Err(Error::out_of_range("pixel", value, "finite numbers"));
+            return Err(Error::out_of_range("pixel_px", value, "finite numbers"));
         }
         if !(0.0..=1000.0).contains(&self.pixel_sigma_px) {
             return Err(Error::out_of_range(
@@ -117,13 +117,13 @@ impl PixelStart {
                 return Ok(());
             }
             return Err(Error::out_of_range(
-                "pixel",
+                "pixel_px",
                 format!("{:?}", self.pixel),
                 "a pixel that the camera's mask leaves open",
             ));
         }
         Err(Error::out_of_range(
-            "pixel",
+            "pixel_px",
             format!("{:?}", self.pixel),
             &format!("a pixel of the {width} x {height} image inside the camera's field of view"),
         ))

@@ -129,7 +129,7 @@ fn a_fisheye_s_images_become_maps_with_mask_times_and_the_click_in_its_place() {
     let scene = scene_with("fps = 25\n", "time_offset_s = 2\nmask_radius_px = 150\n");
     let scene = scene.replace(
         "[targets.ball.start.gaussian]\nposition_m = [1.35, -1.25, 0.62]\nposition_sigma_m = 0.1\n",
-        "[targets.ball.start.pixel]\npixel = [419.5, 239.5]\n",
+        "[targets.ball.start.pixel]\npixel_px = [419.5, 239.5]\n",
     );
     place.write(
         "images/times.csv",
@@ -172,7 +172,7 @@ fn a_fisheye_s_images_become_maps_with_mask_times_and_the_click_in_its_place() {
     let ground_m = 0.9 * (100.0_f64 / 145.562_250_654_857_8).tan();
     let (u, v) = (3.0 / 0.02 - 0.5, (2.02 + ground_m) / 0.02 - 0.5);
     assert!(
-        scene.contains(&format!("pixel = [{u:.2}, {v:.2}]")),
+        scene.contains(&format!("pixel_px = [{u:.2}, {v:.2}]")),
         "{scene}"
     );
     assert!(

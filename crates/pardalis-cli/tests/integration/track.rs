@@ -284,7 +284,7 @@ fn masked_pixels_carry_no_evidence() {
 fn a_click_finds_the_ball() {
     let place = Workplace::with_frames(1);
     let (before, _) = SCENE.split_once("[targets.ball.start").unwrap();
-    let scene = format!("{before}[targets.ball.start.pixel]\npixel = [460, 88]\n")
+    let scene = format!("{before}[targets.ball.start.pixel]\npixel_px = [460, 88]\n")
         .replace("particles = 100", "particles = 2000");
     let errors_m: Vec<f64> = (1..=10)
         .map(|seed| {
@@ -349,7 +349,7 @@ fn two_cameras() {
     // Of two cameras a click must name one.
     let (before, _) = scene.split_once("[targets.ball.start").unwrap();
     let click =
-        format!("{before}[targets.ball.start.pixel]\npixel = [460, 88]\n[cameras.cam2]{second}");
+        format!("{before}[targets.ball.start.pixel]\npixel_px = [460, 88]\n[cameras.cam2]{second}");
     let run = place.track(&click);
     run.refused(&["targets.ball.start.pixel.camera: is missing"]);
     place

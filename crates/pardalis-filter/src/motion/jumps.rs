@@ -35,7 +35,7 @@ impl Jumps {
     pub fn new(chance: JumpChance, min_m: [f64; 3], max_m: [f64; 3]) -> Result<Self, Error> {
         match chance {
             JumpChance::PerStep { share } if !(0.0..=1.0).contains(&share) => {
-                return Err(Error::out_of_range("share", share, "0 to 1"));
+                return Err(Error::out_of_range("probability", share, "0 to 1"));
             }
             JumpChance::PerStep { .. } => {}
             JumpChance::Rate { rate_hz } => check_strength(("rate_hz", rate_hz))?,

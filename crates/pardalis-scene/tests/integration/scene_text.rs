@@ -42,9 +42,9 @@ world_from_camera = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0.82], [0, 0, 0, 1]]
 [cameras.mirror.model.exact_mirror]
 f_px = [579, 579]
 center_px = [319.5, 239.5]
-constant_resolution = { vertex_m = 0.16, rim_m = 0.08, plane_z_m = -0.82, rim_shows_m = 5, offset = 0 }
+constant_resolution = { vertex_m = 0.16, rim_m = 0.08, plane_z_m = -0.82, rim_view_m = 5, offset = 0 }
 [targets.robot]
-shape.prism = { sides = 8, across_flats_m = 0.5, height_m = 0.8, turn_deg = 22.5, outline = "facing" }
+shape.prism = { sides = 8, across_flats_m = 0.5, height_m = 0.8, rotation_deg = 22.5, outline = "facing" }
 colors = "robot.toml"
 contour.spline = { control_points = 30, reach_px = 1.5, steps = 2, middle = false }
 motion.planar_constant_velocity.acceleration_density_m2ps3 = 2
@@ -52,7 +52,7 @@ start.gaussian = { position_m = [1, 2, 0], covariance_m2 = [0.04, 0.03, 0, 0.09,
 [targets.post]
 shape.cylinder = { radius_m = 0.1, height_m = 1, outline = "exact" }
 colors = "post.toml"
-contour.overlap = { max_share = 0.4, distance_px = 3 }
+contour.shared_pixels = { max_share = 0.4, distance_px = 3 }
 start.track = { file = "theirs.csv", target = "post2", velocity_sigma_mps = 0.1, world_from_other = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]] }
 [targets.ball]
 shape.sphere = { radius_m = 0.11, outline = "tangent" }
@@ -62,13 +62,13 @@ filter = { particles = 1_000, resampling = "residual", resample_below = 0.5 }
 motion.constant_velocity.acceleration_sigma_mps2 = 3
 [targets.ball.start.pixel]
 camera = "web"
-pixel = [46, 0x58]
+pixel_px = [46, 0x58]
 min_range_m = 0.2
 max_range_m = 5
 [targets.other]
 shape.sphere.radius_m = 0.2
 colors = """other.toml"""
-motion.planar_random_walk = { density_m2ps = 0.1, jumps = { share = 0.1, min_m = [-1, 2], max_m = [3, 4] } }
+motion.planar_random_walk = { density_m2ps = 0.1, jumps = { probability = 0.1, min_m = [-1, 2], max_m = [3, 4] } }
 start.gaussian = { position_m = [1, 2, 3], position_sigma_m = [0.1, 0.2, 0.3], velocity_mps = [0, 0, 1] }
 "#;
 
@@ -200,7 +200,7 @@ fn robots_have_settings_of_their_own_that_each_scene_may_change() {
         panic!("{:?}", robot.contour().unwrap())
     };
     assert_eq!((scaled.inner_scale, scaled.outer_scale), (0.75, 1.25));
-    assert_eq!(scaled.overlap, None);
+    assert_eq!(scaled.shared_pixels, None);
     assert!(robot.filter.motion.is_planar(), "robots stay on the ground");
     let flying = format!("{cylinder}\nmotion.constant_velocity.acceleration_density_m2ps3 = 2");
     assert!(
@@ -318,7 +318,7 @@ fn motions_that_cannot_be_are_refused_by_their_keys() {
             (
                 "motion.random_walk = { sigma_m = 1, density_m2ps = 2 }",
                 "random_walk.density_m2ps",
-                "keep one",
+                "remove one",
             ),
             (
                 "motion.random_walk.sigma_m = -1",
@@ -328,7 +328,7 @@ fn motions_that_cannot_be_are_refused_by_their_keys() {
             (
                 "motion.constant_velocity = { acceleration_sigma_mps2 = 1, velocity_sigma_mps = 2 }",
                 "constant_velocity.velocity_sigma_mps",
-                "keep one",
+                "remove one",
             ),
             (
                 "motion.constant_velocity.velocity_sigma_mps = -1",
@@ -348,20 +348,20 @@ fn motions_that_cannot_be_are_refused_by_their_keys() {
             (
                 "motion.random_walk.jumps = { min_m = [0, 0, 0], max_m = [1, 1, 1] }",
                 "random_walk.jumps",
-                "give share or rate_hz",
+                "give probability or rate_hz",
             ),
             (
-                "motion.random_walk.jumps = { share = 2, min_m = [0, 0, 0], max_m = [1, 1, 1] }",
-                "jumps.share",
+                "motion.random_walk.jumps = { probability = 2, min_m = [0, 0, 0], max_m = [1, 1, 1] }",
+                "jumps.probability",
                 "0 to 1",
             ),
             (
-                "motion.random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
+                "motion.random_walk.jumps = { probability = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
                 "jumps.min_m",
                 "three",
             ),
             (
-                "motion.planar_random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
+                "motion.planar_random_walk.jumps = { probability = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
                 "jumps.max_m",
                 "two",
             ),
@@ -371,9 +371,9 @@ fn motions_that_cannot_be_are_refused_by_their_keys() {
                 "below that of min_m",
             ),
             (
-                "motion.random_walk.jumps = { rate_hz = 1, share = 0.1, area = 3 }",
+                "motion.random_walk.jumps = { rate_hz = 1, probability = 0.1, area = 3 }",
                 "jumps.area",
-                "max_m, min_m, rate_hz, share",
+                "max_m, min_m, probability, rate_hz",
             ),
         ],
     );
@@ -441,12 +441,12 @@ fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
                 "true or false",
             ),
             (
-                &format!("{cylinder}\ncontour.overlap.max_share = 1"),
+                &format!("{cylinder}\ncontour.shared_pixels.max_share = 1"),
                 "max_share",
                 "below 1",
             ),
             (
-                &format!("{cylinder}\ncontour.overlap.reach_px = 1"),
+                &format!("{cylinder}\ncontour.shared_pixels.reach_px = 1"),
                 "reach_px",
                 "distance_px",
             ),
@@ -494,7 +494,7 @@ fn motions_are_read_as_they_are_said() {
     ];
     let jumps = Jumps::new(share, [-1.0, 2.0, 0.0], [3.0, 4.0, 1.0]).unwrap();
     assert_eq!(
-        read("random_walk.jumps = { share = 0.1, min_m = [-1, 2, 0], max_m = [3, 4, 1] }"),
+        read("random_walk.jumps = { probability = 0.1, min_m = [-1, 2, 0], max_m = [3, 4, 1] }"),
         RandomWalk::PUBLISHED.with_jumps(jumps).into()
     );
     let jumps = Jumps::new(rate, [-1.0, 2.0, 0.0], [3.0, 4.0, 0.0]).unwrap();
@@ -608,9 +608,9 @@ fn what_is_sought_cannot_be_told_everything() {
     refused(
         sought,
         &[
-            ("edge = {}\ncontour = {}", "targets.ball.edge", "alone"),
+            ("edge = {}\ncontour = {}", "targets.ball.edge", "combined"),
             (
-                "edge = {}\nstart.pixel.pixel = [3, 4]\nstart.pixel.camera = \"web\"",
+                "edge = {}\nstart.pixel.pixel_px = [3, 4]\nstart.pixel.camera = \"web\"",
                 "targets.ball.start",
                 "pixel",
             ),

@@ -35,7 +35,7 @@ impl Default for ContourSettings {
             sampling: Sampling::Scaled(ScaledSampling {
                 inner_scale: 0.9,
                 outer_scale: 1.1,
-                overlap: None,
+                shared_pixels: None,
             }),
             kappa: 1.5,
             b: 1.0 / 30.0,
@@ -54,7 +54,7 @@ impl ContourSettings {
                 sampling: Sampling::Scaled(ScaledSampling {
                     inner_scale: 0.75,
                     outer_scale: 1.25,
-                    overlap: None,
+                    shared_pixels: None,
                 }),
                 ..ball
             },
@@ -326,18 +326,18 @@ impl ContourCue {
                         || raster.write_pixels(coordinates, pixels),
                     );
                 }
-                let Some(overlap) = scaled.overlap else {
+                let Some(shared_pixels) = scaled.shared_pixels else {
                     return;
                 };
                 let mut spread = [false; LANES];
                 level.run(
                     #[inline(always)]
-                    || spread = overlaps(inner, outer, overlap.max_share as f32),
+                    || spread = overlaps(inner, outer, shared_pixels.max_share as f32),
                 );
                 if spread.contains(&true) {
                     self.outline
                         .project(level, projector, positions, 1.0, points, coordinates);
-                    let distance_px = overlap.distance_px as f32;
+                    let distance_px = shared_pixels.distance_px as f32;
                     level.run(
                         #[inline(always)]
                         || {
