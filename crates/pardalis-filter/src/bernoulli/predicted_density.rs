@@ -50,3 +50,46 @@ impl BernoulliFilter {
         terms.sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bernoulli::BernoulliSettings;
+    use crate::gaussian::{GaussianStart, diagonal_m2};
+    use crate::motion::Motion;
+    use pardalis::reference;
+    use pardalis_core::rng::Draws;
+
+    #[test]
+    fn the_density_is_the_oracles() {
+        let settings = BernoulliSettings {
+            particle_count: 50,
+            ..BernoulliSettings::of(Motion::DEFAULT)
+        };
+        let mut filter = BernoulliFilter::new(settings, Draws::new(3, 0)).unwrap();
+        let start = GaussianStart {
+            covariance_m2: diagonal_m2([0.2; 3]),
+            velocity_mps: [1.0, 0.0, -1.0],
+            velocity_sigma_mps: [0.5; 3],
+            ..GaussianStart::default()
+        };
+        filter.start(&start, 1.0).unwrap();
+        filter.predict(0.2);
+        let of_particle = |(hypothesis, weight): (&super::super::Hypothesis, &f64)| {
+            let step = filter
+                .kinematics
+                .step(hypothesis.velocity_variance_m2ps2, 0.2);
+            let mean_m = Vector3::from(hypothesis.ahead(0.2));
+            (*weight, mean_m, step.variance_m2)
+        };
+        let particles = filter.hypotheses.iter().zip(&filter.weights);
+        let mixture: Vec<_> = particles.map(of_particle).collect();
+        let covariance_m2 = Matrix3::new(0.04, 0.01, 0.0, 0.01, 0.02, -0.005, 0.0, -0.005, 0.09);
+        for position_m in [[0.2, 0.0, -0.2], [0.5, 0.3, 0.1], [-1.0, 1.0, 0.0]] {
+            let found = filter.predicted_density(position_m, &covariance_m2);
+            let position_m = Vector3::from(position_m);
+            let expected = reference::predicted_density(&mixture, position_m, &covariance_m2);
+            assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+        }
+    }
+}

@@ -48,7 +48,11 @@ struct Sample {
 fn samples() -> Vec<Sample> {
     let mut samples = Vec::new();
     let root = repository();
-    let folders = ["experiments", "data", "crates/pardalis-scene/tests/reference"];
+    let folders = [
+        "experiments",
+        "data",
+        "crates/pardalis-scene/tests/reference",
+    ];
     let mut folders: Vec<_> = folders.iter().map(|folder| root.join(folder)).collect();
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).unwrap() {

@@ -89,8 +89,8 @@ fn a_target_of_landmarks_has_its_settings_for_all_of_them() {
         Cue::Difference(difference).into(),
     ];
     for body in [front, rear] {
-        assert_eq!(body.cues, cues);
-        assert!(body.filter.motion.is_planar(), "landmarks stay level");
+        assert_eq!(body.cues(), cues);
+        assert!(body.motion().is_planar(), "landmarks stay level");
     }
     // The difference alone needs no colours.
     let bare = [

@@ -2,7 +2,7 @@
 
 use super::CameraId;
 use crate::Frame;
-use crate::frame::MAX_TIME_S;
+use crate::frame::check_time;
 use pardalis_core::Error;
 
 /// The frames of one instant, one per camera, and the instant's time, which is taken from them.
@@ -97,14 +97,5 @@ impl FrameSet {
     /// The frames with the numbers of their cameras, as cues take them.
     pub(super) fn numbered(&self) -> &[(usize, Frame)] {
         &self.frames
-    }
-}
-
-/// Returns an error for times that are not finite, or beyond 1e12 seconds.
-pub(super) fn check_time(time_s: f64) -> Result<(), Error> {
-    if time_s.abs() <= MAX_TIME_S {
-        Ok(())
-    } else {
-        Err(Error::out_of_range("time_s", time_s, "-1e12 to 1e12"))
     }
 }

@@ -21,12 +21,12 @@ pub use settings::{BodySettings, DetectedSettings, InitializedSettings, TargetSe
 
 use std::ops::Range;
 
-use frame_set::check_time;
 use groups::{groups, split};
 use statistics::ImageStatistics;
 use target_tracker::TargetTracker;
 use track::Instant;
 
+use crate::frame::check_time;
 use crate::start::{PixelStart, Start};
 use crate::view::View;
 use pardalis_core::Error;

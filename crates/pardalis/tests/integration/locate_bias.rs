@@ -6,7 +6,7 @@ use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
 use pardalis::likelihood::{ContourSettings, Cue};
 use pardalis::shape::Shape;
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, ExistenceSettings, Tracker};
+use pardalis::tracker::{InitializedSettings, Tracker};
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
 use pardalis_core::simd::Level;
@@ -100,7 +100,7 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
                 position_m: center,
                 ..crate::common::ball_start()
             };
-            let target = BodySettings {
+            let target = InitializedSettings {
                 shape: Shape::Sphere(crate::common::ball()),
                 colors: Some(orange()),
                 cues: vec![Cue::Contour(ContourSettings::default()).into()],
@@ -111,13 +111,13 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
                     resample_below: 1.0,
                 },
                 start: Start::Gaussian(start),
-                existence: ExistenceSettings::default(),
             };
             let mut tracker =
                 Tracker::new(vec![view.clone()], vec![target], 1, Level::best()).unwrap();
-            let frames = [(0, rgb_frame(&picture(&view, center, is_soft)))];
-            let start = *tracker.starts(0).next().unwrap();
-            let found = tracker.locate(&frames, 0.0, &[start], &PASSES_M).unwrap();
+            let set = common::set_of(rgb_frame(&picture(&view, center, is_soft)));
+            let target = tracker.targets().next().unwrap();
+            let start = tracker.starts(target).unwrap().next().unwrap();
+            let found = tracker.locate(&set, &[start], &PASSES_M).unwrap();
             let found = Point3::from(found[0].kinematics.unwrap().position_m);
             errors.push((found - mirror).norm() - (Point3::from(center) - mirror).norm());
         }

@@ -90,6 +90,15 @@ impl Detection {
         }
     }
 
+    /// A detection at a position without lines yet.
+    #[cfg(test)]
+    pub(super) fn at(position_m: [f64; 3]) -> Self {
+        Self {
+            position_m,
+            ..Self::default()
+        }
+    }
+
     /// The correspondence lines of each camera that sees it.
     pub(super) fn lines(&self) -> &[CorrespondenceLines] {
         &self.lines[..self.camera_count]
@@ -128,7 +137,7 @@ impl Detections {
         self.count += usize::from(fit(detection));
     }
 
-    /// Those that were found.
+    /// The detections found so far.
     pub(crate) fn as_slice(&self) -> &[Detection] {
         &self.buffers[..self.count]
     }
@@ -260,7 +269,7 @@ impl EdgeCue {
     }
 
     /// Places correspondence lines around the detection's position in each camera that shows the target's colours there.
-    fn place_lines(&mut self, frames: &[EdgeFrame], detection: &mut Detection) {
+    pub(super) fn place_lines(&mut self, frames: &[EdgeFrame], detection: &mut Detection) {
         let mut count = 0;
         for frame in frames {
             let position = detection.position_m.map(|v| [v as f32; LANES]);

@@ -103,10 +103,9 @@ impl DetectedTarget {
         likeness: f64,
         clutter_density: f64,
     ) -> f64 {
-        let densities = look_alikes.densities(position_m, covariance_m2);
-        let [updated, predicted] = densities.map(|density: f64| libm::exp(likeness) * density);
-        let own = libm::exp(likeness) * self.density(position_m, covariance_m2);
-        libm::log1p(updated / clutter_density) + libm::log1p(predicted / (clutter_density + own))
+        let look_alikes = look_alikes.densities(position_m, covariance_m2);
+        let own = self.density(position_m, covariance_m2);
+        assigned_nats(likeness, clutter_density, own, look_alikes)
     }
 
     /// The log-ratio by which a detection speaks for the target's existence. What has been tracked may be clutter and then is there again: that it stayed
@@ -173,6 +172,39 @@ impl DetectedTarget {
             STRAY_LANDMARK_NATS
         } else {
             0.0
+        }
+    }
+}
+
+/// By how many nats a detection with this log-likelihood ratio against clutter is less likely the target's, given the densities there of clutter, of the target
+/// itself, and of updated and predicted look-alikes.
+fn assigned_nats(likeness: f64, clutter: f64, own: f64, [updated, predicted]: [f64; 2]) -> f64 {
+    let ratio = libm::exp(likeness);
+    libm::log1p(ratio * updated / clutter)
+        + libm::log1p(ratio * predicted / (clutter + ratio * own))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::{Rivals, association_log_weight};
+
+    #[test]
+    fn log_weights_are_the_oracles() {
+        for likeness in [-12.0, -1.0, 0.5, 14.0] {
+            for densities in [[0.0, 0.0], [40.0, 0.0], [0.0, 3.0], [0.2, 700.0]] {
+                let [updated, predicted] = densities;
+                let rivals = Rivals {
+                    clutter: 1e-4,
+                    own: 25.0,
+                    updated,
+                    predicted,
+                };
+                let assigned = assigned_nats(likeness, 1e-4, 25.0, densities);
+                let found = likeness - libm::log(1e-4) - assigned;
+                let expected = association_log_weight(likeness, &rivals);
+                assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+            }
         }
     }
 }

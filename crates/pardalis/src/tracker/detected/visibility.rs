@@ -99,6 +99,7 @@ impl Visibility {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::reference;
 
     fn at(visible: f64) -> Visibility {
         Visibility {
@@ -129,6 +130,39 @@ mod tests {
         assert!((at(0.9).mixture_log_ratio(-8.0) - expected).abs() < 1e-6);
         assert!((at(0.5).posterior(0.0) - 0.5).abs() < 1e-12);
         assert!(at(0.9).posterior(-20.0) < 1e-6 && at(0.1).posterior(1000.0) > 1.0 - 1e-12);
+    }
+
+    #[test]
+    fn all_is_the_oracles() {
+        let rates = OcclusionRates::default();
+        for visible in [0.05, 0.5, 0.93] {
+            for dt_s in [0.04, 0.7, 3.0] {
+                let mut predicted = at(visible);
+                predicted.predict(&rates, dt_s);
+                let naive = reference::predicted_visibility(
+                    visible,
+                    rates.occlusion_hz,
+                    rates.reappearance_hz,
+                    dt_s,
+                );
+                assert!((predicted.visible - naive).abs() < 1e-4, "{naive}");
+            }
+            for log_ratio in [-20.0, -7.0, -0.3, 0.0, 2.0, 30.0] {
+                let naive = reference::mixture_log_ratio(visible, f64::from(log_ratio));
+                let fast = f64::from(at(visible).mixture_log_ratio(log_ratio));
+                assert!(
+                    (fast - naive).abs() < 1e-5 * naive.abs().max(1.0),
+                    "{fast} {naive}"
+                );
+            }
+            let particles = [(0.5, 3.0, true), (0.3, -5.0, true), (0.2, 0.0, false)];
+            let [visible_now, seen] = reference::updated_visibility(visible, &particles);
+            let (log_ratios, weights) = ([3.0, -5.0, 0.0], [0.5, 0.3, 0.2]);
+            let mut updated = at(visible);
+            let found = updated.update(&log_ratios, &weights, 0.8);
+            assert!((found - seen).abs() < 1e-12, "{found} {seen}");
+            assert!((updated.visible - 0.8 * visible_now).abs() < 1e-12);
+        }
     }
 
     #[test]

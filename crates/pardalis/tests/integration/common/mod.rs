@@ -9,9 +9,9 @@ use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
 use pardalis::likelihood::{ContourSettings, Cue};
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, ExistenceSettings};
+use pardalis::tracker::{DetectedSettings, InitializedSettings};
 use pardalis::view::View;
-use pardalis::{Frame, PixelFormat};
+use pardalis::{CameraId, Frame, FrameSet, PixelFormat};
 use pardalis_camera::{Camera, Equidistant};
 use pardalis_camera::{Pose, pose_from_matrix};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
@@ -44,6 +44,11 @@ pub(crate) fn open(path: &str) -> RgbImage {
 /// A picture of data/dioptric-jump.
 pub(crate) fn jump_picture(index: usize) -> RgbImage {
     open(&format!("dioptric-jump/frames/{index:06}.jpg"))
+}
+
+/// The frame of the first camera, as the set of its instant.
+pub(crate) fn set_of(frame: Frame) -> FrameSet {
+    FrameSet::of(CameraId::new(0), frame)
 }
 
 /// A picture as a frame of this format.
@@ -170,13 +175,17 @@ pub(crate) fn ball_start() -> GaussianStart {
 }
 
 /// The ball as the tracker's target.
-pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> BodySettings {
-    BodySettings {
+pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> InitializedSettings {
+    InitializedSettings {
         shape: Shape::Sphere(ball()),
         colors: Some(ball_colors(palette)),
         cues: vec![Cue::Contour(ContourSettings::default()).into()],
         filter: ball_filter(particle_count),
         start: Start::Gaussian(ball_start()),
-        existence: ExistenceSettings::default(),
     }
+}
+
+/// The ball as a target that the tracker detects itself, of which nothing but size and colours is known.
+pub(crate) fn detected_ball() -> DetectedSettings {
+    DetectedSettings::new(Shape::Sphere(ball()), ball_colors(Palette::HSI))
 }

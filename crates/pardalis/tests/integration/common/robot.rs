@@ -4,7 +4,7 @@ use pardalis::color::ColorModel;
 use pardalis::likelihood::{Cue, PatchSettings};
 use pardalis::shape::{Flat, Shape};
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, ExistenceSettings, TargetSettings};
+use pardalis::tracker::{InitializedSettings, TargetSettings};
 use pardalis::view::View;
 use pardalis_calibrate::plane::{PointPair, fit};
 use pardalis_camera::Pose;
@@ -62,7 +62,7 @@ pub(crate) fn landmark_colors(name: &str) -> ColorModel {
 
 /// The robot by its landmarks, red in front and yellow behind, each with the region and the difference cue.
 pub(crate) fn robot_target(particle_count: usize) -> TargetSettings {
-    let body = |colors, x_m| BodySettings {
+    let body = |colors, x_m| InitializedSettings {
         shape: landmark(),
         colors: Some(landmark_colors(colors)),
         cues: vec![
@@ -81,10 +81,9 @@ pub(crate) fn robot_target(particle_count: usize) -> TargetSettings {
             velocity_sigma_mps: [0.1, 0.1, 0.0],
             ..GaussianStart::default()
         }),
-        existence: ExistenceSettings::default(),
     };
     TargetSettings {
-        bodies: vec![body("red", -1.3), body("yellow", -1.6)],
+        bodies: vec![body("red", -1.3).into(), body("yellow", -1.6).into()],
         heading: Some([0, 1]),
     }
 }
