@@ -18,6 +18,7 @@ pub mod reference;
 mod replaced;
 mod schema;
 mod setting;
+mod shape;
 mod start;
 mod target;
 mod timing;

@@ -46,22 +46,22 @@ fn table(keys: &[KeyDescription], path: &str) -> Map<String, Value> {
 
 /// The meaning of a key, with what a schema cannot express.
 fn described(key: &KeyDescription) -> String {
-    let mut text = key.about.to_owned();
+    let mut sentences = vec![key.about.to_owned()];
     if let Content::Value { unit, .. } = key.content
         && !unit.is_empty()
     {
-        text.push_str(&format!(" Unit: {unit}."));
+        sentences.push(format!("Unit: {unit}."));
     }
     match key.presence {
-        Presence::RequiredIf(condition) => text.push_str(&format!(" Required {condition}.")),
+        Presence::RequiredIf(condition) => sentences.push(format!("Required {condition}.")),
         Presence::Optional(otherwise) | Presence::DefaultDepends(otherwise)
             if !otherwise.is_empty() =>
         {
-            text.push_str(&format!(" Default: {otherwise}."));
+            sentences.push(format!("Default: {otherwise}."));
         }
         _ => {}
     }
-    text
+    sentences.join(" ")
 }
 
 fn content(keys: &[KeyDescription], key: &KeyDescription) -> Map<String, Value> {

@@ -1,10 +1,11 @@
 //! The targets of a scene.
 
-use super::appearance::{CuesConfig, read_cues, read_shape};
+use super::appearance::{CuesConfig, read_cues};
 use super::description::{Presence, above};
 use super::motion::read_motion;
 use super::reader::{Located, Table};
 use super::setting::Word;
+use super::shape::read_shape;
 use super::start::{StartConfig, read_start};
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
@@ -97,6 +98,7 @@ pub(super) struct CameraNames {
 
 impl TargetConfig {
     /// Reads one target. Returns `None` after reporting a problem to the journal.
+    #[allow(clippy::too_many_lines)] // one table, read from top to bottom
     pub(super) fn read(name: String, table: Table, cameras: &CameraNames) -> Option<Self> {
         let about = "Landmarks on the target, two or more, each with `colors`, `start` and perhaps a `shape` of its own. With the names `front` and `rear` they give the target a heading.";
         let landmarks = table.named_tables("landmarks", about, Presence::Optional(""));

@@ -180,12 +180,17 @@ mod tests {
         let share = JumpChance::PerStep { share: 0.1 };
         let lower = [MIN_M[0], MIN_M[1], 0.4];
         for (chance, min_m, max_m, name) in [
-            (JumpChance::PerStep { share: 1.1 }, MIN_M, MAX_M, "share"),
+            (
+                JumpChance::PerStep { share: 1.1 },
+                MIN_M,
+                MAX_M,
+                "probability",
+            ),
             (
                 JumpChance::PerStep { share: f64::NAN },
                 MIN_M,
                 MAX_M,
-                "share",
+                "probability",
             ),
             (JumpChance::Rate { rate_hz: -1.0 }, MIN_M, MAX_M, "rate_hz"),
             (share, [f64::NAN; 3], MAX_M, "min_m"),
