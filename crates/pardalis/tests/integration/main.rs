@@ -2,6 +2,7 @@
 
 mod common;
 mod determinism;
+mod frame_sets;
 mod kernels;
 mod locate;
 mod locate_bias;
