@@ -28,6 +28,8 @@ use pardalis::tracker::TrackState;
 pub struct EstimatedState {
     /// Position in metres.
     pub position_m: [f64; 3],
+    /// Position of the best particle in metres, where the track gives it.
+    pub best_position_m: Option<[f64; 3]>,
     /// Velocity in metres a second, where the track gives one.
     pub velocity_mps: Option<[f64; 3]>,
     /// Where the object faces, in radians counter-clockwise from the world's x, where the track gives it.

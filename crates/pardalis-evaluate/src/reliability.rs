@@ -138,6 +138,7 @@ mod tests {
     fn rows_claim_a_place_or_a_view() {
         let estimate = EstimatedState {
             position_m: [1.0, 2.0, 3.0],
+            best_position_m: None,
             velocity_mps: None,
             heading_rad: None,
             covariance_m2: None,

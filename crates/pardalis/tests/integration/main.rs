@@ -6,5 +6,6 @@ mod frame_sets;
 mod kernels;
 mod locate;
 mod locate_bias;
+mod no_io;
 mod rectify;
 mod seek;
