@@ -26,7 +26,7 @@ impl Camera {
             let count = values.len();
             let mut parameters = values.map(Dual::<PARTS>::constant);
             for (i, parameter) in parameters.iter_mut().enumerate() {
-                parameter.slopes[i] = 1.0;
+                parameter.derivatives[i] = 1.0;
             }
             let point = std::array::from_fn(|i| Dual::variable(point_in_camera[i], count + i));
             let (pixel, valid) = model.vary(parameters).project(point);
@@ -34,8 +34,10 @@ impl Camera {
         });
         valid.then(|| ProjectionJacobian {
             pixel: [u.value, v.value],
-            by_point: [u, v].map(|w| std::array::from_fn(|i| w.slopes[count + i])),
-            by_parameters: (0..count).map(|i| [u.slopes[i], v.slopes[i]]).collect(),
+            by_point: [u, v].map(|w| std::array::from_fn(|i| w.derivatives[count + i])),
+            by_parameters: (0..count)
+                .map(|i| [u.derivatives[i], v.derivatives[i]])
+                .collect(),
         })
     }
 }

@@ -4,8 +4,8 @@ use super::reader::Table;
 use super::target::kind_of;
 use pardalis::shape::Shape;
 use pardalis_filter::motion::{
-    ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, JumpChance, Jumps, Motion,
-    RandomWalk, Stray,
+    AccelerationNoise, ConstantAcceleration, ConstantVelocity, JumpChance, Jumps, Motion,
+    PositionNoise, RandomWalk, VelocityNoise,
 };
 
 /// Upright bodies and flat shapes stay on the ground where nothing else is said.
@@ -63,64 +63,64 @@ fn one_setting_of<T>(table: &Table, settings: &[Setting<T>], default: Option<T>)
 }
 
 fn read_constant_velocity(table: &Table, default: ConstantVelocity) -> Option<ConstantVelocity> {
-    let disturbance = one_setting_of(
+    let noise = one_setting_of(
         table,
         &[
             ("acceleration_sigma_mps2", |acceleration_sigma_mps2| {
-                Disturbance::PiecewiseConstant {
+                VelocityNoise::PiecewiseConstant {
                     acceleration_sigma_mps2,
                 }
             }),
             ("acceleration_density_m2ps3", |acceleration_density_m2ps3| {
-                Disturbance::White {
+                VelocityNoise::White {
                     acceleration_density_m2ps3,
                 }
             }),
             ("velocity_sigma_mps", |velocity_sigma_mps| {
-                Disturbance::PerStep { velocity_sigma_mps }
+                VelocityNoise::PerStep { velocity_sigma_mps }
             }),
         ],
-        Some(default.disturbance()),
+        Some(default.process_noise()),
     );
-    table.checked(ConstantVelocity::new(disturbance?))
+    table.checked(ConstantVelocity::new(noise?))
 }
 
 fn read_constant_acceleration(table: &Table) -> Option<ConstantAcceleration> {
-    let jerk = one_setting_of(
+    let noise = one_setting_of(
         table,
         &[
             (
                 "acceleration_step_sigma_mps2",
-                |acceleration_step_sigma_mps2| Jerk::PerStep {
+                |acceleration_step_sigma_mps2| AccelerationNoise::PerStep {
                     acceleration_step_sigma_mps2,
                 },
             ),
-            ("jerk_density_m2ps5", |jerk_density_m2ps5| Jerk::White {
-                jerk_density_m2ps5,
+            ("jerk_density_m2ps5", |jerk_density_m2ps5| {
+                AccelerationNoise::White { jerk_density_m2ps5 }
             }),
         ],
         None,
     );
-    table.checked(ConstantAcceleration::new(jerk?))
+    table.checked(ConstantAcceleration::new(noise?))
 }
 
 fn read_random_walk(table: &Table, is_planar: bool) -> Option<RandomWalk> {
-    let stray = one_setting_of(
+    let noise = one_setting_of(
         table,
         &[
-            ("sigma_m", |sigma_m| Stray::PerStep { sigma_m }),
-            ("density_m2ps", |density_m2ps| Stray::Diffusion {
+            ("sigma_m", |sigma_m| PositionNoise::PerStep { sigma_m }),
+            ("density_m2ps", |density_m2ps| PositionNoise::Diffusion {
                 density_m2ps,
             }),
         ],
-        Some(RandomWalk::PUBLISHED.stray()),
+        Some(RandomWalk::PUBLISHED.process_noise()),
     );
     let jumps = table.table("jumps").and_then(|jumps| {
         let read = read_jumps(&jumps, is_planar);
         jumps.finish();
         read
     });
-    let walk = table.checked(RandomWalk::new(stray?))?;
+    let walk = table.checked(RandomWalk::new(noise?))?;
     Some(match jumps {
         Some(jumps) => walk.with_jumps(jumps),
         None => walk,

@@ -263,7 +263,7 @@ fn read_existence(table: &Table, is_sought: bool) -> Option<ExistenceSettings> {
 
 fn read_filter(table: &Table, shape: Option<&Shape>, is_sought: bool) -> Option<FilterSettings> {
     let (default_motion, default_count) = if is_sought {
-        (ConstantVelocity::BETWEEN_KICKS, SOUGHT_PARTICLES)
+        (ConstantVelocity::BETWEEN_VELOCITY_JUMPS, SOUGHT_PARTICLES)
     } else {
         (ConstantVelocity::DEFAULT, DEFAULT_FILTER.particle_count)
     };

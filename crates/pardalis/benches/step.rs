@@ -22,7 +22,7 @@ use pardalis_core::rng::{Draws, Stage};
 use pardalis_core::simd::Level;
 use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
-use pardalis_filter::particle_filter::Filter;
+use pardalis_filter::particle_filter::ParticleFilter;
 use pardalis_filter::resample::Resampling;
 
 /// Particles in real time and offline in Taiana 2007; each has two contours of 50 points.
@@ -61,7 +61,7 @@ struct Scene {
     colors: ColorModel,
     views: [View; 1],
     frames: [(usize, Frame); 1],
-    filter: Filter,
+    filter: ParticleFilter,
 }
 
 impl Scene {
@@ -71,7 +71,7 @@ impl Scene {
         let mut views = [fisheye_view()];
         views[0].prepare(PixelKind::of(&frames[0].1), palette);
         let draws = Draws::new(1, 0);
-        let mut filter = Filter::new(
+        let mut filter = ParticleFilter::new(
             ball_filter(particle_count),
             &ball_start(),
             draws,

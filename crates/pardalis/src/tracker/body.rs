@@ -11,7 +11,7 @@ use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-use pardalis_filter::particle_filter::{Filter, Update};
+use pardalis_filter::particle_filter::{ParticleFilter, Update};
 
 /// How long a camera's last word on whether a particle is seen holds, in seconds, while other cameras go on without it.
 const WORD_HOLDS_S: f64 = 0.5;
@@ -30,7 +30,7 @@ pub(super) struct Body {
     pub(super) cues: Cues,
     pub(super) start: Start,
     draws: Draws,
-    pub(super) filter: Filter,
+    pub(super) filter: ParticleFilter,
     /// Whether it has seen its first frames.
     pub(super) started: bool,
     /// Where it starts anew with its next frames, and the time in seconds for which that holds.
@@ -68,7 +68,7 @@ impl Body {
                 settings.colors.as_ref(),
                 level,
             )?,
-            filter: Filter::new(settings.filter, &start, draws, level)?,
+            filter: ParticleFilter::new(settings.filter, &start, draws, level)?,
             start: settings.start,
             draws,
             started: false,

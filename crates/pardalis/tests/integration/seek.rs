@@ -17,7 +17,7 @@ fn sought(edge: EdgeSettings) -> BodySettings {
     BodySettings {
         cues: vec![Cue::Edge(edge).into()],
         filter: FilterSettings {
-            motion: ConstantVelocity::BETWEEN_KICKS.into(),
+            motion: ConstantVelocity::BETWEEN_VELOCITY_JUMPS.into(),
             ..published.filter
         },
         start: Start::Anywhere,
