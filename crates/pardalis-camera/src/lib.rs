@@ -1,6 +1,88 @@
-//! Camera models: from points in the camera's frame (x right, y down, z along the optical axis, metres) to pixels and back.
+//! Camera models, poses, masks, homographies and calibration file formats.
 //!
-//! Pixel centres lie at integer coordinates, (0, 0) is the centre of the top left pixel.
+//! A camera model maps points to pixels ([`Camera::project`]) and pixels to rays
+//! ([`Camera::unproject`]). The models range from the pinhole to fisheyes that see more than a
+//! hemisphere and to catadioptric cameras, which look into a curved mirror.
+//!
+//! # Example
+//!
+//! A point is one metre in front of a fisheye camera. Find its pixel, and the ray of that pixel:
+//!
+//! ```
+//! use pardalis_camera::{Camera, Equidistant, Error};
+//!
+//! // Focal length 145 px/rad, principal point (319.5, 239.5), 185 degrees field of view.
+//! let lens = Equidistant::new(145.0, [319.5, 239.5], 92.5_f64.to_radians())?;
+//! let camera = Camera::Equidistant(lens);
+//!
+//! let [u, v] = camera.project([0.0, 0.5, 1.0]).expect("the point is in view");
+//! assert!((u - 319.5).abs() < 1e-9);
+//! assert!((v - (239.5 + 145.0 * 0.5_f64.atan())).abs() < 1e-9);
+//!
+//! let ray = camera.unproject([u, v]).expect("the pixel is in view");
+//! assert!((ray.direction[1] / ray.direction[2] - 0.5).abs() < 1e-9);
+//!
+//! // Points outside the field of view have no pixel.
+//! assert_eq!(camera.project([0.0, 0.0, -1.0]), None);
+//! # Ok::<(), Error>(())
+//! ```
+//!
+//! Read the camera of a calibration file, here one written by ROS:
+//!
+//! ```
+//! # #[cfg(feature = "formats")] {
+//! use pardalis_camera::formats;
+//!
+//! let text = "
+//! image_width: 640
+//! image_height: 480
+//! camera_name: front
+//! camera_matrix: {rows: 3, cols: 3, data: [400, 0, 320, 0, 400, 240, 0, 0, 1]}
+//! distortion_model: plumb_bob
+//! distortion_coefficients: {rows: 1, cols: 5, data: [-0.1, 0.02, 0, 0, 0]}
+//! ";
+//! let cameras = formats::read(text, None)?;
+//! assert_eq!(cameras[0].name, "front");
+//! assert_eq!(cameras[0].camera.kind(), "pinhole");
+//! # }
+//! # Ok::<(), pardalis_camera::Error>(())
+//! ```
+//!
+//! # Units and frames
+//!
+//! Lengths are in metres, angles in radians and image coordinates in pixels.
+//!
+//! - The *camera frame* has x to the right, y down and z along the optical axis. Cameras that look
+//!   into a mirror look along +z at the mirror, so that most of the scene has z < 0.
+//! - The *world frame* is right-handed; its z axis points up by convention. A [`Pose`] named
+//!   `a_from_b` transforms coordinates of frame b to frame a.
+//! - *Pixel coordinates* (u, v) point right and down. Pixel centres have integer coordinates: (0, 0) is
+//!   the centre of the top left pixel.
+//!
+//! # Models
+//!
+//! | model | for |
+//! |---|---|
+//! | [`Pinhole`] | usual lenses, with Brown-Conrady distortion |
+//! | [`Equidistant`], [`KannalaBrandt`] | fisheyes |
+//! | [`DoubleSphere`], [`ExtendedUnified`], [`Mei`] | wide-angle lenses and fisheyes |
+//! | [`Ocam`] | fisheyes and mirrors calibrated with OCamCalib |
+//! | [`Unified`], [`PerspectiveMirror`] | mirrors with a single viewpoint, or approximately so |
+//! | [`ExactMirror`] | any mirror of revolution, see [`MirrorProfile`] |
+//! | [`Plane`] | an unknown camera above a plane |
+//!
+//! [`Camera`] holds any of them. All models are generic over the number type: double precision for
+//! calibration, single precision for [many points at once](Camera::project_points), and dual numbers
+//! for [derivatives](Camera::project_with_jacobian).
+//!
+//! # Other contents
+//!
+//! - [`formats`]: calibration files of OpenCV, ROS, Kalibr, OCamCalib and Basalt (feature `formats`,
+//!   on by default).
+//! - [`Pose`], [`CalibratedCamera`]: where a camera is.
+//! - [`Mask`]: which pixels of a camera are usable.
+//! - [`Homography`]: the map from a plane to its image.
+//! - [`ConstantResolution`]: design of mirrors.
 
 mod batch;
 mod distortion;
