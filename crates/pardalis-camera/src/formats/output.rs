@@ -109,7 +109,7 @@ pub(super) fn size_px(camera: &CalibratedCamera) -> Result<(usize, usize), Error
             camera,
             "the size of the images",
             "unknown",
-            "a known size, which this format requires: specify --size, or size_px in a Pardalis file",
+            "a known size, which this format requires: specify it with --size, or as size_px in a Pardalis file",
         )
     })
 }

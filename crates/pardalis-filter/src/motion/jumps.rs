@@ -52,7 +52,7 @@ impl Jumps {
             }
         }
         if min_m.iter().zip(max_m).any(|(&min, max)| max < min) {
-            return refused("max_m", max_m, "no coordinate smaller than that of min_m");
+            return refused("max_m", max_m, "no coordinate below that of min_m");
         }
         Ok(Self {
             chance,
