@@ -98,14 +98,14 @@ impl GaussianStart {
     /// reproduce them.
     fn check_covariance(&self) -> Result<(), Error> {
         let covariance = self.covariance_m2;
-        let refused = |allowed: &str| {
+        let reject = |allowed: &str| {
             let value = format!("{covariance:?}");
             Err(Error::out_of_range("covariance_m2", value, allowed))
         };
         let [xx, _, _, yy, _, zz] = covariance;
         let most = MAX_START * MAX_START;
         if !covariance.iter().all(|v| v.abs() <= most) || [xx, yy, zz].iter().any(|v| *v < 0.0) {
-            return refused("[xx, xy, xz, yy, yz, zz] with xx, yy, zz of 0 to 1e12 m²");
+            return reject("[xx, xy, xz, yy, yz, zz] with xx, yy, zz of 0 to 1e12 m²");
         }
         let [a, b, c, d, e, f] = self.factor();
         let product = [
@@ -120,7 +120,7 @@ impl GaussianStart {
         let scales = [xx, sx * sy, sx * sz, yy, sy * sz, zz];
         let off = |i: usize| (product[i] - covariance[i]).abs() > ROUNDING * scales[i];
         if (0..6).any(off) {
-            return refused(
+            return reject(
                 "[xx, xy, xz, yy, yz, zz] of a positive semidefinite matrix: for example, xy must lie between \
                  -sqrt(xx·yy) and +sqrt(xx·yy)",
             );

@@ -53,7 +53,9 @@ pub(super) fn parse_yaml(text: &str) -> Result<Node, Error> {
     serde_saphyr::from_str_with_options::<Spanned<Value>>(&plain, options)
         .map(Node::from)
         .map_err(|error| {
-            let line = error.location().map_or(1, |place| place.line() as usize);
+            let line = error
+                .location()
+                .map_or(1, |location| location.line() as usize);
             let message = match error {
                 serde_saphyr::Error::DuplicateMappingKey { key: Some(key), .. } => {
                     format!("duplicate key {key}; keep one, and give each camera its own name")

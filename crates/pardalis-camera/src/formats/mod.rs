@@ -1,6 +1,6 @@
 //! Calibration files of other programs: OpenCV, ROS, Kalibr, OCamCalib and Basalt.
 //!
-//! [`read`] and [`write`] convert between text and cameras; they do not access files.
+//! [`read`] and [`write()`] convert between text and cameras; they do not access files.
 //!
 //! | format | models | poses |
 //! |---|---|---|

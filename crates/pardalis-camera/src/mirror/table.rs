@@ -97,8 +97,8 @@ fn check_rows<const N: usize>(rows: &[[f64; N]]) -> Result<(), Error> {
     if !(MIN_ROWS..=MAX_ROWS).contains(&rows.len()) {
         return reject(format!("{} rows long", rows.len()), "5 to 100000 rows");
     }
-    let faulty = |row: &[f64; N]| row.iter().any(|v| !(v.abs() <= 1e6));
-    if let Some(i) = rows.iter().position(faulty) {
+    let invalid = |row: &[f64; N]| row.iter().any(|v| !(v.abs() <= 1e6));
+    if let Some(i) = rows.iter().position(invalid) {
         return reject(
             format!("{:?} in row {}", rows[i], i + 1),
             "numbers up to 1e6",
@@ -112,8 +112,8 @@ fn check_rows<const N: usize>(rows: &[[f64; N]]) -> Result<(), Error> {
     }
     // The differences of closer rows would be dominated by rounding.
     let least_step = 1e-9 * rows[rows.len() - 1][0];
-    let faulty = |pair: &[[f64; N]]| !(pair[1][0] - pair[0][0] > least_step);
-    if let Some(i) = rows.windows(2).position(faulty) {
+    let unordered = |pair: &[[f64; N]]| !(pair[1][0] - pair[0][0] > least_step);
+    if let Some(i) = rows.windows(2).position(unordered) {
         return reject(
             format!("{:?} in row {}", rows[i + 1], i + 2),
             "t increasing from row to row",

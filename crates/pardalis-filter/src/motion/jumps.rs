@@ -43,16 +43,16 @@ impl Jumps {
             JumpChance::PerStep { .. } => {}
             JumpChance::Rate { rate_hz } => check_strength(("rate_hz", rate_hz))?,
         }
-        let refused = |name, corner: [f64; 3], allowed| {
+        let reject = |name, corner: [f64; 3], allowed| {
             Err(Error::out_of_range(name, format!("{corner:?}"), allowed))
         };
         for (name, corner) in [("min_m", min_m), ("max_m", max_m)] {
             if corner.iter().any(|v| !(v.abs() <= MAX_START)) {
-                return refused(name, corner, "numbers between -1e6 and 1e6");
+                return reject(name, corner, "numbers between -1e6 and 1e6");
             }
         }
         if min_m.iter().zip(max_m).any(|(&min, max)| max < min) {
-            return refused("max_m", max_m, "no coordinate below that of min_m");
+            return reject("max_m", max_m, "no coordinate below that of min_m");
         }
         Ok(Self {
             chance,
