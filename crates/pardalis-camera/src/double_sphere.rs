@@ -4,8 +4,10 @@ use super::{Projection, Ray, check_focals, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// Double sphere model: u = cx + fx·x/n, v = cy + fy·y/n with n = α·d2 + (1 − α)·(ξ·d1 + z), d1 =
-/// √(x² + y² + z²), d2 = √(x² + y² + (ξ·d1 + z)²) (Usenko, Demmel and Cremers 2018, eqs. 40 to 45).
+/// Double sphere model of wide-angle lenses.
+///
+/// u = cx + fx·x/n, v = cy + fy·y/n with n = α·d2 + (1 − α)·(ξ·d1 + z), d1 = √(x² + y² + z²), d2 =
+/// √(x² + y² + (ξ·d1 + z)²) (Usenko, Demmel and Cremers 2018, eqs. 40 to 45).
 ///
 /// Domain: z > −w2·d1, with w2 = (w1 + ξ)/√(2·w1·ξ + ξ² + 1), w1 = α/(1 − α) for α ≤ 0.5 and (1 −
 /// α)/α for α > 0.5.

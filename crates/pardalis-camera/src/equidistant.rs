@@ -4,8 +4,10 @@ use super::{Projection, Ray, check_angle, check_focal, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// Equidistant fisheye: ρ = f·θ, u = cx + ρ·x/r, v = cy + ρ·y/r, with r = √(x² + y²) and θ =
-/// atan2(r, z) (Taiana 2007, eq. 3.5).
+/// Equidistant fisheye.
+///
+/// ρ = f·θ, u = cx + ρ·x/r, v = cy + ρ·y/r, with r = √(x² + y²) and θ = atan2(r, z) (Taiana 2007,
+/// eq. 3.5).
 ///
 /// Domain: θ ≤ `max_angle_rad`, which may exceed 90 degrees. The point straight behind the camera
 /// is never valid.

@@ -11,10 +11,12 @@ use pardalis_core::real::Real;
 /// Points closer to the axis than this share of the mirror's distance are treated as on the axis.
 const ON_AXIS: f64 = 1e-9;
 
-/// Exact mirror camera. A point (r, φ, z) is seen through the mirror point (t, F(t)) for which
-/// atan(t/F) + 2·atan(F'(t)) = atan2(r − t, F − z). With ρ = t/F, u = cx + fx·ρ·x/r and v = cy +
-/// fy·ρ·y/r (Taiana 2007, eq. 3.2, with the tangent missing there). The camera looks along +z into
-/// the mirror, so that most of the scene has z < 0.
+/// A perspective camera in front of a mirror of revolution.
+///
+/// A point (r, φ, z) is seen through the mirror point (t, F(t)) for which atan(t/F) + 2·atan(F'(t))
+/// = atan2(r − t, F − z). With ρ = t/F, u = cx + fx·ρ·x/r and v = cy + fy·ρ·y/r (Taiana 2007, eq.
+/// 3.2, with the tangent missing there). The camera looks along +z into the mirror, so that most of
+/// the scene has z < 0.
 ///
 /// Domain: points in front of the mirror's surface that a ray reflected within the rim meets; see
 /// [`MirrorProfile`].
@@ -127,7 +129,7 @@ impl<R: Real> ExactMirror<R> {
         }
     }
 
-    /// Returns F, F' and F'' at t. They have zero derivatives with respect to t.
+    /// Returns F, F' and F'' at t, treating t as a constant for dual numbers.
     fn at(&self, t: f64) -> [R; 3] {
         let [sag, slope, curvature] = self.profile.sag_at(t).map(R::of);
         [self.vertex_m + sag, slope, curvature]

@@ -4,9 +4,10 @@ use super::{Projection, Ray, check_focals, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// Extended unified model: u = cx + fx·x/n, v = cy + fy·y/n with n = α·d + (1 − α)·z and d =
-/// √(β·(x² + y²) + z²) (Khomutenko, Garcia and Martinet 2016). With β = 1 it is the unified model
-/// with ξ = α/(1 − α).
+/// Extended unified model of wide-angle lenses.
+///
+/// u = cx + fx·x/n, v = cy + fy·y/n with n = α·d + (1 − α)·z and d = √(β·(x² + y²) + z²)
+/// (Khomutenko, Garcia and Martinet 2016). With β = 1 it is the unified model with ξ = α/(1 − α).
 ///
 /// Domain: z > −w·d with w = α/(1 − α) for α ≤ 0.5 and (1 − α)/α for α > 0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,9 +7,10 @@ use super::{
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// Kannala-Brandt fisheye: ρ = θ·(1 + k1·θ² + k2·θ⁴ + k3·θ⁶ + k4·θ⁸), u = cx + fx·ρ·x/r, v = cy +
-/// fy·ρ·y/r, with r = √(x² + y²) and θ = atan2(r, z) (Kannala and Brandt 2006, eq. 6, with OpenCV's
-/// scaling).
+/// Kannala-Brandt fisheye.
+///
+/// ρ = θ·(1 + k1·θ² + k2·θ⁴ + k3·θ⁶ + k4·θ⁸), u = cx + fx·ρ·x/r, v = cy + fy·ρ·y/r, with r = √(x² +
+/// y²) and θ = atan2(r, z) (Kannala and Brandt 2006, eq. 6, with OpenCV's scaling).
 ///
 /// Domain: θ ≤ `max_angle_rad`, but only as far as ρ increases with θ. The point straight behind
 /// the camera is never valid.

@@ -5,9 +5,11 @@ use super::{Projection, Ray, check_coefficients, check_focals, check_principal_p
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// Mei's model: (a, b) = (x, y) / (z + ξ·d) with d = √(x² + y² + z²), distorted by k1, k2, p1, p2
-/// to (a', b'); u = fx·a' + skew·b' + cx, v = fy·b' + cy (Mei and Rives 2007; OpenCV `omnidir`).
-/// The camera looks along +z at the scene.
+/// Mei's unified model with distortion.
+///
+/// (a, b) = (x, y) / (z + ξ·d) with d = √(x² + y² + z²), distorted by k1, k2, p1, p2 to (a', b'); u
+/// = fx·a' + skew·b' + cx, v = fy·b' + cy (Mei and Rives 2007; OpenCV `omnidir`). The camera looks
+/// along +z at the scene.
 ///
 /// Domain: z > −ξ·d for ξ ≤ 1 and z > −d/ξ for ξ > 1, where (a, b) folds back, but only as far as
 /// the distortion does not fold back.

@@ -12,12 +12,14 @@ const SETTLED: f64 = 2e-7;
 /// Maximum number of iterations; half of them suffice for any lens.
 const MAX_STEPS: u32 = 60;
 
-/// Scaramuzza's polynomial model. The pixel (u, v) at (du, dv) from the centre has sensor
-/// coordinates (x', y') = A⁻¹·(du, dv), A = [1 e; d c], and looks along (x', y', −f(ρ)), with ρ =
-/// √(x'² + y'²) and f(ρ) = a0 + a1·ρ + a2·ρ² + … (Scaramuzza, Martinelli and Siegwart 2006, with
-/// OCamCalib's signs, a0 < 0). In OCamCalib, x points down in the image, y to the right, and the
-/// camera looks along −z: its coordinates (x, y, z) are (y, x, −z) here. Projection solves for ρ
-/// and does not use the toolbox's inverse polynomial.
+/// Scaramuzza's polynomial model of mirror cameras and fisheyes.
+///
+/// The pixel (u, v) at (du, dv) from the centre has sensor coordinates (x', y') = A⁻¹·(du, dv), A =
+/// [1 e; d c], and looks along (x', y', −f(ρ)), with ρ = √(x'² + y'²) and f(ρ) = a0 + a1·ρ + a2·ρ² +
+/// … (Scaramuzza, Martinelli and Siegwart 2006, with OCamCalib's signs, a0 < 0). In OCamCalib, x
+/// points down in the image, y to the right, and the camera looks along −z: its coordinates (x, y,
+/// z) are (y, x, −z) here. Projection solves for ρ and does not use the toolbox's inverse
+/// polynomial.
 ///
 /// Domain: ρ ≤ `max_radius_px`, but only as far as the angle from the axis increases with ρ.
 #[derive(Debug, Clone)]

@@ -5,9 +5,10 @@ use super::{Projection, Ray, check_focal, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// Perspective mirror model: ρ = k·r/z with k = −m, which is the unified model with l = 0; u = cx +
-/// ρ·x/r, v = cy + ρ·y/r (Taiana 2007, section 3.4). The camera looks along +z into the mirror; the
-/// scene has z < 0.
+/// Perspective model of a mirror camera.
+///
+/// ρ = k·r/z with k = −m, which is the unified model with l = 0; u = cx + ρ·x/r, v = cy + ρ·y/r
+/// (Taiana 2007, section 3.4). The camera looks along +z into the mirror; the scene has z < 0.
 ///
 /// Domain: z < 0.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,9 +5,11 @@ use super::{Projection, Ray, check_coefficients, check_focals, check_principal_p
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// Pinhole camera: u = fx·a' + cx, v = fy·b' + cy, where (a', b') is (x/z, y/z) distorted by up to
-/// twelve coefficients in OpenCV's order k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4. With s = a² + b² and
-/// g = (1 + k1·s + k2·s² + k3·s³) / (1 + k4·s + k5·s² + k6·s³):
+/// Pinhole camera with Brown-Conrady distortion.
+///
+/// u = fx·a' + cx, v = fy·b' + cy, where (a', b') is (x/z, y/z) distorted by up to twelve
+/// coefficients in OpenCV's order k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4. With s = a² + b² and g = (1 +
+/// k1·s + k2·s² + k3·s³) / (1 + k4·s + k5·s² + k6·s³):
 ///
 /// a' = a·g + 2·p1·a·b + p2·(s + 2a²) + s1·s + s2·s², b' = b·g + p1·(s + 2b²) + 2·p2·a·b + s3·s +
 /// s4·s²

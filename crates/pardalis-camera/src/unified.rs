@@ -4,9 +4,11 @@ use super::{Projection, Ray, check_focal, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// Unified model: ρ = f·(l + m)·r / (l·d − z), with r = √(x² + y²) and d = √(r² + z²); u = cx +
-/// ρ·x/r, v = cy + ρ·y/r (Geyer and Daniilidis 2000; Taiana 2007, section 3.3). The camera looks
-/// along +z into the mirror, so that most of the scene has z < 0.
+/// Unified model of mirror cameras with a single viewpoint.
+///
+/// ρ = f·(l + m)·r / (l·d − z), with r = √(x² + y²) and d = √(r² + z²); u = cx + ρ·x/r, v = cy +
+/// ρ·y/r (Geyer and Daniilidis 2000; Taiana 2007, section 3.3). The camera looks along +z into the
+/// mirror, so that most of the scene has z < 0.
 ///
 /// Domain: z < l·d for l ≤ 1 and z < d/l for l > 1, beyond which ρ folds back.
 #[derive(Debug, Clone, Copy, PartialEq)]
