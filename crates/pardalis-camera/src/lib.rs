@@ -121,6 +121,7 @@ pub use mirror::{ConstantResolution, MirrorForm, MirrorLookUp, MirrorProfile, Re
 pub use ocam::Ocam;
 pub use ocam_look_up::OcamLookUp;
 pub use pardalis_core::Error;
+pub use pardalis_core::simd::Level;
 pub use perspective_mirror::PerspectiveMirror;
 pub use pinhole::Pinhole;
 pub use plane::Plane;

@@ -1,7 +1,8 @@
 //! Internals that the Pardalis crates share.
 //!
 //! This crate is not a public interface: its contents may change in any release. Depend on
-//! `pardalis`, `pardalis-camera` or `pardalis-filter`, which re-export [`Error`].
+//! `pardalis`, `pardalis-camera` or `pardalis-filter`, which re-export what they need of
+//! it, such as [`Error`].
 //!
 //! - [`error`]: the error type of all library crates.
 //! - [`real`]: arithmetic that is generic over the precision, and dual numbers for derivatives.

@@ -15,12 +15,11 @@
 //! Estimate the position of a ball from noisy measurements:
 //!
 //! ```
-//! use pardalis_core::{rng::Draws, simd::Level};
 //! use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 //! use pardalis_filter::motion::Motion;
 //! use pardalis_filter::particle_filter::FilterSettings;
 //! use pardalis_filter::resample::Resampling;
-//! use pardalis_filter::{Error, Likelihood, ParticleFilter, Particles};
+//! use pardalis_filter::{Draws, Error, Level, Likelihood, ParticleFilter, Particles};
 //!
 //! /// A measured position, in metres, with a standard deviation of 5 cm per axis.
 //! struct Measurement([f64; 3]);
@@ -91,5 +90,7 @@ mod weighted;
 pub use estimate::StateEstimate;
 pub use likelihood::Likelihood;
 pub use pardalis_core::Error;
+pub use pardalis_core::rng::Draws;
+pub use pardalis_core::simd::Level;
 pub use particle_filter::ParticleFilter;
 pub use particles::Particles;
