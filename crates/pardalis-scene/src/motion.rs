@@ -4,8 +4,8 @@ use super::description::Presence;
 use super::reader::{Kind, Table};
 use pardalis::shape::Shape;
 use pardalis_filter::motion::{
-    ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, JumpChance, Jumps, Motion,
-    RandomWalk, Stray,
+    AccelerationNoise, ConstantAcceleration, ConstantVelocity, JumpChance, Jumps, Motion,
+    PositionNoise, RandomWalk, VelocityNoise,
 };
 
 const KINDS: [Kind; 6] = [
@@ -105,14 +105,14 @@ fn one_setting_of<T>(
 const ONE_OF_THEM: &str = "give exactly one of the alternatives";
 
 fn read_constant_velocity(table: &Table, default: ConstantVelocity) -> Option<ConstantVelocity> {
-    let disturbance = one_setting_of(
+    let noise = one_setting_of(
         table,
         &[
             (
                 "acceleration_sigma_mps2",
                 "Standard deviation of an acceleration that is constant during each frame.",
                 MAX_STRENGTH,
-                |acceleration_sigma_mps2| Disturbance::PiecewiseConstant {
+                |acceleration_sigma_mps2| VelocityNoise::PiecewiseConstant {
                     acceleration_sigma_mps2,
                 },
             ),
@@ -120,7 +120,7 @@ fn read_constant_velocity(table: &Table, default: ConstantVelocity) -> Option<Co
                 "acceleration_density_m2ps3",
                 "Spectral density of white acceleration noise.",
                 MAX_STRENGTH,
-                |acceleration_density_m2ps3| Disturbance::White {
+                |acceleration_density_m2ps3| VelocityNoise::White {
                     acceleration_density_m2ps3,
                 },
             ),
@@ -128,24 +128,24 @@ fn read_constant_velocity(table: &Table, default: ConstantVelocity) -> Option<Co
                 "velocity_sigma_mps",
                 "Standard deviation of the change of velocity per frame.",
                 MAX_STRENGTH,
-                |velocity_sigma_mps| Disturbance::PerStep { velocity_sigma_mps },
+                |velocity_sigma_mps| VelocityNoise::PerStep { velocity_sigma_mps },
             ),
         ],
-        Some(default.disturbance()),
+        Some(default.process_noise()),
         "`acceleration_density_m2ps3` of 100; 20 for a target with the edge cue",
     );
-    table.checked(ConstantVelocity::new(disturbance?))
+    table.checked(ConstantVelocity::new(noise?))
 }
 
 fn read_constant_acceleration(table: &Table) -> Option<ConstantAcceleration> {
-    let jerk = one_setting_of(
+    let noise = one_setting_of(
         table,
         &[
             (
                 "acceleration_step_sigma_mps2",
                 "Standard deviation of the change of acceleration per frame.",
                 MAX_STRENGTH,
-                |acceleration_step_sigma_mps2| Jerk::PerStep {
+                |acceleration_step_sigma_mps2| AccelerationNoise::PerStep {
                     acceleration_step_sigma_mps2,
                 },
             ),
@@ -153,38 +153,38 @@ fn read_constant_acceleration(table: &Table) -> Option<ConstantAcceleration> {
                 "jerk_density_m2ps5",
                 "Spectral density of white jerk noise.",
                 MAX_STRENGTH,
-                |jerk_density_m2ps5| Jerk::White { jerk_density_m2ps5 },
+                |jerk_density_m2ps5| AccelerationNoise::White { jerk_density_m2ps5 },
             ),
         ],
         None,
         ONE_OF_THEM,
     );
-    table.checked(ConstantAcceleration::new(jerk?))
+    table.checked(ConstantAcceleration::new(noise?))
 }
 
 fn read_random_walk(table: &Table, is_planar: bool) -> Option<RandomWalk> {
-    let stray = one_setting_of(
+    let noise = one_setting_of(
         table,
         &[
             (
                 "sigma_m",
                 "Standard deviation of a frame's step on each axis.",
                 MAX_STRENGTH,
-                |sigma_m| Stray::PerStep { sigma_m },
+                |sigma_m| PositionNoise::PerStep { sigma_m },
             ),
             (
                 "density_m2ps",
                 "Diffusion: the variance that each axis gains per second.",
                 MAX_STRENGTH,
-                |density_m2ps| Stray::Diffusion { density_m2ps },
+                |density_m2ps| PositionNoise::Diffusion { density_m2ps },
             ),
         ],
-        Some(RandomWalk::PUBLISHED.stray()),
+        Some(RandomWalk::PUBLISHED.process_noise()),
         "`sigma_m` of 0.03",
     );
     let about = "Particles that jump anywhere in a box, to find a lost target again.";
     let jumps = table.section("jumps", about, |jumps| read_jumps(jumps, is_planar));
-    let walk = table.checked(RandomWalk::new(stray?))?;
+    let walk = table.checked(RandomWalk::new(noise?))?;
     Some(match jumps {
         Some(jumps) => walk.with_jumps(jumps),
         None => walk,

@@ -364,7 +364,7 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
     }
     match cues {
         Some(CuesConfig::Edge(edge)) => {
-            let motion = read_motion(table, shape, ConstantVelocity::BETWEEN_KICKS);
+            let motion = read_motion(table, shape, ConstantVelocity::BETWEEN_VELOCITY_JUMPS);
             let motion = motion.filter(|motion| match check_motion(motion) {
                 Ok(()) => true,
                 Err(error) => {

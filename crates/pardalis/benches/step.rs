@@ -25,7 +25,7 @@ use pardalis_core::rng::{Draws, Stage};
 use pardalis_core::simd::Level;
 use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
-use pardalis_filter::particle_filter::Filter;
+use pardalis_filter::particle_filter::ParticleFilter;
 use pardalis_filter::resample::Resampling;
 
 /// Particles in real time and offline in Taiana 2007; each has two contours of 50 points.
@@ -64,7 +64,7 @@ struct Scene {
     colors: ColorModel,
     views: [View; 1],
     frames: [(usize, Frame); 1],
-    filter: Filter,
+    filter: ParticleFilter,
 }
 
 impl Scene {
@@ -74,7 +74,7 @@ impl Scene {
         let mut views = [fisheye_view()];
         views[0].prepare(PixelKind::of(&frames[0].1), palette);
         let draws = Draws::new(1, 0);
-        let mut filter = Filter::new(
+        let mut filter = ParticleFilter::new(
             ball_filter(particle_count),
             &ball_start(),
             draws,
@@ -239,7 +239,7 @@ impl DefaultScene {
         Self::new("webcams", views, ball, |index| {
             let of_camera = |camera: usize| {
                 let name = format!("webcams-two/frames/cam{}/{index:06}.jpg", camera + 1);
-                let picture = image::open(data(&name)).unwrap().into_rgb8();
+                let picture = common::open(&name);
                 let time_s = index as f64 / 25.0;
                 let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s);
                 (CameraId::new(camera), frame)

@@ -107,12 +107,12 @@ fn other_numbers_and_types_name_their_key_and_line() {
         (
             "[0, 0, -1, 0.9]",
             "[0, 0, 1, 0.9]",
-            "line 6: cameras.cam1.world_from_camera: the pose matrix is no rotation",
+            "line 6: cameras.cam1.world_from_camera: the pose matrix is not a rotation",
         ),
         (
             "[0, 0, -1, 0.9]",
             "[0, 0, -1.1, 0.9]",
-            "line 6: cameras.cam1.world_from_camera: the pose matrix is no rotation",
+            "line 6: cameras.cam1.world_from_camera: the pose matrix is not a rotation",
         ),
         (
             "[0, 0, -1, 0.9]",

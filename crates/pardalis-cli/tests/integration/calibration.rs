@@ -135,7 +135,7 @@ fn faulty_calibrations() {
     refused(
         scene("calibration = \"lens.yml\"", true),
         &[
-            "line 5: cameras.cam1.calibration: lens.yml: line 10: D: has 4 numbers, which may be a pinhole's",
+            "line 5: cameras.cam1.calibration: lens.yml: line 10: D: has 4 numbers, which may be those of a pinhole",
         ],
     );
     refused(

@@ -280,10 +280,8 @@ fn what_a_format_leaves_out_is_listed() {
 fn a_size_that_the_file_does_not_say_is_given_to_convert_too() {
     let folder = folder_with("alone.toml", LENS_ALONE);
     let convert = "convert alone.toml --to kalibr -o there";
-    camera(folder.path(), convert).refused(&[
-        "the size of the images of camera cam1 is not known",
-        "--size",
-    ]);
+    camera(folder.path(), convert)
+        .refused(&["the size of the images of camera cam1 is unknown", "--size"]);
     camera(folder.path(), &format!("{convert} --size 640x480")).fine();
     assert_says(
         &camera(folder.path(), "show there").fine(),
@@ -325,7 +323,7 @@ fn what_the_file_says_and_what_is_asked_must_agree() {
     let folder = folder_with("lens.toml", LENS);
     camera(folder.path(), "show lens.toml --as fisheye").fine();
     camera(folder.path(), "show lens.toml --as pinhole").refused(&[
-        "camera cam1 is equidistant by what the file says",
+        "camera cam1 is equidistant according to the file",
         "read as pinhole",
     ]);
     fs::write(folder.path().join("scene.toml"), SCENE).unwrap();

@@ -410,7 +410,7 @@ fn tracks_that_cannot_be_started_from_are_refused() {
             "world_from_other = [[1, 0, 0, 1], [0, 2, 0, 2], [0, 0, 1, 0], [0, 0, 0, 1]]",
         ))
         .refused(&[
-            "line 17: targets.ball.start.track.world_from_other: the pose matrix is no rotation",
+            "line 17: targets.ball.start.track.world_from_other: the pose matrix is not a rotation",
         ]);
     place
         .track(from_track(1, "velocity_sigma_mps = -1"))

@@ -1,6 +1,6 @@
 //! The motion of one particle whose position is known and whose velocity is a Gaussian, on one axis.
 
-use crate::motion::{Disturbance, Model, Motion, Stray};
+use crate::motion::{Model, Motion, PositionNoise, VelocityNoise};
 use pardalis_core::Error;
 
 /// The variance that every step adds to a position, m²: 10 µm squared. Keeps densities finite if no time has passed or nothing disturbs the target.
@@ -30,16 +30,18 @@ impl Kinematics {
     pub(super) fn of(motion: &Motion) -> Result<Self, Error> {
         match motion.model() {
             Model::RandomWalk(walk) => {
-                if let (Stray::Diffusion { density_m2ps }, None) = (walk.stray(), walk.jumps()) {
+                if let (PositionNoise::Diffusion { density_m2ps }, None) =
+                    (walk.process_noise(), walk.jumps())
+                {
                     return Ok(Self::Walk {
                         diffusion_m2ps: density_m2ps,
                     });
                 }
             }
             Model::ConstantVelocity(velocity) => {
-                if let Disturbance::White {
+                if let VelocityNoise::White {
                     acceleration_density_m2ps3,
-                } = velocity.disturbance()
+                } = velocity.process_noise()
                 {
                     return Ok(Self::Velocity {
                         acceleration_density_m2ps3,

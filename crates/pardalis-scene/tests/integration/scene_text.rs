@@ -7,8 +7,8 @@ use pardalis_camera::CalibratedCamera;
 use pardalis_camera::formats::Lens;
 use pardalis_core::Error;
 use pardalis_filter::motion::{
-    ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, JumpChance, Jumps, Motion,
-    RandomWalk,
+    AccelerationNoise, ConstantAcceleration, ConstantVelocity, JumpChance, Jumps, Motion,
+    RandomWalk, VelocityNoise,
 };
 use pardalis_scene::{BodyConfig, Scene, StartConfig, TrackingConfig};
 
@@ -467,21 +467,21 @@ fn motions_are_read_as_they_are_said() {
             .motion()
             .to_owned()
     };
-    let velocity = Disturbance::PerStep {
+    let velocity = VelocityNoise::PerStep {
         velocity_sigma_mps: 0.3,
     };
     assert_eq!(
         read("constant_velocity.velocity_sigma_mps = 0.3"),
         ConstantVelocity::new(velocity).unwrap().into()
     );
-    let published = Jerk::PerStep {
+    let published = AccelerationNoise::PerStep {
         acceleration_step_sigma_mps2: 2.0,
     };
     assert_eq!(
         read("constant_acceleration.acceleration_step_sigma_mps2 = 2"),
         ConstantAcceleration::new(published).unwrap().into()
     );
-    let white = Jerk::White {
+    let white = AccelerationNoise::White {
         jerk_density_m2ps5: 5.0,
     };
     assert_eq!(

@@ -12,7 +12,7 @@ use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-use pardalis_filter::particle_filter::{Filter, Update};
+use pardalis_filter::particle_filter::{ParticleFilter, Update};
 
 /// A camera shows a body if any particle is more likely than background by this many nats. Hand-set: above the rounding of single precision.
 const MIN_VISIBLE_NATS: f64 = 1e-3;
@@ -24,7 +24,7 @@ pub(super) struct InitializedTarget {
     pub(super) cues: Cues,
     start: Start,
     draws: Draws,
-    filter: Filter,
+    filter: ParticleFilter,
 }
 
 impl InitializedTarget {
@@ -52,7 +52,7 @@ impl InitializedTarget {
                 settings.colors.as_ref(),
                 level,
             )?,
-            filter: Filter::new(settings.filter, &start, draws, level)?,
+            filter: ParticleFilter::new(settings.filter, &start, draws, level)?,
             start: settings.start,
             draws,
         })

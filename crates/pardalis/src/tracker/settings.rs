@@ -87,7 +87,7 @@ impl DetectedSettings {
             shape,
             colors,
             edge: EdgeSettings::default(),
-            motion: on_ground(ConstantVelocity::BETWEEN_KICKS.into(), &shape),
+            motion: on_ground(ConstantVelocity::BETWEEN_VELOCITY_JUMPS.into(), &shape),
             particle_count: Self::PARTICLE_COUNT,
             existence: ExistenceSettings::default(),
             start: None,

@@ -14,7 +14,7 @@ use pardalis_core::simd::Level;
 use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-use pardalis_filter::particle_filter::Filter;
+use pardalis_filter::particle_filter::ParticleFilter;
 use pardalis_scene::calibration;
 
 const BALL: TargetId = TargetId::new(0);
@@ -290,7 +290,8 @@ fn particles_have_the_covariance_of_their_start() {
         velocity_sigma_mps: [0.1, 0.2, 0.3],
     };
     let settings = crate::common::ball_filter(200_000);
-    let mut filter = Filter::new(settings, &start, Draws::new(3, 0), Level::best()).unwrap();
+    let mut filter =
+        ParticleFilter::new(settings, &start, Draws::new(3, 0), Level::best()).unwrap();
     let mut check = || {
         let estimate = filter.estimate(0.0);
         for axis in 0..3 {

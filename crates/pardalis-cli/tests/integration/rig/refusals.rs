@@ -61,12 +61,12 @@ fn two_cameras_of_one_name() {
     let text = fs::read_to_string(rig.path("cameras.json")).unwrap();
     fs::write(rig.path("cameras.json"), kalibr).unwrap();
     rig.track("").refused(&[
-        "cameras.json: line 3: the key cam0 stands there twice; keep one, and give each camera a name of its own",
+        "cameras.json: line 3: duplicate key cam0; keep one, and give each camera its own name",
     ]);
     fs::write(rig.path("cameras.json"), text.replace("cam3", "cam2")).unwrap();
     rig.track("").refused(&[
         "cameras.json: line ",
-        "is named cam2, as is camera 2 of the list (this is camera 3); give each a name of its own",
+        "has the name cam2, like camera 2 of the list (this is camera 3); give each camera its own name",
     ]);
     assert!(!rig.path("out").exists());
 }

@@ -13,7 +13,7 @@ use pardalis_core::rng::{Draws, Stage};
 use pardalis_filter::Particles;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-use pardalis_filter::motion::{ConstantVelocity, Disturbance, Motion, RandomWalk, Stray};
+use pardalis_filter::motion::{ConstantVelocity, Motion, PositionNoise, RandomWalk, VelocityNoise};
 
 /// What settings say by default.
 const PARTICLES: usize = 500;
@@ -21,14 +21,14 @@ const PARTICLES: usize = 500;
 const DENSITY_M2PS3: f64 = 2.0;
 
 fn velocity() -> Motion {
-    let disturbance = Disturbance::White {
+    let disturbance = VelocityNoise::White {
         acceleration_density_m2ps3: DENSITY_M2PS3,
     };
     ConstantVelocity::new(disturbance).unwrap().into()
 }
 
 fn walk(density_m2ps: f64) -> Motion {
-    let stray = Stray::Diffusion { density_m2ps };
+    let stray = PositionNoise::Diffusion { density_m2ps };
     RandomWalk::new(stray).unwrap().into()
 }
 

@@ -15,7 +15,7 @@ use pardalis::{CameraId, Frame, FrameSet, PixelFormat};
 use pardalis_camera::{Camera, Equidistant};
 use pardalis_camera::{Pose, pose_from_matrix};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-use pardalis_filter::motion::{ConstantVelocity, Disturbance};
+use pardalis_filter::motion::{ConstantVelocity, VelocityNoise};
 use pardalis_filter::particle_filter::FilterSettings;
 use pardalis_filter::resample::Resampling;
 use pardalis_images::{RgbImage, decode};
@@ -153,12 +153,12 @@ pub(crate) fn ball() -> Sphere {
 
 /// How the paper tracks the ball offline: 90 mm/frame² of acceleration, survivors drawn at every step.
 pub(crate) fn ball_filter(particle_count: usize) -> FilterSettings {
-    let disturbance = Disturbance::PiecewiseConstant {
+    let noise = VelocityNoise::PiecewiseConstant {
         acceleration_sigma_mps2: 0.09 * FPS * FPS,
     };
     FilterSettings {
         particle_count,
-        motion: ConstantVelocity::new(disturbance).unwrap().into(),
+        motion: ConstantVelocity::new(noise).unwrap().into(),
         resampling: Resampling::Systematic,
         resample_below: 1.0,
     }

@@ -1,11 +1,12 @@
-//! What several formats write in the same way: numbers, lists, parameters, poses.
+//! Elements that several formats write: numbers, lists, parameters and poses.
 
 use super::Format;
 use crate::Camera;
 use crate::pose::{CalibratedCamera, Pose};
 use pardalis_core::Error;
 
-/// The shortest text that reads as the same number everywhere: YAML 1.1 needs a point and a signed exponent.
+/// Returns the shortest text that every parser reads as the same number: YAML 1.1 requires a
+/// decimal point and a signed exponent.
 pub(super) fn number(value: f64) -> String {
     let text = format!("{value:?}");
     let Some((mantissa, exponent)) = text.split_once('e') else {
@@ -16,7 +17,7 @@ pub(super) fn number(value: f64) -> String {
     format!("{mantissa}{point}e{sign}{exponent}")
 }
 
-/// `a, b, c`
+/// Returns `a, b, c`.
 pub(super) fn numbers(values: &[f64]) -> String {
     values
         .iter()
@@ -25,7 +26,7 @@ pub(super) fn numbers(values: &[f64]) -> String {
         .join(", ")
 }
 
-/// The values of some of a camera's parameters, which its model has.
+/// Returns the values of the named parameters of a camera. Its model must have them.
 pub(super) fn parameters<const N: usize>(camera: &Camera, names: [&str; N]) -> [f64; N] {
     let all = camera.parameters();
     names.map(|name| {
@@ -34,7 +35,7 @@ pub(super) fn parameters<const N: usize>(camera: &Camera, names: [&str; N]) -> [
     })
 }
 
-/// fx, fy, cx, cy. An equidistant fisheye has one focal length for both.
+/// Returns fx, fy, cx, cy. For an equidistant fisheye, fx and fy are equal.
 pub(super) fn focals_and_center(camera: &Camera) -> [f64; 4] {
     if let Camera::Equidistant(_) = camera {
         let [f, cx, cy] = parameters(camera, ["f_px_per_rad", "cx_px", "cy_px"]);
@@ -44,7 +45,8 @@ pub(super) fn focals_and_center(camera: &Camera) -> [f64; 4] {
     }
 }
 
-/// OpenCV's four fisheye coefficients, zeros for the equidistant model; `None` for other models.
+/// Returns OpenCV's four fisheye coefficients, zeros for the equidistant model, and `None` for
+/// other models.
 pub(super) fn fisheye(camera: &Camera) -> Option<[f64; 4]> {
     match camera {
         Camera::KannalaBrandt(_) => Some(parameters(camera, ["k1", "k2", "k3", "k4"])),
@@ -53,7 +55,7 @@ pub(super) fn fisheye(camera: &Camera) -> Option<[f64; 4]> {
     }
 }
 
-/// A pinhole's twelve coefficients in OpenCV's order.
+/// Returns a pinhole's twelve coefficients in OpenCV's order.
 pub(super) fn pinhole_distortion(camera: &Camera) -> [f64; 12] {
     parameters(
         camera,
@@ -63,7 +65,8 @@ pub(super) fn pinhole_distortion(camera: &Camera) -> [f64; 12] {
     )
 }
 
-/// How many of the coefficients are needed, the last ones being zero: one of the given counts, in rising order; `None` if all are too few.
+/// Returns the smallest of `counts` (in increasing order) such that all further coefficients are
+/// zero, or `None` if all are too small.
 pub(super) fn count_of(distortion: &[f64; 12], counts: &[usize]) -> Option<usize> {
     counts
         .iter()
@@ -71,8 +74,8 @@ pub(super) fn count_of(distortion: &[f64; 12], counts: &[usize]) -> Option<usize
         .find(|&count| distortion[count..].iter().all(|&v| v == 0.0))
 }
 
-/// The fault that a format cannot hold what a camera has: `what` of it is `value`, and what is allowed.
-pub(super) fn cannot_hold(
+/// Creates the error that a format cannot represent a property of a camera.
+pub(super) fn not_representable(
     camera: &CalibratedCamera,
     what: &str,
     value: impl ToString,
@@ -81,8 +84,8 @@ pub(super) fn cannot_hold(
     Error::out_of_range(&format!("{what} of camera {}", camera.name), value, allowed)
 }
 
-/// The camera, if it is the only one.
-pub(super) fn only_one(
+/// Returns the camera if it is the only one.
+pub(super) fn single_camera(
     format: Format,
     cameras: &[CalibratedCamera],
 ) -> Result<&CalibratedCamera, Error> {
@@ -92,32 +95,33 @@ pub(super) fn only_one(
             "the number of cameras",
             cameras.len(),
             &format!(
-                "1 in a {} file; write each camera into a file of its own",
+                "1 in a {} file; write each camera to its own file",
                 format.name()
             ),
         )),
     }
 }
 
-/// The images' size, which the format needs.
+/// Returns the size of the images, which the format requires.
 pub(super) fn size_px(camera: &CalibratedCamera) -> Result<(usize, usize), Error> {
     camera.size_px.ok_or_else(|| {
-        cannot_hold(
+        not_representable(
             camera,
             "the size of the images",
-            "not known",
-            "a known one, which this format needs: give it with --size, or as size_px in a Pardalis file",
+            "unknown",
+            "a known size, which this format requires: specify it with --size, or as size_px in a Pardalis file",
         )
     })
 }
 
-/// The 4x4 matrix of a transform, row by row.
+/// Returns the 4x4 matrix of a transform.
 pub(super) fn rows(a_from_b: &Pose) -> [[f64; 4]; 4] {
     let matrix = a_from_b.to_homogeneous();
     std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)]))
 }
 
-/// The poses of all cameras in a common frame, or `None` if none has one; a mixture is refused.
+/// Returns the poses of all cameras in a common frame, or `None` if no camera has a pose. Rejects a
+/// mixture.
 pub(super) fn poses(cameras: &[CalibratedCamera]) -> Result<Option<Vec<Pose>>, Error> {
     let known = cameras
         .iter()
@@ -125,11 +129,11 @@ pub(super) fn poses(cameras: &[CalibratedCamera]) -> Result<Option<Vec<Pose>>, E
         .count();
     let missing = cameras.iter().find(|c| c.world_from_camera.is_none());
     match missing {
-        Some(camera) if known > 0 => Err(cannot_hold(
+        Some(camera) if known > 0 => Err(not_representable(
             camera,
             "the pose",
-            "missing where others have one",
-            "world_from_camera for all cameras, or for none",
+            "missing, but other cameras have one",
+            "world_from_camera for all cameras or for none",
         )),
         Some(_) => Ok(None),
         None => Ok(cameras.iter().map(|c| c.world_from_camera).collect()),
