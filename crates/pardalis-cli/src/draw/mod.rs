@@ -4,7 +4,7 @@
 //! every machine. Overlays and mosaics are drawn into the pixels of an image.
 
 pub(crate) mod calibration;
-pub(crate) mod clocks;
+pub(crate) mod temporal;
 pub(crate) mod errors;
 pub(crate) mod grid;
 pub(crate) mod histogram;

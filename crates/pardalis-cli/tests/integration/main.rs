@@ -5,7 +5,7 @@ mod bad_scene;
 mod calibrate;
 mod calibration;
 mod camera;
-mod clocks;
+mod calibrate_time;
 mod common;
 mod demo;
 mod evaluate;

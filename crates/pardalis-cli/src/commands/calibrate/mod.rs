@@ -1,7 +1,7 @@
 //! `pardalis calibrate`: cameras from known points or from images of a board, the plane that one sees, and their clocks.
 
 mod board;
-mod clocks;
+mod time;
 mod fit;
 mod images;
 mod model;
@@ -43,7 +43,7 @@ enum Command {
     Pose(pose::Arguments),
     Plane(plane::Arguments),
     Print(print::Arguments),
-    Clocks(clocks::Arguments),
+    Time(time::Arguments),
 }
 
 /// Runs the command.
@@ -54,6 +54,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Command::Pose(arguments) => pose::run(arguments),
         Command::Plane(arguments) => plane::run(arguments),
         Command::Print(arguments) => print::run(arguments),
-        Command::Clocks(arguments) => clocks::run(arguments),
+        Command::Time(arguments) => time::run(arguments),
     }
 }

@@ -26,7 +26,7 @@ impl RigReport<'_> {
     fn title(&self) -> String {
         let [shots, left_out] = [
             self.cameras[0].images.len(),
-            self.calibration.out_of_step.len(),
+            self.calibration.rejected_shots.len(),
         ];
         format!(
             "Rig of {} cameras in {} shots, in the frame of {}",
@@ -70,7 +70,7 @@ impl RigReport<'_> {
 
     /// The shots that were left out, by their images.
     fn shots_left_out(&self) -> Vec<String> {
-        let shots = self.calibration.out_of_step.iter();
+        let shots = self.calibration.rejected_shots.iter();
         let named = shots.map(|&shot| {
             let images = self.cameras.iter().map(|camera| &camera.images[shot]);
             let seen = images.filter(|image| image.found.is_ok());

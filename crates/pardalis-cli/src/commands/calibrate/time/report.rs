@@ -3,13 +3,13 @@
 use std::fmt::{self, Write as _};
 
 use anyhow::Result;
-use pardalis_calibrate::{ClockCamera, ClockFit, ClockSighting};
+use pardalis_calibrate::{TimedCamera, TemporalCalibration, FittedDetection};
 use pardalis_scene::Scene;
 
 use super::super::page::{begin, push_paragraph, push_table};
 use super::super::report::{with_sigma, write_table};
 use crate::draw::calibration::{Sighting, observed_and_projected};
-use crate::draw::clocks::{ClockResiduals, residuals_over_time};
+use crate::draw::temporal::{TimeResiduals, residuals_over_time};
 
 /// Residuals above this share of the image's diagonal are larger than what detection of colours leaves.
 const LARGE_RMS: f64 = 0.005;
@@ -24,7 +24,7 @@ struct Camera<'a> {
     name: &'a str,
     size_px: (usize, usize),
     frames: usize,
-    fit: &'a ClockFit,
+    fit: &'a TemporalCalibration,
     /// What the scene says, in seconds.
     given_s: f64,
     /// What it should say, in seconds.
@@ -33,7 +33,7 @@ struct Camera<'a> {
 
 impl Camera<'_> {
     fn outliers(&self) -> usize {
-        let sightings = self.fit.sightings.iter();
+        let sightings = self.fit.detections.iter();
         sightings.filter(|sighting| sighting.outlier).count()
     }
 }
@@ -42,11 +42,11 @@ impl<'a> Report<'a> {
     /// Of the scene's cameras, in its order.
     pub(super) fn new(
         scene: &'a Scene,
-        cameras: &'a [ClockCamera<'a>],
-        fits: &'a [ClockFit],
+        cameras: &'a [TimedCamera<'a>],
+        fits: &'a [TemporalCalibration],
     ) -> Self {
         let all = scene.cameras.iter().zip(cameras).zip(fits);
-        let of_camera = |((config, camera), fit): ((_, &'a ClockCamera), &'a ClockFit)| {
+        let of_camera = |((config, camera), fit): ((_, &'a TimedCamera), &'a TemporalCalibration)| {
             let config: &pardalis_scene::CameraConfig = config;
             Camera {
                 name: camera.name,
@@ -108,7 +108,7 @@ impl<'a> Report<'a> {
             rows.push(vec![
                 camera.name.to_owned(),
                 camera.frames.to_string(),
-                fit.sightings.len().to_string(),
+                fit.detections.len().to_string(),
                 camera.outliers().to_string(),
                 if number == 0 {
                     "reference".to_owned()
@@ -136,7 +136,7 @@ impl<'a> Report<'a> {
                     camera.name
                 ));
             }
-            let (outliers, seen) = (camera.outliers(), camera.fit.sightings.len());
+            let (outliers, seen) = (camera.outliers(), camera.fit.detections.len());
             if 4 * outliers > seen {
                 warnings.push(format!(
                     "{}: {outliers} of {seen} sightings do not fit the others and were left out: is something else of the target's colours in view?",
@@ -168,7 +168,7 @@ impl<'a> Report<'a> {
             table.write_record([
                 camera.name.to_owned(),
                 camera.frames.to_string(),
-                fit.sightings.len().to_string(),
+                fit.detections.len().to_string(),
                 camera.outliers().to_string(),
                 fit.offset_s.to_string(),
                 fit.sigma_s.to_string(),
@@ -196,7 +196,7 @@ impl<'a> Report<'a> {
             "outlier",
         ])?;
         for camera in &self.cameras {
-            for sighting in &camera.fit.sightings {
+            for sighting in &camera.fit.detections {
                 let mut row = vec![camera.name.to_owned(), sighting.time_s.to_string()];
                 row.extend(sighting.pixel.map(|value| value.to_string()));
                 for residual in [sighting.before_px, sighting.after_px] {
@@ -218,7 +218,7 @@ impl<'a> Report<'a> {
             push_paragraph(&mut page, &format!("Warning: {warning}"));
         }
         page.push_str("<h2>Residuals over time</h2>\n");
-        let residuals: Vec<ClockResiduals> = self.cameras.iter().map(residuals).collect();
+        let residuals: Vec<TimeResiduals> = self.cameras.iter().map(residuals).collect();
         let _ = writeln!(
             page,
             "<figure>{}</figure>",
@@ -226,10 +226,10 @@ impl<'a> Report<'a> {
         );
         for camera in &self.cameras {
             for (when, residual) in [
-                ("before", (|s| s.before_px) as fn(&ClockSighting) -> _),
+                ("before", (|s| s.before_px) as fn(&FittedDetection) -> _),
                 ("after", |s| s.after_px),
             ] {
-                let sightings = camera.fit.sightings.iter().map(|sighting| Sighting {
+                let sightings = camera.fit.detections.iter().map(|sighting| Sighting {
                     observed: sighting.pixel,
                     residual_px: residual(sighting),
                     outlier: sighting.outlier,
@@ -249,10 +249,10 @@ impl<'a> Report<'a> {
 }
 
 /// The lengths of a camera's residuals, for their picture.
-fn residuals<'a>(camera: &Camera<'a>) -> ClockResiduals<'a> {
+fn residuals<'a>(camera: &Camera<'a>) -> TimeResiduals<'a> {
     let length = |residual: Option<[f64; 2]>| residual.map(|[u, v]| u.hypot(v));
-    let kept = camera.fit.sightings.iter().filter(|s| !s.outlier);
-    ClockResiduals {
+    let kept = camera.fit.detections.iter().filter(|s| !s.outlier);
+    TimeResiduals {
         name: camera.name,
         residuals: kept
             .map(|s| (s.time_s, [length(s.before_px), length(s.after_px)]))

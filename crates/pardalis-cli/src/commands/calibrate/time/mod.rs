@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use pardalis::color::{ColorModel, PixelKind};
 use pardalis::detect::blobs;
 use pardalis::view::View;
-use pardalis_calibrate::{ClockCamera, MAX_CLOCK_OFFSET_S, SightedFrame, estimate_clocks};
+use pardalis_calibrate::{TimedCamera, MAX_TIME_OFFSET_S, BlobFrame, calibrate_time};
 use pardalis_scene::{Scene, TargetConfig, with_time_offsets};
 use rayon::prelude::*;
 
@@ -67,19 +67,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let colors = scene::colors(path, body)?;
     let mut views = open.tracker.views().to_vec();
     let frames = detect(&mut open.sources, &mut views, &colors)?;
-    let cameras: Vec<ClockCamera> = open
+    let cameras: Vec<TimedCamera> = open
         .scene
         .cameras
         .iter()
         .zip(&views)
         .zip(frames)
-        .map(|((camera, view), frames)| ClockCamera {
+        .map(|((camera, view), frames)| TimedCamera {
             name: &camera.name,
             view,
             frames,
         })
         .collect();
-    let fits = estimate_clocks(&cameras, &body.shape, arguments.max_offset_s)
+    let fits = calibrate_time(&cameras, &body.shape, arguments.max_offset_s)
         .map_err(|refusal| fault!("{}: {refusal}", path.display()))?;
     let report = Report::new(&open.scene, &cameras, &fits);
 
@@ -151,7 +151,7 @@ fn detect(
     sources: &mut [Source],
     views: &mut [View],
     colors: &ColorModel,
-) -> Result<Vec<Vec<SightedFrame>>> {
+) -> Result<Vec<Vec<BlobFrame>>> {
     let counts = sources.iter().map(Source::frame_count);
     let bar = progress_bar(counts.sum());
     let of_camera = |(source, view): (&mut Source, &mut View)| {
@@ -167,7 +167,7 @@ fn detect(
             };
             view.check(&frame)?;
             view.prepare(PixelKind::of(&frame), colors.palette());
-            frames.push(SightedFrame {
+            frames.push(BlobFrame {
                 time_s: frame.time_s(),
                 blobs: blobs(&view.evidence(&frame), colors),
             });
@@ -201,6 +201,6 @@ fn progress_bar(frames: Option<usize>) -> ProgressBar {
 fn parse_offset(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
-        .filter(|offset_s: &f64| *offset_s > 0.0 && *offset_s <= MAX_CLOCK_OFFSET_S)
-        .ok_or_else(|| format!("allowed: above 0 and at most {MAX_CLOCK_OFFSET_S} seconds"))
+        .filter(|offset_s: &f64| *offset_s > 0.0 && *offset_s <= MAX_TIME_OFFSET_S)
+        .ok_or_else(|| format!("allowed: above 0 and at most {MAX_TIME_OFFSET_S} seconds"))
 }

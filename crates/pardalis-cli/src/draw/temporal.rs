@@ -15,7 +15,7 @@ const BEFORE: Rgb = PALETTE[1];
 const AFTER: Rgb = PALETTE[0];
 
 /// How far what a camera saw is from the fitted path.
-pub(crate) struct ClockResiduals<'a> {
+pub(crate) struct TimeResiduals<'a> {
     /// The camera's name.
     pub(crate) name: &'a str,
     /// The time in seconds, and the distances in pixels with the clocks as they are and corrected, where there are any.
@@ -23,7 +23,7 @@ pub(crate) struct ClockResiduals<'a> {
 }
 
 /// A panel a camera: distances before and after the correction, over time: an SVG document.
-pub(crate) fn residuals_over_time(cameras: &[ClockResiduals]) -> anyhow::Result<String> {
+pub(crate) fn residuals_over_time(cameras: &[TimeResiduals]) -> anyhow::Result<String> {
     let times = cameras.iter().flat_map(|camera| &camera.residuals);
     let time_s = padded(extent(times.map(|(time_s, _)| *time_s)), 0.1);
     let height_px = PANEL_HEIGHT_PX * cameras.len().max(1) as f64;
@@ -41,7 +41,7 @@ pub(crate) fn residuals_over_time(cameras: &[ClockResiduals]) -> anyhow::Result<
     })
 }
 
-fn draw_panel(area: &Area<'_>, across: Axis<'_>, camera: &ClockResiduals) -> anyhow::Result<()> {
+fn draw_panel(area: &Area<'_>, across: Axis<'_>, camera: &TimeResiduals) -> anyhow::Result<()> {
     let lengths = camera.residuals.iter().flat_map(|(_, both)| both).flatten();
     let largest = lengths.fold(0.1_f64, |largest, px| largest.max(*px));
     let name = format!("{} (px)", camera.name);
@@ -76,15 +76,15 @@ mod tests {
             (0..100).map(at).collect()
         };
         let cameras = [
-            ClockResiduals {
+            TimeResiduals {
                 name: "left <1>",
                 residuals: residuals(0.3),
             },
-            ClockResiduals {
+            TimeResiduals {
                 name: "right",
                 residuals: residuals(1.0),
             },
-            ClockResiduals {
+            TimeResiduals {
                 name: "blind",
                 residuals: Vec::new(),
             },
