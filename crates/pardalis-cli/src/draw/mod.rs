@@ -4,7 +4,6 @@
 //! every machine. Overlays and mosaics are drawn into the pixels of an image.
 
 pub(crate) mod calibration;
-pub(crate) mod temporal;
 pub(crate) mod errors;
 pub(crate) mod grid;
 pub(crate) mod histogram;
@@ -21,6 +20,7 @@ pub(crate) mod plots;
 pub(crate) mod reliability;
 pub(crate) mod svg;
 pub(crate) mod sweep;
+pub(crate) mod temporal;
 
 /// Red, green, blue.
 pub(crate) type Rgb = [u8; 3];

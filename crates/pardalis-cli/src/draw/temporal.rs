@@ -1,4 +1,4 @@
-//! Pictures of what clocks that are apart do: residuals over time, before and after correction.
+//! Plot of residuals over time, before and after temporal calibration.
 
 use plotters::prelude::*;
 
@@ -14,15 +14,15 @@ const PANEL_HEIGHT_PX: f64 = 180.0;
 const BEFORE: Rgb = PALETTE[1];
 const AFTER: Rgb = PALETTE[0];
 
-/// How far what a camera saw is from the fitted path.
+/// Distances between a camera's detections and the fitted path.
 pub(crate) struct TimeResiduals<'a> {
     /// The camera's name.
     pub(crate) name: &'a str,
-    /// The time in seconds, and the distances in pixels with the clocks as they are and corrected, where there are any.
+    /// Time in seconds, and distances in pixels before and after the correction, if known.
     pub(crate) residuals: Vec<(f64, [Option<f64>; 2])>,
 }
 
-/// A panel a camera: distances before and after the correction, over time: an SVG document.
+/// Draws an SVG document with one panel per camera: distances before and after the correction over time.
 pub(crate) fn residuals_over_time(cameras: &[TimeResiduals]) -> anyhow::Result<String> {
     let times = cameras.iter().flat_map(|camera| &camera.residuals);
     let time_s = padded(extent(times.map(|(time_s, _)| *time_s)), 0.1);
@@ -30,8 +30,8 @@ pub(crate) fn residuals_over_time(cameras: &[TimeResiduals]) -> anyhow::Result<S
     document([WIDTH_PX, height_px], |area| {
         let (plots, column) = area.split_horizontally(units(WIDTH_PX - legend::WIDTH_PX));
         let entries = [
-            (Key::Track(BEFORE), "clocks as they are".to_owned()),
-            (Key::Track(AFTER), "clocks corrected".to_owned()),
+            (Key::Track(BEFORE), "before correction".to_owned()),
+            (Key::Track(AFTER), "after correction".to_owned()),
         ];
         legend::draw(&column, &entries)?;
         for (area, camera) in plots.split_evenly((cameras.len(), 1)).iter().zip(cameras) {
@@ -54,7 +54,7 @@ fn draw_panel(area: &Area<'_>, across: Axis<'_>, camera: &TimeResiduals) -> anyh
         panel.draw_series(points.map(|at| Circle::new(at, units(2.0), fill(color, 0.8))))?;
     }
     if camera.residuals.is_empty() {
-        write_note(area, "nothing seen")?;
+        write_note(area, "no detections")?;
     }
     Ok(())
 }
@@ -66,7 +66,7 @@ mod tests {
     use crate::draw::test_folder;
 
     #[test]
-    fn every_camera_has_a_panel_with_its_marks() {
+    fn draws_one_panel_per_camera() {
         let residuals = |offset: f64| {
             let at = |i: i32| {
                 let time_s = 0.04 * f64::from(i);
@@ -90,16 +90,16 @@ mod tests {
             },
         ];
         let drawing = residuals_over_time(&cameras).unwrap();
-        write_svg_and_png(&test_folder("clocks"), "residuals", &drawing).unwrap();
+        write_svg_and_png(&test_folder("temporal"), "residuals", &drawing).unwrap();
         for wanted in [
             "left &lt;1&gt; (px)",
             "right (px)",
-            "nothing seen",
+            "no detections",
             "time stamp (s)",
         ] {
             assert!(drawing.contains(wanted), "{wanted}");
         }
-        // 200 marks a camera, less those without a residual.
+        // 200 marks per camera, minus those without a residual.
         assert_eq!(drawing.matches("<circle").count(), 2 * (200 - 15));
     }
 }

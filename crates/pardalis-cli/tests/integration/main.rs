@@ -3,9 +3,9 @@
 mod bad_input;
 mod bad_scene;
 mod calibrate;
+mod calibrate_time;
 mod calibration;
 mod camera;
-mod calibrate_time;
 mod common;
 mod demo;
 mod evaluate;

@@ -4,7 +4,9 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis_evaluate::{Errors, Identities, MeanSd, Reliability, Sample, Evaluation, States, Summary};
+use pardalis_evaluate::{
+    Errors, Evaluation, Identities, MeanSd, Reliability, Sample, States, Summary,
+};
 use serde::Serialize;
 
 use super::confidence::Confidence;
