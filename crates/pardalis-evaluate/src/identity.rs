@@ -1,9 +1,8 @@
 //! Assignment of tracks to objects, and identity switches.
 
-use pathfinding::matrix::Matrix;
-use pathfinding::prelude::kuhn_munkres;
 use serde::Serialize;
 
+use super::assignment::best_assignment;
 use super::distance_m;
 
 /// Identity switches between the tracks of several objects.
@@ -114,29 +113,6 @@ fn closeness(track_m: Option<[f64; 3]>, object_m: Option<[f64; 3]>, cap_m: f64) 
         (1e9 * (1.0 - ratio)).round() as i64
     } else {
         0
-    }
-}
-
-/// Returns the assignment of rows to columns with the largest total of `fit(row, column)`.
-fn best_assignment(
-    rows: usize,
-    columns: usize,
-    fit: impl Fn(usize, usize) -> i64,
-) -> Vec<Option<usize>> {
-    if rows == 0 || columns == 0 {
-        return vec![None; rows];
-    }
-    // The algorithm requires at most as many rows as columns.
-    if rows <= columns {
-        let (_, column_of) = kuhn_munkres(&Matrix::from_fn(rows, columns, |(i, j)| fit(i, j)));
-        column_of.into_iter().map(Some).collect()
-    } else {
-        let (_, row_of) = kuhn_munkres(&Matrix::from_fn(columns, rows, |(j, i)| fit(i, j)));
-        let mut column_of = vec![None; rows];
-        for (j, i) in row_of.into_iter().enumerate() {
-            column_of[i] = Some(j);
-        }
-        column_of
     }
 }
 

@@ -45,6 +45,7 @@
 //! radians (headings and directions counter-clockwise from the x axis), probabilities and shares from 0 to 1.
 //! Errors are estimate minus truth.
 
+mod assignment;
 mod bootstrap;
 mod course;
 mod distribution;

@@ -33,6 +33,21 @@ pub const fn diagonal_m2([x, y, z]: [f64; 3]) -> [f64; 6] {
 }
 
 impl GaussianStart {
+    /// The default standard deviation of the position on each axis, in metres.
+    pub const POSITION_SIGMA_M: [f64; 3] = [0.1; 3];
+    /// The default standard deviation of the velocity on each axis, in m/s.
+    pub const VELOCITY_SIGMA_MPS: [f64; 3] = [0.5; 3];
+
+    /// At rest around a position in metres, with the default deviations.
+    pub const fn at(position_m: [f64; 3]) -> Self {
+        Self {
+            position_m,
+            covariance_m2: diagonal_m2(Self::POSITION_SIGMA_M),
+            velocity_mps: [0.0; 3],
+            velocity_sigma_mps: Self::VELOCITY_SIGMA_MPS,
+        }
+    }
+
     /// Around an estimate. Estimates do not say how sure the velocity is: its standard deviation on each axis is the caller's.
     pub fn from_estimate(estimate: &StateEstimate, velocity_sigma_mps: f64) -> Self {
         Self {

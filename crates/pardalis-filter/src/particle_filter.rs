@@ -3,7 +3,7 @@
 use crate::Likelihood;
 use crate::StateEstimate;
 use crate::gaussian::GaussianStart;
-use crate::motion::{Motion, taylor};
+use crate::motion::{ConstantVelocity, Motion, taylor};
 use crate::particles::Particles;
 use crate::resample::Resampling;
 use crate::weighted::{add_scatter, heaviest, weight_within};
@@ -26,6 +26,18 @@ pub struct FilterSettings {
     /// Survivors are drawn when the effective sample size is at most this share of the number of particles: 1 for every
     /// step, as the papers do.
     pub resample_below: f64,
+}
+
+impl Default for FilterSettings {
+    /// 2000 particles with the default motion, resampled systematically at every step.
+    fn default() -> Self {
+        Self {
+            particle_count: 2000,
+            motion: Motion::DEFAULT,
+            resampling: Resampling::Systematic,
+            resample_below: 1.0,
+        }
+    }
 }
 
 impl FilterSettings {

@@ -215,7 +215,36 @@ pub struct Placed {
     pub heading_rad: f64,
 }
 
+impl Default for Room {
+    /// Returns a sphere with a radius of 20 m and a pattern of grey clouds.
+    fn default() -> Self {
+        Self {
+            radius_m: 20.0,
+            texture: Texture {
+                pattern: Pattern::Noise {
+                    size_m: 5.0,
+                    octaves: Pattern::DEFAULT_OCTAVES,
+                },
+                colors: [[0.1, 0.1, 0.11], [0.35, 0.35, 0.34]],
+            },
+        }
+    }
+}
+
+impl Default for Light {
+    /// Returns a lamp nearly overhead with 50 % ambient light.
+    fn default() -> Self {
+        Self {
+            direction: Vector3::new(0.3, 0.2, 1.0).normalize(),
+            ambient: 0.5,
+        }
+    }
+}
+
 impl World {
+    /// Seed of worlds that state none.
+    pub const DEFAULT_SEED: u32 = 1;
+
     /// Returns the state of every object at a time in seconds, in the order of the objects.
     pub fn placed(&self, time_s: f64) -> Vec<Placed> {
         let of_object = |object: &Object| match &object.course {

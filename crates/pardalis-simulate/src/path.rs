@@ -206,6 +206,9 @@ const GRAVITY_MPS2: f64 = 9.81;
 const ROLLS_BELOW_MPS: f64 = 0.05;
 
 impl Throw {
+    /// The default share of the vertical speed that a bounce leaves.
+    pub const DEFAULT_RESTITUTION: f64 = 0.7;
+
     fn at(&self, time_s: f64) -> (Vector3<f64>, Vector3<f64>) {
         let elapsed_s = time_s - self.start_s;
         if elapsed_s < 0.0 {

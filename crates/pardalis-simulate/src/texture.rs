@@ -40,6 +40,11 @@ pub enum Pattern {
     },
 }
 
+impl Pattern {
+    /// Default number of octaves of noise.
+    pub const DEFAULT_OCTAVES: u32 = 4;
+}
+
 impl Texture {
     /// Returns the colour at a point in metres. `key` separates the noise of different surfaces.
     pub(super) fn color_at(&self, point_m: &Vector3<f64>, key: [u32; 2]) -> Vector3<f64> {

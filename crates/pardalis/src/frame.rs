@@ -93,6 +93,15 @@ pub(crate) use with_pixels;
 /// The largest time stamp, in seconds, either way from zero: some 30 000 years, so that the square of a time is still a plain number.
 pub const MAX_TIME_S: f64 = 1e12;
 
+/// Returns an error for time stamps that are not finite, or beyond [`MAX_TIME_S`].
+pub(crate) fn check_time(time_s: f64) -> Result<(), Error> {
+    if time_s.abs() <= MAX_TIME_S {
+        return Ok(());
+    }
+    let allowed = "-1e12 to 1e12 seconds";
+    Err(Error::out_of_range("time_s", time_s, allowed))
+}
+
 /// One image with its time stamp. Cloning shares the pixels.
 #[derive(Debug, Clone)]
 pub struct Frame {
@@ -128,13 +137,7 @@ impl Frame {
                 found: bytes.len(),
             });
         }
-        if !(time_s.abs() <= MAX_TIME_S) {
-            return Err(Error::out_of_range(
-                "time_s",
-                time_s,
-                "-1e12 to 1e12 seconds",
-            ));
-        }
+        check_time(time_s)?;
         Ok(Self {
             format,
             encoding,
@@ -142,6 +145,15 @@ impl Frame {
             height,
             bytes,
             time_s,
+        })
+    }
+
+    /// The same image with another time stamp, in seconds; the pixels are shared.
+    pub fn with_time_s(&self, time_s: f64) -> Result<Self, Error> {
+        check_time(time_s)?;
+        Ok(Self {
+            time_s,
+            ..self.clone()
         })
     }
 

@@ -30,4 +30,4 @@ pub mod view;
 
 pub use frame::{Frame, PixelFormat};
 pub use pardalis_core::Error;
-pub use tracker::{Estimate, Tracker};
+pub use tracker::{CameraId, Estimate, FrameSet, TargetId, Tracker};

@@ -122,14 +122,14 @@ pub(super) fn settle_lens(
 ) -> Result<Lens, Error> {
     match (stated, asked) {
         (Some(stated), Some(asked)) if stated != asked => Err(distortion.fault(format!(
-            "belongs to a {} camera by what the file says, but it was to be read as {}; leave that out (--as, or calibration_as in a scene)",
+            "belongs to a {} camera by what the file says, but it was to be read as {}; leave that out (--as, or calibration_lens in a scene)",
             stated.name(),
             asked.name()
         ))),
         (Some(lens), _) | (None, Some(lens)) => Ok(lens),
         (None, None) if count == 4 => Err(distortion.fault(
             "has 4 numbers, which may be a pinhole's (k1 k2 p1 p2) or a fisheye's (k1 k2 k3 k4), and nothing in the file says which; \
-             say pinhole or fisheye (--as, or calibration_as in a scene; `pardalis camera convert --as` writes a file that says it)",
+             say pinhole or fisheye (--as, or calibration_lens in a scene; `pardalis camera convert --as` writes a file that says it)",
         )),
         (None, None) => Ok(Lens::Pinhole),
     }

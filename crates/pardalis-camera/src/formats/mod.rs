@@ -183,7 +183,7 @@ pub fn read_or(
         && let Some(other) = cameras.iter().find(|camera| !lens.is_of(&camera.camera))
     {
         let message = format!(
-            "camera {} is {} by what the file says, but it was to be read as {}; leave that out (--as, or calibration_as in a scene)",
+            "camera {} is {} by what the file says, but it was to be read as {}; leave that out (--as, or calibration_lens in a scene)",
             other.name,
             other.camera.kind(),
             lens.name()

@@ -16,7 +16,7 @@ impl ConstantResolution {
     pub fn design(&self) -> Result<MirrorProfile, Error> {
         let (name, value, least) = match self.resolution {
             Resolution::PerMetre(a) => ("resolution_per_m", a, 1e-9),
-            Resolution::RimShows(r_m) => ("rim_shows_m", r_m, 1e-6),
+            Resolution::RimShows(r_m) => ("rim_view_m", r_m, 1e-6),
         };
         let positive = [
             ("vertex_m", self.vertex_m, 1e-6),
@@ -45,7 +45,7 @@ impl ConstantResolution {
             let shown_m = self.shown_by_rim(&rows, a);
             if !((shown_m - r_m).abs() <= 1e-9 * r_m) {
                 return Err(Error::out_of_range(
-                    "rim_shows_m",
+                    "rim_view_m",
                     r_m,
                     &format!("what a mirror of this rim can show; the nearest shows {shown_m} m"),
                 ));

@@ -551,7 +551,7 @@ fn impossible_designs_are_refused_with_their_reason() {
                 ..design
             }
             .design(),
-            "rim_shows_m",
+            "rim_view_m",
         );
     }
     for bad in [f64::NAN, f64::NEG_INFINITY, 0.16, 1.0] {

@@ -4,6 +4,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::Result;
+use pardalis::TargetId;
 
 use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
 
@@ -155,7 +156,8 @@ fn camera_table(run: &Run) -> String {
             frames.longest_gap_s
         );
         for (target, head) in heads.iter().enumerate() {
-            let seen = run.open.tracker.contributions(target)[number].seen_frames;
+            let contributions = run.open.tracker.contributions(TargetId::new(target));
+            let seen = contributions.map_or(0, |cameras| cameras[number].seen_frames);
             let _ = write!(text, "{seen:>width$}", width = head.len());
         }
     }

@@ -1,7 +1,7 @@
 //! Pictures for people: plots of tracks, images with what was estimated drawn over them, colour models.
 //!
-//! Plots are drawn once, as SVG, and rendered to PNG with the bundled font, so that both look the same on
-//! every machine. Overlays and mosaics are drawn into the pixels of an image.
+//! Plots are drawn once, as SVG and in pixels with the bundled font, so that both look the same on every
+//! machine. Overlays and mosaics are drawn into the pixels of an image.
 
 pub(crate) mod calibration;
 pub(crate) mod errors;
@@ -18,9 +18,11 @@ pub(crate) mod paths;
 pub(crate) mod picture;
 pub(crate) mod plots;
 pub(crate) mod reliability;
+mod sheet;
 pub(crate) mod svg;
 pub(crate) mod sweep;
 pub(crate) mod temporal;
+mod text;
 
 /// Red, green, blue.
 pub(crate) type Rgb = [u8; 3];

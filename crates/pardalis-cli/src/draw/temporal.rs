@@ -5,7 +5,7 @@ use plotters::prelude::*;
 use super::legend::{self, Key};
 use super::panel::{Axis, draw_path, extent, padded, panel, write_note};
 use super::plots::WIDTH_PX;
-use super::svg::{Area, document, fill, units};
+use super::svg::{Area, Drawing, drawing, fill, units};
 use super::{INK, PALETTE, Rgb};
 
 /// Height of each camera's panel.
@@ -22,12 +22,12 @@ pub(crate) struct TimeResiduals<'a> {
     pub(crate) residuals: Vec<(f64, [Option<f64>; 2])>,
 }
 
-/// Draws an SVG document with one panel per camera: distances before and after the correction over time.
-pub(crate) fn residuals_over_time(cameras: &[TimeResiduals]) -> anyhow::Result<String> {
+/// Draws one panel per camera: distances before and after the correction over time.
+pub(crate) fn residuals_over_time(cameras: &[TimeResiduals]) -> anyhow::Result<Drawing> {
     let times = cameras.iter().flat_map(|camera| &camera.residuals);
     let time_s = padded(extent(times.map(|(time_s, _)| *time_s)), 0.1);
     let height_px = PANEL_HEIGHT_PX * cameras.len().max(1) as f64;
-    document([WIDTH_PX, height_px], |area| {
+    drawing([WIDTH_PX, height_px], |area| {
         let (plots, column) = area.split_horizontally(units(WIDTH_PX - legend::WIDTH_PX));
         let entries = [
             (Key::Track(BEFORE), "before correction".to_owned()),
@@ -97,9 +97,9 @@ mod tests {
             "no detections",
             "time stamp (s)",
         ] {
-            assert!(drawing.contains(wanted), "{wanted}");
+            assert!(drawing.svg.contains(wanted), "{wanted}");
         }
         // 200 marks per camera, minus those without a residual.
-        assert_eq!(drawing.matches("<circle").count(), 2 * (200 - 15));
+        assert_eq!(drawing.svg.matches("<circle").count(), 2 * (200 - 15));
     }
 }

@@ -132,10 +132,12 @@ pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> R
 
 /// One step of tracking. Where every image is one that was weighed before, the state is only predicted.
 fn observe(tracker: &mut Tracker, set: &FrameSet) -> Result<Vec<Estimate>> {
-    let observed = tracker.observe(&set.fresh(), set.time_s);
-    observed.map_err(|error| fault!("frame {}: {error}", set.index))?;
-    let estimate = |target| tracker.estimate_at(target, set.time_s);
-    Ok((0..tracker.target_count()).map(estimate).collect())
+    let mut observe = || -> Result<Vec<Estimate>, pardalis_core::Error> {
+        tracker.observe(&set.fresh()?)?;
+        let estimate = |target| tracker.estimate_at(target, set.time_s);
+        tracker.targets().map(estimate).collect()
+    };
+    observe().map_err(|error| fault!("frame {}: {error}", set.index))
 }
 
 /// Takes a scene, read from the file of that name, through all its frames, or through `stills` in their place, by these steps. Results

@@ -96,7 +96,7 @@ fn every_guess_is_marked_and_nothing_else() {
     for line in [
         "fps = 5.0",
         "shape.sphere.radius_m = 0.2",
-        "pixel = [460.0, 88.0]",
+        "pixel_px = [460.0, 88.0]",
     ] {
         assert!(text.lines().any(|l| l == line), "{line}");
     }
@@ -264,7 +264,7 @@ fn a_calibration_of_any_format_is_named_in_the_scene() {
     let text = scene(&place);
     for line in [
         "calibration = \"lens/cam.yml\"",
-        "calibration_as = \"fisheye\"",
+        "calibration_lens = \"fisheye\"",
     ] {
         assert!(text.lines().any(|l| l.starts_with(line)), "{line}: {text}");
     }

@@ -292,7 +292,7 @@ fn a_start_may_have_a_covariance() {
         ),
         (
             "covariance_m2 = [1, 0, 0, 1, 0, 1]\nposition_sigma_m = 1",
-            "line 17: targets.ball.start.gaussian.position_sigma_m: stands beside covariance_m2; keep one of them",
+            "line 17: targets.ball.start.gaussian.position_sigma_m: cannot be combined with covariance_m2; remove one of them",
         ),
     ] {
         place.track(with(given)).refused(&[wanted]);

@@ -225,7 +225,7 @@ fn finds_saturated_tape() {
 #[test]
 fn rejects_floor_without_rectangle() {
     let folder = tempfile::tempdir().unwrap();
-    let planks = "texture.stripes = { width_m = 0.12, turn_deg = 30, colors_srgb = [[150, 120, 90], [165, 132, 98]] }";
+    let planks = "texture.stripes = { width_m = 0.12, rotation_deg = 30, colors_srgb = [[150, 120, 90], [165, 132, 98]] }";
     let noise = "read_noise = 2.5\nblur_px = 0.7\njpeg_quality = 90";
     simulated(folder.path(), "", planks, noise).refused(&["world/frames: "]);
 }

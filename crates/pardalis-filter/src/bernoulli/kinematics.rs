@@ -60,7 +60,7 @@ impl Kinematics {
 
     /// The same for a step of `dt_s` seconds in which the velocity changes by this standard deviation as well, at any time; nothing for what has no velocity, and in no
     /// time.
-    pub(super) fn kicked(self, velocity_jump_sigma_mps: f64, dt_s: f64) -> Option<Self> {
+    pub(super) fn jumped(self, velocity_jump_sigma_mps: f64, dt_s: f64) -> Option<Self> {
         match self {
             Self::Velocity {
                 acceleration_density_m2ps3,

@@ -4,18 +4,18 @@
 //! Particles are positions; each has the mean and the variance of its velocity given its path (Rao-Blackwellised). A target comes into being and
 //! ceases to be at constant rates over true time, and one that exists may be taken elsewhere. With r the chance that it is where particles were and moved
 //! on, e the chance that it exists elsewhere, uniformly with density B, and N the prediction of particle i, the prior density is
-//! Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New positions come from a mixture of predictions and of peaks, whose whole density divides the weights
-//! (Isard and Blake 1998, ICONDENSATION): peaks say where to look and nothing else. Where few particles agree with the images, they are drawn anew and weighed by
-//! the moments of all predictions. Of the places elsewhere only those at peaks are looked at; no others
+//! Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New positions come from a mixture of predictions and of components, whose whole density divides the weights
+//! (Isard and Blake 1998, ICONDENSATION): components say where to look and nothing else. Where few particles agree with the images, they are drawn anew and weighed by
+//! the moments of all predictions. Of the components elsewhere only those at components are looked at; no others
 //! are thought to show the target.
 
 mod draw;
 mod kinematics;
-mod moments;
-mod overlap;
+mod moment_matched;
+mod predicted_density;
 mod proposal;
 
-pub use proposal::Peak;
+pub use proposal::MeasurementComponent;
 
 use kinematics::Kinematics;
 use proposal::{Proposal, log_add};
@@ -48,7 +48,7 @@ pub struct BernoulliSettings {
     pub death_rate_hz: f64,
     /// How often a target is elsewhere, taken away and put down again, 1/s.
     pub relocation_rate_hz: f64,
-    /// The density of the places where targets come into being or are put down, 1/m³ (1/m² in a plane): one over the volume that they may be in.
+    /// The density of the components where targets come into being or are put down, 1/m³ (1/m² in a plane): one over the volume that they may be in.
     pub birth_density: f64,
     /// Standard deviation of the velocity there, an axis, m/s.
     pub birth_velocity_sigma_mps: f64,
@@ -265,17 +265,17 @@ impl BernoulliFilter {
         }
     }
 
-    /// Draws new particles from the prediction and the peaks and weighs them by what the images say: `log_ratios` is given the particles and writes ln p(images |
+    /// Draws new particles from the prediction and the components and weighs them by what the images say: `log_ratios` is given the particles and writes ln p(images |
     /// target there) − ln p(images | no target) for each, anew where particles are drawn again. What is no number counts as
-    /// impossible. It is not called where there is nothing to weigh: the target does not exist and there is no peak.
+    /// impossible. It is not called where there is nothing to weigh: the target does not exist and there is no component.
     ///
     /// Where all is impossible, the target does not exist; one that certainly does stays as predicted. A time at which nobody looked is no update: it is predicted
-    /// only. `most_nats` is ln of the greatest ratio by which existence may become likelier, over all places: ratios may tell places apart better than
+    /// only. `max_log_ratio` is ln of the greatest ratio by which existence may become likelier, over all components: ratios may tell components apart better than
     /// existence.
     pub fn update(
         &mut self,
-        peaks: &[Peak],
-        most_nats: f64,
+        components: &[MeasurementComponent],
+        max_log_ratio: f64,
         mut log_ratios: impl FnMut(&Particles, &mut [f32]),
     ) {
         self.observation = self.observation.wrapping_add(1);
@@ -286,22 +286,22 @@ impl BernoulliFilter {
         } else {
             0.0
         };
-        self.proposal.aim(peaks, elsewhere_share);
-        let is_nowhere = prior.located == 0.0 && (self.proposal.is_blind() || exists == 0.0);
+        self.proposal.condition_on(components, elsewhere_share);
+        let is_nowhere = prior.located == 0.0 && (self.proposal.is_empty() || exists == 0.0);
         let log_exists = if is_nowhere {
             f64::NEG_INFINITY
         } else {
             self.draw_new(&prior);
             log_ratios(&self.new_particles, &mut self.log_ratios);
-            let log_exists = self.weigh_new();
+            let log_exists = self.weight_new();
             // Where it is, is told better by these; whether it is, by all predictions.
-            if self.agrees_too_little(&prior) && self.draw_from_moments(&prior) {
+            if self.agrees_too_little(&prior) && self.draw_moment_matched(&prior) {
                 log_ratios(&self.new_particles, &mut self.log_ratios);
-                if self.weigh_new() == f64::NEG_INFINITY {
+                if self.weight_new() == f64::NEG_INFINITY {
                     // None of them is possible: the first were, and the same numbers draw them again.
                     self.draw_new(&prior);
                     log_ratios(&self.new_particles, &mut self.log_ratios);
-                    self.weigh_new();
+                    self.weight_new();
                 }
             }
             log_exists
@@ -313,7 +313,7 @@ impl BernoulliFilter {
             }
             return;
         }
-        let log_exists = log_exists.min(libm::log(exists) + most_nats);
+        let log_exists = log_exists.min(libm::log(exists) + max_log_ratio);
         let log_absent = libm::log(prior.absent);
         self.existence = libm::exp(log_exists - log_add(log_exists, log_absent)).min(1.0);
         self.pending_s = 0.0;
@@ -347,9 +347,9 @@ impl BernoulliFilter {
         }
         let dt_s = self.pending_s + ahead_s;
         let (mut position_m, mut velocity_mps, mut spread_m2) = ([0.0; 3], [0.0; 3], 0.0);
-        if let Some((chance, kicked)) = self.kick(dt_s) {
+        if let Some((chance, jumped)) = self.velocity_jump(dt_s) {
             spread_m2 +=
-                chance * (kicked.variance_m2(0.0, dt_s) - self.kinematics.variance_m2(0.0, dt_s));
+                chance * (jumped.variance_m2(0.0, dt_s) - self.kinematics.variance_m2(0.0, dt_s));
         }
         for (hypothesis, w) in self.hypotheses.iter().zip(&self.weights) {
             let ahead_m = hypothesis.ahead(dt_s);

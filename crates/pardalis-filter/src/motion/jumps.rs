@@ -35,7 +35,7 @@ impl Jumps {
     pub fn new(chance: JumpChance, min_m: [f64; 3], max_m: [f64; 3]) -> Result<Self, Error> {
         match chance {
             JumpChance::PerStep { share } if !(0.0..=1.0).contains(&share) => {
-                return Err(Error::out_of_range("share", share, "0 to 1"));
+                return Err(Error::out_of_range("probability", share, "0 to 1"));
             }
             JumpChance::PerStep { .. } => {}
             JumpChance::Rate { rate_hz } => check_strength(("rate_hz", rate_hz))?,
@@ -180,12 +180,17 @@ mod tests {
         let share = JumpChance::PerStep { share: 0.1 };
         let lower = [MIN_M[0], MIN_M[1], 0.4];
         for (chance, min_m, max_m, name) in [
-            (JumpChance::PerStep { share: 1.1 }, MIN_M, MAX_M, "share"),
+            (
+                JumpChance::PerStep { share: 1.1 },
+                MIN_M,
+                MAX_M,
+                "probability",
+            ),
             (
                 JumpChance::PerStep { share: f64::NAN },
                 MIN_M,
                 MAX_M,
-                "share",
+                "probability",
             ),
             (JumpChance::Rate { rate_hz: -1.0 }, MIN_M, MAX_M, "rate_hz"),
             (share, [f64::NAN; 3], MAX_M, "min_m"),

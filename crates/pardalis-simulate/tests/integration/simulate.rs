@@ -224,7 +224,7 @@ fn riders_turn_with_their_carrier() {
         target = true
         shape.cylinder = { radius_m = 0.05, height_m = 0.006 }
         color_srgb = [230, 30, 30]
-        path.rides = { on = \"robot\", offset_m = [0.15, 0.05, 0.4] }",
+        path.attached = { to = \"robot\", offset_m = [0.15, 0.05, 0.4] }",
     );
     assert!(matches!(world.objects[1].body, Body::Cylinder { .. }));
     // After a quarter turn the robot is at (1, 4) and faces -x.

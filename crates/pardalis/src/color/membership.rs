@@ -71,9 +71,7 @@ impl Surroundings {
         let deepest_px = if pixels.iter().filter(is_deep).count() >= FEWEST {
             BODY_PX
         } else {
-            let mut distances: Vec<f32> = pixels.iter().map(|pixel| pixel.distance_px).collect();
-            distances.sort_by(f32::total_cmp);
-            (*distances.get(FEWEST - 1)?).min(0.0)
+            deepest(pixels)?[FEWEST - 1].min(0.0)
         };
         let body = around(pixels, &WEIGHTS[0], |distance| distance <= deepest_px)?;
         let outside = around(pixels, &WEIGHTS[1], |distance| {
@@ -108,6 +106,24 @@ impl Surroundings {
             along / whole
         }
     }
+}
+
+/// The distances of the deepest pixels, in ascending order; `None` if there are not enough pixels.
+fn deepest(pixels: &[EdgePixel]) -> Option<[f32; FEWEST]> {
+    if pixels.len() < FEWEST {
+        return None;
+    }
+    // Positive NaN is the last in the total order.
+    let mut deepest = [f32::NAN; FEWEST];
+    for pixel in pixels {
+        let mut distance_px = pixel.distance_px;
+        for kept in &mut deepest {
+            if distance_px.total_cmp(kept).is_lt() {
+                std::mem::swap(kept, &mut distance_px);
+            }
+        }
+    }
+    Some(deepest)
 }
 
 /// The side of each part of the turn; `None` where no pixel tells.

@@ -25,20 +25,20 @@ pub struct ScaledSampling {
     /// The outer contour is the outline of the shape scaled by this, above 1.
     pub outer_scale: f64,
     /// What is done where the projection is so small that both contours lie on the same pixels; nothing where there is none.
-    pub overlap: Option<Overlap>,
+    pub shared_pixels: Option<SharedPixels>,
 }
 
 /// A remedy for small projections: where too many pixels of the inner contour are pixels of the outer one as well, points at a fixed distance from the
 /// outline along its normals take their place.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Overlap {
+pub struct SharedPixels {
     /// The share of the inner contour's pixels that may be the outer one's too.
     pub max_share: f64,
     /// Distance of the points from the outline, in pixels.
     pub distance_px: f64,
 }
 
-impl Default for Overlap {
+impl Default for SharedPixels {
     /// The paper's distance; it leaves the share open.
     fn default() -> Self {
         Self {
@@ -59,6 +59,18 @@ pub struct SplineSampling {
     pub steps: usize,
     /// Whether the point on the outline itself counts on both sides.
     pub middle: bool,
+}
+
+impl SplineSampling {
+    /// Returns the default for an outline of this many points: a control point for every fourth, and samples 1 and 2 pixels from the outline.
+    pub fn of_points(points: usize) -> Self {
+        Self {
+            control_points: (points / 4).max(3),
+            reach_px: 2.0,
+            steps: 2,
+            middle: false,
+        }
+    }
 }
 
 impl Sampling {
@@ -91,16 +103,16 @@ impl Sampling {
             Self::Scaled(ScaledSampling {
                 inner_scale: inner,
                 outer_scale: outer,
-                overlap,
+                shared_pixels,
             }) => {
                 let (inner_ok, outer_ok) =
                     (inner > 0.0 && inner < 1.0, outer > 1.0 && outer <= 10.0);
                 inside("inner_scale", inner, inner_ok, "above 0 and below 1")?;
                 inside("outer_scale", outer, outer_ok, "above 1 and at most 10")?;
-                let Some(Overlap {
+                let Some(SharedPixels {
                     max_share,
                     distance_px,
-                }) = overlap
+                }) = shared_pixels
                 else {
                     return Ok(());
                 };

@@ -2,7 +2,6 @@
 
 use super::contour::{ContourCue, ContourSettings};
 use super::difference::DifferenceCue;
-use super::edge::EdgeSettings;
 use super::patch::PatchSettings;
 use super::region::RegionCue;
 use super::window::{WindowCounting, WindowCue, WindowSettings};
@@ -35,15 +34,13 @@ pub enum Cue {
     Region(PatchSettings),
     /// What changed from the frame before in a region.
     Difference(PatchSettings),
-    /// Where the outline lies, to a fraction of a pixel. It stands alone, as it finds its target by itself; it has no place among [`Cues`].
-    Edge(EdgeSettings),
 }
 
 impl Cue {
     /// Whether it can do without a colour model.
     pub fn knows_its_colors(&self) -> bool {
         match self {
-            Self::Contour(_) | Self::Region(_) | Self::Edge(_) => false,
+            Self::Contour(_) | Self::Region(_) => false,
             Self::Window(window) => window.ranges.is_some(),
             Self::Difference(_) => true,
         }
@@ -52,13 +49,6 @@ impl Cue {
     /// Whether it looks at a flat region, which only a flat shape has.
     pub fn looks_at_regions(&self) -> bool {
         matches!(self, Self::Region(_) | Self::Difference(_))
-    }
-}
-
-impl CueSettings {
-    /// Whether it is the edge cue.
-    pub fn is_edge(&self) -> bool {
-        matches!(self.cue, Cue::Edge(_))
     }
 }
 
@@ -141,10 +131,6 @@ impl Cues {
                 Cue::Difference(difference) => {
                     Kernel::Difference(Box::new(DifferenceCue::new(difference, &shape, level)?))
                 }
-                Cue::Edge(_) => {
-                    let allowed = "a cue that is compared with the image at every particle";
-                    return Err(Error::out_of_range("cues", "edge", allowed));
-                }
             };
             Ok((kernel, settings.cameras.clone()))
         };
@@ -225,7 +211,7 @@ impl Likelihood for CuesLikelihood<'_> {
         }
         out.fill(0.0);
         for (camera, frame) in self.frames {
-            let evidence = self.views[*camera].evidence(frame);
+            let prepared = self.views[*camera].prepared(frame);
             let of_camera = &mut of_cameras[*camera];
             of_camera.clear();
             of_camera.resize(out.len(), 0.0);
@@ -233,11 +219,11 @@ impl Likelihood for CuesLikelihood<'_> {
                 if looks_at(cameras.as_deref(), *camera) {
                     let positions_m = particles.positions_m();
                     match kernel {
-                        Kernel::Contour(cue) => cue.add_camera(&evidence, positions_m, of_camera),
-                        Kernel::Window(cue) => cue.add_camera(&evidence, positions_m, of_camera),
-                        Kernel::Region(cue) => cue.add_camera(&evidence, positions_m, of_camera),
+                        Kernel::Contour(cue) => cue.add_camera(&prepared, positions_m, of_camera),
+                        Kernel::Window(cue) => cue.add_camera(&prepared, positions_m, of_camera),
+                        Kernel::Region(cue) => cue.add_camera(&prepared, positions_m, of_camera),
                         Kernel::Difference(cue) => {
-                            cue.add_camera(&evidence, positions_m, of_camera);
+                            cue.add_camera(&prepared, positions_m, of_camera);
                         }
                     }
                 }

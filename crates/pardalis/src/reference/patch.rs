@@ -93,7 +93,7 @@ pub fn difference_log_likelihood(
     let uniform = vec![1.0 / bins as f64; bins];
     let of_camera = |(camera, frame): &(usize, Frame)| {
         let view = &views[*camera];
-        let squared_distance = match view.evidence(frame).before() {
+        let squared_distance = match view.prepared(frame).before() {
             Some(before) => {
                 let pixels = region_pixels(view, shape, settings, position_m);
                 let value = |x, y| grey(frame, x, y).abs_diff(grey(before, x, y));

@@ -28,6 +28,9 @@ pub enum Section {
 }
 
 impl Section {
+    /// The default number of a polygon's sides.
+    pub const DEFAULT_SIDES: usize = 8;
+
     /// A circle, up to a kilometre wide.
     pub fn circle(radius_m: f64) -> Result<Self, Error> {
         check_size("radius_m", radius_m)?;

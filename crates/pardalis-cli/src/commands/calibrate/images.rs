@@ -89,9 +89,8 @@ pub(super) fn search(
         .par_iter()
         .map(|file| {
             let grey = decode_mask(file)?;
-            let size_px = (grey.width, grey.height);
-            let image = image::GrayImage::from_raw(size_px.0 as u32, size_px.1 as u32, grey.bytes);
-            let found = image.map_or(Err("no pixels".to_owned()), |image| detect(board, &image));
+            let size_px = grey.size_px();
+            let found = detect(board, &grey);
             bar.inc(1);
             Ok((
                 SearchedImage {

@@ -45,13 +45,17 @@ pub(super) fn page(report: &Report) -> Result<String> {
         residual_scatter(&sightings, best.rms_px)?,
         coverage(size_px, &sightings)?,
     ] {
-        let _ = writeln!(page, "<figure>{picture}</figure>");
+        let _ = writeln!(page, "<figure>{}</figure>", picture.svg);
     }
     page.push_str("<h2>Views</h2>\n");
     push_table(&mut page, &report.view_rows());
     let views: Vec<(&str, f64)> = best.views.iter().map(|v| (&*v.name, v.rms_px)).collect();
     if views.len() > 1 {
-        let _ = writeln!(page, "<figure>{}</figure>", rms_bars(&views, best.rms_px)?);
+        let _ = writeln!(
+            page,
+            "<figure>{}</figure>",
+            rms_bars(&views, best.rms_px)?.svg
+        );
     }
     let outliers = report.outliers();
     if !outliers.is_empty() {

@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use image::RgbImage;
 use pardalis::Frame;
 use pardalis_calibrate::plane::{OUTLIER_PX, PlaneFit, PointPair, Rectangle, camera_center_m, fit};
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::{Camera, Plane};
+use pardalis_images::RgbImage;
 use pardalis_scene::{FrameRange, calibration};
 
 use super::model::read_camera;
@@ -121,7 +121,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     write_file(&written[0], calibration::write_toml(&[camera]).as_bytes())?;
     if let Some(frame) = frames.first() {
         written.push(folder.join("corners.png"));
-        write_picture(&written[1], &drawn(frame, &known, &fitted)?)?;
+        write_picture(&written[1], &drawn(frame, &known, &fitted))?;
     }
     say(report(&known, &fitted, center_m)?);
     output::say_written(&written);
@@ -247,7 +247,7 @@ fn center_m(
 }
 
 /// Draws the points in order over an image: connected if they form a rectangle, outliers in another colour.
-fn drawn(frame: &Frame, known: &Known, fitted: &PlaneFit) -> Result<RgbImage> {
+fn drawn(frame: &Frame, known: &Known, fitted: &PlaneFit) -> RgbImage {
     let [_, outlier_color, color, ..] = PALETTE;
     let mut marks = Vec::new();
     if known.found.is_some() {

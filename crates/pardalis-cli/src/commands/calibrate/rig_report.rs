@@ -132,7 +132,7 @@ impl RigReport<'_> {
                 residual_arrows(camera.size_px, &all)?,
                 rms_bars(&views, rms_px)?,
             ] {
-                let _ = writeln!(page, "<figure>{picture}</figure>");
+                let _ = writeln!(page, "<figure>{}</figure>", picture.svg);
             }
         }
         let outliers = self.outliers();

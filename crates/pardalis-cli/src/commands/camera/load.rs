@@ -111,7 +111,7 @@ fn cameras_in(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>> 
     }
     if let Some(lens) = lens {
         return Err(fault!(
-            "--as {}: {} is a scene, which says itself what its calibrations mean (calibration_as); leave --as out",
+            "--as {}: {} is a scene, which says itself what its calibrations mean (calibration_lens); leave --as out",
             lens.name(),
             path.display()
         ));

@@ -141,7 +141,7 @@ impl CameraText {
                     "calibration = {file}  # {holds}; `pardalis camera show` tells more"
                 );
                 if let Some(lens) = lens {
-                    let _ = writeln!(text, "calibration_as = \"{}\"", lens.name());
+                    let _ = writeln!(text, "calibration_lens = \"{}\"", lens.name());
                 }
             }
             Model::Guessed(..) => {
@@ -253,7 +253,7 @@ impl SceneText<'_> {
             "\n# Where it starts: along the ray through a pixel of the first frame. Without this and the contour it is found by itself.\n\
              [targets.{target}.start.pixel]\n\
              camera = \"{camera}\"\n\
-             pixel = {pixel:?}\n\
+             pixel_px = {pixel:?}\n\
              max_range_m = 8.0\n\n\
              # How the outline is compared with the image. The published real-time settings are 0.7 and 1.3 with 300 particles.\n\
              [targets.{target}.contour]\n\

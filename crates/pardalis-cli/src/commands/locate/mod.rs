@@ -165,7 +165,9 @@ pub(crate) fn locate(
     let mut step = |tracker: &mut pardalis::Tracker, set: &FrameSet| {
         let frame = range.first + range.step * set.index;
         let starts_here = starts.of_frame(tracker, frame)?;
-        let located = tracker.locate(&set.frames, set.time_s, &starts_here, &settings.passes_m);
+        let located = set
+            .whole()
+            .and_then(|set| tracker.locate(&set, &starts_here, &settings.passes_m));
         let estimates =
             located.map_err(|error| fault!("{}: {error}", starts.place_of_frame(frame)))?;
         for (name, estimate) in names.iter().zip(&estimates) {

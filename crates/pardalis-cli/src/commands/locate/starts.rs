@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::Tracker;
 use pardalis::start::{PixelStart, Start};
+use pardalis::{TargetId, Tracker};
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_scene::Scene;
 
@@ -57,18 +57,18 @@ pub(super) enum Place {
 
 impl Place {
     /// The start there. A pixel's ray is searched as the scene says where it starts by a pixel too.
-    fn start(self, of_scene: &Start) -> Start {
+    fn start(self, of_scene: Option<&Start>) -> Start {
         match (self, of_scene) {
             (Self::Position(position_m), _) => Start::Gaussian(GaussianStart {
                 position_m,
                 ..GaussianStart::default()
             }),
-            (Self::Pixel(camera, pixel), Start::Pixel(start)) => Start::Pixel(PixelStart {
+            (Self::Pixel(camera, pixel), Some(Start::Pixel(start))) => Start::Pixel(PixelStart {
                 camera,
                 pixel,
                 ..*start
             }),
-            (Self::Pixel(camera, pixel), Start::Gaussian(_) | Start::Anywhere) => {
+            (Self::Pixel(camera, pixel), Some(Start::Gaussian(_)) | None) => {
                 Start::Pixel(PixelStart::at(camera, pixel))
             }
         }
@@ -181,26 +181,28 @@ impl Starts {
     /// The start of each body in the image of this number, target by target.
     ///
     /// Faults: the table has none.
-    pub(super) fn of_frame(&self, tracker: &Tracker, frame: usize) -> Result<Vec<Start>> {
-        let of_body = |(target, of_scene): (usize, &Start)| match self {
-            Self::Scene => Ok(*of_scene),
-            Self::Everywhere(place) => Ok(place.start(of_scene)),
+    pub(super) fn of_frame(&self, tracker: &Tracker, frame: usize) -> Result<Vec<Option<Start>>> {
+        let of_body = |(target, of_scene): (TargetId, Option<Start>)| match self {
+            Self::Scene => Ok(of_scene),
+            Self::Everywhere(place) => Ok(Some(place.start(of_scene.as_ref()))),
             Self::Listed { file, targets } => {
-                let (name, listed) = &targets[target];
+                let (name, listed) = &targets[target.index()];
                 let Some((place, _)) = listed.get(&frame) else {
                     return Err(fault!(
                         "{}: has no place of {name} in frame {frame}; give each image a row, or take fewer images (first_frame, frame_limit)",
                         file.display()
                     ));
                 };
-                Ok(place.start(of_scene))
+                Ok(Some(place.start(of_scene.as_ref())))
             }
         };
-        let bodies = |target: usize| tracker.starts(target).map(move |start| (target, start));
-        (0..tracker.target_count())
-            .flat_map(bodies)
-            .map(of_body)
-            .collect()
+        let mut starts = Vec::new();
+        for target in tracker.targets() {
+            for of_scene in tracker.starts(target)? {
+                starts.push(of_body((target, of_scene))?);
+            }
+        }
+        Ok(starts)
     }
 
     /// What to name when a start of this frame turns out to be faulty.

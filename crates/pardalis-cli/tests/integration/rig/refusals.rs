@@ -52,9 +52,7 @@ fn two_cameras_of_one_name() {
     let rig = Rig::new();
     let scene = rig.scene("").replace("[cameras.cam3]", "[cameras.cam1]");
     let run = Run::of(&mut rig.command(&scene, &["-o", "out"]));
-    run.refused(&[
-        "line 7: two cameras are named cam1, the first in line 1; give each a name of its own",
-    ]);
+    run.refused(&["line 7: two cameras are named cam1, the first in line 1; rename one"]);
     let scene = rig.scene("") + "[targets.ball]\n";
     let run = Run::of(&mut rig.command(&scene, &["-o", "out"]));
     run.refused(&["two targets are named ball, the first in line 13"]);
@@ -105,6 +103,6 @@ fn two_cameras_of_one_input_or_place() {
     rig.edit("cam4", "calibration_camera = \"cam3\"\n");
     let run = rig.track("");
     assert_eq!(run.code, Some(0));
-    let told = "warning: scene.toml: line 11: cameras.cam4: stands and looks exactly as cam3 does";
+    let told = "warning: scene.toml: line 11: cameras.cam4: has the same pose as cam3";
     assert!(run.stderr.starts_with(told), "{}", run.stderr);
 }

@@ -1,7 +1,7 @@
 //! Settings that are refused, and that nothing else breaks the filter.
 
 use pardalis_core::rng::Draws;
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{
     ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, JumpChance, Jumps, Motion,
@@ -159,13 +159,13 @@ fn log_ratio() -> impl Strategy<Value = f32> {
     ]
 }
 
-fn peak() -> impl Strategy<Value = Peak> {
+fn peak() -> impl Strategy<Value = MeasurementComponent> {
     let numbers = || prop::array::uniform3(number());
     (numbers(), numbers(), numbers(), number()).prop_map(
-        |(position_m, [a, b, c], [d, e, f], log_evidence)| Peak {
+        |(position_m, [a, b, c], [d, e, f], log_weight)| MeasurementComponent {
             position_m,
             covariance_m2: [a, b, c, d, e, f],
-            log_evidence,
+            log_weight,
         },
     )
 }

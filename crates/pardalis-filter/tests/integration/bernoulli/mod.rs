@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix3, Vector3};
 use pardalis_core::rng::{Draws, Stage};
 use pardalis_filter::Particles;
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 use pardalis_filter::motion::{ConstantVelocity, Disturbance, Motion, RandomWalk, Stray};
 
@@ -118,10 +118,10 @@ fn the_seed_alone_decides() {
         let mut filter = filter(lively(), seed);
         for step in 0..10 {
             let place = measured(step, 0.04 * step as f64, &covariance);
-            let peak = Peak {
+            let peak = MeasurementComponent {
                 position_m: place.into(),
                 covariance_m2: entries(&covariance),
-                log_evidence: 1.0,
+                log_weight: 1.0,
             };
             filter.predict(0.04);
             filter.update(

@@ -170,7 +170,7 @@ fn detect(
             view.prepare(PixelKind::of(&frame), colors.palette());
             frames.push(BlobFrame {
                 time_s: frame.time_s(),
-                blobs: blobs(&view.evidence(&frame), colors),
+                blobs: blobs(&view.prepared(&frame), colors),
             });
         }
         // A source may deliver frames out of order.

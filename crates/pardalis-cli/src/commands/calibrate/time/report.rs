@@ -223,7 +223,7 @@ impl<'a> Report<'a> {
         let _ = writeln!(
             page,
             "<figure>{}</figure>",
-            residuals_over_time(&residuals)?
+            residuals_over_time(&residuals)?.svg
         );
         for camera in &self.cameras {
             for (when, residual) in [
@@ -236,7 +236,7 @@ impl<'a> Report<'a> {
                     outlier: detection.outlier,
                 });
                 let points: Vec<Sighting> = points.collect();
-                let picture = observed_and_projected(camera.size_px, &points)?;
+                let picture = observed_and_projected(camera.size_px, &points)?.svg;
                 let _ = writeln!(
                     page,
                     "<h2>{}: detections and projected path, {when} the correction</h2>\n<figure>{picture}</figure>",
