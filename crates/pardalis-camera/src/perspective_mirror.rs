@@ -4,7 +4,7 @@ use super::{Projection, Ray, check_focal, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// ρ = k·r/z with k = −m, the unified model with l = 0; u = cx + ρ·x/r, v = cy + ρ·y/r (Taiana 2007, section 3.4). The
+/// ρ = k·r/z with k = −m, the unified model with l = 0; u = cx + ρ·x/r, v = cy + ρ·y/r (Taiana 2007, section 3.1.1, eq. 3.4). The
 /// camera looks along +z into the mirror; the scene has z < 0.
 ///
 /// Domain: z < 0.

@@ -5,7 +5,7 @@ use pardalis_core::Error;
 use pardalis_core::real::Real;
 
 /// ρ = f·(l + m)·r / (l·d − z), with r = √(x² + y²) and d = √(r² + z²); u = cx + ρ·x/r, v = cy + ρ·y/r
-/// (Geyer and Daniilidis 2000; Taiana 2007, section 3.3). The camera looks along +z into the mirror, so that the scene has mostly z < 0.
+/// (Geyer and Daniilidis 2000; Taiana 2007, section 3.1.1, eq. 3.3). The camera looks along +z into the mirror, so that the scene has mostly z < 0.
 ///
 /// Domain: z < l·d for l ≤ 1, z < d/l for l > 1 (beyond it ρ folds back on itself).
 #[derive(Debug, Clone, Copy, PartialEq)]

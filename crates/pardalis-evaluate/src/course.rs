@@ -67,6 +67,7 @@ mod tests {
     ) -> (EstimatedState, TrueState) {
         let estimate = EstimatedState {
             position_m: [0.0; 3],
+            best_position_m: None,
             velocity_mps: estimated_mps,
             heading_rad: None,
             covariance_m2: None,

@@ -36,6 +36,7 @@ mod tests {
             state: None,
             estimate: off_m.map(|off_m| EstimatedState {
                 position_m: [off_m, 0.0, 0.0],
+                best_position_m: None,
                 velocity_mps: None,
                 heading_rad: None,
                 covariance_m2: None,

@@ -23,6 +23,7 @@
 //! };
 //! let estimate = EstimatedState {
 //!     position_m: [0.1, 0.0, 1.0],
+//!     best_position_m: None,
 //!     velocity_mps: None,
 //!     heading_rad: None,
 //!     covariance_m2: None,
@@ -73,6 +74,8 @@ use pardalis::tracker::TrackState;
 pub struct EstimatedState {
     /// Position in metres.
     pub position_m: [f64; 3],
+    /// Position of the best particle in metres, if the track has one.
+    pub best_position_m: Option<[f64; 3]>,
     /// Velocity in m/s, if the track has one.
     pub velocity_mps: Option<[f64; 3]>,
     /// Heading in radians, counter-clockwise from the world's x axis, if the track has one.

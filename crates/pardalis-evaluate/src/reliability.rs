@@ -140,6 +140,7 @@ mod tests {
     fn rows_state_a_position_or_visibility() {
         let estimate = EstimatedState {
             position_m: [1.0, 2.0, 3.0],
+            best_position_m: None,
             velocity_mps: None,
             heading_rad: None,
             covariance_m2: None,

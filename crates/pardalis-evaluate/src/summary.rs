@@ -51,6 +51,8 @@ pub struct Summary {
 pub struct Errors {
     /// Length of the position error in metres.
     pub position_m: Distribution,
+    /// Length of the position error of the best particle in metres, over the frames that have one; `None` if there are none.
+    pub best_position_m: Option<Distribution>,
     /// Length of the position error in the world's x-y plane, in metres.
     pub planar_m: Distribution,
     /// Mean position error along the world's x, y and z axes, in metres.
@@ -146,6 +148,10 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
             angle_between(estimated, difference(t.position_m, around_m))
         })
         .collect();
+    let best_errors_m: Vec<f64> = pairs
+        .iter()
+        .filter_map(|(e, t)| Some(norm(difference(e.best_position_m?, t.position_m))))
+        .collect();
     let planar_errors_m = position_errors_m
         .iter()
         .map(|[x, y, _]| libm::hypot(*x, *y));
@@ -156,6 +162,7 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
     let spherical = |of: fn(&SphericalError) -> f64| mean_sd(spherical_errors.iter().map(of));
     Errors {
         position_m: distribution(position_errors_m.iter().map(|&e| norm(e)).collect()),
+        best_position_m: (!best_errors_m.is_empty()).then(|| distribution(best_errors_m)),
         planar_m: distribution(planar_errors_m.collect()),
         bias_m: [0, 1, 2].map(|i| mean_sd(position_errors_m.iter().map(|e| e[i])).mean),
         distance_m: spherical(|e| e.distance_m),
@@ -237,6 +244,7 @@ mod tests {
             state: None,
             estimate: Some(EstimatedState {
                 position_m: estimated_m,
+                best_position_m: None,
                 velocity_mps: None,
                 heading_rad: None,
                 covariance_m2: None,
@@ -277,6 +285,23 @@ mod tests {
         assert_near(p.median, 2.0);
         assert_near(p.p95, 3.85);
         assert_near(p.max, 4.0);
+    }
+
+    #[test]
+    fn evaluates_best_particle_if_the_track_has_one() {
+        let mut samples = [1.0, 2.0, 4.0].map(off_by);
+        assert_eq!(
+            errors_of(&samples, &Settings::default()).best_position_m,
+            None
+        );
+        for (sample, best_m) in samples.iter_mut().zip([3.0, 4.0]) {
+            sample.estimate.as_mut().unwrap().best_position_m = Some([0.0, best_m, 0.0]);
+        }
+        let errors = errors_of(&samples, &Settings::default());
+        let best = errors.best_position_m.unwrap();
+        assert_near(best.mean, 3.5);
+        assert_near(best.rmse, 12.5_f64.sqrt());
+        assert_near(errors.position_m.rmse, 7_f64.sqrt());
     }
 
     #[test]

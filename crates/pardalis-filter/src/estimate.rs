@@ -9,7 +9,10 @@ pub struct StateEstimate {
     pub velocity_mps: Option<[f64; 3]>,
     /// Covariance of the position: xx, xy, xz, yy, yz, zz in m².
     pub covariance_m2: [f64; 6],
-    /// The position of the particle of the greatest weight, metres.
+    /// The position of the best particle, metres (thesis eq. 5.4). [`Filter`](crate::particle_filter::Filter): the particle with the greatest
+    /// weight, which is the most likely one if the filter resamples at every step, as published.
+    /// [`BernoulliFilter`](crate::bernoulli::BernoulliFilter): the particle to which the images of the last update gave the greatest
+    /// likelihood ratio; its weights are corrected for the proposal, so that the heaviest particle is one that the proposal rarely draws.
     pub best_position_m: [f64; 3],
     /// Effective sample size, 1/Σw².
     pub effective_sample_size: f64,

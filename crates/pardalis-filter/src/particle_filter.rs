@@ -3,7 +3,7 @@
 use crate::Likelihood;
 use crate::StateEstimate;
 use crate::gaussian::GaussianStart;
-use crate::motion::{ConstantVelocity, Motion, taylor};
+use crate::motion::{Motion, taylor};
 use crate::particles::Particles;
 use crate::resample::Resampling;
 use crate::weighted::{add_scatter, heaviest, weight_within};

@@ -1,4 +1,4 @@
-//! What weighted places tell: the belief near a point, their scatter and the heaviest.
+//! Summaries of weighted positions: the share of the weight near a point, the scatter, the heaviest and the likeliest particle.
 
 /// The share of the weight within `distance_m` of a point.
 pub fn weight_within(
@@ -39,4 +39,31 @@ pub fn heaviest(weights: &[f64]) -> usize {
         if weights[i] > weights[best] { i } else { best }
     };
     (0..weights.len()).reduce(heavier).unwrap_or(0)
+}
+
+/// The number of the particle of the greatest log-likelihood among those that are possible (whose weight is above 0); of equally likely ones the heaviest, of those
+/// the first.
+pub(crate) fn likeliest(log_likelihoods: &[f32], log_weights: &[f64]) -> usize {
+    let rank = |i: usize| (log_likelihoods[i], log_weights[i]);
+    let is_possible = |&i: &usize| log_weights[i] > f64::NEG_INFINITY && !rank(i).0.is_nan();
+    let likelier = |best: usize, i: usize| if rank(i) > rank(best) { i } else { best };
+    (0..log_weights.len())
+        .filter(is_possible)
+        .reduce(likelier)
+        .unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_likeliest_is_possible_and_of_equals_the_heaviest() {
+        let none = f64::NEG_INFINITY;
+        assert_eq!(likeliest(&[1.0, 3.0, 2.0], &[-1.0, -9.0, -0.1]), 1);
+        assert_eq!(likeliest(&[1.0, 9.0, 2.0], &[-1.0, none, -3.0]), 2);
+        assert_eq!(likeliest(&[f32::NAN, 0.0], &[-1.0, -1.0]), 1);
+        assert_eq!(likeliest(&[2.0, 2.0, 2.0], &[-3.0, -1.0, -1.0]), 1);
+        assert_eq!(likeliest(&[1.0, 2.0], &[none, none]), 0);
+    }
 }

@@ -9,6 +9,7 @@ pub(crate) mod grid;
 pub(crate) mod histogram;
 mod legend;
 pub(crate) mod lens;
+pub(crate) mod likelihood;
 mod limits;
 pub(crate) mod mosaic;
 mod oblique;

@@ -25,7 +25,7 @@ use crate::gaussian::{GaussianStart, check_sigma};
 use crate::motion::Motion;
 use crate::particle_filter::MAX_PARTICLES;
 use crate::particles::Particles;
-use crate::weighted::{add_scatter, heaviest, weight_within};
+use crate::weighted::{add_scatter, likeliest, weight_within};
 use pardalis_core::Error;
 use pardalis_core::rng::{Draws, Stage};
 
@@ -156,6 +156,8 @@ pub struct BernoulliFilter {
     new_particles: Particles,
     ancestors: Vec<u32>,
     log_ratios: Vec<f32>,
+    /// The particle to which the last update gave the greatest ratio; of equals the heaviest.
+    likeliest: usize,
 }
 
 impl BernoulliFilter {
@@ -180,6 +182,7 @@ impl BernoulliFilter {
             new_particles: particles,
             ancestors: vec![0; count],
             log_ratios: vec![0.0; count],
+            likeliest: 0,
         })
     }
 
@@ -225,6 +228,7 @@ impl BernoulliFilter {
         }
         write(&self.hypotheses, &mut self.particles);
         self.particles.reset_weights();
+        self.likeliest = 0;
         let count = self.weights.len() as f64;
         self.weights.fill(1.0 / count);
         Ok(())
@@ -317,6 +321,7 @@ impl BernoulliFilter {
         let log_absent = libm::log(prior.absent);
         self.existence = libm::exp(log_exists - log_add(log_exists, log_absent)).min(1.0);
         self.pending_s = 0.0;
+        self.likeliest = likeliest(&self.log_ratios, &self.new_particles.log_weights);
         std::mem::swap(&mut self.hypotheses, &mut self.new_hypotheses);
         std::mem::swap(&mut self.particles, &mut self.new_particles);
         for (weight, log_weight) in self.weights.iter_mut().zip(&self.particles.log_weights) {
@@ -365,12 +370,11 @@ impl BernoulliFilter {
             covariance_m2[diagonal] = spread_m2;
         }
         add_scatter(self.places_m(dt_s), position_m, &mut covariance_m2);
-        let best = heaviest(&self.weights);
         Some(StateEstimate {
             position_m,
             velocity_mps: self.kinematics.has_velocity().then_some(velocity_mps),
             covariance_m2,
-            best_position_m: self.hypotheses[best].ahead(dt_s),
+            best_position_m: self.hypotheses[self.likeliest].ahead(dt_s),
             effective_sample_size: self.effective_sample_size(),
         })
     }

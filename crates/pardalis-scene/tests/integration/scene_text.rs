@@ -576,7 +576,7 @@ fn detected(settings: &str) -> DetectedSettings {
         StartConfig::Here(start) => start,
         StartConfig::Track(_) => panic!("no track is given"),
     });
-    let colors = include_str!("../../../data/colors/pink-ball.hsi.colors.toml");
+    let colors = include_str!("../../../../data/colors/pink-ball.hsi.colors.toml");
     let colors = ColorModel::from_text(colors).unwrap();
     match body.settings(Some(colors), start).unwrap() {
         BodySettings::Detected(settings) => settings,

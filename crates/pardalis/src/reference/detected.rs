@@ -1,7 +1,5 @@
 //! Visibility, data association and existence of detected targets, naively.
 
-use nalgebra::{Matrix3, Vector3};
-
 /// The log-likelihood ratio of a frame in which the target is visible with this probability: that of an occluded target is 1.
 pub fn mixture_log_ratio(visible: f64, log_ratio: f64) -> f64 {
     (visible * log_ratio.exp() + (1.0 - visible)).ln()
@@ -35,22 +33,6 @@ pub fn updated_visibility(visible: f64, particles: &[(f64, f64, bool)]) -> [f64;
             .sum()
     };
     [sum(&|_| true), sum(&|in_view| in_view)]
-}
-
-/// The density of a mixture of Gaussians with these weights, means (m) and variances (m²) around a position measured with this covariance, 1/m³: ∫p(x)·N(x; position, covariance) dx.
-pub fn predicted_density(
-    mixture: &[(f64, Vector3<f64>, f64)],
-    position_m: Vector3<f64>,
-    covariance_m2: &Matrix3<f64>,
-) -> f64 {
-    let density = |(weight, mean_m, variance_m2): &(f64, Vector3<f64>, f64)| {
-        let sum = covariance_m2 + Matrix3::identity() * *variance_m2;
-        let inverse = sum.try_inverse().expect("a covariance");
-        let off = position_m - mean_m;
-        let squared = (off.transpose() * inverse * off)[0];
-        weight * (-0.5 * squared).exp() / (sum * std::f64::consts::TAU).determinant().sqrt()
-    };
-    mixture.iter().map(density).sum()
 }
 
 /// What data association compares a detection with, all densities in 1/m³.

@@ -10,8 +10,7 @@ mod outline;
 mod patch;
 
 pub use detected::{
-    Rivals, association_log_weight, mixture_log_ratio, predicted_density, predicted_visibility,
-    updated_visibility,
+    Rivals, association_log_weight, mixture_log_ratio, predicted_visibility, updated_visibility,
 };
 pub use edge::{EdgeLines, color_posterior};
 pub use outline::{boundary, boundary_along_normals, boundary_of_scales, outline_points};

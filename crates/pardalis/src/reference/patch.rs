@@ -45,7 +45,7 @@ pub fn region_pixels(
 
 /// The region cue's log-likelihood of a target at this position in the world: the product over the frames of one instant, each with its camera's number.
 ///
-/// D² = 1 − Σ√(h·h_ref) for each of red, green and blue, p = exp(−ΣD²/2σ²) (Campos 2009, eqs. 8 to 10); a camera that sees fewer than half the samples
+/// D² = 1 − Σ√(h·h_ref) for each of red, green and blue, p = exp(−ΣD²/2σ²) (Campos 2009, eqs. 9 and 10); a camera that sees fewer than half the samples
 /// sees a stranger, D = 1.
 pub fn region_log_likelihood(
     settings: &PatchSettings,

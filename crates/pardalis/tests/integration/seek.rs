@@ -407,15 +407,21 @@ fn in_light_that_changed_no_other_colour_is_taken_either() {
 }
 
 #[test]
-fn any_number_of_threads_gives_the_same_bits() {
-    let run = |threads: usize| {
+fn any_number_of_threads_and_any_instruction_set_give_the_same_bits() {
+    let run = |threads: usize, level: Level| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.unwrap().install(|| {
             let frames = (0..6).map(|i| as_frame(&jump_picture(i), i, PixelFormat::Rgb8));
-            follow(&mut tracker(6), frames)
+            let target = sought(EdgeSettings::default());
+            let mut tracker = Tracker::new(vec![fisheye_view()], vec![target], 6, level).unwrap();
+            follow(&mut tracker, frames)
         })
     };
-    let one = run(1);
-    assert_eq!(one, run(2));
-    assert_eq!(one, run(5));
+    let one = run(1, Level::BASELINE);
+    assert!(one[5].kinematics.is_some());
+    for level in Level::available() {
+        for threads in [1, 2, 5] {
+            assert_eq!(one, run(threads, level), "{threads} threads at {level:?}");
+        }
+    }
 }

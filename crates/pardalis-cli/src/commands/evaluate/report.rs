@@ -230,7 +230,7 @@ fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fm
 type Figure = (&'static str, fn(&Errors) -> String);
 
 /// The lines about errors, in their order.
-const FIGURES: [Figure; 25] = [
+const FIGURES: [Figure; 27] = [
     ("position error, mean, mm", |e| {
         thousandths(e.position_m.mean)
     }),
@@ -239,6 +239,14 @@ const FIGURES: [Figure; 25] = [
     ("    median", |e| thousandths(e.position_m.median)),
     ("    95 % below", |e| thousandths(e.position_m.p95)),
     ("    maximum", |e| thousandths(e.position_m.max)),
+    ("    best particle, mean, mm", |e| {
+        e.best_position_m
+            .map_or_else(none, |best| thousandths(best.mean))
+    }),
+    ("    best particle, root mean square", |e| {
+        e.best_position_m
+            .map_or_else(none, |best| thousandths(best.rmse))
+    }),
     ("over x and y alone, mean, mm", |e| {
         thousandths(e.planar_m.mean)
     }),

@@ -14,8 +14,9 @@ use crate::fault::fault;
 use crate::say::say;
 use crate::scene;
 use crate::tracking::{self, Annotate, FrameSet, Options, Output, Run};
+use starts::Starts;
 pub(crate) use starts::StartsFrom;
-use starts::{Starts, parse_pixel};
+pub(crate) use starts::parse_pixel;
 
 /// Locates the targets of a scene in single images
 ///
@@ -123,6 +124,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         } else {
             Annotate::No
         },
+        particles: None,
         plots: false,
         progress: true,
     };

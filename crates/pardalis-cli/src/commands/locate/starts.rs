@@ -38,7 +38,7 @@ impl StartsFrom {
 }
 
 /// Two numbers with a comma between them.
-pub(super) fn parse_pixel(text: &str) -> Result<[f64; 2], String> {
+pub(crate) fn parse_pixel(text: &str) -> Result<[f64; 2], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     numbers
         .and_then(|numbers| <[f64; 2]>::try_from(numbers).ok())

@@ -1,6 +1,7 @@
 //! The Bernoulli filter against exact inference.
 
 mod belief;
+mod best;
 mod evidence;
 mod faults;
 mod kalman;

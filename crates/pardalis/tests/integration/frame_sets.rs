@@ -1,8 +1,6 @@
 //! Frame sets and targets that a tracker refuses, after which it goes on as if they had never come.
 
-mod common;
-
-use common::{detected_ball, fisheye_view, set_of};
+use crate::common::{detected_ball, fisheye_view, set_of};
 use pardalis::color::YuvEncoding;
 use pardalis::tracker::Observed;
 use pardalis::{CameraId, Error, Frame, FrameSet, PixelFormat, TargetId, Tracker};
