@@ -156,7 +156,7 @@ pub(super) fn views(
     if share < 0.1 {
         return Err(CalibrationError::new(
             format!("all points lie within {:.0} % of the image", 100.0 * share),
-            "distribute the points over the whole image; they say nothing about the rest of the lens",
+            "distribute the points over the whole image, because they do not determine the rest of the lens",
         ));
     }
     Ok(())

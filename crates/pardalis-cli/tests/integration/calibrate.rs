@@ -268,5 +268,5 @@ fn exact_camera_and_points_give_the_exact_pose() {
     assert!(shift_m < 1e-5 && turn_rad < 1e-5, "{shift_m} {turn_rad}");
 }
 
-mod refusals;
-mod words;
+mod errors;
+mod reports;

@@ -206,8 +206,8 @@ impl Report<'_> {
         };
         let focal = self.best().parameters.iter().find(unsure)?;
         Some(format!(
-            "{} is known to {:.0} % only, as other parameters make up for it: the camera as a whole is better known, but a model with fewer \
-             parameters would say the same",
+            "{} is known to {:.0} % only, because other parameters compensate for it: the camera as a whole is known better, \
+             but a model with fewer parameters would be equivalent",
             focal.name,
             100.0 * focal.sigma? / focal.value.abs()
         ))

@@ -26,8 +26,8 @@ pub(super) fn run(
 ) -> Result<()> {
     if !board.has_unique_origin() {
         return Err(fault!(
-            "--board: this checkerboard looks the same upside down, so that cameras cannot agree on its first corner; \
-             take one whose columns and rows of inner corners add up to an odd number, a ChArUco board or an AprilGrid"
+            "--board: this checkerboard is symmetric under rotation by 180 degrees, so that its first corner is ambiguous; \
+             use one whose columns and rows of inner corners add up to an odd number, a ChArUco board or an AprilGrid"
         ));
     }
     let cameras: Vec<(&str, Vec<PathBuf>)> = sources

@@ -101,7 +101,7 @@ fn prefers_the_simplest_model_among_equals() {
 
     let run = "calibrate board data/opencv-stereo/left*.jpg --board checkerboard:9x6:0.025 --model mei -o mei";
     let run = pardalis(&folder, run).fine();
-    let expected = "% only, as other parameters make up for it";
+    let expected = "% only, because other parameters compensate for it";
     assert!(run.stdout.contains(expected), "{}", run.stdout);
 
     // Extended unified is better by less than 3 % (0.443 px against 0.447 px) with twice as many parameters.
