@@ -181,14 +181,7 @@ pub(crate) fn open(
                     })
                 }
             };
-            let problem = |message: String| match body.start() {
-                Some(start) => start.problem(message),
-                None => Problem {
-                    line: 0,
-                    key: format!("targets.{}", body.name),
-                    message,
-                },
-            };
+            let problem = |message: String| start_problem(body, message);
             let start = start.map_err(|error| problems.push(problem(format!("{error:#}"))));
             if let Ok(Some(Start::Pixel(start))) = &start
                 && let Some(view) = &views[start.camera]
@@ -223,6 +216,18 @@ pub(crate) fn open(
         sources,
         tracker,
     })
+}
+
+/// A problem with the start of a body, or with the body if the scene gives no start.
+fn start_problem(body: &BodyConfig, message: String) -> Problem {
+    match body.start() {
+        Some(start) => start.problem(message),
+        None => Problem {
+            line: 0,
+            key: format!("targets.{}", body.name),
+            message,
+        },
+    }
 }
 
 /// Opens one camera of the scene in the file at `path`, with `stills`, where there are any, in place of its frames.

@@ -140,26 +140,15 @@ impl TargetConfig {
                 .depends("unless the target has only the difference cue, or the window cue with `hue_deg`")
                 .located_conditional();
             // Invalid cues report their own problems.
-            let needs_colors = match &shared {
-                Some(Shared::Detected { .. }) => true,
-                Some(Shared::Initialized { cues, .. }) => {
-                    cues.iter().any(|cue| !cue.cue.knows_its_colors())
-                }
-                None => false,
-            };
+            let needs_colors = shared.as_ref().is_some_and(Shared::needs_colors);
             if !table.has("colors") && needs_colors {
                 let message = "is missing; give a colour model, made by `pardalis learn`, or, for the window cue alone, window.hue_deg and window.saturation";
                 table.problem("colors", message);
             }
             // If all share a shape, the cue's own table reports it.
             let has_form = matches!(shape, Some(Shape::Sphere(_) | Shape::Upright(_)));
-            let looks_at_regions = |shared: &Shared| match shared {
-                Shared::Detected { .. } => false,
-                Shared::Initialized { cues, .. } => {
-                    cues.iter().any(|cue| cue.cue.looks_at_regions())
-                }
-            };
-            if has_form && shared.as_ref().is_some_and(looks_at_regions) {
+            let looks_at_regions = shared.as_ref().is_some_and(Shared::looks_at_regions);
+            if has_form && looks_at_regions {
                 let message = "is not flat, but the cues region and difference apply to flat targets only; give shape.disc or shape.rectangle, or remove these cues";
                 table.problem("shape", message);
             }
@@ -321,6 +310,20 @@ impl BodyConfig {
 }
 
 impl Shared {
+    fn needs_colors(&self) -> bool {
+        match self {
+            Self::Detected { .. } => true,
+            Self::Initialized { cues, .. } => cues.iter().any(|cue| !cue.cue.knows_its_colors()),
+        }
+    }
+
+    fn looks_at_regions(&self) -> bool {
+        match self {
+            Self::Detected { .. } => false,
+            Self::Initialized { cues, .. } => cues.iter().any(|cue| cue.cue.looks_at_regions()),
+        }
+    }
+
     /// What the bodies share, with the start of the body in this table.
     fn with_start(&self, table: &Table, name: &str, cameras: &[String]) -> Option<TrackingConfig> {
         match self {
@@ -336,7 +339,7 @@ impl Shared {
                     motion: (*motion)?,
                     particle_count: *particle_count,
                     existence: (*existence)?,
-                    start: start?,
+                    start: start.ok()?,
                 })
             }
             Self::Initialized { cues, filter } => {
@@ -395,22 +398,22 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
     }
 }
 
-/// Reads the start of a detected body, which needs none.
+/// Reads the start of a detected body, which needs none. The journal has the problem after an error.
 fn read_detected_start(
     table: &Table,
     name: &str,
     cameras: &[String],
-) -> Option<Option<Located<StartConfig>>> {
+) -> Result<Option<Located<StartConfig>>, ()> {
     if !table.has("start") {
-        return Some(None);
+        return Ok(None);
     }
-    let start = read_start(table, name, cameras)?;
+    let start = read_start(table, name, cameras).ok_or(())?;
     if let StartConfig::Here(Start::Pixel(_)) = start.value {
         let message = "is a pixel, but the edge cue detects the target itself; remove start, or give start.gaussian or start.track";
         table.problem("start", message);
-        return None;
+        return Err(());
     }
-    Some(Some(start))
+    Ok(Some(start))
 }
 
 /// Reads how a detected target appears, disappears and becomes occluded.

@@ -7,17 +7,15 @@ use pardalis_camera::Mask;
 
 /// Tuned constants of blob detection.
 pub(crate) mod tuning {
-    /// Blobs with fewer pixels count as noise. Origin: a disc of this area has a radius of 1.7 px, below which the majority filter erases discs anyway.
+    /// Blobs with fewer pixels count as noise. Hand-set: a disc of this area has a radius of 1.7 px.
     pub(crate) const MIN_AREA_PX: usize = 9;
-    /// The number of blobs kept per image, largest first. Origin: bounds the time of the candidate search; no recorded scene has more objects of one colour.
+    /// The number of blobs kept per image, largest first. Hand-set: bounds the time of the candidate search.
     pub(crate) const MAX_BLOBS: usize = 8;
-    /// Rows and columns between the pixels that image statistics sample. Origin: 640 x 480 pixels still give 19 200 samples, a standard error below
-    /// 1 % for shares above 1/3.
+    /// Rows and columns between the pixels that image statistics sample. Hand-set: 640 x 480 pixels still give 19 200 samples.
     pub(crate) const SAMPLING_STEP_PX: usize = 4;
-    /// From this posterior on a pixel counts as the target's: its colour is twice as frequent among the target's pixels as in the image.
-    /// Origin: experiments on the bundled fisheye scenes (issue 12).
+    /// From this posterior on a pixel counts as the target's: its colour is twice as frequent among the target's pixels as in the image. Hand-set.
     pub(crate) const MIN_POSTERIOR: f64 = 2.0 / 3.0;
-    /// The number of pixels out of 3 x 3 that the majority filter asks for. Origin: majority.
+    /// The number of pixels out of 3 x 3 that the majority filter asks for. Derivation: a majority.
     pub(crate) const MAJORITY: u8 = 5;
 }
 use tuning::{MAJORITY, MAX_BLOBS, MIN_AREA_PX};

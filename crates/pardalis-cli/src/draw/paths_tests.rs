@@ -81,7 +81,7 @@ fn drawn(
         names.map(|name| folder.join(format!("{stem}-{name}")))
     );
     for png in [&files[1], &files[3]] {
-        let picture = decode_image(&png).unwrap();
+        let picture = decode_image(png).unwrap();
         assert!(picture.pixels().any(|p| p[0] < 80));
     }
     [0, 2].map(|i| {

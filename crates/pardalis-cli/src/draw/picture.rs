@@ -20,7 +20,7 @@ pub(crate) fn picture_of(frame: &Frame) -> RgbImage {
 
 /// Writes a picture as JPEG or PNG, as the file's name ends.
 pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
-    let ending = path.extension().map(|e| e.to_ascii_lowercase());
+    let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     let bytes = match ending.as_ref().and_then(|e| e.to_str()) {
         Some("jpg" | "jpeg") => {
             let file = encode_jpeg(picture, JPEG_QUALITY, JpegSampling::Automatic);

@@ -91,7 +91,7 @@ fn tracks_truth_and_cameras_are_drawn_in_their_colours() {
         .iter()
         .filter(|p| p.extension().is_some_and(|e| e == "png"))
     {
-        let picture = decode_image(&png).unwrap();
+        let picture = decode_image(png).unwrap();
         for color in &PALETTE[..2] {
             assert!(picture.pixels().any(|p| p == *color), "{}", png.display());
         }

@@ -1,4 +1,4 @@
-//! New particles: drawn from what each before predicts and from the components, and weighed by what the images say.
+//! Draws new particles from the predictions of the old ones and from measurement components, and weights them.
 
 use super::kinematics::Kinematics;
 use super::proposal::{Prediction, log_add};
@@ -6,13 +6,13 @@ use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
 use crate::resample;
 use pardalis_core::rng::Stage;
 
-/// Survivors are drawn when the effective sample size is at most this share of the number of particles.
+/// Particles are resampled when the effective sample size is at most this share of their number. Origin: the usual choice.
 const RESAMPLE_BELOW: f64 = 0.5;
-/// Of so many particles one is jumped.
+/// One particle in this many has a velocity jump, however seldom jumps are: its weight corrects for it. Hand-set.
 const JUMP_ONE_IN: usize = 4;
 
 impl BernoulliFilter {
-    /// The probability that a velocity_jump came in the time since the last update, and what is known of steps with one.
+    /// The probability of a velocity jump since the last update, and the kinematics of a step with one.
     pub(super) fn velocity_jump(&self, dt_s: f64) -> Option<(f64, Kinematics)> {
         let chance = -libm::expm1(-self.settings.velocity_jump_rate_hz * dt_s);
         let jumped = self
@@ -21,7 +21,7 @@ impl BernoulliFilter {
         (chance > 0.0).then_some((chance, jumped))
     }
 
-    /// Draws new particles. Their log weights are those of the prior, existence included, over the proposal.
+    /// Draws new particles. Their log-weights are the logarithm of prior density, existence included, over proposal density.
     pub(super) fn draw_new(&mut self, prior: &Prior) {
         let (draws, observation) = (self.draws, self.observation);
         let dt_s = self.pending_s;
@@ -48,7 +48,7 @@ impl BernoulliFilter {
                 (i, self.weights[i])
             };
             let before = &self.hypotheses[ancestor];
-            // One particle in four is jumped, however seldom that is: its weight makes up for it.
+            // One particle in four has a velocity jump, however seldom jumps are: its weight corrects for it.
             let (kinematics, log_chance) = match velocity_jump {
                 None => (self.kinematics, 0.0),
                 Some((chance, jumped)) if i % JUMP_ONE_IN == 0 => {
@@ -98,7 +98,7 @@ impl BernoulliFilter {
         write(&self.new_hypotheses, &mut self.new_particles);
     }
 
-    /// A target that came into being, or was put down, at a component.
+    /// A target that appeared, or was put down, at a position.
     pub(super) fn born_at(&self, position_m: [f64; 3]) -> Hypothesis {
         let mut born = Hypothesis {
             position_m,
@@ -110,7 +110,7 @@ impl BernoulliFilter {
         born
     }
 
-    /// Multiplies the new weights by the ratios and normalises them. Returns the logarithm of their sum, -∞ where all are impossible.
+    /// Multiplies the new weights by the likelihood ratios and normalises them. Returns the logarithm of their sum; -∞ if all are impossible.
     pub(super) fn weight_new(&mut self) -> f64 {
         let log_weights = &mut self.new_particles.log_weights;
         let mut greatest = f64::NEG_INFINITY;

@@ -1,6 +1,6 @@
-//! A second draw where few particles agree with the images. After a while unseen particles lie farther from one another than images tell components apart, and no
-//! single one predicts where the target comes forth. What all of them predict together is then taken as two Gaussians of their moments, of a target
-//! that was jumped and of one that was not (a Gaussian sum particle filter: Kotecha and Djurić 2003).
+//! A second proposal for when few particles agree with the images. While a target is not seen its particles spread, until images locate it more precisely than
+//! particles are apart, and no single particle predicts where it reappears. The predictions of all particles are then replaced by two Gaussians with their moments, one with a velocity jump and one
+//! without (a Gaussian sum particle filter: Kotecha and Djurić 2003).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -9,13 +9,13 @@ use super::proposal::log_add;
 use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
 use pardalis_core::rng::Stage;
 
-/// Particles are drawn again where the effective sample size falls below this share of their number, from above it: where it was below before, they may be
-/// in several components, of which moments say little.
+/// The second proposal is used when the effective sample size falls below this share of the number of particles, from above it: where it was below before,
+/// particles may be in several places, which moments do not describe. Hand-set.
 const MIN_EFFECTIVE_SHARE: f64 = 0.1;
-/// The share of them that come from the components.
+/// The share of births among the particles of the second proposal. Hand-set.
 const BIRTH_SHARE: f64 = 0.5;
 
-/// What all particles predict together.
+/// The moment-matched prediction of all particles.
 struct Predicted {
     log_chance: f64,
     mean_m: Vector3<f64>,
@@ -24,13 +24,13 @@ struct Predicted {
     whitening: Matrix3<f64>,
     log_height: f64,
     velocity_mps: Vector3<f64>,
-    /// How the mean velocity goes with the position, 1/s, and its variance given the position, on each axis.
+    /// The regression of the mean velocity on the position, 1/s, and the variance of the velocity given the position, on each axis.
     gain_hz: Matrix3<f64>,
     velocity_variance_m2ps2: f64,
 }
 
 impl Predicted {
-    /// The logarithm of its density times its chance, per m³ (per m² in a plane).
+    /// The logarithm of its density times its probability, per m³ (per m² in a plane).
     fn log_density(&self, position_m: [f64; 3]) -> f64 {
         let off = self.whitening * (Vector3::from(position_m) - self.mean_m);
         self.log_chance + self.log_height - 0.5 * off.norm_squared()
@@ -40,7 +40,7 @@ impl Predicted {
         (self.mean_m + self.factor_m * Vector3::from(normals)).into()
     }
 
-    /// A target that came to a position from here.
+    /// A target at a position that this predicts.
     fn at(&self, position_m: [f64; 3]) -> Hypothesis {
         let off_m = Vector3::from(position_m) - self.mean_m;
         Hypothesis {
@@ -52,7 +52,7 @@ impl Predicted {
 }
 
 impl BernoulliFilter {
-    /// Whether the new particles, weighed, are too few that count, though many did before.
+    /// Whether the effective sample size of the new particles is too small, though that of the old ones was not.
     pub(super) fn agrees_too_little(&self, prior: &Prior) -> bool {
         let least = MIN_EFFECTIVE_SHARE * self.weights.len() as f64;
         let log_weights = self.new_particles.log_weights.iter();
@@ -61,8 +61,8 @@ impl BernoulliFilter {
         is_thin && prior.located > 0.0 && !self.proposal.is_empty()
     }
 
-    /// Draws new particles from the components and from what all predict together. Their log weights are those of the prior, existence included, over the proposal. `false`
-    /// where all predict the same component: there is nothing to draw from.
+    /// Draws new particles from births and from the moment-matched prediction, with log-weights of prior density over proposal density. Returns `false` if all
+    /// particles predict the same position.
     pub(super) fn draw_moment_matched(&mut self, prior: &Prior) -> bool {
         let velocity_jump = self.velocity_jump(self.pending_s);
         let steady = (
@@ -111,7 +111,7 @@ impl BernoulliFilter {
         true
     }
 
-    /// The moments of what the particles predict.
+    /// The moments of the particles' predictions.
     fn predicted(&self, (chance, kinematics): (f64, Kinematics)) -> Option<Predicted> {
         let dt_s = self.pending_s;
         let free_axes = self.settings.motion.free_axes();
@@ -134,7 +134,7 @@ impl BernoulliFilter {
             vv += (v * v.transpose() + Matrix3::identity() * velocity_variance) * weight;
         }
         if free_axes == 2 {
-            // On the ground the height is the components' and says nothing.
+            // In a plane the height is the components' and carries no information.
             for axis in 0..3 {
                 for matrix in [&mut xx, &mut vx, &mut vv] {
                     matrix[(axis, 2)] = 0.0;

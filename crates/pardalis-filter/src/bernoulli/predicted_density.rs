@@ -1,12 +1,12 @@
-//! How dense a prediction is where something was measured.
+//! The predicted density at a measurement.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use super::BernoulliFilter;
 
 impl BernoulliFilter {
-    /// The density of where the target is predicted, if it is located, around a position that was measured with this covariance (metres, m²): ∫p(x)·N(x; position, covariance) dx,
-    /// 1/m³, or 1/m² in a plane, where the third axis does not count. 0 where it is not located. Meant for after [`BernoulliFilter::predict`].
+    /// The predicted density of the target's position at a measurement with this covariance (metres, m²), if the target is located: ∫p(x)·N(x; position, covariance) dx in 1/m³, or in 1/m² in a
+    /// plane, where the third axis does not count. 0 if it is not located. Call it after [`BernoulliFilter::predict`].
     pub fn predicted_density(&self, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> f64 {
         if self.located() == 0.0 {
             return 0.0;

@@ -1,33 +1,33 @@
-//! Where new particles are drawn from: the prediction, what it agrees on with the components nearby, and the components alone.
+//! The proposal density of new particles: a mixture of the prediction, of its products with measurement components nearby, and of births at components.
 
 use std::f64::consts::PI;
 
 use crate::gaussian::MAX_START;
 
-/// The share of particles that come from the components alone where one is near, at least.
+/// The least share of particles that are born at components, independently of the prediction. Hand-set.
 const BIRTH_SHARE: f64 = 0.1;
-/// Of the others, the share that come from the prediction alone.
+/// Of the others, the share that come from the prediction alone. Hand-set: defensive mixture against components that are wrong.
 const PREDICTED_SHARE: f64 = 0.25;
-/// Peaks alone are widened by this factor (standard deviations): their likelihood may have wider tails than they say.
+/// Births widen components by this factor (standard deviations). Hand-set: likelihoods may have wider tails than components.
 const BIRTH_WIDENING: f64 = 2.0;
-/// A component is near a prediction within this squared Mahalanobis distance, 6²: nothing farther agrees with it.
+/// A component is near a prediction within this squared Mahalanobis distance: six standard deviations. Derivation: 1e-8 of the density lies farther.
 const NEAR_SQUARED: f64 = 36.0;
-/// No axis of a component is surer than 1 µm, in m².
+/// The least variance of a component along any axis, m²: 1 µm squared. Keeps densities finite.
 const MIN_VARIANCE_M2: f64 = 1e-12;
-/// Each sweep of Jacobi's rotations squares what is off the diagonal.
+/// Sweeps of Jacobi's rotations; each squares what is off the diagonal.
 const SWEEPS: usize = 10;
 
-/// A component that the images speak for: a Gaussian in the world to draw proposals from. It has no say in the weights, which correct for it.
+/// A Gaussian in the world that a detection contributes to the proposal. It does not bias the posterior: importance weights correct for it.
 ///
-/// Numbers that are not finite, positions beyond 1e6 m and covariances beyond 1e12 m² make it no component: it is left out. Of a matrix that is not positive
-/// definite the variances along its principal axes count as 1 µm² at least.
+/// Components with numbers that are not finite, positions beyond 1e6 m or covariances beyond 1e12 m² are ignored. Variances along the principal axes
+/// count as 1 µm² at least.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasurementComponent {
-    /// Mean in the world, metres. In a plane its height is the particles' from then on.
+    /// Mean in the world, metres. With planar motion the particles take its height.
     pub position_m: [f64; 3],
     /// Covariance: xx, xy, xz, yy, yz, zz in m².
     pub covariance_m2: [f64; 6],
-    /// How much the images speak for it beside the other components: a logarithm, of any common scale.
+    /// The logarithm of its weight beside the other components, up to a common constant, in nats.
     pub log_weight: f64,
 }
 
@@ -41,15 +41,15 @@ pub(super) struct Prediction {
 #[derive(Debug)]
 struct Component {
     mean_m: [f64; 3],
-    /// Unit vectors in the world, ...
+    /// Its principal axes: unit vectors in the world, ...
     axes: [[f64; 3]; 3],
     /// ... and the variances along them, m².
     variances_m2: [f64; 3],
-    /// The evidence, its greatest among the components being 0.
+    /// The logarithm of its weight; the greatest of all components is 0.
     log_weight: f64,
-    /// Its share of the particles that come from components alone, 0 to 1.
+    /// Its share of the births, 0 to 1.
     birth_share: f64,
-    /// Whether the prediction at hand is near: the logarithm of evidence times agreement, else -∞.
+    /// For the current prediction: the logarithm of weight times overlap if that is near, else -∞.
     log_agreement: f64,
 }
 
@@ -58,7 +58,7 @@ struct Component {
 pub(super) struct Proposal {
     free_axes: usize,
     components: Vec<Component>,
-    /// The share of particles that come from the components alone where one is near.
+    /// The share of particles that are born at components, if one is near.
     birth_share: f64,
 }
 
@@ -71,7 +71,7 @@ impl Proposal {
         }
     }
 
-    /// Takes new components. `elsewhere` is the chance, 0 to 1, that a target, if there is one, is not where particles were.
+    /// Builds the proposal from new components. `elsewhere` is the probability that a target, if it exists, is not where particles were.
     pub(super) fn condition_on(&mut self, components: &[MeasurementComponent], elsewhere: f64) {
         self.components.clear();
         let free_axes = self.free_axes;
@@ -86,7 +86,7 @@ impl Proposal {
             component.log_weight -= greatest;
             total += libm::exp(component.log_weight);
         }
-        // Half of them go to all components alike: what one frame speaks for is not all that may be.
+        // Half of the births are spread evenly: the weights come from one frame only.
         let even = 1.0 / self.components.len() as f64;
         for component in &mut self.components {
             component.birth_share = 0.5 * even + 0.5 * libm::exp(component.log_weight) / total;
@@ -98,18 +98,18 @@ impl Proposal {
         };
     }
 
-    /// Whether no component was left.
+    /// Whether there is no component.
     pub(super) fn is_empty(&self) -> bool {
         self.components.is_empty()
     }
 
-    /// The height of the components, where there are any.
+    /// The height of the components, if there are any, metres.
     pub(super) fn height_m(&self) -> Option<f64> {
         self.components.first().map(|component| component.mean_m[2])
     }
 
-    /// A position for one particle and the logarithm of the density, of all parts together, that it was drawn from. `share` in [0, 1) tells which part, `normals`
-    /// are standard normal.
+    /// Draws a position for one particle. Returns it with the logarithm of the whole proposal density there. `share` in [0, 1) selects the part of the
+    /// mixture, `normals` are standard normal.
     pub(super) fn draw(
         &mut self,
         prediction: &Prediction,
@@ -121,7 +121,7 @@ impl Proposal {
             component.log_agreement = component.log_agreement(prediction, self.free_axes);
             log_near = log_add(log_near, component.log_agreement);
         }
-        // What would have gone to components nearby goes to either side where there are none.
+        // Without components nearby, their share is divided between births and the prediction.
         let rest = 1.0 - self.birth_share;
         let [birth_share, near_share] = if log_near > f64::NEG_INFINITY {
             [self.birth_share, rest * (1.0 - PREDICTED_SHARE)]
@@ -151,7 +151,7 @@ impl Proposal {
         (position_m, log_density)
     }
 
-    /// A position from the components alone, of which `share` in [0, 1) tells the component.
+    /// Draws a birth; `share` in [0, 1) selects the component.
     pub(super) fn draw_birth(&self, share: f64, normals: [f64; 3]) -> [f64; 3] {
         let mut left = share;
         let is_it = |component: &&Component| {
@@ -163,7 +163,7 @@ impl Proposal {
         component.draw_birth(normals, self.free_axes)
     }
 
-    /// The logarithm of the density that these are drawn from.
+    /// The logarithm of the density of births.
     pub(super) fn log_birth_density(&self, position_m: [f64; 3]) -> f64 {
         let of_place = |component: &Component| {
             let (squared, log_height) =
@@ -174,7 +174,7 @@ impl Proposal {
         logs.fold(f64::NEG_INFINITY, log_add)
     }
 
-    /// The first component where `is_it`, or, as shares sum to one but for rounding, the last that agrees with anything.
+    /// Returns the first component for which `is_it` holds or, because of rounding, the last one near the prediction.
     fn pick(&self, mut is_it: impl FnMut(&Component) -> bool) -> &Component {
         let found = self.components.iter().find(|component| is_it(component));
         found.unwrap_or_else(|| {
@@ -184,8 +184,8 @@ impl Proposal {
         })
     }
 
-    /// The product of a prediction and a component, N(x; μ, P)·N(x; c, Σ), is N(c; μ, P + Σ) times the density of what they agree on: so the densities of all that is
-    /// agreed on, each with its share, sum up to the prediction's times the sum of the components'.
+    /// The product of a prediction and a component, N(x; μ, P)·N(x; c, Σ), is N(c; μ, P + Σ) times the density of the normalised product. The densities of all
+    /// products, each with its share, therefore sum to the prediction's density times the sum of the components'.
     fn log_density(
         &self,
         position_m: [f64; 3],
@@ -255,14 +255,14 @@ impl Component {
         })
     }
 
-    /// How far it is along one of its axes from a position, metres.
+    /// The distance of its mean from a position along one of its axes, metres.
     fn along(&self, axis: usize, position_m: [f64; 3], free_axes: usize) -> f64 {
         (0..free_axes)
             .map(|i| self.axes[axis][i] * (self.mean_m[i] - position_m[i]))
             .sum()
     }
 
-    /// Evidence times N(c; μ, P + Σ) as a logarithm, -∞ where that is far.
+    /// The logarithm of its weight times N(c; μ, P + Σ); -∞ if that is far.
     fn log_agreement(&self, prediction: &Prediction, free_axes: usize) -> f64 {
         let (mut squared, mut determinant) = (0.0, 1.0);
         for axis in 0..free_axes {
@@ -277,7 +277,7 @@ impl Component {
         }
     }
 
-    /// The squared Mahalanobis distance of a position, and the logarithm of the density in the middle.
+    /// The squared Mahalanobis distance of a position, and the logarithm of the density at the mean.
     fn squared_and_log_height(&self, position_m: [f64; 3], free_axes: usize) -> (f64, f64) {
         let (mut squared, mut determinant) = (0.0, 1.0);
         for axis in 0..free_axes {
@@ -287,14 +287,14 @@ impl Component {
         (squared, -0.5 * libm::log(determinant))
     }
 
-    /// The logarithm of its share of what the widened components alone make of a position.
+    /// The logarithm of its part of the density of births.
     fn log_birth_density(&self, squared: f64, log_height: f64, free_axes: usize) -> f64 {
         let widened = squared / BIRTH_WIDENING.powi(2);
         let log_widening = free_axes as f64 * libm::log(BIRTH_WIDENING);
         libm::log(self.birth_share) + log_height - log_widening - widened / 2.0
     }
 
-    /// A position from the widened component alone.
+    /// Draws a birth from the widened component.
     fn draw_birth(&self, normals: [f64; 3], free_axes: usize) -> [f64; 3] {
         let mut position_m = self.mean_m;
         for axis in 0..free_axes {
@@ -304,7 +304,7 @@ impl Component {
         position_m
     }
 
-    /// A position from what the component and a prediction agree on: the Gaussian that their product is, but for scale.
+    /// Draws a position from the normalised product of the component and a prediction.
     fn agreed(&self, prediction: &Prediction, normals: [f64; 3], free_axes: usize) -> [f64; 3] {
         let mut position_m = prediction.mean_m;
         for axis in 0..free_axes {

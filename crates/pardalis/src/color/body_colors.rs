@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
-/// How far, as a standard deviation, light that was never seen in labelled images moves the two ratios of chroma to luma, and ln of the luma.
+/// The standard deviation by which illumination that labelled images do not show changes the two ratios of chroma to luma, and ln of the luma. Hand-set.
 const UNSEEN_LIGHT: [f64; 3] = [0.045, 0.045, 0.3];
-/// Over how much of each of these the colours of what looks like the target spread.
+/// The width of the uniform distribution of clutter over each of these. Hand-set.
 const ALIKE_SPREAD: [f64; 3] = [0.3, 0.3, 1.0];
 
 /// The mean colours of labelled bodies, one for each body and image.
@@ -18,14 +18,14 @@ pub struct BodyColors {
     compared: [(f64, f64); 3],
 }
 
-/// What light changes least: (U − 128)/Y and (V − 128)/Y, and ln Y.
+/// What illumination changes least: (U − 128)/Y and (V − 128)/Y, and ln Y.
 fn compared([y, u, v]: [f32; 3]) -> [f64; 3] {
     let [y, u, v] = [y.max(1.0), u - 128.0, v - 128.0].map(f64::from);
     [u / y, v / y, libm::log(y)]
 }
 
 impl BodyColors {
-    /// Pixels that tell a body's mean colour, in pixels from its outline.
+    /// Pixels that give a body's mean colour, signed distances from its outline in pixels: inside of the edge's blur. Hand-set.
     pub const DEPTH_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
 
     /// Of these mean colours; nothing where there is none.
@@ -50,7 +50,7 @@ impl BodyColors {
         [0, 1, 2].map(|i| self.means.iter().map(|mean| mean[i]).sum::<f32>() / count)
     }
 
-    /// ln of how much likelier a body of this mean colour (Y, U and V) is the target than something else whose single pixels could be the target's.
+    /// The log-likelihood ratio, in nats, of a body with this mean colour (Y, U and V): the target against clutter whose single pixels could be the target's.
     pub fn log_ratio(&self, mean: [f32; 3]) -> f64 {
         let values = compared(mean).into_iter().zip(&self.compared);
         let terms = values

@@ -10,18 +10,18 @@ use super::body_colors::BodyColors;
 use super::membership::{EdgePixel, Side, Surroundings};
 use super::outline_distance::OutlineDistance;
 
-/// Standard deviation of the kernel that smooths over distance, in pixels.
+/// Standard deviation of the kernel that smooths over distance, pixels. Hand-set.
 const SMOOTHING_PX: f64 = 0.35;
-/// Pixels that every bin holds in addition, so that nothing is impossible.
+/// Pixels added to every bin, so that nothing is impossible. Hand-set.
 const ADDED: f64 = 0.1;
-/// The last rows, which hold what surrounds bodies.
+/// The number of last rows that hold what surrounds bodies. Hand-set.
 const OUTSIDE_ROWS: usize = 3;
-/// What the counts of the other side count, where a side has few of its own.
+/// The weight of the other side's counts, for sides with few of their own. Hand-set.
 const OTHER_SIDE: f64 = 0.05;
-/// An edge where nothing was learnt: blurred by this standard deviation, this far inside, in pixels, as the bundled sets have it ...
+/// The edge assumed if none was learnt: blurred by this standard deviation and this far inside, pixels. Origin: as in the bundled training sets ...
 const SOFT_PX: f64 = 1.3;
 const SOFT_INSIDE_PX: f64 = 0.35;
-/// ... with noise of this standard deviation outside, and this much more in the middle of the edge and inside.
+/// ... with noise of this standard deviation outside, and additional noise in the middle of the edge and inside, in units of membership. Hand-set.
 const SOFT_NOISE: [f64; 3] = [0.1, 0.5, 0.08];
 
 /// Pixels in each bin of membership, at each distance.

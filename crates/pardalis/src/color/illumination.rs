@@ -1,29 +1,29 @@
-//! Illumination: the colours of a whole scene in it, as gains of red, green and blue (von Kries 1902) along the two ways in which light changes, brighter or darker and warmer or colder.
+//! Illumination: gains of red, green and blue (von Kries 1902) along the two ways in which it mostly changes, brightness and warmth.
 
 use super::palette::PixelKind;
 use crate::color_space::YuvEncoding;
 
-/// ln of the gains of red, green and blue in light that is warmer by one, about as of black bodies (Wien's law).
+/// ln of the gains of red, green and blue per unit of warmth. Derivation: black bodies, by Wien's law, roughly.
 const WARMER: [f64; 3] = [0.5, 0.0, -1.0];
-/// How far means of red, green and blue are off for other reasons, as a standard deviation in grey levels of 255, ...
+/// The standard deviation of errors of mean red, green and blue, in grey levels of 255, ... Hand-set.
 const MEAN_SIGMA: f64 = 5.0;
-/// ... and how far light differs, in brightness and warmth.
+/// ... and of usual changes of brightness and warmth. Hand-set.
 const USUAL: [f64; 2] = [1.0, 0.3];
 
-/// Raw bytes around which gains are linear in any kind of pixels: far from the borders of the gamut, in brighter light too.
+/// Raw bytes around which gains are linear for any kind of pixels. Derivation: far from the borders of the gamut, even when brightened.
 const GREY: [f64; 3] = [40.0, 128.0, 128.0];
 
-/// How light differs from other light. Of grey levels, not of the light itself: a power law keeps gains gains.
+/// A change of illumination, as gains of grey levels: camera gamma, a power law, turns gains of light into gains of grey levels.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Illumination {
     /// ln of the gain of green.
     pub brightness: f64,
-    /// How much warmer it is: ln of the loss of blue, of which red gains half.
+    /// ln of the loss of blue; red gains half of it.
     pub warmth: f64,
 }
 
 impl Illumination {
-    /// The light in which a mean colour (Y, U and V of BT.601, full range) that was `known` becomes `now`: a least-squares fit, in which bright channels tell most.
+    /// The change in which a mean colour (Y, U and V of BT.601, full range) that was `known` becomes `now`: a least-squares fit, in which bright channels count most.
     pub fn between(known: [f32; 3], now: [f32; 3]) -> Self {
         let [known, now] = [known, now].map(|yuv| {
             let rgb = YuvEncoding::default().rgb_from_yuv(yuv.map(f64::from));
@@ -49,7 +49,7 @@ impl Illumination {
         }
     }
 
-    /// What pixels of a kind would be in the other light.
+    /// The correction that undoes this change for pixels of a kind.
     pub fn correction(self, kind: PixelKind) -> IlluminationCorrection {
         if self == Self::default() {
             return IlluminationCorrection::NONE;
@@ -80,7 +80,7 @@ impl Illumination {
     }
 }
 
-/// From the bytes of pixels in one light to those in another: a linear map and a constant.
+/// Maps the bytes of pixels to those in another illumination: a linear map and a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IlluminationCorrection {
     rows: Option<[[f32; 4]; 3]>,

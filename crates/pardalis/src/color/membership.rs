@@ -13,22 +13,22 @@ pub struct EdgePixel {
     pub turn: f32,
 }
 
-/// Parts of the turn that have colours of their own.
+/// Parts of the turn around an outline that have colours of their own. Hand-set.
 const PARTS: usize = 64;
-/// Pixels at least so deep are the body's own, in pixels, ...
+/// Pixels at least this deep inside show the body alone, pixels, ... Hand-set: beyond the blur of edges.
 const BODY_PX: f32 = -2.0;
-/// ... or, where there are not so many, this many of the deepest.
+/// ... or, in small bodies, this many of the deepest. Hand-set.
 const FEWEST: usize = 6;
-/// Pixels at these distances are what surrounds it.
+/// Pixels at these signed distances show what surrounds it, pixels. Hand-set.
 const AROUND_PX: std::ops::Range<f32> = 3.0..7.0;
-/// How fast the weight of colours falls around the turn, for the body and for what surrounds it: the concentration of a von Mises density.
+/// The concentration of the von Mises weights of colours around the turn, for the body and for what surrounds it. Hand-set.
 const CONCENTRATION: [f64; 2] = [2.0, 4.0];
-/// How fast the weight of brightness falls around the turn, likewise, and the pixels that tell it.
+/// The same for brightness, and the signed distances of the pixels that give it, pixels. Hand-set.
 const SHADING_CONCENTRATION: f64 = 4.0;
 const SHADING_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
-/// What differences of Y, U and V count: chroma tells bodies apart that shadows do not.
+/// Weights of squared differences of Y, U and V. Hand-set: chroma changes less with shadows.
 const CHANNEL_WEIGHTS: [f32; 3] = [1.0, 15.0, 15.0];
-/// Colours closer than this (squared, weighted as above) are not told apart.
+/// Colours with a smaller squared weighted difference have no membership. Hand-set.
 const LEAST_CONTRAST: f32 = 100.0;
 
 /// Weights over the parts of the turn, by how far they are away.

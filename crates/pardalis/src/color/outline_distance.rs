@@ -5,13 +5,13 @@
 
 use std::collections::VecDeque;
 
-/// Parts of fewer pixels tell nothing.
+/// Labelled parts with fewer pixels are ignored. Hand-set.
 const LEAST_AREA_PX: usize = 20;
-/// An ellipse must agree with the labels to this share of intersection over union.
+/// The least intersection over union of a fitted ellipse with the labels. Hand-set.
 const LEAST_AGREEMENT: f64 = 0.92;
-/// How far inside and outside distances are told, in pixels.
+/// Distances are computed this far inside and outside, pixels. Derivation: covers the bands that are looked at.
 const NEAR_PX: f64 = 9.0;
-/// The standard deviation by which labels are smoothed, in pixels, and how far it is trusted.
+/// The standard deviation by which labels are smoothed, pixels, and the distance up to which the result is used. Hand-set.
 const SMOOTH_PX: f64 = 1.5;
 const TRUSTED: f64 = 2.5;
 

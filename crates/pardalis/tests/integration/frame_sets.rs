@@ -12,7 +12,7 @@ const BALL: TargetId = TargetId::new(0);
 
 /// A grey image of the fisheye camera.
 fn grey(time_s: f64) -> Frame {
-    let (width, height) = common::SIZE;
+    let (width, height) = crate::common::SIZE;
     let bytes = vec![100; 3 * width * height];
     let encoding = YuvEncoding::default();
     Frame::new(PixelFormat::Rgb8, encoding, width, height, bytes, time_s).unwrap()

@@ -114,7 +114,7 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
             };
             let mut tracker =
                 Tracker::new(vec![view.clone()], vec![target], 1, Level::best()).unwrap();
-            let set = common::set_of(rgb_frame(&picture(&view, center, is_soft)));
+            let set = crate::common::set_of(rgb_frame(&picture(&view, center, is_soft)));
             let target = tracker.targets().next().unwrap();
             let start = tracker.starts(target).unwrap().next().unwrap();
             let found = tracker.locate(&set, &[start], &PASSES_M).unwrap();

@@ -412,7 +412,7 @@ fn any_number_of_threads_and_any_instruction_set_give_the_same_bits() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.unwrap().install(|| {
             let frames = (0..6).map(|i| as_frame(&jump_picture(i), i, PixelFormat::Rgb8));
-            let target = sought(EdgeSettings::default());
+            let target = detected_ball();
             let mut tracker = Tracker::new(vec![fisheye_view()], vec![target], 6, level).unwrap();
             follow(&mut tracker, frames)
         })

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use nalgebra::Vector3;
-use pardalis_filter::bernoulli::Peak;
+use pardalis_filter::bernoulli::MeasurementComponent;
 
 use super::{START, certain, entries, filter, gaussian_ratio, measured, slanted, velocity};
 
@@ -16,10 +16,10 @@ fn the_best_particle_is_the_likeliest_and_seldom_the_heaviest() {
     let mut heaviest_too = 0;
     for step in 0..20 {
         let place = measured(step, 0.04 * step as f64, &covariance);
-        let peak = Peak {
+        let peak = MeasurementComponent {
             position_m: place.into(),
             covariance_m2: entries(&covariance),
-            log_evidence: 1.0,
+            log_weight: 1.0,
         };
         tracked.predict(0.04);
         let likeliest = RefCell::new([0.0; 3]);

@@ -4,29 +4,29 @@ use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
 use crate::color::{BodyColors, EdgePixel, Surroundings};
 use crate::likelihood::outline::Coordinates;
 
-/// Shifts that lines know, either way, in pixels.
+/// The reach of lines either way, in pixels. Hand-set: positions off by more are found by the next round of the fit.
 pub(super) const REACH_PX: f32 = 5.0;
-/// Shifts that lines know: a quarter of a pixel apart, as the distances of edge profiles.
+/// The shifts of a line: a quarter of a pixel apart, as the distances of edge profiles. Derivation: 2 · 5 px · 4 + 1.
 pub(super) const SHIFTS: usize = 41;
 const SHIFTS_A_PX: f32 = 4.0;
-/// How deep inside the outline and how far outside pixels are looked at, in pixels: for the colours of either side.
+/// The band of pixels that are looked at, signed distances from the outline in pixels: reach plus the colours of either side. Hand-set.
 const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
-/// Of outlines longer than this, in pixels, every second pixel will do, as on a chessboard.
+/// Of outlines longer than this, in pixels, every second pixel is used, as on a chessboard. Hand-set: halves the time for large bodies.
 const LONG_PX: f32 = 150.0;
-/// Neighbouring lines that are seen or hidden together.
+/// Groups of neighbouring lines that are visible or occluded together. Hand-set.
 pub(crate) const SECTORS: usize = 16;
-/// No outline of fewer complete lines is looked at, as a share.
+/// The least share of lines inside the image. Hand-set.
 const MIN_COMPLETE: f32 = 0.5;
-/// By how much a line speaks against shifts beyond its reach.
+/// By how many nats a line speaks against shifts beyond its reach. Hand-set.
 const BEYOND_REACH_NATS: f32 = 10.0;
-/// Pixels whose colours are what surrounds the body, in pixels from the outline.
+/// Pixels that show what surrounds the body, signed distances from the outline in pixels. Hand-set: beyond the blur of edges.
 const SURROUNDING_PX: std::ops::RangeInclusive<f32> = 3.0..=7.0;
-/// Differences of what surrounds a sector from what did before, in steps of weighted Y, U and V: up to the first it is the same, from the second on something else
-/// has come.
+/// Differences of what surrounds a sector from before, in weighted Y, U and V: up to the first it is unchanged, from the second on something else has come.
+/// Hand-set.
 const CHANGED_COLOR: [f32; 2] = [18.0, 36.0];
-/// Where this share of the sectors is unfamiliar, the body came into other surroundings.
+/// If more than this share of the sectors has changed, the body itself has moved on to other surroundings. Hand-set.
 const MOVED_SHARE: f32 = 0.6;
-/// How sure the colours of a sector can be that it is seen, or hidden.
+/// The least probability that a sector is visible, and that it is occluded. Hand-set.
 const MIN_UNCERTAINTY: f32 = 0.02;
 
 /// Correspondence lines across an outline in one camera's frame.
@@ -34,9 +34,9 @@ const MIN_UNCERTAINTY: f32 = 0.02;
 pub(super) struct CorrespondenceLines {
     /// The camera's number.
     pub(super) camera: usize,
-    /// Where each line crosses the outline, and its direction outwards.
+    /// The point at which each line crosses the outline, and its direction outwards.
     crossings: Vec<Crossing>,
-    /// ln of the likelihood of the line's pixels for shifts of the outline from −5 to 5 px, against no body there.
+    /// The log-likelihood ratio of each line's pixels for shifts of the outline from −5 to 5 px, against no body there.
     log_ratios: Vec<[f32; SHIFTS]>,
     /// Of each sector: the probability that the body is visible there, ...
     visible: [f32; SECTORS],
@@ -60,11 +60,11 @@ struct Crossing {
     normal: [f32; 2],
 }
 
-/// The buffers that lines are made with.
+/// Buffers that lines are made with.
 #[derive(Debug)]
 pub(super) struct LineBuffers {
     pixels: Vec<EdgePixel>,
-    /// The line of each pixel, and whether its colour is the body's.
+    /// The line of each pixel, and whether it has the body's colours.
     places: Vec<(usize, bool)>,
     corners: Vec<Corner>,
 }
@@ -87,9 +87,9 @@ impl LineBuffers {
 struct Corner {
     crossing: Crossing,
     tangent: [f32; 2],
-    /// Length of the outline that belongs to the point, in pixels.
+    /// The length of the outline that belongs to the point, in pixels.
     length_px: f32,
-    /// By how much the outline turns towards its tangent a pixel: 1/r of a circle.
+    /// The curvature of the outline, 1/px: 1/r for a circle.
     bend_a_px: f32,
 }
 
@@ -101,12 +101,12 @@ fn add([count, sums @ ..]: &mut [f32; 4], yuv: [f32; 3]) {
     }
 }
 
-/// The mean of a count and a sum of colours; no number of none.
+/// The mean of a count and a sum of colours; NaN for none.
 fn mean([count, sums @ ..]: &[f32; 4]) -> [f32; 3] {
     sums.map(|sum| sum / count)
 }
 
-/// The corner of number `k`; without numbers where the outline has no pixel there or on either side.
+/// The corner of number `k`; NaN if the outline has no pixel there or on either side.
 fn corner(outline: &[Coordinates], k: usize, orientation: f32) -> Corner {
     let count = outline.len();
     let at = |k: usize| [outline[k % count][0][0], outline[k % count][1][0]];
@@ -144,8 +144,8 @@ fn orientation(outline: &[Coordinates]) -> f32 {
 }
 
 impl CorrespondenceLines {
-    /// Looks along lines across an outline, given as the first lane of its points. `false` where too little of it lies in the image, or where inside and
-    /// outside cannot be told apart.
+    /// Places lines across an outline, given as the first lane of its points. Returns `false` if too little of it lies in the image, or if inside and
+    /// outside have the same colours.
     pub(super) fn place(
         &mut self,
         frame: &EdgeFrame,
@@ -216,7 +216,7 @@ impl CorrespondenceLines {
         self.visible_share = matching.iter().sum::<f32>() / total.max(1e-6);
         let unshared = unshared(frame, corners);
         for sector in 0..SECTORS {
-            // A sector without pixels of its own follows the others.
+            // A sector without pixels of its own takes the mean of all.
             let share = if bodies[sector] > 0.0 {
                 matching[sector] / bodies[sector]
             } else {
@@ -232,7 +232,7 @@ impl CorrespondenceLines {
         true
     }
 
-    /// Compares what surrounds the body with what did before: an edge between the body and something that has come is that thing's.
+    /// Compares what surrounds the body with before: an edge between the body and something that has come belongs to that thing.
     fn compare_surroundings(&mut self, sums: &[[f32; 4]; SECTORS], known: Option<&Surrounding>) {
         self.surrounding = sums.each_ref().map(mean);
         self.unchanged = [1.0; SECTORS];
@@ -254,7 +254,7 @@ impl CorrespondenceLines {
         }
     }
 
-    /// How sharply the lines tell, all together, whether the outline lies farther out: 1/px².
+    /// The curvature of the sum of all lines' log-likelihoods when the outline grows, 1/px².
     fn curvature(&self) -> f32 {
         let of_line = |k: usize| {
             let [less, here, more] =
@@ -280,7 +280,7 @@ impl CorrespondenceLines {
         }
     }
 
-    /// How far a point of the outline is shifted along line `k`, in pixels outwards.
+    /// The shift of a point of the outline along line `k`, in pixels outwards.
     #[inline(always)]
     pub(super) fn shift_px(&self, k: usize, [u, v]: [f32; 2]) -> f32 {
         let Crossing { point, normal } = self.crossings[k];
@@ -296,10 +296,11 @@ impl CorrespondenceLines {
         self.crossings.len()
     }
 
-    /// ln of the tempered likelihood ratio of line `k` for a shift, by a quadratic B-spline, which has no kinks; beyond its reach there is no edge of this body.
+    /// The log-likelihood ratio of line `k` for a shift, with the likelihood exponent, by a quadratic B-spline, which is smooth. Beyond the reach there is no edge of this
+    /// body.
     #[inline(always)]
     pub(super) fn line_log_ratio(&self, k: usize, shift_px: f32) -> f32 {
-        // Where either outline has no pixel, nothing is known.
+        // One of the outlines has no pixel here.
         if shift_px.is_nan() {
             return 0.0;
         }
@@ -318,8 +319,8 @@ impl CorrespondenceLines {
         }
     }
 
-    /// ln of the likelihood ratio against an edge anywhere, of the whole outline, from the sums of [`CorrespondenceLines::line_log_ratio`] over each sector: each is seen,
-    /// or hidden and says nothing.
+    /// The log-likelihood ratio of the whole outline against an edge anywhere, from the sums of [`CorrespondenceLines::line_log_ratio`] over each sector. A sector is visible, or
+    /// occluded and says nothing.
     #[inline(always)]
     pub(super) fn log_likelihood_ratio(&self, sums: &[f32; SECTORS]) -> f32 {
         let mut total = 0.0;
@@ -331,7 +332,7 @@ impl CorrespondenceLines {
         total
     }
 
-    /// The probability that each sector is seen, given its sum.
+    /// The probability that each sector is visible, given its sum.
     pub(super) fn visible_given(&self, sums: &[f32; SECTORS]) -> [f32; SECTORS] {
         std::array::from_fn(|sector| {
             let visible = self.visible[sector];
@@ -347,7 +348,7 @@ impl CorrespondenceLines {
     }
 }
 
-/// The share of each sector that lies outside of others of the body's colours.
+/// The share of each sector that lies outside of look-alikes.
 fn unshared(frame: &EdgeFrame, corners: &[Corner]) -> [f32; SECTORS] {
     let mut shares = [1.0_f32; SECTORS];
     let a_corner = SECTORS as f32 / corners.len() as f32;
@@ -359,7 +360,7 @@ fn unshared(frame: &EdgeFrame, corners: &[Corner]) -> [f32; SECTORS] {
     shares.map(|share| share.max(0.0))
 }
 
-/// Finds how each corner's outline bends, from its neighbours' normals.
+/// Computes the curvature at each corner from its neighbours' normals.
 fn bend(corners: &mut [Corner]) {
     let count = corners.len();
     for k in 0..count {
@@ -369,13 +370,13 @@ fn bend(corners: &mut [Corner]) {
             tangent, length_px, ..
         } = corners[k];
         let turned = (after[0] - before[0]) * tangent[0] + (after[1] - before[1]) * tangent[1];
-        // Next to where the outline ends it counts as straight.
+        // Beside points without a pixel the outline counts as straight.
         let bend = (turned / (2.0 * length_px)).clamp(-1.0, 1.0);
         corners[k].bend_a_px = if bend.is_nan() { 0.0 } else { bend };
     }
 }
 
-/// Gathers the pixels near an outline, each with the corner that is nearest to it; one of `thinning`, as on a chessboard.
+/// Gathers the pixels near an outline, each with its nearest corner; one in `thinning`, as on a chessboard.
 fn take_pixels(
     frame: &EdgeFrame,
     corners: &[Corner],
@@ -433,7 +434,7 @@ fn take_pixels(
     }
 }
 
-/// The nearest corner, from one near it on.
+/// The nearest corner, searched from one near it.
 fn descend(mut nearest: usize, count: usize, squared: impl Fn(usize) -> f32) -> usize {
     let mut least = squared(nearest);
     for step in [1, count - 1] {

@@ -1,9 +1,9 @@
-//! The edge cue: where in the image the outline lies, to a fraction of a pixel.
+//! The edge cue: locates an outline in an image to a fraction of a pixel.
 //!
-//! Around the outline of a hypothesis each pixel has a membership: 0 where its colour is that of what surrounds the body there, 1 where it is the body's own
-//! ([`Surroundings`](crate::color::Surroundings)). How memberships go over from inside to outside is learnt ([`EdgeProfile`]): optics, chroma at half the
-//! resolution and compression are in it. Lines across the outline (as in region-based tracking: Bibby and Reid 2008, Tjaden et al. 2018, Stoiber et al. 2022) say how likely each shift of it
-//! is; hypotheses nearby are weighed by these alone.
+//! Around the outline of a hypothesis each pixel has a membership: 0 if its colour is that of what surrounds the body there, 1 if it is the body's own
+//! ([`Surroundings`](crate::color::Surroundings)). How memberships change across an edge is learnt ([`EdgeProfile`]): it contains optics, chroma at half the
+//! resolution and compression. Correspondence lines across the outline (as in region-based tracking: Bibby and Reid 2008, Tjaden et al. 2018, Stoiber et al. 2022) give the
+//! likelihood of each shift of the outline; hypotheses nearby are weighted by these alone.
 
 mod fit;
 mod frame;
@@ -28,21 +28,21 @@ use pardalis_core::simd::Level;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::struct_excessive_bools)] // parts that are switched off one by one, not states
 pub struct EdgeSettings {
-    /// Lines across the outline.
+    /// The number of correspondence lines across the outline, 16 to 1000.
     pub correspondence_lines: usize,
-    /// What a pixel's log-likelihood counts: below 1, as neighbouring pixels say the same (chroma at half the resolution, compression).
+    /// The exponent of each pixel's likelihood, above 0 and at most 1: below 1, because neighbouring pixels are not independent (chroma at half the resolution, compression).
     pub likelihood_exponent: f64,
-    /// The standard deviation, in pixels, of what is wrong with a whole outline at once and does not average out over its pixels: shading, highlights, shadows.
+    /// The standard deviation, in pixels, of errors that a whole outline shares and that do not average out over its pixels: shading, highlights, shadows.
     pub shared_sigma_px: f64,
-    /// Whether edges look as they do where the colours were learnt; else as a soft step does.
+    /// Whether the edge profile of the colour model is used; a soft step otherwise.
     pub learned_profile: bool,
-    /// Whether edges on the shaded side look as such do, and on the lit side; else alike all around.
+    /// Whether the shaded and the lit side of a body have profiles of their own; one for both otherwise.
     pub lit_and_shaded_profiles: bool,
-    /// Whether sectors into which something else came say nothing; else they do as any.
+    /// Whether sectors into which something else has come are ignored.
     pub background_model: bool,
-    /// Whether the mean colour within an outline tells whether it is the target's; else single pixels alone.
+    /// Whether the mean colour within an outline counts for data association, beside single pixels.
     pub color_evidence: bool,
-    /// Whether colours are looked up as if in the light in which they were learnt, by what light the target was seen in; else as they are.
+    /// Whether colours are corrected to the illumination in which they were learnt, which is estimated from the target.
     pub illumination_adaptation: bool,
 }
 
@@ -62,7 +62,7 @@ impl Default for EdgeSettings {
 }
 
 impl EdgeSettings {
-    /// Refuses what makes no lines.
+    /// Returns an error for settings out of range.
     pub fn check(&self) -> Result<(), Error> {
         if !(SECTORS..=1000).contains(&self.correspondence_lines) {
             return Err(Error::out_of_range(
@@ -89,7 +89,7 @@ impl EdgeSettings {
     }
 }
 
-/// A profile as lines sum it: of each bin of membership the log ratios over distance, on either side.
+/// An edge profile as lines sum it: for each bin of membership the log-ratios over distance, on either side.
 #[derive(Debug)]
 struct Table {
     rows: [Vec<[f32; EdgeProfile::DISTANCES]>; 2],
@@ -104,7 +104,7 @@ impl Table {
         Self { rows }
     }
 
-    /// Adds a pixel's log ratios for all shifts of the outline. Shifts are as far apart as the profile's distances.
+    /// Adds a pixel's log-ratios for all shifts of the outline. Shifts are as far apart as the profile's distances.
     #[inline(always)]
     fn add(
         &self,
@@ -129,7 +129,7 @@ impl Table {
 pub(crate) struct EdgeCue {
     settings: EdgeSettings,
     outline: OutlineKernel,
-    /// How high the middle of the shape lies above its position, in metres.
+    /// The height of the middle of the shape above its position, metres.
     middle_height_m: f32,
     diameter_m: f64,
     table: Table,
@@ -180,7 +180,7 @@ impl EdgeCue {
         self.palette
     }
 
-    /// The ranges that hold the target's colours in any light; none for what has no colour.
+    /// The ranges that hold the target's colours in any illumination; `None` for targets without colour.
     pub(crate) fn ranges(&self) -> Option<ColorRanges> {
         self.ranges
     }

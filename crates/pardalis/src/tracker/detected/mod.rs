@@ -91,7 +91,7 @@ struct Buffers {
 fn emptied<'b>(mut frames: Vec<EdgeFrame>) -> Vec<EdgeFrame<'b>> {
     frames.clear();
     // Collecting a vector's own iterator keeps its memory.
-    frames.into_iter().filter_map(|_| None).collect()
+    frames.into_iter().map_while(|_| None).collect()
 }
 
 impl DetectedTarget {

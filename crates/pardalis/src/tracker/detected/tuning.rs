@@ -1,12 +1,13 @@
 //! Tuned constants of detected targets, with units and origins.
 //!
-//! "Hand-set" constants were chosen on the bundled sequences and not fitted; `experiments/sensitivity` records how much those that matter can change.
+//! "Hand-set" constants were chosen by hand and not fitted. How much results depend on the settings that scenes can change is recorded in
+//! `experiments/sensitivity`; these constants are not swept there.
 
 /// Targets appear anywhere in a cube with sides of this many diameters: the birth density is one over its volume. Hand-set: a 0.2 m ball within 10 m.
 pub(super) const BIRTH_DIAMETERS: f64 = 50.0;
 /// Standard deviation of a new target's velocity on each axis, m/s. Hand-set: walking pace to a slow throw.
 pub(super) const BIRTH_VELOCITY_SIGMA_MPS: f64 = 1.5;
-/// Before the first frames a target may have appeared for this long, seconds. Hand-set: existence starts at about 0.6 with the default rates.
+/// Before the first frames a target may have appeared for this long, seconds. Hand-set.
 pub(super) const TIME_BEFORE_START_S: f64 = 2.0;
 
 /// Log-likelihood ratio, in nats, of a frame in which a visible target is nowhere near a detection: how often the colours of a target that is there are not
