@@ -1,5 +1,6 @@
 //! The `pardalis` program.
 
+mod arguments;
 mod board;
 mod commands;
 mod draw;

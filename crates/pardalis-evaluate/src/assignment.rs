@@ -1,9 +1,10 @@
-//! The assignment of rows to columns with the greatest total (the Hungarian method).
+//! Linear assignment (Hungarian method): rows to columns with the largest total.
 
-/// Assigns each row a column of its own so that the total of `fit(row, column)` is greatest. Of more rows than columns, those in
-/// excess get none. Totals must lie within `i64`; among equally good assignments the choice depends on `fit` alone.
+/// Assigns each row a different column so that the total of `fit(row, column)` is maximal. Rows in excess of the
+/// columns get `None`. Totals must not overflow `i64`. Among equally good assignments, the choice depends only on
+/// `fit`.
 ///
-/// Shortest augmenting paths with dual prices: O(r² c) for r rows and c columns, or the other way round (R. Jonker and
+/// Shortest augmenting paths with dual prices: O(r² c) for r rows and c columns, or vice versa (R. Jonker and
 /// A. Volgenant, "A shortest augmenting path algorithm for dense and sparse linear assignment problems", Computing 38, 1987).
 pub(super) fn best_assignment(
     rows: usize,
@@ -28,17 +29,18 @@ fn inverse(row_of: &[Option<usize>], rows: usize) -> Vec<Option<usize>> {
     column_of
 }
 
-/// The row of each column in the cheapest assignment of all rows, of which there are at most as many as columns.
+/// Returns the row of each column in the cheapest assignment of all rows. There must be at most as many rows as
+/// columns.
 fn rows_of_columns(
     rows: usize,
     columns: usize,
     cost: impl Fn(usize, usize) -> i64,
 ) -> Vec<Option<usize>> {
     let mut row_of: Vec<Option<usize>> = vec![None; columns];
-    // Prices: cost - row_price - column_price is never negative, and 0 where a row is assigned.
+    // Prices: cost - row_price - column_price is never negative, and 0 for assigned pairs.
     let (mut row_price, mut column_price) = (vec![0_i64; rows], vec![0_i64; columns]);
     for new_row in 0..rows {
-        // The cheapest way to each column along which rows would move on, and the column before it.
+        // Cost of the cheapest augmenting path to each column, and the previous column on it.
         let mut distance = vec![i64::MAX; columns];
         let mut before: Vec<Option<usize>> = vec![None; columns];
         let mut reached = vec![false; columns];
@@ -88,8 +90,8 @@ mod tests {
 
     use super::*;
 
-    /// The greatest total of all assignments that assign as many rows as there can be.
-    fn greatest_total(fits: &[Vec<i64>], columns: usize) -> i64 {
+    /// Returns the largest total of all assignments with the maximal number of rows, by exhaustive search.
+    fn largest_total(fits: &[Vec<i64>], columns: usize) -> i64 {
         fn best(fits: &[Vec<i64>], free: &mut Vec<usize>, spare_rows: usize) -> i64 {
             let Some((first, rest)) = fits.split_first() else {
                 return 0;
@@ -98,11 +100,11 @@ mod tests {
             if spare_rows > 0 {
                 greatest = best(rest, free, spare_rows - 1);
             }
-            for place in 0..free.len() {
-                let column = free.remove(place);
+            for index in 0..free.len() {
+                let column = free.remove(index);
                 let total = first[column].saturating_add(best(rest, free, spare_rows));
                 greatest = greatest.max(total);
-                free.insert(place, column);
+                free.insert(index, column);
             }
             greatest
         }
@@ -112,7 +114,7 @@ mod tests {
 
     fn matrices() -> impl Strategy<Value = (usize, Vec<Vec<i64>>)> {
         (0_usize..6, 0_usize..6).prop_flat_map(|(rows, columns)| {
-            // Few different numbers, so that ties are frequent, or many.
+            // Either few different numbers, so that ties are frequent, or many.
             let number = prop_oneof![-3_i64..4, 0_i64..1_000_000_000];
             let row = proptest::collection::vec(number, columns);
             (Just(columns), proptest::collection::vec(row, rows))
@@ -121,7 +123,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_assignment_has_a_greater_total((columns, fits) in matrices()) {
+        fn total_is_maximal((columns, fits) in matrices()) {
             let found = best_assignment(fits.len(), columns, |i, j| fits[i][j]);
             prop_assert_eq!(found.len(), fits.len());
             let mut taken: Vec<usize> = found.iter().flatten().copied().collect();
@@ -130,12 +132,12 @@ mod tests {
             taken.dedup();
             prop_assert_eq!(taken.len(), fits.len().min(columns));
             let total: i64 = found.iter().enumerate().filter_map(|(i, j)| Some(fits[i][(*j)?])).sum();
-            prop_assert_eq!(total, greatest_total(&fits, columns));
+            prop_assert_eq!(total, largest_total(&fits, columns));
         }
     }
 
     #[test]
-    fn a_row_gives_way_where_the_total_gains() {
+    fn rows_yield_for_a_larger_total() {
         let fits = [[9, 8], [8, 1]];
         let found = best_assignment(2, 2, |i, j| fits[i][j]);
         assert_eq!(found, [Some(1), Some(0)]);

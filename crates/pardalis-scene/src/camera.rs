@@ -142,7 +142,7 @@ impl CameraConfig {
         let time_offset_s: f64 = table
             .key(
                 "time_offset_s",
-                "Added to the camera's time stamps; `pardalis calibrate clocks` estimates it.",
+                "Added to the camera's time stamps; `pardalis calibrate time` estimates it.",
             )
             .within(-MAX_TIME_S..=MAX_TIME_S)
             .or(0.0);

@@ -4,7 +4,6 @@
 //! machine. Overlays and mosaics are drawn into the pixels of an image.
 
 pub(crate) mod calibration;
-pub(crate) mod clocks;
 pub(crate) mod errors;
 pub(crate) mod grid;
 pub(crate) mod histogram;
@@ -23,6 +22,7 @@ pub(crate) mod reliability;
 mod sheet;
 pub(crate) mod svg;
 pub(crate) mod sweep;
+pub(crate) mod temporal;
 mod text;
 
 /// Red, green, blue.

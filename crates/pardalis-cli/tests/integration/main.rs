@@ -3,9 +3,9 @@
 mod bad_input;
 mod bad_scene;
 mod calibrate;
+mod calibrate_time;
 mod calibration;
 mod camera;
-mod clocks;
 mod common;
 mod demo;
 mod evaluate;

@@ -8,7 +8,7 @@ use pardalis_camera::CalibratedCamera;
 use pardalis_camera::formats::Lens;
 use pardalis_scene::calibration;
 
-use crate::commands::calibrate::parse_size;
+use crate::arguments::parse_size;
 use crate::fault::fault;
 use crate::scene::{self, read_text};
 

@@ -4,7 +4,9 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis_evaluate::{Errors, Identities, MeanSd, Reliability, Sample, Scores, States, Summary};
+use pardalis_evaluate::{
+    Errors, Evaluation, Identities, MeanSd, Reliability, Sample, States, Summary,
+};
 use serde::Serialize;
 
 use super::confidence::Confidence;
@@ -67,7 +69,7 @@ pub(crate) struct TargetReport {
     pub(crate) changed_target: Option<bool>,
     /// The figures.
     #[serde(flatten)]
-    pub(crate) scores: Scores,
+    pub(crate) scores: Evaluation,
     /// What its states are worth; none without states or without a diameter.
     #[serde(flatten)]
     pub(crate) states: Option<States>,

@@ -1,24 +1,25 @@
-//! The offsets of clocks, roughly and without a guess: where the rays of two cameras that see one target meet best.
+//! Coarse search for time offsets without an initial guess: the offset under which the rays of two cameras
+//! meet best.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use super::path::Seen;
+use super::path::Observation;
 use pardalis::view::View;
 
-/// Sightings more of their usual intervals apart than this are not interpolated between.
+/// Largest gap to interpolate across, in typical frame intervals.
 const MAX_GAP: f64 = 2.5;
 
-/// Steps of the search for each interval between frames.
+/// Search steps per frame interval.
 const STEPS_PER_FRAME: f64 = 4.0;
 
-/// Rays that miss one another by this many pixels begin to count as not belonging together.
+/// Distance in pixels between two rays beyond which their detections increasingly count as unrelated.
 const MISS_PX: f64 = 3.0;
 
-/// The fewest sightings that two cameras must have at the same times.
-const LEAST_SHARED: usize = 8;
+/// Smallest number of simultaneous detections that two cameras must share.
+const MIN_COMMON: usize = 8;
 
-/// The most sightings of a camera that are compared: more would tell no more.
-const MOST_COMPARED: usize = 400;
+/// Largest number of a camera's detections that are compared; more would not improve the result.
+const MAX_COMPARED: usize = 400;
 
 /// A ray in the world, at a time of the camera's clock.
 #[derive(Debug, Clone, Copy)]
@@ -28,37 +29,37 @@ struct TimedRay {
     direction: Vector3<f64>,
 }
 
-/// The rays of what one camera saw, in the order of time.
+/// Rays of the detections of one camera, in order of time.
 #[derive(Debug, Clone)]
 pub(super) struct RayTrack {
     rays: Vec<TimedRay>,
-    /// The usual time between two frames.
+    /// Median time between two frames, in seconds.
     pub(super) interval_s: f64,
-    /// How large a pixel is.
+    /// Angular size of a pixel, in radians.
     rad_per_px: f64,
 }
 
 impl RayTrack {
-    /// Of the sightings of one camera, in the order of time.
+    /// Computes the rays of one camera's detections, which are in order of time.
     pub(super) fn new<'a>(
         view: &View,
-        seen: impl Iterator<Item = &'a Seen>,
+        observations: impl Iterator<Item = &'a Observation>,
         interval_s: f64,
     ) -> Self {
         let pose = view.world_from_camera();
         let mut angles = Vec::new();
-        let rays = seen
-            .filter_map(|seen| {
-                let ray = view.camera().unproject(seen.pixel)?;
+        let rays = observations
+            .filter_map(|observation| {
+                let ray = view.camera().unproject(observation.pixel)?;
                 let beside = view
                     .camera()
-                    .unproject([seen.pixel[0] + 1.0, seen.pixel[1]]);
+                    .unproject([observation.pixel[0] + 1.0, observation.pixel[1]]);
                 angles.extend(beside.map(|beside| {
                     let [a, b] = [ray, beside].map(|ray| Vector3::from(ray.direction));
                     libm::atan2(a.cross(&b).norm(), a.dot(&b))
                 }));
                 Some(TimedRay {
-                    time_s: seen.time_s,
+                    time_s: observation.time_s,
                     origin_m: pose * Point3::from(ray.origin),
                     direction: pose.rotation * Vector3::from(ray.direction),
                 })
@@ -71,7 +72,8 @@ impl RayTrack {
         }
     }
 
-    /// The ray at a time of this camera's clock, between two sightings that are near to one another.
+    /// Returns the ray at a time of this camera's clock, interpolated between two detections that are close
+    /// in time.
     fn at(&self, time_s: f64) -> Option<TimedRay> {
         let after = self.rays.partition_point(|ray| ray.time_s < time_s);
         let next = self.rays.get(after)?;
@@ -96,26 +98,27 @@ impl RayTrack {
     }
 }
 
-/// How well two cameras' rays meet under one offset.
+/// How well the rays of two cameras meet under one offset.
 struct Meeting {
-    /// The mean of a robust cost.
+    /// Mean of a robust cost.
     cost: f64,
-    /// Sightings that were compared.
+    /// Number of detections that were compared.
     count: usize,
 }
 
-/// What two cameras say of the time between their clocks.
+/// Offset between the clocks of two cameras.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PairOffset {
-    /// Added to the second camera's time stamps, it gives the first's.
+    /// Seconds to add to the second camera's time stamps to obtain the first camera's time.
     pub(super) offset_s: f64,
-    /// How much better the rays meet than under the other offsets, summed over sightings: how much there is to say.
+    /// Improvement of the cost over the other offsets, summed over detections: the strength of the evidence.
     pub(super) gain: f64,
-    /// Whether a still larger offset might be better.
+    /// Whether a still larger offset may be better.
     pub(super) at_border: bool,
 }
 
-/// The offset of `second` against `first` between these two, where the rays meet best; `None` where the two never see the target together.
+/// Finds the offset of `second` relative to `first` within a range (lowest, highest, seconds) under which the
+/// rays meet best; `None` if the two cameras never see the target at the same time.
 pub(super) fn pair_offset(
     first: &RayTrack,
     second: &RayTrack,
@@ -127,9 +130,9 @@ pub(super) fn pair_offset(
     let meetings: Vec<Meeting> = (0..=steps)
         .map(|step| meeting(first, second, offset_of(step)))
         .collect();
-    // Offsets under which few sightings can be compared would win by chance.
+    // Offsets that allow few comparisons would win by chance.
     let most = meetings.iter().map(|m| m.count).max()?;
-    let least = LEAST_SHARED.max(most / 2);
+    let least = MIN_COMMON.max(most / 2);
     let compared = || {
         let steps = meetings.iter().enumerate();
         steps.filter(|(_, meeting)| meeting.count >= least)
@@ -150,7 +153,7 @@ fn meeting(first: &RayTrack, second: &RayTrack, offset_s: f64) -> Meeting {
         cost: 0.0,
         count: 0,
     };
-    let step = second.rays.len().div_ceil(MOST_COMPARED).max(1);
+    let step = second.rays.len().div_ceil(MAX_COMPARED).max(1);
     for ray in second.rays.iter().step_by(step) {
         let Some(other) = first.at(ray.time_s + offset_s) else {
             continue;
@@ -165,7 +168,8 @@ fn meeting(first: &RayTrack, second: &RayTrack, offset_s: f64) -> Meeting {
     sum
 }
 
-/// The angle by which two rays miss one another, as both cameras see it; `None` for rays that are all but parallel, which say nothing.
+/// Returns the angle between two rays at their closest approach as seen from the cameras, in radians; `None`
+/// for nearly parallel rays, which carry no information.
 fn miss_rad(a: &TimedRay, b: &TimedRay) -> Option<f64> {
     let across = a.direction.cross(&b.direction);
     let sine = across.norm();
@@ -174,7 +178,7 @@ fn miss_rad(a: &TimedRay, b: &TimedRay) -> Option<f64> {
     }
     let between = b.origin_m - a.origin_m;
     let miss_m = (between.dot(&across) / sine).abs();
-    // Distances along the rays to where they are nearest; behind a camera they do not meet at all.
+    // Distances along the rays to the closest approach; rays that meet behind a camera do not meet.
     let along = |other: &Vector3<f64>| between.cross(other).dot(&across) / (sine * sine);
     let (along_a, along_b) = (along(&b.direction), along(&a.direction));
     if along_a <= 0.0 || along_b <= 0.0 {
@@ -183,8 +187,8 @@ fn miss_rad(a: &TimedRay, b: &TimedRay) -> Option<f64> {
     Some(miss_m / along_a.hypot(along_b))
 }
 
-/// The points where the rays of several cameras meet, in the order of time, for known offsets: one for each sighting that another camera shares and
-/// agrees with.
+/// Returns the points (time in seconds, position in metres) where rays of several cameras meet under known
+/// offsets, in order of time: one for each detection that another camera confirms.
 pub(super) fn meeting_points(tracks: &[RayTrack], offsets_s: &[f64]) -> Vec<(f64, Point3<f64>)> {
     let mut found = Vec::new();
     for (camera, track) in tracks.iter().enumerate() {
@@ -212,7 +216,7 @@ pub(super) fn meeting_points(tracks: &[RayTrack], offsets_s: &[f64]) -> Vec<(f64
     points
 }
 
-/// The point nearest to two or more rays, and the largest angle by which one of them misses it.
+/// Returns the point nearest to two or more rays, and the largest angle by which a ray misses it, in radians.
 fn nearest_point(rays: &[TimedRay]) -> Option<(Point3<f64>, f64)> {
     if rays.len() < 2 {
         return None;
@@ -223,7 +227,7 @@ fn nearest_point(rays: &[TimedRay]) -> Option<(Point3<f64>, f64)> {
         matrix += across;
         right += across * ray.origin_m.coords;
     }
-    // The least eigenvalue is about the squared sine of the angle between two rays.
+    // The smallest eigenvalue is about the squared sine of the angle between two rays.
     if matrix.symmetric_eigenvalues().min() < 1e-3 {
         return None;
     }

@@ -1,69 +1,70 @@
-//! What is known of the clocks, for the terminal, as tables and as a page.
+//! Results of a temporal calibration for the terminal, as tables and as a page.
 
 use std::fmt::{self, Write as _};
 
 use anyhow::Result;
-use pardalis_calibrate::{ClockCamera, ClockFit, ClockSighting};
+use pardalis_calibrate::{FittedDetection, TemporalCalibration, TimedCamera};
 use pardalis_scene::Scene;
 
 use super::super::page::{begin, push_paragraph, push_table};
 use super::super::report::{with_sigma, write_table};
 use crate::draw::calibration::{Sighting, observed_and_projected};
-use crate::draw::clocks::{ClockResiduals, residuals_over_time};
+use crate::draw::temporal::{TimeResiduals, residuals_over_time};
 
-/// Residuals above this share of the image's diagonal are larger than what detection of colours leaves.
+/// Share of the image's diagonal beyond which residuals exceed the error of colour detection.
 const LARGE_RMS: f64 = 0.005;
 
-/// All there is to say about the clocks of a scene's cameras.
+/// Report of a temporal calibration.
 pub(super) struct Report<'a> {
     cameras: Vec<Camera<'a>>,
 }
 
-/// One camera, what it saw and what is known of its clock.
+/// One camera with its detections and offset.
 struct Camera<'a> {
     name: &'a str,
     size_px: (usize, usize),
     frames: usize,
-    fit: &'a ClockFit,
-    /// What the scene says, in seconds.
+    fit: &'a TemporalCalibration,
+    /// Time offset in the scene, in seconds.
     given_s: f64,
-    /// What it should say, in seconds.
+    /// Corrected time offset, in seconds.
     corrected_s: f64,
 }
 
 impl Camera<'_> {
     fn outliers(&self) -> usize {
-        let sightings = self.fit.sightings.iter();
-        sightings.filter(|sighting| sighting.outlier).count()
+        let detections = self.fit.detections.iter();
+        detections.filter(|detection| detection.outlier).count()
     }
 }
 
 impl<'a> Report<'a> {
-    /// Of the scene's cameras, in its order.
+    /// Creates a report on the scene's cameras, in their order.
     pub(super) fn new(
         scene: &'a Scene,
-        cameras: &'a [ClockCamera<'a>],
-        fits: &'a [ClockFit],
+        cameras: &'a [TimedCamera<'a>],
+        fits: &'a [TemporalCalibration],
     ) -> Self {
         let all = scene.cameras.iter().zip(cameras).zip(fits);
-        let of_camera = |((config, camera), fit): ((_, &'a ClockCamera), &'a ClockFit)| {
-            let config: &pardalis_scene::CameraConfig = config;
-            Camera {
-                name: camera.name,
-                size_px: camera.view.size(),
-                frames: camera.frames.len(),
-                fit,
-                given_s: config.time_offset_s,
-                // To a microsecond; never minus zero.
-                corrected_s: (1e6 * (config.time_offset_s + fit.offset_s)).round() / 1e6 + 0.0,
-            }
-        };
+        let of_camera =
+            |((config, camera), fit): ((_, &'a TimedCamera), &'a TemporalCalibration)| {
+                let config: &pardalis_scene::CameraConfig = config;
+                Camera {
+                    name: camera.name,
+                    size_px: camera.view.size(),
+                    frames: camera.frames.len(),
+                    fit,
+                    given_s: config.time_offset_s,
+                    // Rounded to a microsecond; never minus zero.
+                    corrected_s: (1e6 * (config.time_offset_s + fit.offset_s)).round() / 1e6 + 0.0,
+                }
+            };
         Self {
             cameras: all.map(of_camera).collect(),
         }
     }
 
-    /// The names of the cameras but the first, and what the scene should say of them, in seconds.
+    /// Returns name and corrected time offset (seconds) of all cameras but the first.
     pub(super) fn offsets_s(&self) -> Vec<(&'a str, f64)> {
         let others = self.cameras.iter().skip(1);
         others
@@ -71,7 +72,7 @@ impl<'a> Report<'a> {
             .collect()
     }
 
-    /// The same as lines of a scene.
+    /// Returns the corrected offsets as lines of a scene.
     pub(super) fn settings(&self) -> String {
         let mut text = String::new();
         for (name, offset_s) in self.offsets_s() {
@@ -82,19 +83,19 @@ impl<'a> Report<'a> {
 
     fn title(&self) -> String {
         format!(
-            "Clocks of {} cameras against that of {}",
+            "Time offsets of {} cameras relative to {}",
             self.cameras.len(),
             self.cameras[0].name
         )
     }
 
-    /// A row a camera.
+    /// Returns one row per camera.
     fn rows(&self) -> Vec<Vec<String>> {
         let head = [
             "camera",
             "frames",
-            "seen in",
-            "left out",
+            "detected in",
+            "outliers",
             "offset (ms)",
             "time_offset_s before",
             "after",
@@ -108,7 +109,7 @@ impl<'a> Report<'a> {
             rows.push(vec![
                 camera.name.to_owned(),
                 camera.frames.to_string(),
-                fit.sightings.len().to_string(),
+                fit.detections.len().to_string(),
                 camera.outliers().to_string(),
                 if number == 0 {
                     "reference".to_owned()
@@ -124,7 +125,7 @@ impl<'a> Report<'a> {
         rows
     }
 
-    /// What may be wrong, though offsets could be fitted.
+    /// Returns warnings on a successful calibration.
     fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         for camera in &self.cameras {
@@ -132,14 +133,14 @@ impl<'a> Report<'a> {
             let rms_px = camera.fit.rms_after_px;
             if rms_px > LARGE_RMS * (width as f64).hypot(height as f64) {
                 warnings.push(format!(
-                    "{}: {rms_px:.1} px remain with the clocks corrected: check the poses of the cameras, and whether there are other things of the target's colours",
+                    "{}: {rms_px:.1} px remain after the correction: check the camera poses, and whether there are other objects of the target's colours",
                     camera.name
                 ));
             }
-            let (outliers, seen) = (camera.outliers(), camera.fit.sightings.len());
-            if 4 * outliers > seen {
+            let (outliers, count) = (camera.outliers(), camera.fit.detections.len());
+            if 4 * outliers > count {
                 warnings.push(format!(
-                    "{}: {outliers} of {seen} sightings do not fit the others and were left out: is something else of the target's colours in view?",
+                    "{}: {outliers} of {count} detections contradict the others and were rejected: is another object of the target's colours in view?",
                     camera.name
                 ));
             }
@@ -147,13 +148,13 @@ impl<'a> Report<'a> {
         warnings
     }
 
-    /// A row a camera, its offset with all digits.
+    /// Tabulates the cameras, one row each, with all digits of the offset.
     pub(super) fn table(&self) -> Result<String> {
         let mut table = csv::Writer::from_writer(Vec::new());
         table.write_record([
             "camera",
             "frames",
-            "sightings",
+            "detections",
             "outliers",
             "offset_s",
             "offset_sigma_s",
@@ -168,7 +169,7 @@ impl<'a> Report<'a> {
             table.write_record([
                 camera.name.to_owned(),
                 camera.frames.to_string(),
-                fit.sightings.len().to_string(),
+                fit.detections.len().to_string(),
                 camera.outliers().to_string(),
                 fit.offset_s.to_string(),
                 fit.sigma_s.to_string(),
@@ -181,8 +182,8 @@ impl<'a> Report<'a> {
         Ok(String::from_utf8(table.into_inner()?)?)
     }
 
-    /// A row a sighting: where the middle of the target was seen, and how far that is from its fitted path.
-    pub(super) fn sightings(&self) -> Result<String> {
+    /// Tabulates the detections, one row each: pixel of the target's centre and distance from the fitted path.
+    pub(super) fn detections(&self) -> Result<String> {
         let mut table = csv::Writer::from_writer(Vec::new());
         table.write_record([
             "camera",
@@ -196,21 +197,21 @@ impl<'a> Report<'a> {
             "outlier",
         ])?;
         for camera in &self.cameras {
-            for sighting in &camera.fit.sightings {
-                let mut row = vec![camera.name.to_owned(), sighting.time_s.to_string()];
-                row.extend(sighting.pixel.map(|value| value.to_string()));
-                for residual in [sighting.before_px, sighting.after_px] {
+            for detection in &camera.fit.detections {
+                let mut row = vec![camera.name.to_owned(), detection.time_s.to_string()];
+                row.extend(detection.pixel.map(|value| value.to_string()));
+                for residual in [detection.before_px, detection.after_px] {
                     let values = residual.map(|pair| pair.map(|value| value.to_string()));
                     row.extend(values.unwrap_or_default());
                 }
-                row.push(u8::from(sighting.outlier).to_string());
+                row.push(u8::from(detection.outlier).to_string());
                 table.write_record(row)?;
             }
         }
         Ok(String::from_utf8(table.into_inner()?)?)
     }
 
-    /// The report as one HTML page.
+    /// Renders the report as an HTML page.
     pub(super) fn page(&self) -> Result<String> {
         let mut page = begin(&self.title());
         push_table(&mut page, &self.rows());
@@ -218,7 +219,7 @@ impl<'a> Report<'a> {
             push_paragraph(&mut page, &format!("Warning: {warning}"));
         }
         page.push_str("<h2>Residuals over time</h2>\n");
-        let residuals: Vec<ClockResiduals> = self.cameras.iter().map(residuals).collect();
+        let residuals: Vec<TimeResiduals> = self.cameras.iter().map(residuals).collect();
         let _ = writeln!(
             page,
             "<figure>{}</figure>",
@@ -226,19 +227,19 @@ impl<'a> Report<'a> {
         );
         for camera in &self.cameras {
             for (when, residual) in [
-                ("before", (|s| s.before_px) as fn(&ClockSighting) -> _),
+                ("before", (|s| s.before_px) as fn(&FittedDetection) -> _),
                 ("after", |s| s.after_px),
             ] {
-                let sightings = camera.fit.sightings.iter().map(|sighting| Sighting {
-                    observed: sighting.pixel,
-                    residual_px: residual(sighting),
-                    outlier: sighting.outlier,
+                let points = camera.fit.detections.iter().map(|detection| Sighting {
+                    observed: detection.pixel,
+                    residual_px: residual(detection),
+                    outlier: detection.outlier,
                 });
-                let sightings: Vec<Sighting> = sightings.collect();
-                let picture = observed_and_projected(camera.size_px, &sightings)?.svg;
+                let points: Vec<Sighting> = points.collect();
+                let picture = observed_and_projected(camera.size_px, &points)?.svg;
                 let _ = writeln!(
                     page,
-                    "<h2>{}: where the target was seen and where its path is projected, {when}</h2>\n<figure>{picture}</figure>",
+                    "<h2>{}: detections and projected path, {when} the correction</h2>\n<figure>{picture}</figure>",
                     camera.name
                 );
             }
@@ -248,11 +249,11 @@ impl<'a> Report<'a> {
     }
 }
 
-/// The lengths of a camera's residuals, for their picture.
-fn residuals<'a>(camera: &Camera<'a>) -> ClockResiduals<'a> {
+/// Returns the lengths of a camera's residuals for their plot.
+fn residuals<'a>(camera: &Camera<'a>) -> TimeResiduals<'a> {
     let length = |residual: Option<[f64; 2]>| residual.map(|[u, v]| u.hypot(v));
-    let kept = camera.fit.sightings.iter().filter(|s| !s.outlier);
-    ClockResiduals {
+    let kept = camera.fit.detections.iter().filter(|s| !s.outlier);
+    TimeResiduals {
         name: camera.name,
         residuals: kept
             .map(|s| (s.time_s, [length(s.before_px), length(s.after_px)]))
@@ -267,6 +268,10 @@ impl fmt::Display for Report<'_> {
         for warning in self.warnings() {
             writeln!(f, "\nWarning: {warning}")?;
         }
-        write!(f, "\nFor the scene:\n{}", self.settings().trim_end())
+        write!(
+            f,
+            "\nSettings for the scene:\n{}",
+            self.settings().trim_end()
+        )
     }
 }

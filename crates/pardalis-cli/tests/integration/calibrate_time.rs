@@ -1,4 +1,4 @@
-//! `pardalis calibrate clocks` with the real program on the webcam sequences, whose cameras' clocks are put out of step.
+//! Tests of `pardalis calibrate time` with the real program on the webcam sequences with shifted time stamps.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -7,7 +7,7 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
-// Only what became of a run and its rows are used here.
+// This file uses only some of the helpers.
 #[allow(dead_code)]
 use crate::common::{Run, rows_in};
 
@@ -17,8 +17,8 @@ fn data(path: &str) -> PathBuf {
         .join(path)
 }
 
-/// A folder with a scene of a webcam sequence, in which `time_offset_s` of each camera should be what is given here: their stamps are that much
-/// too early.
+/// Creates a folder with a scene of a webcam sequence whose time stamps are early by these offsets, which are thus the
+/// correct values of `time_offset_s`.
 fn scene(sequence: &str, offsets_s: &[f64]) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let mut text = "seed = 1\n".to_owned();
@@ -55,7 +55,7 @@ fn scene(sequence: &str, offsets_s: &[f64]) -> TempDir {
     folder
 }
 
-/// Where the ball was: time in seconds, position in metres.
+/// Returns the true path of the ball: time in seconds, position in metres.
 fn truth(sequence: &str) -> Vec<(f64, [f64; 3])> {
     let text = fs::read_to_string(data(sequence).join("truth.csv")).unwrap();
     let rows = text.lines().filter(|line| line.contains(",ball,cam1,"));
@@ -74,9 +74,9 @@ fn pardalis(folder: &TempDir, arguments: &[&str]) -> Run {
     )
 }
 
-/// Offset and standard deviation of every camera in seconds, from clocks.csv, and RMS before and after in pixels.
-fn clocks(folder: &TempDir) -> Vec<[f64; 4]> {
-    let text = fs::read_to_string(folder.path().join("scene-clocks/clocks.csv")).unwrap();
+/// Reads the offset and standard deviation of every camera in seconds, and the RMS before and after in pixels.
+fn offsets(folder: &TempDir) -> Vec<[f64; 4]> {
+    let text = fs::read_to_string(folder.path().join("scene-time/offsets.csv")).unwrap();
     let rows = text.lines().skip(1).map(|line| {
         let field = |i: usize| line.split(',').nth(i).unwrap().parse().unwrap();
         [4, 5, 8, 9].map(field)
@@ -84,27 +84,21 @@ fn clocks(folder: &TempDir) -> Vec<[f64; 4]> {
     rows.collect()
 }
 
-/// Runs the command, and checks every offset to this many milliseconds and standard deviations.
+/// Runs the command and compares every offset with the truth, within these milliseconds and standard deviations.
 #[track_caller]
 fn check(sequence: &str, offsets_s: &[f64], most_ms: f64, most_sigmas: f64) -> TempDir {
     let folder = scene(sequence, offsets_s);
-    let arguments = [
-        "calibrate",
-        "clocks",
-        "scene.toml",
-        "--corrected",
-        "new.toml",
-    ];
+    let arguments = ["calibrate", "time", "scene.toml", "--corrected", "new.toml"];
     let run = pardalis(&folder, &arguments).fine();
     println!("{}", run.stdout);
-    for (wanted_s, [offset_s, sigma_s, before_px, after_px]) in
-        offsets_s.iter().zip(clocks(&folder))
+    for (expected_s, [offset_s, sigma_s, before_px, after_px]) in
+        offsets_s.iter().zip(offsets(&folder))
     {
-        let error_s = offset_s - wanted_s;
-        assert!(1e3 * error_s.abs() < most_ms, "off by {error_s} s");
+        let error_s = offset_s - expected_s;
+        assert!(1e3 * error_s.abs() < most_ms, "error of {error_s} s");
         assert!(
             error_s.abs() <= most_sigmas * sigma_s,
-            "off by {error_s} s of {sigma_s}"
+            "error of {error_s} s with a standard deviation of {sigma_s} s"
         );
         assert!(
             after_px < 1.0 && after_px <= before_px + 0.1,
@@ -114,7 +108,7 @@ fn check(sequence: &str, offsets_s: &[f64], most_ms: f64, most_sigmas: f64) -> T
     folder
 }
 
-/// The root mean square error of a track in metres, against the truth at its own times.
+/// Returns the root mean square error of a track in metres, against the truth at the track's times.
 fn error_m(folder: &TempDir, scene: &str, sequence: &str) -> f64 {
     pardalis(folder, &["track", scene, "-o", "out", "--no-plots"]).fine();
     let truth = truth(sequence);
@@ -138,13 +132,13 @@ fn error_m(folder: &TempDir, scene: &str, sequence: &str) -> f64 {
 }
 
 #[test]
-fn clocks_in_step_are_found_to_be() {
+fn finds_zero_offsets_of_synchronous_cameras() {
     check("webcams-two", &[0.0, 0.0], 2.0, 2.0);
     check("webcams-four", &[0.0, 0.0, 0.0, 0.0], 2.0, 2.0);
 }
 
 #[test]
-fn clocks_out_of_step_are_found_and_the_corrected_scene_tracks_better() {
+fn corrected_scene_tracks_better() {
     let sequence = "webcams-two";
     let folder = check(sequence, &[0.0, -0.13], 2.0, 3.0);
     let [before_m, after_m] =
@@ -155,7 +149,7 @@ fn clocks_out_of_step_are_found_and_the_corrected_scene_tracks_better() {
         1e3 * after_m
     );
     assert!(after_m < 0.7 * before_m, "{before_m} m to {after_m} m");
-    // What is written is the scene with one line more a camera.
+    // The corrected scene has one more line per camera.
     let [old, new] = ["scene.toml", "new.toml"]
         .map(|name| fs::read_to_string(folder.path().join(name)).unwrap());
     let kept = new
@@ -163,18 +157,22 @@ fn clocks_out_of_step_are_found_and_the_corrected_scene_tracks_better() {
         .filter(|line| !line.starts_with("time_offset_s = "));
     assert!(old.lines().eq(kept), "{new}");
     assert_eq!(new.lines().count(), old.lines().count() + 1);
-    // The corrected scene's clocks need no correction, and its own offset is counted in.
+    // The corrected scene needs no further correction, and its own offset is taken into account.
     let again = [
         "calibrate",
-        "clocks",
+        "time",
         "new.toml",
         "-o",
-        "scene-clocks",
+        "scene-time",
         "--corrected",
         "new.toml",
     ];
     pardalis(&folder, &again).fine();
-    assert!(clocks(&folder)[1][0].abs() < 1e-5, "{:?}", clocks(&folder));
+    assert!(
+        offsets(&folder)[1][0].abs() < 1e-5,
+        "{:?}",
+        offsets(&folder)
+    );
     let newest = fs::read_to_string(folder.path().join("new.toml")).unwrap();
     assert_eq!(newest.lines().count(), new.lines().count());
     let offset = newest
@@ -186,22 +184,22 @@ fn clocks_out_of_step_are_found_and_the_corrected_scene_tracks_better() {
 }
 
 #[test]
-fn four_clocks_are_found_with_a_distractor_and_losses() {
+fn calibrates_four_cameras_despite_distractor_and_losses() {
     let folder = check("webcams-four", &[0.0, 0.04, -0.13, 0.0123], 2.0, 3.0);
-    let page = fs::read_to_string(folder.path().join("scene-clocks/report.html")).unwrap();
+    let page = fs::read_to_string(folder.path().join("scene-time/report.html")).unwrap();
     for wanted in ["cam4", "Residuals over time", "</html>"] {
         assert!(page.contains(wanted));
     }
-    let sightings = fs::read_to_string(folder.path().join("scene-clocks/sightings.csv")).unwrap();
+    let detections = fs::read_to_string(folder.path().join("scene-time/detections.csv")).unwrap();
     assert!(
-        sightings.lines().count() > 150,
+        detections.lines().count() > 150,
         "{}",
-        sightings.lines().count()
+        detections.lines().count()
     );
 }
 
 #[test]
-fn what_does_not_tell_the_clocks_is_refused_and_nothing_written() {
+fn rejects_insufficient_recordings_without_writing() {
     let folder = scene("webcams-two", &[0.0, 0.0]);
     fs::create_dir(folder.path().join("other")).unwrap();
     let text = fs::read_to_string(folder.path().join("scene.toml")).unwrap();
@@ -218,16 +216,13 @@ fn what_does_not_tell_the_clocks_is_refused_and_nothing_written() {
         &["--target", "cup"],
         &["scene.toml", "ball", "--target NAME"],
     );
-    // The ball rests in the first 60 frames.
+    // The ball is at rest in the first 60 frames.
     write(&text.replace("calibration =", "frame_limit = 50\ncalibration ="));
-    refused(
-        &[],
-        &["scene.toml", "what stands still is taken for scenery"],
-    );
+    refused(&[], &["scene.toml", "objects at rest count as background"]);
     let second = text.find("[cameras.cam2]").unwrap()..text.find("[targets").unwrap();
     let mut alone = text.clone();
     alone.replace_range(second, "");
     write(&alone);
-    refused(&[], &["scene.toml", "one camera only"]);
-    assert!(!folder.path().join("scene-clocks").exists());
+    refused(&[], &["scene.toml", "only one camera"]);
+    assert!(!folder.path().join("scene-time").exists());
 }

@@ -1,10 +1,13 @@
-//! Offsets of clocks from what cameras saw of a moving ball, with known truth, and what is refused.
+//! Temporal calibration from simulated detections of a moving ball with ground truth, and the errors for
+//! insufficient recordings.
 
 use nalgebra::{Point3, Vector3};
 use pardalis::detect::Blob;
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::view::View;
-use pardalis_calibrate::{ClockCamera, ClockFit, Refusal, SightedFrame, estimate_clocks};
+use pardalis_calibrate::{
+    BlobFrame, CalibrationError, TemporalCalibration, TimedCamera, calibrate_time,
+};
 use pardalis_camera::Pose;
 use pardalis_camera::{Camera, Equidistant, Pinhole, Unified};
 use pardalis_core::rng::{Draws, Stage};
@@ -12,8 +15,8 @@ use pardalis_core::rng::{Draws, Stage};
 const SIZE: (usize, usize) = (640, 480);
 const NOISE_PX: f64 = 0.3;
 
-/// A camera, the rate and phase of its frames, and how far its clock is off.
-struct Clock {
+/// A camera with the rate, phase and time offset of its frames.
+struct CameraClock {
     view: View,
     fps: f64,
     phase_s: f64,
@@ -24,7 +27,7 @@ fn ball() -> Shape {
     Shape::Sphere(Sphere::new(0.035, SphereOutline::Tangent).unwrap())
 }
 
-/// At this place, looking at the middle of the scene; mirrors look away from it.
+/// Places a camera at `from`, facing the middle of the scene; cameras with mirrors face away from it.
 fn looking(camera: Camera, from: [f64; 3]) -> View {
     let eye = Point3::from(from);
     let to_scene = Point3::new(0.0, 0.0, 0.3) - eye;
@@ -42,8 +45,8 @@ fn pinhole(from: [f64; 3]) -> View {
     looking(Camera::Pinhole(model), from)
 }
 
-fn clock(view: View, offset_s: f64) -> Clock {
-    Clock {
+fn clock(view: View, offset_s: f64) -> CameraClock {
+    CameraClock {
         view,
         fps: 25.0,
         phase_s: 0.0,
@@ -51,14 +54,14 @@ fn clock(view: View, offset_s: f64) -> Clock {
     }
 }
 
-fn pair(offset_s: f64) -> Vec<Clock> {
+fn pair(offset_s: f64) -> Vec<CameraClock> {
     vec![
         clock(pinhole([1.2, 0.1, 0.5]), 0.0),
         clock(pinhole([-0.1, -1.2, 0.4]), offset_s),
     ]
 }
 
-/// To and fro in all directions, never the same again.
+/// A path back and forth in all directions that never repeats.
 fn waved(time_s: f64) -> Point3<f64> {
     let wave = |hz: f64, phase: f64| libm::sin(std::f64::consts::TAU * hz * time_s + phase);
     Point3::new(
@@ -68,7 +71,7 @@ fn waved(time_s: f64) -> Point3<f64> {
     )
 }
 
-/// What is seen of the ball: the middle and the area of its outline.
+/// Simulates the detection of the ball: centroid and area of its outline.
 fn blob(view: &View, middle: Point3<f64>, noise_px: [f64; 2]) -> Option<Blob> {
     let outline = ball().outline_px(
         view.camera(),
@@ -78,7 +81,7 @@ fn blob(view: &View, middle: Point3<f64>, noise_px: [f64; 2]) -> Option<Blob> {
         360,
     );
     let outline: Vec<[f64; 2]> = outline.into_iter().collect::<Option<_>>()?;
-    // Slices of the area around a point of the outline.
+    // Triangles between a point of the outline and its edges.
     let [ou, ov] = outline[0];
     let (mut area, mut sum) = (0.0, [0.0; 2]);
     for pair in outline.windows(2) {
@@ -94,7 +97,7 @@ fn blob(view: &View, middle: Point3<f64>, noise_px: [f64; 2]) -> Option<Blob> {
     blob_at(centroid_px, area.abs())
 }
 
-/// A blob there, if that is in the image.
+/// Returns a blob at this position if it lies in the image.
 fn blob_at(centroid_px: [f64; 2], area_px: f64) -> Option<Blob> {
     let radius = (area_px / std::f64::consts::PI).sqrt();
     let inside = |i: usize, side: usize| {
@@ -109,21 +112,21 @@ fn blob_at(centroid_px: [f64; 2], area_px: f64) -> Option<Blob> {
     })
 }
 
-/// What the cameras see of a ball on this path.
-fn sightings(
-    clocks: &[Clock],
+/// Simulates the detections of a ball on this path by all cameras.
+fn detections(
+    clocks: &[CameraClock],
     path: impl Fn(f64) -> Point3<f64>,
     duration_s: f64,
     seed: u32,
-) -> Vec<Vec<SightedFrame>> {
-    let of_camera = |(camera, clock): (usize, &Clock)| {
+) -> Vec<Vec<BlobFrame>> {
+    let of_camera = |(camera, clock): (usize, &CameraClock)| {
         let frame = |number: u32| {
             let time_s = clock.phase_s + f64::from(number) / clock.fps;
             let draws = Draws::new(seed, camera as u32);
             let [du, dv, ..] = draws.normals(number, 0, Stage::Motion, 0);
             let noise_px = [du, dv].map(|d| NOISE_PX * f64::from(d));
             let blob = blob(&clock.view, path(time_s + clock.offset_s), noise_px);
-            SightedFrame {
+            BlobFrame {
                 time_s,
                 blobs: blob.into_iter().collect(),
             }
@@ -133,27 +136,30 @@ fn sightings(
     clocks.iter().enumerate().map(of_camera).collect()
 }
 
-fn estimate(clocks: &[Clock], frames: Vec<Vec<SightedFrame>>) -> Result<Vec<ClockFit>, Refusal> {
-    let cameras: Vec<ClockCamera> = clocks
+fn estimate(
+    clocks: &[CameraClock],
+    frames: Vec<Vec<BlobFrame>>,
+) -> Result<Vec<TemporalCalibration>, CalibrationError> {
+    let cameras: Vec<TimedCamera> = clocks
         .iter()
         .zip(frames)
         .zip(["first", "second", "third", "fourth"])
-        .map(|((clock, frames), name)| ClockCamera {
+        .map(|((clock, frames), name)| TimedCamera {
             name,
             view: &clock.view,
             frames,
         })
         .collect();
-    estimate_clocks(&cameras, &ball(), 0.5)
+    calibrate_time(&cameras, &ball(), 0.5)
 }
 
-fn fit(clocks: &[Clock], duration_s: f64, seed: u32) -> Vec<ClockFit> {
-    estimate(clocks, sightings(clocks, waved, duration_s, seed)).unwrap()
+fn fit(clocks: &[CameraClock], duration_s: f64, seed: u32) -> Vec<TemporalCalibration> {
+    estimate(clocks, detections(clocks, waved, duration_s, seed)).unwrap()
 }
 
-/// Error in milliseconds.
+/// Compares the offsets with the truth; `most_ms` is the largest accepted error in milliseconds.
 #[track_caller]
-fn check(clocks: &[Clock], fits: &[ClockFit], most_ms: f64) {
+fn check(clocks: &[CameraClock], fits: &[TemporalCalibration], most_ms: f64) {
     for (clock, fit) in clocks.iter().zip(fits) {
         let error_ms = 1e3 * (fit.offset_s - clock.offset_s);
         println!(
@@ -162,7 +168,7 @@ fn check(clocks: &[Clock], fits: &[ClockFit], most_ms: f64) {
             1e3 * fit.sigma_s,
             fit.rms_before_px,
             fit.rms_after_px,
-            fit.sightings.iter().filter(|s| !s.outlier).count()
+            fit.detections.iter().filter(|s| !s.outlier).count()
         );
         assert!(error_ms.abs() < most_ms, "{error_ms} ms");
         assert!(
@@ -174,7 +180,7 @@ fn check(clocks: &[Clock], fits: &[ClockFit], most_ms: f64) {
 }
 
 #[test]
-fn offsets_of_two_cameras_are_found_to_less_than_a_millisecond() {
+fn finds_offsets_of_two_cameras_within_a_millisecond() {
     for offset_s in [-0.12, -0.037, 0.0, 0.037, 0.12, 0.4] {
         let clocks = pair(offset_s);
         let fits = fit(&clocks, 6.0, 1);
@@ -189,10 +195,10 @@ fn offsets_of_two_cameras_are_found_to_less_than_a_millisecond() {
 }
 
 #[test]
-fn standard_deviations_are_those_of_the_errors() {
+fn standard_deviations_match_the_errors() {
     let squares: Vec<f64> = (0..60)
         .map(|seed| {
-            // Anywhere between frames.
+            // Covers many phases between frames.
             let offset_s = 0.05 + 0.0013 * f64::from(seed);
             let found = &fit(&pair(offset_s), 4.0, seed)[1];
             ((found.offset_s - offset_s) / found.sigma_s).powi(2)
@@ -200,22 +206,22 @@ fn standard_deviations_are_those_of_the_errors() {
         .collect();
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
     println!("mean of z^2: {mean:.3}");
-    // Chi-square of 60 degrees of freedom: 0.62 to 1.5 at one in a hundred.
+    // Chi-square with 60 degrees of freedom: 0.62 to 1.5 with a probability of 99 %.
     assert!((0.6..1.55).contains(&mean), "{mean}");
     let far = squares.iter().filter(|z2| **z2 > 9.0).count();
     assert!(
         far <= 1,
-        "{far} of 60 are farther off than three standard deviations"
+        "{far} of 60 errors exceed three standard deviations"
     );
 }
 
 #[test]
-fn cameras_of_any_model_and_rate_work_together() {
+fn combines_cameras_of_different_models_and_rates() {
     let fisheye = Equidistant::new(145.0, [319.5, 239.5], 3.0).unwrap();
     let mirror = Unified::new(0.9, 1.0, 260.0, [319.5, 239.5]).unwrap();
     let clocks = vec![
         clock(pinhole([1.2, 0.1, 0.5]), 0.0),
-        Clock {
+        CameraClock {
             fps: 30.0,
             phase_s: 0.011,
             ..clock(
@@ -223,11 +229,11 @@ fn cameras_of_any_model_and_rate_work_together() {
                 0.213,
             )
         },
-        Clock {
+        CameraClock {
             fps: 20.0,
             ..clock(looking(Camera::Unified(mirror), [0.1, 0.6, 0.7]), -0.087)
         },
-        Clock {
+        CameraClock {
             fps: 25.02,
             ..clock(pinhole([-1.0, 0.4, 0.3]), 0.019)
         },
@@ -236,33 +242,33 @@ fn cameras_of_any_model_and_rate_work_together() {
 }
 
 #[test]
-fn time_stamps_may_begin_anywhere_and_offsets_may_be_whole_frames() {
+fn accepts_large_time_stamps_and_offsets_of_whole_frames() {
     let mut clocks = pair(0.08);
     for clock in &mut clocks {
         clock.phase_s = 1.7e9;
     }
     let late = |time_s| waved(time_s - 1.7e9);
-    let frames = sightings(&clocks, late, 6.0, 5);
+    let frames = detections(&clocks, late, 6.0, 5);
     check(&clocks, &estimate(&clocks, frames).unwrap(), 1.0);
 }
 
 #[test]
-fn scenery_other_things_and_gaps_do_no_harm() {
+fn tolerates_background_other_objects_and_gaps() {
     let clocks = vec![
         clock(pinhole([1.2, 0.1, 0.5]), 0.0),
         clock(pinhole([-0.1, -1.2, 0.4]), 0.045),
         clock(pinhole([-0.9, 0.8, 0.6]), -0.13),
     ];
-    let mut frames = sightings(&clocks, waved, 6.0, 7);
+    let mut frames = detections(&clocks, waved, 6.0, 7);
     for (number, frame) in frames[1].iter_mut().enumerate() {
-        // Larger than the ball, so that it comes first.
+        // Larger than the ball, so that it is listed first.
         frame.blobs.splice(0..0, blob_at([500.0, 400.0], 4000.0));
         if number % 10 == 3 {
             let wrong = [100.0 + 3.0 * (number % 7) as f64, 90.0];
             frame.blobs.splice(0..0, blob_at(wrong, 3000.0));
         }
         if number % 10 == 7 {
-            // Half hidden: the rest is smaller, and its middle is elsewhere.
+            // Half occluded: the rest is smaller and its centroid shifted.
             for blob in frame.blobs.iter_mut().skip(1) {
                 blob.area_px *= 0.6;
                 blob.centroid_px[0] += 5.0;
@@ -277,38 +283,38 @@ fn scenery_other_things_and_gaps_do_no_harm() {
 }
 
 #[track_caller]
-fn refused(outcome: Result<Vec<ClockFit>, Refusal>, wanted: &[&str]) {
-    let Err(refusal) = outcome.map_err(|refusal| refusal.to_string()) else {
-        panic!("not refused");
+fn assert_fails(outcome: Result<Vec<TemporalCalibration>, CalibrationError>, expected: &[&str]) {
+    let Err(message) = outcome.map_err(|error| error.to_string()) else {
+        panic!("the calibration succeeded");
     };
-    println!("{refusal}");
-    for wanted in wanted {
-        assert!(refusal.contains(wanted), "no {wanted:?} in: {refusal}");
+    println!("{message}");
+    for expected in expected {
+        assert!(message.contains(expected), "no {expected:?} in: {message}");
     }
 }
 
 #[test]
-fn what_does_not_tell_the_clocks_is_refused_with_the_reason() {
+fn rejects_insufficient_recordings_with_the_reason() {
     let clocks = pair(0.04);
     let still = |_| Point3::new(0.0, 0.0, 0.3);
-    refused(
-        estimate(&clocks, sightings(&clocks, still, 4.0, 1)),
-        &["first sees something that moves", "in 0 of its 100 frames"],
+    assert_fails(
+        estimate(&clocks, detections(&clocks, still, 4.0, 1)),
+        &["first sees a moving object", "in 0 of its 100 frames"],
     );
     let creeping = |time_s: f64| Point3::new(0.002 * time_s, 0.003 * time_s, 0.3 + 0.002 * time_s);
-    refused(
-        estimate(&clocks, sightings(&clocks, creeping, 4.0, 1)),
+    assert_fails(
+        estimate(&clocks, detections(&clocks, creeping, 4.0, 1)),
         &["moves too little in the images of first", "move the target"],
     );
-    let mut blind = sightings(&clocks, waved, 4.0, 1);
+    let mut blind = detections(&clocks, waved, 4.0, 1);
     blind[1].iter_mut().for_each(|frame| frame.blobs.clear());
-    refused(
+    assert_fails(
         estimate(&clocks, blind),
         &["second sees", "at most one camera sees the target"],
     );
-    let mut apart = sightings(&clocks, waved, 4.0, 1);
+    let mut apart = detections(&clocks, waved, 4.0, 1);
     apart[1].iter_mut().for_each(|frame| frame.time_s += 100.0);
-    refused(
+    assert_fails(
         estimate(&clocks, apart),
         &[
             "second never sees the target at the same times",
@@ -316,20 +322,20 @@ fn what_does_not_tell_the_clocks_is_refused_with_the_reason() {
         ],
     );
     let far = pair(0.9);
-    refused(estimate(&far, sightings(&far, waved, 6.0, 1)), &["second"]);
-    refused(
-        estimate(&clocks[..1], sightings(&clocks[..1], waved, 4.0, 1)),
-        &["one camera only"],
+    assert_fails(estimate(&far, detections(&far, waved, 6.0, 1)), &["second"]);
+    assert_fails(
+        estimate(&clocks[..1], detections(&clocks[..1], waved, 4.0, 1)),
+        &["only one camera"],
     );
-    let frames = sightings(&clocks, waved, 4.0, 1);
-    // A pose that is wrong: the rays do not meet whatever the clocks say.
+    let frames = detections(&clocks, waved, 4.0, 1);
+    // With a wrong pose the rays do not meet for any offset.
     let wrong = vec![
         clock(pinhole([1.2, 0.1, 0.5]), 0.0),
         clock(pinhole([1.0, 1.2, 0.9]), 0.04),
     ];
-    refused(estimate(&wrong, frames), &["poses"]);
+    assert_fails(estimate(&wrong, frames), &["poses"]);
     let cameras = [];
     for nonsense in [0.0, -1.0, f64::NAN, 1e9] {
-        assert!(estimate_clocks(&cameras, &ball(), nonsense).is_err());
+        assert!(calibrate_time(&cameras, &ball(), nonsense).is_err());
     }
 }

@@ -1,4 +1,4 @@
-//! What is no calibration, and what the program says to do about it.
+//! Errors of `pardalis calibrate` for unsuitable input, with their remedies.
 
 use std::fs;
 
@@ -6,7 +6,7 @@ use super::{data, folder, pardalis};
 
 const HEADER: &str = "x_m,y_m,z_m,u_px,v_px";
 
-/// The rendered points with their true pixels, as rows.
+/// Returns the rendered points with their true pixels, as rows.
 fn rows() -> Vec<[f64; 5]> {
     let text = fs::read_to_string(data("dioptric/correspondences.csv")).unwrap();
     let row = |line: &str| {
@@ -34,7 +34,7 @@ fn refused(table: impl AsRef<[u8]>, wanted: &[&str]) {
 }
 
 #[test]
-fn tables_that_are_no_points() {
+fn rejects_invalid_tables() {
     let good = table_of(&rows());
     refused("", &["points.csv: has no rows"]);
     refused(HEADER, &["points.csv: has no rows"]);
@@ -75,7 +75,7 @@ fn tables_that_are_no_points() {
         with(""),
         &["points.csv, line 42, column v_px: is empty; allowed"],
     );
-    // Cut off in the middle of a row.
+    // Truncated within a row.
     let cut = format!("{good}\n1,2,3");
     refused(cut, &["points.csv, line 42: has 3 cells"]);
     refused(
@@ -85,20 +85,20 @@ fn tables_that_are_no_points() {
 }
 
 #[test]
-fn points_that_determine_no_camera() {
+fn rejects_points_that_do_not_determine_a_camera() {
     let rows = rows();
     refused(
         table_of(&rows[..3]),
         &[
             "points.csv: equidistant: 3 points are too few",
-            "give more points",
+            "add points",
         ],
     );
     refused(
         table_of(&rows[..4]),
         &[
             "8 coordinates are too few for 9 unknowns",
-            "give more points or more views",
+            "add points or views",
         ],
     );
     let flat: Vec<[f64; 5]> = rows
@@ -118,7 +118,7 @@ fn points_that_determine_no_camera() {
         .collect();
     refused(
         table_of(&corner),
-        &["of the image", "show points all over it"],
+        &["of the image", "distribute the points over the whole image"],
     );
     let mirrored: Vec<[f64; 5]> = rows
         .iter()
@@ -126,7 +126,7 @@ fn points_that_determine_no_camera() {
         .collect();
     refused(
         table_of(&mirrored),
-        &["agree only when mirrored", "right-handed coordinates"],
+        &["match only when mirrored", "right-handed coordinates"],
     );
     let outside: Vec<[f64; 5]> = rows
         .iter()
@@ -135,7 +135,7 @@ fn points_that_determine_no_camera() {
     refused(
         table_of(&outside),
         &[
-            "pixels lie outside of images of 640 x 480: line ",
+            "pixels lie outside images of 640 x 480: line ",
             "give the size of the images",
         ],
     );
@@ -149,7 +149,7 @@ fn points_that_determine_no_camera() {
     refused(
         table_of(&far),
         &[
-            "points.csv: 1 of 40 pixels lie outside of images of 640 x 480: line 6 (1000000000.0, 240.0)",
+            "points.csv: 1 of 40 pixels lie outside images of 640 x 480: line 6 (1000000000.0, 240.0)",
         ],
     );
     let same: Vec<[f64; 5]> = rows.iter().map(|r| [0.1, 0.2, 0.3, r[3], r[4]]).collect();
@@ -167,7 +167,7 @@ fn points_that_determine_no_camera() {
 }
 
 #[test]
-fn points_that_do_not_belong_to_the_camera_give_no_pose() {
+fn rejects_poses_from_mismatched_points() {
     let rows = rows();
     let folder = folder();
     let refused = |rows: &[[f64; 5]], camera: &str, wanted: &[&str]| {
@@ -186,7 +186,7 @@ fn points_that_do_not_belong_to_the_camera_give_no_pose() {
         &mirrored,
         lens,
         &[
-            "points.csv: points and pixels agree only when mirrored",
+            "points.csv: points and pixels match only when mirrored",
             "right-handed coordinates",
         ],
     );
@@ -194,13 +194,16 @@ fn points_that_do_not_belong_to_the_camera_give_no_pose() {
     refused(
         &swapped,
         lens,
-        &["of 40 pixels lie outside of images of 640 x 480: line 13 "],
+        &["of 40 pixels lie outside images of 640 x 480: line 13 "],
     );
     let inside: Vec<[f64; 5]> = swapped.into_iter().filter(|row| row[4] < 480.0).collect();
     refused(
         &inside,
         lens,
-        &["agree only with u and v exchanged", "which column is which"],
+        &[
+            "match only with u and v exchanged",
+            "the order of the columns",
+        ],
     );
     let moved: Vec<[f64; 5]> = (0..40)
         .map(|i| {
@@ -208,13 +211,9 @@ fn points_that_do_not_belong_to_the_camera_give_no_pose() {
             [x, y, z, u, v]
         })
         .collect();
-    refused(&moved, lens, &["the order of the points"]);
+    refused(&moved, lens, &["in the same order"]);
     let pinhole = "model.pinhole = { f_px = [300, 300], center_px = [319.5, 239.5] }";
-    refused(
-        &rows,
-        pinhole,
-        &["the camera's file belongs to these images"],
-    );
+    refused(&rows, pinhole, &["the camera file belongs to these images"]);
     refused(
         &rows[..4],
         lens,
@@ -223,7 +222,7 @@ fn points_that_do_not_belong_to_the_camera_give_no_pose() {
 }
 
 #[test]
-fn rigs_whose_images_are_out_of_step() {
+fn rejects_rigs_with_images_that_are_not_simultaneous() {
     let folder = folder();
     for (camera, left_out) in [("left", "left14"), ("right", "right01")] {
         fs::create_dir(folder.path().join(camera)).unwrap();
@@ -237,15 +236,15 @@ fn rigs_whose_images_are_out_of_step() {
     }
     let run = "calibrate board --rig left=left --rig right=right --board checkerboard:9x6:0.025 --model pinhole -o out";
     pardalis(&folder, run).refused(&[
-        "--rig: the cameras do not agree on where the target was in ",
+        "--rig: the cameras disagree on the target's position in ",
         " of 12 shots: left01.jpg with right02.jpg, left02.jpg with right03.jpg",
-        "is one missing",
+        "whether one is missing",
     ]);
     assert!(!folder.path().join("out").exists());
 }
 
 #[test]
-fn boards_that_are_not_there() {
+fn rejects_missing_images_and_boards() {
     let folder = folder();
     let refused = |arguments: &str, wanted: &[&str]| {
         pardalis(&folder, &format!("calibrate board {arguments}")).refused(wanted);
@@ -266,7 +265,7 @@ fn boards_that_are_not_there() {
     );
     refused(
         "data/dioptric --board checkerboard:9x6:0.06 --model fisheye",
-        &["--model fisheye: there is no such model; allowed: pinhole, equidistant"],
+        &["--model fisheye: unknown model; allowed: pinhole, equidistant"],
     );
     refused(
         &format!("data/dioptric/board_0.jpg {board}"),
@@ -283,12 +282,12 @@ fn boards_that_are_not_there() {
 }
 
 #[test]
-fn models_and_cameras_that_are_not_chosen() {
+fn rejects_ambiguous_models_and_cameras() {
     let folder = folder();
     fs::write(folder.path().join("points.csv"), table_of(&rows())).unwrap();
     let points = "calibrate points points.csv --size 640x480 --model";
     pardalis(&folder, &format!("{points} all,pinhole"))
-        .refused(&["--model all,pinhole: all has every model already"]);
+        .refused(&["--model all,pinhole: all includes every model"]);
     let help = pardalis(&folder, "calibrate points --help").fine();
     for model in ::pardalis_calibrate::ModelKind::ALL {
         assert!(help.stdout.contains(model.name()), "{}", help.stdout);

@@ -1,11 +1,11 @@
-//! The target's path as a smooth curve in time, fitted together with the clocks' offsets.
+//! The target's path as a smooth curve in time, fitted together with the time offsets.
 
 use nalgebra::{DVector, Point3, Vector3};
 
 use super::super::least_squares::{Problem, Slopes};
 use pardalis::view::View;
 
-/// A curve in space: a uniform cubic B-spline in time.
+/// Uniform cubic B-spline in time through space.
 #[derive(Debug, Clone)]
 pub(super) struct Path {
     start_s: f64,
@@ -13,18 +13,18 @@ pub(super) struct Path {
     controls_m: Vec<Vector3<f64>>,
 }
 
-/// The control points that matter at a time, and how much they do.
+/// The control points with influence at one time, and their weights.
 pub(super) struct Basis {
-    /// The first of four control points.
+    /// Index of the first of four control points.
     pub(super) first: usize,
     weights: [f64; 4],
-    /// Derivatives of the weights by time, per second.
+    /// Derivatives of the weights with respect to time, per second.
     slopes_per_s: [f64; 4],
 }
 
 impl Path {
-    /// The curve through about these points (time in seconds, position in metres), which are at least one and in the order of time. It reaches
-    /// from `start_s` to `end_s`.
+    /// Builds a curve near these points (time in seconds, position in metres) from `start_s` to `end_s`. The
+    /// points, at least one, are in order of time.
     pub(super) fn near(
         points: &[(f64, Point3<f64>)],
         start_s: f64,
@@ -33,7 +33,7 @@ impl Path {
     ) -> Self {
         let pieces = ((end_s - start_s) / interval_s).ceil().max(1.0) as usize;
         let control = |i: usize| {
-            // A control point pulls most at the middle of its reach.
+            // A control point has the most influence at the middle of its support.
             let time_s = start_s + (i as f64 - 1.0) * interval_s;
             let next = points.partition_point(|(at_s, _)| *at_s < time_s);
             match (next.checked_sub(1).map(|i| points[i]), points.get(next)) {
@@ -52,7 +52,7 @@ impl Path {
         }
     }
 
-    /// The weights at a time; `None` beyond the curve's ends.
+    /// Returns the weights at a time; `None` outside the curve.
     pub(super) fn basis(&self, time_s: f64) -> Option<Basis> {
         let place = (time_s - self.start_s) / self.interval_s;
         let pieces = self.controls_m.len() - 3;
@@ -81,87 +81,98 @@ impl Path {
         controls.iter().zip(weights).map(|(c, w)| c * w).sum()
     }
 
-    /// The position at a time; `None` beyond the curve's ends.
+    /// Returns the position at a time; `None` outside the curve.
     pub(super) fn position_m(&self, time_s: f64) -> Option<Point3<f64>> {
         let basis = self.basis(time_s)?;
         Some(self.weighted(basis.first, basis.weights).into())
     }
 }
 
-/// The largest correlation that is believed: with more, a camera's first residual would hardly count.
+/// Largest correlation that is applied: with a larger one, the first residual of a camera would hardly count.
 const MAX_CORRELATION: f64 = 0.98;
 
-/// A pixel where a camera saw the middle of the target.
+/// Pixel at which a camera detected the target's centre.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Seen {
-    /// The camera's number.
+pub(super) struct Observation {
+    /// Index of the camera.
     pub(super) camera: usize,
-    /// The camera's time stamp, in seconds.
+    /// Time stamp of the camera, in seconds.
     pub(super) time_s: f64,
-    /// The pixel.
+    /// Pixel.
     pub(super) pixel: [f64; 2],
 }
 
-/// What is minimised: the distances between what cameras saw and the path's images. The unknowns: three a control point, then, where they
-/// are free, the offset of each camera but the first.
+/// The least-squares problem: distances between the detections and the images of the path. The unknowns are
+/// three per control point and, if the offsets are free, the offset of each camera but the first.
 #[derive(Clone)]
 pub(super) struct PathFit<'a> {
     pub(super) views: &'a [&'a View],
-    pub(super) seen: &'a [Seen],
+    pub(super) observations: &'a [Observation],
     pub(super) path: Path,
-    /// What is added to each camera's time stamps, in seconds; the first is the reference.
+    /// Seconds added to each camera's time stamps; the first camera is the reference.
     pub(super) offsets_s: Vec<f64>,
     pub(super) offsets_are_free: bool,
-    /// The usual time between two frames of each camera, in seconds.
+    /// Median time between two frames of each camera, in seconds.
     pub(super) intervals_s: &'a [f64],
-    /// How much of what a camera saw amiss in a frame it sees amiss in the next: shadows and edges of things go along with the target.
+    /// Correlation between the errors of a camera in consecutive frames: shadows and occluding edges move
+    /// along with the target.
     pub(super) correlation: f64,
-    /// What the control points' second differences cost, in pixels a metre: so little that it matters only where nothing is seen.
+    /// Cost of the control points' second differences, in pixels per metre: so small that it matters only
+    /// where there are no detections.
     pub(super) stiffness: f64,
 }
 
 impl PathFit<'_> {
-    /// Where the path's point at a time stamp of a camera is seen.
+    /// Returns the path's point at a camera's time stamp, in the camera's frame.
     fn point_in_camera(&self, camera: usize, time_s: f64) -> Option<(Basis, Point3<f64>)> {
         let basis = self.path.basis(time_s + self.offsets_s[camera])?;
         let point = Point3::from(self.path.weighted(basis.first, basis.weights));
         Some((basis, self.views[camera].camera_from_world() * point))
     }
 
-    /// Observed minus fitted pixel; `None` where the path is not seen.
-    pub(super) fn residual_px(&self, seen: &Seen) -> Option<[f64; 2]> {
-        let (_, point) = self.point_in_camera(seen.camera, seen.time_s)?;
-        let [u, v] = self.views[seen.camera].camera().project(point.into())?;
-        Some([seen.pixel[0] - u, seen.pixel[1] - v])
+    /// Returns observed minus fitted pixel; `None` if the path's point has no pixel.
+    pub(super) fn residual_px(&self, observation: &Observation) -> Option<[f64; 2]> {
+        let (_, point) = self.point_in_camera(observation.camera, observation.time_s)?;
+        let [u, v] = self.views[observation.camera]
+            .camera()
+            .project(point.into())?;
+        Some([observation.pixel[0] - u, observation.pixel[1] - v])
     }
 
-    /// The number of unknowns of the path.
+    /// Returns the number of unknowns of the path.
     pub(super) fn path_unknowns(&self) -> usize {
         3 * self.path.controls_m.len()
     }
 
-    /// The number of control points that what is seen depends on.
-    pub(super) fn controls_seen(&self) -> usize {
+    /// Returns the number of control points that influence at least one observation.
+    pub(super) fn constrained_controls(&self) -> usize {
         let mut touched = vec![false; self.path.controls_m.len()];
-        for seen in self.seen {
-            if let Some(basis) = self.path.basis(seen.time_s + self.offsets_s[seen.camera]) {
+        for observation in self.observations {
+            if let Some(basis) = self
+                .path
+                .basis(observation.time_s + self.offsets_s[observation.camera])
+            {
                 touched[basis.first..basis.first + 4].fill(true);
             }
         }
         touched.iter().filter(|t| **t).count()
     }
 
-    /// Pairs of neighbours among what is seen, where both are of one camera and one frame apart.
-    fn is_next(&self, last: &Seen, seen: &Seen) -> bool {
-        let step_s = seen.time_s - last.time_s;
-        last.camera == seen.camera && step_s < 1.5 * self.intervals_s[seen.camera]
+    /// Reports whether two observations belong to consecutive frames of one camera.
+    fn is_next(&self, last: &Observation, observation: &Observation) -> bool {
+        let step_s = observation.time_s - last.time_s;
+        last.camera == observation.camera && step_s < 1.5 * self.intervals_s[observation.camera]
     }
 
-    /// The correlation of residuals from frame to frame, not below 0.
+    /// Returns the correlation of residuals between consecutive frames, at least 0.
     pub(super) fn measured_correlation(&self) -> f64 {
         let (mut products, mut squares) = (0.0, 0.0);
-        for pair in self.seen.windows(2).filter(|p| self.is_next(&p[0], &p[1])) {
-            let residuals = [&pair[0], &pair[1]].map(|seen| self.residual_px(seen));
+        for pair in self
+            .observations
+            .windows(2)
+            .filter(|p| self.is_next(&p[0], &p[1]))
+        {
+            let residuals = [&pair[0], &pair[1]].map(|observation| self.residual_px(observation));
             if let [Some(a), Some(b)] = residuals {
                 products += a[0] * b[0] + a[1] * b[1];
                 squares += 0.5 * (a[0] * a[0] + a[1] * a[1] + b[0] * b[0] + b[1] * b[1]);
@@ -174,10 +185,10 @@ impl PathFit<'_> {
         }
     }
 
-    /// The residual of a sighting, fitted minus observed, with its slopes.
-    fn row(&self, seen: &Seen) -> Option<Row> {
-        let view = self.views[seen.camera];
-        let (basis, point) = self.point_in_camera(seen.camera, seen.time_s)?;
+    /// Returns the residual of an observation, fitted minus observed, with its derivatives.
+    fn row(&self, observation: &Observation) -> Option<Row> {
+        let view = self.views[observation.camera];
+        let (basis, point) = self.point_in_camera(observation.camera, observation.time_s)?;
         let jacobian = view.camera().project_with_jacobian(point.into())?;
         let rotation = view.camera_from_world().rotation.matrix();
         let by_point: [[f64; 3]; 2] = jacobian.by_point.map(|row| {
@@ -188,45 +199,46 @@ impl PathFit<'_> {
         let slope = |i: usize| by_point.map(|row| row[i % 3] * basis.weights[i / 3]);
         Some(Row {
             first: basis.first,
-            residual: [0, 1].map(|i| jacobian.pixel[i] - seen.pixel[i]),
+            residual: [0, 1].map(|i| jacobian.pixel[i] - observation.pixel[i]),
             by_controls: (0..12).map(slope).collect(),
             by_offset: by_point.map(|row| Vector3::from(row).dot(&velocity_mps)),
         })
     }
 
-    /// Calls `visit` with what is seen, but not with the stiffness: residuals of one frame after another as what is new in them, so that they do not
-    /// depend on one another.
-    pub(super) fn visit_seen(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
+    /// Calls `visit` with the residuals of the observations, without those of the stiffness. Within a run of
+    /// frames, each residual is reduced by its correlation with the previous one, so that the residuals are
+    /// independent.
+    pub(super) fn visit_observations(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
         let offsets_at = self.path_unknowns();
-        let mut last: Option<(&Seen, Row)> = None;
-        for seen in self.seen {
-            let Some(row) = self.row(seen) else {
+        let mut last: Option<(&Observation, Row)> = None;
+        for observation in self.observations {
+            let Some(row) = self.row(observation) else {
                 visit(None, Slopes { blocks: &[] });
                 last = None;
                 continue;
             };
             let new = match &last {
-                Some((before, last)) if self.is_next(before, seen) => {
+                Some((before, last)) if self.is_next(before, observation) => {
                     row.without(last, self.correlation)
                 }
                 _ => row.scaled((1.0 - self.correlation * self.correlation).sqrt()),
             };
-            let with_offset = self.offsets_are_free && seen.camera > 0;
-            let offset_at = offsets_at + seen.camera.max(1) - 1;
+            let with_offset = self.offsets_are_free && observation.camera > 0;
+            let offset_at = offsets_at + observation.camera.max(1) - 1;
             let blocks: &[(usize, &[[f64; 2]])] = &[
                 (3 * new.first, &new.by_controls),
                 (offset_at, &[new.by_offset]),
             ];
             let blocks = &blocks[..=usize::from(with_offset)];
             visit(Some(new.residual), Slopes { blocks });
-            last = Some((seen, row));
+            last = Some((observation, row));
         }
     }
 
     fn visit_stiffness(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
         for (first, c) in self.path.controls_m.windows(3).enumerate() {
             let difference = (c[0] - 2.0 * c[1] + c[2]) * self.stiffness;
-            // Two coordinates at a time, as pixels have: x and y, then z.
+            // Two coordinates at a time, as in pixels: x and y, then z.
             for (residual, places) in [
                 ([difference.x, difference.y], [Some(0), Some(1)]),
                 ([difference.z, 0.0], [Some(2), None]),
@@ -246,12 +258,12 @@ impl PathFit<'_> {
     }
 }
 
-/// A residual and how it moves with the unknowns.
+/// A residual and its derivatives.
 struct Row {
-    /// The first control point that matters.
+    /// Index of the first control point with influence.
     first: usize,
     residual: [f64; 2],
-    /// By three coordinates of each control point from the first on.
+    /// With respect to the three coordinates of each control point from the first on.
     by_controls: Vec<[f64; 2]>,
     by_offset: [f64; 2],
 }
@@ -267,7 +279,7 @@ impl Row {
         }
     }
 
-    /// Less a share of another row, whose time is not later.
+    /// Subtracts a share of another row whose time is not later.
     fn without(&self, last: &Self, share: f64) -> Self {
         let less = |a: [f64; 2], b: [f64; 2]| [0, 1].map(|i| a[i] - share * b[i]);
         let first = last.first.min(self.first);
@@ -307,15 +319,15 @@ impl Problem for PathFit<'_> {
         for (offset_s, step_s) in next.offsets_s[1..].iter_mut().zip(steps) {
             *offset_s += step_s;
         }
-        let inside = |seen: &Seen| {
-            let time_s = seen.time_s + next.offsets_s[seen.camera];
+        let inside = |observation: &Observation| {
+            let time_s = observation.time_s + next.offsets_s[observation.camera];
             next.path.basis(time_s).is_some()
         };
-        next.seen.iter().all(inside).then_some(next)
+        next.observations.iter().all(inside).then_some(next)
     }
 
     fn visit(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>)) {
-        self.visit_seen(visit);
+        self.visit_observations(visit);
         self.visit_stiffness(visit);
     }
 }
@@ -326,7 +338,7 @@ mod tests {
     use pardalis_camera::Pose;
     use pardalis_camera::{Camera, Pinhole};
 
-    /// Residuals, and each one's slopes by all unknowns.
+    /// Returns the residuals with their derivatives with respect to all unknowns.
     fn evaluated(fit: &PathFit) -> Vec<([f64; 2], Vec<[f64; 2]>)> {
         let mut rows = Vec::new();
         fit.visit(&mut |residual, slopes| {
@@ -340,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_are_those_of_the_residuals() {
+    fn derivatives_match_finite_differences() {
         let camera = Camera::Pinhole(Pinhole::new([300.0; 2], [160.0, 120.0], &[]).unwrap());
         let beside = Pose::translation(0.5, 0.1, 0.2);
         let views = [Pose::identity(), beside]
@@ -352,17 +364,17 @@ mod tests {
                 (t, Point3::new(0.1 + t * t, 0.2 * t - 0.1, 2.0 - t))
             })
             .collect();
-        let seen: Vec<Seen> = (0..16)
-            .map(|i| Seen {
+        let observations: Vec<Observation> = (0..16)
+            .map(|i| Observation {
                 camera: i / 8,
-                // One frame is missing, so that a run ends.
+                // One frame is missing, which ends a run.
                 time_s: 0.04 * (i % 8) as f64 + if i % 8 > 4 { 0.04 } else { 0.0 },
                 pixel: [170.0, 110.0],
             })
             .collect();
         let fit = PathFit {
             views: &views,
-            seen: &seen,
+            observations: &observations,
             path: Path::near(&points, -0.1, 0.6, 0.07),
             offsets_s: vec![0.0, 0.013],
             offsets_are_free: true,
@@ -390,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_its_ends_there_is_no_path() {
+    fn path_is_undefined_beyond_its_ends() {
         let points = [(0.0, Point3::new(1.0, 2.0, 3.0))];
         let path = Path::near(&points, 0.0, 1.0, 0.3);
         for inside_s in [0.0, 0.5, 1.0] {

@@ -1,4 +1,4 @@
-//! `pardalis calibrate clocks`: the time between the clocks of a scene's cameras, from a target that moves.
+//! `pardalis calibrate time`: time offsets between the cameras of a scene, from a moving target.
 
 mod report;
 
@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use pardalis::color::{ColorModel, PixelKind};
 use pardalis::detect::blobs;
 use pardalis::view::View;
-use pardalis_calibrate::{ClockCamera, MAX_CLOCK_OFFSET_S, SightedFrame, estimate_clocks};
+use pardalis_calibrate::{BlobFrame, MAX_TIME_OFFSET_S, TimedCamera, calibrate_time};
 use pardalis_scene::{Scene, TargetConfig, with_time_offsets};
 use rayon::prelude::*;
 
@@ -21,29 +21,30 @@ use crate::scene;
 use crate::source::{Delivery, Source};
 use report::Report;
 
-/// Finds how far the clocks of a scene's cameras are apart, from a target that moves
+/// Estimates the time offsets between the cameras of a scene from a moving target
 ///
-/// The target is found in every image by its colours; the offsets are those under which its path through space fits what all cameras saw.
-/// The cameras need poses, not a common rate. Record 5 to 30 seconds of the target moved to and fro in all directions, in view of
-/// two or more cameras at a time.
+/// Detects the target by its colours in every image, and finds the offsets under which one path through space
+/// explains the detections of all cameras. The cameras need poses but not a common frame rate. Record 5 to 30
+/// seconds of the target moving back and forth in all directions, visible to two or more cameras at a time.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  pardalis calibrate clocks scene.toml --corrected corrected.toml
+  pardalis calibrate time scene.toml --corrected corrected.toml
   pardalis track corrected.toml")]
 pub(crate) struct Arguments {
-    /// The scene: its first camera's clock is the reference
+    /// The scene; its first camera is the time reference
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// The target to look for, where the scene has several
+    /// The target to detect, if the scene has several
     #[arg(long, value_name = "NAME")]
     target: Option<String>,
-    /// The largest offset to search for, in seconds, either way
+    /// Largest offset to search for in either direction, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = parse_offset)]
     max_offset_s: f64,
-    /// Also writes the scene with the offsets put in, all else as it was: a file in the scene's folder, which may be the scene itself
+    /// Also writes the scene with the estimated offsets to this file, which must be in the scene's folder and
+    /// may be the scene itself
     #[arg(long, value_name = "SCENE.toml")]
     corrected: Option<PathBuf>,
-    /// The folder for the results [default: in the current directory, the scene's name with -clocks]
+    /// The folder for the results [default: in the current directory, the scene's name with -time]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
 }
@@ -52,14 +53,14 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = &arguments.scene;
     if let Some(corrected) = &arguments.corrected {
-        check_place(path, corrected)?;
+        check_folder(path, corrected)?;
     }
     let read = scene::read(path)?;
     let number = target(path, &read, arguments.target.as_deref())?;
     let mut open = scene::open(path, read, None, &[])?;
     let [body] = &open.scene.targets[number].bodies[..] else {
         return Err(fault!(
-            "{}: targets.{}: has several landmarks, and clocks are compared by one body; give it a target of its own, and choose that with --target NAME",
+            "{}: targets.{}: has several landmarks, but temporal calibration needs a single body; define a target of one body and choose it with --target NAME",
             path.display(),
             open.scene.targets[number].name
         ));
@@ -67,28 +68,28 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let colors = scene::colors(path, body)?;
     let mut views = open.tracker.views().to_vec();
     let frames = detect(&mut open.sources, &mut views, &colors)?;
-    let cameras: Vec<ClockCamera> = open
+    let cameras: Vec<TimedCamera> = open
         .scene
         .cameras
         .iter()
         .zip(&views)
         .zip(frames)
-        .map(|((camera, view), frames)| ClockCamera {
+        .map(|((camera, view), frames)| TimedCamera {
             name: &camera.name,
             view,
             frames,
         })
         .collect();
-    let fits = estimate_clocks(&cameras, &body.shape, arguments.max_offset_s)
+    let fits = calibrate_time(&cameras, &body.shape, arguments.max_offset_s)
         .map_err(|refusal| fault!("{}: {refusal}", path.display()))?;
     let report = Report::new(&open.scene, &cameras, &fits);
 
-    let folder = output::folder(arguments.output.as_deref(), path, "clocks");
+    let folder = output::folder(arguments.output.as_deref(), path, "time");
     output::make_folder(&folder)?;
     let mut written = Vec::new();
     for (name, text) in [
-        ("clocks.csv", report.table()?),
-        ("sightings.csv", report.sightings()?),
+        ("offsets.csv", report.table()?),
+        ("detections.csv", report.detections()?),
         ("report.html", report.page()?),
     ] {
         let file = folder.join(name);
@@ -99,7 +100,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let text = with_time_offsets(&scene::read_text(path)?, &report.offsets_s());
         let text = text.ok_or_else(|| {
             fault!(
-                "{}: is laid out so that offsets cannot be put in by a program; write them yourself:\n{}",
+                "{}: the layout of the file does not allow inserting the offsets; add them by hand:\n{}",
                 path.display(),
                 report.settings()
             )
@@ -112,8 +113,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// The paths of a scene start at its folder: a corrected one must lie there too.
-fn check_place(scene: &Path, corrected: &Path) -> Result<()> {
+/// Requires a file in the scene's folder, because paths in a scene are relative to it.
+fn check_folder(scene: &Path, corrected: &Path) -> Result<()> {
     let folder = |file: &Path| {
         let folder = file.parent().filter(|folder| *folder != Path::new(""));
         folder.unwrap_or(Path::new(".")).canonicalize().ok()
@@ -122,13 +123,13 @@ fn check_place(scene: &Path, corrected: &Path) -> Result<()> {
         return Ok(());
     }
     Err(fault!(
-        "--corrected {}: lies in another folder than {}, and paths in a scene start at its folder; give a file beside the scene",
+        "--corrected {}: lies in another folder than {}, but paths in a scene are relative to its folder; give a file beside the scene",
         corrected.display(),
         scene.display()
     ))
 }
 
-/// The number of the target to look for.
+/// Returns the index of the target to detect.
 fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
     let is_wanted = |target: &TargetConfig| wanted.is_none_or(|name| target.name == name);
     let found = scene.targets.iter().position(is_wanted);
@@ -146,12 +147,12 @@ fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
     }
 }
 
-/// The blobs of the target's colours in every frame, camera by camera.
+/// Detects blobs of the target's colours in every frame, camera by camera.
 fn detect(
     sources: &mut [Source],
     views: &mut [View],
     colors: &ColorModel,
-) -> Result<Vec<Vec<SightedFrame>>> {
+) -> Result<Vec<Vec<BlobFrame>>> {
     let counts = sources.iter().map(Source::frame_count);
     let bar = progress_bar(counts.sum());
     let of_camera = |(source, view): (&mut Source, &mut View)| {
@@ -161,35 +162,35 @@ fn detect(
             let frame = match delivery? {
                 Delivery::Frame { frame, .. } => frame,
                 Delivery::Broken(error) => {
-                    warn(format!("{error:#}; it is left out"));
+                    warn(format!("{error:#}; the frame is ignored"));
                     continue;
                 }
             };
             view.check(&frame)?;
             view.prepare(PixelKind::of(&frame), colors.palette());
-            frames.push(SightedFrame {
+            frames.push(BlobFrame {
                 time_s: frame.time_s(),
                 blobs: blobs(&view.prepared(&frame), colors),
             });
         }
-        // Frames may have been delivered in another order.
+        // A source may deliver frames out of order.
         frames.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         Ok(frames)
     };
     let cameras: Vec<Result<_>> = sources.par_iter_mut().zip(views).map(of_camera).collect();
     bar.finish_and_clear();
-    // The first camera that failed, whichever was first in time.
+    // Reports the error of the first camera, whichever failed first in time.
     cameras.into_iter().collect()
 }
 
-/// A bar on a terminal; nothing elsewhere.
+/// Creates a progress bar on a terminal; hidden elsewhere.
 fn progress_bar(frames: Option<usize>) -> ProgressBar {
     let (bar, template) = match frames {
         Some(frames) => (
             ProgressBar::new(frames as u64),
-            "searching {bar:32} {pos}/{len} frames, {eta} left",
+            "detecting {bar:32} {pos}/{len} frames, {eta} left",
         ),
-        None => (ProgressBar::no_length(), "searching {spinner} {pos} frames"),
+        None => (ProgressBar::no_length(), "detecting {spinner} {pos} frames"),
     };
     match ProgressStyle::with_template(template) {
         Ok(style) => bar.with_style(style),
@@ -197,10 +198,10 @@ fn progress_bar(frames: Option<usize>) -> ProgressBar {
     }
 }
 
-/// Parses the largest offset.
+/// Parses the largest offset in seconds.
 fn parse_offset(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
-        .filter(|offset_s: &f64| *offset_s > 0.0 && *offset_s <= MAX_CLOCK_OFFSET_S)
-        .ok_or_else(|| format!("allowed: above 0 and at most {MAX_CLOCK_OFFSET_S} seconds"))
+        .filter(|offset_s: &f64| *offset_s > 0.0 && *offset_s <= MAX_TIME_OFFSET_S)
+        .ok_or_else(|| format!("allowed: above 0 and at most {MAX_TIME_OFFSET_S} seconds"))
 }

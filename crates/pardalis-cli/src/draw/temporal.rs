@@ -1,4 +1,4 @@
-//! Pictures of what clocks that are apart do: residuals over time, before and after correction.
+//! Plot of residuals over time, before and after temporal calibration.
 
 use plotters::prelude::*;
 
@@ -14,24 +14,24 @@ const PANEL_HEIGHT_PX: f64 = 180.0;
 const BEFORE: Rgb = PALETTE[1];
 const AFTER: Rgb = PALETTE[0];
 
-/// How far what a camera saw is from the fitted path.
-pub(crate) struct ClockResiduals<'a> {
+/// Distances between a camera's detections and the fitted path.
+pub(crate) struct TimeResiduals<'a> {
     /// The camera's name.
     pub(crate) name: &'a str,
-    /// The time in seconds, and the distances in pixels with the clocks as they are and corrected, where there are any.
+    /// Time in seconds, and distances in pixels before and after the correction, if known.
     pub(crate) residuals: Vec<(f64, [Option<f64>; 2])>,
 }
 
-/// A panel a camera: distances before and after the correction, over time: an SVG document.
-pub(crate) fn residuals_over_time(cameras: &[ClockResiduals]) -> anyhow::Result<Drawing> {
+/// Draws one panel per camera: distances before and after the correction over time.
+pub(crate) fn residuals_over_time(cameras: &[TimeResiduals]) -> anyhow::Result<Drawing> {
     let times = cameras.iter().flat_map(|camera| &camera.residuals);
     let time_s = padded(extent(times.map(|(time_s, _)| *time_s)), 0.1);
     let height_px = PANEL_HEIGHT_PX * cameras.len().max(1) as f64;
     drawing([WIDTH_PX, height_px], |area| {
         let (plots, column) = area.split_horizontally(units(WIDTH_PX - legend::WIDTH_PX));
         let entries = [
-            (Key::Track(BEFORE), "clocks as they are".to_owned()),
-            (Key::Track(AFTER), "clocks corrected".to_owned()),
+            (Key::Track(BEFORE), "before correction".to_owned()),
+            (Key::Track(AFTER), "after correction".to_owned()),
         ];
         legend::draw(&column, &entries)?;
         for (area, camera) in plots.split_evenly((cameras.len(), 1)).iter().zip(cameras) {
@@ -41,7 +41,7 @@ pub(crate) fn residuals_over_time(cameras: &[ClockResiduals]) -> anyhow::Result<
     })
 }
 
-fn draw_panel(area: &Area<'_>, across: Axis<'_>, camera: &ClockResiduals) -> anyhow::Result<()> {
+fn draw_panel(area: &Area<'_>, across: Axis<'_>, camera: &TimeResiduals) -> anyhow::Result<()> {
     let lengths = camera.residuals.iter().flat_map(|(_, both)| both).flatten();
     let largest = lengths.fold(0.1_f64, |largest, px| largest.max(*px));
     let name = format!("{} (px)", camera.name);
@@ -54,7 +54,7 @@ fn draw_panel(area: &Area<'_>, across: Axis<'_>, camera: &ClockResiduals) -> any
         panel.draw_series(points.map(|at| Circle::new(at, units(2.0), fill(color, 0.8))))?;
     }
     if camera.residuals.is_empty() {
-        write_note(area, "nothing seen")?;
+        write_note(area, "no detections")?;
     }
     Ok(())
 }
@@ -66,7 +66,7 @@ mod tests {
     use crate::draw::test_folder;
 
     #[test]
-    fn every_camera_has_a_panel_with_its_marks() {
+    fn draws_one_panel_per_camera() {
         let residuals = |offset: f64| {
             let at = |i: i32| {
                 let time_s = 0.04 * f64::from(i);
@@ -76,30 +76,30 @@ mod tests {
             (0..100).map(at).collect()
         };
         let cameras = [
-            ClockResiduals {
+            TimeResiduals {
                 name: "left <1>",
                 residuals: residuals(0.3),
             },
-            ClockResiduals {
+            TimeResiduals {
                 name: "right",
                 residuals: residuals(1.0),
             },
-            ClockResiduals {
+            TimeResiduals {
                 name: "blind",
                 residuals: Vec::new(),
             },
         ];
         let drawing = residuals_over_time(&cameras).unwrap();
-        write_svg_and_png(&test_folder("clocks"), "residuals", &drawing).unwrap();
+        write_svg_and_png(&test_folder("temporal"), "residuals", &drawing).unwrap();
         for wanted in [
             "left &lt;1&gt; (px)",
             "right (px)",
-            "nothing seen",
+            "no detections",
             "time stamp (s)",
         ] {
             assert!(drawing.svg.contains(wanted), "{wanted}");
         }
-        // 200 marks a camera, less those without a residual.
+        // 200 marks per camera, minus those without a residual.
         assert_eq!(drawing.svg.matches("<circle").count(), 2 * (200 - 15));
     }
 }
