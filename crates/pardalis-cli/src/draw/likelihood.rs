@@ -6,7 +6,7 @@ use plotters::prelude::*;
 
 use super::legend::{self, Key};
 use super::panel::{Axis, draw_path, extent, padded, panel};
-use super::svg::{document, fill, line, units, write_svg_and_png};
+use super::svg::{drawing, fill, line, units, write_svg_and_png};
 use super::{INK, PALETTE, Rgb};
 
 /// Size of a figure of curves, without its legend.
@@ -35,7 +35,7 @@ pub(crate) fn write_curves(
     let x_range = padded(extent(all().map(|p| p[0]).chain([marked.0])), 1e-6);
     let y_range = padded(extent(all().map(|p| p[1]).chain([0.0])), 1e-6);
     let [width_px, height_px] = CURVES_PX;
-    let drawing = document([width_px + legend::WIDTH_PX, height_px], |area| {
+    let drawing = drawing([width_px + legend::WIDTH_PX, height_px], |area| {
         let (plot, column) = area.split_horizontally(units(width_px));
         let mut entries: Vec<(Key, String)> = (curves.iter().enumerate())
             .map(|(i, curve)| (Key::Track(color_of(i)), curve.name.clone()))
@@ -81,7 +81,7 @@ pub(crate) fn write_sampled(
     let columns = sampled.rows.first().map_or(0, Vec::len);
     let picture_px = [columns, sampled.rows.len()].map(|count| PIXEL_PX * count as f64);
     let [width_px, height_px] = [picture_px[0] + legend::WIDTH_PX, picture_px[1]];
-    let drawing = document([width_px, height_px], |area| {
+    let drawing = drawing([width_px, height_px], |area| {
         let (picture, column) = area.split_horizontally(units(picture_px[0]));
         let entries = [
             (Key::Track(INNER), "inner pixels".to_owned()),

@@ -6,6 +6,7 @@ use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use pardalis::TargetId;
 use pardalis_filter::Particles;
 use pardalis_scene::{Scene, TargetConfig};
 
@@ -60,7 +61,8 @@ impl Sink for ParticleRows {
     fn take(&mut self, instant: &Instant) -> Result<()> {
         self.text.clear();
         for (number, target) in self.targets.iter().enumerate() {
-            let clouds: Vec<&Particles> = instant.tracker.particles(number).collect();
+            let clouds: Vec<&Particles> =
+                instant.tracker.particles(TargetId::new(number))?.collect();
             let is_known = instant.estimates[number].kinematics.is_some();
             if !is_known || clouds.len() != target.bodies.len() {
                 continue;
