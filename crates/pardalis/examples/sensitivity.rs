@@ -30,31 +30,31 @@ const SETTINGS: [(&str, Scale); 10] = [
         s.edge.correspondence_lines = (lines * factor) as usize;
     }),
     ("edge.likelihood_exponent", |s, factor| {
-        s.edge.likelihood_exponent *= factor
+        s.edge.likelihood_exponent *= factor;
     }),
     ("edge.shared_sigma_px", |s, factor| {
-        s.edge.shared_sigma_px *= factor
+        s.edge.shared_sigma_px *= factor;
     }),
     ("filter.particles", |s, factor| {
         s.particle_count = (s.particle_count as f64 * factor) as usize;
     }),
     ("existence.birth_rate_hz", |s, factor| {
-        s.existence.birth_rate_hz *= factor
+        s.existence.birth_rate_hz *= factor;
     }),
     ("existence.death_rate_hz", |s, factor| {
-        s.existence.death_rate_hz *= factor
+        s.existence.death_rate_hz *= factor;
     }),
     ("existence.relocation_rate_hz", |s, factor| {
-        s.existence.relocation_rate_hz *= factor
+        s.existence.relocation_rate_hz *= factor;
     }),
     ("existence.velocity_jump_rate_hz", |s, factor| {
-        s.existence.velocity_jump_rate_hz *= factor
+        s.existence.velocity_jump_rate_hz *= factor;
     }),
     ("existence.velocity_jump_sigma_mps", |s, factor| {
-        s.existence.velocity_jump_sigma_mps *= factor
+        s.existence.velocity_jump_sigma_mps *= factor;
     }),
     ("existence.occlusion_rate_hz", |s, factor| {
-        s.existence.occlusion.occlusion_hz *= factor
+        s.existence.occlusion.occlusion_hz *= factor;
     }),
 ];
 
