@@ -206,6 +206,30 @@ pub enum Camera {
     Plane(Plane<f64>),
 }
 
+macro_rules! from_model {
+    ($($model:ident),+ $(,)?) => {
+        $(impl From<$model<f64>> for Camera {
+            fn from(model: $model<f64>) -> Self {
+                Self::$model(model)
+            }
+        })+
+    };
+}
+
+from_model!(
+    Equidistant,
+    Pinhole,
+    KannalaBrandt,
+    Unified,
+    Mei,
+    PerspectiveMirror,
+    DoubleSphere,
+    ExtendedUnified,
+    Ocam,
+    ExactMirror,
+    Plane,
+);
+
 /// Evaluates `$body` with `$model` bound to the concrete model of the camera: static dispatch in a
 /// single place.
 #[doc(hidden)]

@@ -148,6 +148,19 @@ impl Frame {
         })
     }
 
+    /// Creates a frame from packed red, green and blue bytes, three per pixel, the top row first. `time_s` is the middle of the exposure.
+    ///
+    /// Errors: a size or number of bytes that does not fit, a time that is not finite.
+    pub fn from_rgb(
+        width: usize,
+        height: usize,
+        rgb: impl Into<Arc<[u8]>>,
+        time_s: f64,
+    ) -> Result<Self, Error> {
+        let encoding = YuvEncoding::default();
+        Self::new(PixelFormat::Rgb8, encoding, width, height, rgb, time_s)
+    }
+
     /// The same image with another time stamp, in seconds; the pixels are shared.
     pub fn with_time_s(&self, time_s: f64) -> Result<Self, Error> {
         check_time(time_s)?;

@@ -24,7 +24,7 @@ pub struct View {
 impl View {
     /// A camera whose images have this size in pixels. The mask, if there is one, has the images' size.
     pub fn new(
-        camera: Camera,
+        camera: impl Into<Camera>,
         world_from_camera: Pose,
         (width, height): (usize, usize),
         mask: Option<Mask>,
@@ -41,7 +41,7 @@ impl View {
         }
         let camera_from_world = world_from_camera.inverse();
         Ok(Self {
-            camera,
+            camera: camera.into(),
             world_from_camera,
             camera_from_world,
             width,

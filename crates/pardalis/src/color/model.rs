@@ -51,6 +51,16 @@ struct ColorModelText {
 }
 
 impl ColorModel {
+    /// Learns a model from one image, in HSI. `is_target` says for each pixel, row by row, whether it shows the target. To learn
+    /// from several images use [`ColorLearner`].
+    ///
+    /// Errors: a mask of another size, or one that marks no pixel.
+    pub fn from_image(frame: &Frame, is_target: &[bool]) -> Result<Self, Error> {
+        let mut learner = ColorLearner::new(Palette::HSI)?;
+        learner.add(frame, is_target)?;
+        learner.learn()
+    }
+
     /// The division of colour space.
     pub fn palette(&self) -> Palette {
         self.palette

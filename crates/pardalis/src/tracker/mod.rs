@@ -3,6 +3,7 @@
 //! A target is tracked in one of two ways, which the types keep apart ([`BodySettings`]): *detected*, where the tracker finds it itself, or *initialised*, where the published cues track it
 //! from a given start.
 
+mod builder;
 mod detected;
 mod frame_set;
 mod groups;
@@ -14,6 +15,7 @@ mod statistics;
 mod target_tracker;
 mod track;
 
+pub use builder::TrackerBuilder;
 pub use detected::{ExistenceSettings, OcclusionRates};
 pub use frame_set::FrameSet;
 pub use ids::{CameraId, TargetId};
@@ -127,9 +129,10 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// A tracker of these targets through these cameras. The same seed and frames give the same estimates, whatever the number of threads.
+    /// Creates a tracker whose kernels use an instruction set of the caller's choice, for tests and benchmarks. Use [`Tracker::builder`].
     ///
     /// Errors: settings out of range, a target without bodies, a start outside its camera's image.
+    #[doc(hidden)]
     pub fn new(
         views: Vec<View>,
         targets: impl IntoIterator<Item = impl Into<TargetSettings>>,
@@ -380,6 +383,13 @@ impl Tracker {
             self.estimates(target, time_s)?,
             heading,
         ))
+    }
+
+    /// Returns the estimate of a target at the time of the latest frame set.
+    ///
+    /// Errors: an unknown target.
+    pub fn estimate(&self, target: TargetId) -> Result<Estimate, Error> {
+        self.estimate_at(target, self.time_s.unwrap_or(0.0))
     }
 
     /// The same for each of its bodies.

@@ -3,8 +3,9 @@
 use super::ExistenceSettings;
 use crate::color::ColorModel;
 use crate::likelihood::{CueSettings, EdgeSettings};
-use crate::shape::Shape;
+use crate::shape::{Shape, Sphere, SphereOutline};
 use crate::start::Start;
+use pardalis_core::Error;
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{ConstantVelocity, Motion};
 use pardalis_filter::particle_filter::FilterSettings;
@@ -80,6 +81,14 @@ pub struct DetectedSettings {
 impl DetectedSettings {
     /// The default number of particles: they are drawn where the images say, so that few suffice.
     pub const PARTICLE_COUNT: usize = 500;
+
+    /// Returns the default settings for a ball with a radius in metres.
+    ///
+    /// Errors: a radius that is not above 0 and at most 1000 m.
+    pub fn ball(radius_m: f64, colors: ColorModel) -> Result<Self, Error> {
+        let ball = Sphere::new(radius_m, SphereOutline::Tangent)?;
+        Ok(Self::new(Shape::Sphere(ball), colors))
+    }
 
     /// Default settings for a body of this shape and these colours.
     pub fn new(shape: Shape, colors: ColorModel) -> Self {
