@@ -305,7 +305,7 @@ fn toml_is_told_as_toml() {
     );
     refused(
         "[package]\nname = \"x\"\n",
-        "line 1: cameras: is missing; describe each camera in a table [cameras.NAME]",
+        "line 1: cameras: is missing; describe each in a table [cameras.NAME]",
     );
     // The fault of the text itself is told alone.
     for cut in ["0.9], [0, 0, 0, 1]]", "480]"] {
