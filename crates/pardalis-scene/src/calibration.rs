@@ -4,7 +4,8 @@
 use std::fmt::Write as _;
 
 use super::camera::read_pose;
-use super::description::{KeyDescription, Presence, keys_of};
+use super::description::{KeyDescription, Presence};
+use super::keys::keys_of;
 use super::mirror::push_profile;
 use super::model::{pose_of_model, read_model};
 use super::reader::{Journal, Problem, Table};

@@ -1,14 +1,9 @@
 //! Descriptions of the keys of a file, recorded from the code that reads them.
 //!
-//! The reader declares each key once, where it reads it: name, meaning, type, range and default. [`keys_of`] runs the same code without a file and
+//! The reader declares each key once, where it reads it: name, meaning, type, range and default. `keys_of` runs the same code without a file and
 //! records these declarations, so that the reference and the JSON schema cannot differ from what the reader accepts.
 
 use std::fmt;
-
-use toml::de::DeTable;
-
-use super::journal::Journal;
-use super::reader::Table;
 
 /// A key of a file.
 #[derive(Debug, Clone, PartialEq)]
@@ -232,12 +227,4 @@ pub(super) fn unit_of(name: &str) -> &'static str {
     ];
     let found = UNITS.iter().find(|(end, _)| name.ends_with(end));
     found.map_or("", |(_, unit)| unit)
-}
-
-/// Returns the keys that a reader of files asks for, in the order in which it does.
-pub(super) fn keys_of(read: impl FnOnce(&Journal, &Table)) -> Vec<KeyDescription> {
-    let journal = Journal::describing();
-    let empty = DeTable::new();
-    read(&journal, &Table::describing(&journal, &empty));
-    journal.into_described()
 }

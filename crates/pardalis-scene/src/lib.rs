@@ -5,9 +5,11 @@
 mod appearance;
 pub mod calibration;
 mod camera;
+mod camera_names;
 pub mod description;
 mod journal;
 mod key;
+mod keys;
 mod mirror;
 mod model;
 mod motion;
@@ -32,9 +34,10 @@ pub use start::{StartConfig, TrackStart};
 pub use target::{BodyConfig, TargetConfig, TrackingConfig};
 pub use world::WorldConfig;
 
-use description::{KeyDescription, Presence, keys_of};
+use camera_names::CameraNames;
+use description::{KeyDescription, Presence};
+use keys::keys_of;
 use reader::{Journal, Table};
-use target::CameraNames;
 
 /// The names for which [`is_name`] is true, in words.
 pub const NAMES_ALLOWED: &str = "1 to 64 of the characters A-Z a-z 0-9 _ -";
@@ -120,11 +123,7 @@ impl Scene {
             .into_iter()
             .filter_map(|(name, table)| CameraConfig::read(name, table, read_calibration))
             .collect();
-        let names = CameraNames {
-            without_height: plane::without_height(&cameras),
-            lowest: plane::lowest(&cameras),
-            all: camera_names,
-        };
+        let names = CameraNames::new(camera_names, &cameras);
         let about = "The targets, each by its name.";
         let targets: Vec<_> = table
             .named_tables("targets", about, Presence::Required)

@@ -2,7 +2,6 @@
 
 use nalgebra::Matrix3;
 
-use super::camera::CameraConfig;
 use super::description::above;
 use super::reader::Table;
 use super::setting::Word;
@@ -20,7 +19,7 @@ pub struct RectangleConfig {
     pub inner_edge: bool,
     /// How many images are looked at, from the first on.
     pub frames: usize,
-    center: Center,
+    pub(super) center: Center,
 }
 
 impl RectangleConfig {
@@ -39,7 +38,7 @@ impl RectangleConfig {
 
 /// What is known of where a camera stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Center {
+pub(super) enum Center {
     Unknown,
     At([f64; 3]),
     Intrinsics { f_px: [f64; 2], center_px: [f64; 2] },
@@ -263,35 +262,4 @@ fn read_center(table: &Table) -> Option<Center> {
         f_px: f_px?,
         center_px: center_px?,
     })
-}
-
-/// The camera of a plane that stands lowest over it, and its height in metres.
-pub(super) fn lowest(cameras: &[CameraConfig]) -> Option<(String, f64)> {
-    let height = |camera: &CameraConfig| {
-        let center_m = match (&camera.rectangle, &camera.camera) {
-            (Some(rectangle), _) => match rectangle.value.center {
-                Center::At(center_m) => Some(center_m),
-                _ => None,
-            },
-            (None, Camera::Plane(plane)) => plane.center_m(),
-            _ => None,
-        };
-        center_m.map(|[_, _, height_m]| (camera.name.clone(), height_m))
-    };
-    let heights = cameras.iter().filter_map(height);
-    heights.min_by(|a, b| a.1.total_cmp(&b.1))
-}
-
-/// The names of cameras that are known by a plane alone.
-pub(super) fn without_height(cameras: &[CameraConfig]) -> Vec<String> {
-    let is_one = |camera: &&CameraConfig| match (&camera.rectangle, &camera.camera) {
-        (Some(rectangle), _) => rectangle.value.center == Center::Unknown,
-        (None, Camera::Plane(plane)) => plane.center_m().is_none(),
-        _ => false,
-    };
-    cameras
-        .iter()
-        .filter(is_one)
-        .map(|camera| camera.name.clone())
-        .collect()
 }

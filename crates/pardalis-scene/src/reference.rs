@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::description::{Content, KeyDescription, Presence};
+use super::keys::{inside, keys_in, name_in};
 use super::{Scene, WorldConfig, calibration, schema};
 
 /// A kind of file.
@@ -81,33 +82,6 @@ impl FileKind {
     /// Returns the JSON schema (draft 2020-12).
     pub fn json_schema(self) -> String {
         schema::of(self.title(), &self.keys())
-    }
-}
-
-/// The keys directly in a table.
-pub(super) fn keys_in<'k>(
-    keys: &'k [KeyDescription],
-    table: &'k str,
-) -> impl Iterator<Item = &'k KeyDescription> {
-    keys.iter()
-        .filter(move |key| name_in(&key.path, table).is_some())
-}
-
-/// The name of a key directly in a table.
-pub(super) fn name_in<'k>(path: &'k str, table: &str) -> Option<&'k str> {
-    let name = if table.is_empty() {
-        path
-    } else {
-        path.strip_prefix(table)?.strip_prefix('.')?
-    };
-    (!name.contains('.')).then_some(name)
-}
-
-/// The path of the table in which the keys of a table key are: below the name for tables with names.
-pub(super) fn inside(key: &KeyDescription) -> String {
-    match key.content {
-        Content::Named => format!("{}.NAME", key.path),
-        _ => key.path.clone(),
     }
 }
 

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::description::{Content, KeyDescription, Presence, Range, Type};
-use super::reference::{inside, keys_in, name_in};
+use super::keys::{inside, keys_in, name_in};
 
 /// Returns the schema of a file with these keys.
 pub(super) fn of(title: &str, keys: &[KeyDescription]) -> String {

@@ -1,9 +1,9 @@
 //! The shape of a target.
 
+use super::camera_names::CameraNames;
 use super::description::{Presence, above};
 use super::reader::{Kind, Table};
 use super::setting::Word;
-use super::target::CameraNames;
 use pardalis::shape::{Flat, Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
 
 /// Reads the table `shape`. A camera known by a plane alone cannot tell the height of anything.

@@ -1,6 +1,7 @@
 //! The targets of a scene.
 
 use super::appearance::{CuesConfig, read_cues};
+use super::camera_names::CameraNames;
 use super::description::{Presence, above};
 use super::motion::read_motion;
 use super::reader::{Located, Table};
@@ -83,17 +84,6 @@ enum Shared {
         cues: Vec<CueSettings>,
         filter: Option<FilterSettings>,
     },
-}
-
-/// The cameras of a scene, as far as its targets need to know them.
-#[derive(Debug)]
-pub(super) struct CameraNames {
-    /// All of them.
-    pub(super) all: Vec<String>,
-    /// Those that are known by a plane alone, so that they say nothing of heights over it.
-    pub(super) without_height: Vec<String>,
-    /// The one of those known by a plane that stands lowest, and its height in metres.
-    pub(super) lowest: Option<(String, f64)>,
 }
 
 impl TargetConfig {

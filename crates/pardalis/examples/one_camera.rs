@@ -1,3 +1,5 @@
+//! From frames in memory to 3D positions: one camera, one ball.
+
 use pardalis::camera::{Pinhole, Pose};
 use pardalis::color::ColorModel;
 use pardalis::tracker::DetectedSettings;

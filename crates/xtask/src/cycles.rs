@@ -47,6 +47,9 @@ impl Modules {
     fn read(src: &Path) -> Result<Self> {
         let mut texts = BTreeMap::new();
         for path in crate::files(src, "rs")? {
+            if path.to_string_lossy().ends_with("tests.rs") {
+                continue;
+            }
             let inside = path.strip_prefix(src)?.with_extension("");
             let mut module: Module = inside
                 .iter()

@@ -365,6 +365,17 @@ mod tests {
     }
 
     #[test]
+    fn tables_have_a_row_for_each_window() {
+        let folder = tempfile::tempdir().unwrap();
+        let record = folder.path().join("small.csv");
+        let rows = "run,seed,target,window,estimates\na,1,ball,,3\na,1,ball,at first,2\n";
+        fs::write(&record, rows).unwrap();
+        let table = table_of(&record, &[], "").unwrap();
+        let expected = "| a | ball | all frames | 3 |\n| a | ball | at first | 2 |\n";
+        assert!(table.ends_with(expected), "{table}");
+    }
+
+    #[test]
     fn runs_are_chosen_by_the_beginning_of_their_names() {
         let folder = tempfile::tempdir().unwrap();
         let record = folder.path().join("jump.csv");

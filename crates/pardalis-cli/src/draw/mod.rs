@@ -4,6 +4,7 @@
 //! machine. Overlays and mosaics are drawn into the pixels of an image.
 
 pub(crate) mod calibration;
+pub(crate) mod camera_symbol;
 pub(crate) mod errors;
 pub(crate) mod grid;
 pub(crate) mod histogram;

@@ -5,10 +5,10 @@ use std::ops::Range;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
+use super::camera_symbol::CameraSymbol;
 use super::legend::{self, end_mark, start_mark};
 use super::limits::{clipped, is_inside};
 use super::panel::{tick_label, ticks, write_note};
-use super::paths::CameraSymbol;
 use super::plots::{Figures, Point, Trace, WIDTH_PX, free_row};
 use super::svg::{Area, Drawing, drawing, fill, line, text_style, units, write_text};
 use super::{INK, Rgb, shortened};

@@ -1,13 +1,8 @@
 //! Figures of an experiment: the paths of all its runs over one another, from above and in an oblique view.
 
-use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Point3, Rotation3, Vector3};
-use pardalis_camera::Camera;
-use pardalis_camera::Pose;
-use pardalis_scene::Scene;
-
+use super::camera_symbol::CameraSymbol;
 use super::plots::{Figures, TrackSeries, TruthSeries};
 use super::svg::write_svg_and_png;
 
@@ -18,76 +13,6 @@ pub(crate) struct PathGroup {
     pub(crate) name: String,
     /// The runs.
     pub(crate) tracks: Vec<TrackSeries>,
-}
-
-/// A camera to be drawn.
-#[derive(Debug, Clone)]
-pub(crate) struct CameraSymbol {
-    /// Its name, written beside it.
-    pub(crate) name: String,
-    /// Where it stands, in metres; it looks along its z.
-    pub(crate) world_from_camera: Pose,
-    /// Whether it looks at the world in a mirror.
-    pub(crate) looks_into_mirror: bool,
-}
-
-impl CameraSymbol {
-    /// The cameras of a scene whose place is known. Those known by a plane look straight down: how they are turned, nobody knows.
-    pub(crate) fn of_scene(scene: &Scene) -> Vec<Self> {
-        let cameras = scene.cameras.iter().filter_map(|camera| {
-            let world_from_camera = match camera.camera {
-                Camera::Plane(_) => {
-                    let down = Rotation3::from_axis_angle(&Vector3::x_axis(), PI);
-                    let place = Vector3::from(camera.position_m()?);
-                    Pose::from_parts(place.into(), down)
-                }
-                _ => camera.world_from_camera,
-            };
-            Some(Self {
-                name: camera.name.clone(),
-                world_from_camera,
-                looks_into_mirror: camera.camera.looks_into_mirror(),
-            })
-        });
-        cameras.collect()
-    }
-
-    /// Its place in the world, in metres.
-    pub(super) fn position_m(&self) -> [f64; 3] {
-        self.world_from_camera.translation.vector.into()
-    }
-
-    /// A pyramid that opens where it looks, with its tip at the camera, as lines of world points in metres; a camera of a mirror
-    /// has the mirror's rim and its bulge before it. `length_m` is that of the pyramid.
-    pub(super) fn outline_m(&self, length_m: f64) -> Vec<Vec<[f64; 3]>> {
-        let world = |camera: [f64; 3]| -> [f64; 3] {
-            let offset = self.world_from_camera.rotation * (length_m * Vector3::from(camera));
-            (Point3::from(self.position_m()) + offset).into()
-        };
-        let corners = [[-0.45, -0.35], [0.45, -0.35], [0.45, 0.35], [-0.45, 0.35]];
-        let base = corners.map(|[x, y]| world([x, y, 1.0]));
-        let tip = self.position_m();
-        let mut lines: Vec<Vec<[f64; 3]>> = (0..4)
-            .map(|i| vec![tip, base[i], base[(i + 1) % 4], tip])
-            .collect();
-        if self.looks_into_mirror {
-            let around = |i: usize| (i as f64 * 7.5).to_radians().sin_cos();
-            let rim = (0..=48)
-                .map(around)
-                .map(|(sin, cos)| world([0.9 * cos, 0.9 * sin, 2.2]));
-            lines.push(rim.collect());
-            // Two meridians of the bulge, whose lowest point faces the camera.
-            for turned in [false, true] {
-                let meridian = (-6..=6).map(|i| {
-                    let r = 0.15 * f64::from(i);
-                    let z = 1.5 + 0.7 * (r / 0.9).powi(2);
-                    world(if turned { [0.0, r, z] } else { [r, 0.0, z] })
-                });
-                lines.push(meridian.collect());
-            }
-        }
-        lines
-    }
 }
 
 /// Draws the paths of groups of runs with truth and cameras into `STEM-top` and `STEM-3d`, each `.svg` and `.png`, in a folder

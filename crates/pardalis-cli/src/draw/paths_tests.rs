@@ -1,6 +1,7 @@
 //! Tests of the figures of paths; they are left in `draw-tests` beside the test program.
 
 use nalgebra::{Rotation3, Vector3};
+use pardalis_camera::Pose;
 
 use super::*;
 use crate::draw::plots::Sample;

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
+use super::camera_symbol::CameraSymbol;
 use super::legend::{self, Key, camera_mark, end_mark, start_mark};
 use super::limits::{clipped, is_inside, outside_note, shown_ranges_m};
 use super::panel::{
     Axis, BOTTOM_PX, LEFT_PX, Panel, RIGHT_PX, TOP_PX, draw_path, equal_scales, extent, padded,
     panel, runs, write_note,
 };
-use super::paths::CameraSymbol;
 use super::svg::{Area, Drawing, drawing, fill, line, text_style, units, write_svg_and_png};
 use super::{INK, PALETTE, Rgb, shortened};
 

@@ -8,7 +8,7 @@ use pardalis_evaluate::TrueState;
 use pardalis_scene::Scene;
 
 use super::{Instant, Sink};
-use crate::draw::paths::CameraSymbol;
+use crate::draw::camera_symbol::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
 use crate::tables::Series;
 

@@ -157,7 +157,7 @@ fn other_numbers_and_types_name_their_key_and_line() {
         (
             "sigma_m = 0.1",
             "sigma_m = -1",
-            "line 16: targets.ball.start.gaussian.position_sigma_m: is -1; allowed: 0 to 1e6",
+            "line 16: targets.ball.start.gaussian.position_sigma_m: is -1; allowed: 0 to 1000000",
         ),
     ];
     for (piece, other, wanted) in cases {

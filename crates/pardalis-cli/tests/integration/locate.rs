@@ -232,7 +232,7 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
             "--clicks rim.csv",
             "rim.csv, frame 2: pixel_px is [2.0, 3.0]; allowed: a pixel of the 640 x 480 image",
         ),
-        ("--at 2,3", "--at: pixel is [2.0, 3.0]; allowed"),
+        ("--at 2,3", "--at: pixel_px is [2.0, 3.0]; allowed"),
         (
             "--passes-m 0.1,-1",
             "--passes-m: passes_sigma_m is [0.1, -1.0]; allowed: one or more",
@@ -418,7 +418,7 @@ fn tracks_that_cannot_be_started_from_are_refused() {
     place
         .track(from_track(1, "velocity_sigma_mps = -1"))
         .refused(&[
-            "line 17: targets.ball.start.track.velocity_sigma_mps: is -1; allowed: 0 to 1e6",
+            "line 17: targets.ball.start.track.velocity_sigma_mps: is -1; allowed: 0 to 1000000",
         ]);
     fs::remove_file(place.path("other/tracks.csv")).unwrap();
     place

@@ -295,7 +295,7 @@ fn bad_worlds_are_refused_with_every_key_and_line() {
         (
             "path.circle = { center_m = [0, 0, 0.25], radius_m = 0.15, period_s = 2 }",
             "path.attached = { to = \"robot\", offset_m = [0, 0, 0] }",
-            "line 30: objects.ball.path.attached.to: is \"robot\"",
+            "line 30: objects.ball.path.attached.to: is the text \"robot\"",
         ),
         ("path.circle", "path.spiral", "objects.ball.path"),
     ];

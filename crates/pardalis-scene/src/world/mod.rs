@@ -8,7 +8,8 @@ use std::ops::RangeInclusive;
 use nalgebra::Vector3;
 
 use super::camera::ReadCalibration;
-use super::description::{KeyDescription, Presence, above, keys_of};
+use super::description::{KeyDescription, Presence, above};
+use super::keys::keys_of;
 use super::reader::{Journal, Kind, Problem, Table};
 use super::replaced;
 use pardalis_simulate::{Ground, Light, Pattern, Room, Tape, Texture, World, linear_from_srgb};

@@ -89,7 +89,7 @@ impl Sample {
         let read = |file: &str, lens: Option<Lens>| -> Result<Vec<CalibratedCamera>, String> {
             let path = self.path.parent().unwrap().join(file);
             let text = std::fs::read_to_string(&path).map_err(|error| error.to_string())?;
-            pardalis_camera::formats::read(&text, lens).map_err(|error| error.to_string())
+            calibration::read(&text, lens).map_err(|error| error.to_string())
         };
         match self.kind {
             FileKind::Scene => Scene::parse_with(&self.text, replaced, &read).err(),

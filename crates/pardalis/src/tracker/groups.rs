@@ -1,6 +1,5 @@
 //! Groups of bodies that look alike, and one body beside all others.
 
-use super::detected::LookAlikes;
 use super::target_tracker::TargetTracker;
 
 /// Returns the numbers of all bodies, those that look alike together and in ascending order.
@@ -45,14 +44,9 @@ impl<'a> Others<'a> {
         }
     }
 
-    /// Those that look like the one which is left out: its group, in the order in which it looks at frames.
-    pub(super) fn look_alikes(self, group: &'a [usize]) -> LookAlikes<'a> {
+    /// Splits the group of the one which is left out into those that come before it, in the order in which they look at frames, and the others.
+    pub(super) fn around<'g>(&self, group: &'g [usize]) -> (&'g [usize], &'g [usize]) {
         let left_out = group.iter().position(|&number| number == self.before.len());
-        let (updated, predicted) = group.split_at(left_out.unwrap_or(0));
-        LookAlikes {
-            others: self,
-            updated,
-            predicted,
-        }
+        group.split_at(left_out.unwrap_or(0))
     }
 }

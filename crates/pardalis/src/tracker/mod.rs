@@ -5,6 +5,7 @@
 
 mod builder;
 mod detected;
+mod existence;
 mod frame_set;
 mod groups;
 mod ids;
@@ -16,7 +17,8 @@ mod target_tracker;
 mod track;
 
 pub use builder::TrackerBuilder;
-pub use detected::{ExistenceSettings, OcclusionRates};
+use detected::LookAlikes;
+pub use existence::{ExistenceSettings, OcclusionRates};
 pub use frame_set::FrameSet;
 pub use ids::{CameraId, TargetId};
 pub use settings::{BodySettings, DetectedSettings, InitializedSettings, TargetSettings};
@@ -271,7 +273,13 @@ impl Tracker {
             let target = self.targets.iter().find(|t| t.bodies.contains(&number));
             let landmarks = target.into_iter().flat_map(|target| target.bodies.clone());
             body.set_other_landmarks(landmarks.filter_map(|i| others.get(i)?.position_m()));
-            body.observe(&instant, &mut self.statistics, &others.look_alikes(order));
+            let (updated, predicted) = others.around(order);
+            let look_alikes = LookAlikes {
+                detected: &|number| others.get(number)?.detected(),
+                updated,
+                predicted,
+            };
+            body.observe(&instant, &mut self.statistics, &look_alikes);
         }
     }
 
@@ -335,7 +343,12 @@ impl Tracker {
         for (number, start) in starts.iter().enumerate() {
             let (body, others) = split(&mut self.bodies, number);
             let group = self.groups.iter().find(|group| group.contains(&number));
-            let look_alikes = others.look_alikes(group.expect("every body is of a group"));
+            let (updated, predicted) = others.around(group.expect("every body is of a group"));
+            let look_alikes = LookAlikes {
+                detected: &|number| others.get(number)?.detected(),
+                updated,
+                predicted,
+            };
             let start = (start.as_ref(), passes_sigma_m);
             located.push(body.locate(&instant, &mut self.statistics, start, &look_alikes));
         }

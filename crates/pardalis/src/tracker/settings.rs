@@ -1,6 +1,6 @@
 //! What targets are and how they are tracked.
 
-use super::ExistenceSettings;
+use super::existence::ExistenceSettings;
 use crate::color::ColorModel;
 use crate::likelihood::{CueSettings, EdgeSettings};
 use crate::shape::{Shape, Sphere, SphereOutline};

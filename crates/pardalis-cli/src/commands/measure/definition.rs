@@ -9,7 +9,7 @@ use pardalis_scene::{NAMES_ALLOWED, is_name};
 use serde::Deserialize;
 use toml::Value;
 
-use super::results::METRICS;
+use super::metrics::METRICS;
 use crate::fault::fault;
 use crate::scene::read_text;
 

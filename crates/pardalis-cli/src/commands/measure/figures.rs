@@ -8,9 +8,11 @@ use pardalis_evaluate::spherical_error;
 
 use super::definition::{Figure, FigureKind};
 use super::digits::median;
-use super::pooled::{Measured, reliability_of};
+use super::plan::Measured;
+use super::pooled::reliability_of;
+use crate::draw::camera_symbol::CameraSymbol;
 use crate::draw::errors::{ErrorGroup, SphericalError, write_error_figures};
-use crate::draw::paths::{CameraSymbol, PathGroup, write_path_figures};
+use crate::draw::paths::{PathGroup, write_path_figures};
 use crate::draw::reliability::{ReliabilityGroup, write_reliability_figures};
 use crate::draw::sweep::{SweepPoint, SweepSeries, write_sweep_figures};
 use crate::fault::fault;

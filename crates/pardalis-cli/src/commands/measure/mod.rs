@@ -5,6 +5,7 @@ mod digits;
 mod figures;
 mod finished;
 mod jobs;
+mod metrics;
 mod plan;
 mod pooled;
 mod results;
@@ -22,8 +23,8 @@ use crate::say::say;
 use definition::Experiment;
 use finished::Finished;
 use jobs::Job;
+use plan::Measured;
 use plan::Plan;
-use pooled::Measured;
 use results::Results;
 
 /// Runs an experiment with several seeds and scores it

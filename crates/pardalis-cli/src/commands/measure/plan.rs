@@ -4,18 +4,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use pardalis::tracker::PASSES_SIGMA_M;
+use pardalis_evaluate::Claim;
 use pardalis_scene::Scene;
 use rayon::prelude::*;
 
 use super::definition::{Method, Run};
 use super::finished::{self, Finished};
 use super::jobs::Job;
-use super::pooled::{Claims, Measured};
 use super::results::Figures;
 use crate::commands::evaluate::{self, Report};
 use crate::commands::locate::{self, StartsFrom};
 use crate::commands::simulate::Sequence;
-use crate::draw::paths::CameraSymbol;
+use crate::draw::camera_symbol::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
 use crate::fault::fault;
 use crate::files::write_file;
@@ -295,4 +295,28 @@ fn simulated(
         }
     }
     Ok(recordings)
+}
+
+/// The claims of one target over one window, of one seed.
+pub(super) struct Claims {
+    pub(super) target: String,
+    /// The name of the run's window; empty for all frames.
+    pub(super) window: String,
+    pub(super) claims: Vec<Claim>,
+}
+
+/// A run as it was tracked.
+pub(super) struct Measured<'a> {
+    pub(super) plan: &'a Plan<'a>,
+    pub(super) figures: Vec<Figures>,
+    /// Of every seed, target and window.
+    pub(super) claims: Vec<Claims>,
+}
+
+impl Measured<'_> {
+    /// The sweep that the run is of, else the run.
+    pub(super) fn name(&self) -> &str {
+        let run = self.plan.run;
+        run.swept.as_ref().map_or(&run.name, |swept| &swept.sweep)
+    }
 }

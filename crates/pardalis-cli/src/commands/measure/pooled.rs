@@ -4,35 +4,11 @@ use std::fmt::Write as _;
 
 use pardalis_evaluate::{Claim, Reliability, reliability};
 
-use super::plan::Plan;
-use super::results::{Figures, quoted};
+use super::plan::Measured;
+use super::results::quoted;
 
 /// 99 % of a normal distribution lie within so many standard deviations of its mean.
 const SIGMAS_99: f64 = 2.576;
-
-/// The claims of one target over one window, of one seed.
-pub(super) struct Claims {
-    pub(super) target: String,
-    /// The name of the run's window; empty for all frames.
-    pub(super) window: String,
-    pub(super) claims: Vec<Claim>,
-}
-
-/// A run as it was tracked.
-pub(super) struct Measured<'a> {
-    pub(super) plan: &'a Plan<'a>,
-    pub(super) figures: Vec<Figures>,
-    /// Of every seed, target and window.
-    pub(super) claims: Vec<Claims>,
-}
-
-impl Measured<'_> {
-    /// The sweep that the run is of, else the run.
-    pub(super) fn name(&self) -> &str {
-        let run = self.plan.run;
-        run.swept.as_ref().map_or(&run.name, |swept| &swept.sweep)
-    }
-}
 
 /// Whether the confidences of runs are right, over all their frames, targets and seeds; none where they give none.
 pub(super) fn reliability_of(runs: &[&Measured]) -> Option<Reliability> {

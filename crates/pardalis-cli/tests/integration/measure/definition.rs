@@ -184,17 +184,6 @@ fn windows_are_scored_alone_with_bands_of_their_own() {
     let square = |i: usize| value(&figures[i], "rmse_m").unwrap().powi(2);
     assert!((3.0 * square(0) - 2.0 * square(1) - square(2)).abs() < 1e-9);
 
-    // A table of the record has a row a window.
-    let table = pardalis(
-        &place,
-        &["report", "out/small/results.csv", "--columns", "estimates"],
-    );
-    let table = table.fine().stdout;
-    assert!(
-        table.contains("| a | ball | all frames | 3 |\n| a | ball | at first | 2 |\n"),
-        "{table}"
-    );
-
     for (piece, other, wanted) in [
         ("from_s = 0,", "from_s = 1,", "from_s must be before to_s"),
         ("\"late\"", "\"at first\"", "a name of its own"),

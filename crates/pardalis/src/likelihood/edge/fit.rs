@@ -2,7 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::lines::{CorrespondenceLines, SECTORS};
+use super::frame::SECTORS;
+use super::lines::CorrespondenceLines;
 use super::{Coordinates, EdgeCue, EdgeFrame, LANES, Surrounding};
 
 /// Where a target is seen, by the frames of one instant alone. Nothing changes it once it is fitted.

@@ -1,12 +1,14 @@
 //! One camera's frame, prepared for the edge cue of one target.
 
 use super::super::outline::Projector;
-use super::lines::SECTORS;
 use crate::color::{ColorRanges, IlluminationCorrection, MatchTable, Palette, PixelKind};
 use crate::detect::MIN_POSTERIOR;
 use crate::view::PreparedFrame;
 use pardalis_camera::{LANES, Mask};
 use pardalis_core::simd::Level;
+
+/// Groups of neighbouring lines that are visible or occluded together. Hand-set.
+pub(crate) const SECTORS: usize = 16;
 
 /// The mean Y, U and V of what surrounds a body in an image, sector by sector; NaN for sectors without such pixels.
 pub(crate) type Surrounding = [[f32; 3]; SECTORS];

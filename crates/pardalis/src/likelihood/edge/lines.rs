@@ -1,5 +1,6 @@
 //! Correspondence lines across an outline in one frame: the log-likelihood of the outline's shift along each line.
 
+use super::frame::SECTORS;
 use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
 use crate::color::{BodyColors, EdgePixel, Surroundings};
 use crate::likelihood::outline::Coordinates;
@@ -13,8 +14,6 @@ const SHIFTS_A_PX: f32 = 4.0;
 const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
 /// Of outlines longer than this, in pixels, every second pixel is used, as on a chessboard. Hand-set: halves the time for large bodies.
 const LONG_PX: f32 = 150.0;
-/// Groups of neighbouring lines that are visible or occluded together. Hand-set.
-pub(crate) const SECTORS: usize = 16;
 /// The least share of lines inside the image. Hand-set.
 const MIN_COMPLETE: f32 = 0.5;
 /// By how many nats a line speaks against shifts beyond its reach. Hand-set.

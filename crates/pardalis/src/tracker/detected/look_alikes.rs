@@ -6,11 +6,11 @@
 use nalgebra::Matrix3;
 
 use super::DetectedTarget;
-use crate::tracker::groups::Others;
 
 /// The other targets that look like one, in the order in which they look at frames.
 pub(in crate::tracker) struct LookAlikes<'a> {
-    pub(in crate::tracker) others: Others<'a>,
+    /// The detected body of this number; `None` for an initialised one.
+    pub(in crate::tracker) detected: &'a dyn Fn(usize) -> Option<&'a DetectedTarget>,
     /// The numbers of those that have been updated with this instant's frames.
     pub(in crate::tracker) updated: &'a [usize],
     /// The numbers of those that are only predicted.
@@ -19,8 +19,7 @@ pub(in crate::tracker) struct LookAlikes<'a> {
 
 impl<'a> LookAlikes<'a> {
     fn targets(&self, numbers: &'a [usize]) -> impl Iterator<Item = &'a DetectedTarget> + '_ {
-        let others = numbers.iter().filter_map(|&number| self.others.get(number));
-        others.filter_map(|other| other.detected())
+        numbers.iter().filter_map(|&number| (self.detected)(number))
     }
 
     /// The positions of those that probably exist, in metres.

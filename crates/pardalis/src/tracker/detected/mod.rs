@@ -7,18 +7,16 @@ mod adaptation;
 mod association;
 mod candidates;
 mod detection;
-mod existence;
 mod look_alikes;
 mod tuning;
 mod update;
 mod visibility;
 
-pub use existence::ExistenceSettings;
 pub(super) use look_alikes::LookAlikes;
-pub use visibility::OcclusionRates;
 
 use nalgebra::Vector3;
 
+use super::existence::ExistenceSettings;
 use super::settings::DetectedSettings;
 use super::statistics::ImageStatistics;
 use super::track::{Instant, Track, mean_log_ratio};

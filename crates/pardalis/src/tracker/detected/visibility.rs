@@ -1,31 +1,7 @@
 //! Step 4, visibility: whether each camera sees the target or something occludes it, as a Markov chain of two states in continuous time.
 
 use super::tuning::OUT_OF_VIEW_LOG_RATIO;
-
-/// How often a visible target becomes occluded from a camera, and an occluded one reappears.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OcclusionRates {
-    /// Occlusions of a visible target per second, Hz.
-    pub occlusion_hz: f64,
-    /// Reappearances of an occluded target per second, Hz.
-    pub reappearance_hz: f64,
-}
-
-impl Default for OcclusionRates {
-    fn default() -> Self {
-        Self {
-            occlusion_hz: 0.5,
-            reappearance_hz: 1.0,
-        }
-    }
-}
-
-impl OcclusionRates {
-    /// The share of the time in which a target is visible.
-    fn stationary(&self) -> f64 {
-        self.reappearance_hz / (self.reappearance_hz + self.occlusion_hz)
-    }
-}
+use crate::tracker::existence::OcclusionRates;
 
 /// The visibility of a target in one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,31 @@
 //! How a detected target appears, disappears and becomes occluded.
 
-use super::OcclusionRates;
 use pardalis_core::Error;
+
+/// How often a visible target becomes occluded from a camera, and an occluded one reappears.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OcclusionRates {
+    /// Occlusions of a visible target per second, Hz.
+    pub occlusion_hz: f64,
+    /// Reappearances of an occluded target per second, Hz.
+    pub reappearance_hz: f64,
+}
+
+impl Default for OcclusionRates {
+    fn default() -> Self {
+        Self {
+            occlusion_hz: 0.5,
+            reappearance_hz: 1.0,
+        }
+    }
+}
+
+impl OcclusionRates {
+    /// The share of the time in which a target is visible.
+    pub(super) fn stationary(&self) -> f64 {
+        self.reappearance_hz / (self.reappearance_hz + self.occlusion_hz)
+    }
+}
 
 /// How a detected target appears, disappears and becomes occluded.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,0 +1,111 @@
+//! The figures of merit of an experiment.
+
+use pardalis_evaluate::{Course, Errors, Heading};
+
+use crate::commands::evaluate::TargetReport;
+
+/// What is known of one seed and target.
+pub(super) struct Measured<'a> {
+    pub(super) report: &'a TargetReport,
+    pub(super) ms_a_frame: Option<f64>,
+}
+
+/// A figure's name and how it is found; without a value where there is no estimate, or where it means nothing.
+pub(super) type Metric = (&'static str, fn(&Measured) -> Option<f64>);
+
+/// The figures, in the order of the columns; errors over all frames that have an estimate.
+pub(super) const METRICS: [Metric; 40] = [
+    ("coverage", |m| m.report.scores.coverage),
+    ("lost_frames", |m| Some(m.report.scores.lost_frames as f64)),
+    ("ends_on_target", |m| {
+        m.report.scores.ends_on_target.map(one_or_zero)
+    }),
+    ("frames_to_find", |m| {
+        m.report.scores.frames_to_find.map(|n| n as f64)
+    }),
+    ("frames_to_occluded", |m| {
+        m.report.states?.frames_to_occluded.map(|n| n as f64)
+    }),
+    ("frames_to_tracking", |m| {
+        m.report.states?.frames_to_tracking.map(|n| n as f64)
+    }),
+    ("elsewhere_frames", |m| {
+        Some(m.report.states?.elsewhere_frames as f64)
+    }),
+    ("mean_m", |m| errors(m).map(|e| e.position_m.mean)),
+    ("sd_m", |m| errors(m).map(|e| e.position_m.sd)),
+    ("rmse_m", |m| errors(m).map(|e| e.position_m.rmse)),
+    ("max_m", |m| errors(m).map(|e| e.position_m.max)),
+    // Of the best particle, beside the mean's.
+    ("best_rmse_m", |m| {
+        errors(m)?.best_position_m.map(|best| best.rmse)
+    }),
+    ("distance_mean_m", |m| errors(m).map(|e| e.distance_m.mean)),
+    ("distance_sd_m", |m| errors(m).map(|e| e.distance_m.sd)),
+    ("elevation_mean_rad", |m| {
+        errors(m).map(|e| e.elevation_rad.mean)
+    }),
+    ("elevation_sd_rad", |m| {
+        errors(m).map(|e| e.elevation_rad.sd)
+    }),
+    ("azimuth_mean_rad", |m| {
+        errors(m).map(|e| e.azimuth_rad.mean)
+    }),
+    ("azimuth_sd_rad", |m| errors(m).map(|e| e.azimuth_rad.sd)),
+    ("direction_max_rad", |m| {
+        errors(m).map(|e| e.direction_max_rad)
+    }),
+    ("mean_nees", |m| errors(m)?.consistency.mean_nees),
+    ("nees_99_low", |m| {
+        errors(m)?.consistency.mean_nees_band_99.map(|band| band[0])
+    }),
+    ("nees_99_high", |m| {
+        errors(m)?.consistency.mean_nees_band_99.map(|band| band[1])
+    }),
+    ("planar_mean_m", |m| errors(m).map(|e| e.planar_m.mean)),
+    ("planar_sd_m", |m| errors(m).map(|e| e.planar_m.sd)),
+    ("planar_rmse_m", |m| errors(m).map(|e| e.planar_m.rmse)),
+    ("bias_x_m", |m| errors(m).map(|e| e.bias_m[0])),
+    ("bias_y_m", |m| errors(m).map(|e| e.bias_m[1])),
+    ("bias_z_m", |m| errors(m).map(|e| e.bias_m[2])),
+    ("velocity_rmse_mps", |m| errors(m)?.velocity_rmse_mps),
+    ("course_error_median_rad", |m| {
+        course(m).map(|c| c.error_median_rad)
+    }),
+    ("course_rad", |m| course(m).map(|c| c.estimated_rad)),
+    ("true_course_rad", |m| course(m).map(|c| c.true_rad)),
+    ("heading_error_median_rad", |m| {
+        heading(m).map(|h| h.error_median_rad)
+    }),
+    ("heading_error_p95_rad", |m| {
+        heading(m).map(|h| h.error_p95_rad)
+    }),
+    ("heading_bias_rad", |m| heading(m).map(|h| h.bias_rad)),
+    ("changed_target", |m| {
+        m.report.changed_target.map(one_or_zero)
+    }),
+    ("calibration_error", |m| {
+        let reliability = m.report.confidence.reliability.as_ref();
+        reliability.map(|r| r.calibration_error)
+    }),
+    ("confidence_max", |m| m.report.confidence.confidence_max),
+    // With it, a mean and its standard deviation give the mean's standard error.
+    ("estimates", |m| Some(m.report.scores.all.estimates as f64)),
+    ("ms_a_frame", |m| m.ms_a_frame),
+];
+
+fn errors<'a>(measured: &Measured<'a>) -> Option<&'a Errors> {
+    measured.report.scores.all.errors.as_ref()
+}
+
+fn course(measured: &Measured) -> Option<Course> {
+    errors(measured)?.course
+}
+
+fn heading(measured: &Measured) -> Option<Heading> {
+    errors(measured)?.heading
+}
+
+fn one_or_zero(yes: bool) -> f64 {
+    f64::from(u8::from(yes))
+}
