@@ -4,11 +4,11 @@ use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Writes a file by way of another beside it, so that a failure leaves what was there before.
 ///
-/// Faults: the file cannot be written.
+/// Errors: the file cannot be written.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let partial = path.with_file_name(format!(".{name}.{}.partial", std::process::id()));
@@ -21,7 +21,7 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     written.map_err(|error| {
         // Where not even this file could be made, there is nothing to remove.
         let _ = fs::remove_file(&partial);
-        fault!(
+        user_error!(
             "{}: cannot be written ({error}); give a folder that exists and may be written to",
             path.display()
         )
@@ -49,7 +49,7 @@ mod tests {
         // A folder of that name cannot be replaced by a file.
         fs::create_dir(&path).unwrap();
         let error = write_file(&path, b"new").unwrap_err();
-        assert!(error.is::<crate::fault::Fault>());
+        assert!(error.is::<crate::user_error::UserError>());
         assert!(error.to_string().contains("model.toml"), "{error}");
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// What a command's folders hold, by which they are known and may be replaced.
 pub(crate) struct Content {
@@ -42,34 +42,36 @@ pub(crate) struct Folder {
 impl Folder {
     /// Begins a folder.
     ///
-    /// Faults: the one that is wanted holds something already, which is replaced by force only where it has this content; it cannot be made.
+    /// Errors: the one that is wanted holds something already, which is replaced by force only where it has this content; it cannot be made.
     pub(crate) fn begin(content: &'static Content, output: &Path, force: bool) -> Result<Self> {
         let Content { mark, what, .. } = content;
         let name = output.display();
         if output.exists() && !output.is_dir() {
-            return Err(fault!(
+            return Err(user_error!(
                 "{name}: is a file; give the name of a folder with -o"
             ));
         }
         let holds_something =
             fs::read_dir(output).is_ok_and(|mut entries| entries.next().is_some());
         if holds_something && !force {
-            return Err(fault!(
+            return Err(user_error!(
                 "{name}: is not empty; give another -o, or --force to replace {what}"
             ));
         }
         if holds_something && !output.join(mark).is_file() {
-            return Err(fault!(
+            return Err(user_error!(
                 "{name}: holds no {mark}, so that it is not {what} and --force does not remove it; give another -o"
             ));
         }
         if holds_something && let Some(foreign) = content.foreign(output) {
-            return Err(fault!(
+            return Err(user_error!(
                 "{name}: holds {foreign}, which is no part of {what}, and --force would remove it; move it elsewhere, or give another -o"
             ));
         }
         let Some(file_name) = output.file_name() else {
-            return Err(fault!("{name}: is no name of a folder; give another -o"));
+            return Err(user_error!(
+                "{name}: is no name of a folder; give another -o"
+            ));
         };
         let partial = format!(
             ".{}.{}.partial",
@@ -118,7 +120,7 @@ impl Folder {
         self.is_finished = true;
         if old.exists() {
             fs::remove_dir_all(&old).map_err(|error| {
-                fault!(
+                user_error!(
                     "{}: cannot be removed ({error}); remove it yourself",
                     old.display()
                 )
@@ -128,7 +130,7 @@ impl Folder {
     }
 
     fn failed(&self, name: &Path, error: &std::io::Error) -> anyhow::Error {
-        fault!(
+        user_error!(
             "{}: cannot be written ({error}); give a folder that may be written to with -o",
             self.output.join(name).display()
         )

@@ -3,20 +3,20 @@
 mod board;
 mod commands;
 mod draw;
-mod fault;
 mod files;
 mod folder;
 mod interrupt;
+mod output;
 mod progress;
 mod rectangle;
 mod rig;
-mod say;
 mod scene;
 mod source;
 mod tables;
 mod timing;
 mod track_start;
 mod tracking;
+mod user_error;
 
 use std::process::ExitCode;
 
@@ -80,5 +80,5 @@ fn main() -> ExitCode {
         Command::Measure(arguments) => commands::measure::run(&arguments),
         Command::Simulate(arguments) => commands::simulate::run(&arguments),
     };
-    fault::exit_code_of(&outcome)
+    user_error::exit_code_of(&outcome)
 }

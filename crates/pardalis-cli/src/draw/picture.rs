@@ -9,8 +9,8 @@ use resvg::tiny_skia::{Color, Pixmap, Transform};
 
 use super::svg::{FONT_FAMILY, parsed};
 use super::{Rgb, shortened};
-use crate::fault::fault;
 use crate::files::write_file;
+use crate::user_error::user_error;
 
 const JPEG_QUALITY: u8 = 90;
 
@@ -27,7 +27,7 @@ pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> anyhow::Result<(
         Ok(ImageFormat::Jpeg) => {
             let side = |px: u32| {
                 u16::try_from(px).map_err(|_| {
-                    fault!(
+                    user_error!(
                         "{}: {px} pixels are too many for JPEG; write a .png",
                         path.display()
                     )
@@ -41,7 +41,7 @@ pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> anyhow::Result<(
             picture.write_to(&mut std::io::Cursor::new(&mut bytes), ImageFormat::Png)?;
         }
         _ => {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: pictures are written as .jpg, .jpeg or .png; give the file such a name",
                 path.display()
             ));

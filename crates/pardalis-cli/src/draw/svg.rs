@@ -175,7 +175,7 @@ mod tests {
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"1\" height=\"1\"/>",
         )
         .unwrap_err();
-        assert!(error.is::<crate::fault::Fault>());
+        assert!(error.is::<crate::user_error::UserError>());
         assert!(error.to_string().contains("/nowhere/at/all"), "{error}");
     }
 }

@@ -14,7 +14,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// An image of packed red, green and blue bytes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -40,7 +40,7 @@ pub(crate) struct GrayImage {
 
 /// Decodes a JPEG or PNG file of any pixel type to 8-bit RGB. Alpha is left out.
 ///
-/// Faults: the file can not be read, is not a whole JPEG or PNG image, or is empty or too large.
+/// Errors: the file can not be read, is not a whole JPEG or PNG image, or is empty or too large.
 pub(crate) fn decode_image(path: &Path) -> Result<RgbImage> {
     let bytes = read(path)?;
     let (kind, (width, height)) = check(path, &bytes)?;
@@ -49,7 +49,7 @@ pub(crate) fn decode_image(path: &Path) -> Result<RgbImage> {
         Kind::Png => rgb_from_png(&bytes),
     };
     let bytes = rgb.map_err(|error| {
-        fault!(
+        user_error!(
             "{}: the image is damaged or of an unknown kind: {error:#}; \
              replace it by a sound JPEG (baseline or progressive) or PNG image",
             path.display()
@@ -70,7 +70,7 @@ pub(crate) fn decode_image(path: &Path) -> Result<RgbImage> {
 
 /// Decodes a JPEG or PNG file of any pixel type to 8-bit grey; colours by the weights of BT.601.
 ///
-/// Faults as [`decode_image`].
+/// Errors as [`decode_image`].
 pub(crate) fn decode_mask(path: &Path) -> Result<GrayImage> {
     let rgb = decode_image(path)?;
     let grey = |[r, g, b]: [u8; 3]| {
@@ -87,7 +87,7 @@ pub(crate) fn decode_mask(path: &Path) -> Result<GrayImage> {
 
 /// Width and height of a JPEG or PNG file in pixels, from its header; nothing is decoded.
 ///
-/// Faults as [`decode_image`], except for damage inside the compressed data.
+/// Errors as [`decode_image`], except for damage inside the compressed data.
 pub(crate) fn image_size(path: &Path) -> Result<(usize, usize)> {
     Ok(check(path, &read(path)?)?.1)
 }
@@ -103,7 +103,7 @@ enum Kind {
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|error| fault!("{}: can not be read: {error}", path.display()))
+    std::fs::read(path).map_err(|error| user_error!("{}: can not be read: {error}", path.display()))
 }
 
 /// Tells the kind by the first bytes, and the size by the header before anything is allocated for it.
@@ -111,26 +111,26 @@ fn check(path: &Path, bytes: &[u8]) -> Result<(Kind, (usize, usize))> {
     let name = path.display();
     let outline = match bytes {
         [] => {
-            return Err(fault!(
+            return Err(user_error!(
                 "{name}: the file is empty (0 bytes); replace or remove it"
             ));
         }
         [0xFF, 0xD8, ..] => jpeg_outline(bytes),
         [0x89, b'P', b'N', b'G', ..] => png_outline(bytes),
         _ => {
-            return Err(fault!(
+            return Err(user_error!(
                 "{name}: this is not a JPEG or PNG image; replace or remove it"
             ));
         }
     };
     if let Some((width, height)) = outline.size {
         if width == 0 || height == 0 {
-            return Err(fault!(
+            return Err(user_error!(
                 "{name}: the image has no pixels ({width} x {height}); replace or remove it"
             ));
         }
         if width.max(height) > MAX_IMAGE_SIDE_PX {
-            return Err(fault!(
+            return Err(user_error!(
                 "{name}: the image is {width} x {height} pixels; \
                  at most {MAX_IMAGE_SIDE_PX} a side are taken: scale it down"
             ));
@@ -138,7 +138,7 @@ fn check(path: &Path, bytes: &[u8]) -> Result<(Kind, (usize, usize))> {
     }
     match outline.size {
         Some(size) if outline.complete => Ok((outline.kind, size)),
-        _ => Err(fault!(
+        _ => Err(user_error!(
             "{name}: the file ends before its image does, as if cut off while it was written \
              or copied ({} bytes); replace or remove it",
             bytes.len()

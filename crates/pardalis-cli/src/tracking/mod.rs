@@ -15,12 +15,12 @@ use pardalis::{Estimate, Frame, Tracker};
 use pardalis_scene::Scene;
 use serde::Serialize;
 
-use crate::fault::fault;
 use crate::interrupt;
-use crate::say::warn;
+use crate::output::warn;
 use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
+use crate::user_error::user_error;
 use annotate::Annotator;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
@@ -133,7 +133,7 @@ pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> R
 /// One step of tracking. Where every image is one that was weighed before, the state is only predicted.
 fn observe(tracker: &mut Tracker, set: &FrameSet) -> Result<Vec<Estimate>> {
     let observed = tracker.observe(&set.fresh(), set.time_s);
-    observed.map_err(|error| fault!("frame {}: {error}", set.index))?;
+    observed.map_err(|error| user_error!("frame {}: {error}", set.index))?;
     let estimate = |target| tracker.estimate_at(target, set.time_s);
     Ok((0..tracker.target_count()).map(estimate).collect())
 }
@@ -256,7 +256,7 @@ fn track(
     let ended_by = match ended_by {
         // Whoever read our rows has seen enough.
         Some(error) if is_broken_pipe(&error) => None,
-        None if outcome.frame_sets == 0 => Some(fault!(
+        None if outcome.frame_sets == 0 => Some(user_error!(
             "no frame came from any camera; nothing was tracked\n  {}",
             warnings.join("\n  ")
         )),

@@ -13,7 +13,7 @@ use super::model::ModelOptions;
 use super::report::Report;
 use super::{output, rig};
 use crate::board::Board;
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// A measured distance may be off by this share of it.
 const DISTANCE_TOLERANCE: f64 = 0.05;
@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     output::write(&folder, &report)
 }
 
-/// Faults: the board was found in no image.
+/// Errors: the board was found in no image.
 pub(super) fn check_found(source: &Path, images: &[images::SearchedImage]) -> Result<()> {
     if images.iter().any(|image| image.found.is_ok()) {
         return Ok(());
@@ -102,14 +102,14 @@ pub(super) fn check_found(source: &Path, images: &[images::SearchedImage]) -> Re
         let reason = image.found.as_ref().err()?;
         Some(format!("\n  {}: {reason}", image.name))
     });
-    Err(fault!(
+    Err(user_error!(
         "{}: the board was found in none of the images; see whether --board says what it looks like{}",
         source.display(),
         reasons.collect::<String>()
     ))
 }
 
-/// Faults: the distance to the board is another than measured.
+/// Errors: the distance to the board is another than measured.
 fn check_distance(
     board: &Board,
     calibration: &Calibration,
@@ -117,7 +117,7 @@ fn check_distance(
     measured_m: f64,
 ) -> Result<()> {
     let view = calibration.views.iter().find(|view| view.name == image).ok_or_else(|| {
-        fault!("--distance {image}: the board was found in no image of this name; give the name of a file in which it was")
+        user_error!("--distance {image}: the board was found in no image of this name; give the name of a file in which it was")
     })?;
     let fitted_m = view.camera_from_target.translation.vector.norm();
     let ratio = measured_m / fitted_m;
@@ -125,7 +125,7 @@ fn check_distance(
         return Ok(());
     }
     let (what, side_m) = side(board);
-    Err(fault!(
+    Err(user_error!(
         "--distance {image}: measured {measured_m} m, but {fitted_m:.3} m by the calibration: the ratio is {ratio:.3}, more than 5 % off; \
          a {what} of {:.5} m in place of {side_m} m would agree: measure the board, and mend --board or the distance",
         side_m * ratio

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::model::Model;
 use super::trial::Trial;
 use crate::draw::calibration::Sighting;
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Errors within this ratio are alike: then fewer parameters are better, for they leave less to chance where no points were.
 const ALIKE: f64 = 1.03;
@@ -36,7 +36,7 @@ pub(super) struct Fits {
 impl Fits {
     /// Fits all models. `board`: whether the views are of a board, seen from its printed side.
     ///
-    /// Faults: none can be fitted; `source` is what the observations came from.
+    /// Errors: none can be fitted; `source` is what the observations came from.
     pub(super) fn of(
         source: &Path,
         views: &[CalibrationView],
@@ -97,7 +97,7 @@ impl Fits {
                 .iter()
                 .map(|(name, reason)| format!("{}: {name}: {reason}", source.display()))
                 .collect();
-            return Err(fault!("{}", reasons.join("\n")));
+            return Err(user_error!("{}", reasons.join("\n")));
         }
         Ok(fits)
     }

@@ -9,8 +9,8 @@ use pardalis_calibrate::{CalibrationView, Correspondence};
 use rayon::prelude::*;
 
 use crate::board::{Board, Corner, detect};
-use crate::fault::fault;
 use crate::source::decode::decode_mask;
+use crate::user_error::user_error;
 
 use super::observations::Observations;
 
@@ -24,7 +24,7 @@ pub(super) struct SearchedImage {
 
 /// The images of a folder, of a pattern with `*` and `?` in its last part, or a single one; sorted by name.
 ///
-/// Faults: there are none.
+/// Errors: there are none.
 pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
     let pattern = path.file_name().unwrap_or_default().to_string_lossy();
     let is_pattern = pattern.contains(['*', '?']) && !path.exists();
@@ -39,7 +39,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
         path
     };
     let unreadable = |error| {
-        fault!(
+        user_error!(
             "{}: cannot be read ({error}); give a folder of images",
             folder.display()
         )
@@ -57,7 +57,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
     }
     files.sort();
     if files.is_empty() {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: no images there; allowed: files ending in .jpg, .jpeg or .png",
             path.display()
         ));
@@ -78,7 +78,7 @@ fn fits(pattern: &[u8], name: &[u8]) -> bool {
 
 /// Searches all images for the board; also gives their size, which must be the same.
 ///
-/// Faults: an image cannot be read, or has another size than the first.
+/// Errors: an image cannot be read, or has another size than the first.
 pub(super) fn search(
     board: &Board,
     files: &[PathBuf],
@@ -105,7 +105,7 @@ pub(super) fn search(
     let first = searched.first().map_or((0, 0), |searched| searched.1);
     for (file, (_, size_px)) in files.iter().zip(&searched) {
         if *size_px != first {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: has {} x {} pixels, {} has {} x {}; images of one camera have one size",
                 file.display(),
                 size_px.0,

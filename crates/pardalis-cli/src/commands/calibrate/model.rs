@@ -6,8 +6,8 @@ use anyhow::Result;
 use pardalis_calibrate::{CalibrationStart, ModelKind, OUTLIER_SIGMAS};
 use pardalis_camera::CalibratedCamera;
 
-use crate::fault::fault;
 use crate::scene::read_calibration;
+use crate::user_error::user_error;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct ModelOptions {
@@ -48,7 +48,7 @@ pub(super) struct Model {
 impl ModelOptions {
     /// The models that were asked for, each once.
     ///
-    /// Faults: a name is unknown, or the file to start from cannot be read.
+    /// Errors: a name is unknown, or the file to start from cannot be read.
     pub(super) fn models(&self) -> Result<Vec<Model>> {
         if let Some(path) = &self.start {
             let remedy = "take one out with pardalis camera convert --camera NAME";
@@ -61,7 +61,7 @@ impl ModelOptions {
         for name in &self.model {
             let named = match &**name {
                 "all" if self.model.len() > 1 => {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "--model {}: all has every model already; give all alone, or the names of some",
                         self.model.join(",")
                     ));
@@ -90,7 +90,7 @@ impl ModelOptions {
 
 fn unknown_model(name: &str) -> anyhow::Error {
     let known: Vec<&str> = ModelKind::ALL.iter().map(|kind| kind.name()).collect();
-    fault!(
+    user_error!(
         "--model {name}: there is no such model; allowed: {}, or all",
         known.join(", ")
     )
@@ -98,14 +98,14 @@ fn unknown_model(name: &str) -> anyhow::Error {
 
 /// A camera of a calibration file: the one of this name, or the only one.
 ///
-/// Faults: the file cannot be read, has no such camera, or has several and none is named, for which there is the remedy.
+/// Errors: the file cannot be read, has no such camera, or has several and none is named, for which there is the remedy.
 pub(super) fn read_camera(
     path: &Path,
     name: Option<&str>,
     remedy: &str,
 ) -> Result<CalibratedCamera> {
     let cameras = read_calibration(Path::new(""), &path.to_string_lossy(), None)
-        .map_err(|message| fault!("{message}"))?;
+        .map_err(|message| user_error!("{message}"))?;
     let names: Vec<String> = cameras.iter().map(|camera| camera.name.clone()).collect();
     let names = names.join(", ");
     let several = cameras.len() > 1;
@@ -113,12 +113,12 @@ pub(super) fn read_camera(
         .into_iter()
         .find(|camera| name.is_none_or(|name| camera.name == name));
     match (found, name) {
-        (None, name) => Err(fault!(
+        (None, name) => Err(user_error!(
             "{}: has no camera {}; found: {names}",
             path.display(),
             name.unwrap_or("at all")
         )),
-        (Some(_), None) if several => Err(fault!(
+        (Some(_), None) if several => Err(user_error!(
             "{}: has several cameras ({names}); {remedy}",
             path.display()
         )),

@@ -6,8 +6,8 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis_calibrate::{CalibrationView, Correspondence};
 
-use crate::fault::fault;
 use crate::tables::{Row, Table};
+use crate::user_error::user_error;
 
 /// The most faulty rows that are listed.
 const MAX_LISTED: usize = 10;
@@ -63,13 +63,13 @@ impl Columns {
 
 /// Reads the points of a table; those with the same `view` share one pose, and without that column all do.
 ///
-/// Faults: the file cannot be read, lacks a column, or has rows that are no points; they are named by line.
+/// Errors: the file cannot be read, lacks a column, or has rows that are no points; they are named by line.
 pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
     let [x, y, z, u, v, view] = &columns.0;
     let table = Table::read(path)?;
     let point = table.columns([&**x, &**y, &**z])?;
     let pixel = table.columns([&**u, &**v]).map_err(|error| {
-        fault!("{error:#}; say which column is which with --columns u=NAME,v=NAME")
+        user_error!("{error:#}; say which column is which with --columns u=NAME,v=NAME")
     })?;
     let view = table.optional_column(view);
     let parse = |row: &Row| -> Result<(String, Correspondence)> {
@@ -107,7 +107,7 @@ pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
     if more > 0 {
         faults.push(format!("and {more} more such rows"));
     }
-    Err(fault!("{}", faults.join("\n")))
+    Err(user_error!("{}", faults.join("\n")))
 }
 
 /// What is the same for the same point at the same pixel, and for nothing else.
@@ -132,7 +132,7 @@ impl Observations {
         self.numbers[place].push(number);
     }
 
-    /// Faults: coordinates are beyond what can be metres, or pixels lie outside of the images; they are named by line.
+    /// Errors: coordinates are beyond what can be metres, or pixels lie outside of the images; they are named by line.
     pub(super) fn check(&self, path: &Path, (width, height): (usize, usize)) -> Result<()> {
         self.refuse_rows(
             path,
@@ -159,7 +159,7 @@ impl Observations {
         )
     }
 
-    /// Faults: there are points that `fault` has a word on.
+    /// Errors: there are points that `fault` has a word on.
     fn refuse_rows(
         &self,
         path: &Path,
@@ -182,7 +182,7 @@ impl Observations {
             faults.truncate(MAX_LISTED);
             faults.push("...".to_owned());
         }
-        Err(fault!(
+        Err(user_error!(
             "{}: {count} of {} {what}: {}; {remedy}",
             path.display(),
             self.point_count(),

@@ -13,9 +13,9 @@ use super::fit::{Fit, free_parameters};
 use super::page;
 use super::report::{Report, outlier_count};
 use super::trial::Trial;
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
+use crate::user_error::user_error;
 
 /// The folder that was asked for, or one in the current directory named after the input and what was done: `points-calibration`.
 pub(super) fn folder(asked: Option<&Path>, input: &Path, done: &str) -> PathBuf {
@@ -29,7 +29,7 @@ pub(super) fn folder(asked: Option<&Path>, input: &Path, done: &str) -> PathBuf 
 
 /// Writes camera files, residuals and report into a folder, and tells what they say.
 ///
-/// Faults: the folder cannot be made or written to.
+/// Errors: the folder cannot be made or written to.
 pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
     make_folder(folder)?;
     let mut written = Vec::new();
@@ -54,7 +54,7 @@ pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
     write("views.csv".to_owned(), views(report)?)?;
     write("residuals.csv".to_owned(), residuals(report)?)?;
     write("report.html".to_owned(), page::page(report)?)?;
-    say(report);
+    print(report);
     say_written(&written);
     Ok(())
 }
@@ -65,7 +65,10 @@ fn remove_earlier(folder: &Path) -> Result<()> {
         let path = folder.join(format!("camera-{}.toml", kind.name()));
         match fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
-                return Err(fault!("{}: cannot be replaced: {error}", path.display()));
+                return Err(user_error!(
+                    "{}: cannot be replaced: {error}",
+                    path.display()
+                ));
             }
             _ => {}
         }
@@ -76,7 +79,7 @@ fn remove_earlier(folder: &Path) -> Result<()> {
 /// Makes a folder and those it lies in.
 pub(super) fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|error| {
-        fault!(
+        user_error!(
             "{}: cannot be made ({error}); give another folder with --output",
             folder.display()
         )
@@ -85,9 +88,9 @@ pub(super) fn make_folder(folder: &Path) -> Result<()> {
 
 /// Tells which files there are.
 pub(super) fn say_written(written: &[PathBuf]) {
-    say("\nWritten:");
+    print("\nWritten:");
     for path in written {
-        say(format!("  {}", path.display()));
+        print(format!("  {}", path.display()));
     }
 }
 

@@ -8,9 +8,9 @@ use pardalis_camera::Camera;
 use pardalis_scene::calibration::{self, CalibrationFormat};
 
 use super::load::Selection;
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
+use crate::user_error::user_error;
 
 /// Writes cameras in another format
 ///
@@ -54,28 +54,28 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
         && from == to
     {
-        return Err(fault!(
+        return Err(user_error!(
             "-o {}: is the file that is read; give another, so that nothing of it is lost",
             output.display()
         ));
     }
-    let refuse = |error| fault!("{}: {error}", input.display());
+    let refuse = |error| user_error!("{}: {error}", input.display());
     let text = calibration::write(arguments.to, &cameras).map_err(refuse)?;
     // What comes back from the text is what it holds.
     let held = calibration::read(&text, None).map_err(refuse)?;
     write_file(output, text.as_bytes())?;
     for (camera, held) in cameras.iter().zip(&held) {
-        say(format!("{}: {}", camera.name, camera.camera.kind()));
+        print(format!("{}: {}", camera.name, camera.camera.kind()));
         let lost = lost(camera, held);
         if !lost.is_empty() {
-            say(format!(
+            print(format!(
                 "  not written, as {} has no place for it: {}",
                 arguments.to.name(),
                 lost.join(", ")
             ));
         }
     }
-    say(format!("  {}", output.display()));
+    print(format!("  {}", output.display()));
     Ok(())
 }
 

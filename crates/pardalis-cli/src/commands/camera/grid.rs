@@ -12,8 +12,8 @@ use crate::draw::Rgb;
 use crate::draw::grid::{Label, drawn_over};
 use crate::draw::overlay::{Mark, Shape};
 use crate::draw::picture::write_picture;
-use crate::fault::fault;
 use crate::source::decode::decode_image;
+use crate::user_error::user_error;
 
 /// Steps of a line between two others: bent lenses bend it.
 const STEPS_A_CELL: usize = 40;
@@ -84,7 +84,7 @@ type Line = Vec<([f64; 3], Option<[f64; 2]>)>;
 impl GridOptions {
     /// Draws the grid over an image that was read by [`read_image`], as a file.
     ///
-    /// Faults: the camera has no pose, the numbers make no grid, or none of it is in view.
+    /// Errors: the camera has no pose, the numbers make no grid, or none of it is in view.
     pub(super) fn draw(
         &self,
         file: &Path,
@@ -93,7 +93,7 @@ impl GridOptions {
         to: &Path,
     ) -> Result<()> {
         let Some(world_from_camera) = &camera.world_from_camera else {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: camera {} has no pose, so that nothing says where the world's grid lies; find it with \
                  `pardalis calibrate pose`, or write world_from_camera into a Pardalis calibration (`pardalis camera convert --to pardalis` makes one)",
                 file.display(),
@@ -118,7 +118,7 @@ impl GridOptions {
         let lines = &marks[..marks.len() - AXIS_COLORS.len()];
         let seen = lines.iter().flat_map(|mark| &mark.points_px).flatten();
         if !seen.copied().any(in_image) {
-            return Err(fault!(
+            return Err(user_error!(
                 "--extent: no line of the grid is in the view of camera {}; give the range of x and y that it sees, such as --extent 2,6,-2,2",
                 camera.name
             ));
@@ -130,15 +130,17 @@ impl GridOptions {
     fn ranges_m(&self) -> Result<([f64; 2], [f64; 2])> {
         let spacing_m = self.spacing;
         if !(1e-3..=1e4).contains(&spacing_m) {
-            return Err(fault!(
+            return Err(user_error!(
                 "--spacing {spacing_m}: allowed: 0.001 to 10000 metres"
             ));
         }
         if let Some(z) = self.heights.iter().find(|z| !(z.abs() <= 1e5)) {
-            return Err(fault!("--heights {z}: allowed: -100000 to 100000 metres"));
+            return Err(user_error!(
+                "--heights {z}: allowed: -100000 to 100000 metres"
+            ));
         }
         if self.heights.len() > PLANE_COLORS.len() {
-            return Err(fault!(
+            return Err(user_error!(
                 "--heights: {} planes; allowed: at most {}, or they could not be told apart",
                 self.heights.len(),
                 PLANE_COLORS.len()
@@ -149,7 +151,7 @@ impl GridOptions {
             [] => [-reach_m, reach_m, -reach_m, reach_m],
             [x0, x1, y0, y1] => [x0, x1, y0, y1],
             _ => {
-                return Err(fault!(
+                return Err(user_error!(
                     "--extent: {} numbers; allowed: four, x0,x1,y0,y1",
                     self.extent.len()
                 ));
@@ -158,7 +160,7 @@ impl GridOptions {
         for (low, high) in [(x0, x1), (y0, y1)] {
             let lines = (high - low) / spacing_m;
             if !(low.abs() <= 1e5 && high.abs() <= 1e5 && (1.0..=MAX_LINES).contains(&lines)) {
-                return Err(fault!(
+                return Err(user_error!(
                     "--extent: {low} to {high} at a spacing of {spacing_m}; allowed: ascending, 1 to {MAX_LINES} spacings wide, within 100 km"
                 ));
             }
@@ -172,7 +174,7 @@ pub(super) fn read_image(path: &Path, camera: &CalibratedCamera) -> Result<RgbIm
     let decoded = decode_image(path)?;
     let size = (decoded.width, decoded.height);
     if let Some((width, height)) = camera.size_px.filter(|stated| *stated != size) {
-        return Err(fault!(
+        return Err(user_error!(
             "--grid {}: the image is {} x {} pixels, but camera {} is calibrated for {width} x {height}; give an image of that size",
             path.display(),
             size.0,

@@ -9,8 +9,8 @@ use pardalis_camera::formats::Lens;
 use pardalis_scene::calibration;
 
 use crate::commands::calibrate::parse_size;
-use crate::fault::fault;
 use crate::scene::{self, read_text};
+use crate::user_error::user_error;
 
 /// Which cameras of which file are meant.
 #[derive(Debug, clap::Args)]
@@ -40,7 +40,7 @@ pub(crate) fn lens() -> impl TypedValueParser<Value = Lens> {
 impl Selection {
     /// The cameras that are meant, at least one.
     ///
-    /// Faults: the file cannot be read or understood, has no camera of that name, or says another size.
+    /// Errors: the file cannot be read or understood, has no camera of that name, or says another size.
     pub(super) fn cameras(&self) -> Result<Vec<CalibratedCamera>> {
         let mut cameras = cameras_in(&self.file, self.lens)?;
         if let Some(name) = &self.camera {
@@ -48,7 +48,7 @@ impl Selection {
             let allowed = names.join(", ");
             cameras.retain(|camera| camera.name == *name);
             if cameras.is_empty() {
-                return Err(fault!(
+                return Err(user_error!(
                     "--camera {name}: {} has no camera of this name; allowed: {allowed}",
                     self.file.display()
                 ));
@@ -63,7 +63,7 @@ impl Selection {
     /// Gives a camera the size that was asked for, where its file has none.
     fn apply_size(&self, camera: &mut CalibratedCamera) -> Result<()> {
         match (self.size, camera.size_px) {
-            (Some((width, height)), Some(stated)) if stated != (width, height) => Err(fault!(
+            (Some((width, height)), Some(stated)) if stated != (width, height) => Err(user_error!(
                 "--size {width}x{height}: {} says that the images of camera {} are {}x{}; leave --size out",
                 self.file.display(),
                 camera.name,
@@ -80,14 +80,14 @@ impl Selection {
 
     /// The one camera that is meant.
     ///
-    /// Faults: as [`Selection::cameras`], and where there are several.
+    /// Errors: as [`Selection::cameras`], and where there are several.
     pub(super) fn only_camera(
         cameras: &[CalibratedCamera],
         purpose: &str,
     ) -> Result<CalibratedCamera> {
         match cameras {
             [camera] => Ok(camera.clone()),
-            _ => Err(fault!(
+            _ => Err(user_error!(
                 "{purpose} is of one camera; choose one with --camera: {}",
                 cameras
                     .iter()
@@ -107,10 +107,10 @@ fn cameras_in(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>> 
         .any(|line| line.trim_start().starts_with("[targets."));
     if !is_scene {
         return calibration::read(&text, lens)
-            .map_err(|error| fault!("{}: {error}", path.display()));
+            .map_err(|error| user_error!("{}: {error}", path.display()));
     }
     if let Some(lens) = lens {
-        return Err(fault!(
+        return Err(user_error!(
             "--as {}: {} is a scene, which says itself what its calibrations mean (calibration_as); leave --as out",
             lens.name(),
             path.display()

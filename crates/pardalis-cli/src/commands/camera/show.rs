@@ -11,8 +11,8 @@ use super::grid::{GridOptions, read_image};
 use super::load::Selection;
 use super::optics::{Optics, RadiusSample};
 use crate::draw::lens::{FieldOfView, LensCurve, write_distortion, write_field_of_view};
-use crate::fault::fault;
-use crate::say::say;
+use crate::output::print;
+use crate::user_error::user_error;
 
 const EXAMPLES: &str = "Examples:
   pardalis camera show scene.toml                        the cameras of a scene, in numbers
@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let mut files = Vec::new();
     for camera in &cameras {
         let Some(size_px) = camera.size_px else {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: camera {}: nothing says how large its images are; give --size, such as --size 640x480",
                 file.display(),
                 camera.name
@@ -67,7 +67,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
             continue;
         };
         fs::create_dir_all(folder).map_err(|error| {
-            fault!(
+            user_error!(
                 "-o {}: the folder cannot be made: {error}; give another",
                 folder.display()
             )
@@ -90,9 +90,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
             files.push(path);
         }
     }
-    say(told.join("\n"));
+    print(told.join("\n"));
     for file in files {
-        say(format!("  {}", file.display()));
+        print(format!("  {}", file.display()));
     }
     Ok(())
 }

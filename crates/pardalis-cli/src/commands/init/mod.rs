@@ -13,11 +13,11 @@ use pardalis_camera::formats::Lens;
 use pardalis_scene::{FrameRange, NAMES_ALLOWED, Scene, is_name};
 
 use crate::commands::camera::load::lens;
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
 use crate::scene::{read_calibration, read_text};
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
+use crate::user_error::user_error;
 use sequence::Recording;
 use text::{Calibration, CameraText, SceneText};
 
@@ -80,7 +80,7 @@ enum Model {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let output = &arguments.output;
     if output.exists() && !arguments.force {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: exists already; give another -o, or --force to replace it",
             output.display()
         ));
@@ -98,7 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
                 let of_several = (known.len() > 1).then_some(&*camera.name);
                 let input = frames_of(&arguments.input, of_several);
                 if of_several.is_some() && !input.exists() {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "{}: there is no such folder, but {} has {} cameras, and each needs one of its name; take one camera out with \
                          pardalis camera convert --camera NAME",
                         input.display(),
@@ -137,27 +137,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let checked = Scene::parse(&text, &|file, lens| read_calibration(folder, file, lens));
     if let Err(problems) = checked {
         let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
-        return Err(fault!(
+        return Err(user_error!(
             "the scene would not be valid: {}",
             problems.join("; ")
         ));
     }
     write_file(output, text.as_bytes())?;
-    say(output.display());
+    print(output.display());
     let to_change = text.lines().filter(|line| line.contains("CHANGE")).count();
     if to_change > 0 {
-        say(format!(
+        print(format!(
             "  put your values into the lines marked CHANGE ({to_change})"
         ));
     }
-    say("next:");
+    print("next:");
     if !arguments.colors.exists() {
-        say(format!(
+        print(format!(
             "  pardalis learn … -o {}    (how: pardalis learn --help)",
             arguments.colors.display()
         ));
     }
-    say(format!("  pardalis track {}", output.display()));
+    print(format!("  pardalis track {}", output.display()));
     Ok(())
 }
 
@@ -173,13 +173,13 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     let is_video = !input.is_dir();
     let has_times = input.join("times.csv").is_file();
     if !input.exists() {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: there is no such file or folder",
             input.display()
         ));
     }
     if is_video && is_image(input) {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: is a single image; give the folder that holds it, or a video",
             input.display()
         ));
@@ -190,7 +190,7 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
         } else {
             "times.csv gives the time stamps"
         };
-        return Err(fault!("--fps: {why}; leave it out"));
+        return Err(user_error!("--fps: {why}; leave it out"));
     }
     let kind = if is_video {
         SourceKind::Video {
@@ -239,7 +239,7 @@ fn knowledge(arguments: &Arguments) -> Result<Knowledge> {
         if let Ok(model) = Model::from_str(name, false) {
             return match arguments.lens {
                 None => Ok(Knowledge::Model(model)),
-                Some(_) => Err(fault!(
+                Some(_) => Err(user_error!(
                     "--as: is for calibration files; leave it out beside --camera {name}"
                 )),
             };
@@ -253,20 +253,20 @@ fn knowledge(arguments: &Arguments) -> Result<Knowledge> {
         }
     };
     if !file.exists() {
-        return Err(fault!(
+        return Err(user_error!(
             "--camera {}: is neither a model (equidistant, pinhole, unified, perspective_mirror) nor a file",
             file.display()
         ));
     }
     let cameras = read_calibration(Path::new(""), &file.to_string_lossy(), arguments.lens)
-        .map_err(|message| fault!("{message}"))?;
+        .map_err(|message| user_error!("{message}"))?;
     Ok(Knowledge::Calibration { file, cameras })
 }
 
-/// Faults: the calibration is for images of another size.
+/// Errors: the calibration is for images of another size.
 fn check_size(file: &Path, camera: &CalibratedCamera, found: (usize, usize)) -> Result<()> {
     match camera.size_px {
-        Some(stated) if stated != found => Err(fault!(
+        Some(stated) if stated != found => Err(user_error!(
             "{}: camera {}: the calibration is for {} x {} pixels, the images are {} x {}",
             file.display(),
             camera.name,

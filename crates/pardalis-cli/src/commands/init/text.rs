@@ -8,7 +8,7 @@ use pardalis_camera::Camera;
 use pardalis_camera::formats::Lens;
 
 use super::{Model as ModelName, Opened};
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Where nobody says how many frames a second there are.
 pub(super) const GUESSED_FPS: f64 = 25.0;
@@ -271,14 +271,14 @@ impl SceneText<'_> {
         );
     }
 
-    /// Faults: the given pixel is outside the first camera's image.
+    /// Errors: the given pixel is outside the first camera's image.
     pub(super) fn check_pixel(&self) -> Result<()> {
         let (width, height) = self.cameras[0].size;
         let inside = |[x, y]: [f64; 2]| {
             (0.0..=width as f64 - 1.0).contains(&x) && (0.0..=height as f64 - 1.0).contains(&y)
         };
         match self.pixel {
-            Some(pixel) if !inside(pixel) => Err(fault!(
+            Some(pixel) if !inside(pixel) => Err(user_error!(
                 "--pixel {},{}: is outside the image of {width} x {height} pixels",
                 pixel[0],
                 pixel[1]

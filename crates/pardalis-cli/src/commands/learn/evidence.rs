@@ -41,7 +41,7 @@ struct Counts {
 impl Evidence {
     /// Counts the pixels of all images.
     ///
-    /// Faults: an image or its labels cannot be used.
+    /// Errors: an image or its labels cannot be used.
     pub(super) fn gather(files: &[LabelledFile], palette: Palette) -> Result<Self> {
         let mut learner = ColorLearner::new(palette)?;
         let mut counts = Vec::with_capacity(files.len());

@@ -10,8 +10,8 @@ use pardalis::color::YuvEncoding;
 use pardalis::{Frame, PixelFormat};
 
 use super::label::Label;
-use crate::fault::fault;
 use crate::source::decode::decode_image;
+use crate::user_error::user_error;
 
 /// A folder with masks, or images and labels one by one.
 #[derive(Debug, clap::Args)]
@@ -46,7 +46,7 @@ pub(super) struct Inputs {
 impl InputOptions {
     /// The images and labels that were asked for.
     ///
-    /// Faults: there are none, or they do not go together.
+    /// Errors: there are none, or they do not go together.
     pub(super) fn inputs(&self) -> Result<Inputs> {
         match (&self.folder, &self.masks) {
             (Some(folder), Some(masks)) => folder_inputs(folder, masks),
@@ -63,7 +63,7 @@ impl LabelledFile {
 
     /// Reads the image, and of each pixel, row by row, whether it shows the target.
     ///
-    /// Faults: a file cannot be read or decoded, or a label does not fit the image.
+    /// Errors: a file cannot be read or decoded, or a label does not fit the image.
     pub(super) fn load(&self) -> Result<(Frame, Vec<bool>)> {
         let image = decode_image(&self.image)?;
         let (width, height) = (image.width, image.height);
@@ -86,7 +86,7 @@ fn name_of(path: &Path) -> String {
 
 fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
     let unreadable = |error| {
-        fault!(
+        user_error!(
             "{}: the folder cannot be read: {error}; give a folder of images, or --image FILE for one image",
             folder.display()
         )
@@ -132,7 +132,7 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
                     .to_string_lossy()
             ),
         };
-        return Err(fault!("{}: the folder {found}", folder.display()));
+        return Err(user_error!("{}: the folder {found}", folder.display()));
     }
     Ok(inputs)
 }
@@ -157,7 +157,7 @@ impl Listed {
             match (item, files.last_mut()) {
                 (Item::Image(image), _) => {
                     if files.iter().any(|file| file.image == *image) {
-                        return Err(fault!(
+                        return Err(user_error!(
                             "--image {} is given twice; put all its labels after one",
                             image.display()
                         ));
@@ -169,21 +169,21 @@ impl Listed {
                 }
                 (Item::Label(label), Some(file)) => file.labels.push(label.clone()),
                 (Item::Label(label), None) => {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "{label} comes before any image; put it after the --image FILE that it labels"
                     ));
                 }
             }
         }
         if let Some(file) = files.iter().find(|file| file.labels.is_empty()) {
-            return Err(fault!(
+            return Err(user_error!(
                 "--image {}: nothing is labelled; put --mask FILE, --rect X,Y,WIDTH,HEIGHT or \
                  --polygon X,Y,X,Y,X,Y after it",
                 file.image.display()
             ));
         }
         if files.is_empty() {
-            return Err(fault!(
+            return Err(user_error!(
                 "no image is given; give FOLDER --masks ENDING, or --image FILE and a label \
                  (see pardalis learn --help)"
             ));

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::fault::fault;
 use crate::source::decode::decode_mask;
+use crate::user_error::user_error;
 
 /// Pixels of a mask at least this bright are the target's.
 const MASK_THRESHOLD: u8 = 128;
@@ -62,7 +62,7 @@ impl Label {
 
     /// Marks the target's pixels of an image of this width and height, row by row.
     ///
-    /// Faults: the mask cannot be read, the label fits another size of image, or it has no pixel.
+    /// Errors: the mask cannot be read, the label fits another size of image, or it has no pixel.
     pub(super) fn mark(
         &self,
         image: &Path,
@@ -70,7 +70,7 @@ impl Label {
         is_object: &mut [bool],
     ) -> Result<()> {
         let outside = |allowed: &str| {
-            fault!(
+            user_error!(
                 "{}: {self} reaches out of the image of {width} x {height} pixels; allowed: {allowed}",
                 image.display()
             )
@@ -109,7 +109,7 @@ impl Label {
                     }
                 }
                 if is_empty {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "{}: {self} has no pixel's centre inside; give corners that span an area",
                         image.display()
                     ));
@@ -147,7 +147,7 @@ fn mark_mask(
 ) -> Result<()> {
     let mask = decode_mask(path)?;
     if (mask.width, mask.height) != size {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: the mask is {} x {} pixels where {} has {} x {}; a mask has the size of its image",
             path.display(),
             mask.width,
@@ -159,7 +159,7 @@ fn mark_mask(
     }
     let is_bright = |&grey: &u8| grey >= MASK_THRESHOLD;
     if !mask.bytes.iter().any(is_bright) {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: no pixel of the mask is {MASK_THRESHOLD} or brighter, so that it labels nothing; \
              paint the target white, or leave out the image",
             path.display()

@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
+use crate::user_error::user_error;
 use evidence::Evidence;
 use inputs::InputOptions;
 use palette::PaletteOptions;
@@ -70,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         without_mask: &inputs.without_mask,
         written: &written,
     };
-    say(report.to_string().trim_end());
+    print(report.to_string().trim_end());
     Ok(())
 }
 
@@ -78,18 +78,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 fn check_output(path: &Path) -> Result<()> {
     let name = path.display();
     if path.extension().is_none_or(|extension| extension != "toml") {
-        return Err(fault!(
+        return Err(user_error!(
             "--output {name}: a colour model is a TOML file; give a name ending in .toml, such as orange.colors.toml"
         ));
     }
     if path.is_dir() {
-        return Err(fault!(
+        return Err(user_error!(
             "--output {name}: this is a folder; give the name of a file"
         ));
     }
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     match folder {
-        Some(folder) if !folder.is_dir() => Err(fault!(
+        Some(folder) if !folder.is_dir() => Err(user_error!(
             "--output {name}: there is no folder {}; make it, or give another",
             folder.display()
         )),

@@ -4,7 +4,7 @@ use anyhow::Result;
 use clap::ValueEnum;
 use pardalis::color::{Palette, YuvEncoding, YuvMatrix, YuvRange};
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// How colours are told apart.
 #[derive(Debug, clap::Args)]
@@ -53,7 +53,7 @@ enum Range {
 impl PaletteOptions {
     /// The palette that was asked for.
     ///
-    /// Faults: the bins do not suit it, or options of another one are given.
+    /// Errors: the bins do not suit it, or options of another one are given.
     pub(super) fn palette(&self) -> Result<Palette> {
         let yuv_only = [
             ("--yuv-matrix", self.yuv_matrix.is_some()),
@@ -62,7 +62,7 @@ impl PaletteOptions {
         if let Some((option, _)) = yuv_only.iter().find(|(_, given)| *given)
             && self.palette != Space::Yuv
         {
-            return Err(fault!(
+            return Err(user_error!(
                 "{option} only goes with --palette yuv; leave it out, or give both"
             ));
         }
@@ -86,13 +86,15 @@ impl PaletteOptions {
                     Space::Yuv => ("yuv", "three, of y, u and v, as in 4,8,8"),
                     Space::Rgb => ("rgb", "one, of each channel, as in 8"),
                 };
-                return Err(fault!(
+                return Err(user_error!(
                     "--bins has {} numbers; allowed with --palette {name}: {allowed}",
                     bins.len()
                 ));
             }
         };
-        palette.check().map_err(|error| fault!("--bins: {error}"))?;
+        palette
+            .check()
+            .map_err(|error| user_error!("--bins: {error}"))?;
         Ok(palette)
     }
 

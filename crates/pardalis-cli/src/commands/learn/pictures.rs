@@ -11,14 +11,14 @@ use super::inputs::LabelledFile;
 use crate::draw::histogram::{ColorBin, ColorModelPlot, write_color_model_plot};
 use crate::draw::mosaic::{Tile, write_mosaic};
 use crate::draw::picture::picture_of;
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// The most images that are shown: whoever labelled more looks at the worst of them.
 const MAX_TILES: usize = 12;
 
 /// Draws `histogram.svg`, `histogram.png` and `mosaic.png` into a folder, which is made where it is missing.
 ///
-/// Faults: the folder cannot be made or written to.
+/// Errors: the folder cannot be made or written to.
 pub(super) fn write(
     folder: &Path,
     files: &[LabelledFile],
@@ -26,7 +26,7 @@ pub(super) fn write(
     model: &ColorModel,
 ) -> Result<Vec<PathBuf>> {
     fs::create_dir_all(folder).map_err(|error| {
-        fault!(
+        user_error!(
             "--pictures {}: the folder cannot be made: {error}; give another, or --no-pictures",
             folder.display()
         )

@@ -10,10 +10,10 @@ use pardalis::Estimate;
 use pardalis::tracker::{PASSES_SIGMA_M, check_passes};
 use pardalis_scene::{FrameRange, Scene};
 
-use crate::fault::fault;
-use crate::say::say;
+use crate::output::print;
 use crate::scene;
 use crate::tracking::{self, Annotate, FrameSet, Options, Output, Run};
+use crate::user_error::user_error;
 pub(crate) use starts::StartsFrom;
 use starts::{Starts, parse_pixel};
 
@@ -85,7 +85,7 @@ impl StartOptions {
         };
         match object {
             None => Ok(from),
-            Some(name) => Err(fault!(
+            Some(name) => Err(user_error!(
                 "--object {name}: says whose rows of a table to take; give --starts or --clicks beside it"
             )),
         }
@@ -134,9 +134,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let scene = scene::read(&arguments.scene)?;
     let (run, told) = locate(&arguments.scene, scene, &options, &settings)?;
     if !to_stdout {
-        say(told.trim_end());
+        print(told.trim_end());
         for file in &run.files {
-            say(format!("  {}", file.display()));
+            print(format!("  {}", file.display()));
         }
     }
     Ok(())
@@ -149,7 +149,7 @@ pub(crate) fn locate(
     options: &Options,
     settings: &Settings,
 ) -> Result<(Run, String)> {
-    check_passes(&settings.passes_m).map_err(|error| fault!("--passes-m: {error}"))?;
+    check_passes(&settings.passes_m).map_err(|error| user_error!("--passes-m: {error}"))?;
     let starts = Starts::read(&settings.starts, &scene, scene_path)?;
     scene
         .resolved
@@ -167,7 +167,7 @@ pub(crate) fn locate(
         let starts_here = starts.of_frame(tracker, frame)?;
         let located = tracker.locate(&set.frames, set.time_s, &starts_here, &settings.passes_m);
         let estimates =
-            located.map_err(|error| fault!("{}: {error}", starts.place_of_frame(frame)))?;
+            located.map_err(|error| user_error!("{}: {error}", starts.place_of_frame(frame)))?;
         for (name, estimate) in names.iter().zip(&estimates) {
             tell(&mut told, set.index, name, estimate);
         }

@@ -9,8 +9,8 @@ use pardalis::start::{PixelStart, Start};
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_scene::Scene;
 
-use crate::fault::fault;
 use crate::tables::{Column, Row, Table};
+use crate::user_error::user_error;
 
 /// Where starts come from.
 #[derive(Debug, Clone)]
@@ -94,11 +94,11 @@ pub(super) enum Starts {
 impl Starts {
     /// Reads what there is to read.
     ///
-    /// Faults: the table does not fit the scene, or a pixel alone does not tell whose it is.
+    /// Errors: the table does not fit the scene, or a pixel alone does not tell whose it is.
     pub(super) fn read(from: &StartsFrom, scene: &Scene, scene_path: &Path) -> Result<Self> {
         let several = scene.targets.iter().find(|target| target.bodies.len() > 1);
         if let (Some(target), false) = (several, matches!(from, StartsFrom::Scene)) {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: targets.{} has several landmarks, and a place does not say where each is; leave out --at, --from and --clicks: they start where the scene says",
                 scene_path.display(),
                 target.name
@@ -108,7 +108,7 @@ impl Starts {
             StartsFrom::Scene => Ok(Self::Scene),
             StartsFrom::Pixel(pixel) => match (&scene.cameras[..], &scene.targets[..]) {
                 ([_], [_]) => Ok(Self::Everywhere(Place::Pixel(0, *pixel))),
-                (cameras, targets) => Err(fault!(
+                (cameras, targets) => Err(user_error!(
                     "--at: {} has {} cameras and {} targets, and a pixel does not say whose it is; give --clicks FILE.csv with the columns camera and object",
                     scene_path.display(),
                     cameras.len(),
@@ -164,7 +164,7 @@ impl Starts {
                 };
                 let (first, line) = *listed.entry(frame).or_insert((place, row.line));
                 if first.contradicts(&place) {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "{}: frame {frame} has another place in line {line}; allowed: one place a frame",
                         row.place()
                     ));
@@ -180,7 +180,7 @@ impl Starts {
 
     /// The start of each body in the image of this number, target by target.
     ///
-    /// Faults: the table has none.
+    /// Errors: the table has none.
     pub(super) fn of_frame(&self, tracker: &Tracker, frame: usize) -> Result<Vec<Start>> {
         let of_body = |(target, of_scene): (usize, &Start)| match self {
             Self::Scene => Ok(*of_scene),
@@ -188,7 +188,7 @@ impl Starts {
             Self::Listed { file, targets } => {
                 let (name, listed) = &targets[target];
                 let Some((place, _)) = listed.get(&frame) else {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "{}: has no place of {name} in frame {frame}; give each image a row, or take fewer images (first_frame, frame_limit)",
                         file.display()
                     ));
@@ -234,7 +234,7 @@ enum Whose<'t> {
 impl<'t> Whose<'t> {
     fn read(table: &'t Table, object: Option<&str>, target_count: usize) -> Result<Self> {
         if target_count > 1 && object.is_some() {
-            return Err(fault!(
+            return Err(user_error!(
                 "--object: the scene has {target_count} targets; leave it out: each target takes the rows of its own name"
             ));
         }
@@ -263,7 +263,7 @@ impl<'t> Whose<'t> {
             Self::Column(column, names) if names.iter().any(|name| name == wanted) => {
                 Ok(Some((*column, wanted)))
             }
-            Self::Column(_, names) => Err(fault!(
+            Self::Column(_, names) => Err(user_error!(
                 "{}, column object: nothing is named \"{wanted}\"; say by --object which of these it is: {}",
                 file.display(),
                 names.join(", ")
@@ -285,7 +285,7 @@ fn camera_number(row: &Row, column: Column, scene: &Scene) -> Result<usize> {
     let found = scene.cameras.iter().position(|camera| camera.name == name);
     found.ok_or_else(|| {
         let names: Vec<&str> = scene.cameras.iter().map(|camera| &*camera.name).collect();
-        fault!(
+        user_error!(
             "{}, column camera: \"{name}\" is no camera of the scene; allowed: {}",
             row.place(),
             names.join(", ")

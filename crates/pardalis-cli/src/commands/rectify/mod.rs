@@ -16,12 +16,12 @@ use pardalis_scene::calibration::{self, CalibrationFormat};
 use pardalis_scene::{CameraConfig, Scene};
 use rayon::prelude::*;
 
-use crate::fault::fault;
 use crate::folder::{Content, Folder};
+use crate::output::{print, warn};
 use crate::progress::Progress;
-use crate::say::{say, warn};
 use crate::scene;
 use crate::source::{Delivery, Source};
+use crate::user_error::user_error;
 
 /// Shows the ground as seen from straight above
 ///
@@ -90,7 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .num_threads(arguments.threads.map_or(0, usize::from))
         .build()?;
     let told = pool.install(|| rectify(arguments, &output))?;
-    say(told);
+    print(told);
     Ok(())
 }
 
@@ -106,7 +106,7 @@ fn rectify(arguments: &Arguments, output: &Path) -> Result<String> {
     }
     let (source, view) = scene::open_camera(path, camera, &arguments.images)?;
     if source.is_live() {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: cameras.{}: is a live camera, whose images have no end; record it to a file first",
             path.display(),
             camera.name
@@ -143,7 +143,7 @@ fn chosen(path: &Path, scene: &Scene, name: Option<&str>) -> Result<usize> {
     };
     found.ok_or_else(|| {
         let given = name.map_or_else(|| "is needed".to_owned(), |name| format!("is {name}"));
-        fault!(
+        user_error!(
             "{}: --camera {given}; the scene's cameras are {}",
             path.display(),
             names.join(", ")
@@ -160,7 +160,7 @@ fn rectifier(arguments: &Arguments, camera: &CameraConfig, view: &View) -> Resul
         Rectifier::new(view, area_m, step_m)
     });
     made.map_err(|error| {
-        fault!(
+        user_error!(
             "{}: cameras.{}: {error} (--area, --step)",
             arguments.scene.display(),
             camera.name
@@ -213,7 +213,7 @@ fn write_frames(
     let times: Vec<Option<Times>> = times.collect::<Result<_>>()?;
     let mut times: Vec<Times> = times.into_iter().flatten().collect();
     if times.is_empty() {
-        return Err(fault!(
+        return Err(user_error!(
             "no frame came from cameras.{}; nothing was written",
             camera.name
         ));

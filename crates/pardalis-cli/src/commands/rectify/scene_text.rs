@@ -10,9 +10,9 @@ use pardalis::view::View;
 use pardalis_camera::Projection as _;
 use toml::de::{DeTable, DeValue};
 
-use crate::fault::fault;
-use crate::say::warn;
+use crate::output::warn;
 use crate::scene::read_text;
+use crate::user_error::user_error;
 
 /// The text of the scene in the file at `path`, every table under its own header in the order of the text, values as they were written, but for this
 /// camera, clicks in its image, and paths, which become absolute.
@@ -25,7 +25,7 @@ pub(super) fn of(
 ) -> Result<String> {
     let text = read_text(path)?;
     // It was read before; only a file that changed since comes here.
-    let root = DeTable::parse(&text).map_err(|error| fault!("{}: {error}", path.display()))?;
+    let root = DeTable::parse(&text).map_err(|error| user_error!("{}: {error}", path.display()))?;
     let mut writer = Writer {
         text: &text,
         folder: path.parent().unwrap_or(Path::new("")),

@@ -10,9 +10,9 @@ use pardalis_simulate::{Renderer, WorldCamera};
 use rayon::prelude::*;
 
 use super::Sequence;
-use crate::fault::fault;
 use crate::folder::Folder;
 use crate::progress::Progress;
+use crate::user_error::user_error;
 
 /// The folder of a camera's images: one for each where there are several.
 pub(super) fn folder_of(sequence: &Sequence, camera: usize) -> PathBuf {
@@ -74,8 +74,9 @@ pub(super) fn encoded(camera: &WorldCamera, rgb: &[u8]) -> Result<Vec<u8>> {
     let (width, height) = camera.size_px;
     let mut bytes = Vec::new();
     if let Some(quality) = camera.image.jpeg_quality {
-        let side =
-            |px: usize| u16::try_from(px).map_err(|_| fault!("{px} pixels are too many for JPEG"));
+        let side = |px: usize| {
+            u16::try_from(px).map_err(|_| user_error!("{px} pixels are too many for JPEG"))
+        };
         let mut encoder = Encoder::new(&mut bytes, quality);
         // As webcams deliver it: colours are soft over two pixels, and where they belong; one pixel's colour for four would move them by half a pixel.
         encoder.set_sampling_factor(SamplingFactor::F_2_2);

@@ -14,11 +14,11 @@ use pardalis_scene::{Scene, TargetConfig, with_time_offsets};
 use rayon::prelude::*;
 
 use super::output;
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::{say, warn};
+use crate::output::{print, warn};
 use crate::scene;
 use crate::source::{Delivery, Source};
+use crate::user_error::user_error;
 use report::Report;
 
 /// Finds how far the clocks of a scene's cameras are apart, from a target that moves
@@ -58,7 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let number = target(path, &read, arguments.target.as_deref())?;
     let mut open = scene::open(path, read, None, &[])?;
     let [body] = &open.scene.targets[number].bodies[..] else {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: targets.{}: has several landmarks, and clocks are compared by one body; give it a target of its own, and choose that with --target NAME",
             path.display(),
             open.scene.targets[number].name
@@ -80,7 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         })
         .collect();
     let fits = estimate_clocks(&cameras, &body.shape, arguments.max_offset_s)
-        .map_err(|refusal| fault!("{}: {refusal}", path.display()))?;
+        .map_err(|refusal| user_error!("{}: {refusal}", path.display()))?;
     let report = Report::new(&open.scene, &cameras, &fits);
 
     let folder = output::folder(arguments.output.as_deref(), path, "clocks");
@@ -98,7 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(corrected) = &arguments.corrected {
         let text = with_time_offsets(&scene::read_text(path)?, &report.offsets_s());
         let text = text.ok_or_else(|| {
-            fault!(
+            user_error!(
                 "{}: is laid out so that offsets cannot be put in by a program; write them yourself:\n{}",
                 path.display(),
                 report.settings()
@@ -107,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         write_file(corrected, text.as_bytes())?;
         written.push(corrected.clone());
     }
-    say(&report);
+    print(&report);
     output::say_written(&written);
     Ok(())
 }
@@ -121,7 +121,7 @@ fn check_place(scene: &Path, corrected: &Path) -> Result<()> {
     if folder(scene) == folder(corrected) {
         return Ok(());
     }
-    Err(fault!(
+    Err(user_error!(
         "--corrected {}: lies in another folder than {}, and paths in a scene start at its folder; give a file beside the scene",
         corrected.display(),
         scene.display()
@@ -137,7 +137,7 @@ fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
         _ => {
             let names: Vec<&str> = scene.targets.iter().map(|t| &*t.name).collect();
             let unknown = wanted.map_or_else(String::new, |name| format!("no target {name}, but "));
-            Err(fault!(
+            Err(user_error!(
                 "{}: has {unknown}the targets {}; choose one with --target NAME",
                 path.display(),
                 names.join(", ")
