@@ -97,17 +97,18 @@ impl TargetConfig {
         let body = |name: String, table: &Table, shape: Option<Shape>| {
             let colors = table.located("colors");
             // Of cues that cannot be read their own problems are told.
-            let need_colors =
-                |cues: &Vec<CueSettings>| cues.iter().any(|cue| !cue.cue.knows_its_colors());
+            let need_colors = |cues: &Vec<CueSettings>| {
+                cues.iter().any(|cue| !cue.cue.works_without_color_model())
+            };
             if !table.has("colors") && cues.as_ref().is_some_and(need_colors) {
                 let message = "is missing; give a colour model, made by `pardalis learn`, or, for the window cue alone, window.hue_deg and window.saturation";
                 table.problem("colors", message);
             }
             // Of a shape that all share the cue's own table tells.
             let has_form = matches!(shape, Some(Shape::Sphere(_) | Shape::Upright(_)));
-            let looks_at_regions =
-                |cues: &Vec<CueSettings>| cues.iter().any(|cue| cue.cue.looks_at_regions());
-            if has_form && cues.as_ref().is_some_and(looks_at_regions) {
+            let needs_flat_shape =
+                |cues: &Vec<CueSettings>| cues.iter().any(|cue| cue.cue.needs_flat_shape());
+            if has_form && cues.as_ref().is_some_and(needs_flat_shape) {
                 let message = "is not flat, but the cues region and difference look at flat regions; give shape.disc or shape.rectangle, or leave these cues out";
                 table.problem("shape", message);
             }

@@ -338,13 +338,13 @@ fn what_cannot_be_is_refused_and_nothing_is_written() {
     refused(&["--area", "1,2,3"], &["--area", "four numbers of metres"]);
     refused(
         &["--area", "2,0,1,1"],
-        &["cameras.cam1", "the smaller x and y", "--area"],
+        &["cameras.cam1", "the minimum x and y", "--area"],
     );
     refused(
         &["--step", "0"],
         &["cameras.cam1", "positive number of metres"],
     );
-    refused(&["--step", "1e-6"], &["16384 a side"]);
+    refused(&["--step", "1e-6"], &["16384 per side"]);
     refused(&["--frames", "0"], &["--frames"]);
     refused(&["nowhere.jpg"], &["nowhere.jpg"]);
     place.write("broken.jpg", "no image");

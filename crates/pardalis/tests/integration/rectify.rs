@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use pardalis::color::YuvEncoding;
-use pardalis::rectify::{Area, Rectifier, area_seen_m, step_for_m};
+use pardalis::rectify::{Area, Rectifier, default_step_m, visible_area_m};
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
 use pardalis_calibrate::plane::{PointPair, fit};
@@ -130,7 +130,7 @@ fn a_known_pattern_comes_out_straight_and_to_scale_through_any_camera() {
     let area: Area = [[-0.8, -0.8], [0.8, 0.81]];
     for model in [PINHOLE, FISHEYE] {
         let (view, frame) = seen(model);
-        let step_m = step_for_m(&view, area).unwrap();
+        let step_m = default_step_m(&view, area).unwrap();
         let rectifier = Rectifier::new(&view, area, step_m).unwrap();
         assert_checker(
             &rectifier,
@@ -282,8 +282,8 @@ fn an_area_is_found_with_and_without_the_horizon_in_view() {
     // Straight down on 4 m x 3 m, to a pixel.
     let model: Camera = above((400, 300), None).camera().clone();
     let view = View::new(model, Pose::identity(), (400, 300), None).unwrap();
-    assert_eq!(area_seen_m(&view).unwrap(), [[-0.01, -3.0], [4.0, 0.01]]);
-    assert!((step_for_m(&view, [[1.0, -2.0], [2.0, -1.0]]).unwrap() - 0.01).abs() < 1e-12);
+    assert_eq!(visible_area_m(&view).unwrap(), [[-0.01, -3.0], [4.0, 0.01]]);
+    assert!((default_step_m(&view, [[1.0, -2.0], [2.0, -1.0]]).unwrap() - 0.01).abs() < 1e-12);
     for model in [PINHOLE, FISHEYE] {
         let camera = seen(model).0.camera().clone();
         // Nearly level, the horizon in view; the camera's foot is not.
@@ -294,10 +294,10 @@ fn an_area_is_found_with_and_without_the_horizon_in_view() {
         )
         .unwrap();
         let view = View::new(camera, pose, SIZE_PX, None).unwrap();
-        let area = area_seen_m(&view).unwrap();
+        let area = visible_area_m(&view).unwrap();
         assert!(area[1][1] > 3.0 && area[1][1] < 25.0, "{area:?}");
         assert!(area[0][0] < -2.0 && area[1][0] > 2.0, "{area:?}");
-        let step_m = step_for_m(&view, area).unwrap();
+        let step_m = default_step_m(&view, area).unwrap();
         let (width, height) = Rectifier::new(&view, area, step_m).unwrap().size_px();
         assert!(width.max(height) < 3000, "{width} x {height}");
     }
@@ -311,19 +311,19 @@ fn what_makes_no_map_is_refused() {
         assert!(error.contains(wanted), "{error}");
     };
     let area = same_area((40, 30), 0.0);
-    refused(&view, [area[1], area[0]], 0.01, "the smaller x and y");
+    refused(&view, [area[1], area[0]], 0.01, "the minimum x and y");
     refused(
         &view,
         [[f64::NAN, 0.0], [1.0, 1.0]],
         0.01,
-        "the smaller x and y",
+        "the minimum x and y",
     );
-    refused(&view, [[0.0, 0.0], [1e9, 1.0]], 0.01, "the smaller x and y");
+    refused(&view, [[0.0, 0.0], [1e9, 1.0]], 0.01, "the minimum x and y");
     for step_m in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         refused(&view, area, step_m, "positive number of metres");
     }
-    refused(&view, area, 1e-5, "1 to 16384 a side");
-    refused(&view, area, 5.0, "1 to 16384 a side");
+    refused(&view, area, 1e-5, "1 to 16384 per side");
+    refused(&view, area, 5.0, "1 to 16384 per side");
     refused(
         &view,
         [[7.0, 7.0], [8.0, 8.0]],
@@ -337,7 +337,7 @@ fn what_makes_no_map_is_refused() {
         None,
     )
     .unwrap();
-    refused(&image, area, 0.01, "without any metres");
+    refused(&image, area, 0.01, "no metric scale");
     let camera = seen(PINHOLE).0.camera().clone();
     let below = looking_at(
         Vector3::new(0.0, 0.0, -2.0),
@@ -354,7 +354,7 @@ fn what_makes_no_map_is_refused() {
     )
     .unwrap();
     let up = View::new(camera, up, SIZE_PX, None).unwrap();
-    let error = area_seen_m(&up).unwrap_err().to_string();
+    let error = visible_area_m(&up).unwrap_err().to_string();
     assert!(error.contains("nothing of the plane"), "{error}");
     let rectifier = Rectifier::new(&view, area, 0.01).unwrap();
     let other = frame(PixelFormat::Rgb8, (30, 40), vec![0; 3600]);

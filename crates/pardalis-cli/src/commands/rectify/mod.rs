@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
-use pardalis::rectify::{Area, Rectifier, area_seen_m, step_for_m};
+use pardalis::rectify::{Area, Rectifier, default_step_m, visible_area_m};
 use pardalis::view::View;
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::Camera;
@@ -152,11 +152,11 @@ fn chosen(path: &Path, scene: &Scene, name: Option<&str>) -> Result<usize> {
 }
 
 fn rectifier(arguments: &Arguments, camera: &CameraConfig, view: &View) -> Result<Rectifier> {
-    let area_m = arguments.area.map_or_else(|| area_seen_m(view), Ok);
+    let area_m = arguments.area.map_or_else(|| visible_area_m(view), Ok);
     let made = area_m.and_then(|area_m| {
         let step_m = arguments
             .step
-            .map_or_else(|| step_for_m(view, area_m), Ok)?;
+            .map_or_else(|| default_step_m(view, area_m), Ok)?;
         Rectifier::new(view, area_m, step_m)
     });
     made.map_err(|error| {

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis::rectify::{Rectifier, on_plane_m};
+use pardalis::rectify::{Rectifier, point_on_plane_m};
 use pardalis::view::View;
 use pardalis_camera::Projection as _;
 use toml::de::{DeTable, DeValue};
@@ -129,7 +129,7 @@ impl Writer<'_> {
             .filter_map(|v| number(v.get_ref()))
             .collect();
         let [u, v] = pixel[..] else { return None };
-        let on_map = on_plane_m(self.view, [u, v])
+        let on_map = point_on_plane_m(self.view, [u, v])
             .map(|[x, y]| self.rectifier.camera().project([x, y, 0.0]).0);
         let (width, height) = self.rectifier.size_px();
         let inside = |[u, v]: &[f64; 2]| {
