@@ -250,16 +250,19 @@ fn the_camera_of_a_sequence_folder_is_read_as_any_other() {
 fn what_a_format_leaves_out_is_listed() {
     let folder = folder_with("lens.toml", LENS);
     for (format, left_out) in [
-        ("ros", "no place for it: pose, field of view\n"),
-        ("kalibr", "no place for it: field of view, name\n"),
-        ("opencv-yaml", "no place for it: field of view, name\n"),
+        ("ros", "not support it: pose, field of view\n"),
+        ("kalibr", "not support it: field of view, name\n"),
+        ("opencv-yaml", "not support it: field of view, name\n"),
     ] {
         let run = camera(
             folder.path(),
             &format!("convert lens.toml --to {format} -o there"),
         )
         .fine();
-        assert_says(&run, &[&format!("not written, as {format} has {left_out}")]);
+        assert_says(
+            &run,
+            &[&format!("not written, because {format} does {left_out}")],
+        );
     }
     let run = camera(folder.path(), "convert lens.toml --to pardalis -o there").fine();
     assert!(!run.stdout.contains("not written"), "{}", run.stdout);
@@ -269,7 +272,7 @@ fn what_a_format_leaves_out_is_listed() {
     assert!(!run.stdout.contains("field of view"), "{}", run.stdout);
 
     camera(folder.path(), "convert lens.toml --to ros -o ./lens.toml")
-        .refused(&["-o ./lens.toml", "is the file that is read"]);
+        .refused(&["-o ./lens.toml", "is the input file"]);
     assert_eq!(
         fs::read_to_string(folder.path().join("lens.toml")).unwrap(),
         LENS

@@ -377,7 +377,7 @@ fn paths_hold_for_a_scene_in_another_folder() {
 fn an_existing_scene_is_kept_unless_forced() {
     let place = Workplace::with_frames(1);
     place.write("scene.toml", "mine");
-    init(&place, &["images"]).refused(&["scene.toml", "exists already", "--force"]);
+    init(&place, &["images"]).refused(&["scene.toml", "already exists", "--force"]);
     assert_eq!(scene(&place), "mine");
     init(&place, &["images", "--force"]).fine();
     assert_ne!(scene(&place), "mine");

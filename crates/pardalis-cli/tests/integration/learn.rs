@@ -34,8 +34,8 @@ fn report(folder: &TempDir, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The message of a run that ends with the exit code of a fault.
-fn fault(folder: &TempDir, arguments: &[&str]) -> String {
+/// The message of a run that ends with exit code 2.
+fn error_message(folder: &TempDir, arguments: &[&str]) -> String {
     let output = learn(folder, arguments);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{message}");
@@ -197,7 +197,7 @@ fn ranges_of_hue_and_saturation_are_learnt_told_and_kept() {
     assert_contains(
         &text,
         &[
-            "Ranges, for the window cue: hue 335 to 6 degrees",
+            "Ranges for the window cue: hue 335 to 6 degrees",
             "of the target's pixels lie in them",
         ],
     );
@@ -361,7 +361,7 @@ fn a_bad_label_is_named_and_shared_bins_are_told() {
         "seen",
     ];
     let text = report(&folder, &[&good[..], &blue].concat());
-    assert_contains(&text, &["b.png: its labelled pixels look unlike", "Fair"]);
+    assert_contains(&text, &["b.png: its labelled pixels differ", "Fair"]);
     assert!(!text.contains("a.png: its"), "{text}");
     assert!(folder.path().join("seen/mosaic.png").is_file());
 
@@ -381,7 +381,7 @@ fn a_bad_label_is_named_and_shared_bins_are_told() {
     let [hue, saturation, intensity] =
         Palette::HSI.channels_of_bin(Palette::HSI.bin_of_rgb([40.0, 90.0, 40.0]));
     let shared = format!("shared with the background: {hue}, {saturation}, {intensity}");
-    assert_contains(&text, &["Poor", &shared, "What helps"]);
+    assert_contains(&text, &["Poor", &shared, "Remedies"]);
 }
 
 #[test]
@@ -411,15 +411,15 @@ fn images_without_masks_are_named_and_a_folder_without_any_is_refused() {
         &[".", "--masks", "_mask.png", "-o", "m.toml", "--no-pictures"],
     );
     assert_contains(&text, &["1 image (b.png)", "100 pixels"]);
-    let message = fault(&folder, &[".", "--masks", "_ball.png", "-o", "m.toml"]);
+    let message = error_message(&folder, &[".", "--masks", "_ball.png", "-o", "m.toml"]);
     assert_contains(
         &message,
         &["no mask for any of its 3 images", "a_ball.png", "--masks"],
     );
     fs::create_dir(folder.path().join("empty")).unwrap();
-    let message = fault(&folder, &["empty", "--masks", "_ball.png", "-o", "m.toml"]);
-    assert_contains(&message, &["empty", "holds no images"]);
-    let message = fault(
+    let message = error_message(&folder, &["empty", "--masks", "_ball.png", "-o", "m.toml"]);
+    assert_contains(&message, &["empty", "contains no images"]);
+    let message = error_message(
         &folder,
         &["nowhere", "--masks", "_ball.png", "-o", "m.toml"],
     );
@@ -431,7 +431,7 @@ fn assert_refused(folder: &TempDir, runs: &[(&[&str], &[&str], &[&str])]) {
     let path = folder.path().join("m.toml");
     fs::write(&path, "an older model").unwrap();
     for (inputs, options, expected) in runs {
-        let message = fault(folder, &[*inputs, *options, &["-o", "m.toml"]].concat());
+        let message = error_message(folder, &[*inputs, *options, &["-o", "m.toml"]].concat());
         assert_contains(&message, expected);
         let kept = fs::read_to_string(&path).unwrap();
         assert_eq!(kept, "an older model", "{options:?}");
@@ -486,9 +486,13 @@ fn bad_labels_are_refused() {
             (
                 A,
                 &["--polygon", "1,1,5,5,9,9"],
-                &["a.png", "no pixel's centre"],
+                &["a.png", "no pixel centre"],
             ),
-            (A, &["--polygon", "1,1,50,5,9,9"], &["a.png", "reaches out"]),
+            (
+                A,
+                &["--polygon", "1,1,50,5,9,9"],
+                &["a.png", "exceeds the image"],
+            ),
             (
                 A,
                 &["--mask", "small.png"],
@@ -566,7 +570,7 @@ fn bad_options_are_refused() {
             (
                 LABELLED_A,
                 &["--yuv-range", "full"],
-                &["--yuv-range only goes with --palette yuv"],
+                &["--yuv-range requires --palette yuv"],
             ),
             (
                 LABELLED_A,
@@ -585,9 +589,9 @@ fn bad_options_are_refused() {
     for (output, expected) in [
         ("a.png", "ending in .toml"),
         ("folder.toml", "this is a folder"),
-        ("nowhere/m.toml", "there is no folder nowhere"),
+        ("nowhere/m.toml", "the folder nowhere does not exist"),
     ] {
-        let message = fault(&folder, &[LABELLED_A, &["-o", output]].concat());
+        let message = error_message(&folder, &[LABELLED_A, &["-o", output]].concat());
         assert_contains(&message, &[output, expected]);
     }
     assert_eq!(fs::read(folder.path().join("a.png")).unwrap(), image);

@@ -176,7 +176,7 @@ fn out_of_view_no_position_is_given() {
     let place = Workplace::with_frames(0);
     let scene = first_stills(1).replace("[1.3, 0, 0.11]", "[1.3, 0, 50]");
     let run = locate(&place, &scene, &["-o", "out"]).fine();
-    let told = "frame 0: ball not seen around the start (occluded)\n";
+    let told = "frame 0: ball not visible around the start (occluded)\n";
     assert!(run.stdout.starts_with(told), "{}", run.stdout);
     let rows = place.rows();
     assert_eq!(rows[0][3], "occluded");
@@ -197,7 +197,7 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
     for (arguments, wanted) in [
         (
             "--starts starts.csv --object cat",
-            "nothing is named \"cat\"; say by --object which of these it is: ball, cup",
+            "nothing is named \"cat\"; select one of these with --object: ball, cup",
         ),
         ("--starts none.csv", "none.csv: No such file"),
         (
@@ -206,11 +206,11 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
         ),
         (
             "--object ball",
-            "--object ball: says whose rows of a table to take",
+            "--object ball: selects the rows of a table",
         ),
         (
             "--starts twice.csv",
-            "twice.csv, line 3: frame 2 has another place in line 2",
+            "twice.csv, line 3: frame 2 already has a start in line 2",
         ),
         (
             "--starts half.csv",
@@ -222,7 +222,7 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
         ),
         (
             "--starts other.csv",
-            "other.csv: has no place of ball in frame 2; give each image a row",
+            "other.csv: has no start of ball in frame 2; give each image a row",
         ),
         (
             "--starts far.csv",
@@ -254,7 +254,7 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
     let usage = locate(&place, &scene, &["--at", "2"]);
     assert_eq!(usage.code, Some(2));
     assert!(
-        usage.stderr.contains("two numbers of pixels"),
+        usage.stderr.contains("two numbers in pixels"),
         "{}",
         usage.stderr
     );
@@ -476,7 +476,7 @@ fn clicks_say_which_camera_and_target_they_are_of() {
         (
             two_cameras(&place),
             "--clicks third.csv",
-            "third.csv, line 2, column camera: \"cam3\" is no camera of the scene; allowed: cam1, cam2",
+            "third.csv, line 2, column camera: \"cam3\" is not a camera of the scene; allowed: cam1, cam2",
         ),
         (
             two_targets.clone(),
@@ -491,7 +491,7 @@ fn clicks_say_which_camera_and_target_they_are_of() {
         (
             two_targets,
             "--clicks clicks.csv --object ball",
-            "--object: the scene has 2 targets; leave it out",
+            "--object: the scene has 2 targets; remove it",
         ),
     ] {
         let arguments: Vec<&str> = arguments.split(' ').chain(["-o", "out"]).collect();

@@ -335,7 +335,7 @@ fn what_cannot_be_is_refused_and_nothing_is_written() {
         }
         assert!(!place.path("map").exists());
     };
-    refused(&["--area", "1,2,3"], &["--area", "four numbers of metres"]);
+    refused(&["--area", "1,2,3"], &["--area", "four numbers in metres"]);
     refused(
         &["--area", "2,0,1,1"],
         &["cameras.cam1", "the minimum x and y", "--area"],
