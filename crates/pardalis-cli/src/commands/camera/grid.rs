@@ -205,8 +205,8 @@ impl Grid<'_> {
         (first..=last).map(|i| i as f64 * self.spacing_m).collect()
     }
 
-    /// Returns two cells; upwards, no farther than a fraction of the height of the camera, close to which a
-    /// line projects anywhere.
+    /// Returns the length of an axis: two cells, but upwards at most a quarter of the camera's height, because
+    /// lines that come close to the camera project anywhere.
     fn axis_length_m(&self, axis: usize) -> f64 {
         let length_m = 2.0 * self.spacing_m;
         let camera_height_m = self.world_from_camera.translation.vector.z.abs();
