@@ -1,6 +1,6 @@
 //! Detection: where in an image a target's colours stand out, without any knowledge of where it might be.
 
-use crate::color::{ColorModel, ColorRanges, Palette, PixelKind, Relight};
+use crate::color::{ColorModel, ColorRanges, IlluminationCorrection, Palette, PixelKind};
 use crate::frame::with_pixels;
 use crate::view::Evidence;
 use pardalis_camera::Mask;
@@ -37,7 +37,7 @@ pub(crate) const COARSE_PX: usize = 4;
 pub(crate) fn likeness(
     evidence: &Evidence,
     colors: &ColorModel,
-    relight: &Relight,
+    relight: &IlluminationCorrection,
     step_px: usize,
 ) -> Vec<f64> {
     let frame = evidence.frame();
@@ -93,8 +93,14 @@ pub(crate) fn mean_color(evidence: &Evidence) -> [f32; 3] {
 /// A colour stands out where its share among the target's pixels is at least twice that in the image. Panics where the frame was not prepared for the colours' palette
 /// ([`View::prepare`](crate::view::View::prepare)).
 pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
-    let likeness = likeness(evidence, colors, &Relight::NONE, 1);
-    blobs_alike(evidence, colors.palette(), &likeness, None, &Relight::NONE)
+    let likeness = likeness(evidence, colors, &IlluminationCorrection::NONE, 1);
+    blobs_alike(
+        evidence,
+        colors.palette(),
+        &likeness,
+        None,
+        &IlluminationCorrection::NONE,
+    )
 }
 
 /// The same where the likeness of each bin is known, of pixels in these ranges alone, which the frame was prepared for, in light that is to be undone.
@@ -103,7 +109,7 @@ pub(crate) fn blobs_alike(
     palette: Palette,
     likeness: &[f64],
     ranges: Option<ColorRanges>,
-    relight: &Relight,
+    relight: &IlluminationCorrection,
 ) -> Vec<Blob> {
     let frame = evidence.frame();
     let table = evidence.table(palette);

@@ -15,8 +15,8 @@ use fit::Sums;
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
 use crate::color::{
-    ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, MatchTable, Palette, PixelKind, Relight,
-    Side,
+    ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, IlluminationCorrection, MatchTable,
+    Palette, PixelKind, Side,
 };
 use crate::detect::LEAST_LIKENESS;
 use crate::shape::Shape;
@@ -138,7 +138,7 @@ pub(crate) struct Look<'a> {
     /// How much likelier a pixel of each bin is the target's than the frame's, t / (t + f).
     likeness: &'a [f64],
     /// To the light in which the colours were learnt.
-    relight: Relight,
+    relight: IlluminationCorrection,
     /// What surrounded the target when this camera saw it last, sector by sector.
     known_around: Option<&'a Around>,
     /// The outlines of others of its colours: an edge between it and them cannot be seen.
@@ -153,7 +153,7 @@ impl<'a> Look<'a> {
         camera: usize,
         evidence: Evidence<'a>,
         (palette, ranges): (Palette, Option<ColorRanges>),
-        (likeness, relight): (&'a [f64], Relight),
+        (likeness, relight): (&'a [f64], IlluminationCorrection),
         known_around: Option<&'a Around>,
     ) -> Self {
         Self {
@@ -194,7 +194,7 @@ impl<'a> Look<'a> {
         self.likeness
     }
 
-    pub(crate) fn relight(&self) -> &Relight {
+    pub(crate) fn relight(&self) -> &IlluminationCorrection {
         &self.relight
     }
 

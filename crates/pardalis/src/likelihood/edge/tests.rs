@@ -59,12 +59,12 @@ fn fitted(frame: &Frame, start_m: [f64; 3], known_around: Option<&Around>) -> Op
     view.prepare(kind, cue.palette());
     view.prepare_ranges(kind, cue.ranges().unwrap());
     let evidence = view.evidence(frame);
-    let likeness = likeness(&evidence, &colors, &Relight::NONE, 1);
+    let likeness = likeness(&evidence, &colors, &IlluminationCorrection::NONE, 1);
     let look = Look::new(
         0,
         evidence,
         (cue.palette(), cue.ranges()),
-        (&likeness, Relight::NONE),
+        (&likeness, IlluminationCorrection::NONE),
         known_around,
     );
     cue.fit(&[look], start_m, None, false)

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::{Seeker, TrackState};
 use crate::Frame;
-use crate::color::{Light, PixelKind, Relight};
+use crate::color::{Illumination, IlluminationCorrection, PixelKind};
 use crate::detect::mean_color;
 use crate::likelihood::edge::Sighting;
 use crate::view::View;
@@ -24,7 +24,7 @@ const APART: [f64; 2] = [0.2, 0.05];
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Lighting {
     /// Beside that in which its colours were learnt.
-    light: Light,
+    light: Illumination,
     /// The mean colour of the image in which it was surely seen first.
     first: Option<[f32; 3]>,
     /// The time of the camera's last frame, in seconds.
@@ -33,18 +33,21 @@ pub(super) struct Lighting {
 
 impl Lighting {
     /// From its frames' pixels to those in the light in which the target's colours were learnt.
-    pub(super) fn relight(&self, kind: PixelKind) -> Relight {
-        self.light.undone(kind)
+    pub(super) fn relight(&self, kind: PixelKind) -> IlluminationCorrection {
+        self.light.correction(kind)
     }
 
     /// Learns from the mean colours of the target, as it is `known` and as it is seen now, and of the image; forgets where the target is not seen.
     fn learn(&mut self, known: [f32; 3], seen: Option<[[f32; 3]; 2]>, time_s: f64) {
         let (aim, within_s) = if let Some([body, image]) = seen {
             let first = *self.first.get_or_insert(image);
-            let aim = possible(Light::between(known, body), Light::between(first, image));
+            let aim = possible(
+                Illumination::between(known, body),
+                Illumination::between(first, image),
+            );
             (aim, LEARN_S)
         } else {
-            (Light::default(), FORGET_S)
+            (Illumination::default(), FORGET_S)
         };
         let since_s = self.time_s.replace(time_s).unwrap_or(time_s);
         let rate = 1.0 - libm::exp((since_s - time_s).min(0.0) / within_s);
@@ -54,13 +57,13 @@ impl Lighting {
 }
 
 /// The nearest light that the target may be in where that of the whole image has become so different.
-fn possible(of_target: Light, of_image: Light) -> Light {
+fn possible(of_target: Illumination, of_image: Illumination) -> Illumination {
     let nearest = |target: f64, image: f64, i: usize| {
         let least = (image.min(0.0) - APART[i]).max(-FARTHEST[i]);
         let most = (image.max(0.0) + APART[i]).min(FARTHEST[i]);
         target.clamp(least, most)
     };
-    Light {
+    Illumination {
         brightness: nearest(of_target.brightness, of_image.brightness, 0),
         warmth: nearest(of_target.warmth, of_image.warmth, 1),
     }

@@ -16,7 +16,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{BodySettings, Estimate, TrackState};
 use crate::Frame;
-use crate::color::{ColorModel, PixelKind, Relight};
+use crate::color::{ColorModel, IlluminationCorrection, PixelKind};
 use crate::detect::{COARSE_PX, likeness};
 use crate::likelihood::edge::{Around, EdgeCue, EdgeSettings, Look, Sighting};
 use crate::shape::Shape;
@@ -180,7 +180,7 @@ impl Seeker {
         time_s: f64,
         alike: &Alike,
     ) {
-        let likenesses: Vec<(Vec<f64>, Relight)> = frames
+        let likenesses: Vec<(Vec<f64>, IlluminationCorrection)> = frames
             .iter()
             .map(|(camera, frame)| {
                 let evidence = views[*camera].evidence(frame);

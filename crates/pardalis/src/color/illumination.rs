@@ -1,36 +1,41 @@
-//! Light: the colours of a whole scene in it, as gains of red, green and blue (von Kries 1902) along the two ways in which light changes, brighter or darker and warmer or colder.
+//! Illumination of a scene: its effect on colours as gains of red, green and blue (von Kries 1902), along the
+//! two directions in which illumination varies: brightness and warmth.
 
 use super::palette::PixelKind;
 use crate::color_space::YuvEncoding;
 
-/// ln of the gains of red, green and blue in light that is warmer by one, about as of black bodies (Wien's law).
+/// ln of the gains of red, green and blue in an illumination that is warmer by one, roughly as for black
+/// bodies (Wien's law).
 const WARMER: [f64; 3] = [0.5, 0.0, -1.0];
-/// How far means of red, green and blue are off for other reasons, as a standard deviation in grey levels of 255, ...
+/// Standard deviation of other errors of mean colours, in grey levels of 255.
 const MEAN_SIGMA: f64 = 5.0;
-/// ... and how far light differs, in brightness and warmth.
-const USUAL: [f64; 2] = [1.0, 0.3];
+/// Prior standard deviations of brightness and warmth.
+const PRIOR_SIGMA: [f64; 2] = [1.0, 0.3];
 
-/// Raw bytes around which gains are linear in any kind of pixels: far from the borders of the gamut, in brighter light too.
+/// Raw bytes around which gains are linearised, for any kind of pixels: far from the borders of the gamut,
+/// also in a brighter illumination.
 const GREY: [f64; 3] = [40.0, 128.0, 128.0];
 
-/// How light differs from other light. Of grey levels, not of the light itself: a power law keeps gains gains.
+/// The difference between two illuminations, in terms of grey levels rather than radiance. This is valid for
+/// gamma-encoded images, because a power law maps gains to gains.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Light {
+pub struct Illumination {
     /// ln of the gain of green.
     pub brightness: f64,
-    /// How much warmer it is: ln of the loss of blue, of which red gains half.
+    /// Warmth: the loss of blue as ln of its gain; red gains half of that.
     pub warmth: f64,
 }
 
-impl Light {
-    /// The light in which a mean colour (Y, U and V of BT.601, full range) that was `known` becomes `now`: a least-squares fit, in which bright channels tell most.
+impl Illumination {
+    /// Estimates the illumination in which a mean colour `known` (Y, U and V of BT.601, full range) becomes
+    /// `now`: a least-squares fit, in which bright channels have the most weight.
     pub fn between(known: [f32; 3], now: [f32; 3]) -> Self {
         let [known, now] = [known, now].map(|yuv| {
             let rgb = YuvEncoding::default().rgb_from_yuv(yuv.map(f64::from));
             rgb.map(|level| level.max(1.0))
         });
         // The normal equations of ln gain = brightness + warmth · WARMER.
-        let [mut bb, mut bw, mut ww] = [USUAL[0].powi(-2), 0.0, USUAL[1].powi(-2)];
+        let [mut bb, mut bw, mut ww] = [PRIOR_SIGMA[0].powi(-2), 0.0, PRIOR_SIGMA[1].powi(-2)];
         let [mut b, mut w] = [0.0; 2];
         for channel in 0..3 {
             let weight = (known[channel] / MEAN_SIGMA).powi(2);
@@ -49,25 +54,25 @@ impl Light {
         }
     }
 
-    /// What pixels of a kind would be in the other light.
-    pub fn undone(self, kind: PixelKind) -> Relight {
+    /// Returns the correction that maps pixels of a kind in this illumination back to the original one.
+    pub fn correction(self, kind: PixelKind) -> IlluminationCorrection {
         if self == Self::default() {
-            return Relight::NONE;
+            return IlluminationCorrection::NONE;
         }
         let gains = WARMER.map(|warmer| libm::exp(-self.brightness - self.warmth * warmer));
-        let relit = |bytes: [f64; 3]| match kind {
+        let corrected = |bytes: [f64; 3]| match kind {
             PixelKind::Rgb => [0, 1, 2].map(|i| bytes[i] * gains[i]),
             PixelKind::Yuv(encoding) => {
                 let rgb = encoding.rgb_from_yuv(bytes);
                 encoding.yuv_from_rgb([0, 1, 2].map(|i| rgb[i] * gains[i]))
             }
         };
-        let at_grey = relit(GREY);
+        let at_grey = corrected(GREY);
         let mut rows = [[0.0_f32; 4]; 3];
         for column in 0..3 {
             let mut beside = GREY;
             beside[column] += 1.0;
-            let beside = relit(beside);
+            let beside = corrected(beside);
             for row in 0..3 {
                 rows[row][column] = (beside[row] - at_grey[row]) as f32;
             }
@@ -76,21 +81,21 @@ impl Light {
             let linear: f64 = (0..3).map(|i| f64::from(rows[row][i]) * GREY[i]).sum();
             rows[row][3] = (at_grey[row] - linear) as f32;
         }
-        Relight { rows: Some(rows) }
+        IlluminationCorrection { rows: Some(rows) }
     }
 }
 
-/// From the bytes of pixels in one light to those in another: a linear map and a constant.
+/// A correction of the raw bytes of pixels from one illumination to another: an affine map.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Relight {
+pub struct IlluminationCorrection {
     rows: Option<[[f32; 4]; 3]>,
 }
 
-impl Relight {
-    /// Leaves pixels as they are.
+impl IlluminationCorrection {
+    /// The identity.
     pub const NONE: Self = Self { rows: None };
 
-    /// A pixel, or a mean of pixels.
+    /// Corrects a colour: a pixel, or a mean of pixels.
     #[inline(always)]
     pub fn color(&self, color: [f32; 3]) -> [f32; 3] {
         let [a, b, c] = color;
@@ -100,7 +105,7 @@ impl Relight {
         }
     }
 
-    /// A pixel's three raw bytes.
+    /// Corrects a pixel's three raw bytes.
     #[inline(always)]
     pub fn bytes(&self, bytes: [u8; 3]) -> [u8; 3] {
         match self.rows {
@@ -124,35 +129,36 @@ mod tests {
             .map(|value| value as f32)
     }
 
-    fn lit(rgb: [f64; 3], light: Light) -> [f64; 3] {
+    fn lit(rgb: [f64; 3], light: Illumination) -> [f64; 3] {
         [0, 1, 2].map(|i| rgb[i] * libm::exp(light.brightness + light.warmth * WARMER[i]))
     }
 
     #[test]
-    fn light_is_found_by_what_it_does_to_a_colour() {
-        let light = Light {
+    fn illumination_is_estimated_from_a_colour_change() {
+        let light = Illumination {
             brightness: -0.6,
             warmth: 0.25,
         };
         for rgb in [ORANGE, [120.0, 130.0, 110.0], [60.0, 70.0, 160.0]] {
-            let found = Light::between(yuv(rgb), yuv(lit(rgb, light)));
+            let found = Illumination::between(yuv(rgb), yuv(lit(rgb, light)));
             assert!((found.brightness + 0.6).abs() < 0.02, "{found:?}");
             assert!((found.warmth - 0.25).abs() < 0.05, "{found:?}");
         }
         assert_eq!(
-            Light::between(yuv(ORANGE), yuv(ORANGE)).undone(PixelKind::Rgb),
-            Relight::NONE
+            Illumination::between(yuv(ORANGE), yuv(ORANGE)).correction(PixelKind::Rgb),
+            IlluminationCorrection::NONE
         );
-        // Of a colour of one channel warmth is not told from brightness; black tells nothing that is no number.
+        // A colour with a single channel does not separate warmth from brightness; black still gives finite
+        // numbers.
         for rgb in [[0.0, 0.0, 200.0], [0.0; 3]] {
-            let found = Light::between(yuv(rgb), yuv(lit(rgb, light)));
+            let found = Illumination::between(yuv(rgb), yuv(lit(rgb, light)));
             assert!(found.brightness.is_finite() && found.warmth.abs() < 0.5);
         }
     }
 
     #[test]
-    fn undone_light_gives_pixels_of_any_kind_back() {
-        let light = Light {
+    fn correction_restores_pixels_of_any_kind() {
+        let light = Illumination {
             brightness: -0.5,
             warmth: -0.2,
         };
@@ -171,16 +177,21 @@ mod tests {
                 PixelKind::Yuv(encoding) => encoding.yuv_from_rgb(rgb),
             };
             let seen = raw(lit(ORANGE, light)).map(|value| value.round() as u8);
-            let back = light.undone(kind).bytes(seen);
+            let back = light.correction(kind).bytes(seen);
             for (found, expected) in back.into_iter().zip(raw(ORANGE)) {
                 assert!(
                     (f64::from(found) - expected).abs() < 2.0,
                     "{kind:?} {back:?}"
                 );
             }
-            let white = light.undone(kind).bytes(raw([255.0; 3]).map(|v| v as u8));
-            assert!(white[0] > 230, "brighter than white stays white: {white:?}");
+            let white = light
+                .correction(kind)
+                .bytes(raw([255.0; 3]).map(|v| v as u8));
+            assert!(
+                white[0] > 230,
+                "pixels brighter than white must stay white: {white:?}"
+            );
         }
-        assert_eq!(Relight::NONE.bytes([3, 4, 5]), [3, 4, 5]);
+        assert_eq!(IlluminationCorrection::NONE.bytes([3, 4, 5]), [3, 4, 5]);
     }
 }
