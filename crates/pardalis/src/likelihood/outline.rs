@@ -229,7 +229,7 @@ impl OutlineKernel {
                         offsets_m,
                         *height_m,
                         points,
-                    )
+                    );
                 },
             ),
         }

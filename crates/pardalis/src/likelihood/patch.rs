@@ -267,7 +267,7 @@ impl Patch {
                     &self.samples_m,
                     self.height_m,
                     points,
-                )
+                );
             },
         );
         projector.project_all(level, points, coordinates);
