@@ -1,4 +1,4 @@
-//! What is minimised: a camera and the poses of all its views.
+//! The bundle adjustment problem: a camera and the poses of all its views.
 
 use nalgebra::{DVector, Point3};
 
@@ -8,7 +8,7 @@ use super::{CalibrationView, rms};
 use pardalis_camera::Camera;
 use pardalis_camera::Pose;
 
-/// A camera with the poses of all its views. The unknowns: the free parameters, then six a view.
+/// A camera with the poses of all its views. The unknowns are the free parameters, then six per view.
 #[derive(Clone)]
 pub(super) struct Bundle<'a> {
     pub(super) views: &'a [CalibrationView],
@@ -39,17 +39,17 @@ impl Bundle<'_> {
             .filter_map(|(r, used)| r.filter(|_| used))
     }
 
-    /// The farthest ray of a used point from the axis.
+    /// Returns the largest angle between the optical axis and the ray of a used point, in radians.
     pub(super) fn max_angle_rad(&self) -> f64 {
         let mut max = 0.0_f64;
         for ((view, pose), used) in self.views.iter().zip(&self.poses).zip(&self.used) {
             for (c, _) in view.correspondences.iter().zip(used).filter(|(_, u)| **u) {
                 let p: [f64; 3] = (pose * Point3::from(c.point_m)).into();
-                // Without a single viewpoint the ray's direction is not the point's.
-                let seen = matches!(self.camera, Camera::ExactMirror(_))
+                // Without a single viewpoint, the direction of the ray differs from the direction of the point.
+                let ray = matches!(self.camera, Camera::ExactMirror(_))
                     .then(|| self.camera.unproject(self.camera.project(p)?))
                     .flatten();
-                let [x, y, z] = seen.map_or(p, |ray| ray.direction);
+                let [x, y, z] = ray.map_or(p, |ray| ray.direction);
                 let z = if self.camera.looks_into_mirror() {
                     -z
                 } else {
@@ -61,7 +61,8 @@ impl Bundle<'_> {
         max
     }
 
-    /// The farthest observed pixel from the middle that the model has, the first two of the polynomial's parameters.
+    /// Returns the largest distance of an observed pixel from the model's centre (the first two parameters of
+    /// the polynomial model).
     pub(super) fn max_radius_px(&self) -> f64 {
         let parameters = self.camera.parameters();
         let (cx, cy) = (parameters[0].1, parameters[1].1);
@@ -71,7 +72,7 @@ impl Bundle<'_> {
             .fold(1.0, f64::max)
     }
 
-    /// Whether the same points with x turned round fit much better.
+    /// Reports whether the same points with x negated fit much better.
     pub(super) fn mirrored_fits_better(&self, rms_px: f64) -> bool {
         let views: Vec<CalibrationView> = self
             .views

@@ -1,4 +1,4 @@
-//! A camera's intrinsics with the poses of its views.
+//! Intrinsic calibration: camera parameters together with the poses of the views.
 
 use nalgebra::DVector;
 
@@ -7,8 +7,8 @@ use super::least_squares::{Loss, Problem, covariance, minimise};
 use super::pose::{closest_pose, pose_from_rays, residuals_px};
 use super::start::free_parameters;
 use super::{
-    CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, OUTLIER_SIGMAS,
-    Refusal, check, rms,
+    CalibrationError, CalibrationSettings, CalibrationStart, CalibrationView, Correspondence,
+    OUTLIER_SIGMAS, check, rms,
 };
 use pardalis_camera::Pose;
 use pardalis_camera::{Camera, Equidistant, KannalaBrandt, Ocam};
@@ -16,63 +16,70 @@ use pardalis_camera::{Camera, Equidistant, KannalaBrandt, Ocam};
 /// A calibrated camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// The camera.
+    /// The fitted camera.
     pub camera: Camera,
-    /// Its parameters with their standard deviations.
+    /// Its parameters with standard deviations.
     pub parameters: Vec<FittedParameter>,
-    /// One for each view, in their order.
+    /// One result per view, in the order of the input.
     pub views: Vec<FittedView>,
-    /// Root mean square distance between observed and projected points, outliers left out.
+    /// Root mean square distance between observed and projected points in pixels, without outliers.
     pub rms_px: f64,
-    /// The same with the outliers (those that project at all).
+    /// The same including outliers that project into the image.
     pub rms_all_px: f64,
-    /// The same for points that the camera was not fitted to: every fifth view (or point, of a single view) left out in turn.
+    /// The same for held-out points: every fifth view (or every fifth point of a single view) is excluded
+    /// from the fit in turn. `None` if the rest cannot determine the camera.
     pub held_out_rms_px: Option<f64>,
-    /// The share of a 10 x 10 grid of the image's cells in which points were seen.
+    /// Share of the cells of a 10 x 10 grid over the image that contain points.
     pub coverage: f64,
-    /// The farthest observed ray from the optical axis (from −z for mirrors that the camera looks into), in radians.
+    /// Largest angle between an observed ray and the optical axis (−z for cameras that look into a mirror),
+    /// in radians.
     pub max_angle_rad: f64,
 }
 
 /// One parameter of a fitted camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedParameter {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// Its value.
+    /// Value; the unit follows from the name.
     pub value: f64,
-    /// Its standard deviation; `None` where it was held.
+    /// Standard deviation; `None` if the parameter was fixed.
     pub sigma: Option<f64>,
 }
 
 /// One view of a calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FittedView {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Where the target stood.
+    /// Transform from the target's frame to the camera's frame.
     pub camera_from_target: Pose,
-    /// Standard deviations: rotation about the camera's axes, in radians, then translation in metres.
+    /// Standard deviations: rotation about the camera's axes in radians, then translation in metres.
     pub pose_sigma: [f64; 6],
-    /// Observed minus projected pixel, one a correspondence; `None` where a point projects nowhere.
+    /// Observed minus projected pixel per correspondence; `None` if the point does not project into the image.
     pub residuals_px: Vec<Option<[f64; 2]>>,
-    /// The correspondences that were left out.
+    /// Indices of the rejected correspondences.
     pub outliers: Vec<usize>,
-    /// Root mean square distance of the others.
+    /// Root mean square distance of the remaining correspondences, in pixels.
     pub rms_px: f64,
 }
 
-/// A polynomial of higher degree must bring the held-out points this much nearer.
+/// Factor on the held-out residual that a polynomial of higher degree must reach.
 const HIGHER_DEGREE_GAIN: f64 = 0.97;
 
 /// Fits a camera and the pose of each view.
 ///
-/// Of OCamCalib's model first with its usual polynomial of degree 4, then with one of degree 6, which very wide lenses need and few points do
-/// not determine: it is taken if held-out points say that it is better.
+/// For OCamCalib's model, fits the usual polynomial of degree 4 and one of degree 6, which very wide lenses
+/// need but few points do not determine. The held-out residual selects between them.
+///
+/// # Errors
+///
+/// Fails if the observations are invalid, contradictory or insufficient for the model. The [`CalibrationError`] names
+/// the cause and a remedy.
 pub fn calibrate(
     views: &[CalibrationView],
     settings: &CalibrationSettings,
-) -> Result<Calibration, Refusal> {
+) -> Result<Calibration, CalibrationError> {
     let found = calibrate_once(views, settings)?;
     let (CalibrationStart::Model(_), Camera::Ocam(model)) = (&settings.start, &found.camera) else {
         return Ok(found);
@@ -93,16 +100,16 @@ pub fn calibrate(
         .unwrap_or(found))
 }
 
-/// From one kind of start.
+/// Calibrates from the given start alone.
 fn calibrate_once(
     views: &[CalibrationView],
     settings: &CalibrationSettings,
-) -> Result<Calibration, Refusal> {
+) -> Result<Calibration, CalibrationError> {
     check::points(views, settings.size_px)?;
     let starts = starts(views, settings);
     let Some(first) = starts.first() else {
-        return Err(Refusal::new(
-            "no camera of this model can see these pixels",
+        return Err(CalibrationError::new(
+            "no camera of this model has rays for these pixels",
             "try another model",
         ));
     };
@@ -124,9 +131,9 @@ fn calibrate_once(
         .zip(&used)
         .find_map(|(v, used)| (used.iter().filter(|u| **u).count() < 4).then_some(v))
     {
-        return Err(Refusal::new(
-            format!("{} does not agree with the other views", view.name),
-            "leave it out, or check its points",
+        return Err(CalibrationError::new(
+            format!("{} contradicts the other views", view.name),
+            "leave it out or check its points",
         ));
     }
     let (fitted, _) = minimise(Bundle { used, ..robust }, Loss::Squares, 200);
@@ -150,20 +157,20 @@ fn starts(views: &[CalibrationView], settings: &CalibrationSettings) -> Vec<Came
     kind.starts(settings.size_px, radius_px)
 }
 
-/// The starts that are followed after a few steps.
+/// Number of starts that are refined after a few steps.
 const FOLLOWED: usize = 4;
 
-/// The best robust fit from all starts.
+/// Returns the best robust fit from all starts.
 fn robust_fit<'a>(
     views: &'a [CalibrationView],
     starts: &[Camera],
     free: &'a [bool],
-) -> Result<Bundle<'a>, Refusal> {
+) -> Result<Bundle<'a>, CalibrationError> {
     let used: Vec<Vec<bool>> = views
         .iter()
         .map(|v| vec![true; v.correspondences.len()])
         .collect();
-    // First coarse, so that a start far off is still drawn in; then fine.
+    // A wide loss first attracts distant starts; a narrow one then refines them.
     let mut candidates: Vec<(Bundle, f64)> = starts
         .iter()
         .filter_map(|camera| {
@@ -190,25 +197,25 @@ fn robust_fit<'a>(
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map(|(bundle, _)| bundle)
         .ok_or_else(|| {
-            Refusal::new(
+            CalibrationError::new(
                 "the pixels have no rays in any camera of this model",
-                "check the size of the images and the model",
+                "check the image size and the model",
             )
         })
 }
 
-/// Signs of a calibration that means nothing.
-fn check_fit(fitted: &Bundle, settings: &CalibrationSettings) -> Result<(), Refusal> {
+/// Rejects fits with large residuals and boards seen from behind.
+fn check_fit(fitted: &Bundle, settings: &CalibrationSettings) -> Result<(), CalibrationError> {
     let residuals: Vec<[f64; 2]> = fitted.inlier_residuals().collect();
     let rms_px = rms(residuals.into_iter());
-    if rms_px > check::largest_rms_px(settings.size_px) {
+    if rms_px > check::max_rms_px(settings.size_px) {
         let mirrored = fitted.mirrored_fits_better(rms_px);
         return Err(if mirrored {
             check::mirrored(rms_px)
         } else {
-            Refusal::new(
+            CalibrationError::new(
                 format!(
-                    "no camera of this model brings the points nearer than {rms_px:.1} px to their pixels"
+                    "the best camera of this model leaves {rms_px:.1} px between the points and their pixels"
                 ),
                 "check the order of the points, their units (metres) and the model",
             )
@@ -216,7 +223,7 @@ fn check_fit(fitted: &Bundle, settings: &CalibrationSettings) -> Result<(), Refu
     }
     if settings.board {
         let from_behind = fitted.poses.iter().filter(|pose| {
-            // The camera in the board's frame.
+            // The camera's position in the board's frame.
             pose.inverse().translation.vector.z < 0.0
         });
         let behind = from_behind.count();
@@ -227,7 +234,8 @@ fn check_fit(fitted: &Bundle, settings: &CalibrationSettings) -> Result<(), Refu
     Ok(())
 }
 
-/// Leaves every fifth view (or every fifth point of a single view) out in turn.
+/// Excludes every fifth view (or every fifth point of a single view) in turn and returns the RMS residual of
+/// the excluded points, in pixels.
 fn held_out_rms_px(fitted: &Bundle) -> Option<f64> {
     const FOLDS: usize = 5;
     let views = fitted.views;
@@ -260,7 +268,8 @@ fn held_out_rms_px(fitted: &Bundle) -> Option<f64> {
             if held.is_empty() {
                 continue;
             }
-            // A view that was left out as a whole still needs its pose; a single view has it from the other points.
+            // A view that was excluded entirely still needs a pose; a single view has one from its other
+            // points.
             let pose = if single {
                 rest.poses[v]
             } else {
@@ -278,10 +287,10 @@ fn held_out_rms_px(fitted: &Bundle) -> Option<f64> {
     Some(rms(residuals.into_iter()))
 }
 
-/// The largest relative s.d. of the focal length at the axis that still is a calibration.
+/// Largest accepted relative standard deviation of the focal length at the axis.
 const MAX_FOCAL_SIGMA: f64 = 0.05;
 
-/// Pixels per radian at the optical axis (the one from the camera, or back from a mirror).
+/// Returns the pixels per radian at the optical axis (forwards, or backwards for mirrors).
 fn axial_focal_px(camera: &Camera) -> Option<f64> {
     const ANGLE_RAD: f64 = 1e-4;
     [1.0, -1.0].into_iter().find_map(|z| {
@@ -291,7 +300,7 @@ fn axial_focal_px(camera: &Camera) -> Option<f64> {
     })
 }
 
-/// How that number moves with each free parameter.
+/// Computes the derivatives of [`axial_focal_px`] with respect to the free parameters.
 fn axial_focal_slopes(fitted: &Bundle) -> Option<Vec<f64>> {
     let values: Vec<f64> = fitted.camera.parameters().iter().map(|p| p.1).collect();
     let free = (0..values.len()).filter(|&i| fitted.free[i]);
@@ -302,7 +311,7 @@ fn axial_focal_slopes(fitted: &Bundle) -> Option<Vec<f64>> {
             values[i] += sign * step;
             axial_focal_px(&fitted.camera.with_parameters(&values).ok()?)
         };
-        // A parameter at the end of its range is moved to one side only.
+        // A parameter at the end of its range can only move to one side.
         let middle = axial_focal_px(&fitted.camera)?;
         match (at(1.0), at(-1.0)) {
             (Some(after), Some(before)) => Some((after - before) / (2.0 * step)),
@@ -314,7 +323,8 @@ fn axial_focal_slopes(fitted: &Bundle) -> Option<Vec<f64>> {
     .collect()
 }
 
-/// The camera with its domain cut to what was seen and a little more: beyond, a polynomial is a guess.
+/// Limits the camera's domain to the observed region plus a margin, because a polynomial is arbitrary beyond
+/// it.
 fn limited(camera: &Camera, max_angle_rad: f64, max_radius_px: f64) -> Camera {
     const MARGIN: f64 = 1.1;
     let angle = (MARGIN * max_angle_rad).min(std::f64::consts::PI);
@@ -343,11 +353,11 @@ fn finish(
     fitted: Bundle,
     settings: &CalibrationSettings,
     held_out_rms_px: Option<f64>,
-) -> Result<Calibration, Refusal> {
+) -> Result<Calibration, CalibrationError> {
     let undetermined = |what: String| {
-        Refusal::new(
+        CalibrationError::new(
             format!("the observations do not determine {what}"),
-            "turn the board more (by 30 degrees and more, about both axes), fill the image, or give points at other distances; or take a model with fewer parameters",
+            "tilt the board more (by 30 degrees or more, about both axes), fill the image, add points at other distances, or use a model with fewer parameters",
         )
     };
     let count = fitted.inlier_residuals().count();
@@ -370,7 +380,8 @@ fn finish(
             FittedParameter { name, value, sigma }
         })
         .collect();
-    // Not each parameter, where others may take its place (a mirror's ξ, say), but what the image shows must be known.
+    // Individual parameters may compensate for one another (such as a mirror's ξ), but the image scale must
+    // be determined.
     let focal = axial_focal_px(&fitted.camera).zip(axial_focal_slopes(&fitted));
     if let Some((focal_px, slopes)) = focal {
         let slopes = DVector::from_vec(slopes);
@@ -378,7 +389,7 @@ fn finish(
         let sigma = sigma_px * slopes.dot(&(block * &slopes)).sqrt();
         if !(sigma < MAX_FOCAL_SIGMA * focal_px) {
             return Err(undetermined(format!(
-                "the focal length ({focal_px:.1} px at the axis with a standard deviation of {sigma:.1}, more than {:.0} %)",
+                "the focal length ({focal_px:.1} px at the axis with a standard deviation of {sigma:.1} px, more than {:.0} %)",
                 100.0 * MAX_FOCAL_SIGMA
             )));
         }
@@ -423,12 +434,12 @@ fn finish(
 
 fn coverage(views: &[CalibrationView], (width, height): (usize, usize)) -> f64 {
     const CELLS: usize = 10;
-    let mut seen = [false; CELLS * CELLS];
+    let mut occupied = [false; CELLS * CELLS];
     for c in views.iter().flat_map(|v| &v.correspondences) {
         let cell = |x: f64, size: usize| {
             (((x + 0.5) / size as f64 * CELLS as f64).max(0.0) as usize).min(CELLS - 1)
         };
-        seen[cell(c.pixel[1], height) * CELLS + cell(c.pixel[0], width)] = true;
+        occupied[cell(c.pixel[1], height) * CELLS + cell(c.pixel[0], width)] = true;
     }
-    seen.iter().filter(|s| **s).count() as f64 / seen.len() as f64
+    occupied.iter().filter(|s| **s).count() as f64 / occupied.len() as f64
 }

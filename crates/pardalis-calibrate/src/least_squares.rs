@@ -1,42 +1,44 @@
 //! Levenberg-Marquardt on pixel residuals, each of which depends on a few of the unknowns.
 //!
-//! Our own, because the normal matrix is wanted for robust weights and covariances, and is accumulated in a fixed order: a library that
-//! takes the whole Jacobian would hold 30 000 rows of some 300 columns that are almost all zero.
+//! The module accumulates the normal matrix in a fixed order, because robust weights and covariances need it.
+//! A library that takes the whole Jacobian would hold 30 000 rows of about 300 columns, almost all of them
+//! zero.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// How a residual's two coordinates move with some of the unknowns: blocks of consecutive unknowns.
+/// Derivatives of a residual's two coordinates with respect to blocks of consecutive unknowns.
 pub(super) struct Slopes<'a> {
-    /// The first unknown of each block, and the derivatives by the block's unknowns.
+    /// First unknown of each block, and the derivatives with respect to the unknowns of the block.
     pub(super) blocks: &'a [(usize, &'a [[f64; 2]])],
 }
 
-/// Something that is fitted.
+/// A least-squares problem at its current unknowns.
 pub(super) trait Problem: Sized {
-    /// How many unknowns there are.
+    /// Returns the number of unknowns.
     fn unknowns(&self) -> usize;
 
-    /// The problem at other unknowns: a step away. `None` where that is outside of what is allowed.
+    /// Returns the problem after a step of its unknowns; `None` if the step leaves the valid range.
     fn stepped(&self, step: &DVector<f64>) -> Option<Self>;
 
-    /// Calls `visit` with every residual in pixels (`None`: the point has no pixel) and its slopes, in a fixed order.
+    /// Calls `visit` with every residual in pixels (`None` if the point has no pixel) and its derivatives, in
+    /// a fixed order.
     fn visit(&self, visit: &mut dyn FnMut(Option<[f64; 2]>, Slopes<'_>));
 }
 
-/// What a residual costs.
+/// Cost of a residual.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Loss {
-    /// Its square.
+    /// The squared length.
     Squares,
-    /// Cauchy's loss, c²·ln(1 + r²/c²), with this c in pixels: residuals far beyond it hardly pull.
+    /// Cauchy's loss c²·ln(1 + r²/c²) with this c in pixels: residuals far beyond c have little influence.
     Cauchy(f64),
 }
 
-/// What a point without a pixel counts as, in pixels.
+/// Residual in pixels that stands for a point without a pixel.
 const MISSING_PX: f64 = 1000.0;
 
 impl Loss {
-    /// The cost and the weight of a residual of this squared length.
+    /// Returns the cost and the weight of a residual with this squared length.
     fn of(self, square: f64) -> (f64, f64) {
         match self {
             Self::Squares => (square, 1.0),
@@ -47,7 +49,8 @@ impl Loss {
         }
     }
 
-    /// The relative gain of a step at which to stop: a robust fit only chooses between starts and names outliers; squares give the result.
+    /// Returns the relative improvement below which the iteration stops. A robust fit only selects a start
+    /// and finds outliers; the squared loss gives the result.
     fn least_gain(self) -> f64 {
         match self {
             Self::Squares => 1e-12,
@@ -56,7 +59,7 @@ impl Loss {
     }
 }
 
-/// Cost, normal matrix and right-hand side at the present unknowns.
+/// Cost, normal matrix and right-hand side at the current unknowns.
 struct Normal {
     cost: f64,
     matrix: DMatrix<f64>,
@@ -106,7 +109,8 @@ fn cost<P: Problem>(problem: &P, loss: Loss) -> f64 {
     cost
 }
 
-/// Steps until the cost falls no more, at most `iterations` times. Returns the fitted problem and its cost.
+/// Iterates until the cost no longer decreases, at most `iterations` times. Returns the fitted problem and
+/// its cost.
 pub(super) fn minimise<P: Problem>(mut problem: P, loss: Loss, iterations: usize) -> (P, f64) {
     let mut lambda = 1e-3;
     let mut present = normal(&problem, loss);
@@ -146,7 +150,7 @@ pub(super) fn minimise<P: Problem>(mut problem: P, loss: Loss, iterations: usize
     (problem, present.cost)
 }
 
-/// What makes the diagonal 1; unknowns on which nothing depends keep their scale.
+/// Computes the scale factors that make the diagonal 1; unknowns without influence keep their scale.
 fn scales(matrix: &DMatrix<f64>) -> DVector<f64> {
     matrix
         .diagonal()
@@ -159,7 +163,8 @@ fn scaled(matrix: &DMatrix<f64>, scale: &DVector<f64>) -> DMatrix<f64> {
     })
 }
 
-/// The covariance of the unknowns for residuals of one pixel s.d. a coordinate; `None` where the residuals do not determine them.
+/// Computes the covariance of the unknowns for residuals with a standard deviation of one pixel per
+/// coordinate; `None` if the residuals do not determine the unknowns.
 pub(super) fn covariance<P: Problem>(problem: &P) -> Option<DMatrix<f64>> {
     let matrix = normal(problem, Loss::Squares).matrix;
     let scale = scales(&matrix);

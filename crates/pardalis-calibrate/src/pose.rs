@@ -1,4 +1,5 @@
-//! A camera's pose from known points: first linearly from the rays of the pixels, then by least squares on the pixels.
+//! Camera pose from known points: a linear solution from the rays of the pixels, refined by least squares in
+//! the image.
 
 use nalgebra::{
     DMatrix, DVector, Matrix3, Point3, Rotation3, SymmetricEigen, Translation3, Vector3,
@@ -6,70 +7,77 @@ use nalgebra::{
 
 use super::least_squares::{Loss, Problem, Slopes, covariance, minimise};
 use super::spread::Spread;
-use super::{Correspondence, Refusal, check, rms};
+use super::{CalibrationError, Correspondence, check, rms};
 use pardalis_camera::Pose;
 use pardalis_camera::{Camera, ProjectionJacobian};
 use pardalis_core::rng::{Draws, Stage};
 
-/// A camera's pose with its uncertainty.
+/// Pose of a calibrated camera with its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseFit {
-    /// The pose.
+    /// Transform from the target's frame to the camera's frame.
     pub camera_from_target: Pose,
-    /// Standard deviations: rotation about the camera's axes, in radians, then translation in metres.
+    /// Standard deviations: rotation about the camera's axes in radians, then translation in metres.
     pub pose_sigma: [f64; 6],
-    /// Observed minus projected pixel, one a correspondence; `None` where a point projects nowhere.
+    /// Observed minus projected pixel per correspondence; `None` if the point does not project into the image.
     pub residuals_px: Vec<Option<[f64; 2]>>,
-    /// The correspondences that were left out.
+    /// Indices of the rejected correspondences.
     pub outliers: Vec<usize>,
-    /// Root mean square distance of the others.
+    /// Root mean square distance of the remaining correspondences, in pixels.
     pub rms_px: f64,
 }
 
-/// The pose of a calibrated camera from at least four correspondences in a plane, or six. Robust: points with residuals beyond `outlier_sigmas`
-/// ([`OUTLIER_SIGMAS`](super::OUTLIER_SIGMAS)) robust standard deviations are left out; infinity keeps all that project.
+/// Computes the pose of a calibrated camera from at least four correspondences in a plane or six in general
+/// position.
 ///
-/// Refused: what [`closest_pose`] refuses, pixels outside of images of `size_px`, and points and pixels that do not belong together.
+/// The fit is robust: points with residuals beyond `outlier_sigmas`
+/// ([`OUTLIER_SIGMAS`](super::OUTLIER_SIGMAS)) robust standard deviations are rejected. Infinity keeps every
+/// point that projects into the image.
+///
+/// # Errors
+///
+/// Fails in the same cases as [`closest_pose`], if pixels lie outside images of `size_px` (width, height), or
+/// if points and pixels do not match.
 pub fn fit_pose(
     camera: &Camera,
     size_px: (usize, usize),
     correspondences: &[Correspondence],
     outlier_sigmas: f64,
-) -> Result<PoseFit, Refusal> {
+) -> Result<PoseFit, CalibrationError> {
     check::enough_points("the pose", correspondences, 4)?;
     check::pixels(correspondences.iter().map(|c| c.pixel), size_px)?;
-    let largest_rms_px = check::largest_rms_px(size_px);
+    let max_rms_px = check::max_rms_px(size_px);
     let fit = closest_pose(camera, correspondences, outlier_sigmas);
     let rms_px = match &fit {
-        Ok(found) if found.rms_px <= largest_rms_px => return fit,
+        Ok(found) if found.rms_px <= max_rms_px => return fit,
         Ok(found) => found.rms_px,
         Err(_) => f64::INFINITY,
     };
     let fits = |changed: &[Correspondence]| {
         closest_pose(camera, changed, outlier_sigmas)
-            .is_ok_and(|fit| fit.rms_px < 0.2 * rms_px.min(largest_rms_px))
+            .is_ok_and(|fit| fit.rms_px < 0.2 * rms_px.min(max_rms_px))
     };
     if fits(&mirrored(correspondences)) {
         return Err(check::mirrored(rms_px));
     }
     if fits(&swapped(correspondences)) {
-        return Err(Refusal::new(
-            "points and pixels agree only with u and v exchanged",
-            "u runs to the right, v down: check which column is which",
+        return Err(CalibrationError::new(
+            "points and pixels match only with u and v exchanged",
+            "check the order of the columns: u points right, v points down",
         ));
     }
-    // What could not be fitted at all has its reason.
+    // If no fit was possible at all, its own error says why.
     fit.and_then(|_| {
-        Err(Refusal::new(
+        Err(CalibrationError::new(
             format!(
-                "no pose of this camera brings the points nearer than {rms_px:.1} px to their pixels"
+                "the best pose of this camera leaves {rms_px:.1} px between the points and their pixels"
             ),
-            "check that the camera's file belongs to these images, the order of the points, and that all coordinates are in metres",
+            "check that the camera file belongs to these images, that points and pixels are in the same order, and that all coordinates are in metres",
         ))
     })
 }
 
-/// The points as in a mirror: x turned round.
+/// Mirrors the points: negates x.
 pub(super) fn mirrored(correspondences: &[Correspondence]) -> Vec<Correspondence> {
     let mirror = |c: &Correspondence| Correspondence {
         point_m: [-c.point_m[0], c.point_m[1], c.point_m[2]],
@@ -78,7 +86,7 @@ pub(super) fn mirrored(correspondences: &[Correspondence]) -> Vec<Correspondence
     correspondences.iter().map(mirror).collect()
 }
 
-/// The pixels with u and v exchanged.
+/// Exchanges u and v of the pixels.
 fn swapped(correspondences: &[Correspondence]) -> Vec<Correspondence> {
     let swap = |c: &Correspondence| Correspondence {
         pixel: [c.pixel[1], c.pixel[0]],
@@ -87,24 +95,28 @@ fn swapped(correspondences: &[Correspondence]) -> Vec<Correspondence> {
     correspondences.iter().map(swap).collect()
 }
 
-/// The pose that brings the points nearest to their pixels, whether that is near or not: [`fit_pose`] for points that are known to be right, or
-/// to judge the camera by.
+/// Computes the pose with the smallest reprojection error, however large that error is.
 ///
-/// Refused: too few points, points in a line, and those most of which the camera does not see or that do not agree with one another.
+/// Use it instead of [`fit_pose`] if the points are known to be correct, or to evaluate the camera itself.
+///
+/// # Errors
+///
+/// Fails if there are too few points, if they are collinear, if most pixels have no ray in this camera, or if
+/// the points contradict one another.
 pub fn closest_pose(
     camera: &Camera,
     correspondences: &[Correspondence],
     outlier_sigmas: f64,
-) -> Result<PoseFit, Refusal> {
+) -> Result<PoseFit, CalibrationError> {
     check::enough_points("the pose", correspondences, 4)?;
     if !check::spread("the pose", correspondences)?.flat() {
-        // Four or five points have several poses that nearly fit, and no linear solution to tell which.
+        // Four or five points allow several poses with small errors, and no linear solution selects one.
         check::enough_points("a pose from points not in one plane", correspondences, 6)?;
     }
     let start = pose_from_rays(camera, correspondences).ok_or_else(|| {
-        Refusal::new(
+        CalibrationError::new(
             "most of the pixels have no rays in this camera",
-            "check that the camera's file belongs to these images",
+            "check that the camera file belongs to these images",
         )
     })?;
     let problem = |pose, used| PoseProblem {
@@ -127,9 +139,9 @@ pub fn closest_pose(
     let rms_px = rms(inliers.filter_map(|(r, _)| *r));
     let count = fitted.used.iter().filter(|used| **used).count();
     let Some(covariance) = covariance(&fitted) else {
-        return Err(Refusal::new(
+        return Err(CalibrationError::new(
             "the points do not determine the pose",
-            "use at least four points that are spread over the image",
+            "use at least four points spread over the image",
         ));
     };
     let freedom = (2.0 * count as f64 - 6.0).max(1.0);
@@ -145,7 +157,7 @@ pub fn closest_pose(
     })
 }
 
-/// Observed minus projected pixels.
+/// Computes observed minus projected pixels.
 pub(super) fn residuals_px(
     camera: &Camera,
     camera_from_target: &Pose,
@@ -161,13 +173,14 @@ pub(super) fn residuals_px(
         .collect()
 }
 
-/// The derivatives of a projected point by a small turn about the camera's axes and a shift of its pose.
+/// Computes the derivatives of a projected point with respect to a small rotation about the camera's axes and
+/// a translation.
 pub(super) fn slopes_by_pose(
     rotated: Vector3<f64>,
     jacobian: &ProjectionJacobian,
 ) -> [[f64; 2]; 6] {
     let by_point = jacobian.by_point;
-    // A turn ω moves the point by ω × (R·X).
+    // A rotation ω moves the point by ω × (R·X).
     let turned = [
         Vector3::x().cross(&rotated),
         Vector3::y().cross(&rotated),
@@ -184,7 +197,7 @@ pub(super) fn slopes_by_pose(
     })
 }
 
-/// A pose after the step of six unknowns of [`slopes_by_pose`].
+/// Applies a step of the six unknowns of [`slopes_by_pose`] to a pose.
 pub(super) fn stepped_pose(pose: &Pose, step: &[f64]) -> Pose {
     let turn = Rotation3::new(Vector3::new(step[0], step[1], step[2]));
     let shift = Vector3::new(step[3], step[4], step[5]);
@@ -243,44 +256,46 @@ impl Problem for PoseProblem<'_> {
     }
 }
 
-/// Samples of a few points that are tried for a pose when the points may hold outliers.
+/// Number of random samples tried for a pose if the points may contain outliers.
 const SAMPLES: u32 = 40;
 
-/// A pose from the rays of the pixels: the linear solution from all points, or from the random sample of few that leaves the smallest
-/// median angle between rays and points. `None` where there is none.
+/// Estimates a pose from the rays of the pixels: the linear solution from all points or from the random
+/// sample with the smallest median angle between rays and points. Returns `None` if there is no solution.
 pub(super) fn pose_from_rays(camera: &Camera, correspondences: &[Correspondence]) -> Option<Pose> {
     let mut origin = Vector3::zeros();
-    let mut seen: Vec<(Vector3<f64>, Vector3<f64>)> = Vec::with_capacity(correspondences.len());
+    let mut observed: Vec<(Vector3<f64>, Vector3<f64>)> = Vec::with_capacity(correspondences.len());
     for c in correspondences {
         if let Some(ray) = camera.unproject(c.pixel) {
             origin += Vector3::from(ray.origin);
-            seen.push((Vector3::from(c.point_m), Vector3::from(ray.direction)));
+            observed.push((Vector3::from(c.point_m), Vector3::from(ray.direction)));
         }
     }
-    if seen.len() < 4 || 2 * seen.len() < correspondences.len() {
+    if observed.len() < 4 || 2 * observed.len() < correspondences.len() {
         return None;
     }
-    // Where the rays of a mirror have no common origin, the mean of them stands in.
-    origin /= seen.len() as f64;
-    let spread = Spread::of(seen.iter().map(|(p, _)| (*p).into()));
+    // The rays of some mirrors have no common origin; their mean origin replaces it.
+    origin /= observed.len() as f64;
+    let spread = Spread::of(observed.iter().map(|(p, _)| (*p).into()));
     let flat = spread.flat();
     if spread.widths_m[1] < 1e-6 * spread.widths_m[0] || spread.widths_m[0] <= 0.0 {
         return None;
     }
     let sample_size = if flat { 5 } else { 7 };
     let draws = Draws::new(0, 0);
-    let everything: Vec<usize> = (0..seen.len()).collect();
-    let samples = (0..SAMPLES).filter(|_| seen.len() > sample_size).map(|s| {
-        (0..sample_size as u32)
-            .map(|i| (draws.uniform(s, i, Stage::Ray) * seen.len() as f64) as usize)
-            .collect()
-    });
+    let everything: Vec<usize> = (0..observed.len()).collect();
+    let samples = (0..SAMPLES)
+        .filter(|_| observed.len() > sample_size)
+        .map(|s| {
+            (0..sample_size as u32)
+                .map(|i| (draws.uniform(s, i, Stage::Ray) * observed.len() as f64) as usize)
+                .collect()
+        });
     let mut best: Option<(f64, Pose)> = None;
     for indices in std::iter::once(everything).chain(samples) {
-        let Some(pose) = linear_pose(&spread, flat, indices.iter().map(|&i| seen[i])) else {
+        let Some(pose) = linear_pose(&spread, flat, indices.iter().map(|&i| observed[i])) else {
             continue;
         };
-        let mut errors: Vec<f64> = seen
+        let mut errors: Vec<f64> = observed
             .iter()
             .map(|(point, ray)| 1.0 - (pose * Point3::from(*point)).coords.normalize().dot(ray))
             .collect();
@@ -295,24 +310,25 @@ pub(super) fn pose_from_rays(camera: &Camera, correspondences: &[Correspondence]
     Some(Pose::from_parts(translation, pose.rotation))
 }
 
-/// The direct linear transformation for rays of any direction, also beyond 90 degrees: ray × (R·X + t) = 0.
+/// Solves for the pose by direct linear transformation with rays of any direction, including beyond 90
+/// degrees: ray × (R·X + t) = 0.
 fn linear_pose(
     spread: &Spread,
     flat: bool,
-    seen: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>,
+    observed: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>,
 ) -> Option<Pose> {
     let columns = if flat { 3 } else { 4 };
     let scale = spread.widths_m[0];
     let mut matrix = DMatrix::<f64>::zeros(3 * columns, 3 * columns);
     let mut pairs = Vec::new();
-    for (point, ray) in seen {
-        let local = spread.axes.transpose() * (point - spread.middle) / scale;
+    for (point, ray) in observed {
+        let local = spread.axes.transpose() * (point - spread.mean) / scale;
         let homogeneous = if flat {
             vec![local.x, local.y, 1.0]
         } else {
             vec![local.x, local.y, local.z, 1.0]
         };
-        // Rows of ray × (P·X), P's columns one after the other.
+        // Rows of ray × (P·X), with the columns of P concatenated.
         let cross = ray.cross_matrix();
         let square = cross.transpose() * cross;
         for (i, a) in homogeneous.iter().enumerate() {
@@ -350,10 +366,10 @@ fn linear_pose(
     }
     let svd = (matrix / size).svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);
-    // A mirrored solution is turned to the nearest rotation all the same: least squares then shows that it does not fit.
+    // A mirrored solution also becomes the nearest rotation; least squares then reveals that it does not fit.
     let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant()));
     let rotation = u * flip * v_t * spread.axes.transpose();
-    let translation = t / size * scale - rotation * spread.middle;
+    let translation = t / size * scale - rotation * spread.mean;
     let finite = rotation
         .iter()
         .chain(translation.iter())

@@ -1,69 +1,80 @@
-//! Where several cameras stand to one another, from targets that two or more of them saw at the same time.
+//! Relative poses of several cameras, from targets that two or more of them saw at the same time.
 
 use nalgebra::{DVector, Point3, Unit, Vector3};
 
 use super::least_squares::{Loss, Problem, Slopes, covariance, minimise};
 use super::pose::{PoseFit, closest_pose, slopes_by_pose, stepped_pose};
 use super::start::free_parameters;
-use super::{CalibrationView, Refusal, check, rms};
+use super::{CalibrationError, CalibrationView, check, rms};
 use pardalis_camera::{CalibratedCamera, Pose};
 use pardalis_camera::{Camera, ProjectionJacobian};
 
-/// One camera of a rig and what it saw.
+/// A camera of a rig with its observations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigCamera {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its calibration so far; it is refined together with the poses.
+    /// Initial calibration, refined together with the poses.
     pub camera: Camera,
-    /// Width and height of its images in pixels.
+    /// Width and height of the images in pixels.
     pub size_px: (usize, usize),
-    /// One a shot, the same shots in the same order for all cameras; `None` where it saw no target.
+    /// One view per shot, with the same shots in the same order for all cameras; `None` if the camera did not
+    /// see the target.
     pub views: Vec<Option<CalibrationView>>,
 }
 
 /// A calibrated rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigCalibration {
-    /// The cameras with their poses; the first camera is the world.
+    /// Cameras with their poses; the first camera's frame is the world frame.
     pub cameras: Vec<CalibratedCamera>,
-    /// Where the target stood in each shot that was used.
+    /// Pose of the target in each shot that was used.
     pub world_from_target: Vec<Option<Pose>>,
-    /// Root mean square distance of each camera's points, outliers left out.
+    /// Root mean square distance of each camera's points in pixels, without outliers.
     pub rms_px: Vec<f64>,
-    /// Observed minus projected pixels by camera, shot and point; `None` where a point projects nowhere or its shot was left out.
+    /// Observed minus projected pixels by camera, shot and point; `None` if the point does not project into
+    /// the image or its shot was rejected.
     pub residuals_px: Vec<Vec<Vec<Option<[f64; 2]>>>>,
-    /// The points left out, as (camera, shot, point); those of shots left out are not among them.
+    /// Rejected points as (camera, shot, point), without those of rejected shots.
     pub outliers: Vec<(usize, usize, usize)>,
-    /// The shots left out, because the cameras do not agree on where the target was: their images do not belong together.
-    pub out_of_step: Vec<usize>,
-    /// The standard deviation of each camera's distance from the first; zero for the first.
+    /// Rejected shots: the cameras disagree on the target's position, so that their images are not
+    /// simultaneous.
+    pub rejected_shots: Vec<usize>,
+    /// Standard deviation of each camera's distance from the first, in metres; zero for the first.
     pub baseline_sigma_m: Vec<f64>,
-    /// The standard deviation of the angle by which each camera is turned from the first; zero for the first.
+    /// Standard deviation of the angle between each camera and the first, in radians; zero for the first.
     pub turn_sigma_rad: Vec<f64>,
 }
 
-/// A view belongs to its shot where the median residual of its points is within this many times that of the camera's views on their own...
+/// A view matches its shot if the median residual of its points is within this multiple of the median
+/// residual of the camera's individually fitted views.
 const STEP_RATIO: f64 = 10.0;
 
-/// ... or within so many pixels.
+/// Lower bound of that limit, in pixels.
 const STEP_PX: f64 = 1.0;
 
-/// Fits the poses of all cameras and targets, and refines the cameras. Cameras may be chained: each needs a shot in common with one of the others.
-/// Points beyond `outlier_sigmas` robust standard deviations are left out, as by [`closest_pose`]; so are whole shots in which the cameras do not agree on
-/// where the target was, if they are few.
+/// Fits the poses of all cameras and targets, and refines the cameras.
+///
+/// Every camera needs a shot in common with at least one other camera. As in [`closest_pose`], points beyond
+/// `outlier_sigmas` robust standard deviations are rejected. A few shots in which the cameras disagree on the
+/// target's position are rejected as well.
+///
+/// # Errors
+///
+/// Fails if there are fewer than two cameras, if the numbers of shots differ, if a camera shares no shot with
+/// the others, or if the observations are contradictory or insufficient.
 pub fn calibrate_rig(
     cameras: &[RigCamera],
     outlier_sigmas: f64,
-) -> Result<RigCalibration, Refusal> {
+) -> Result<RigCalibration, CalibrationError> {
     let shots = cameras.first().map_or(0, |c| c.views.len());
     if cameras.len() < 2 || shots == 0 || cameras.iter().any(|c| c.views.len() != shots) {
-        return Err(Refusal::new(
-            "a rig needs two or more cameras with equally many shots",
-            "give images of all cameras, taken at the same instants",
+        return Err(CalibrationError::new(
+            "a rig needs two or more cameras with the same number of shots",
+            "give simultaneous images of all cameras",
         ));
     }
-    let alone: Vec<Vec<Option<PoseFit>>> = cameras
+    let single: Vec<Vec<Option<PoseFit>>> = cameras
         .iter()
         .map(|c| {
             let fit = |view: &Option<CalibrationView>| {
@@ -72,7 +83,7 @@ pub fn calibrate_rig(
             c.views.iter().map(fit).collect()
         })
         .collect();
-    let (camera_from_world, world_from_target) = place(cameras, &alone)?;
+    let (camera_from_world, world_from_target) = initial_poses(cameras, &single)?;
     let free: Vec<Vec<bool>> = cameras.iter().map(|c| free_parameters(&c.camera)).collect();
     let used = cameras
         .iter()
@@ -93,21 +104,21 @@ pub fn calibrate_rig(
         used,
     };
     let (mut rig, _) = minimise(rig, Loss::Cauchy(2.0), 100);
-    let out_of_step = rig.out_of_step(&alone);
-    rig.check_step(&out_of_step)?;
-    for &shot in &out_of_step {
+    let rejected_shots = rig.rejected_shots(&single);
+    rig.check_rejected(&rejected_shots)?;
+    for &shot in &rejected_shots {
         rig.world_from_target[shot] = None;
     }
     for (c, shots) in rig.residuals().into_iter().enumerate() {
-        let in_step = |s: &usize| !out_of_step.contains(s);
+        let is_kept = |s: &usize| !rejected_shots.contains(s);
         let residuals: Vec<_> = (0..shots.len())
-            .filter(in_step)
+            .filter(is_kept)
             .flat_map(|s| shots[s].iter().copied())
             .collect();
         let inliers = check::inliers(&residuals, outlier_sigmas);
         check::mostly_inliers(&format!("camera {}", cameras[c].name), &inliers)?;
         let mut inliers = inliers.into_iter();
-        for s in (0..shots.len()).filter(in_step) {
+        for s in (0..shots.len()).filter(is_kept) {
             rig.used[c][s]
                 .iter_mut()
                 .zip(inliers.by_ref())
@@ -115,15 +126,15 @@ pub fn calibrate_rig(
         }
     }
     let (rig, _) = minimise(rig, Loss::Squares, 100);
-    rig.finish(out_of_step)
+    rig.finish(rejected_shots)
 }
 
-/// First poses: the first camera is the world, the others are chained to it by shots in common, those with most of them first. What one shot
-/// says of two cameras is taken from the shot with which the others agree best.
-fn place(
+/// Computes initial poses: the first camera is the world, and the others follow by common shots, most shots
+/// first. The relative pose of two cameras comes from the shot that agrees best with the others.
+fn initial_poses(
     cameras: &[RigCamera],
-    alone: &[Vec<Option<PoseFit>>],
-) -> Result<(Vec<Pose>, Vec<Option<Pose>>), Refusal> {
+    single: &[Vec<Option<PoseFit>>],
+) -> Result<(Vec<Pose>, Vec<Option<Pose>>), CalibrationError> {
     let mut placed: Vec<Option<Pose>> = vec![None; cameras.len()];
     placed[0] = Some(Pose::identity());
     loop {
@@ -131,7 +142,7 @@ fn place(
         for (a, known) in placed.iter().enumerate() {
             let Some(a_from_world) = known else { continue };
             for b in (0..cameras.len()).filter(|&b| placed[b].is_none()) {
-                let shots = alone[a].iter().zip(&alone[b]);
+                let shots = single[a].iter().zip(&single[b]);
                 let b_from_a: Vec<Pose> = shots
                     .filter_map(|(a, b)| {
                         let (a, b) = (a.as_ref()?, b.as_ref()?);
@@ -146,19 +157,19 @@ fn place(
         let Some((_, b, pose)) = best else { break };
         placed[b] = Some(pose);
     }
-    if let Some(alone) = placed.iter().position(Option::is_none) {
-        return Err(Refusal::new(
+    if let Some(single) = placed.iter().position(Option::is_none) {
+        return Err(CalibrationError::new(
             format!(
                 "camera {} never saw the target together with another camera",
-                cameras[alone].name
+                cameras[single].name
             ),
-            "take shots in which both it and another camera see the target",
+            "take shots in which this camera and another one see the target",
         ));
     }
     let camera_from_world: Vec<Pose> = placed.into_iter().flatten().collect();
     let world_from_target = (0..cameras[0].views.len())
         .map(|shot| {
-            let seen = (0..cameras.len()).filter_map(|c| Some((c, alone[c][shot].as_ref()?)));
+            let seen = (0..cameras.len()).filter_map(|c| Some((c, single[c][shot].as_ref()?)));
             let best = seen.min_by(|a, b| a.1.rms_px.total_cmp(&b.1.rms_px));
             best.map(|(c, fit)| camera_from_world[c].inverse() * fit.camera_from_target)
         })
@@ -166,7 +177,8 @@ fn place(
     Ok((camera_from_world, world_from_target))
 }
 
-/// The pose from which the others differ least, by the median of turn (in radians) and shift (by the distance of both).
+/// Returns the pose with the smallest median difference from the others: rotation in radians plus translation
+/// relative to the distances.
 fn most_agreed(poses: &[Pose]) -> Pose {
     let median_difference = |pose: &Pose| {
         let mut differences: Vec<f64> = poses
@@ -186,7 +198,7 @@ fn most_agreed(poses: &[Pose]) -> Pose {
         .map_or_else(Pose::identity, |pose| *pose)
 }
 
-/// The median length of residuals; those of points without a pixel count as long.
+/// Returns the median length of residuals; points without a pixel count as infinitely long.
 fn median_px(residuals_px: &[Option<[f64; 2]>]) -> Option<f64> {
     let mut lengths: Vec<f64> = residuals_px
         .iter()
@@ -196,7 +208,8 @@ fn median_px(residuals_px: &[Option<[f64; 2]>]) -> Option<f64> {
     (!lengths.is_empty()).then(|| *lengths.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// The unknowns: each camera's free parameters, then six for each camera but the first, then six for each shot.
+/// The least-squares problem. Its unknowns are each camera's free parameters, then six per camera but the
+/// first, then six per shot.
 #[derive(Clone)]
 struct Rig<'a> {
     cameras: &'a [RigCamera],
@@ -204,7 +217,7 @@ struct Rig<'a> {
     models: Vec<Camera>,
     camera_from_world: Vec<Pose>,
     world_from_target: Vec<Option<Pose>>,
-    /// By camera, shot, point.
+    /// By camera, shot and point.
     used: Vec<Vec<Vec<bool>>>,
 }
 
@@ -213,26 +226,27 @@ impl Rig<'_> {
         self.free[camera].iter().filter(|f| **f).count()
     }
 
-    /// The first unknown of a camera's parameters.
+    /// Returns the index of the first unknown of a camera's parameters.
     fn parameters_at(&self, camera: usize) -> usize {
         (0..camera).map(|c| self.free_count(c)).sum()
     }
 
-    /// The first unknown of a camera's pose, for cameras but the first.
+    /// Returns the index of the first unknown of a camera's pose (not for the first camera).
     fn camera_at(&self, camera: usize) -> usize {
         self.parameters_at(self.cameras.len()) + 6 * (camera - 1)
     }
 
-    /// The first unknown of a shot's pose, for shots that have one.
+    /// Returns the index of the first unknown of a shot's pose (for shots with a pose).
     fn shot_at(&self, shot: usize) -> usize {
         let before = self.world_from_target[..shot].iter().flatten().count();
         self.parameters_at(self.cameras.len()) + 6 * (self.cameras.len() - 1 + before)
     }
 
-    /// The shots in which a camera's view lies far off, measured by how well its views fit on their own.
-    fn out_of_step(&self, alone: &[Vec<Option<PoseFit>>]) -> Vec<usize> {
+    /// Returns the shots in which a camera's view deviates strongly, compared with the fits of its individual
+    /// views.
+    fn rejected_shots(&self, single: &[Vec<Option<PoseFit>>]) -> Vec<usize> {
         let residuals = self.residuals();
-        let bounds_px = alone.iter().map(|views| {
+        let bounds_px = single.iter().map(|views| {
             let fits = views.iter().flatten();
             let own: Vec<_> = fits
                 .flat_map(|fit| fit.residuals_px.iter().copied())
@@ -251,39 +265,39 @@ impl Rig<'_> {
             .collect()
     }
 
-    /// Few shots may be out of step: those that agree must be two in three.
-    fn check_step(&self, out_of_step: &[usize]) -> Result<(), Refusal> {
+    /// Requires that at least two thirds of the shots are consistent.
+    fn check_rejected(&self, rejected_shots: &[usize]) -> Result<(), CalibrationError> {
         const MAX_NAMED: usize = 6;
         let shots = self.world_from_target.iter().flatten().count();
-        if 3 * out_of_step.len() <= shots {
+        if 3 * rejected_shots.len() <= shots {
             return Ok(());
         }
-        let mut named: Vec<String> = out_of_step
+        let mut named: Vec<String> = rejected_shots
             .iter()
             .take(MAX_NAMED)
             .map(|&shot| self.shot_name(shot))
             .collect();
-        if out_of_step.len() > MAX_NAMED {
+        if rejected_shots.len() > MAX_NAMED {
             named.push("...".to_owned());
         }
-        Err(Refusal::new(
+        Err(CalibrationError::new(
             format!(
-                "the cameras do not agree on where the target was in {} of {shots} shots: {}",
-                out_of_step.len(),
+                "the cameras disagree on the target's position in {} of {shots} shots: {}",
+                rejected_shots.len(),
                 named.join(", ")
             ),
-            "give images that were taken at the same instants: is one missing, so that the others are out of step?",
+            "give simultaneous images, and check whether one is missing, which shifts the others",
         ))
     }
 
-    /// `left01.jpg with right01.jpg`.
+    /// Returns the images of a shot: `left01.jpg with right01.jpg`.
     fn shot_name(&self, shot: usize) -> String {
         let views = self.cameras.iter().filter_map(|c| c.views[shot].as_ref());
         let names: Vec<&str> = views.map(|view| &*view.name).collect();
         names.join(" with ")
     }
 
-    /// Observed minus projected pixels, by camera, shot, point.
+    /// Computes observed minus projected pixels by camera, shot and point.
     fn residuals(&self) -> Vec<Vec<Vec<Option<[f64; 2]>>>> {
         (0..self.cameras.len())
             .map(|c| {
@@ -306,7 +320,7 @@ impl Rig<'_> {
             .collect()
     }
 
-    fn finish(self, out_of_step: Vec<usize>) -> Result<RigCalibration, Refusal> {
+    fn finish(self, rejected_shots: Vec<usize>) -> Result<RigCalibration, CalibrationError> {
         let residuals = self.residuals();
         let mut outliers = Vec::new();
         let mut rms_px = Vec::new();
@@ -344,18 +358,19 @@ impl Rig<'_> {
             rms_px,
             residuals_px: residuals,
             outliers,
-            out_of_step,
+            rejected_shots,
             baseline_sigma_m,
             turn_sigma_rad,
         })
     }
 
-    /// Standard deviations of each camera's distance from the first and of its turn.
-    fn pose_sigmas(&self) -> Result<(Vec<f64>, Vec<f64>), Refusal> {
+    /// Computes the standard deviations of each camera's distance from the first (metres) and of its rotation
+    /// (radians).
+    fn pose_sigmas(&self) -> Result<(Vec<f64>, Vec<f64>), CalibrationError> {
         let covariance = covariance(self).ok_or_else(|| {
-            Refusal::new(
-                "the shots do not determine where the cameras stand",
-                "take more shots in which several cameras see the target, near and far and turned",
+            CalibrationError::new(
+                "the shots do not determine the poses of the cameras",
+                "take more shots in which several cameras see the target, at different distances and orientations",
             )
         })?;
         let (mut squares, mut points) = (0.0, 0);
@@ -373,7 +388,7 @@ impl Rig<'_> {
         let mut sigmas = (vec![0.0], vec![0.0]);
         for (c, pose) in self.camera_from_world.iter().enumerate().skip(1) {
             let at = self.camera_at(c);
-            // The distance is the length of this shift: a turn of the frame does not change it.
+            // The distance is the length of this translation; a rotation of the frame does not change it.
             let towards = Unit::try_new(pose.translation.vector, 0.0);
             sigmas.0.push(along(at + 3, towards));
             sigmas.1.push(along(at, pose.rotation.axis()));
@@ -436,7 +451,7 @@ impl Problem for Rig<'_> {
                     }
                     let rotated = point.coords - camera_from_world.translation.vector;
                     let by_camera = slopes_by_pose(rotated, &jacobian);
-                    // A shift in the world is the same shift turned into the camera.
+                    // A translation in the world is the same translation rotated into the camera.
                     let by_world = ProjectionJacobian {
                         by_point: jacobian.by_point.map(|row| {
                             (camera_from_world.rotation.inverse() * Vector3::from(row)).into()

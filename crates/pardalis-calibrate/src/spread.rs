@@ -1,24 +1,24 @@
-//! How a set of points is spread.
+//! Extent of a set of points along its principal axes.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-/// The principal axes of a set of points, the widest first, and the standard deviations along them.
+/// Principal axes of a set of points, by decreasing width, with the standard deviations along them.
 pub(super) struct Spread {
-    /// The mean of the points.
-    pub(super) middle: Vector3<f64>,
-    /// Columns: a right-handed frame, the direction of least width last.
+    /// Mean of the points, metres.
+    pub(super) mean: Vector3<f64>,
+    /// Columns: a right-handed frame; the last axis has the smallest width.
     pub(super) axes: Matrix3<f64>,
-    /// Standard deviations along the axes, metres.
+    /// Standard deviations along the axes, in metres.
     pub(super) widths_m: [f64; 3],
 }
 
 impl Spread {
-    /// Computes the spread of points.
+    /// Computes the extent of a set of points given in metres.
     pub(super) fn of(points: impl Iterator<Item = [f64; 3]> + Clone) -> Self {
         let count = points.clone().count().max(1) as f64;
-        let middle = points.clone().map(Vector3::from).sum::<Vector3<f64>>() / count;
+        let mean = points.clone().map(Vector3::from).sum::<Vector3<f64>>() / count;
         let scatter = points
-            .map(|p| Vector3::from(p) - middle)
+            .map(|p| Vector3::from(p) - mean)
             .map(|d| d * d.transpose())
             .sum::<Matrix3<f64>>()
             / count;
@@ -30,13 +30,13 @@ impl Spread {
             eigen.eigenvectors.column(order[1]).into_owned(),
         );
         Self {
-            middle,
+            mean,
             axes: Matrix3::from_columns(&[x, y, x.cross(&y)]),
             widths_m: order.map(|i| eigen.eigenvalues[i].max(0.0).sqrt()),
         }
     }
 
-    /// Whether the points lie in a plane.
+    /// Reports whether the points lie in a plane.
     pub(super) fn flat(&self) -> bool {
         self.widths_m[2] < 1e-3 * self.widths_m[0]
     }

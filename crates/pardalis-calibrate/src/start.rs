@@ -1,20 +1,20 @@
-//! Where a calibration starts when nothing but the model's kind is known: cameras of several fields of view.
+//! Starting cameras for a calibration of which only the model is known: one per assumed field of view.
 
 use pardalis_camera::{
     Camera, DoubleSphere, Equidistant, ExtendedUnified, KannalaBrandt, Mei, Ocam,
     PerspectiveMirror, Pinhole, Unified,
 };
 
-/// The models that can be fitted without a guess.
+/// Camera models that can be fitted without an initial guess.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ModelKind {
-    /// Pinhole with k1, k2, p1, p2, k3.
+    /// Pinhole with distortion k1, k2, p1, p2, k3.
     Pinhole,
     /// Equidistant fisheye.
     Equidistant,
     /// Kannala-Brandt fisheye.
     KannalaBrandt,
-    /// Unified model of mirror cameras, the thesis' l and m.
+    /// Unified model of mirror cameras with the parameters l and m.
     Unified,
     /// Unified model with distortion.
     Mei,
@@ -24,12 +24,12 @@ pub enum ModelKind {
     DoubleSphere,
     /// Extended unified model.
     ExtendedUnified,
-    /// Scaramuzza's polynomial, a0 and a2 to a4.
+    /// Scaramuzza's polynomial model with the coefficients a0 and a2 to a4.
     Ocam,
 }
 
 impl ModelKind {
-    /// All of them.
+    /// All models.
     pub const ALL: [Self; 9] = [
         Self::Pinhole,
         Self::Equidistant,
@@ -42,7 +42,7 @@ impl ModelKind {
         Self::Ocam,
     ];
 
-    /// The name, as scene files have it ([`Camera::kind`]).
+    /// Returns the model's name in scene files ([`Camera::kind`]).
     pub fn name(self) -> &'static str {
         match self {
             Self::Pinhole => "pinhole",
@@ -57,13 +57,13 @@ impl ModelKind {
         }
     }
 
-    /// The kind of this name.
+    /// Returns the model with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// Cameras to start from. `radius_px` is how far from the middle of the image the farthest point was seen; its ray is supposed at several
-    /// angles from the axis.
+    /// Returns the starting cameras. `radius_px` is the largest distance of an observed pixel from the image
+    /// centre; each start assumes a different angle between the optical axis and the ray of that pixel.
     pub(super) fn starts(self, (width, height): (usize, usize), radius_px: f64) -> Vec<Camera> {
         let center = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
         let angles_deg: &[f64] = match self {
@@ -84,7 +84,7 @@ impl ModelKind {
             .collect()
     }
 
-    /// The camera whose ray at `angle` from the axis is seen `radius_px` from the middle.
+    /// Builds the camera that projects a ray at `angle` (radians) from the axis to `radius_px` from the centre.
     fn start(self, center: [f64; 2], radius_px: f64, angle: f64, shape: f64) -> Option<Camera> {
         let (sin, cos) = libm::sincos(angle);
         let tan_half = libm::tan(0.5 * angle);
@@ -100,7 +100,7 @@ impl ModelKind {
             Self::KannalaBrandt => KannalaBrandt::new([radius_px / angle; 2], center, [0.0; 4], pi)
                 .map(Camera::KannalaBrandt),
             Self::Unified => {
-                // The scene has z < 0: ρ = (l + m)·sin/(l + cos) of the angle from −z.
+                // The scene has z < 0: ρ = (l + m)·sin/(l + cos), with the angle measured from −z.
                 let m = radius_px * (shape + cos) / sin - shape;
                 Unified::new(shape, m, 1.0, center).map(Camera::Unified)
             }
@@ -111,7 +111,7 @@ impl ModelKind {
             Self::PerspectiveMirror => {
                 PerspectiveMirror::new(radius_px * cos / sin, center).map(Camera::PerspectiveMirror)
             }
-            // Both are stereographic here: ρ = 2f·tan(θ/2).
+            // Both start as stereographic projections: ρ = 2f·tan(θ/2).
             Self::DoubleSphere => {
                 DoubleSphere::new([radius_px / (2.0 * tan_half); 2], center, 0.0, 0.5)
                     .map(Camera::DoubleSphere)
@@ -120,7 +120,7 @@ impl ModelKind {
                 ExtendedUnified::new([radius_px / (2.0 * tan_half); 2], center, 0.5, 1.0)
                     .map(Camera::ExtendedUnified)
             }
-            // The same projection: −f(ρ) = f − ρ²/(4f).
+            // Also stereographic: −f(ρ) = f − ρ²/(4f).
             Self::Ocam => {
                 let f = radius_px / (2.0 * tan_half);
                 let polynomial = [-f, 0.0, 0.25 / f, 0.0, 0.0];
@@ -131,9 +131,10 @@ impl ModelKind {
     }
 }
 
-/// Which of a camera's parameters calibration varies, in the order of [`Camera::parameters`].
+/// Reports for each of a camera's parameters, in the order of [`Camera::parameters`], whether calibration
+/// varies it.
 pub(super) fn free_parameters(camera: &Camera) -> Vec<bool> {
-    // l + m and f scale the same; e turns the image as the pose does.
+    // l + m and f have the same effect on scale; e rotates the image, as the pose does.
     let fixed: &[&str] = match camera {
         Camera::Pinhole(_) => &["k4", "k5", "k6", "s1", "s2", "s3", "s4"],
         Camera::Unified(_) => &["f_px"],
@@ -141,7 +142,7 @@ pub(super) fn free_parameters(camera: &Camera) -> Vec<bool> {
         _ => &[],
     };
     let parameters = camera.parameters();
-    // A polynomial keeps its degree.
+    // The degree of a polynomial is fixed.
     let used = match camera {
         Camera::Ocam(model) => parameters.len() - 8 + model.polynomial().len(),
         _ => parameters.len(),

@@ -1,22 +1,24 @@
-//! Many points at once, in single precision, at the speed that the kernels have.
+//! Projection of many points at once, in single precision and vectorised.
 
 use super::{Camera, Projection};
 use crate::with_model;
 use pardalis_core::simd::Level;
 
-/// Points a block.
+/// Number of points per block.
 pub const LANES: usize = 16;
 
 impl Camera {
-    /// Writes the pixels of points given by columns x, y, z in the camera's frame, in metres, as columns u, v: NaN where a point has none.
+    /// Writes the pixels of points to the columns u, v. The points are given as columns x, y, z in
+    /// the camera frame, in metres. Points outside the model's domain yield NaN.
     ///
-    /// Within 0.01 px of [`Camera::project`] (0.02 px for the exact mirror), in images of up to some 2000 px. All columns are of one length.
+    /// The pixels differ from those of [`Camera::project`] by less than 0.01 px (0.02 px for the
+    /// exact mirror) in images of up to about 2000 px. All columns must have the same length.
     pub fn project_points(&self, level: Level, points: [&[f32]; 3], pixels: [&mut [f32]; 2]) {
         let [u, v] = pixels;
         let count = u.len();
         assert!(
             v.len() == count && points.iter().all(|column| column.len() == count),
-            "columns of one length"
+            "all columns must have the same length"
         );
         with_model!(self, model => {
             let model = model.to_f32();
@@ -46,8 +48,8 @@ fn project_columns<P: Projection<f32>>(model: &P, points: [&[f32]; 3], [u, v]: [
     v_rest.copy_from_slice(&last_v[..v_rest.len()]);
 }
 
-/// The pixels of a block of points, NaN where a point has none. Plain loops that the compiler vectorises; with the choice in the first loop it would
-/// branch instead.
+/// Returns the pixels of a block of points, NaN for points outside the domain. The selection is a
+/// loop of its own: within the first loop, the compiler would branch instead of vectorise.
 #[inline(always)]
 pub fn project_block<P: Projection<f32>>(
     model: &P,

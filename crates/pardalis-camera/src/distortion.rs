@@ -1,23 +1,26 @@
-//! Brown-Conrady distortion of normalised image coordinates, shared by the models that have it.
+//! Brown-Conrady distortion of normalised image coordinates, shared by several models.
 
 use pardalis_core::real::Real;
 
-/// Far enough from the axis for any image: 89.9 degrees.
-const FARTHEST_S: f64 = 328_280.0;
+/// Largest tan² of the angle from the axis: 89.9 degrees, enough for any image.
+const MAX_S: f64 = 328_280.0;
 
-/// With s = a² + b² and g = (1 + k1·s + k2·s² + k3·s³) / (1 + k4·s + k5·s² + k6·s³):
+/// Brown-Conrady distortion of normalised image coordinates (a, b). With s = a² + b² and g = (1 +
+/// k1·s + k2·s² + k3·s³) / (1 + k4·s + k5·s² + k6·s³):
 ///
 /// a' = a·g + 2·p1·a·b + p2·(s + 2a²) + s1·s + s2·s²
+///
 /// b' = b·g + p1·(s + 2b²) + 2·p2·a·b + s3·s + s4·s²
 ///
-/// (Brown 1966; the rational and thin-prism terms and the order k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 are OpenCV's.)
+/// (Brown 1966; the rational and thin-prism terms and the order k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
+/// follow OpenCV.)
 ///
-/// Domain: as far from the axis as the map neither folds back nor turns over, in any direction: beyond, a point far outside the view
-/// would get a pixel inside it.
+/// Domain: radii up to which the map neither folds nor mirrors in any direction. Beyond, points far
+/// outside the view would get pixels inside it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Distortion<R> {
     coefficients: [R; 12],
-    /// The largest s of the domain.
+    /// Largest s of the domain.
     max_s: R,
 }
 
@@ -25,10 +28,10 @@ impl Distortion<f64> {
     pub(super) fn new(coefficients: [f64; 12]) -> Self {
         let mut distortion = Self {
             coefficients,
-            max_s: FARTHEST_S,
+            max_s: MAX_S,
         };
-        let lopsided = [2, 3, 8, 9, 10, 11].iter().any(|&i| coefficients[i] != 0.0);
-        let directions = if lopsided { 24 } else { 1 };
+        let asymmetric = [2, 3, 8, 9, 10, 11].iter().any(|&i| coefficients[i] != 0.0);
+        let directions = if asymmetric { 24 } else { 1 };
         for i in 0..directions {
             let (sin, cos) =
                 libm::sincos(f64::from(i) / f64::from(directions) * std::f64::consts::TAU);
@@ -37,7 +40,7 @@ impl Distortion<f64> {
         distortion
     }
 
-    /// The smallest s on the way in one direction at which the map folds, or the present bound.
+    /// Returns the smallest s at which the map folds in one direction, or the current bound.
     fn first_fold(&self, [cos, sin]: [f64; 2]) -> f64 {
         let unfolded = |s: f64| {
             let r = s.sqrt();
@@ -47,7 +50,7 @@ impl Distortion<f64> {
                 && j00 + j11 > 0.0
                 && j00 * j11 - j01 * j10 > 0.0
         };
-        // On the axis the map is the identity; it is searched in steps of one in fifty of √s, then by bisection.
+        // On the axis the map is the identity. Search in steps of 2% of √s, then by bisection.
         let (mut low, mut high) = (0.0, 1e-4);
         while unfolded(high) {
             if high >= self.max_s {
@@ -69,7 +72,7 @@ impl Distortion<f64> {
 }
 
 impl<R: Real> Distortion<R> {
-    /// The same domain with other coefficients.
+    /// Returns the distortion with other coefficients and the same domain.
     pub(super) fn vary<S: Real>(&self, coefficients: [S; 12]) -> Distortion<S> {
         Distortion {
             coefficients,
@@ -77,12 +80,12 @@ impl<R: Real> Distortion<R> {
         }
     }
 
-    /// The coefficients in OpenCV's order.
+    /// Returns the coefficients in OpenCV's order.
     pub(super) fn coefficients(&self) -> [R; 12] {
         self.coefficients
     }
 
-    /// The distorted coordinates, and whether the point lies in the domain.
+    /// Returns the distorted coordinates, and whether the point lies in the domain.
     #[inline(always)]
     pub(super) fn distort(&self, a: R, b: R) -> ([R; 2], bool) {
         let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = self.coefficients;
@@ -98,7 +101,7 @@ impl<R: Real> Distortion<R> {
         )
     }
 
-    /// ∂a'/∂a, ∂a'/∂b, ∂b'/∂a, ∂b'/∂b.
+    /// Returns ∂a'/∂a, ∂a'/∂b, ∂b'/∂a, ∂b'/∂b.
     fn jacobian(&self, a: R, b: R) -> [R; 4] {
         let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = self.coefficients;
         let (one, two, three, six) = (R::of(1.0), R::of(2.0), R::of(3.0), R::of(6.0));
@@ -119,10 +122,11 @@ impl<R: Real> Distortion<R> {
         ]
     }
 
-    /// The point of the domain whose distorted coordinates are given, by Newton's iteration; `None` where there is none.
+    /// Returns the point of the domain with the given distorted coordinates, by Newton's method, or
+    /// `None` if there is none.
     pub(super) fn undistort(&self, target: [R; 2]) -> Option<[R; 2]> {
         let [mut a, mut b] = target;
-        // A start beyond the domain is drawn back onto its border.
+        // Move a start outside the domain onto its border.
         let s = a * a + b * b;
         if s > self.max_s {
             let shrink = (self.max_s / s).sqrt();
@@ -140,14 +144,16 @@ impl<R: Real> Distortion<R> {
                 (j11 * ea - j01 * eb) / determinant,
                 (j00 * eb - j10 * ea) / determinant,
             );
-            // Far out the slope is small and a full step may leave the domain: at most half the way to its border.
+            // Far from the axis the slope is small and a full step may leave the domain: limit
+            // steps to half the distance from the axis to the border.
             let step = (step_a * step_a + step_b * step_b).sqrt();
             let room = R::of(0.5) * (R::of(1e-3) + self.max_s.sqrt());
             if step > room {
                 (step_a, step_b) = (step_a * room / step, step_b * room / step);
             }
             (a, b) = (a - step_a, b - step_b);
-            // This step carried derivatives over, too; without distortion it is the first.
+            // The step that converges still updates the derivatives of dual numbers. Without
+            // distortion it is the first one.
             if step.to_f64() < 1e-15 {
                 break;
             }

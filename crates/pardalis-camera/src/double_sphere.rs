@@ -1,13 +1,16 @@
-//! Double sphere model of wide lenses.
+//! Double sphere model of wide-angle lenses.
 
 use super::{Projection, Ray, check_focals, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// u = cx + fx·x/n, v = cy + fy·y/n with n = α·d2 + (1 − α)·(ξ·d1 + z), d1 = √(x² + y² + z²), d2 = √(x² + y² + (ξ·d1 + z)²)
-/// (Usenko, Demmel and Cremers 2018, eq. 40 to 45).
+/// Double sphere model of wide-angle lenses.
 ///
-/// Domain: z > −w2·d1, with w2 = (w1 + ξ)/√(2·w1·ξ + ξ² + 1), w1 = α/(1 − α) for α ≤ 0.5 and (1 − α)/α above.
+/// u = cx + fx·x/n, v = cy + fy·y/n with n = α·d2 + (1 − α)·(ξ·d1 + z), d1 = √(x² + y² + z²), d2 =
+/// √(x² + y² + (ξ·d1 + z)²) (Usenko, Demmel and Cremers 2018, eqs. 40 to 45).
+///
+/// Domain: z > −w2·d1, with w2 = (w1 + ξ)/√(2·w1·ξ + ξ² + 1), w1 = α/(1 − α) for α ≤ 0.5 and (1 −
+/// α)/α for α > 0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DoubleSphere<R> {
     fx_px: R,
@@ -16,12 +19,12 @@ pub struct DoubleSphere<R> {
     cy_px: R,
     xi: R,
     alpha: R,
-    /// The bound on z/d1.
+    /// Lower bound of z/d1.
     min_cosine: R,
 }
 
 impl DoubleSphere<f64> {
-    /// Focal lengths and principal point in pixels; ξ between −1 and 1, α from 0 to 1.
+    /// Creates a camera from focal lengths and principal point in pixels, −1 < ξ ≤ 1 and 0 ≤ α ≤ 1.
     pub fn new(
         f_px @ [fx_px, fy_px]: [f64; 2],
         [cx_px, cy_px]: [f64; 2],
@@ -52,20 +55,20 @@ impl DoubleSphere<f64> {
         })
     }
 
-    /// The same camera with other parameters, in the order of [`Self::NAMES`].
-    #[allow(clippy::unused_self)] // all models are varied in the same way
+    /// Returns the camera with other parameters, in the order of [`Self::NAMES`].
+    #[allow(clippy::unused_self)] // uniform signature for all models
     pub(super) fn with_parameters(&self, p: [f64; 6]) -> Result<Self, Error> {
         Self::new([p[0], p[1]], [p[2], p[3]], p[4], p[5])
     }
 
-    /// The same camera in single precision, for kernels.
+    /// Returns the camera in single precision, for vectorised kernels.
     pub fn to_f32(&self) -> DoubleSphere<f32> {
         self.vary(self.parameters().map(|p| p as f32))
     }
 }
 
 impl<R: Real> DoubleSphere<R> {
-    /// The names of the parameters, in their order.
+    /// Names of the parameters, in order.
     pub(super) const NAMES: [&'static str; 6] = ["fx_px", "fy_px", "cx_px", "cy_px", "xi", "alpha"];
 
     pub(super) fn parameters(&self) -> [R; 6] {
@@ -74,7 +77,7 @@ impl<R: Real> DoubleSphere<R> {
         ]
     }
 
-    /// The same domain with other parameters, unchecked, in any arithmetic.
+    /// Returns the model with other parameters, unchecked and of any number type, and the same domain.
     pub(super) fn vary<S: Real>(
         &self,
         [fx_px, fy_px, cx_px, cy_px, xi, alpha]: [S; 6],

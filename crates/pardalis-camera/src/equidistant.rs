@@ -1,12 +1,16 @@
-//! Equidistant fisheye: the radius in the image grows with the angle from the optical axis.
+//! Equidistant fisheye: the radius in the image is proportional to the angle from the optical axis.
 
 use super::{Projection, Ray, check_angle, check_focal, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// ρ = f·θ, u = cx + ρ·x/r, v = cy + ρ·y/r, with r = √(x² + y²) and θ = atan2(r, z) (Taiana 2007, eq. 3.5).
+/// Equidistant fisheye.
 ///
-/// Domain: θ up to `max_angle_rad`, which may lie beyond 90 degrees; never the point straight behind the camera.
+/// ρ = f·θ, u = cx + ρ·x/r, v = cy + ρ·y/r, with r = √(x² + y²) and θ = atan2(r, z) (Taiana 2007,
+/// eq. 3.5).
+///
+/// Domain: θ ≤ `max_angle_rad`, which may exceed 90 degrees. The point straight behind the camera
+/// is never valid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Equidistant<R> {
     f_px_per_rad: R,
@@ -16,7 +20,8 @@ pub struct Equidistant<R> {
 }
 
 impl Equidistant<f64> {
-    /// `f_px_per_rad` in pixels per radian, the principal point in pixels, the largest angle from the axis in radians (at most pi).
+    /// Creates a camera from the focal length in pixels per radian, the principal point in pixels
+    /// and the largest angle from the axis in radians (at most π).
     pub fn new(
         f_px_per_rad: f64,
         [cx_px, cy_px]: [f64; 2],
@@ -33,31 +38,31 @@ impl Equidistant<f64> {
         })
     }
 
-    /// The largest angle from the axis, in radians.
+    /// Returns the largest angle from the axis, in radians.
     pub fn max_angle_rad(&self) -> f64 {
         self.max_angle_rad
     }
 
-    /// The same camera with other parameters, in the order of [`Self::NAMES`].
+    /// Returns the camera with other parameters, in the order of [`Self::NAMES`].
     pub(super) fn with_parameters(&self, [f, cx, cy]: [f64; 3]) -> Result<Self, Error> {
         Self::new(f, [cx, cy], self.max_angle_rad)
     }
 
-    /// The same camera in single precision, for kernels.
+    /// Returns the camera in single precision, for vectorised kernels.
     pub fn to_f32(&self) -> Equidistant<f32> {
         self.vary(self.parameters().map(|p| p as f32))
     }
 }
 
 impl<R: Real> Equidistant<R> {
-    /// The names of the parameters, in their order.
+    /// Names of the parameters, in order.
     pub(super) const NAMES: [&'static str; 3] = ["f_px_per_rad", "cx_px", "cy_px"];
 
     pub(super) fn parameters(&self) -> [R; 3] {
         [self.f_px_per_rad, self.cx_px, self.cy_px]
     }
 
-    /// The same domain with other parameters, unchecked, in any arithmetic.
+    /// Returns the model with other parameters, unchecked and of any number type, and the same domain.
     pub(super) fn vary<S: Real>(&self, [f_px_per_rad, cx_px, cy_px]: [S; 3]) -> Equidistant<S> {
         Equidistant {
             f_px_per_rad,
@@ -75,7 +80,7 @@ impl<R: Real> Projection<R> for Equidistant<R> {
         let angle = r.atan2(z);
         let on_axis = !(r > R::of(1e-30));
         let ahead = z > R::of(0.0);
-        // θ/r tends to 1/z on the axis, where the quotient has no value.
+        // θ/r tends to 1/z on the axis, where the quotient is undefined.
         let angle_over_r = if on_axis {
             R::of(1.0) / if ahead { z } else { R::of(1.0) }
         } else {
@@ -90,7 +95,7 @@ impl<R: Real> Projection<R> for Equidistant<R> {
         let (x, y) = (u - self.cx_px, v - self.cy_px);
         let rho = (x * x + y * y).sqrt();
         let angle = rho / self.f_px_per_rad;
-        // A hair beyond, so that the pixel of a point on the border has its ray despite rounding.
+        // The tolerance absorbs rounding for pixels of points on the border.
         if !(angle <= self.max_angle_rad * R::of(1.0 + 1e-12)) {
             return None;
         }

@@ -1,4 +1,5 @@
-//! A perspective camera in front of a mirror of revolution, exactly. Not central: each pixel's ray begins on the mirror.
+//! Exact model of a perspective camera in front of a mirror of revolution. The model is not
+//! central: each ray starts on the mirror.
 
 use std::sync::{Arc, OnceLock};
 
@@ -7,36 +8,41 @@ use super::{Projection, Ray, check_focals, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// Points nearer to the axis than this share of the mirror's distance lie on it.
+/// Points closer to the axis than this share of the mirror's distance are treated as on the axis.
 const ON_AXIS: f64 = 1e-9;
 
-/// A point (r, φ, z) is seen through the mirror point (t, F(t)) where atan(t/F) + 2·atan(F'(t)) = atan2(r − t, F − z); ρ = t/F,
-/// u = cx + fx·ρ·x/r, v = cy + fy·ρ·y/r (Taiana 2007, eq. 3.2, with the tangent that it lacks). The camera looks along +z into the mirror,
-/// so that the scene has mostly z < 0.
+/// A perspective camera in front of a mirror of revolution.
 ///
-/// Domain: points in front of the mirror's surface that are met by a ray reflected within the rim; see [`MirrorProfile`].
+/// A point (r, φ, z) is seen through the mirror point (t, F(t)) for which atan(t/F) + 2·atan(F'(t))
+/// = atan2(r − t, F − z). With ρ = t/F, u = cx + fx·ρ·x/r and v = cy + fy·ρ·y/r (Taiana 2007, eq.
+/// 3.2, with the tangent missing there). The camera looks along +z into the mirror, so that most of
+/// the scene has z < 0.
+///
+/// Domain: points in front of the mirror's surface that a ray reflected within the rim meets; see
+/// [`MirrorProfile`].
 #[derive(Debug, Clone)]
 pub struct ExactMirror<R> {
     fx_px: R,
     fy_px: R,
     cx_px: R,
     cy_px: R,
-    /// The vertex' distance from the pinhole, which counts instead of the profile's own.
+    /// Distance of the vertex from the pinhole, which overrides that of the profile.
     vertex_m: R,
     profile: Arc<MirrorProfile>,
-    /// Made when it is first asked for.
+    /// Look-up table, built on first use.
     look_up: Arc<OnceLock<ReflectedRays>>,
 }
 
 impl PartialEq for ExactMirror<f64> {
-    /// The same camera, whether its look-up table is made or not.
+    /// Compares the cameras, regardless of whether their look-up tables are built.
     fn eq(&self, other: &Self) -> bool {
         self.parameters() == other.parameters() && self.profile == other.profile
     }
 }
 
 impl ExactMirror<f64> {
-    /// Focal lengths and principal point of the perspective camera in pixels, and the mirror.
+    /// Creates a camera from the focal lengths and principal point of the perspective camera, in
+    /// pixels, and the mirror.
     pub fn new(f_px: [f64; 2], center_px: [f64; 2], profile: MirrorProfile) -> Result<Self, Error> {
         check_focals(f_px)?;
         check_principal_point(center_px)?;
@@ -51,12 +57,12 @@ impl ExactMirror<f64> {
         })
     }
 
-    /// The mirror.
+    /// Returns the mirror.
     pub fn profile(&self) -> &MirrorProfile {
         &self.profile
     }
 
-    /// The same camera with other parameters, in the order of [`Self::NAMES`].
+    /// Returns the camera with other parameters, in the order of [`Self::NAMES`].
     pub(super) fn with_parameters(
         &self,
         [fx, fy, cx, cy, vertex_m]: [f64; 5],
@@ -64,27 +70,29 @@ impl ExactMirror<f64> {
         Self::new([fx, fy], [cx, cy], self.profile.at_vertex(vertex_m)?)
     }
 
-    /// Where the ray halfway between vertex and rim seems to come from, on the axis, metres.
+    /// Returns the point on the axis, in metres, from which the ray halfway between vertex and rim
+    /// appears to come.
     pub(super) fn viewpoint_m(&self) -> [f64; 3] {
         let t = 0.5 * self.profile.rim_m();
         let [f, slope, _] = self.at(t);
-        // The ray from the pinhole (t, f), mirrored at the normal (slope, −1).
+        // The ray from the pinhole through (t, f), reflected at the normal (slope, −1).
         let along_normal = 2.0 * (t * slope - f) / (slope * slope + 1.0);
         let (dr, dz) = (t - along_normal * slope, f + along_normal);
         [0.0, 0.0, f - t * dz / dr]
     }
 
-    /// The same camera in single precision, for kernels: a look-up within 0.02 px, whose table is made at the first call.
+    /// Returns the camera in single precision, for vectorised kernels: a look-up table within 0.02
+    /// px, which the first call builds.
     pub fn to_f32(&self) -> MirrorLookUp<'_> {
         let rays = self
             .look_up
             .get_or_init(|| ReflectedRays::new(self.meridian()));
-        rays.seen_by(self.parameters().map(|p| p as f32))
+        rays.with_camera(self.parameters().map(|p| p as f32))
     }
 }
 
 impl<R: Real> ExactMirror<R> {
-    /// The names of the parameters, in their order. The mirror's shape is not among them.
+    /// Names of the parameters, in order. The shape of the mirror is not a parameter.
     pub(super) const NAMES: [&'static str; 5] = ["fx_px", "fy_px", "cx_px", "cy_px", "vertex_m"];
 
     pub(super) fn parameters(&self) -> [R; 5] {
@@ -97,7 +105,8 @@ impl<R: Real> ExactMirror<R> {
         ]
     }
 
-    /// The same shape with other parameters, unchecked, in any arithmetic.
+    /// Returns the camera with other parameters, unchecked and of any number type, and the same
+    /// shape.
     pub(super) fn vary<S: Real>(
         &self,
         [fx_px, fy_px, cx_px, cy_px, vertex_m]: [S; 5],
@@ -120,21 +129,21 @@ impl<R: Real> ExactMirror<R> {
         }
     }
 
-    /// F, F' and F'' at t; numbers do not vary with t.
+    /// Returns F, F' and F'' at t, treating t as a constant for dual numbers.
     fn at(&self, t: f64) -> [R; 3] {
         let [sag, slope, curvature] = self.profile.sag_at(t).map(R::of);
         [self.vertex_m + sag, slope, curvature]
     }
 
-    /// ρ/r of a point on the axis, in the limit of ever smaller r.
+    /// Returns the limit of ρ/r for a point on the axis.
     fn scale_on_axis(&self, z: R) -> R {
         let [f, _, curvature] = self.at(0.0);
         let one = R::of(1.0);
         one / (f + (f - z) * (one + R::of(2.0) * curvature * f))
     }
 
-    /// ρ/r of a point at r from the axis that is seen through the mirror at t: one step of Newton's iteration at its solution, which carries
-    /// the derivatives over.
+    /// Returns ρ/r of a point at distance r from the axis that is seen through the mirror at t. A
+    /// Newton step at the solution propagates the derivatives of dual numbers.
     fn scale_off_axis(&self, t: f64, r: R, z: R) -> R {
         let (one, two) = (R::of(1.0), R::of(2.0));
         let [f, p, q] = self.at(t);
@@ -151,7 +160,8 @@ impl<R: Real> ExactMirror<R> {
 }
 
 impl<R: Real> Projection<R> for ExactMirror<R> {
-    /// A bracketed Newton iteration in double precision: for kernels there is [`ExactMirror::to_f32`].
+    /// Solves for the reflection by a bracketed Newton iteration in double precision.
+    /// [`ExactMirror::to_f32`] is faster.
     fn project(&self, [x, y, z]: [R; 3]) -> ([R; 2], bool) {
         let square = x * x + y * y;
         let point = [square.to_f64().sqrt(), z.to_f64()];
@@ -178,14 +188,14 @@ impl<R: Real> Projection<R> for ExactMirror<R> {
         let square = x * x + y * y;
         let meridian = self.meridian();
         let rho = square.to_f64().sqrt();
-        // A hair beyond, so that the pixel of a point on the border has its ray despite rounding.
+        // The tolerance absorbs rounding for pixels of points on the border.
         if !(rho <= meridian.max_rho() * (1.0 + 1e-12)) {
             return None;
         }
-        // The mirror point, and sin φ and cos φ, both over the same length and sin φ over ρ too.
+        // The mirror point's F, and (sin φ)/ρ and cos φ scaled by a common factor.
         let (f, sin_over_rho, cos);
         if rho > ON_AXIS {
-            let t = meridian.seen_at(rho);
+            let t = meridian.mirror_point(rho);
             let [f_start, p_start, q] = self.at(t);
             let rho = square.sqrt();
             let step = (rho * f_start - R::of(t)) / (one - rho * p_start);

@@ -1,13 +1,15 @@
-//! Extended unified model of wide lenses.
+//! Extended unified model of wide-angle lenses.
 
 use super::{Projection, Ray, check_focals, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// u = cx + fx·x/n, v = cy + fy·y/n with n = α·d + (1 − α)·z and d = √(β·(x² + y²) + z²)
-/// (Khomutenko, Garcia and Martinet 2016). With β = 1 it is the unified model, ξ = α/(1 − α).
+/// Extended unified model of wide-angle lenses.
 ///
-/// Domain: z > −w·d with w = α/(1 − α) for α ≤ 0.5, (1 − α)/α above.
+/// u = cx + fx·x/n, v = cy + fy·y/n with n = α·d + (1 − α)·z and d = √(β·(x² + y²) + z²)
+/// (Khomutenko, Garcia and Martinet 2016). With β = 1 it is the unified model with ξ = α/(1 − α).
+///
+/// Domain: z > −w·d with w = α/(1 − α) for α ≤ 0.5 and (1 − α)/α for α > 0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExtendedUnified<R> {
     fx_px: R,
@@ -16,12 +18,12 @@ pub struct ExtendedUnified<R> {
     cy_px: R,
     alpha: R,
     beta: R,
-    /// The bound on z/d.
+    /// Lower bound of z/d.
     min_cosine: R,
 }
 
 impl ExtendedUnified<f64> {
-    /// Focal lengths and principal point in pixels; α from 0 to 1, β positive.
+    /// Creates a camera from focal lengths and principal point in pixels, 0 ≤ α ≤ 1 and β > 0.
     pub fn new(
         f_px @ [fx_px, fy_px]: [f64; 2],
         [cx_px, cy_px]: [f64; 2],
@@ -34,7 +36,7 @@ impl ExtendedUnified<f64> {
             return Err(Error::out_of_range("alpha", alpha, "0 to 1"));
         }
         if !(beta > 0.0 && beta <= 1e6) {
-            return Err(Error::out_of_range("beta", beta, "above 0 and up to 1e6"));
+            return Err(Error::out_of_range("beta", beta, "above 0 and at most 1e6"));
         }
         Ok(Self {
             fx_px,
@@ -51,20 +53,20 @@ impl ExtendedUnified<f64> {
         })
     }
 
-    /// The same camera with other parameters, in the order of [`Self::NAMES`].
-    #[allow(clippy::unused_self)] // all models are varied in the same way
+    /// Returns the camera with other parameters, in the order of [`Self::NAMES`].
+    #[allow(clippy::unused_self)] // uniform signature for all models
     pub(super) fn with_parameters(&self, p: [f64; 6]) -> Result<Self, Error> {
         Self::new([p[0], p[1]], [p[2], p[3]], p[4], p[5])
     }
 
-    /// The same camera in single precision, for kernels.
+    /// Returns the camera in single precision, for vectorised kernels.
     pub fn to_f32(&self) -> ExtendedUnified<f32> {
         self.vary(self.parameters().map(|p| p as f32))
     }
 }
 
 impl<R: Real> ExtendedUnified<R> {
-    /// The names of the parameters, in their order.
+    /// Names of the parameters, in order.
     pub(super) const NAMES: [&'static str; 6] =
         ["fx_px", "fy_px", "cx_px", "cy_px", "alpha", "beta"];
 
@@ -74,7 +76,7 @@ impl<R: Real> ExtendedUnified<R> {
         ]
     }
 
-    /// The same domain with other parameters, unchecked, in any arithmetic.
+    /// Returns the model with other parameters, unchecked and of any number type, and the same domain.
     pub(super) fn vary<S: Real>(
         &self,
         [fx_px, fy_px, cx_px, cy_px, alpha, beta]: [S; 6],

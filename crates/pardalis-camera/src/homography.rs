@@ -1,16 +1,19 @@
-//! Homographies: how a pinhole camera maps a plane to its image.
+//! Homographies between a plane and its image in a pinhole camera.
 //!
-//! Plane frame: metres, z = 0 on the plane, z towards the viewer: seen from above, y lies to the left of x. A pinhole camera takes the plane to
-//! the image by a homography (Hartley and Zisserman 2004, sections 4.1 and 4.4); with known intrinsics it also gives the camera's place.
+//! Plane frame: metres, z = 0 on the plane, z towards the viewer; seen from above, y lies to the
+//! left of x. A pinhole camera maps the plane to its image by a homography (Hartley and Zisserman
+//! 2004, sections 4.1 and 4.4). With known intrinsics, the homography also determines the camera's
+//! pose.
 
 use nalgebra::{Matrix3, Vector3};
 
 use pardalis_core::Error;
 
-/// The least ratio of a homography's determinant to the cube of its norm, at points and pixels of usual size: below it the plane is seen edge-on.
+/// Smallest ratio of a homography's determinant to the cube of its norm, for points and pixels of
+/// usual magnitude. Below it the plane is seen edge-on.
 const LEAST_DETERMINANT: f64 = 1e-30;
 
-/// Takes points of a plane to pixels, as a pinhole camera above it does.
+/// A map from points of a plane to pixels of a pinhole camera above it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Homography {
     pixel_from_plane: Matrix3<f64>,
@@ -18,13 +21,18 @@ pub struct Homography {
 }
 
 impl Homography {
-    /// Takes a matrix from (x, y, 1) in metres to (u, v, 1) in pixels, of any scale. Its sign is made such that the plane is seen from above.
+    /// Creates a homography from a matrix of any scale that maps (x, y, 1) in metres to (u, v, 1)
+    /// in pixels. Its sign is chosen such that the plane is seen from above.
     ///
-    /// Refused: what is not finite, or has no inverse.
+    /// # Errors
+    ///
+    /// The matrix must be finite and invertible.
     pub fn new(matrix: Matrix3<f64>) -> Result<Self, Error> {
         let scaled = matrix / matrix.norm();
         let determinant = scaled.determinant();
-        // Seen from above, what turns counter-clockwise on the plane does so in the image, and therefore clockwise in numbers, as v points down.
+        // Seen from above, a counter-clockwise turn on the plane is counter-clockwise in the image.
+        // As v points down, it reverses the orientation in pixel coordinates: the determinant is
+        // negative.
         let pixel_from_plane = if determinant > 0.0 { -scaled } else { scaled };
         let plane_from_pixel = pixel_from_plane.try_inverse();
         match plane_from_pixel.filter(|_| determinant.abs() > LEAST_DETERMINANT) {
@@ -40,17 +48,19 @@ impl Homography {
         }
     }
 
-    /// From (x, y, 1) to (u, v, 1): its third coordinate is positive for all that lies before the camera. Its Frobenius norm is 1.
+    /// Returns the matrix from (x, y, 1) to (u, v, 1). The third coordinate is positive for points
+    /// in front of the camera, and the Frobenius norm is 1.
     pub fn matrix(&self) -> Matrix3<f64> {
         self.pixel_from_plane
     }
 
-    /// The pixel that shows a point of the plane; none for points behind the camera.
+    /// Returns the pixel of a point of the plane, or `None` if the point lies behind the camera.
     pub fn pixel_of(&self, plane_m: [f64; 2]) -> Option<[f64; 2]> {
         mapped(&self.pixel_from_plane, plane_m)
     }
 
-    /// The point of the plane that a pixel shows; none for pixels at or above the horizon.
+    /// Returns the point of the plane seen by a pixel, or `None` if the pixel lies on or above the
+    /// horizon.
     pub fn plane_of(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         mapped(&self.plane_from_pixel, pixel)
     }

@@ -1,4 +1,5 @@
-//! Kannala-Brandt fisheye: an odd polynomial of the angle from the optical axis, as in OpenCV's `fisheye` module.
+//! Kannala-Brandt fisheye: an odd polynomial in the angle from the optical axis, as in OpenCV's
+//! `fisheye` module.
 
 use super::{
     Projection, Ray, check_angle, check_coefficients, check_focals, check_principal_point,
@@ -6,10 +7,13 @@ use super::{
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// ρ = θ·(1 + k1·θ² + k2·θ⁴ + k3·θ⁶ + k4·θ⁸), u = cx + fx·ρ·x/r, v = cy + fy·ρ·y/r, with r = √(x² + y²) and θ = atan2(r, z)
-/// (Kannala and Brandt 2006, eq. 6, with OpenCV's scaling).
+/// Kannala-Brandt fisheye.
 ///
-/// Domain: θ up to `max_angle_rad`, and only as far as ρ grows; never the point straight behind the camera.
+/// ρ = θ·(1 + k1·θ² + k2·θ⁴ + k3·θ⁶ + k4·θ⁸), u = cx + fx·ρ·x/r, v = cy + fy·ρ·y/r, with r = √(x² +
+/// y²) and θ = atan2(r, z) (Kannala and Brandt 2006, eq. 6, with OpenCV's scaling).
+///
+/// Domain: θ ≤ `max_angle_rad`, but only as far as ρ increases with θ. The point straight behind
+/// the camera is never valid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KannalaBrandt<R> {
     fx_px: R,
@@ -17,14 +21,15 @@ pub struct KannalaBrandt<R> {
     cx_px: R,
     cy_px: R,
     k: [R; 4],
-    /// The angle that was asked for.
+    /// The requested largest angle.
     max_angle_rad: R,
-    /// Where ρ stops growing, if that is less.
+    /// The angle up to which ρ increases, at most `max_angle_rad`.
     last_angle_rad: R,
 }
 
 impl KannalaBrandt<f64> {
-    /// Focal lengths and principal point in pixels, OpenCV's four coefficients, the largest angle from the axis in radians (at most pi).
+    /// Creates a camera from focal lengths and principal point in pixels, OpenCV's four
+    /// coefficients and the largest angle from the axis in radians (at most π).
     pub fn new(
         f_px @ [fx_px, fy_px]: [f64; 2],
         [cx_px, cy_px]: [f64; 2],
@@ -42,16 +47,16 @@ impl KannalaBrandt<f64> {
             cy_px,
             k,
             max_angle_rad,
-            last_angle_rad: largest_growing_angle(k, max_angle_rad),
+            last_angle_rad: largest_increasing_angle(k, max_angle_rad),
         })
     }
 
-    /// The largest angle from the axis that was asked for, in radians.
+    /// Returns the requested largest angle from the axis, in radians.
     pub fn max_angle_rad(&self) -> f64 {
         self.max_angle_rad
     }
 
-    /// The same camera with other parameters, in the order of [`Self::NAMES`].
+    /// Returns the camera with other parameters, in the order of [`Self::NAMES`].
     pub(super) fn with_parameters(&self, p: [f64; 8]) -> Result<Self, Error> {
         Self::new(
             [p[0], p[1]],
@@ -61,14 +66,14 @@ impl KannalaBrandt<f64> {
         )
     }
 
-    /// The same camera in single precision, for kernels.
+    /// Returns the camera in single precision, for vectorised kernels.
     pub fn to_f32(&self) -> KannalaBrandt<f32> {
         self.vary(self.parameters().map(|p| p as f32))
     }
 }
 
-/// The first zero of dρ/dθ, or `max_angle_rad` if that is less.
-fn largest_growing_angle([k1, k2, k3, k4]: [f64; 4], max_angle_rad: f64) -> f64 {
+/// Returns the first zero of dρ/dθ, or `max_angle_rad` if that is smaller.
+fn largest_increasing_angle([k1, k2, k3, k4]: [f64; 4], max_angle_rad: f64) -> f64 {
     let slope = |angle: f64| {
         let s = angle * angle;
         1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
@@ -91,7 +96,7 @@ fn largest_growing_angle([k1, k2, k3, k4]: [f64; 4], max_angle_rad: f64) -> f64 
 }
 
 impl<R: Real> KannalaBrandt<R> {
-    /// The names of the parameters, in their order.
+    /// Names of the parameters, in order.
     pub(super) const NAMES: [&'static str; 8] =
         ["fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "k4"];
 
@@ -102,7 +107,7 @@ impl<R: Real> KannalaBrandt<R> {
         ]
     }
 
-    /// The same domain with other parameters, unchecked, in any arithmetic.
+    /// Returns the model with other parameters, unchecked and of any number type, and the same domain.
     pub(super) fn vary<S: Real>(&self, p: [S; 8]) -> KannalaBrandt<S> {
         KannalaBrandt {
             fx_px: p[0],
@@ -115,7 +120,7 @@ impl<R: Real> KannalaBrandt<R> {
         }
     }
 
-    /// ρ/θ
+    /// Returns ρ/θ.
     #[inline(always)]
     fn stretch(&self, angle: R) -> R {
         let [k1, k2, k3, k4] = self.k;
@@ -131,7 +136,7 @@ impl<R: Real> Projection<R> for KannalaBrandt<R> {
         let angle = r.atan2(z);
         let on_axis = !(r > R::of(1e-30));
         let ahead = z > R::of(0.0);
-        // θ/r tends to 1/z on the axis, where the quotient has no value.
+        // θ/r tends to 1/z on the axis, where the quotient is undefined.
         let angle_over_r = if on_axis {
             R::of(1.0) / if ahead { z } else { R::of(1.0) }
         } else {
@@ -148,12 +153,12 @@ impl<R: Real> Projection<R> for KannalaBrandt<R> {
         )
     }
 
-    /// Newton's iteration on the polynomial, kept inside the domain, in which it grows.
+    /// Inverts the polynomial by Newton's method, bracketed to the domain, in which it increases.
     fn unproject(&self, [u, v]: [R; 2]) -> Option<Ray<R>> {
         let (x, y) = ((u - self.cx_px) / self.fx_px, (v - self.cy_px) / self.fy_px);
         let rho = (x * x + y * y).sqrt();
         let last = self.last_angle_rad;
-        // A hair beyond, so that the pixel of a point on the border has its ray despite rounding.
+        // The tolerance absorbs rounding for pixels of points on the border.
         if !(rho <= last * self.stretch(last) * R::of(1.0 + 1e-12)) {
             return None;
         }

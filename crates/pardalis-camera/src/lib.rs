@@ -1,6 +1,88 @@
-//! Camera models: from points in the camera's frame (x right, y down, z along the optical axis, metres) to pixels and back.
+//! Camera models, poses, masks, homographies and calibration file formats.
 //!
-//! Pixel centres lie at integer coordinates, (0, 0) is the centre of the top left pixel.
+//! A camera model maps points to pixels ([`Camera::project`]) and pixels to rays
+//! ([`Camera::unproject`]). The models range from the pinhole to fisheyes that see more than a
+//! hemisphere and to catadioptric cameras, which look into a curved mirror.
+//!
+//! # Example
+//!
+//! A point is one metre in front of a fisheye camera. Find its pixel, and the ray of that pixel:
+//!
+//! ```
+//! use pardalis_camera::{Camera, Equidistant, Error};
+//!
+//! // Focal length 145 px/rad, principal point (319.5, 239.5), 185 degrees field of view.
+//! let lens = Equidistant::new(145.0, [319.5, 239.5], 92.5_f64.to_radians())?;
+//! let camera = Camera::Equidistant(lens);
+//!
+//! let [u, v] = camera.project([0.0, 0.5, 1.0]).expect("the point is in view");
+//! assert!((u - 319.5).abs() < 1e-9);
+//! assert!((v - (239.5 + 145.0 * 0.5_f64.atan())).abs() < 1e-9);
+//!
+//! let ray = camera.unproject([u, v]).expect("the pixel is in view");
+//! assert!((ray.direction[1] / ray.direction[2] - 0.5).abs() < 1e-9);
+//!
+//! // Points outside the field of view have no pixel.
+//! assert_eq!(camera.project([0.0, 0.0, -1.0]), None);
+//! # Ok::<(), Error>(())
+//! ```
+//!
+//! Read the camera of a calibration file, here one written by ROS:
+//!
+//! ```
+//! # #[cfg(feature = "formats")] {
+//! use pardalis_camera::formats;
+//!
+//! let text = "
+//! image_width: 640
+//! image_height: 480
+//! camera_name: front
+//! camera_matrix: {rows: 3, cols: 3, data: [400, 0, 320, 0, 400, 240, 0, 0, 1]}
+//! distortion_model: plumb_bob
+//! distortion_coefficients: {rows: 1, cols: 5, data: [-0.1, 0.02, 0, 0, 0]}
+//! ";
+//! let cameras = formats::read(text, None)?;
+//! assert_eq!(cameras[0].name, "front");
+//! assert_eq!(cameras[0].camera.kind(), "pinhole");
+//! # }
+//! # Ok::<(), pardalis_camera::Error>(())
+//! ```
+//!
+//! # Units and frames
+//!
+//! Lengths are in metres, angles in radians and image coordinates in pixels.
+//!
+//! - The *camera frame* has x to the right, y down and z along the optical axis. Cameras that look
+//!   into a mirror look along +z at the mirror, so that most of the scene has z < 0.
+//! - The *world frame* is right-handed; its z axis points up by convention. A [`Pose`] named
+//!   `a_from_b` transforms coordinates of frame b to frame a.
+//! - *Pixel coordinates* (u, v) point right and down. Pixel centres have integer coordinates: (0, 0) is
+//!   the centre of the top left pixel.
+//!
+//! # Models
+//!
+//! | model | for |
+//! |---|---|
+//! | [`Pinhole`] | usual lenses, with Brown-Conrady distortion |
+//! | [`Equidistant`], [`KannalaBrandt`] | fisheyes |
+//! | [`DoubleSphere`], [`ExtendedUnified`], [`Mei`] | wide-angle lenses and fisheyes |
+//! | [`Ocam`] | fisheyes and mirrors calibrated with OCamCalib |
+//! | [`Unified`], [`PerspectiveMirror`] | mirrors with a single viewpoint, or approximately so |
+//! | [`ExactMirror`] | any mirror of revolution, see [`MirrorProfile`] |
+//! | [`Plane`] | an unknown camera above a plane |
+//!
+//! [`Camera`] holds any of them. All models are generic over the number type: double precision for
+//! calibration, single precision for [many points at once](Camera::project_points), and dual numbers
+//! for [derivatives](Camera::project_with_jacobian).
+//!
+//! # Other contents
+//!
+//! - [`formats`]: calibration files of OpenCV, ROS, Kalibr, OCamCalib and Basalt (feature `formats`,
+//!   on by default).
+//! - [`Pose`], [`CalibratedCamera`]: where a camera is.
+//! - [`Mask`]: which pixels of a camera are usable.
+//! - [`Homography`]: the map from a plane to its image.
+//! - [`ConstantResolution`]: design of mirrors.
 
 mod batch;
 mod distortion;
@@ -39,6 +121,7 @@ pub use mirror::{ConstantResolution, MirrorForm, MirrorLookUp, MirrorProfile, Re
 pub use ocam::Ocam;
 pub use ocam_look_up::OcamLookUp;
 pub use pardalis_core::Error;
+pub use pardalis_core::simd::Level;
 pub use perspective_mirror::PerspectiveMirror;
 pub use pinhole::Pinhole;
 pub use plane::Plane;
@@ -47,17 +130,18 @@ pub use unified::Unified;
 
 use pardalis_core::real::Real;
 
-/// What a pixel sees lies along this half line, in the camera's frame.
+/// The half line seen by a pixel, in the camera frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray<R> {
-    /// Where it begins, in metres: the camera's origin for models with one viewpoint, a point of the mirror for the exact mirror.
+    /// Start of the ray in metres: the camera's origin for models with a single viewpoint, a point
+    /// on the mirror for the exact mirror.
     pub origin: [R; 3],
-    /// Its unit direction.
+    /// Unit direction.
     pub direction: [R; 3],
 }
 
 impl<R: Real> Ray<R> {
-    /// From the camera's origin along a unit direction.
+    /// Creates a ray from the camera's origin along a unit direction.
     fn from_camera(direction: [R; 3]) -> Self {
         Self {
             origin: [R::of(0.0); 3],
@@ -65,13 +149,14 @@ impl<R: Real> Ray<R> {
         }
     }
 
-    /// From the camera's origin along a direction of any length.
+    /// Creates a ray from the camera's origin along a direction of any length.
     fn towards([x, y, z]: [R; 3]) -> Self {
         let inverse = R::of(1.0) / (x * x + y * y + z * z).sqrt();
         Self::from_camera([x * inverse, y * inverse, z * inverse])
     }
 
-    /// From the camera's origin at an angle from the optical axis, on the side of (x, y), which is `rho` long.
+    /// Creates a ray from the camera's origin at an angle from the optical axis, towards the image
+    /// direction (x, y) of length `rho`.
     fn at_angle(angle_rad: R, [x, y]: [R; 2], rho: R) -> Self {
         let (sin, cos) = angle_rad.sin_cos();
         let on_axis = !(rho > R::of(0.0));
@@ -82,13 +167,15 @@ impl<R: Real> Ray<R> {
 
 /// A camera model.
 ///
-/// Law, tested over every model's whole field of view: where `project` says valid, the point lies on the ray that `unproject` gives for the pixel.
+/// Invariant, tested over the whole field of view of every model: if `project` reports a point as
+/// valid, the point lies on the ray that `unproject` returns for its pixel.
 pub trait Projection<R: Real>: Send + Sync {
-    /// The pixel of a point, and whether the point lies in the model's domain. Without branches; outside the domain the
-    /// pixel means nothing.
+    /// Returns the pixel of a point in the camera frame (metres), and whether the point lies in the
+    /// model's domain. Outside the domain the pixel is meaningless. The function is free of
+    /// branches, so that it vectorises.
     fn project(&self, point_in_camera: [R; 3]) -> ([R; 2], bool);
 
-    /// The ray of a pixel, or `None` where the model has none.
+    /// Returns the ray of a pixel, or `None` if the pixel lies outside the model's domain.
     fn unproject(&self, pixel: [R; 2]) -> Option<Ray<R>>;
 }
 
@@ -101,11 +188,11 @@ pub enum Camera {
     Pinhole(Pinhole<f64>),
     /// Kannala-Brandt fisheye (OpenCV's fisheye module).
     KannalaBrandt(KannalaBrandt<f64>),
-    /// Unified model of mirror cameras, the thesis' form.
+    /// Unified model of catadioptric (mirror) cameras in the form of the thesis.
     Unified(Unified<f64>),
     /// Unified model with distortion, Mei's form (OpenCV's omnidir module).
     Mei(Mei<f64>),
-    /// Perspective model of mirror cameras.
+    /// Perspective model of catadioptric cameras.
     PerspectiveMirror(PerspectiveMirror<f64>),
     /// Double sphere.
     DoubleSphere(DoubleSphere<f64>),
@@ -113,13 +200,38 @@ pub enum Camera {
     ExtendedUnified(ExtendedUnified<f64>),
     /// Scaramuzza's polynomial (OCamCalib).
     Ocam(Ocam<f64>),
-    /// A perspective camera before a mirror of revolution, exactly.
+    /// Exact model of a perspective camera in front of a mirror of revolution.
     ExactMirror(ExactMirror<f64>),
-    /// A camera of unknown lens and pose, by what it makes of the plane z = 0.
+    /// A camera of unknown lens and pose, described by its view of the plane z = 0.
     Plane(Plane<f64>),
 }
 
-/// Calls `$body` with `$model` bound to the camera's model: the one place where cameras are told apart.
+macro_rules! from_model {
+    ($($model:ident),+ $(,)?) => {
+        $(impl From<$model<f64>> for Camera {
+            fn from(model: $model<f64>) -> Self {
+                Self::$model(model)
+            }
+        })+
+    };
+}
+
+from_model!(
+    Equidistant,
+    Pinhole,
+    KannalaBrandt,
+    Unified,
+    Mei,
+    PerspectiveMirror,
+    DoubleSphere,
+    ExtendedUnified,
+    Ocam,
+    ExactMirror,
+    Plane,
+);
+
+/// Evaluates `$body` with `$model` bound to the concrete model of the camera: static dispatch in a
+/// single place.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! with_model {
@@ -140,7 +252,7 @@ macro_rules! with_model {
     };
 }
 
-/// Calls `$body`, which gives a model, and makes a camera of the same kind of it.
+/// Evaluates `$body`, which returns a model, and wraps the model as a camera of the same kind.
 macro_rules! map_model {
     ($camera:expr, $model:ident => $body:expr) => {
         match $camera {
@@ -160,19 +272,21 @@ macro_rules! map_model {
 }
 
 impl Camera {
-    /// The pixel of one point, or `None` outside the model's domain. Kernels match the model once a batch instead.
+    /// Returns the pixel of a point (camera frame, metres), or `None` outside the model's domain.
+    /// To project many points, use [`Camera::project_points`], which is faster.
     pub fn project(&self, point_in_camera: [f64; 3]) -> Option<[f64; 2]> {
         let (pixel, valid) = with_model!(self, model => model.project(point_in_camera));
         valid.then_some(pixel)
     }
 
-    /// The ray of a pixel, or `None` where the model has none.
+    /// Returns the ray of a pixel, or `None` if the pixel lies outside the model's domain.
     pub fn unproject(&self, pixel: [f64; 2]) -> Option<Ray<f64>> {
         with_model!(self, model => model.unproject(pixel))
     }
 
-    /// The point that all of its rays pass through, in metres in the camera's frame; for the exact mirror, which has none, a point near to
-    /// them all. Outlines are what is seen from there.
+    /// Returns the point through which all rays pass, in metres in the camera frame. The exact
+    /// mirror has no such point; the result is then a point close to all its rays. Outlines of
+    /// bodies are computed for this viewpoint.
     pub fn viewpoint_m(&self) -> [f64; 3] {
         match self {
             Self::ExactMirror(mirror) => mirror.viewpoint_m(),
@@ -181,7 +295,7 @@ impl Camera {
         }
     }
 
-    /// The model's name, as scene files have it.
+    /// Returns the name of the model, as in scene files.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Equidistant(_) => "equidistant",
@@ -198,7 +312,7 @@ impl Camera {
         }
     }
 
-    /// Whether the camera looks along +z into a mirror, so that the scene lies about −z.
+    /// Reports whether the camera looks along +z into a mirror, so that the scene lies around −z.
     pub fn looks_into_mirror(&self) -> bool {
         matches!(
             self,
@@ -206,7 +320,8 @@ impl Camera {
         )
     }
 
-    /// The names and values of the model's parameters, in the order of [`Camera::with_parameters`].
+    /// Returns the names and values of the model's parameters, in the order of
+    /// [`Camera::with_parameters`].
     pub fn parameters(&self) -> Vec<(&'static str, f64)> {
         fn named<const N: usize>(
             names: [&'static str; N],
@@ -233,12 +348,13 @@ impl Camera {
         }
     }
 
-    /// The same model with other parameters, as many as [`Camera::parameters`] gives and in that order, checked as new ones are.
+    /// Returns a camera of the same model with other parameters, in the order and number of
+    /// [`Camera::parameters`]. The parameters are checked like those of a new camera.
     pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self, Error> {
         fn exactly<const N: usize>(parameters: &[f64]) -> [f64; N] {
             parameters
                 .try_into()
-                .expect("a model has as many parameters as Camera::parameters gives")
+                .expect("the number of parameters must equal that of Camera::parameters")
         }
         map_model!(self, model => model.with_parameters(exactly(parameters)))
     }

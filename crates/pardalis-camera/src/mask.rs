@@ -1,8 +1,9 @@
-//! Which pixels of a camera carry evidence: not the robot's own body, a bar, a mirror's housing or rim.
+//! Masks that exclude pixels of a camera: the robot's own body, a bar, the housing or rim of a
+//! mirror.
 
 use pardalis_core::Error;
 
-/// The pixels of one camera that carry evidence; at least one does.
+/// The set of usable pixels of a camera. It is never empty.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mask {
     width: usize,
@@ -11,7 +12,7 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// From grey values, row by row: 128 and more is used, darker is not.
+    /// Creates a mask from grey values in row-major order: pixels of 128 and above are usable.
     pub fn from_grey(width: usize, height: usize, grey: &[u8]) -> Result<Self, Error> {
         if grey.len() != width * height {
             return Err(Error::ImageBytes {
@@ -22,7 +23,7 @@ impl Mask {
         Self::checked(width, height, grey.iter().map(|&g| g >= 128).collect())
     }
 
-    /// The pixels whose centres lie within `radius_px` of `center_px`.
+    /// Creates a mask of the pixels whose centres lie within `radius_px` of `center_px`.
     pub fn from_radius(
         width: usize,
         height: usize,
@@ -46,7 +47,7 @@ impl Mask {
         Self::checked(width, height, open)
     }
 
-    /// The pixels that both masks use.
+    /// Returns the intersection of two masks.
     pub fn and(&self, other: &Self) -> Result<Self, Error> {
         if (self.width, self.height) != (other.width, other.height) {
             return Err(Error::SizeMismatch {
@@ -68,8 +69,7 @@ impl Mask {
         if !open.contains(&true) {
             return Err(Error::Empty {
                 what: "the mask".to_owned(),
-                remedy: "paint white (128 or more) what the camera may use, black what it may not"
-                    .to_owned(),
+                remedy: "paint usable pixels white (128 or more) and all others black".to_owned(),
             });
         }
         Ok(Self {
@@ -79,17 +79,17 @@ impl Mask {
         })
     }
 
-    /// Width in pixels.
+    /// Returns the width in pixels.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Height in pixels.
+    /// Returns the height in pixels.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// One entry a pixel, row by row: whether it carries evidence.
+    /// Returns one entry per pixel in row-major order: whether the pixel is usable.
     pub fn open(&self) -> &[bool] {
         &self.open
     }
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn masks_combine_and_never_close_the_whole_image() {
+    fn masks_intersect_and_are_never_empty() {
         let disc = Mask::from_radius(5, 4, [2.0, 1.0], 1.0).unwrap();
         assert_eq!(disc.open().iter().filter(|&&o| o).count(), 5);
         let grey: Vec<u8> = (0..20).map(|i| if i % 5 < 3 { 255 } else { 127 }).collect();

@@ -5,10 +5,14 @@ use super::{Projection, Ray, check_coefficients, check_focals, check_principal_p
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// (a, b) = (x, y) / (z + ξ·d) with d = √(x² + y² + z²), distorted by k1, k2, p1, p2 to (a', b'); u = fx·a' + skew·b' + cx,
-/// v = fy·b' + cy (Mei and Rives 2007; OpenCV `omnidir`). The camera looks along +z at the scene.
+/// Mei's unified model with distortion.
 ///
-/// Domain: z > −ξ·d for ξ ≤ 1, z > −d/ξ for ξ > 1 (beyond it (a, b) folds back), and only as far as the distortion does not fold back.
+/// (a, b) = (x, y) / (z + ξ·d) with d = √(x² + y² + z²), distorted by k1, k2, p1, p2 to (a', b'); u
+/// = fx·a' + skew·b' + cx, v = fy·b' + cy (Mei and Rives 2007; OpenCV `omnidir`). The camera looks
+/// along +z at the scene.
+///
+/// Domain: z > −ξ·d for ξ ≤ 1 and z > −d/ξ for ξ > 1, where (a, b) folds back, but only as far as
+/// the distortion does not fold back.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mei<R> {
     fx_px: R,
@@ -18,12 +22,13 @@ pub struct Mei<R> {
     cy_px: R,
     xi: R,
     distortion: Distortion<R>,
-    /// The bound on z/d.
+    /// Lower bound of z/d.
     min_cosine: R,
 }
 
 impl Mei<f64> {
-    /// Focal lengths, skew and principal point in pixels; ξ from 0 to 1e3; the distortion k1, k2, p1, p2.
+    /// Creates a camera from focal lengths, skew and principal point in pixels, ξ from 0 to 1000
+    /// and the distortion k1, k2, p1, p2.
     pub fn new(
         f_px @ [fx_px, fy_px]: [f64; 2],
         skew_px: f64,
@@ -52,8 +57,8 @@ impl Mei<f64> {
         })
     }
 
-    /// The same camera with other parameters, in the order of [`Self::NAMES`].
-    #[allow(clippy::unused_self)] // all models are varied in the same way
+    /// Returns the camera with other parameters, in the order of [`Self::NAMES`].
+    #[allow(clippy::unused_self)] // uniform signature for all models
     pub(super) fn with_parameters(&self, p: [f64; 10]) -> Result<Self, Error> {
         Self::new(
             [p[0], p[1]],
@@ -64,14 +69,14 @@ impl Mei<f64> {
         )
     }
 
-    /// The same camera in single precision, for kernels.
+    /// Returns the camera in single precision, for vectorised kernels.
     pub fn to_f32(&self) -> Mei<f32> {
         self.vary(self.parameters().map(|p| p as f32))
     }
 }
 
 impl<R: Real> Mei<R> {
-    /// The names of the parameters, in their order.
+    /// Names of the parameters, in order.
     pub(super) const NAMES: [&'static str; 10] = [
         "fx_px", "fy_px", "skew_px", "cx_px", "cy_px", "xi", "k1", "k2", "p1", "p2",
     ];
@@ -92,7 +97,7 @@ impl<R: Real> Mei<R> {
         ]
     }
 
-    /// The same domain with other parameters, unchecked, in any arithmetic.
+    /// Returns the model with other parameters, unchecked and of any number type, and the same domain.
     pub(super) fn vary<S: Real>(&self, p: [S; 10]) -> Mei<S> {
         let mut coefficients = [S::of(0.0); 12];
         coefficients[..4].copy_from_slice(&p[6..]);
@@ -136,7 +141,7 @@ impl<R: Real> Projection<R> for Mei<R> {
         if !(discriminant >= R::of(0.0)) {
             return None;
         }
-        // d = 1: z + ξ = factor, and factor²·s + z² = 1.
+        // With d = 1: z + ξ = factor, and factor²·s + z² = 1.
         let factor = (self.xi + discriminant.sqrt()) / (s + one);
         let z = factor - self.xi;
         (z > self.min_cosine).then(|| Ray::from_camera([a * factor, b * factor, z]))

@@ -7,17 +7,21 @@ use super::{Projection, Ray, check_coefficients, check_focal, check_principal_po
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// The share of the last radius below which a step ends the iteration.
+/// The iteration stops at steps below this share of the largest radius.
 const SETTLED: f64 = 2e-7;
-/// Steps of the iteration at most: half of them would do for any lens.
+/// Maximum number of iterations; half of them suffice for any lens.
 const MAX_STEPS: u32 = 60;
 
-/// The pixel (u, v) at (du, dv) from the centre is (x', y') = A⁻¹·(du, dv), A = [1 e; d c], and looks along (x', y', −f(ρ)), with
-/// ρ = √(x'² + y'²) and f(ρ) = a0 + a1·ρ + a2·ρ² + … (Scaramuzza, Martinelli and Siegwart 2006, with OCamCalib's signs, a0 < 0).
-/// OCamCalib's x runs along the image's rows from top to bottom, its y to the right, and its camera looks along −z: its
-/// coordinates (x, y, z) are (y, x, −z) here. To project, the ray's angle is solved for ρ; the inverse polynomial of the toolbox is not used.
+/// Scaramuzza's polynomial model of mirror cameras and fisheyes.
 ///
-/// Domain: ρ up to `max_radius_px`, and only as far as the angle from the axis grows with ρ.
+/// The pixel (u, v) at (du, dv) from the centre has sensor coordinates (x', y') = A⁻¹·(du, dv), A =
+/// [1 e; d c], and looks along (x', y', −f(ρ)), with ρ = √(x'² + y'²) and f(ρ) = a0 + a1·ρ + a2·ρ² +
+/// … (Scaramuzza, Martinelli and Siegwart 2006, with OCamCalib's signs, a0 < 0). In OCamCalib, x
+/// points down in the image, y to the right, and the camera looks along −z: its coordinates (x, y,
+/// z) are (y, x, −z) here. Projection solves for ρ and does not use the toolbox's inverse
+/// polynomial.
+///
+/// Domain: ρ ≤ `max_radius_px`, but only as far as the angle from the axis increases with ρ.
 #[derive(Debug, Clone)]
 pub struct Ocam<R> {
     polynomial: [R; MAX_COEFFICIENTS],
@@ -25,16 +29,16 @@ pub struct Ocam<R> {
     cx_px: R,
     cy_px: R,
     affine: [R; 3],
-    /// The radius that was asked for.
+    /// The requested largest radius.
     max_radius_px: R,
-    /// Where the angle stops growing, if that is less.
+    /// The radius up to which the angle increases, at most `max_radius_px`.
     last_radius_px: R,
-    /// Made when it is first asked for.
+    /// Look-up table, built on first use.
     radii: Arc<OnceLock<Radii>>,
 }
 
 impl PartialEq for Ocam<f64> {
-    /// The same camera, whether its look-up table is made or not.
+    /// Compares the cameras, regardless of whether their look-up tables are built.
     fn eq(&self, other: &Self) -> bool {
         self.parameters() == other.parameters()
             && self.coefficients == other.coefficients
@@ -43,8 +47,9 @@ impl PartialEq for Ocam<f64> {
 }
 
 impl Ocam<f64> {
-    /// The polynomial a0, a1, a2, … with 1 to 8 coefficients and a0 < 0; the centre (column, row) in pixels; the affine
-    /// parameters c, d, e; the largest radius in pixels.
+    /// Creates a camera from the polynomial a0, a1, a2, … with 1 to 8 coefficients and a0 < 0, the
+    /// centre (column, row) in pixels, the affine parameters c, d, e and the largest radius in
+    /// pixels.
     pub fn new(
         polynomial: &[f64],
         [cx_px, cy_px]: [f64; 2],
@@ -55,14 +60,14 @@ impl Ocam<f64> {
             return Err(Error::out_of_range(
                 "polynomial",
                 format!("{} numbers", polynomial.len()),
-                "1 to 8 numbers: a0, a1, a2 and so on",
+                "1 to 8 numbers: a0, a1, a2, ...",
             ));
         }
         check_coefficients("polynomial", polynomial)?;
         if !(polynomial[0] < 0.0) {
             return Err(Error::out_of_range(
                 "polynomial",
-                format!("{} in its first place", polynomial[0]),
+                format!("{} in first position", polynomial[0]),
                 "a negative a0, as OCamCalib writes it",
             ));
         }
@@ -85,12 +90,13 @@ impl Ocam<f64> {
             cy_px,
             affine,
             max_radius_px,
-            last_radius_px: largest_growing_radius(&padded, max_radius_px),
+            last_radius_px: largest_increasing_radius(&padded, max_radius_px),
             radii: Arc::default(),
         })
     }
 
-    /// The same camera with a polynomial of at least this degree, up to 7: further coefficients are zero.
+    /// Returns the camera with a polynomial of at least this degree, up to 7; the added
+    /// coefficients are zero.
     pub fn of_degree(&self, degree: usize) -> Result<Self, Error> {
         let coefficients = self.coefficients.max(degree + 1);
         Self::new(
@@ -101,17 +107,17 @@ impl Ocam<f64> {
         )
     }
 
-    /// The polynomial a0, a1, a2, …
+    /// Returns the polynomial a0, a1, a2, …
     pub fn polynomial(&self) -> &[f64] {
         &self.polynomial[..self.coefficients]
     }
 
-    /// The largest radius that was asked for, in pixels.
+    /// Returns the requested largest radius, in pixels.
     pub fn max_radius_px(&self) -> f64 {
         self.max_radius_px
     }
 
-    /// The same camera with other parameters, in the order of [`Self::NAMES`].
+    /// Returns the camera with other parameters, in the order of [`Self::NAMES`].
     pub(super) fn with_parameters(&self, p: [f64; 13]) -> Result<Self, Error> {
         Self::new(
             &p[5..5 + self.coefficients],
@@ -121,7 +127,8 @@ impl Ocam<f64> {
         )
     }
 
-    /// The same camera in single precision, for kernels: its table is made at the first call.
+    /// Returns the camera in single precision, for vectorised kernels. The first call builds a
+    /// look-up table.
     pub fn to_f32(&self) -> OcamLookUp<'_> {
         let radii = self.radii.get_or_init(|| {
             let [_, cos] = self.angle_at(self.last_radius_px());
@@ -136,35 +143,36 @@ impl Ocam<f64> {
         }
     }
 
-    /// Sine and cosine of the angle from the axis that is seen at this radius.
+    /// Returns sine and cosine of the angle from the axis that is seen at a radius.
     pub(super) fn angle_at(&self, rho_px: f64) -> [f64; 2] {
         let (f, _) = value_and_slope(&self.polynomial, rho_px);
         let length = libm::hypot(rho_px, f);
         [rho_px / length, -f / length]
     }
 
-    /// The largest radius of the domain, in pixels.
+    /// Returns the largest radius of the domain, in pixels.
     pub(super) fn last_radius_px(&self) -> f64 {
         self.last_radius_px
     }
 }
 
-/// The first radius at which the angle atan2(ρ, −f) stops growing, or `max_radius_px` if that is less.
-fn largest_growing_radius(polynomial: &[f64; MAX_COEFFICIENTS], max_radius_px: f64) -> f64 {
-    // The angle's slope has the sign of ρ·f' − f.
-    let growing = |rho: f64| {
+/// Returns the first radius at which the angle atan2(ρ, −f) stops increasing, or `max_radius_px` if
+/// that is smaller.
+fn largest_increasing_radius(polynomial: &[f64; MAX_COEFFICIENTS], max_radius_px: f64) -> f64 {
+    // The derivative of the angle has the sign of ρ·f' − f.
+    let increasing = |rho: f64| {
         let (f, slope) = value_and_slope(polynomial, rho);
         rho * slope - f > 0.0
     };
     let steps = 4000;
     let step = max_radius_px / f64::from(steps);
-    let Some(first) = (1..=steps).find(|&i| !growing(f64::from(i) * step)) else {
+    let Some(first) = (1..=steps).find(|&i| !increasing(f64::from(i) * step)) else {
         return max_radius_px;
     };
     let (mut low, mut high) = (f64::from(first - 1) * step, f64::from(first) * step);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if growing(middle) {
+        if increasing(middle) {
             low = middle;
         } else {
             high = middle;
@@ -174,7 +182,7 @@ fn largest_growing_radius(polynomial: &[f64; MAX_COEFFICIENTS], max_radius_px: f
 }
 
 impl<R: Real> Ocam<R> {
-    /// The names of the parameters, in their order.
+    /// Names of the parameters, in order.
     pub(super) const NAMES: [&'static str; 13] = [
         "cx_px", "cy_px", "c", "d", "e", "a0", "a1", "a2", "a3", "a4", "a5", "a6", "a7",
     ];
@@ -191,7 +199,8 @@ impl<R: Real> Ocam<R> {
         })
     }
 
-    /// The same domain with other parameters, unchecked, in any arithmetic.
+    /// Returns the model with other parameters, unchecked and of any number type, and the same
+    /// domain.
     pub(super) fn vary<S: Real>(&self, p: [S; 13]) -> Ocam<S> {
         Ocam {
             polynomial: std::array::from_fn(|i| p[i + 5]),
@@ -205,8 +214,9 @@ impl<R: Real> Ocam<R> {
         }
     }
 
-    /// The radius at which the ray at an angle with this sine and cosine is seen: Newton's iteration on cos·ρ + sin·f(ρ) = 0, kept between
-    /// the axis and the last radius, between which there is one root.
+    /// Returns the radius at which a ray with this sine and cosine of the angle is seen. Solves
+    /// cos·ρ + sin·f(ρ) = 0 by Newton's method, bracketed between the axis and the last radius,
+    /// where the equation has one root.
     pub(super) fn radius(&self, [sin, cos]: [R; 2]) -> R {
         let last = self.last_radius_px;
         let (mut low, mut high) = (R::of(0.0), last);
@@ -223,7 +233,8 @@ impl<R: Real> Ocam<R> {
             } else {
                 R::of(0.5) * (low + high)
             };
-            // What is left after such a step is about its square.
+            // Newton's method converges quadratically: the remaining error is about the square of
+            // the step.
             let settled = (next - rho).abs() <= R::of(SETTLED) * last;
             rho = next;
             if settled {
@@ -235,20 +246,20 @@ impl<R: Real> Ocam<R> {
 }
 
 impl<R: Real> Projection<R> for Ocam<R> {
-    /// An iteration in any precision: for kernels there is [`Ocam::to_f32`].
+    /// Solves for the radius iteratively, in any precision. [`Ocam::to_f32`] is faster.
     fn project(&self, [x, y, z]: [R; 3]) -> ([R; 2], bool) {
         let (zero, one) = (R::of(0.0), R::of(1.0));
         let r = (x * x + y * y).sqrt();
         let d = (x * x + y * y + z * z).sqrt();
-        let somewhere = d > zero;
-        let inverse = one / if somewhere { d } else { one };
+        let off_origin = d > zero;
+        let inverse = one / if off_origin { d } else { one };
         let (sin, cos) = (r * inverse, z * inverse);
         let last = self.last_radius_px;
         let (f_last, _) = value_and_slope(&self.polynomial, last);
         let behind = !(sin > R::of(1e-30)) && !(cos > zero);
-        let valid = somewhere && !behind && cos * last + sin * f_last >= zero;
+        let valid = off_origin && !behind && cos * last + sin * f_last >= zero;
         let rho = self.radius([sin, cos]);
-        // ρ/r, which is −f(ρ)/z too: whichever of r and z is larger divides.
+        // ρ/r equals −f(ρ)/z; divide by the larger of r and z.
         let ahead = cos > sin;
         let (f, _) = value_and_slope(&self.polynomial, rho);
         let scale = if ahead { -f } else { rho } / if ahead { z } else { r };
@@ -263,7 +274,7 @@ impl<R: Real> Projection<R> for Ocam<R> {
         let determinant = c - d * e;
         let (x, y) = ((c * du - e * dv) / determinant, (dv - d * du) / determinant);
         let rho = (x * x + y * y).sqrt();
-        // A hair beyond, so that the pixel of a point on the border has its ray despite rounding.
+        // The tolerance absorbs rounding for pixels of points on the border.
         if !(rho <= self.last_radius_px * R::of(1.0 + 1e-12)) {
             return None;
         }

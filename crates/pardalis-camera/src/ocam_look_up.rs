@@ -1,19 +1,22 @@
-//! Scaramuzza's polynomial model for kernels: a look-up with Newton steps, without branches, in single precision.
+//! Scaramuzza's polynomial model for vectorised kernels: a look-up table refined by Newton steps,
+//! branch-free and in single precision.
 
 use super::{Projection, Ray};
 use pardalis_core::real::Real;
 
-/// Most coefficients of the polynomial.
+/// Maximum number of coefficients of the polynomial.
 pub(super) const MAX_COEFFICIENTS: usize = 8;
-/// Intervals of the table.
+/// Number of intervals of the table.
 const INTERVALS: usize = 256;
-/// Newton steps from the table's straight lines: one is within 0.001 px but near the end of a lens whose angle hardly grows there.
+/// Newton steps after the table's linear interpolation. One step is within 0.001 px, except near
+/// the border of lenses whose angle hardly increases there.
 const STEPS: usize = 2;
 
-/// The radii of rays at angles θ from the axis, by sin(θ/2), which is even enough for all lenses up to 360 degrees.
+/// Radii of rays at angles θ from the axis, tabulated over sin(θ/2), which is smooth enough for all
+/// lenses up to 360 degrees.
 pub(super) struct Radii {
     radii_px: [f32; INTERVALS + 1],
-    intervals_a_sin: f32,
+    intervals_per_sin: f32,
 }
 
 impl std::fmt::Debug for Radii {
@@ -23,7 +26,8 @@ impl std::fmt::Debug for Radii {
 }
 
 impl Radii {
-    /// Tabulates the model's `radius` by sine and cosine of the angle, up to the angle of this cosine.
+    /// Tabulates `radius`, a function of sine and cosine of the angle, up to the angle with cosine
+    /// `last_cos`.
     pub(super) fn new(last_cos: f64, radius: impl Fn([f64; 2]) -> f64) -> Self {
         let last_sin = (0.5 * (1.0 - last_cos)).sqrt();
         let radius_px = |i: usize| {
@@ -34,12 +38,12 @@ impl Radii {
         };
         Self {
             radii_px: std::array::from_fn(radius_px),
-            intervals_a_sin: (INTERVALS as f64 / last_sin) as f32,
+            intervals_per_sin: (INTERVALS as f64 / last_sin) as f32,
         }
     }
 }
 
-/// f(ρ) and f'(ρ).
+/// Returns f(ρ) and f'(ρ).
 #[inline(always)]
 pub(super) fn value_and_slope<R: Real>(polynomial: &[R; MAX_COEFFICIENTS], rho: R) -> (R, R) {
     let (mut value, mut slope) = (R::of(0.0), R::of(0.0));
@@ -65,38 +69,40 @@ impl Projection<f32> for OcamLookUp<'_> {
     fn project(&self, [x, y, z]: [f32; 3]) -> ([f32; 2], bool) {
         let square = x * x + y * y;
         let (r, d) = (square.sqrt(), (square + z * z).sqrt());
-        let somewhere = d > 0.0;
-        let inverse = 1.0 / if somewhere { d } else { 1.0 };
+        let off_origin = d > 0.0;
+        let inverse = 1.0 / if off_origin { d } else { 1.0 };
         let (sin, cos) = (r * inverse, z * inverse);
         let ahead = z > 0.0;
-        // d − z, without its cancellation near the axis.
+        // d − z without cancellation near the axis.
         let far = d + z.abs();
-        let near = square / if somewhere { far } else { 1.0 };
+        let near = square / if off_origin { far } else { 1.0 };
         let difference = if ahead { near } else { far };
         let half_sin = (0.5 * difference * inverse).sqrt();
-        let place = half_sin * self.radii.intervals_a_sin;
-        let place = if place < INTERVALS as f32 {
-            place
+        let position = half_sin * self.radii.intervals_per_sin;
+        let position = if position < INTERVALS as f32 {
+            position
         } else {
             INTERVALS as f32
         };
-        // The addition shifts the fraction out; at a whole number either neighbour will do.
-        let whole = (place - 0.5).max(0.0) + 12_582_912.0;
+        // Adding 1.5·2²³ rounds to an integer. If `position` is an integer, either interval is
+        // correct.
+        let whole = (position - 0.5).max(0.0) + 12_582_912.0;
         let i = (whole.to_bits() & 0xffff) as usize % INTERVALS;
-        let share = place - (whole - 12_582_912.0);
+        let share = position - (whole - 12_582_912.0);
         let (low, high) = (self.radii.radii_px[i], self.radii.radii_px[i + 1]);
         let mut rho = low + share * (high - low);
         for _ in 0..STEPS {
             let (f, slope) = value_and_slope(&self.polynomial, rho);
             let newton = rho - (cos * rho + sin * f) / (cos + sin * slope);
-            // Rays lie between their neighbours; a step that is no number goes to one of them.
+            // The radius lies between the table's neighbouring entries; a NaN step is repositiond by
+            // one of them.
             let bounded = if newton > low { newton } else { low };
             rho = if bounded < high { bounded } else { high };
         }
         let (f_last, _) = value_and_slope(&self.polynomial, self.last_radius_px);
         let behind = !(sin > 1e-30) & !ahead;
-        let valid = somewhere & !behind & (cos * self.last_radius_px + sin * f_last >= 0.0);
-        // ρ/r, which is −f(ρ)/z too: whichever of r and z is larger divides.
+        let valid = off_origin & !behind & (cos * self.last_radius_px + sin * f_last >= 0.0);
+        // ρ/r equals −f(ρ)/z; divide by the larger of r and z.
         let (f, _) = value_and_slope(&self.polynomial, rho);
         let along = cos > sin;
         let scale = if along { -f } else { rho } / if along { z } else { r };

@@ -1,11 +1,14 @@
-//! Perspective projection of a mirror camera: the cheap model for mirrors that keep the floor's proportions.
+//! Perspective model of a mirror camera: a cheap model for mirrors that preserve the proportions of
+//! the floor.
 
 use super::{Projection, Ray, check_focal, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// ρ = k·r/z with k = −m, the unified model with l = 0; u = cx + ρ·x/r, v = cy + ρ·y/r (Taiana 2007, section 3.4). The
-/// camera looks along +z into the mirror; the scene has z < 0.
+/// Perspective model of a mirror camera.
+///
+/// ρ = k·r/z with k = −m, which is the unified model with l = 0; u = cx + ρ·x/r, v = cy + ρ·y/r
+/// (Taiana 2007, section 3.1.1, eq. 3.4). The camera looks along +z into the mirror; the scene has z < 0.
 ///
 /// Domain: z < 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,35 +19,35 @@ pub struct PerspectiveMirror<R> {
 }
 
 impl PerspectiveMirror<f64> {
-    /// `m_px` = −k, in pixels, positive; the principal point in pixels.
+    /// Creates a camera from `m_px` = −k > 0, in pixels, and the principal point in pixels.
     pub fn new(m_px: f64, [cx_px, cy_px]: [f64; 2]) -> Result<Self, Error> {
         check_focal("m_px", m_px)?;
         check_principal_point([cx_px, cy_px])?;
         Ok(Self { m_px, cx_px, cy_px })
     }
 
-    /// The same camera with other parameters, in the order of [`Self::NAMES`].
-    #[allow(clippy::unused_self)] // all models are varied in the same way
+    /// Returns the camera with other parameters, in the order of [`Self::NAMES`].
+    #[allow(clippy::unused_self)] // uniform signature for all models
     pub(super) fn with_parameters(&self, [m, cx, cy]: [f64; 3]) -> Result<Self, Error> {
         Self::new(m, [cx, cy])
     }
 
-    /// The same camera in single precision, for kernels.
+    /// Returns the camera in single precision, for vectorised kernels.
     pub fn to_f32(&self) -> PerspectiveMirror<f32> {
         self.vary(self.parameters().map(|p| p as f32))
     }
 }
 
 impl<R: Real> PerspectiveMirror<R> {
-    /// The names of the parameters, in their order.
+    /// Names of the parameters, in order.
     pub(super) const NAMES: [&'static str; 3] = ["m_px", "cx_px", "cy_px"];
 
     pub(super) fn parameters(&self) -> [R; 3] {
         [self.m_px, self.cx_px, self.cy_px]
     }
 
-    /// The same model with other parameters, unchecked, in any arithmetic.
-    #[allow(clippy::unused_self)] // all models are varied in the same way
+    /// Returns the model with other parameters, unchecked and of any number type.
+    #[allow(clippy::unused_self)] // uniform signature for all models
     pub(super) fn vary<S: Real>(&self, [m_px, cx_px, cy_px]: [S; 3]) -> PerspectiveMirror<S> {
         PerspectiveMirror { m_px, cx_px, cy_px }
     }
@@ -53,7 +56,7 @@ impl<R: Real> PerspectiveMirror<R> {
 impl<R: Real> Projection<R> for PerspectiveMirror<R> {
     #[inline(always)]
     fn project(&self, [x, y, z]: [R; 3]) -> ([R; 2], bool) {
-        // The second half is false for NaN alone.
+        // The second condition is false only for NaN.
         let valid = z < R::of(0.0) && x * x + y * y >= R::of(0.0);
         let scale = self.m_px / if valid { -z } else { R::of(1.0) };
         ([self.cx_px + scale * x, self.cy_px + scale * y], valid)

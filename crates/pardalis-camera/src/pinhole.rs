@@ -5,13 +5,19 @@ use super::{Projection, Ray, check_coefficients, check_focals, check_principal_p
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// u = fx·a' + cx, v = fy·b' + cy, where (a', b') is (x/z, y/z) distorted by up to twelve coefficients in OpenCV's order:
-/// k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4. With s = a² + b² and g = (1 + k1·s + k2·s² + k3·s³) / (1 + k4·s + k5·s² + k6·s³):
+/// Pinhole camera with Brown-Conrady distortion.
 ///
-/// a' = a·g + 2·p1·a·b + p2·(s + 2a²) + s1·s + s2·s², b' = b·g + p1·(s + 2b²) + 2·p2·a·b + s3·s + s4·s²
+/// u = fx·a' + cx, v = fy·b' + cy, where (a', b') is (x/z, y/z) distorted by up to twelve
+/// coefficients in OpenCV's order k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4. With s = a² + b² and g = (1 +
+/// k1·s + k2·s² + k3·s³) / (1 + k4·s + k5·s² + k6·s³):
 ///
-/// (Brown 1966; rational and thin-prism terms as OpenCV writes them.) Domain: z > 0, and only as far from the axis as the distortion does
-/// not fold back on itself, so that a point far outside the view never gets a pixel inside it.
+/// a' = a·g + 2·p1·a·b + p2·(s + 2a²) + s1·s + s2·s², b' = b·g + p1·(s + 2b²) + 2·p2·a·b + s3·s +
+/// s4·s²
+///
+/// (Brown 1966; the rational and thin-prism terms follow OpenCV.)
+///
+/// Domain: z > 0, but only as far from the axis as the distortion does not fold back, so that a
+/// point far outside the view never gets a pixel inside it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pinhole<R> {
     fx_px: R,
@@ -22,7 +28,8 @@ pub struct Pinhole<R> {
 }
 
 impl Pinhole<f64> {
-    /// Focal lengths and principal point in pixels; `distortion` has 0, 4, 5, 8 or 12 numbers in OpenCV's order.
+    /// Creates a camera from focal lengths and principal point in pixels and 0, 4, 5, 8 or 12
+    /// distortion coefficients in OpenCV's order.
     pub fn new(
         f_px @ [fx_px, fy_px]: [f64; 2],
         [cx_px, cy_px]: [f64; 2],
@@ -49,20 +56,20 @@ impl Pinhole<f64> {
         })
     }
 
-    /// The same camera with other parameters, in the order of [`Self::NAMES`].
-    #[allow(clippy::unused_self)] // all models are varied in the same way
+    /// Returns the camera with other parameters, in the order of [`Self::NAMES`].
+    #[allow(clippy::unused_self)] // uniform signature for all models
     pub(super) fn with_parameters(&self, p: [f64; 16]) -> Result<Self, Error> {
         Self::new([p[0], p[1]], [p[2], p[3]], &p[4..])
     }
 
-    /// The same camera in single precision, for kernels.
+    /// Returns the camera in single precision, for vectorised kernels.
     pub fn to_f32(&self) -> Pinhole<f32> {
         self.vary(self.parameters().map(|p| p as f32))
     }
 }
 
 impl<R: Real> Pinhole<R> {
-    /// The names of the parameters, in their order.
+    /// Names of the parameters, in order.
     pub(super) const NAMES: [&'static str; 16] = [
         "fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1",
         "s2", "s3", "s4",
@@ -79,7 +86,7 @@ impl<R: Real> Pinhole<R> {
         })
     }
 
-    /// The same domain with other parameters, unchecked, in any arithmetic.
+    /// Returns the model with other parameters, unchecked and of any number type, and the same domain.
     pub(super) fn vary<S: Real>(&self, p: [S; 16]) -> Pinhole<S> {
         Pinhole {
             fx_px: p[0],

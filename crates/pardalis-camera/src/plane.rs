@@ -1,4 +1,4 @@
-//! The camera of a plane: known by what it makes of the plane z = 0, its lens and pose unknown.
+//! A camera of unknown lens and pose, described by its view of the plane z = 0.
 
 use nalgebra::Matrix3;
 
@@ -7,33 +7,38 @@ use crate::Homography;
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// A projective camera without distortion, by the homography H from the plane z = 0 of the world to pixels and by where it stands
-/// (Campos 2009, section 3.1; Hartley and Zisserman, chapter 6). Its frame is the world's own, so that its pose is the identity:
+/// A projective camera without distortion, defined by the homography H from the plane z = 0 of the
+/// world to pixels and by its centre (Campos 2009, section 3.1; Hartley and Zisserman 2004, chapter
+/// 6). Its frame is the world frame, so that its pose is the identity:
 ///
-/// (u, v, 1)·w = H·(x, y, 1) + z·q with q = −H·(xc, yc, 1)/zc, for which the camera's centre (xc, yc, zc) has no image.
+/// (u, v, 1)·w = H·(x, y, 1) + z·q with q = −H·(xc, yc, 1)/zc, for which the camera's centre (xc,
+/// yc, zc) has no image.
 ///
-/// A place at height z is therefore seen where its ray meets the plane, zc/(zc − z) times as far from the camera's foot; the published correction
-/// multiplies by that once more where it must divide (Campos 2009, eq. 16). Where nobody knows the centre, it is taken as infinitely high: q = 0.
+/// A point at height z therefore appears where its ray meets the plane, zc/(zc − z) times as far
+/// from the camera's foot point. The published correction multiplies by that factor instead of
+/// dividing by it (Campos 2009, eq. 16). An unknown centre is treated as infinitely high: q = 0.
+///
 /// Domain: w > 0, in front of the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plane<R> {
     pixel_from_plane: [[R; 3]; 3],
     plane_from_pixel: [[R; 3]; 3],
     foot_m: [R; 2],
-    /// 1/zc in 1/m; 0 where the centre is unknown.
+    /// 1/zc in 1/m; 0 if the centre is unknown.
     inverse_height_per_m: R,
     /// q.
     by_height: [R; 3],
 }
 
-/// How high rays begin above the plane where nobody knows where the camera is, in metres.
+/// Height above the plane at which rays start if the centre is unknown, in metres.
 const UNKNOWN_HEIGHT_M: f64 = 1e6;
 
-/// The farthest that the centre may be, in metres.
+/// Largest distance of the centre, in metres.
 const MAX_DISTANCE_M: f64 = 1e9;
 
 impl Plane<f64> {
-    /// `center_m` is the camera's centre in the world, above the plane, where it is known.
+    /// Creates a camera. `center_m` is the camera's centre in the world frame, above the plane, or
+    /// `None` if it is unknown.
     pub fn new(homography: &Homography, center_m: Option<[f64; 3]>) -> Result<Self, Error> {
         let matrix = homography.matrix();
         let pixel_from_plane = [0, 1, 2].map(|i| [0, 1, 2].map(|j| matrix[(i, j)]));
@@ -45,7 +50,7 @@ impl Plane<f64> {
                     return Err(Error::out_of_range(
                         "camera_center_m",
                         format!("{center_m:?}"),
-                        "three numbers of metres; the third, the height over the plane, above 0",
+                        "three numbers in metres; the third, the height above the plane, above 0",
                     ));
                 }
                 ([x, y], 1.0 / z)
@@ -54,29 +59,30 @@ impl Plane<f64> {
         Ok(Self::of(pixel_from_plane, foot_m, inverse_height_per_m))
     }
 
-    /// The image itself as the plane: x and y are pixels, for tracking without any metres.
+    /// Returns the camera whose plane is the image itself: x and y are in pixels. It serves for
+    /// tracking in the image.
     pub fn image() -> Self {
         let identity = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         Self::of(identity, [0.0; 2], 0.0)
     }
 
-    /// The homography from the plane in metres to pixels.
+    /// Returns the homography from the plane (metres) to pixels.
     pub fn pixel_from_plane(&self) -> [[f64; 3]; 3] {
         self.pixel_from_plane
     }
 
-    /// Where the camera stands in the world, in metres, where that is known.
+    /// Returns the camera's centre in the world frame, in metres, or `None` if it is unknown.
     pub fn center_m(&self) -> Option<[f64; 3]> {
         let [x, y] = self.foot_m;
         (self.inverse_height_per_m > 0.0).then(|| [x, y, 1.0 / self.inverse_height_per_m])
     }
 
-    /// The centre, or a point far above the plane.
+    /// Returns the centre, or a point far above the plane if it is unknown.
     pub(super) fn viewpoint_m(&self) -> [f64; 3] {
         self.center_m().unwrap_or([0.0, 0.0, UNKNOWN_HEIGHT_M])
     }
 
-    #[allow(clippy::unused_self)] // all models are varied in the same way
+    #[allow(clippy::unused_self)] // uniform signature for all models
     pub(super) fn with_parameters(&self, p: [f64; 12]) -> Result<Self, Error> {
         let center_m = (p[11] > 0.0).then(|| [p[9], p[10], 1.0 / p[11]]);
         Self::new(
@@ -85,7 +91,7 @@ impl Plane<f64> {
         )
     }
 
-    /// The same camera in single precision, for kernels.
+    /// Returns the camera in single precision, for vectorised kernels.
     pub fn to_f32(&self) -> Plane<f32> {
         let single = |rows: [[f64; 3]; 3]| rows.map(|row| row.map(|v| v as f32));
         Plane {
@@ -99,7 +105,7 @@ impl Plane<f64> {
 }
 
 impl<R: Real> Plane<R> {
-    /// The names of the parameters, in their order.
+    /// Names of the parameters, in order.
     pub(super) const NAMES: [&'static str; 12] = [
         "h11",
         "h12",
@@ -123,8 +129,8 @@ impl<R: Real> Plane<R> {
         })
     }
 
-    /// The same with other parameters, unchecked, in any arithmetic.
-    #[allow(clippy::unused_self)] // all models are varied in the same way
+    /// Returns the camera with other parameters, unchecked and of any number type.
+    #[allow(clippy::unused_self)] // uniform signature for all models
     pub(super) fn vary<S: Real>(&self, p: [S; 12]) -> Plane<S> {
         let rows = [0, 3, 6].map(|i| [p[i], p[i + 1], p[i + 2]]);
         Plane::of(rows, [p[9], p[10]], p[11])
@@ -162,7 +168,7 @@ impl<R: Real> Projection<R> for Plane<R> {
         if self.inverse_height_per_m > zero {
             let height_m = R::of(1.0) / self.inverse_height_per_m;
             let [foot_x, foot_y] = self.foot_m;
-            // Towards the plane, or past the horizon away from it.
+            // Towards the plane, or away from it for pixels above the horizon.
             let direction = [x - w * foot_x, y - w * foot_y, -w * height_m];
             let is_number = w.abs() >= zero;
             return is_number.then(|| Ray {
@@ -198,7 +204,7 @@ fn inverse<R: Real>(m: &[[R; 3]; 3]) -> [[R; 3]; 3] {
 mod tests {
     use super::*;
 
-    /// A pinhole camera of focal length 560 px at (0, −3.2, 3), which looks down at the plane: columns of K·R, and the centre.
+    /// Centre of a pinhole camera with a focal length of 560 px that looks down at the plane.
     const CENTER_M: [f64; 3] = [0.0, -3.2, 3.0];
 
     fn mast() -> Plane<f64> {
@@ -220,28 +226,29 @@ mod tests {
     }
 
     #[test]
-    fn places_above_the_plane_are_seen_as_a_pinhole_camera_sees_them() {
+    fn points_above_the_plane_project_as_in_a_pinhole_camera() {
         let camera = mast();
-        for place in [[0.3, -0.2, 0.0], [0.3, -0.2, 0.406], [-1.0, 2.0, 1.2]] {
+        for point in [[0.3, -0.2, 0.0], [0.3, -0.2, 0.406], [-1.0, 2.0, 1.2]] {
             let (sin, cos) = libm::sincos(0.9_f64);
-            let d: [f64; 3] = std::array::from_fn(|i| place[i] - CENTER_M[i]);
+            let d: [f64; 3] = std::array::from_fn(|i| point[i] - CENTER_M[i]);
             let (x, y, z) = (d[0], -sin * d[1] - cos * d[2], cos * d[1] - sin * d[2]);
             let expected = [560.0 * x / z + 319.5, 560.0 * y / z + 239.5];
-            let (pixel, valid) = camera.project(place);
+            let (pixel, valid) = camera.project(point);
             assert!(valid);
             for axis in 0..2 {
-                assert!((pixel[axis] - expected[axis]).abs() < 1e-9, "{place:?}");
+                assert!((pixel[axis] - expected[axis]).abs() < 1e-9, "{point:?}");
             }
         }
     }
 
-    /// Similar triangles: what is raised to height z moves away from the camera's foot, by h/(h − z). With the published sign it would move nearer.
+    /// By similar triangles, a point raised to height z appears h/(h − z) times as far from the
+    /// camera's foot point. The published formula moves it closer instead.
     #[test]
-    fn heights_are_corrected_away_from_the_foot_as_similar_triangles_say() {
+    fn heights_are_corrected_by_similar_triangles() {
         let camera = mast();
         let (z, h) = (0.406, CENTER_M[2]);
-        let place = [0.7, 0.4];
-        let (pixel, _) = camera.project([place[0], place[1], z]);
+        let point = [0.7, 0.4];
+        let (pixel, _) = camera.project([point[0], point[1], z]);
         let ray = camera.unproject(pixel).unwrap();
         let t = -ray.origin[2] / ray.direction[2];
         for axis in 0..2 {
@@ -249,13 +256,13 @@ mod tests {
             let from_foot = on_plane - CENTER_M[axis];
             let corrected = CENTER_M[axis] + from_foot * (h - z) / h;
             let published = CENTER_M[axis] + from_foot * h / (h - z);
-            assert!((corrected - place[axis]).abs() < 1e-9);
-            assert!((published - place[axis]).abs() > 0.1);
+            assert!((corrected - point[axis]).abs() < 1e-9);
+            assert!((published - point[axis]).abs() > 0.1);
         }
     }
 
     #[test]
-    fn without_a_known_place_all_heights_look_alike() {
+    fn pixels_do_not_depend_on_height_if_the_centre_is_unknown() {
         let mast = mast();
         let camera = Plane::new(&homography(mast.pixel_from_plane()), None).unwrap();
         let (low, _) = camera.project([0.5, 0.2, 0.0]);
@@ -267,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_behind_has_no_pixel_and_faulty_places_are_refused() {
+    fn points_behind_have_no_pixel_and_invalid_centres_are_rejected() {
         assert!(!mast().project([0.0, -9.0, 0.0]).1);
         for center in [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [f64::NAN, 0.0, 1.0]] {
             assert!(Plane::new(&homography(mast().pixel_from_plane()), Some(center)).is_err());

@@ -1,29 +1,35 @@
-//! Where cameras stand: rigid transforms between the world, in metres, and a camera's frame.
+//! Poses: rigid transforms between the world frame and a camera frame, in metres.
 
 use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
 
 use crate::Camera;
 use pardalis_core::Error;
 
-/// A rigid transform. `a_from_b` takes coordinates in frame b to frame a.
+/// A rigid transform. `a_from_b` transforms coordinates of frame b to frame a.
 pub type Pose = IsometryMatrix3<f64>;
 
-/// One camera as calibration files hold it.
+/// A camera as described by a calibration file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibratedCamera {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its model.
+    /// Camera model.
     pub camera: Camera,
-    /// Width and height of its images in pixels, where the file says them.
+    /// Width and height of the images in pixels. `None` if the file does not contain them.
     pub size_px: Option<(usize, usize)>,
-    /// Its pose, where the file says one; the file's reference frame (the first camera, say) is the world.
+    /// Pose. `None` if the file contains no pose. The world frame is the file's reference frame,
+    /// for example the first camera.
     pub world_from_camera: Option<Pose>,
 }
 
-/// A pose from a 4x4 matrix, rows first, as calibration files give it.
+/// Creates a pose from the rows of a 4x4 matrix.
 ///
-/// The rotation may be off by rounding (1e-4); it is made exact. Mirrored, scaled or skewed matrices are refused.
+/// The rotation may deviate from orthonormality by rounding (1e-4) and is orthonormalised.
+///
+/// # Errors
+///
+/// Mirrored, scaled and skewed matrices, non-finite numbers and translations beyond 1e6 m are
+/// rejected.
 pub fn pose_from_matrix(rows: [[f64; 4]; 4]) -> Result<Pose, Error> {
     const NAME: &str = "the pose matrix";
     if rows.iter().flatten().any(|v| !v.is_finite()) {
@@ -33,14 +39,14 @@ pub fn pose_from_matrix(rows: [[f64; 4]; 4]) -> Result<Pose, Error> {
         return Err(Error::out_of_range(
             NAME,
             format!("{:?} in its last row", rows[3]),
-            "0, 0, 0, 1 there",
+            "0, 0, 0, 1",
         ));
     }
     if let Some(value) = (0..3).map(|i| rows[i][3]).find(|v| v.abs() > 1e6) {
         return Err(Error::out_of_range(
             NAME,
             format!("{value:?} in its last column"),
-            "-1e6 to 1e6 metres there",
+            "translations of -1e6 to 1e6 metres",
         ));
     }
     let matrix = Matrix3::from_fn(|i, j| rows[i][j]);
@@ -51,13 +57,13 @@ pub fn pose_from_matrix(rows: [[f64; 4]; 4]) -> Result<Pose, Error> {
         return Err(Error::out_of_range(
             NAME,
             format!(
-                "no rotation (its columns are off by {deviation:.1e}, its determinant is {:.3})",
+                "not a rotation (its columns deviate by {deviation:.1e}, its determinant is {:.3})",
                 matrix.determinant()
             ),
             "orthonormal columns and determinant 1 in the left 3 x 3 part",
         ));
     }
-    // Gram-Schmidt: exact to rounding after the check above.
+    // Gram-Schmidt orthonormalisation, exact up to rounding after the check above.
     let x = matrix.column(0).normalize();
     let y = (matrix.column(1) - x * x.dot(&matrix.column(1))).normalize();
     let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, x.cross(&y)]));
@@ -65,10 +71,11 @@ pub fn pose_from_matrix(rows: [[f64; 4]; 4]) -> Result<Pose, Error> {
     Ok(Pose::from_parts(Translation3::from(translation), rotation))
 }
 
-/// The pose of a camera that stands at one point and looks at another, world frame, metres. Its image is upright (a camera that looks straight up or
-/// down has the world's y at the top), turned counter-clockwise by `roll_rad`. `None` where both points are one.
+/// Returns the pose of a camera at one point that looks at another point (world frame, metres), or
+/// `None` if the points coincide. The image is upright, turned counter-clockwise by `roll_rad`. For
+/// a camera that looks straight up or down, the world's y axis points up in the image.
 pub fn looking_at(from_m: Vector3<f64>, at_m: Vector3<f64>, roll_rad: f64) -> Option<Pose> {
-    /// Nearer to the vertical than this there is no upright image.
+    /// Directions closer to the vertical than this have no upright image.
     const VERTICAL: f64 = 1e-6;
     let z = (at_m - from_m).try_normalize(1e-9)?;
     let up = if z.xy().norm() > VERTICAL {
@@ -90,7 +97,7 @@ mod tests {
     use nalgebra::Point3;
 
     #[test]
-    fn a_camera_looks_at_its_point_with_the_world_upright() {
+    fn a_camera_looks_at_its_target_with_the_world_upright() {
         let from = Vector3::new(1.0, 2.0, 0.5);
         let camera_from = |at: Vector3<f64>, roll_rad| {
             let pose = looking_at(from, at, roll_rad).unwrap();
@@ -101,10 +108,10 @@ mod tests {
             pose.inverse()
         };
         let at = Vector3::new(3.0, 1.0, 0.2);
-        // Higher is further up in the image: y is smaller.
+        // Higher points have a smaller v: y points down in the camera frame.
         let up = camera_from(at, 0.0).rotation * Vector3::z();
         assert!(up.x.abs() < 1e-12 && up.y < -0.9);
-        // The image turned counter-clockwise: what was up is left.
+        // With the image turned counter-clockwise, the world's up points left.
         let up = camera_from(at, std::f64::consts::FRAC_PI_2).rotation * Vector3::z();
         assert!(up.y.abs() < 1e-12 && up.x < -0.9);
         camera_from(from - Vector3::z(), 0.3);
@@ -112,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_moves_points_and_faulty_matrices_are_refused() {
+    fn poses_transform_points_and_invalid_matrices_are_rejected() {
         let down = [
             [0.0, -1.0, 0.0, 0.1],
             [-1.0, 0.0, 0.0, 0.2],

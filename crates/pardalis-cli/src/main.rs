@@ -1,5 +1,6 @@
 //! The `pardalis` program.
 
+mod arguments;
 mod board;
 mod commands;
 mod draw;
@@ -62,6 +63,7 @@ enum Command {
     Locate(commands::locate::Arguments),
     Rectify(commands::rectify::Arguments),
     Evaluate(commands::evaluate::Arguments),
+    Likelihood(commands::likelihood::Arguments),
     Measure(commands::measure::Arguments),
     Simulate(commands::simulate::Arguments),
 }
@@ -77,6 +79,7 @@ fn main() -> ExitCode {
         Command::Locate(arguments) => commands::locate::run(&arguments),
         Command::Rectify(arguments) => commands::rectify::run(&arguments),
         Command::Evaluate(arguments) => commands::evaluate::run(&arguments),
+        Command::Likelihood(arguments) => commands::likelihood::run(&arguments),
         Command::Measure(arguments) => commands::measure::run(&arguments),
         Command::Simulate(arguments) => commands::simulate::run(&arguments),
     };

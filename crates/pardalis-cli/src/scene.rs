@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use anyhow::Result;
-use pardalis::Tracker;
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{Cue, CueSettings};
 use pardalis::start::Start;
 use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
+use pardalis::{TargetId, Tracker};
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::Mask;
 use pardalis_camera::formats::Lens;
@@ -166,33 +166,37 @@ pub(crate) fn open(
     }
     let mut sources: Vec<Source> = sources.into_iter().flatten().collect();
     let mut targets = Vec::new();
-    let mut handed_over = Vec::new();
+    let mut reinitialized = Vec::new();
     for (number, target) in scene.targets.iter().enumerate() {
         let mut bodies = Vec::new();
         for body in &target.bodies {
-            let start = match &body.start.value {
-                StartConfig::Here(start) => Ok(*start),
-                StartConfig::Track(track) => {
+            let start = match body.start().map(|start| &start.value) {
+                None => Ok(None),
+                Some(StartConfig::Here(start)) => Ok(Some(*start)),
+                Some(StartConfig::Track(track)) => {
                     let first_time_s = sources.iter_mut().filter_map(Source::first_time_s);
                     let first_time_s = first_time_s.reduce(f64::min);
                     let path = resolve(folder, &track.file);
                     track_start::read(track, &path, first_time_s).map(|(start, time_s)| {
-                        handed_over.push((number, start, time_s));
-                        Start::Gaussian(start)
+                        reinitialized.push((TargetId::new(number), start, time_s));
+                        Some(Start::Gaussian(start))
                     })
                 }
             };
-            let start =
-                start.map_err(|error| problems.push(body.start.problem(format!("{error:#}"))));
-            if let Ok(Start::Pixel(start)) = &start
+            let problem = |message: String| start_problem(body, message);
+            let start = start.map_err(|error| problems.push(problem(format!("{error:#}"))));
+            if let Ok(Some(Start::Pixel(start))) = &start
                 && let Some(view) = &views[start.camera]
                 && let Err(error) = start.check_in(view)
             {
-                problems.push(body.start.problem(error.to_string()));
+                problems.push(problem(error.to_string()));
             }
             let colors = read_colors(body, folder).map_err(|problem| problems.push(problem));
             if let (Ok(start), Ok(colors)) = (start, colors) {
-                bodies.push(body.settings(colors, start));
+                match body.settings(colors, start) {
+                    Ok(settings) => bodies.push(settings),
+                    Err(error) => problems.push(problem(error.to_string())),
+                }
             }
         }
         targets.push(TargetSettings {
@@ -206,14 +210,26 @@ pub(crate) fn open(
     }
     let views = views.into_iter().flatten().collect();
     let mut tracker = Tracker::new(views, targets, scene.seed, Level::best())?;
-    for (number, start, time_s) in &handed_over {
-        tracker.hand_over(*number, start, *time_s)?;
+    for (target, start, time_s) in &reinitialized {
+        tracker.reinitialize(*target, start, *time_s)?;
     }
     Ok(OpenScene {
         scene,
         sources,
         tracker,
     })
+}
+
+/// A problem with the start of a body, or with the body if the scene gives no start.
+fn start_problem(body: &BodyConfig, message: String) -> Problem {
+    match body.start() {
+        Some(start) => start.problem(message),
+        None => Problem {
+            line: 0,
+            key: format!("targets.{}", body.name),
+            message,
+        },
+    }
 }
 
 /// Opens one camera of the scene in the file at `path`, with `stills`, where there are any, in place of its frames.
@@ -362,15 +378,15 @@ fn view_of(
     if let Some(file) = &camera.mask {
         let path = resolve(folder, &file.value);
         let read = decode_mask(&path).and_then(|grey| {
-            if (grey.width, grey.height) != size {
+            if grey.size_px() != size {
                 return Err(user_error!(
                     "{}: the mask is {} x {} pixels, the images are {width} x {height}; they must agree",
                     path.display(),
-                    grey.width,
-                    grey.height
+                    grey.width(),
+                    grey.height()
                 ));
             }
-            Mask::from_grey(width, height, &grey.bytes).map_err(|error| user_error!("{}: {error}", path.display()))
+            Mask::from_grey(width, height, grey.as_raw()).map_err(|error| user_error!("{}: {error}", path.display()))
         });
         match read {
             Ok(read) => mask = Some(read),
@@ -421,14 +437,14 @@ fn read_colors(body: &BodyConfig, folder: &Path) -> Result<Option<ColorModel>, P
     let read = read_text(&path).and_then(|text| {
         let model = ColorModel::from_text(&text).map_err(|error| user_error!("{}: {error}", path.display()))?;
         let counts_learnt = |cue: &CueSettings| matches!(cue.cue, Cue::Window(window) if window.ranges.is_none());
-        if model.ranges().is_none() && body.cues.iter().any(counts_learnt) {
+        if model.ranges().is_none() && body.cues().iter().any(counts_learnt) {
             return Err(user_error!(
                 "{}: holds no ranges of hue and saturation, which the window cue counts; learn it again, or give window.hue_deg and window.saturation",
                 path.display()
             ));
         }
         let compares_channels = |cue: &CueSettings| matches!(cue.cue, Cue::Region(_));
-        if model.channels().is_none() && body.cues.iter().any(compares_channels) {
+        if model.channels().is_none() && body.cues().iter().any(compares_channels) {
             return Err(user_error!(
                 "{}: holds no histograms of red, green and blue, which the region cue compares; learn it again",
                 path.display()

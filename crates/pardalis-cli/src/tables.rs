@@ -32,18 +32,20 @@ pub(crate) struct TrackRow {
 
 /// Reads tracks.csv: for each target, in order of appearance, its rows.
 ///
-/// Needs the columns `time_s,target,x_m,y_m,z_m`; takes states, velocities, headings, covariances and confidences where it finds them.
+/// Needs the columns `time_s,target,x_m,y_m,z_m`; takes states, velocities, headings, covariances, confidences and best particles where it finds them.
 pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<TrackRow>>> {
     let table = Table::read(path)?;
     let [time, target] = [table.column("time_s")?, table.column("target")?];
     let state = table.optional_column("state");
     let position = table.columns(["x_m", "y_m", "z_m"])?;
+    let best = table.optional_columns(["best_x_m", "best_y_m", "best_z_m"]);
     let velocity = table.optional_columns(["vx_mps", "vy_mps", "vz_mps"]);
     let heading = table.optional_column("heading_rad");
     let covariance = table.optional_columns(["xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2"]);
     let confidence = table.optional_column("confidence");
     let mut tracks = Collector::default();
     for row in table.rows() {
+        let best_position_m = row.all_or_none(best)?;
         let velocity_mps = row.all_or_none(velocity)?;
         let heading_rad = row.optional_number(heading)?;
         let covariance_m2 = row.all_or_none(covariance)?;
@@ -51,6 +53,7 @@ pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<TrackRow>>> {
             .all_or_none(Some(position))?
             .map(|position_m| EstimatedState {
                 position_m,
+                best_position_m,
                 velocity_mps,
                 heading_rad,
                 covariance_m2,

@@ -1,20 +1,21 @@
-//! The one error type of the libraries.
+//! The error type of all library crates.
 
-/// The largest image width or height that is taken, in pixels: image offsets then fit in 31 bits.
+/// Largest accepted width or height of an image, in pixels. Byte offsets into an image then fit in
+/// 31 bits.
 pub const MAX_IMAGE_SIDE_PX: usize = 16_384;
 
-/// What can be wrong with what the library is given.
+/// An invalid argument, file or combination of inputs.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A number lies outside what is allowed.
+    /// A number lies outside its allowed range.
     #[error("{name} is {value}; allowed: {allowed}")]
     OutOfRange {
-        /// The parameter, named as in scene files.
+        /// Name of the parameter, as in scene files.
         name: String,
-        /// Its value, as given.
+        /// The rejected value.
         value: String,
-        /// What is allowed.
+        /// The allowed range.
         allowed: String,
     },
     /// An image is empty or too large.
@@ -28,52 +29,52 @@ pub enum Error {
         /// Height in pixels.
         height: usize,
     },
-    /// An image has another number of bytes than its size and format ask for.
-    #[error("the image has {found} bytes where its size and format ask for {expected}")]
+    /// The length of an image buffer does not match the image's size and format.
+    #[error("the image has {found} bytes, but its size and format require {expected}")]
     ImageBytes {
-        /// What size and format ask for.
+        /// Required number of bytes.
         expected: usize,
-        /// What was given.
+        /// Actual number of bytes.
         found: usize,
     },
-    /// Two images that belong together differ in size.
-    #[error("{what} is {} x {} pixels where {} x {} are expected", found.0, found.1, expected.0, expected.1)]
+    /// Two images that must have the same size differ.
+    #[error("{what} is {} x {} pixels, but {} x {} are expected", found.0, found.1, expected.0, expected.1)]
     SizeMismatch {
-        /// Which image.
+        /// Description of the image.
         what: String,
         /// Expected width and height in pixels.
         expected: (usize, usize),
         /// Found width and height in pixels.
         found: (usize, usize),
     },
-    /// Something that must hold at least one element is empty.
+    /// A collection that must hold at least one element is empty.
     #[error("{what} is empty: {remedy}")]
     Empty {
-        /// What is empty.
+        /// Description of the collection.
         what: String,
-        /// What to do about it.
+        /// How to fix it.
         remedy: String,
     },
-    /// What was given has no answer.
+    /// The input is well-formed but cannot be processed, for example because it is degenerate.
     #[error("{reason}; {remedy}")]
     Refused {
-        /// What is wrong with it.
+        /// The cause.
         reason: String,
-        /// What to do.
+        /// How to fix it.
         remedy: String,
     },
-    /// A text file could not be understood.
+    /// A text file is malformed.
     #[error("line {line}: {message}")]
     Parse {
-        /// The line, from 1.
+        /// Line number, counted from 1.
         line: usize,
-        /// What is wrong and what is allowed.
+        /// The problem and what is allowed instead.
         message: String,
     },
 }
 
 impl Error {
-    /// A number outside its allowed range.
+    /// Creates an [`Error::OutOfRange`].
     pub fn out_of_range(name: &str, value: impl ToString, allowed: &str) -> Self {
         Self::OutOfRange {
             name: name.to_owned(),
@@ -82,7 +83,7 @@ impl Error {
         }
     }
 
-    /// Something that has no answer.
+    /// Creates an [`Error::Refused`] from the cause and its remedy.
     pub fn refused(reason: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Refused {
             reason: reason.into(),

@@ -1,12 +1,14 @@
-//! Counter-based random numbers: every draw is a function of what it is for, never of what was drawn before.
+//! Counter-based random numbers: each number is a function of its purpose alone, not of the numbers
+//! drawn before.
 //!
-//! Philox4x32-10 of Salmon et al., "Parallel random numbers: as easy as 1, 2, 3" (SC 2011). The key is (seed, target), the
-//! counter (particle, observation, stage, draw), so that any thread may draw for any particle in any order.
+//! The generator is Philox4x32-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC
+//! 2011). Its key is (seed, target) and its counter is (particle, observation, stage, draw). Any
+//! thread can therefore draw the numbers of any particle in any order.
 
 use crate::real::{ln_f32, sin_cos_turns_f32};
 use crate::simd::Level;
 
-/// Four random words of 32 bits from a counter and a key.
+/// Returns four random 32-bit words for a counter and a key.
 #[inline(always)]
 pub fn philox4x32_10(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     for _ in 0..10 {
@@ -26,33 +28,35 @@ pub fn philox4x32_10(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     counter
 }
 
-/// What a number is drawn for. The values are part of the counter: changing one changes every result.
+/// The purpose of a random number. The values are part of the counter: changing one changes every
+/// result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Stage {
-    /// Where the particles start.
+    /// Initial particles.
     Start = 0,
-    /// The noise of the motion model.
+    /// Process noise of the motion model.
     Motion = 1,
-    /// Which particles survive.
+    /// Selection of survivors.
     Resampling = 2,
-    /// Positions along the ray through a clicked pixel.
+    /// Positions along the ray through a selected pixel.
     Ray = 3,
-    /// The noise of simulated pixels.
+    /// Noise of simulated pixels.
     Pixel = 4,
-    /// The times of simulated cameras.
+    /// Exposure times of simulated cameras.
     Clock = 5,
-    /// The drifts of simulated cameras.
+    /// Clock drifts of simulated cameras.
     Drift = 6,
-    /// The stills of simulated worlds that colours are learnt from.
+    /// Simulated still images from which colours are learnt.
     Still = 7,
-    /// Which particles of a random walk jump, and where to.
+    /// Jumps of a random walk and their destinations.
     Jump = 8,
-    /// Which part of a proposal a particle is drawn from, and whether its target was elsewhere before.
+    /// Component of the proposal and previous state (followed or relocated) of a particle.
     Proposal = 9,
-    /// Which blocks a series is put together of, to see how well its mean is known.
+    /// Blocks of the bootstrap, which estimates the uncertainty of a series' mean.
     Bootstrap = 10,
-    /// Which part of a proposal a particle is drawn from again, where few agree with the images, and whether its target was kicked or elsewhere before.
+    /// Component of the moment-matched proposal and previous state (followed, velocity jump or
+    /// relocated) of a particle that is resampled because few particles agree with the images.
     Moments = 11,
 }
 
@@ -63,26 +67,27 @@ pub struct Draws {
 }
 
 impl Draws {
-    /// The random numbers of the target with this index, under this seed.
+    /// Creates the random numbers of a target from the seed and the target's index.
     pub fn new(seed: u32, target: u32) -> Self {
         Self {
             key: [seed, target],
         }
     }
 
-    /// A number in `[0, 1)` with 53 random bits.
+    /// Returns a number in `[0, 1)` with 53 random bits.
     pub fn uniform(self, particle: u32, observation: u32, stage: Stage) -> f64 {
         let [a, b, ..] = philox4x32_10([particle, observation, stage as u32, 0], self.key);
         ((u64::from(a) << 21) ^ (u64::from(b) >> 11)) as f64 * (1.0 / (1_u64 << 53) as f64)
     }
 
-    /// Four independent numbers in `[0, 1)` with 32 random bits each.
+    /// Returns four independent numbers in `[0, 1)` with 32 random bits each.
     pub fn uniforms(self, particle: u32, observation: u32, stage: Stage) -> [f64; 4] {
         philox4x32_10([particle, observation, stage as u32, 0], self.key)
             .map(|word| f64::from(word) * (1.0 / (1_u64 << 32) as f64))
     }
 
-    /// Four independent standard normal numbers (Box and Muller 1958), the `draw`-th block of this particle.
+    /// Returns four independent standard normal numbers (Box and Muller 1958). `draw` is the index
+    /// of the block among those of the same particle, observation and stage.
     #[inline(always)]
     pub fn normals(self, particle: u32, observation: u32, stage: Stage, draw: u32) -> [f32; 4] {
         let words = philox4x32_10([particle, observation, stage as u32, draw], self.key);
@@ -91,8 +96,8 @@ impl Draws {
         [a, b, c, d]
     }
 
-    /// Standard normal numbers for a run of particles, the first being number `first`: `out[j][i]` is the j-th number of particle
-    /// `first + i`. All rows have one length.
+    /// Fills rows with standard normal numbers for consecutive particles: `out[j][i]` is the j-th
+    /// number of particle `first + i`. All rows must have the same length.
     pub fn fill_normals<const ROWS: usize>(
         self,
         level: Level,
@@ -136,11 +141,11 @@ impl Draws {
     }
 }
 
-/// Two independent standard normal numbers from two random words.
+/// Converts two random words to two independent standard normal numbers.
 #[inline(always)]
 fn box_muller(a: u32, b: u32) -> (f32, f32) {
     const UNIT: f32 = 1.0 / (1 << 24) as f32;
-    // In (0, 1): the logarithm is finite, the largest magnitude 5.8.
+    // The radius lies in (0, 1): its logarithm is finite and the largest result is 5.8.
     let radius_uniform = ((a >> 8) as f32 + 0.5) * UNIT;
     let turns = (b >> 8) as f32 * UNIT;
     let radius = (-2.0 * ln_f32(radius_uniform)).sqrt();
@@ -152,9 +157,9 @@ fn box_muller(a: u32, b: u32) -> (f32, f32) {
 mod tests {
     use super::*;
 
-    /// The known answers that come with Random123.
+    /// Known answers from the Random123 distribution.
     #[test]
-    fn philox_known_answers() {
+    fn philox_reproduces_known_answers() {
         assert_eq!(
             philox4x32_10([0; 4], [0; 2]),
             [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]
@@ -199,16 +204,16 @@ mod tests {
     }
 
     #[test]
-    fn filling_in_pieces_gives_the_same_numbers_at_every_level() {
+    fn filling_in_chunks_gives_the_same_numbers_at_every_level() {
         let draws = Draws::new(1, 2);
         let mut whole = vec![0_f32; 103];
         draws.fill_normals(Level::BASELINE, 0, 5, Stage::Start, [&mut whole]);
         for level in Level::available() {
-            let mut pieces = vec![0_f32; 103];
-            let (head, tail) = pieces.split_at_mut(37);
+            let mut chunks = vec![0_f32; 103];
+            let (head, tail) = chunks.split_at_mut(37);
             draws.fill_normals(level, 0, 5, Stage::Start, [head]);
             draws.fill_normals(level, 37, 5, Stage::Start, [tail]);
-            assert_eq!(whole, pieces);
+            assert_eq!(whole, chunks);
         }
     }
 }

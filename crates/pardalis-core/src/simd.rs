@@ -1,10 +1,11 @@
-//! Kernels compiled for several instruction sets and chosen at run time.
+//! Kernels compiled for several instruction sets and selected at run time.
 //!
-//! A kernel is one `#[inline(always)]` function over plain loops. `Level::run` calls it inside a function that may use
-//! the wider registers, so that the compiler vectorises the same code for each. As nothing is fused or reordered, every level gives the same bits.
-#![allow(unsafe_code)] // calling a function that needs a CPU feature, after the check for that feature
+//! A kernel is an `#[inline(always)]` function of plain loops. [`Level::run`] inlines it into a
+//! function that enables the wider registers, so that the compiler vectorises the same code once
+//! per instruction set. No operation is fused or reordered: all levels produce identical bits.
+#![allow(unsafe_code)] // Calls a function that requires a CPU feature, after checking for it.
 
-/// An instruction set that this CPU has.
+/// An instruction set that the running CPU supports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Level(Set);
 
@@ -16,10 +17,10 @@ enum Set {
 }
 
 impl Level {
-    /// What every CPU of the target architecture has.
+    /// The baseline of the target architecture, which every CPU supports.
     pub const BASELINE: Self = Self(Set::Baseline);
 
-    /// The widest set that this CPU has.
+    /// Returns the widest instruction set that this CPU supports.
     pub fn best() -> Self {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
@@ -28,7 +29,7 @@ impl Level {
         Self::BASELINE
     }
 
-    /// Every set that this CPU has, for tests and benchmarks.
+    /// Returns all instruction sets that this CPU supports, for tests and benchmarks.
     pub fn available() -> Vec<Self> {
         let best = Self::best();
         if best == Self::BASELINE {
@@ -38,13 +39,14 @@ impl Level {
         }
     }
 
-    /// Runs a kernel, compiled for this level.
+    /// Runs a kernel with the instructions of this level.
     #[inline(always)]
     pub fn run<R>(self, kernel: impl FnOnce() -> R) -> R {
         match self.0 {
             Set::Baseline => kernel(),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Set::Avx2` is private and made only in `best`, after the check that the CPU has AVX2.
+            // SAFETY: `Set::Avx2` is private and constructed only in `best`, after checking that
+            // the CPU has AVX2.
             Set::Avx2 => unsafe { with_avx2(kernel) },
         }
     }

@@ -1,4 +1,4 @@
-//! Directions of travel over the ground.
+//! Direction of travel over the ground.
 
 use serde::Serialize;
 
@@ -6,24 +6,25 @@ use super::distribution::distribution;
 use super::spherical::wrapped_rad;
 use super::{EstimatedState, TrueState};
 
-/// An object that is slower over the ground has no direction of travel, in metres a second.
+/// Speed over the ground in m/s below which an object has no direction of travel.
 const MOVING_OVER_MPS: f64 = 0.2;
 
-/// Directions of travel in the world's x and y, counterclockwise from x, over the frames in which the object moves at more than 0.2 m/s.
+/// Errors of the direction of travel in the world's x-y plane, counter-clockwise from x, over the frames in
+/// which the object moves at more than 0.2 m/s.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Course {
-    /// Those frames.
+    /// Number of those frames.
     pub frames: usize,
-    /// Median of the angle between the estimated and the true velocity, in radians.
+    /// Median angle between the estimated and the true velocity, in radians.
     pub error_median_rad: f64,
-    /// Circular mean of the estimated velocities' directions, in radians.
+    /// Circular mean of the directions of the estimated velocities, in radians.
     pub estimated_rad: f64,
-    /// Likewise of the true ones.
+    /// Circular mean of the directions of the true velocities, in radians.
     pub true_rad: f64,
 }
 
 impl Course {
-    /// None where the object does not move, or no frame has both velocities.
+    /// Computes the errors; `None` if the object does not move or no frame has both velocities.
     pub(super) fn of(pairs: &[(EstimatedState, TrueState)]) -> Option<Self> {
         let directions_rad: Vec<[f64; 2]> = pairs
             .iter()
@@ -48,7 +49,7 @@ impl Course {
     }
 }
 
-/// The direction of the sum of unit vectors.
+/// Returns the direction of the sum of unit vectors, in radians.
 fn circular_mean_rad(angles_rad: impl Iterator<Item = f64>) -> f64 {
     let (sin, cos) = angles_rad.fold((0.0, 0.0), |(sin, cos), angle_rad| {
         (sin + libm::sin(angle_rad), cos + libm::cos(angle_rad))
@@ -66,6 +67,7 @@ mod tests {
     ) -> (EstimatedState, TrueState) {
         let estimate = EstimatedState {
             position_m: [0.0; 3],
+            best_position_m: None,
             velocity_mps: estimated_mps,
             heading_rad: None,
             covariance_m2: None,
@@ -81,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn courses_are_those_of_moving_objects_over_the_ground() {
+    fn courses_cover_objects_that_move_over_the_ground() {
         let along = |degrees: f64| {
             let angle_rad = degrees.to_radians();
             Some([libm::cos(angle_rad), libm::sin(angle_rad), 7.0])
@@ -90,7 +92,7 @@ mod tests {
             pair(along(170.0), along(180.0)),
             pair(along(-150.0), along(180.0)),
             pair(along(-140.0), along(-170.0)),
-            pair(along(0.0), Some([0.1, 0.1, 5.0])), // does not travel
+            pair(along(0.0), Some([0.1, 0.1, 5.0])), // moves only vertically
             pair(None, along(90.0)),
             pair(along(90.0), None),
         ];
@@ -103,7 +105,7 @@ mod tests {
             );
         };
         near(course.error_median_rad, 30.0);
-        // Across ±180 degrees, where a mean of numbers would be nonsense.
+        // Across ±180 degrees, where the arithmetic mean would be wrong.
         let mean = Course::of(&pairs[..2]).unwrap();
         near(mean.estimated_rad, -170.0);
         near(mean.true_rad.abs(), 180.0);

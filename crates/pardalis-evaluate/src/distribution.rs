@@ -1,34 +1,34 @@
-//! Means, deviations and quantiles.
+//! Means, standard deviations and quantiles.
 
 use serde::Serialize;
 
-/// How a positive quantity is distributed, in its own unit.
+/// Distribution of a non-negative quantity, in the unit of that quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Distribution {
     /// Mean.
     pub mean: f64,
-    /// Standard deviation: root mean square difference from the mean.
+    /// Standard deviation: root mean square deviation from the mean.
     pub sd: f64,
     /// Root mean square.
     pub rmse: f64,
-    /// Median; quantiles are interpolated linearly between order statistics.
+    /// Median. Quantiles are interpolated linearly between order statistics.
     pub median: f64,
-    /// What 95 % stay below.
+    /// 95 % quantile.
     pub p95: f64,
     /// Maximum.
     pub max: f64,
 }
 
-/// Mean and standard deviation.
+/// Mean and standard deviation, in the unit of the quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MeanSd {
     /// Mean.
     pub mean: f64,
-    /// Standard deviation: root mean square difference from the mean.
+    /// Standard deviation: root mean square deviation from the mean.
     pub sd: f64,
 }
 
-/// The distribution of at least one number.
+/// Computes the distribution of at least one value.
 pub(super) fn distribution(mut values: Vec<f64>) -> Distribution {
     values.sort_by(f64::total_cmp);
     let last = values.len() - 1;
@@ -50,7 +50,7 @@ pub(super) fn distribution(mut values: Vec<f64>) -> Distribution {
     }
 }
 
-/// Mean and standard deviation of at least one number.
+/// Computes mean and standard deviation of at least one value.
 pub(super) fn mean_sd(values: impl Iterator<Item = f64> + Clone) -> MeanSd {
     let count = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / count;
@@ -61,7 +61,7 @@ pub(super) fn mean_sd(values: impl Iterator<Item = f64> + Clone) -> MeanSd {
     }
 }
 
-/// Mean, none of no numbers.
+/// Computes the mean; `None` if there are no values.
 pub(super) fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }

@@ -1,9 +1,10 @@
-//! How soon an object is found that comes into view.
+//! Number of frames until an object that becomes visible is found.
 
 use super::{Sample, Settings};
 
-/// Of all stretches of frames in which the object is visible: the most frames that it takes until an estimate is on the target; 1 where the first
-/// frame of each stretch has one, and a frame more than a stretch has in which none is. None where the object is never visible.
+/// Returns the largest number of frames that any stretch of visible frames takes until an estimate is on
+/// target. It is 1 if the first frame of each stretch is on target. A stretch without such a frame counts as
+/// its length plus 1. `None` if the object is never visible.
 pub(super) fn frames_to_find(samples: &[Sample], settings: &Settings) -> Option<usize> {
     let visible = samples
         .chunk_by(|a, b| settings.sees(&a.truth) == settings.sees(&b.truth))
@@ -11,8 +12,8 @@ pub(super) fn frames_to_find(samples: &[Sample], settings: &Settings) -> Option<
     most_frames_until(visible, |s| settings.is_on_target(s))
 }
 
-/// Of stretches of frames: the most frames until one is as wanted; 1 where the first frame of each is, and a frame more than a stretch has in which
-/// none is. None without stretches.
+/// Returns the largest number of frames that any stretch takes until a frame satisfies the condition. A
+/// stretch without such a frame counts as its length plus 1. `None` if there are no stretches.
 pub(super) fn most_frames_until<'s>(
     stretches: impl Iterator<Item = &'s [Sample]>,
     is_wanted: impl Fn(&Sample) -> bool,
@@ -29,12 +30,13 @@ mod tests {
     use super::*;
     use crate::{EstimatedState, TrueState};
 
-    /// One frame of the object at the origin; the estimate off by so much, in metres.
+    /// Returns a frame of an object at the origin, with an estimate at the distance `off_m` in metres.
     fn frame(is_visible: bool, off_m: Option<f64>) -> Sample {
         Sample {
             state: None,
             estimate: off_m.map(|off_m| EstimatedState {
                 position_m: [off_m, 0.0, 0.0],
+                best_position_m: None,
                 velocity_mps: None,
                 heading_rad: None,
                 covariance_m2: None,
@@ -50,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stretch_that_takes_longest_counts() {
+    fn slowest_stretch_counts() {
         let settings = Settings {
             lost_beyond_m: 0.5,
             ..Settings::default()
@@ -59,7 +61,7 @@ mod tests {
         let (on, off, none) = (Some(0.1), Some(0.6), None);
         let at_once = [frame(true, on), frame(true, none), frame(true, off)];
         assert_eq!(found(&at_once), Some(1));
-        // What is said while it is hidden finds nothing.
+        // Estimates while the object is occluded do not count.
         let hidden = [frame(false, on), frame(false, none)];
         assert_eq!(found(&hidden), None);
         let again = [frame(true, none), frame(true, off), frame(true, on)];

@@ -1,4 +1,4 @@
-//! Headings: where an object faces.
+//! Heading: the direction in which an object faces.
 
 use serde::Serialize;
 
@@ -6,21 +6,21 @@ use super::distribution::distribution;
 use super::spherical::wrapped_rad;
 use super::{EstimatedState, TrueState};
 
-/// Errors of the heading, estimate minus truth, wrapped to ±π, over the frames in which both sides give one.
+/// Heading errors, estimate minus truth, wrapped to ±π, over the frames in which both are known.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Heading {
-    /// Those frames.
+    /// Number of those frames.
     pub frames: usize,
-    /// Median of the magnitude, in radians.
+    /// Median magnitude in radians.
     pub error_median_rad: f64,
-    /// What 95 % of the magnitudes stay below, in radians.
+    /// 95 % quantile of the magnitude in radians.
     pub error_p95_rad: f64,
-    /// Mean, in radians; positive where estimates are turned counter-clockwise.
+    /// Mean in radians; positive if the estimates are rotated counter-clockwise.
     pub bias_rad: f64,
 }
 
 impl Heading {
-    /// None where no frame has both headings.
+    /// Computes the errors; `None` if no frame has both headings.
     pub(super) fn of(pairs: &[(EstimatedState, TrueState)]) -> Option<Self> {
         let errors_rad: Vec<f64> = pairs
             .iter()
@@ -48,6 +48,7 @@ mod tests {
     fn pair(estimated_deg: Option<f64>, true_deg: Option<f64>) -> (EstimatedState, TrueState) {
         let estimate = EstimatedState {
             position_m: [0.0; 3],
+            best_position_m: None,
             velocity_mps: None,
             heading_rad: estimated_deg.map(f64::to_radians),
             covariance_m2: None,
@@ -63,12 +64,12 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_wrapped_and_count_where_both_sides_have_a_heading() {
+    fn errors_are_wrapped_and_need_both_headings() {
         let pairs = [
             (Some(91.0), Some(90.0)),    // 1
             (Some(-179.0), Some(179.0)), // 2
             (Some(170.0), Some(-180.0)), // -10
-            (Some(725.0), Some(0.0)),    // 5, after two turns
+            (Some(725.0), Some(0.0)),    // 5, after two full turns
             (None, Some(0.0)),
             (Some(90.0), None),
         ]

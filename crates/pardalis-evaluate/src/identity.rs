@@ -1,25 +1,24 @@
-//! Which of several tracks follows which of several objects, and whether they swap.
+//! Assignment of tracks to objects, and identity switches.
 
-use pathfinding::matrix::Matrix;
-use pathfinding::prelude::kuhn_munkres;
 use serde::Serialize;
 
+use super::assignment::best_assignment;
 use super::distance_m;
 
-/// How often the tracks of several objects change places.
+/// Identity switches between the tracks of several objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Identities {
-    /// How often the assignment that fits best changes from one frame to the next.
+    /// Number of changes of the best assignment from one frame to the next.
     pub switches: usize,
-    /// Frames in which another assignment than the one for the whole sequence fits best.
+    /// Number of frames whose best assignment differs from the one for the whole sequence.
     pub swapped_frames: usize,
 }
 
-/// The object of each track: the assignment with the least total error over all frames.
+/// Assigns each track the object that minimises the total error of all tracks over all frames.
 ///
-/// `tracks[i][f]` and `objects[j][f]` are positions in frame `f`, world frame, in metres, none where unknown.
-/// An error counts up to `cap_m`, an unknown position counts as `cap_m`, so that one lost stretch does not
-/// outweigh the rest. Tracks in excess of the objects get none.
+/// `tracks[i][f]` and `objects[j][f]` are positions in frame `f`, in metres in the world frame; `None` if
+/// unknown. Errors are capped at `cap_m`, and an unknown position counts as `cap_m`, so that a lost stretch
+/// does not outweigh the rest. Tracks in excess of the objects get `None`.
 pub fn assign<T, O>(tracks: &[T], objects: &[O], cap_m: f64) -> Vec<Option<usize>>
 where
     T: AsRef<[Option<[f64; 3]>]>,
@@ -31,10 +30,10 @@ where
     })
 }
 
-/// Counts switches where track `i` belongs to object `i`; positions are as for [`assign`].
+/// Counts identity switches, if track `i` belongs to object `i`. Positions are as for [`assign`].
 ///
-/// In each frame with an estimate the assignment changes only if another one fits better: frames
-/// that cannot tell, because estimates are missing or far from everything, change nothing.
+/// In each frame with an estimate, the assignment changes only if another one fits better. Frames with
+/// estimates that are missing or far from all objects leave it unchanged.
 pub fn identities<T, O>(tracks: &[T], objects: &[O], cap_m: f64) -> Identities
 where
     T: AsRef<[Option<[f64; 3]>]>,
@@ -74,8 +73,9 @@ where
     found
 }
 
-/// Whether a track has gone over to another object at the end: over more than half of the last tenth of the frames it is nearer to
-/// one of `others` than to `object`; none without others or without an estimate then. Positions are as for [`assign`].
+/// Reports whether a track ends on another object: in more than half of the last tenth of the frames it is
+/// nearer to one of `others` than to `object`. `None` if there are no others or no estimates in these frames.
+/// Positions are as for [`assign`].
 pub fn ends_on_another<O>(
     track: &[Option<[f64; 3]>],
     object: &[Option<[f64; 3]>],
@@ -98,42 +98,21 @@ where
     (frames > 0 && !others.is_empty()).then_some(2 * nearer_to_another > frames)
 }
 
-/// How much nearer than `cap_m` two positions are: 10⁹ at the same place, 0 at the cap or where one is unknown.
+/// Returns how much nearer than `cap_m` two positions are: 10⁹ at distance zero, 0 at the cap or if a
+/// position is unknown.
 ///
-/// Whole numbers, because the assignment needs exact sums; the largest total closeness is the least total capped error.
+/// The values are integers because the assignment needs exact sums. The largest total closeness corresponds
+/// to the smallest total capped error.
 fn closeness(track_m: Option<[f64; 3]>, object_m: Option<[f64; 3]>, cap_m: f64) -> i64 {
     let (Some(track_m), Some(object_m)) = (track_m, object_m) else {
         return 0;
     };
     let ratio = distance_m(track_m, object_m) / cap_m;
-    // Also false where a cap that is no length makes the ratio undefined.
+    // Also false if an invalid cap makes the ratio undefined.
     if (0.0..1.0).contains(&ratio) {
         (1e9 * (1.0 - ratio)).round() as i64
     } else {
         0
-    }
-}
-
-/// The assignment of rows to columns with the greatest total of `fit(row, column)`.
-fn best_assignment(
-    rows: usize,
-    columns: usize,
-    fit: impl Fn(usize, usize) -> i64,
-) -> Vec<Option<usize>> {
-    if rows == 0 || columns == 0 {
-        return vec![None; rows];
-    }
-    // The algorithm takes at most as many rows as columns.
-    if rows <= columns {
-        let (_, column_of) = kuhn_munkres(&Matrix::from_fn(rows, columns, |(i, j)| fit(i, j)));
-        column_of.into_iter().map(Some).collect()
-    } else {
-        let (_, row_of) = kuhn_munkres(&Matrix::from_fn(columns, rows, |(j, i)| fit(i, j)));
-        let mut column_of = vec![None; rows];
-        for (j, i) in row_of.into_iter().enumerate() {
-            column_of[i] = Some(j);
-        }
-        column_of
     }
 }
 
@@ -143,26 +122,26 @@ mod tests {
 
     type Path = Vec<Option<[f64; 3]>>;
 
-    /// Five frames along x at the given y.
+    /// Returns five frames along x at the given y.
     fn line(y_m: f64) -> Path {
         (0..5).map(|f| Some([f as f64, y_m, 0.0])).collect()
     }
 
-    /// `a` in the frames where `first` holds, else `b`.
+    /// Returns `a` in the frames that satisfy `first`, else `b`.
     fn spliced(a: &Path, b: &Path, first: impl Fn(usize) -> bool) -> Path {
         let pick = |f| if first(f) { a[f] } else { b[f] };
         (0..a.len()).map(pick).collect()
     }
 
     #[test]
-    fn tracks_find_their_objects_whatever_their_order() {
+    fn assigns_tracks_in_any_order() {
         let objects = [line(0.0), line(1.0), line(5.0)];
         let tracks = [line(4.9), line(0.1), line(0.9)];
         assert_eq!(assign(&tracks, &objects, 0.66), [Some(2), Some(0), Some(1)]);
     }
 
     #[test]
-    fn tracks_in_excess_get_no_object() {
+    fn leaves_excess_tracks_unassigned() {
         let tracks = [line(7.0), line(0.2), line(1.1)];
         let objects = [line(1.0), line(0.0)];
         assert_eq!(assign(&tracks, &objects, 0.66), [None, Some(1), Some(0)]);
@@ -171,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn one_far_excursion_does_not_decide() {
+    fn single_excursion_does_not_change_the_assignment() {
         let mut follows_first = line(0.1);
         follows_first[2] = Some([1000.0, 1.0, 0.0]);
         let assignment = assign(&[follows_first], &[line(0.0), line(1.0)], 0.66);
@@ -179,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cap_that_means_nothing_is_survived() {
+    fn accepts_invalid_caps() {
         let objects = [line(0.0), line(1.0)];
         for cap_m in [0.0, f64::NAN, -1.0, f64::INFINITY] {
             assert_eq!(assign(&objects, &objects, cap_m).len(), 2, "{cap_m}");
@@ -187,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn steady_tracks_never_switch() {
+    fn steady_tracks_have_no_switches() {
         let objects = [line(0.0), line(1.0)];
         let tracks = [line(0.2), line(0.8)];
         let none = Identities {
@@ -195,13 +174,13 @@ mod tests {
             swapped_frames: 0,
         };
         assert_eq!(identities(&tracks, &objects, 0.66), none);
-        // Estimates that are missing, or far from everything, cannot tell.
+        // Missing estimates and estimates far from all objects carry no information.
         let gaps = [spliced(&tracks[0], &vec![None; 5], |f| f != 2), line(30.0)];
         assert_eq!(identities(&gaps, &objects, 0.66), none);
     }
 
     #[test]
-    fn a_swap_half_way_is_one_switch() {
+    fn swap_half_way_is_one_switch() {
         let objects = [line(0.0), line(1.0)];
         let late = |f| f < 3;
         let tracks = [
@@ -216,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_swap_forth_and_back_is_two_switches() {
+    fn swap_and_return_are_two_switches() {
         let objects = [line(0.0), line(1.0)];
         let outside = |f| f != 2;
         let tracks = [
@@ -231,11 +210,11 @@ mod tests {
     }
 
     #[test]
-    fn a_track_that_ends_on_another_object_is_told_by_its_last_tenth() {
+    fn last_tenth_decides_whether_a_track_ends_on_another_object() {
         let far = |y_m: f64| -> Path { (0..40).map(|f| Some([f as f64, y_m, 0.0])).collect() };
         let (own, other) = (far(0.0), far(1.0));
         let others = [other.clone(), far(9.0)];
-        // Frames 36 to 39 decide: all but one, then two of four.
+        // Frames 36 to 39 decide: first three of four, then two of four.
         let late = |first: usize| spliced(&own, &other, move |f| f < first);
         assert_eq!(ends_on_another(&late(37), &own, &others), Some(true));
         assert_eq!(ends_on_another(&late(38), &own, &others), Some(false));
@@ -246,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn tracks_that_start_swapped_do_not_switch() {
+    fn tracks_that_start_swapped_have_no_switches() {
         let objects = [line(0.0), line(1.0)];
         let expected = Identities {
             switches: 0,

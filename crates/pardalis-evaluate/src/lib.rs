@@ -1,5 +1,52 @@
-//! Estimates against truth: errors, coverage, consistency, what confidences and states are worth, and which track follows which object.
+//! Evaluation of tracks against ground truth.
+//!
+//! | question | function |
+//! |---|---|
+//! | How large are the errors, how often is the object lost, and are the covariances consistent? | [`evaluate`] |
+//! | Do confidences equal the observed frequencies? | [`reliability`] |
+//! | Do the track's states follow occlusions? | [`states`] |
+//! | Which track follows which object, and do they swap? | [`assign`], [`identities`], [`ends_on_another`] |
+//!
+//! # Example
+//!
+//! Two frames of a visible object; the estimate is 10 cm off in the first and missing in the second:
+//!
+//! ```
+//! use pardalis_evaluate::{EstimatedState, Sample, Settings, TrueState, evaluate};
+//!
+//! let truth = TrueState {
+//!     position_m: [0.0, 0.0, 1.0],
+//!     velocity_mps: None,
+//!     heading_rad: None,
+//!     visible_fraction: Some(1.0),
+//!     seeing_cameras: None,
+//! };
+//! let estimate = EstimatedState {
+//!     position_m: [0.1, 0.0, 1.0],
+//!     best_position_m: None,
+//!     velocity_mps: None,
+//!     heading_rad: None,
+//!     covariance_m2: None,
+//! };
+//! let samples = [
+//!     Sample { state: None, estimate: Some(estimate), truth },
+//!     Sample { state: None, estimate: None, truth },
+//! ];
+//!
+//! let evaluation = evaluate(&samples, &Settings::default());
+//! assert_eq!(evaluation.coverage, Some(0.5));
+//! assert_eq!(evaluation.lost_frames, 1);
+//! let errors = evaluation.visible.errors.expect("one estimate");
+//! assert!((errors.position_m.mean - 0.1).abs() < 1e-12);
+//! ```
+//!
+//! # Units and frames
+//!
+//! Positions are in metres in the world frame, whose z axis points up. Velocities are in m/s, angles in
+//! radians (headings and directions counter-clockwise from the x axis), probabilities and shares from 0 to 1.
+//! Errors are estimate minus truth.
 
+mod assignment;
 mod bootstrap;
 mod course;
 mod distribution;
@@ -18,73 +65,75 @@ pub use identity::{Identities, assign, ends_on_another, identities};
 pub use reliability::{Bin, Claim, Reliability, reliability};
 pub use spherical::{SphericalError, spherical_error, wrapped_rad};
 pub use states::{States, states};
-pub use summary::{Consistency, Errors, Scores, Summary, score};
+pub use summary::{Consistency, Errors, Evaluation, Summary, evaluate};
 
 use pardalis::tracker::TrackState;
 
-/// What a track says of one frame, in the world frame.
+/// Estimate of a track for one frame, in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EstimatedState {
     /// Position in metres.
     pub position_m: [f64; 3],
-    /// Velocity in metres a second, where the track gives one.
+    /// Position of the best particle in metres, if the track has one.
+    pub best_position_m: Option<[f64; 3]>,
+    /// Velocity in m/s, if the track has one.
     pub velocity_mps: Option<[f64; 3]>,
-    /// Where the object faces, in radians counter-clockwise from the world's x, where the track gives it.
+    /// Heading in radians, counter-clockwise from the world's x axis, if the track has one.
     pub heading_rad: Option<f64>,
-    /// Covariance of the position in square metres, where the track gives one: xx, xy, xz, yy, yz, zz.
+    /// Covariance of the position in m² (xx, xy, xz, yy, yz, zz), if the track has one.
     pub covariance_m2: Option<[f64; 6]>,
 }
 
-/// What is true of an object in one frame, in the world frame.
+/// True state of an object in one frame, in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrueState {
     /// Position in metres.
     pub position_m: [f64; 3],
-    /// Velocity in metres a second, where it is known.
+    /// Velocity in m/s, if known.
     pub velocity_mps: Option<[f64; 3]>,
-    /// Where the object faces, in radians counter-clockwise from the world's x, where it is known.
+    /// Heading in radians, counter-clockwise from the world's x axis, if known.
     pub heading_rad: Option<f64>,
-    /// The share of the object that the camera with the best view sees, 0 to 1, where it is known.
+    /// Visible share of the object in the camera with the best view, 0 to 1, if known.
     pub visible_fraction: Option<f64>,
-    /// How many cameras see more than half of the object, where it is known.
+    /// Number of cameras that see more than half of the object, if known.
     pub seeing_cameras: Option<usize>,
 }
 
-/// One frame of the truth, with what the track says of it.
+/// One frame of the ground truth with the corresponding output of the track.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// The track's state; none where it says none.
+    /// State of the track; `None` if the track has no states.
     pub state: Option<TrackState>,
-    /// Where the track has the object; none where it has no estimate.
+    /// Estimate; `None` if the track has none for this frame.
     pub estimate: Option<EstimatedState>,
-    /// What is true.
+    /// Ground truth.
     pub truth: TrueState,
 }
 
-/// What counts as visible and as lost, and where spherical errors are taken from.
+/// Thresholds for visible and lost, and the reference point of spherical errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// The point, in the world frame and metres, around which distance, elevation and azimuth are taken.
+    /// Reference point of distance, elevation and azimuth: world frame, metres.
     pub around_m: [f64; 3],
-    /// An object is visible where more than this share of it is seen, or where the share is unknown.
+    /// Share of the object above which it counts as visible. An unknown share counts as visible.
     pub visible_over: f64,
-    /// An estimate farther than this from the truth, in metres, has lost its object.
+    /// Error in metres beyond which an estimate has lost its object.
     pub lost_beyond_m: f64,
 }
 
 impl Settings {
-    /// The default of [`Settings::visible_over`].
+    /// Default of [`Settings::visible_over`].
     pub const VISIBLE_OVER: f64 = 0.6;
-    /// The default of [`Settings::lost_beyond_m`]: three diameters of a football.
+    /// Default of [`Settings::lost_beyond_m`]: three diameters of a football.
     pub const LOST_BEYOND_M: f64 = 0.66;
 
-    /// Whether the object is visible.
+    /// Reports whether the object is visible.
     fn sees(&self, truth: &TrueState) -> bool {
         let share = truth.visible_fraction;
         share.is_none_or(|share| share > self.visible_over)
     }
 
-    /// Whether there is an estimate that has not lost the object.
+    /// Reports whether there is an estimate that has not lost the object.
     fn is_on_target(&self, sample: &Sample) -> bool {
         let truth_m = sample.truth.position_m;
         let near = |e: EstimatedState| distance_m(e.position_m, truth_m) <= self.lost_beyond_m;
@@ -102,17 +151,17 @@ impl Default for Settings {
     }
 }
 
-/// The distance of two points, in metres.
+/// Returns the distance between two points, in metres.
 fn distance_m(a_m: [f64; 3], b_m: [f64; 3]) -> f64 {
     norm(difference(a_m, b_m))
 }
 
-/// `a - b`.
+/// Returns `a - b`.
 fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// Euclidean length.
+/// Returns the Euclidean norm.
 fn norm(v: [f64; 3]) -> f64 {
     v.iter().map(|c| c * c).sum::<f64>().sqrt()
 }

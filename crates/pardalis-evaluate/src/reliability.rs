@@ -1,27 +1,28 @@
-//! Whether confidences mean what they say: of the rows that say 0.9, nine in ten should be right.
+//! Reliability of confidences: of the rows with confidence 0.9, 90 % should be right.
 
 use serde::Serialize;
 
 use super::{EstimatedState, TrueState, distance_m};
 
-/// Rows are told apart in so many equal parts of the confidence.
+/// Number of equal intervals of the confidence.
 const BINS: usize = 10;
 
-/// An object of which some camera sees more than this share is in view.
+/// Share of an object above which it counts as in view of a camera.
 const IN_VIEW_OVER: f64 = 0.1;
 
-/// What one row of a track claims, and whether it is so.
+/// The statement of one row of a track: a confidence and whether the row is right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Claim {
-    /// The probability that the row gives, 0 to 1.
+    /// Confidence of the row: a probability, 0 to 1.
     pub confidence: f64,
-    /// Whether what it speaks of is so.
+    /// Whether the row is right.
     pub is_right: bool,
 }
 
 impl Claim {
-    /// A row with an estimate claims that the object is within `diameter_m` of it, in metres; a row without one, that the object is in view at all
-    /// (more than 0.1 of it, or a share that is unknown). Where there is no truth, the object is nowhere, and neither is right.
+    /// Judges one row. A row with an estimate states that the object is within `diameter_m` (metres) of it. A
+    /// row without one states that the object is in view: more than 0.1 of it is visible, or the share is
+    /// unknown. Without ground truth the object does not exist, and both statements are wrong.
     pub fn of(
         confidence: f64,
         estimate: Option<&EstimatedState>,
@@ -41,29 +42,29 @@ impl Claim {
     }
 }
 
-/// Confidences beside how often they are right.
+/// Confidences compared with observed frequencies.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reliability {
-    /// All rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Expected calibration error: the mean over rows of |mean confidence − share right| of their bin (Naeini et al. 2015).
+    /// Expected calibration error: mean over rows of |mean confidence − share right| of their bin (Naeini et al. 2015).
     pub calibration_error: f64,
-    /// Ten equal parts of the confidence in ascending order, those without rows left out.
+    /// Ten equal intervals of the confidence in ascending order, without empty ones.
     pub bins: Vec<Bin>,
 }
 
-/// The rows whose confidence lies in one part.
+/// Rows with a confidence in one interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Bin {
-    /// How many.
+    /// Number of rows.
     pub rows: usize,
-    /// Their mean confidence.
+    /// Mean confidence.
     pub mean_confidence: f64,
-    /// The share of them that is right.
+    /// Share of rows that are right.
     pub share_right: f64,
 }
 
-/// Bins claims of one track or of many; none of no claims.
+/// Bins the claims of one or more tracks; `None` if there are no claims.
 pub fn reliability(claims: &[Claim]) -> Option<Reliability> {
     let bin_of = |claim: &Claim| ((claim.confidence * BINS as f64) as usize).min(BINS - 1);
     let bins: Vec<Bin> = (0..BINS)
@@ -102,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn confidences_that_hold_have_no_error() {
+    fn correct_confidences_have_no_error() {
         let all = [claims(0.75, 3, 1), claims(1.0, 5, 0), claims(0.0, 0, 7)].concat();
         let found = reliability(&all).unwrap();
         assert_eq!((found.rows, found.bins.len()), (16, 3));
@@ -111,15 +112,16 @@ mod tests {
     }
 
     #[test]
-    fn errors_weigh_as_many_rows_as_their_bins_hold() {
-        // Too sure by 0.4 in a bin of ten, not sure enough by 0.75 in a bin of five; confidences of a bin are averaged.
+    fn bins_are_weighted_by_their_rows() {
+        // Overconfident by 0.4 in a bin of ten, underconfident by 0.75 in a bin of five; confidences are
+        // averaged within a bin.
         let all = [claims(0.93, 2, 3), claims(0.97, 3, 2)].concat();
         let all = [all, claims(0.25, 5, 0)].concat();
         let found = reliability(&all).unwrap();
         let error = (10.0 * (0.95 - 0.5) + 5.0 * 0.75) / 15.0;
         assert!((found.calibration_error - error).abs() < 1e-12);
         let [low, high] = found.bins[..] else {
-            panic!("two bins are filled, not {}", found.bins.len())
+            panic!("expected two bins, found {}", found.bins.len())
         };
         assert_eq!((low.rows, low.share_right), (5, 1.0));
         assert_eq!((high.rows, high.share_right), (10, 0.5));
@@ -127,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_belong_to_the_bin_above_and_one_to_the_last() {
+    fn interval_bounds_belong_to_the_upper_bin_and_one_to_the_last() {
         let all = [claims(0.5, 1, 0), claims(0.49, 1, 0), claims(1.0, 1, 0)].concat();
         let found = reliability(&all).unwrap();
         let means: Vec<f64> = found.bins.iter().map(|bin| bin.mean_confidence).collect();
@@ -135,9 +137,10 @@ mod tests {
     }
 
     #[test]
-    fn rows_claim_a_place_or_a_view() {
+    fn rows_state_a_position_or_visibility() {
         let estimate = EstimatedState {
             position_m: [1.0, 2.0, 3.0],
+            best_position_m: None,
             velocity_mps: None,
             heading_rad: None,
             covariance_m2: None,
@@ -152,7 +155,7 @@ mod tests {
         let is_right =
             |estimate, truth: Option<&TrueState>| Claim::of(0.5, estimate, truth, 0.25).is_right;
         let here = Some(&estimate);
-        // Near enough, even where it is hidden; too far; of nothing.
+        // Within a diameter, even while occluded; too far away; without an object.
         assert!(is_right(here, Some(&truth(1.25, Some(0.0)))));
         assert!(!is_right(here, Some(&truth(1.26, Some(1.0)))));
         assert!(!is_right(here, None));

@@ -1,4 +1,4 @@
-//! Errors as a camera sees them: distance, elevation and azimuth from a point.
+//! Spherical errors: distance, elevation and azimuth from a reference point.
 
 use std::f64::consts::TAU;
 
@@ -6,20 +6,20 @@ use nalgebra::Vector3;
 
 use super::{EstimatedState, TrueState, difference, norm};
 
-/// The error of one estimate, estimate minus truth, as seen from a point.
+/// Error of an estimate (estimate minus truth) in spherical coordinates around a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SphericalError {
-    /// From the point to the truth, in metres.
+    /// True distance from the point, in metres.
     pub true_distance_m: f64,
-    /// Of the distance, in metres.
+    /// Error of the distance, in metres.
     pub distance_m: f64,
-    /// Of the elevation above the world's horizontal, in radians.
+    /// Error of the elevation above the horizontal, in radians.
     pub elevation_rad: f64,
-    /// Of the azimuth about the world's z, in radians, wrapped to ±π.
+    /// Error of the azimuth about the world's z axis, in radians, wrapped to ±π.
     pub azimuth_rad: f64,
 }
 
-/// The error of an estimate as seen from a point of the world, in metres.
+/// Computes the error of an estimate as seen from a point of the world, in metres.
 pub fn spherical_error(
     estimate: &EstimatedState,
     truth: &TrueState,
@@ -36,19 +36,19 @@ pub fn spherical_error(
     }
 }
 
-/// Distance in metres, elevation and azimuth in radians of a vector in metres.
+/// Converts a vector in metres to distance (metres), elevation and azimuth (radians).
 fn spherical_from_point([x, y, z]: [f64; 3]) -> [f64; 3] {
     let elevation_rad = libm::atan2(z, libm::hypot(x, y));
     [norm([x, y, z]), elevation_rad, libm::atan2(y, x)]
 }
 
-/// Between two vectors, in radians, accurate for small angles too; 0 where one has no direction.
+/// Returns the angle between two vectors in radians, accurate for small angles; 0 for a zero vector.
 pub(super) fn angle_between(a: [f64; 3], b: [f64; 3]) -> f64 {
     let (a, b) = (Vector3::from(a), Vector3::from(b));
     libm::atan2(a.cross(&b).norm(), a.dot(&b))
 }
 
-/// The same direction between -π and π.
+/// Wraps an angle to ±π.
 pub fn wrapped_rad(angle_rad: f64) -> f64 {
     libm::remainder(angle_rad, TAU)
 }

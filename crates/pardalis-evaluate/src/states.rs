@@ -1,4 +1,4 @@
-//! Whether a track's states are so: not tracking soon after its object is hidden, tracking soon after it is back, and never something else.
+//! Evaluation of track states: how quickly they follow occlusions, and how often they are wrong.
 
 use serde::Serialize;
 
@@ -6,23 +6,25 @@ use super::finding::most_frames_until;
 use super::{Sample, distance_m};
 use pardalis::tracker::TrackState;
 
-/// What the states of a track are worth.
+/// Quality of a track's states.
 ///
-/// Frames to a state count from 1, the first frame of a stretch; a stretch without it counts as a frame more than it has. An object is fully hidden where no camera sees
-/// any of it.
+/// Frames are counted from 1, the first frame of a stretch. A stretch without the expected state counts as
+/// its length plus 1. An object is fully occluded if no camera sees any part of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct States {
-    /// The most frames from the beginning of a full occlusion until the state is `occluded` (or another that claims no view); none without one.
+    /// Largest number of frames from the beginning of a full occlusion until the state is `occluded` (or
+    /// another state without visibility); `None` without an occlusion.
     pub frames_to_occluded: Option<usize>,
-    /// The most frames from the end of a full occlusion until the state is `tracking` with a position within a diameter of the object's;
-    /// none where no frame follows one.
+    /// Largest number of frames from the end of a full occlusion until the state is `tracking` with a
+    /// position within a diameter of the object's; `None` if no frame follows an occlusion.
     pub frames_to_tracking: Option<usize>,
-    /// Frames, hidden ones too, whose state is `tracking` with a position farther than a diameter from the object's.
+    /// Number of frames (including occluded ones) with state `tracking` and a position more than a diameter
+    /// from the object's.
     pub elsewhere_frames: usize,
 }
 
-/// Judges the states of one track; `samples` holds every frame of its object's truth in time order, `diameter_m` is the object's in metres.
-/// None where the track says no states.
+/// Evaluates the states of one track. `samples` holds every frame of the object's ground truth in order of
+/// time; `diameter_m` is the object's diameter in metres. Returns `None` if the track has no states.
 pub fn states(samples: &[Sample], diameter_m: f64) -> Option<States> {
     samples.iter().find_map(|sample| sample.state)?;
     let is_hidden = |sample: &Sample| sample.truth.visible_fraction == Some(0.0);
@@ -33,7 +35,7 @@ pub fn states(samples: &[Sample], diameter_m: f64) -> Option<States> {
     };
     let stretches = || samples.chunk_by(|a, b| is_hidden(a) == is_hidden(b));
     let hidden = stretches().filter(|stretch| is_hidden(&stretch[0]));
-    // Only what is before the first occlusion follows none.
+    // Frames before the first occlusion follow none.
     let back = stretches()
         .skip(1)
         .filter(|stretch| !is_hidden(&stretch[0]));
@@ -51,12 +53,14 @@ mod tests {
     use super::*;
     use crate::{EstimatedState, TrueState};
 
-    /// One frame of the object at the origin, with what the track says: its state and how far off it is, in metres.
+    /// Returns a frame of an object at the origin, with the state of the track and the error of its position
+    /// in metres.
     fn frame(share: f64, state: TrackState, off_m: Option<f64>) -> Sample {
         Sample {
             state: Some(state),
             estimate: off_m.map(|off_m| EstimatedState {
                 position_m: [off_m, 0.0, 0.0],
+                best_position_m: None,
                 velocity_mps: None,
                 heading_rad: None,
                 covariance_m2: None,
@@ -72,11 +76,11 @@ mod tests {
     }
 
     #[test]
-    fn the_slowest_change_counts() {
+    fn slowest_reaction_counts() {
         let (on, off) = (Some(0.1), Some(0.3));
         let seen = frame(1.0, Tracking, on);
         let sight = [frame(0.9, Searching, None), seen, seen];
-        // Coasting elsewhere is no claim to see it there.
+        // Coasting at a wrong position does not state that the object is visible there.
         let soon = [frame(0.0, Occluded, off), frame(0.0, Occluded, off)];
         let late = [seen, seen, frame(0.02, Occluded, on)];
         let hidden = [frame(0.0, Tracking, on), frame(0.0, Lost, None)];
@@ -91,13 +95,13 @@ mod tests {
         assert_eq!(counts(of(&[&soon, &late])), (Some(1), Some(1), 0));
         let all = [&sight[..], &soon, &late, &hidden, &back, &soon];
         assert_eq!(counts(of(&all)), (Some(2), Some(3), 1));
-        // Where it never changes, a frame more than there are.
+        // Without any reaction, the length of the stretch plus 1.
         let never = [&sight[..], &hidden[..1], &back[..2], &hidden[..1]];
         assert_eq!(counts(of(&never)), (Some(2), Some(3), 1));
     }
 
     #[test]
-    fn frames_without_a_row_claim_nothing_and_tracks_without_states_are_not_judged() {
+    fn missing_rows_state_nothing_and_tracks_without_states_are_skipped() {
         let seen = frame(1.0, Tracking, Some(0.0));
         let silent = |share| Sample {
             state: None,

@@ -1,4 +1,4 @@
-//! Error figures of one track against its object.
+//! Error statistics of one track.
 
 use nalgebra::{Cholesky, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use serde::Serialize;
@@ -11,91 +11,96 @@ use super::heading::Heading;
 use super::spherical::{SphericalError, angle_between, spherical_error};
 use super::{EstimatedState, Sample, Settings, TrueState, difference, norm};
 
-/// What a chi-square variable of three degrees of freedom stays below with probability 0.95.
+/// 95 % quantile of the chi-square distribution with three degrees of freedom.
 const CHI_SQUARE_95_3_DOF: f64 = 7.814_727_903;
-/// What a chi-square variable of two degrees of freedom stays below with probability 0.95.
+/// 95 % quantile of the chi-square distribution with two degrees of freedom.
 const CHI_SQUARE_95_2_DOF: f64 = 5.991_464_547;
 
-/// How well a track follows its object.
+/// Evaluation of one track.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Scores {
-    /// The share of the visible frames that have an estimate; none where the object is never visible.
+pub struct Evaluation {
+    /// Share of the visible frames with an estimate; `None` if the object is never visible.
     pub coverage: Option<f64>,
-    /// Visible frames without an estimate or with one too far from the truth.
+    /// Number of visible frames without an estimate or with one too far from the truth.
     pub lost_frames: usize,
-    /// Whether the last visible frame is not lost; none where the object is never visible.
+    /// Whether the estimate is on target in the last visible frame; `None` if the object is never visible.
     pub ends_on_target: Option<bool>,
-    /// Of all stretches of visible frames: the most frames until an estimate is not lost, 1 for the first frame of a stretch, a frame more than a
-    /// stretch has in which none is; none where the object is never visible.
+    /// Largest number of frames, over all stretches of visible frames, until an estimate is on target (1 for
+    /// the first frame of a stretch). A stretch without such a frame counts as its length plus 1. `None` if
+    /// the object is never visible.
     pub frames_to_find: Option<usize>,
-    /// Over all frames of the truth.
+    /// Statistics over all frames of the ground truth.
     pub all: Summary,
-    /// Over the frames in which the object is visible.
+    /// Statistics over the frames in which the object is visible.
     pub visible: Summary,
 }
 
-/// Figures over a set of frames.
+/// Statistics over a set of frames.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// Frames of the truth.
+    /// Number of frames of the ground truth.
     pub frames: usize,
-    /// Those with an estimate.
+    /// Number of those with an estimate.
     pub estimates: usize,
-    /// Errors of the estimates; none where there is no estimate.
+    /// Errors of the estimates; `None` if there are none.
     pub errors: Option<Errors>,
 }
 
-/// Errors, estimate minus truth, over frames with an estimate.
+/// Errors (estimate minus truth) over the frames with an estimate.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Errors {
     /// Length of the position error in metres.
     pub position_m: Distribution,
-    /// Length of the position error in the world's x and y in metres.
+    /// Length of the position error of the best particle in metres, over the frames that have one; `None` if there are none.
+    pub best_position_m: Option<Distribution>,
+    /// Length of the position error in the world's x-y plane, in metres.
     pub planar_m: Distribution,
-    /// Mean position error along the world's x, y and z in metres.
+    /// Mean position error along the world's x, y and z axes, in metres.
     pub bias_m: [f64; 3],
-    /// Error of the distance from [`Settings::around_m`] in metres.
+    /// Error of the distance from [`Settings::around_m`], in metres.
     pub distance_m: MeanSd,
-    /// Error of the elevation above the world's horizontal, seen from that point, in radians.
+    /// Error of the elevation above the horizontal as seen from that point, in radians.
     pub elevation_rad: MeanSd,
-    /// Error of the azimuth about the world's z, seen from that point, in radians, wrapped to ±π.
+    /// Error of the azimuth about the world's z axis as seen from that point, in radians, wrapped to ±π.
     pub azimuth_rad: MeanSd,
-    /// Angle between the directions to estimate and truth, seen from that point, in radians: mean.
+    /// Mean angle between the directions to estimate and truth as seen from that point, in radians.
     pub direction_mean_rad: f64,
-    /// Likewise: maximum.
+    /// Maximum of that angle, in radians.
     pub direction_max_rad: f64,
-    /// Root mean square length of the velocity error in metres a second, where both sides give velocities.
+    /// Root mean square length of the velocity error in m/s, over frames with both velocities.
     pub velocity_rmse_mps: Option<f64>,
-    /// Directions of travel; none where the object does not travel or a side gives no velocities.
+    /// Directions of travel; `None` if the object does not travel or velocities are missing.
     pub course: Option<Course>,
-    /// Errors of the heading; none where no frame has both headings.
+    /// Errors of the heading; `None` if no frame has both headings.
     pub heading: Option<Heading>,
-    /// Whether the covariances speak the truth about the errors.
+    /// Consistency of the covariances with the errors.
     pub consistency: Consistency,
 }
 
-/// Normalised estimation error squared (NEES), e′ C⁻¹ e, of the position.
+/// Normalised estimation error squared (NEES) of the position, e′ C⁻¹ e.
 ///
-/// Where the covariances are right its mean is the number of dimensions, and 95 % lie within the chi-square bound.
+/// With correct covariances its mean is the number of dimensions, and 95 % of the values lie within the
+/// chi-square bound.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Consistency {
-    /// Estimates with a usable covariance, which alone count here.
+    /// Number of estimates with a usable covariance. Only these are counted here.
     pub estimates: usize,
-    /// Estimates whose covariance is absent or not positive definite.
+    /// Number of estimates whose covariance is missing or not positive definite.
     pub left_out: usize,
-    /// Mean NEES; none without a usable covariance.
+    /// Mean NEES; `None` without a usable covariance.
     pub mean_nees: Option<f64>,
-    /// Within which the mean lies with 99 % probability, lowest and highest, though errors of neighbouring frames resemble one another: by a bootstrap of
-    /// blocks as long as the correlation of neighbours asks for (Carlstein 1986); none of series of less than two blocks.
+    /// 99 % confidence interval (lowest, highest) of the mean NEES. It allows for the correlation of
+    /// neighbouring frames by a bootstrap with blocks of matching length (Carlstein 1986). `None` if the
+    /// series is shorter than two blocks.
     pub mean_nees_band_99: Option<[f64; 2]>,
-    /// What the mean NEES should be: 3, or 2 where the z variance is zero, as for targets on a plane.
+    /// Expected mean NEES: 3, or 2 if the z variance is zero, as for targets on a plane.
     pub expected_nees: Option<f64>,
-    /// The share of the estimates within the 95 % chi-square bound.
+    /// Share of the estimates within the 95 % chi-square bound.
     pub share_within_95: Option<f64>,
 }
 
-/// Scores one track; `samples` holds every frame of its object's truth in time order.
-pub fn score(samples: &[Sample], settings: &Settings) -> Scores {
+/// Evaluates one track. `samples` holds every frame of its object's ground truth in order of time.
+pub fn evaluate(samples: &[Sample], settings: &Settings) -> Evaluation {
     let visible: Vec<Sample> = samples
         .iter()
         .filter(|s| settings.sees(&s.truth))
@@ -103,7 +108,7 @@ pub fn score(samples: &[Sample], settings: &Settings) -> Scores {
         .collect();
     let on_target = |s: &Sample| settings.is_on_target(s);
     let seen = summarize(&visible, settings.around_m);
-    Scores {
+    Evaluation {
         coverage: (seen.frames > 0).then(|| seen.estimates as f64 / seen.frames as f64),
         lost_frames: visible.iter().filter(|s| !on_target(s)).count(),
         ends_on_target: visible.last().map(on_target),
@@ -113,7 +118,7 @@ pub fn score(samples: &[Sample], settings: &Settings) -> Scores {
     }
 }
 
-/// Figures over the given frames.
+/// Computes the statistics over the given frames.
 fn summarize(samples: &[Sample], around_m: [f64; 3]) -> Summary {
     let pairs: Vec<(EstimatedState, TrueState)> = samples
         .iter()
@@ -126,7 +131,7 @@ fn summarize(samples: &[Sample], around_m: [f64; 3]) -> Summary {
     }
 }
 
-/// Errors of at least one estimate.
+/// Computes the errors of at least one estimate.
 fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
     let position_errors_m: Vec<[f64; 3]> = pairs
         .iter()
@@ -143,6 +148,10 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
             angle_between(estimated, difference(t.position_m, around_m))
         })
         .collect();
+    let best_errors_m: Vec<f64> = pairs
+        .iter()
+        .filter_map(|(e, t)| Some(norm(difference(e.best_position_m?, t.position_m))))
+        .collect();
     let planar_errors_m = position_errors_m
         .iter()
         .map(|[x, y, _]| libm::hypot(*x, *y));
@@ -153,6 +162,7 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
     let spherical = |of: fn(&SphericalError) -> f64| mean_sd(spherical_errors.iter().map(of));
     Errors {
         position_m: distribution(position_errors_m.iter().map(|&e| norm(e)).collect()),
+        best_position_m: (!best_errors_m.is_empty()).then(|| distribution(best_errors_m)),
         planar_m: distribution(planar_errors_m.collect()),
         bias_m: [0, 1, 2].map(|i| mean_sd(position_errors_m.iter().map(|e| e[i])).mean),
         distance_m: spherical(|e| e.distance_m),
@@ -167,7 +177,7 @@ fn errors(pairs: &[(EstimatedState, TrueState)], around_m: [f64; 3]) -> Errors {
     }
 }
 
-/// Judges the covariances by the errors.
+/// Compares the covariances with the errors.
 fn consistency(pairs: &[(EstimatedState, TrueState)]) -> Consistency {
     let nees: Vec<Nees> = pairs.iter().filter_map(|(e, t)| Nees::of(e, t)).collect();
     let mean_of = |value: fn(&Nees) -> f64| mean(&nees.iter().map(value).collect::<Vec<_>>());
@@ -181,18 +191,18 @@ fn consistency(pairs: &[(EstimatedState, TrueState)]) -> Consistency {
     }
 }
 
-/// The normalised squared error of one estimate.
+/// Normalised squared error of one estimate.
 struct Nees {
     /// e′ C⁻¹ e.
     value: f64,
-    /// The dimensions of e.
+    /// Number of dimensions of e.
     dimensions: f64,
-    /// The 95 % bound for that many dimensions.
+    /// 95 % bound for this number of dimensions.
     bound_95: f64,
 }
 
 impl Nees {
-    /// None where the covariance is absent or not positive definite.
+    /// Computes the error; `None` if the covariance is missing or not positive definite.
     fn of(estimate: &EstimatedState, truth: &TrueState) -> Option<Self> {
         let [xx, xy, xz, yy, yz, zz] = estimate.covariance_m2?;
         let [x, y, z] = difference(estimate.position_m, truth.position_m);
@@ -213,7 +223,7 @@ impl Nees {
     }
 }
 
-/// e′ C⁻¹ e, none where C is not positive definite, or so nearly singular that rounding decides.
+/// Computes e′ C⁻¹ e; `None` if C is not positive definite, or so nearly singular that rounding decides.
 fn nees<const D: usize>(error: SVector<f64, D>, covariance: SMatrix<f64, D, D>) -> Option<f64> {
     let factor = Cholesky::new(covariance)?;
     let l = factor.l_dirty();
@@ -228,12 +238,13 @@ mod tests {
 
     use super::*;
 
-    /// A visible object at `true_m` and an estimate at `estimated_m`.
+    /// Returns a visible object at `true_m` with an estimate at `estimated_m`.
     fn sample(estimated_m: [f64; 3], true_m: [f64; 3]) -> Sample {
         Sample {
             state: None,
             estimate: Some(EstimatedState {
                 position_m: estimated_m,
+                best_position_m: None,
                 velocity_mps: None,
                 heading_rad: None,
                 covariance_m2: None,
@@ -248,24 +259,24 @@ mod tests {
         }
     }
 
-    /// An estimate at the origin's distance `error_m` along x.
+    /// Returns an object at the origin with an estimate at the distance `error_m` along x.
     fn off_by(error_m: f64) -> Sample {
         sample([error_m, 0.0, 0.0], [0.0; 3])
     }
 
     fn errors_of(samples: &[Sample], settings: &Settings) -> Errors {
-        score(samples, settings).all.errors.unwrap()
+        evaluate(samples, settings).all.errors.unwrap()
     }
 
     fn assert_near(found: f64, expected: f64) {
         assert!(
             (found - expected).abs() < 1e-12,
-            "{found} is not {expected}"
+            "found {found}, expected {expected}"
         );
     }
 
     #[test]
-    fn position_errors_have_the_figures_computed_by_hand() {
+    fn position_statistics_match_manual_computation() {
         let samples = [3.0, 4.0, 0.0, 1.0].map(off_by);
         let p = errors_of(&samples, &Settings::default()).position_m;
         assert_near(p.mean, 2.0);
@@ -277,7 +288,24 @@ mod tests {
     }
 
     #[test]
-    fn planar_errors_leave_out_the_height() {
+    fn evaluates_best_particle_if_the_track_has_one() {
+        let mut samples = [1.0, 2.0, 4.0].map(off_by);
+        assert_eq!(
+            errors_of(&samples, &Settings::default()).best_position_m,
+            None
+        );
+        for (sample, best_m) in samples.iter_mut().zip([3.0, 4.0]) {
+            sample.estimate.as_mut().unwrap().best_position_m = Some([0.0, best_m, 0.0]);
+        }
+        let errors = errors_of(&samples, &Settings::default());
+        let best = errors.best_position_m.unwrap();
+        assert_near(best.mean, 3.5);
+        assert_near(best.rmse, 12.5_f64.sqrt());
+        assert_near(errors.position_m.rmse, 7_f64.sqrt());
+    }
+
+    #[test]
+    fn planar_errors_ignore_the_height() {
         let samples = [
             sample([3.0, 4.0, 9.0], [0.0; 3]),
             sample([1.0, 1.0, 5.0], [1.0, 0.0, 1.0]),
@@ -298,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn spherical_errors_are_taken_around_the_point_in_the_world_frame() {
+    fn spherical_errors_refer_to_the_point_in_the_world_frame() {
         let settings = Settings {
             around_m: [1.0, 1.0, 1.0],
             ..Settings::default()
@@ -330,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn coverage_and_loss_speak_of_visible_frames_alone() {
+    fn coverage_and_loss_count_visible_frames_only() {
         let without = |fraction| {
             let mut s = off_by(0.0);
             s.estimate = None;
@@ -341,32 +369,32 @@ mod tests {
             off_by(0.1),
             off_by(0.7),         // too far
             without(Some(0.61)), // missed
-            without(None),       // missed: counts as visible
+            without(None),       // missed: unknown counts as visible
             without(Some(0.6)),  // not over the threshold
-            off_by(0.66),        // on the bound
-            without(Some(0.0)),  // hidden
+            off_by(0.66),        // exactly on the bound
+            without(Some(0.0)),  // occluded
         ];
-        let s = score(&samples, &Settings::default());
+        let s = evaluate(&samples, &Settings::default());
         assert_eq!((s.all.frames, s.all.estimates), (7, 3));
         assert_eq!((s.visible.frames, s.visible.estimates), (5, 3));
         assert_eq!(s.coverage, Some(0.6));
         assert_eq!(s.lost_frames, 3);
         assert_eq!(s.ends_on_target, Some(true));
-        let lost_at_the_end = score(&samples[..4], &Settings::default());
+        let lost_at_the_end = evaluate(&samples[..4], &Settings::default());
         assert_eq!(lost_at_the_end.ends_on_target, Some(false));
     }
 
     #[test]
-    fn hidden_frames_count_in_the_figures_over_all_frames_alone() {
+    fn occluded_frames_count_only_in_statistics_over_all_frames() {
         let mut hidden = off_by(0.5);
         hidden.truth.visible_fraction = Some(0.3);
-        let s = score(&[off_by(0.1), hidden], &Settings::default());
+        let s = evaluate(&[off_by(0.1), hidden], &Settings::default());
         assert_near(s.all.errors.unwrap().position_m.max, 0.5);
         assert_near(s.visible.errors.unwrap().position_m.max, 0.1);
     }
 
     #[test]
-    fn velocities_count_where_both_sides_give_them() {
+    fn velocity_errors_need_both_velocities() {
         let mut both = off_by(0.0);
         let mut one_sided = off_by(0.0);
         for s in [&mut both, &mut one_sided] {
@@ -386,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn consistency_weighs_errors_by_their_covariance() {
+    fn consistency_weights_errors_by_their_covariance() {
         let diagonal = [0.01, 0.0, 0.0, 0.04, 0.0, 0.09];
         // C = [[2, 1, 0], [1, 2, 0], [0, 0, 1]] has C⁻¹ = [[2, -1, 0], [-1, 2, 0], [0, 0, 3]] / 3.
         let correlated = [2.0, 1.0, 0.0, 2.0, 0.0, 1.0];
@@ -395,9 +423,9 @@ mod tests {
             with_covariance([0.3, 0.0, 0.0], diagonal),    // 9: beyond the bound
             with_covariance([1.0, -1.0, 2.0], correlated), // 2 + 4
             with_covariance([0.1, 0.0, 0.0], [0.0; 6]),    // singular
-            with_covariance([0.1, 0.0, 0.0], [0.3, 0.3, 0.0, 0.3, 0.0, 1.0]), // singular but for rounding
-            with_covariance([0.1, 0.0, 0.0], [-1.0, 0.0, 0.0, 1.0, 0.0, 1.0]), // no covariance
-            off_by(0.1),                                                      // none given
+            with_covariance([0.1, 0.0, 0.0], [0.3, 0.3, 0.0, 0.3, 0.0, 1.0]), // singular except for rounding
+            with_covariance([0.1, 0.0, 0.0], [-1.0, 0.0, 0.0, 1.0, 0.0, 1.0]), // not a covariance
+            off_by(0.1),                                                      // missing
         ];
         let c = errors_of(&samples, &Settings::default()).consistency;
         assert_eq!((c.estimates, c.left_out), (3, 4));
@@ -409,7 +437,7 @@ mod tests {
     #[test]
     fn planar_covariances_have_two_dimensions() {
         let planar = [0.01, 0.0, 0.0, 0.01, 0.0, 0.0];
-        // 6.25 lies beyond the bound of two dimensions, within that of three.
+        // 6.25 exceeds the bound for two dimensions but not the one for three.
         let samples = [with_covariance([0.25, 0.0, 0.0], planar)];
         let c = errors_of(&samples, &Settings::default()).consistency;
         assert_near(c.mean_nees.unwrap(), 6.25);
@@ -418,8 +446,8 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_score_gives_no_figures() {
-        let s = score(&[], &Settings::default());
+    fn empty_input_has_no_statistics() {
+        let s = evaluate(&[], &Settings::default());
         assert_eq!(
             (s.coverage, s.lost_frames, s.ends_on_target),
             (None, 0, None)
@@ -427,7 +455,7 @@ mod tests {
         assert_eq!(s.all.errors, None);
         let mut missed = off_by(0.0);
         missed.estimate = None;
-        let s = score(&[missed], &Settings::default());
+        let s = evaluate(&[missed], &Settings::default());
         assert_eq!((s.coverage, s.lost_frames), (Some(0.0), 1));
         assert_eq!(s.visible.errors, None);
     }

@@ -1,15 +1,18 @@
-//! What a filter estimates at one instant.
+//! State estimate of a filter at one instant.
 
-/// Mean, covariance and best particle.
+/// Mean, covariance and best particle at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StateEstimate {
-    /// Weighted mean of the position in the world, metres.
+    /// Weighted mean of the position in the world frame, in metres.
     pub position_m: [f64; 3],
-    /// Weighted mean of the velocity, m/s, where the motion model has one.
+    /// Weighted mean of the velocity in m/s. `None` if the motion model has no velocity.
     pub velocity_mps: Option<[f64; 3]>,
-    /// Covariance of the position: xx, xy, xz, yy, yz, zz in m².
+    /// Covariance of the position in m²: xx, xy, xz, yy, yz, zz.
     pub covariance_m2: [f64; 6],
-    /// The position of the particle of the greatest weight, metres.
+    /// The position of the best particle, metres (thesis eq. 5.4). [`Filter`](crate::particle_filter::Filter): the particle with the greatest
+    /// weight, which is the most likely one if the filter resamples at every step, as published.
+    /// [`BernoulliFilter`](crate::bernoulli::BernoulliFilter): the particle to which the images of the last update gave the greatest
+    /// likelihood ratio; its weights are corrected for the proposal, so that the heaviest particle is one that the proposal rarely draws.
     pub best_position_m: [f64; 3],
     /// Effective sample size, 1/Σw².
     pub effective_sample_size: f64,

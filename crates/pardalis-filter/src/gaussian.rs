@@ -1,39 +1,58 @@
-//! What is roughly known of a target before its filter starts: a Gaussian over position and velocity.
+//! Gaussian prior over position and velocity, from which a filter is initialised.
 
 use nalgebra::{IsometryMatrix3, Matrix3, Point3, Vector3};
 
 use crate::estimate::StateEstimate;
 use pardalis_core::Error;
 
-/// The farthest that a start may be from the world's origin along an axis, in metres, and its fastest speed, in m/s: single precision then
-/// holds all that comes of it.
+/// Largest magnitude of an initial coordinate, in metres, and of an initial velocity component, in
+/// m/s. It keeps all later computations within single precision.
 pub const MAX_START: f64 = 1e6;
 
-/// Entries of a covariance that was rounded may be off by this share of the standard deviations' product.
+/// Tolerance for rounded entries of a covariance, relative to the product of the standard
+/// deviations.
 const ROUNDING: f64 = 1e-5;
-/// What is left of a variance below this share follows from rounding: the axis depends on those before it.
+/// A residual variance below this share of the whole is rounding noise: the axis depends linearly
+/// on the previous ones.
 const DEPENDENT: f64 = 1e-12;
 
-/// A Gaussian around a rough guess of the state (thesis 5.2), or around another robot's estimate.
+/// Gaussian prior of a target's state: a rough guess (thesis 5.2) or the estimate of another robot.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct GaussianStart {
-    /// Mean position in the world, metres.
+    /// Mean position in the world frame, in metres.
     pub position_m: [f64; 3],
-    /// Covariance of the position: xx, xy, xz, yy, yz, zz in m².
+    /// Covariance of the position in m²: xx, xy, xz, yy, yz, zz.
     pub covariance_m2: [f64; 6],
-    /// Mean velocity, m/s.
+    /// Mean velocity in m/s.
     pub velocity_mps: [f64; 3],
-    /// Standard deviation of the velocity an axis, m/s.
+    /// Standard deviation of the velocity per axis, in m/s.
     pub velocity_sigma_mps: [f64; 3],
 }
 
-/// The covariance (xx, xy, xz, yy, yz, zz) of axes that know nothing of one another, from their standard deviations.
+/// Returns the covariance (xx, xy, xz, yy, yz, zz) of independent axes with the given standard
+/// deviations.
 pub const fn diagonal_m2([x, y, z]: [f64; 3]) -> [f64; 6] {
     [x * x, 0.0, 0.0, y * y, 0.0, z * z]
 }
 
 impl GaussianStart {
-    /// Around an estimate. Estimates do not say how sure the velocity is: its standard deviation on each axis is the caller's.
+    /// The default standard deviation of the position on each axis, in metres.
+    pub const POSITION_SIGMA_M: [f64; 3] = [0.1; 3];
+    /// The default standard deviation of the velocity on each axis, in m/s.
+    pub const VELOCITY_SIGMA_MPS: [f64; 3] = [0.5; 3];
+
+    /// At rest around a position in metres, with the default deviations.
+    pub const fn at(position_m: [f64; 3]) -> Self {
+        Self {
+            position_m,
+            covariance_m2: diagonal_m2(Self::POSITION_SIGMA_M),
+            velocity_mps: [0.0; 3],
+            velocity_sigma_mps: Self::VELOCITY_SIGMA_MPS,
+        }
+    }
+
+    /// Creates a prior from an estimate. Estimates carry no uncertainty of the velocity, so the
+    /// caller supplies its standard deviation per axis, in m/s.
     pub fn from_estimate(estimate: &StateEstimate, velocity_sigma_mps: f64) -> Self {
         Self {
             position_m: estimate.position_m,
@@ -43,7 +62,8 @@ impl GaussianStart {
         }
     }
 
-    /// The same in another world: what one robot knows, told to another.
+    /// Transforms the prior to another world frame, for example to pass one robot's estimate to
+    /// another.
     #[must_use]
     pub fn moved(&self, world_from_other: &IsometryMatrix3<f64>) -> Self {
         let rotation = world_from_other.rotation.matrix();
@@ -60,7 +80,7 @@ impl GaussianStart {
         }
     }
 
-    /// The same without vertical scatter and velocity.
+    /// Returns the prior without vertical spread and vertical velocity.
     pub fn in_plane(mut self) -> Self {
         for vertical in [2, 4, 5] {
             self.covariance_m2[vertical] = 0.0;
@@ -70,7 +90,8 @@ impl GaussianStart {
         self
     }
 
-    /// Refuses numbers that are not finite or beyond 1e6, negative deviations, and what is no covariance.
+    /// Checks that all numbers are finite and at most 1e6 in magnitude, the standard deviations are
+    /// not negative and the covariance is positive semidefinite.
     pub fn check(&self) -> Result<(), Error> {
         for (name, values) in [
             ("position_m", self.position_m),
@@ -88,20 +109,21 @@ impl GaussianStart {
         self.check_covariance()
     }
 
-    /// Refuses matrices that are not positive semidefinite: their factor does not make them up again.
+    /// Rejects matrices that are not positive semidefinite: their Cholesky factor does not
+    /// reproduce them.
     fn check_covariance(&self) -> Result<(), Error> {
-        let wanted = self.covariance_m2;
-        let refused = |allowed: &str| {
-            let value = format!("{wanted:?}");
+        let covariance = self.covariance_m2;
+        let reject = |allowed: &str| {
+            let value = format!("{covariance:?}");
             Err(Error::out_of_range("covariance_m2", value, allowed))
         };
-        let [xx, _, _, yy, _, zz] = wanted;
+        let [xx, _, _, yy, _, zz] = covariance;
         let most = MAX_START * MAX_START;
-        if !wanted.iter().all(|v| v.abs() <= most) || [xx, yy, zz].iter().any(|v| *v < 0.0) {
-            return refused("[xx, xy, xz, yy, yz, zz] with xx, yy, zz of 0 to 1e12 m²");
+        if !covariance.iter().all(|v| v.abs() <= most) || [xx, yy, zz].iter().any(|v| *v < 0.0) {
+            return reject("[xx, xy, xz, yy, yz, zz] with xx, yy, zz of 0 to 1e12 m²");
         }
         let [a, b, c, d, e, f] = self.factor();
-        let made = [
+        let product = [
             a * a,
             a * b,
             a * c,
@@ -111,18 +133,18 @@ impl GaussianStart {
         ];
         let [sx, sy, sz] = [xx, yy, zz].map(f64::sqrt);
         let scales = [xx, sx * sy, sx * sz, yy, sy * sz, zz];
-        let off = |i: usize| (made[i] - wanted[i]).abs() > ROUNDING * scales[i];
+        let off = |i: usize| (product[i] - covariance[i]).abs() > ROUNDING * scales[i];
         if (0..6).any(off) {
-            return refused(
-                "[xx, xy, xz, yy, yz, zz] of a positive semidefinite matrix, one whose variance is nowhere negative, such as \
-                 xy between -sqrt(xx·yy) and +sqrt(xx·yy)",
+            return reject(
+                "[xx, xy, xz, yy, yz, zz] of a positive semidefinite matrix: for example, xy must lie between \
+                 -sqrt(xx·yy) and +sqrt(xx·yy)",
             );
         }
         Ok(())
     }
 
-    /// The lower triangular factor L of the covariance L·Lᵀ, columns first: xx, yx, zx, yy, zy, zz (Cholesky). Axes that depend on others
-    /// have no spread of their own.
+    /// Returns the lower triangular Cholesky factor L of the covariance L·Lᵀ by columns: xx, yx,
+    /// zx, yy, zy, zz. Axes that depend linearly on previous ones have no spread of their own.
     fn factor(&self) -> [f64; 6] {
         let [xx, xy, xz, yy, yz, zz] = self.covariance_m2;
         let root = |left: f64, whole: f64| {
@@ -141,7 +163,7 @@ impl GaussianStart {
         [a, b, c, d, e, f]
     }
 
-    /// Makes positions, in metres, of three standard normal numbers each.
+    /// Returns a function that converts three standard normal numbers to a position, in metres.
     pub fn sampler(&self) -> impl Fn([f64; 3]) -> [f64; 3] + use<> {
         let [a, b, c, d, e, f] = self.factor();
         let mean = self.position_m;
@@ -155,7 +177,7 @@ impl GaussianStart {
     }
 }
 
-/// Refuses negative standard deviations and those beyond 1e6.
+/// Rejects standard deviations that are negative or above 1e6.
 pub fn check_sigma(name: &str, values: [f64; 3]) -> Result<(), Error> {
     match values.iter().find(|v| !(0.0..=MAX_START).contains(*v)) {
         None => Ok(()),
@@ -176,11 +198,11 @@ mod tests {
     }
 
     #[test]
-    fn covariances_are_told_from_what_is_none() {
+    fn only_positive_semidefinite_covariances_are_accepted() {
         for covariance_m2 in [
             [0.0; 6],
             [1.0, 0.0, 0.0, 2.0, 0.0, 3.0],
-            // All on one line, as written with few digits, and a plane.
+            // Rank one, rounded to few digits; and rank two.
             [0.01, 0.02, -0.03, 0.04, -0.06, 0.09],
             [0.0, 0.0, 0.0, 4.0, 1.0, 1.0],
             [1e-8, 9e-6, 0.0, 1e-2, 0.0, 1e4],
@@ -191,7 +213,7 @@ mod tests {
             [-1.0, 0.0, 0.0, 1.0, 0.0, 1.0],
             [1.0, 1.1, 0.0, 1.0, 0.0, 1.0],
             [0.0, 0.1, 0.0, 1.0, 0.0, 1.0],
-            // Each pair of axes is fine, the three are not.
+            // Each pair of axes is consistent, but the three together are not.
             [1.0, 0.9, 0.9, 1.0, -0.9, 1.0],
             [1.0, 0.0, f64::NAN, 1.0, 0.0, 1.0],
             [f64::INFINITY, 0.0, 0.0, 1.0, 0.0, 1.0],
@@ -202,15 +224,15 @@ mod tests {
     }
 
     #[test]
-    fn deviations_an_axis_are_used_as_they_are() {
+    fn diagonal_covariances_are_sampled_without_rounding() {
         let sigma = [0.1, 0.07, 1.0 / 3.0];
         let sample = with(diagonal_m2(sigma)).sampler();
         assert_eq!(sample([1.0; 3]), sigma);
     }
 
     #[test]
-    fn an_estimate_moves_with_the_pose() {
-        // The other robot's x is our y, its y our −x; its origin is at (1, 2, 0.5).
+    fn an_estimate_is_transformed_by_the_pose() {
+        // The other robot's x axis is our y, its y axis our −x; its origin is at (1, 2, 0.5).
         let world_from_other = IsometryMatrix3::from_parts(
             Translation3::new(1.0, 2.0, 0.5),
             Rotation3::from_matrix_unchecked(Matrix3::new(

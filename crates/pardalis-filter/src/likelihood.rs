@@ -1,10 +1,12 @@
-//! The seam between a filter and what it observes.
+//! Interface between a filter and its observations.
 
 use crate::Particles;
 
-/// How likely an observation is, given each particle's state: one call per observation for all particles.
+/// Likelihood of an observation given the state of each particle.
+///
+/// The filter calls it once per observation, for all particles at once.
 pub trait Likelihood {
-    /// Writes the logarithm of each particle's likelihood, up to a constant that all share. Negative infinity means impossible; NaN counts as
-    /// impossible, too.
+    /// Writes the log-likelihood of each particle to `out`, up to a constant common to all
+    /// particles. Negative infinity and NaN mean that the observation is impossible.
     fn log_likelihoods(&mut self, particles: &Particles, out: &mut [f32]);
 }

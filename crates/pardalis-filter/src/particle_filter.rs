@@ -1,4 +1,4 @@
-//! The particle filter: propose, reweight, estimate, resample. It knows nothing of images.
+//! Particle filter of one target that is known to exist: predict, update, estimate and resample.
 
 use crate::Likelihood;
 use crate::StateEstimate;
@@ -11,25 +11,37 @@ use pardalis_core::Error;
 use pardalis_core::rng::{Draws, Stage};
 use pardalis_core::simd::Level;
 
-/// The most particles a filter may have.
+/// Largest number of particles of a filter.
 pub const MAX_PARTICLES: usize = 1_000_000;
 
-/// What a filter is made of.
+/// Settings of a particle filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FilterSettings {
     /// The number of particles.
     pub particle_count: usize,
-    /// How the state changes with time.
+    /// Motion model.
     pub motion: Motion,
-    /// How survivors are drawn.
+    /// Scheme that selects surviving particles.
     pub resampling: Resampling,
-    /// Survivors are drawn when the effective sample size is at most this share of the number of particles: 1 for every
-    /// step, as the papers do.
+    /// The filter resamples when the effective sample size is at most this share of the number of
+    /// particles. At 1 it resamples in every step, as the published trackers do.
     pub resample_below: f64,
 }
 
+impl Default for FilterSettings {
+    /// 2000 particles with the default motion, resampled systematically at every step.
+    fn default() -> Self {
+        Self {
+            particle_count: 2000,
+            motion: Motion::DEFAULT,
+            resampling: Resampling::Systematic,
+            resample_below: 1.0,
+        }
+    }
+}
+
 impl FilterSettings {
-    /// Refuses what makes no filter.
+    /// Checks the settings.
     fn check(&self) -> Result<(), Error> {
         if !(1..=MAX_PARTICLES).contains(&self.particle_count) {
             return Err(Error::out_of_range(
@@ -49,35 +61,35 @@ impl FilterSettings {
     }
 }
 
-/// Whether an update found any particle possible.
+/// Outcome of [`ParticleFilter::update`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Update {
-    /// The weights are the posterior.
+    /// The weights now represent the posterior.
     Weighted,
-    /// Every particle is impossible; the weights are as before.
+    /// Every particle is impossible; the weights are unchanged.
     AllImpossible,
 }
 
-/// A particle filter. A step that has the size of the one before allocates nothing.
+/// A particle filter. Repeated steps do not allocate memory.
 #[derive(Debug)]
-pub struct Filter {
+pub struct ParticleFilter {
     settings: FilterSettings,
     draws: Draws,
     level: Level,
-    /// The number of the observation, part of the random numbers' counter.
+    /// Index of the current observation, part of the counter of the random numbers.
     observation: u32,
     particles: Particles,
-    /// Weights, normalised: the exponentials of the log weights.
+    /// Normalised weights: the exponentials of the log-weights.
     weights: Vec<f64>,
-    /// Where resampling gathers survivors before the two are swapped.
+    /// Buffer in which resampling gathers survivors before it is swapped with `particles`.
     survivors: Particles,
     ancestors: Vec<u32>,
-    cumulated: Vec<f64>,
+    cumulative: Vec<f64>,
     log_likelihoods: Vec<f32>,
 }
 
-impl Filter {
-    /// A filter whose particles are drawn from `start`.
+impl ParticleFilter {
+    /// Creates a filter and draws its particles from `start`.
     pub fn new(
         settings: FilterSettings,
         start: &GaussianStart,
@@ -97,15 +109,15 @@ impl Filter {
             weights: vec![1.0 / count as f64; count],
             survivors: Particles::new(count, columns),
             ancestors: vec![0; count],
-            cumulated: vec![0.0; count],
+            cumulative: vec![0.0; count],
             log_likelihoods: vec![0.0; count],
         };
         filter.restart(start);
         Ok(filter)
     }
 
-    /// Draws all particles anew around `start`, by the numbers of the observation at hand; in a plane at its height, without vertical velocity.
-    /// Accelerations, of which starts know nothing, are zero.
+    /// Redraws all particles from `start` with the random numbers of the current observation. In a
+    /// plane, they start at its height without vertical velocity. Accelerations start at zero.
     pub fn restart(&mut self, start: &GaussianStart) {
         let start = &if self.settings.motion.is_planar() {
             start.in_plane()
@@ -141,33 +153,34 @@ impl Filter {
         self.weights.fill(1.0 / self.particles.count() as f64);
     }
 
-    /// As [`Filter::restart`], as a new observation: by numbers that no start had before.
+    /// Redraws all particles from `start` as in [`ParticleFilter::restart`], but as a new
+    /// observation and thus with fresh random numbers.
     pub fn start_over(&mut self, start: &GaussianStart) {
         self.observation += 1;
         self.restart(start);
     }
 
-    /// The number of the observation at hand, part of the random numbers' counter.
+    /// Returns the index of the current observation, part of the counter of the random numbers.
     pub fn observation(&self) -> u32 {
         self.observation
     }
 
-    /// How the state changes with time.
+    /// Returns the motion model.
     pub fn motion(&self) -> &Motion {
         &self.settings.motion
     }
 
-    /// The particles.
+    /// Returns the particles.
     pub fn particles(&self) -> &Particles {
         &self.particles
     }
 
-    /// The weights, which sum to one.
+    /// Returns the weights, which sum to one.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
-    /// The greatest log-likelihood of the last update.
+    /// Returns the largest log-likelihood of the last update.
     pub fn best_log_likelihood(&self) -> f32 {
         self.log_likelihoods
             .iter()
@@ -175,9 +188,11 @@ impl Filter {
             .fold(f32::NEG_INFINITY, f32::max)
     }
 
-    /// Moves the particles to the time of the next observation, `dt_s` seconds later, after drawing survivors if that is due.
+    /// Moves the particles to the time of the next observation, `dt_s` seconds later. Resamples
+    /// first if the effective sample size is low.
     ///
-    /// Survivors are drawn here and not after the update, so that the estimate is taken from the full sample.
+    /// Resampling happens here and not after the update, so that estimates use the full weighted
+    /// sample.
     pub fn predict(&mut self, dt_s: f64) {
         if self.effective_sample_size() <= self.settings.resample_below * self.weights.len() as f64
         {
@@ -195,7 +210,7 @@ impl Filter {
         }
     }
 
-    /// Multiplies the weights by the likelihoods.
+    /// Multiplies the weights by the likelihoods and normalises them.
     pub fn update(&mut self, likelihood: &mut impl Likelihood) -> Update {
         likelihood.log_likelihoods(&self.particles, &mut self.log_likelihoods);
         let sum = |log_weight: f64, log_likelihood: f32| {
@@ -228,19 +243,19 @@ impl Filter {
         Update::Weighted
     }
 
-    /// 1/Σw².
+    /// Returns the effective sample size, 1/Σw².
     pub fn effective_sample_size(&self) -> f64 {
         1.0 / self.weights.iter().map(|w| w * w).sum::<f64>()
     }
 
-    /// Replaces the particles by survivors of equal weight.
+    /// Repositions the particles by survivors of equal weight.
     fn resample(&mut self) {
         let (draws, observation) = (self.draws, self.observation);
         self.settings.resampling.draw(
             &self.weights,
             |i| draws.uniform(i as u32, observation, Stage::Resampling),
             &mut self.ancestors,
-            &mut self.cumulated,
+            &mut self.cumulative,
         );
         for (to, from) in self
             .survivors
@@ -257,12 +272,13 @@ impl Filter {
         self.weights.fill(1.0 / self.particles.count() as f64);
     }
 
-    /// Mean, covariance and best particle, `ahead_s` seconds after the last observation; nothing changes.
+    /// Returns the mean, covariance and best particle extrapolated to `ahead_s` seconds after the
+    /// last observation. The filter itself does not change.
     pub fn estimate(&self, ahead_s: f64) -> StateEstimate {
         let columns = self.particles.columns();
         let orders = self.settings.motion.orders();
         let taylor = taylor(ahead_s);
-        // The position (order 0) or one of its derivatives.
+        // Extrapolates the position (order 0) or one of its derivatives.
         let predicted = |order: usize, axis: usize, i: usize| {
             let terms = (order..orders).zip(taylor);
             terms.fold(0.0, |sum, (later, factor)| {
@@ -283,9 +299,9 @@ impl Filter {
             }
         }
         let mut covariance_m2 = [0.0; 6];
-        let places = self.weights.iter().enumerate();
-        let places = places.map(|(i, &w)| ([0, 1, 2].map(|axis| position(axis, i)), w));
-        add_scatter(places, position_m, &mut covariance_m2);
+        let positions = self.weights.iter().enumerate();
+        let positions = positions.map(|(i, &w)| ([0, 1, 2].map(|axis| position(axis, i)), w));
+        add_scatter(positions, position_m, &mut covariance_m2);
         let noise = self.settings.motion.position_variance_m2(ahead_s);
         let free_axes = self.settings.motion.free_axes();
         for diagonal in [0, 3, 5].into_iter().take(free_axes) {
@@ -301,11 +317,16 @@ impl Filter {
         }
     }
 
-    /// The share of the weight within `distance_m` of a point: the filter's own belief that the target is there.
+    /// Returns the share of the weight within `distance_m` of a point: the probability that the
+    /// filter assigns to that region.
     pub fn weight_within(&self, point_m: [f64; 3], distance_m: f64) -> f64 {
         let [x, y, z] = self.particles.positions_m();
-        let place_m = |i: usize| [x[i], y[i], z[i]].map(f64::from);
-        let places = self.weights.iter().enumerate();
-        weight_within(places.map(|(i, &w)| (place_m(i), w)), point_m, distance_m)
+        let position_m = |i: usize| [x[i], y[i], z[i]].map(f64::from);
+        let positions = self.weights.iter().enumerate();
+        weight_within(
+            positions.map(|(i, &w)| (position_m(i), w)),
+            point_m,
+            distance_m,
+        )
     }
 }

@@ -1,8 +1,10 @@
-//! Particles as structure of arrays: one column a state component, so that kernels run over particles.
+//! Particles as a structure of arrays: one column per state component, so that kernels vectorise
+//! over particles.
 
-/// State of every particle and the logarithm of its weight.
+/// States and log-weights of all particles.
 ///
-/// The columns' meaning is the motion model's; the first three are always the position in the world, in metres.
+/// The motion model defines the meaning of the columns. The first three are always the position in
+/// the world frame, in metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Particles {
     columns: Vec<Vec<f32>>,
@@ -11,7 +13,7 @@ pub struct Particles {
 }
 
 impl Particles {
-    /// `count` particles of equal weight at the origin.
+    /// Creates `count` particles of equal weight at the origin.
     pub fn new(count: usize, columns: usize) -> Self {
         Self {
             columns: vec![vec![0.0; count]; columns],
@@ -19,32 +21,32 @@ impl Particles {
         }
     }
 
-    /// The number of particles.
+    /// Returns the number of particles.
     pub fn count(&self) -> usize {
         self.log_weights.len()
     }
 
-    /// The columns, in the motion model's order.
+    /// Returns the columns in the motion model's order.
     pub fn columns(&self) -> &[Vec<f32>] {
         &self.columns
     }
 
-    /// The columns, to be written to.
+    /// Returns the columns for writing.
     pub fn columns_mut(&mut self) -> &mut [Vec<f32>] {
         &mut self.columns
     }
 
-    /// The three position columns in the world, metres.
+    /// Returns the three position columns in the world frame, in metres.
     pub fn positions_m(&self) -> [&[f32]; 3] {
         [&self.columns[0], &self.columns[1], &self.columns[2]]
     }
 
-    /// One particle's position in the world, metres.
+    /// Returns the position of a particle in the world frame, in metres.
     pub fn position_m(&self, particle: usize) -> [f64; 3] {
         [0, 1, 2].map(|axis| f64::from(self.columns[axis][particle]))
     }
 
-    /// Gives every particle the same weight.
+    /// Sets all weights equal.
     pub fn reset_weights(&mut self) {
         let count = self.count() as f64;
         self.log_weights.fill(-libm::log(count));

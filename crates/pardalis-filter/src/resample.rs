@@ -1,10 +1,11 @@
-//! Resampling: which particles survive, and how often.
+//! Resampling schemes.
 //!
-//! Each scheme is a free function from weights (which sum to one) and uniform numbers in `[0, 1)` to ancestors: `ancestors[i]` is the particle
-//! whose state particle i takes. All are unbiased: the expected number of copies of a particle is its weight times the number
+//! Each scheme is a function from weights, which sum to one, and uniform numbers in `[0, 1)` to
+//! ancestors: `ancestors[i]` is the index of the particle whose state particle `i` copies. All
+//! schemes are unbiased: the expected number of copies of a particle is its weight times the number
 //! of particles (Douc, Cappé and Moulines 2005).
 
-/// How survivors are drawn.
+/// Scheme that selects the surviving particles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(
     feature = "serde",
@@ -12,19 +13,20 @@
     serde(rename_all = "lowercase")
 )]
 pub enum Resampling {
-    /// Every survivor drawn on its own: as the papers, and the noisiest.
+    /// Independent draws, as in the published trackers. Has the largest variance.
     Multinomial,
-    /// One draw in each of N equal strata.
+    /// One draw from each of N equal strata.
     Stratified,
-    /// N equally spaced points with one common random offset: the default.
+    /// N equally spaced points with one common random offset (the default).
     #[default]
     Systematic,
-    /// Whole copies first, the remainders by a multinomial draw.
+    /// Deterministic whole copies, and a multinomial draw for the remainders.
     Residual,
 }
 
 impl Resampling {
-    /// Draws `ancestors.len()` survivors. `uniform(i)` gives the i-th uniform number; `scratch` has as many entries as `weights`.
+    /// Selects `ancestors.len()` survivors. `uniform(i)` returns the i-th uniform number. `scratch`
+    /// must have the length of `weights`.
     pub fn draw(
         self,
         weights: &[f64],
@@ -41,7 +43,7 @@ impl Resampling {
     }
 }
 
-/// N independent draws.
+/// Selects survivors by N independent draws.
 pub fn multinomial(
     weights: &[f64],
     uniform: impl FnMut(usize) -> f64,
@@ -49,51 +51,53 @@ pub fn multinomial(
     scratch: &mut [f64],
 ) {
     let mut sum = 0.0;
-    for (cumulated, &weight) in scratch.iter_mut().zip(weights) {
+    for (cumulative, &weight) in scratch.iter_mut().zip(weights) {
         sum += weight;
-        *cumulated = sum;
+        *cumulative = sum;
     }
     search(scratch, uniform, ancestors);
 }
 
-/// Independent draws from cumulated weights.
-fn search(cumulated: &[f64], mut uniform: impl FnMut(usize) -> f64, ancestors: &mut [u32]) {
-    let last = cumulated.len() - 1;
+/// Draws independently from cumulative weights.
+fn search(cumulative: &[f64], mut uniform: impl FnMut(usize) -> f64, ancestors: &mut [u32]) {
+    let last = cumulative.len() - 1;
     for (i, ancestor) in ancestors.iter_mut().enumerate() {
-        let target = uniform(i) * cumulated[last];
-        *ancestor = cumulated.partition_point(|&c| c <= target).min(last) as u32;
+        let target = uniform(i) * cumulative[last];
+        *ancestor = cumulative.partition_point(|&c| c <= target).min(last) as u32;
     }
 }
 
-/// One draw in each of N equal strata of the cumulated weights.
+/// Selects survivors by one draw from each of N equal strata of the cumulative weights.
 pub fn stratified(weights: &[f64], mut uniform: impl FnMut(usize) -> f64, ancestors: &mut [u32]) {
     let count = ancestors.len() as f64;
     walk(weights, |i| (i as f64 + uniform(i)) / count, ancestors);
 }
 
-/// N equally spaced points of the cumulated weights with a common random offset.
+/// Selects survivors at N equally spaced points of the cumulative weights with a common random
+/// offset.
 pub fn systematic(weights: &[f64], mut uniform: impl FnMut(usize) -> f64, ancestors: &mut [u32]) {
     let count = ancestors.len() as f64;
     let offset = uniform(0);
     walk(weights, |i| (i as f64 + offset) / count, ancestors);
 }
 
-/// Finds increasing points in the cumulated weights.
+/// Looks up increasing points in the cumulative weights.
 fn walk(weights: &[f64], mut point: impl FnMut(usize) -> f64, ancestors: &mut [u32]) {
     let total: f64 = weights.iter().sum();
     let last = weights.len() - 1;
-    let (mut particle, mut cumulated) = (0, weights[0]);
+    let (mut particle, mut cumulative) = (0, weights[0]);
     for (i, ancestor) in ancestors.iter_mut().enumerate() {
         let target = point(i) * total;
-        while cumulated <= target && particle < last {
+        while cumulative <= target && particle < last {
             particle += 1;
-            cumulated += weights[particle];
+            cumulative += weights[particle];
         }
         *ancestor = particle as u32;
     }
 }
 
-/// The whole part of N·weight copies of each particle, the rest by independent draws from the remainders (Liu and Chen 1998).
+/// Selects ⌊N·weight⌋ copies of each particle and draws the rest independently from the remainders
+/// (Liu and Chen 1998).
 pub fn residual(
     weights: &[f64],
     uniform: impl FnMut(usize) -> f64,
@@ -145,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn every_scheme_is_unbiased_and_the_better_ones_keep_whole_copies() {
+    fn schemes_are_unbiased_and_keep_their_bounds_on_copies() {
         let weights = [0.05, 0.0, 0.31, 0.24, 0.4];
         let (count, rounds) = (20, 4000);
         for scheme in SCHEMES {
@@ -185,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_particle_of_all_the_weight_takes_all_places() {
+    fn a_particle_with_all_the_weight_gets_all_copies() {
         for scheme in SCHEMES {
             assert_eq!(copies(scheme, &[0.0, 1.0, 0.0], 7, 1), [0.0, 7.0, 0.0]);
             assert_eq!(copies(scheme, &[1.0], 1, 1), [1.0]);

@@ -1,179 +1,121 @@
-//! What a target looks like: its shape, and the cues that compare it with the images.
+//! The cues that compare a target with the images.
 
-use super::reader::Table;
-use super::target::{CameraNames, kind_of};
+use super::description::{above, between};
+use super::reader::{Kind, Table};
 use pardalis::color::{ChannelBins, ColorRanges};
 use pardalis::likelihood::{
-    ContourSettings, Cue, CueSettings, EdgeSettings, Overlap, PatchSettings, Sampling,
-    ScaledSampling, SplineSampling, WindowSettings,
+    ContourSettings, Cue, CueSettings, EdgeSettings, PatchSettings, Sampling, ScaledSampling,
+    SharedPixels, SplineSampling, WindowSettings,
 };
-use pardalis::shape::{Flat, Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
+use pardalis::shape::Shape;
 
-/// The table `shape`. Cameras that are known by a plane alone do not see how high anything is.
-pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<Shape> {
-    let shape = read_body(table)?;
-    let is_on_plane = matches!(shape, Shape::Flat(flat) if flat.height_m == 0.0);
-    if !is_on_plane && let Some(camera) = cameras.without_height.first() {
-        table.problem(
-            "shape",
-            format!(
-                "rises over the plane, but where camera \"{camera}\" stands is not known; give cameras.{camera}.model.plane.camera_center_m \
-                 or its f_px and center_px (model.image has no heights at all), or a disc or rectangle without height_m"
-            ),
-        );
-        return None;
-    }
-    if let (Shape::Flat(flat), Some((camera, height_m))) = (shape, &cameras.lowest)
-        && flat.height_m >= *height_m
-    {
-        table.problem(
-            "shape",
-            format!(
-                "lies {} m over the plane, and camera \"{camera}\" stands {height_m} m over it; allowed: below the camera",
-                flat.height_m
-            ),
-        );
-        return None;
-    }
-    Some(shape)
+/// The published cues.
+const PUBLISHED_CUES: [Kind; 4] = [
+    (
+        "contour",
+        "Contour cue (Taiana et al.): compares the colours on the inner and the outer side of the outline with the target's.",
+    ),
+    (
+        "window",
+        "Window cue (Barrera 2005): the share of pixels in a small window that have the target's colours.",
+    ),
+    (
+        "region",
+        "Region cue (Campos 2009): compares the histogram of a flat target's region with the one in the first frame.",
+    ),
+    (
+        "difference",
+        "Difference cue (Campos 2009): compares the change between frames in a flat target's region.",
+    ),
+];
+
+/// What the edge cue does.
+const ABOUT_EDGE: &str = "Edge cue: detects the target itself, needs no start and stands alone. The default of targets without cues and start.";
+
+/// The cues of a target, which decide how it is tracked.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum CuesConfig {
+    /// The edge cue detects the target.
+    Edge(EdgeSettings),
+    /// These track it from a given start.
+    Published(Vec<CueSettings>),
 }
 
-fn read_body(table: &Table) -> Option<Shape> {
-    let (kind, body) = kind_of(
-        table,
-        "shape",
-        &["sphere", "cylinder", "prism", "disc", "rectangle"],
-    )?;
-    let shape = match kind {
-        "sphere" => read_sphere(&body),
-        "cylinder" => {
-            let radius_m = body.required("radius_m");
-            let section = radius_m.and_then(|radius_m| body.checked(Section::circle(radius_m)));
-            read_upright(&body, section)
-        }
-        "disc" => {
-            let radius_m = body.required("radius_m");
-            let height_m = body.or("height_m", 0.0);
-            let disc = radius_m.map(|radius_m| Flat::disc(radius_m, height_m));
-            disc.and_then(|disc| body.checked(disc)).map(Shape::Flat)
-        }
-        "rectangle" => {
-            let size_m = body.required("size_m");
-            let height_m = body.or("height_m", 0.0);
-            let rectangle = size_m.map(|size_m| Flat::rectangle(size_m, height_m));
-            rectangle
-                .and_then(|rectangle| body.checked(rectangle))
-                .map(Shape::Flat)
-        }
-        _ => {
-            let sides = body.or("sides", 8_usize);
-            let across_flats_m = body.required("across_flats_m");
-            let turn_deg: f64 = body.or("turn_deg", 0.0);
-            let section = across_flats_m.and_then(|across_flats_m| {
-                let polygon = Section::polygon(sides, across_flats_m, turn_deg.to_radians());
-                body.checked(polygon)
-            });
-            read_upright(&body, section)
-        }
-    };
-    body.finish();
-    shape
-}
-
-fn read_sphere(sphere: &Table) -> Option<Shape> {
-    let radius_m = sphere.required("radius_m");
-    let outlines = [
-        ("tangent", SphereOutline::Tangent),
-        ("greatcircle", SphereOutline::Greatcircle),
-    ];
-    let outline = sphere.word("outline", &outlines, "tangent");
-    sphere
-        .checked(Sphere::new(radius_m?, outline?))
-        .map(Shape::Sphere)
-}
-
-fn read_upright(body: &Table, section: Option<Section>) -> Option<Shape> {
-    let height_m = body.required("height_m");
-    let outlines = [
-        ("exact", UprightOutline::Exact),
-        ("facing", UprightOutline::Facing),
-    ];
-    let outline = body.word("outline", &outlines, "exact");
-    body.checked(Upright::new(section?, height_m?, outline?))
-        .map(Shape::Upright)
-}
-
-/// The cues of a target: each that has a table. Where none has, the edge cue, which finds the target by itself, or the contour cue where the scene says where it
-/// starts.
+/// Reads the cues of a target: each that has a table. Without any, the target has the edge cue, which detects it, or, if the scene states a start, the contour
+/// cue.
 pub(super) fn read_cues(
     table: &Table,
     shape: Option<&Shape>,
     cameras: &[String],
     has_start: bool,
-) -> Option<Vec<CueSettings>> {
+) -> Option<CuesConfig> {
     let default = shape.map_or_else(ContourSettings::default, ContourSettings::of_shape);
     let within = shape.map_or_else(PatchSettings::around, PatchSettings::within);
     let read = |key: &'static str, table: &Table| match key {
         "contour" => read_contour(table, default).map(Cue::Contour),
         "window" => read_window(table).map(Cue::Window),
-        "region" => read_patch(table, within, shape).map(Cue::Region),
-        "edge" => read_edge(table).map(Cue::Edge),
-        _ => read_patch(table, PatchSettings::around(), shape).map(Cue::Difference),
+        "region" => read_patch(
+            table,
+            within,
+            shape,
+            "1; 0.7071 for a disc, whose inner square is compared",
+        )
+        .map(Cue::Region),
+        _ => read_patch(table, PatchSettings::around(), shape, "").map(Cue::Difference),
     };
-    let (mut found, mut fine) = (false, true);
+    let (mut found, mut valid) = (false, true);
     let mut cues = Vec::new();
-    for key in ["contour", "window", "region", "difference", "edge"] {
+    for (key, about) in PUBLISHED_CUES {
+        let cue = table.section(key, about, |cue_table| {
+            let cue = read(key, cue_table);
+            let cameras = read_cameras(cue_table, cameras);
+            let (cue, cameras) = (cue?, cameras.ok()?);
+            Some(CueSettings { cue, cameras })
+        });
         found |= table.has(key);
-        let Some(cue_table) = table.table(key) else {
-            fine &= !table.has(key);
-            continue;
-        };
-        let cue = read(key, &cue_table);
-        // The edge cue looks at all cameras.
-        let cameras = if key == "edge" {
-            Ok(None)
-        } else {
-            read_cameras(&cue_table, cameras)
-        };
-        cue_table.finish();
-        match (cue, cameras) {
-            (Some(cue), Ok(cameras)) => cues.push(CueSettings { cue, cameras }),
-            _ => fine = false,
-        }
+        valid &= cue.is_some() || !table.has(key);
+        cues.extend(cue);
     }
-    if !found {
-        let cue = if has_start {
-            Cue::Contour(default)
-        } else {
-            Cue::Edge(EdgeSettings::default())
-        };
-        return Some(vec![cue.into()]);
-    }
-    if cues.len() > 1 && cues.iter().any(CueSettings::is_edge) {
+    let has_edge = table.has("edge");
+    let edge = table.section("edge", ABOUT_EDGE, read_edge);
+    if has_edge && found {
         table.problem(
             "edge",
-            "stands beside other cues, but finds its target by itself; keep it alone, or leave it out",
+            "cannot be combined with other cues, since it detects the target itself; remove it or the others",
         );
         return None;
+    }
+    if has_edge {
+        return edge.map(CuesConfig::Edge);
+    }
+    if !found {
+        return Some(if has_start {
+            CuesConfig::Published(vec![Cue::Contour(default).into()])
+        } else {
+            CuesConfig::Edge(EdgeSettings::default())
+        });
     }
     let looked_at = |camera: usize| {
         let looks = |cue: &CueSettings| cue.cameras.as_ref().is_none_or(|c| c.contains(&camera));
         cues.iter().any(looks)
     };
     for (camera, name) in cameras.iter().enumerate() {
-        if fine && !looked_at(camera) {
+        if valid && !looked_at(camera) {
             table.problem_here(format!(
-                "no cue looks at camera \"{name}\"; name it in the `cameras` of one"
+                "no cue uses camera \"{name}\"; add it to the `cameras` of one"
             ));
-            fine = false;
+            valid = false;
         }
     }
-    (fine && !cues.is_empty()).then_some(cues)
+    (valid && !cues.is_empty()).then_some(CuesConfig::Published(cues))
 }
 
-/// The numbers of the cameras that a cue names; none where it names none, and an error, which the journal says, where it names wrong ones.
+/// Returns the numbers of the cameras that a cue names, `None` if it names none, or an error after reporting a problem.
 fn read_cameras(cue: &Table, cameras: &[String]) -> Result<Option<Vec<usize>>, ()> {
-    let names = cue.optional::<Vec<String>>("cameras");
+    let names = cue
+        .key("cameras", "Names of the cameras that the cue uses.")
+        .depends("all cameras")
+        .optional::<Vec<String>>();
     let Some(names) = names else {
         return if cue.has("cameras") {
             Err(())
@@ -184,7 +126,7 @@ fn read_cameras(cue: &Table, cameras: &[String]) -> Result<Option<Vec<usize>>, (
     if names.is_empty() {
         cue.problem(
             "cameras",
-            "is empty; leave it out for all cameras, or leave out the cue",
+            "is empty; remove it to use all cameras, or remove the cue",
         );
         return Err(());
     }
@@ -205,16 +147,54 @@ fn read_cameras(cue: &Table, cameras: &[String]) -> Result<Option<Vec<usize>>, (
 fn read_edge(edge: &Table) -> Option<EdgeSettings> {
     let default = EdgeSettings::default();
     let settings = EdgeSettings {
-        correspondence_lines: edge.or("correspondence_lines", default.correspondence_lines),
-        likelihood_exponent: edge.or("likelihood_exponent", default.likelihood_exponent),
-        shared_sigma_px: edge.or("shared_sigma_px", default.shared_sigma_px),
-        learned_profile: edge.or("learned_profile", default.learned_profile),
+        correspondence_lines: edge
+            .key("correspondence_lines", "Number of correspondence lines across the outline.")
+            .within(16.0..=1000.0)
+            .or(default.correspondence_lines),
+        likelihood_exponent: edge
+            .key(
+                "likelihood_exponent",
+                "Exponent of each pixel's likelihood; below 1 because neighbouring pixels are correlated.",
+            )
+            .within(above(0.0, 1.0))
+            .or(default.likelihood_exponent),
+        shared_sigma_px: edge
+            .key(
+                "shared_sigma_px",
+                "Standard deviation of errors that all lines of an outline share, such as shading.",
+            )
+            .within(0.0..=10.0)
+            .or(default.shared_sigma_px),
+        learned_profile: edge
+            .key(
+                "learned_profile",
+                "Whether the profile of edges is the learned one; otherwise it is a smooth step.",
+            )
+            .or(default.learned_profile),
         lit_and_shaded_profiles: edge
-            .or("lit_and_shaded_profiles", default.lit_and_shaded_profiles),
-        background_model: edge.or("background_model", default.background_model),
-        color_evidence: edge.or("color_evidence", default.color_evidence),
+            .key(
+                "lit_and_shaded_profiles",
+                "Whether the lit and the shaded side have profiles of their own.",
+            )
+            .or(default.lit_and_shaded_profiles),
+        background_model: edge
+            .key(
+                "background_model",
+                "Whether parts of the outline that something else covers are ignored.",
+            )
+            .or(default.background_model),
+        color_evidence: edge
+            .key(
+                "color_evidence",
+                "Whether the mean colour within the outline contributes to the log-likelihood ratio of a detection.",
+            )
+            .or(default.color_evidence),
         illumination_adaptation: edge
-            .or("illumination_adaptation", default.illumination_adaptation),
+            .key(
+                "illumination_adaptation",
+                "Whether colours are corrected for the present illumination.",
+            )
+            .or(default.illumination_adaptation),
     };
     edge.checked(settings.check())?;
     Some(settings)
@@ -224,35 +204,88 @@ fn read_patch(
     patch: &Table,
     default: PatchSettings,
     shape: Option<&Shape>,
+    default_scale: &'static str,
 ) -> Option<PatchSettings> {
-    let scale = patch.or("scale", default.scale);
-    let samples = patch.or("samples", default.samples);
-    let bins = ChannelBins::new(patch.or("bins", default.bins.count()));
-    let sigma = patch.or("sigma", default.sigma);
+    let scale = patch
+        .key("scale", "Size of the region in sizes of the target.")
+        .within(above(0.0, 100.0))
+        .depends(default_scale)
+        .or(default.scale);
+    let samples = patch
+        .key("samples", "Samples along each side of the region.")
+        .within(1.0..=64.0)
+        .depends(if default_scale.is_empty() { "" } else { "10" })
+        .or(default.samples);
+    let bins = patch
+        .key("bins", "Bins per colour channel: 2, 4, 8, 16, 32 or 64.")
+        .within(2.0..=64.0)
+        .or(default.bins.count());
+    let sigma = patch
+        .key(
+            "sigma",
+            "Standard deviation σ of the likelihood exp(−D²/2σ²).",
+        )
+        .within(above(0.0, 1000.0))
+        .or(default.sigma);
     if shape.is_some_and(|shape| !matches!(shape, Shape::Flat(_))) {
         patch.problem_here(
-            "looks at a flat region; give shape.disc or shape.rectangle, or leave it out",
+            "applies to flat targets only; give shape.disc or shape.rectangle, or remove it",
         );
         return None;
     }
     let settings = PatchSettings {
         scale,
         samples,
-        bins: patch.checked(bins)?,
+        bins: patch.checked(ChannelBins::new(bins))?,
         sigma,
     };
     patch.checked(settings.check().map(|()| settings))
 }
 
 fn read_window(window: &Table) -> Option<WindowSettings> {
-    let size_px = window.or("size_px", WindowSettings::default().size_px);
+    let size_px = window
+        .key("size_px", "Width and height of the window; odd.")
+        .within(1.0..=101.0)
+        .or(WindowSettings::default().size_px);
     let default = WindowSettings::of_size(size_px);
-    let floor = window.or("floor", default.floor);
-    let outside = window.or("outside", default.outside);
-    let hue_deg = window.optional("hue_deg");
-    let saturation = window.optional("saturation");
+    let floor = window
+        .key("floor", "Least likelihood of a window inside the image.")
+        .within(above(0.0, 1.0))
+        .depends("one pixel: 1 / size_px²")
+        .or(default.floor);
+    let outside = window
+        .key(
+            "outside",
+            "Likelihood of a window outside the image or masked.",
+        )
+        .within(above(0.0, 1.0))
+        .depends("one pixel: 1 / size_px²")
+        .or(default.outside);
+    let hue_deg = window
+        .key(
+            "hue_deg",
+            "Least and greatest hue of the target's colours; [340, 20] contains 0. Together with `saturation`.",
+        )
+        .within(0.0..=360.0)
+        .depends("learned with the colour model")
+        .optional();
+    let saturation = window
+        .key(
+            "saturation",
+            "Least and greatest saturation. Together with `hue_deg`.",
+        )
+        .within(0.0..=1.0)
+        .depends("learned with the colour model")
+        .optional();
+    let intensity = window
+        .key(
+            "intensity",
+            "Least and greatest intensity. Only with `hue_deg` and `saturation`.",
+        )
+        .within(0.0..=1.0)
+        .depends("[0.1, 0.9] with `hue_deg` and `saturation`; else learned with the colour model")
+        .optional();
     let ranges = if window.has("hue_deg") || window.has("saturation") {
-        let intensity = window.or("intensity", ColorRanges::INTENSITY);
         for key in ["hue_deg", "saturation"] {
             if !window.has(key) {
                 window.problem(key, "is missing; hue_deg and saturation go together");
@@ -261,11 +294,11 @@ fn read_window(window: &Table) -> Option<WindowSettings> {
         Some(ColorRanges {
             hue_deg: hue_deg?,
             saturation: saturation?,
-            intensity,
+            intensity: intensity.unwrap_or(ColorRanges::INTENSITY),
         })
     } else {
-        if window.knows("intensity") {
-            let message = "stands without hue_deg and saturation; give these too, or leave it out: all are learnt with the colour model";
+        if window.has("intensity") {
+            let message = "needs hue_deg and saturation; add them, or remove it: all are learned with the colour model";
             window.problem("intensity", message);
         }
         None
@@ -279,64 +312,118 @@ fn read_window(window: &Table) -> Option<WindowSettings> {
     window.checked(settings.check().map(|()| settings))
 }
 
-/// The defaults are those of the shape.
+/// Reads the contour cue. The defaults are those of the shape.
 fn read_contour(contour: &Table, default: ContourSettings) -> Option<ContourSettings> {
-    let points = contour.or("points", default.points);
+    let points = contour
+        .key("points", "Number of points on the outline.")
+        .within(3.0..=10_000.0)
+        .depends("50; 120 for upright shapes")
+        .or(default.points);
+    let scaled = read_scaled(contour, &default.sampling);
+    let about = "Samples the image along the normals of a spline through the outline (Taiana 2007, equations 4.1 to 4.6), in place of `inner_scale`, `outer_scale` and `shared_pixels`.";
+    let spline = contour.section("spline", about, |spline| read_spline(spline, points));
     let sampling = if contour.has("spline") {
-        for key in ["inner_scale", "outer_scale", "overlap"] {
-            if contour.knows(key) {
-                contour.problem(
-                    key,
-                    "stands beside spline, which does without it; remove one of them",
-                );
+        for key in ["inner_scale", "outer_scale", "shared_pixels"] {
+            if contour.has(key) {
+                contour.conflict(key, "spline");
             }
         }
-        contour
-            .table("spline")
-            .and_then(|spline| read_spline(spline, points))
+        spline
     } else {
-        Some(read_scaled(contour, &default.sampling))
+        Some(scaled)
     };
-    let kappa = contour.or("kappa", default.kappa);
-    let b = contour.or("b", default.b);
-    sampling.and_then(|sampling| {
-        let settings = ContourSettings {
-            points,
-            sampling,
-            kappa,
-            b,
-        };
-        contour.checked(settings.check().map(|()| settings))
-    })
+    let kappa = contour
+        .key(
+            "kappa",
+            "Weight κ of the difference between inside and outside, relative to the similarity of inside and model.",
+        )
+        .within(0.0..=1e6)
+        .or(default.kappa);
+    let b = contour
+        .key("b", "Width b of the likelihood exp(−D/b).")
+        .within(above(0.0, 1e6))
+        .or(default.b);
+    let settings = ContourSettings {
+        points,
+        sampling: sampling?,
+        kappa,
+        b,
+    };
+    contour.checked(settings.check().map(|()| settings))
 }
 
 fn read_scaled(contour: &Table, default: &Sampling) -> Sampling {
     let Sampling::Scaled(default) = default else {
         unreachable!("no shape's default is a spline")
     };
+    let inner_scale = contour
+        .key(
+            "inner_scale",
+            "Scale of the shape whose outline is the inner contour.",
+        )
+        .within(between(0.0, 1.0))
+        .depends("0.9; 0.75 for upright shapes")
+        .or(default.inner_scale);
+    let outer_scale = contour
+        .key(
+            "outer_scale",
+            "Scale of the shape whose outline is the outer contour; above 1.",
+        )
+        .within(above(1.0, 10.0))
+        .depends("1.1; 1.25 for upright shapes")
+        .or(default.outer_scale);
+    let about = "Remedy for small projections: where the inner and outer contour share too many pixels, both are sampled at a fixed distance from the outline.";
+    let shared_pixels = contour.section("shared_pixels", about, |table| {
+        let default = SharedPixels::default();
+        Some(SharedPixels {
+            max_share: table
+                .key(
+                    "max_share",
+                    "Share of the inner contour's pixels that may be shared.",
+                )
+                .within(0.0..1.0)
+                .or(default.max_share),
+            distance_px: table
+                .key(
+                    "distance_px",
+                    "Distance of the samples from the outline otherwise.",
+                )
+                .within(above(0.0, 100.0))
+                .or(default.distance_px),
+        })
+    });
     Sampling::Scaled(ScaledSampling {
-        inner_scale: contour.or("inner_scale", default.inner_scale),
-        outer_scale: contour.or("outer_scale", default.outer_scale),
-        overlap: contour.table("overlap").map(|table| {
-            let default = Overlap::default();
-            let overlap = Overlap {
-                max_share: table.or("max_share", default.max_share),
-                distance_px: table.or("distance_px", default.distance_px),
-            };
-            table.finish();
-            overlap
-        }),
+        inner_scale,
+        outer_scale,
+        shared_pixels,
     })
 }
 
-fn read_spline(spline: Table, points: usize) -> Option<Sampling> {
+fn read_spline(spline: &Table, points: usize) -> Option<Sampling> {
+    let default = SplineSampling::of_points(points);
     let settings = Sampling::Spline(SplineSampling {
-        control_points: spline.or("control_points", (points / 4).max(3)),
-        reach_px: spline.or("reach_px", 2.0),
-        steps: spline.or("steps", 2),
-        middle: spline.or("middle", false),
+        control_points: spline
+            .key(
+                "control_points",
+                "Number of control points; at most half of `points`.",
+            )
+            .within(3.0..=5000.0)
+            .depends("a quarter of `points`, at least 3")
+            .or(default.control_points),
+        reach_px: spline
+            .key("reach_px", "How far along the normals the samples reach.")
+            .within(above(0.0, 100.0))
+            .or(default.reach_px),
+        steps: spline
+            .key("steps", "Samples along each normal on either side.")
+            .within(1.0..=10.0)
+            .or(default.steps),
+        middle: spline
+            .key(
+                "middle",
+                "Whether the sample on the outline itself counts on both sides.",
+            )
+            .or(default.middle),
     });
-    let checked = spline.checked(settings.check(points).map(|()| settings));
-    spline.finish();
-    checked
+    spline.checked(settings.check(points).map(|()| settings))
 }

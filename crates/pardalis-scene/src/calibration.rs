@@ -3,8 +3,10 @@
 
 use std::fmt::Write as _;
 
-use super::camera::{pose_of_model, read_model, read_pose};
+use super::camera::read_pose;
+use super::description::{KeyDescription, Presence, keys_of};
 use super::mirror::push_profile;
+use super::model::{pose_of_model, read_model};
 use super::reader::{Journal, Problem, Table};
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::Camera;
@@ -105,18 +107,37 @@ fn one_error(problems: Vec<Problem>) -> Error {
 pub fn read_toml(text: &str) -> Result<Vec<CalibratedCamera>, Vec<Problem>> {
     let (journal, root) = Journal::parse(text);
     let table = Table::root(&journal, &root);
-    let cameras: Vec<_> = table
-        .named_tables("cameras", "camera")
-        .into_iter()
-        .filter_map(|(name, table)| read_camera(name, table))
-        .collect();
+    let cameras = read_cameras(&table);
     table.finish();
     journal.finish().map(|_| cameras)
 }
 
+/// Returns the keys of calibration files.
+pub fn keys() -> Vec<KeyDescription> {
+    keys_of(|_, table| {
+        read_cameras(table);
+    })
+}
+
+fn read_cameras(table: &Table) -> Vec<CalibratedCamera> {
+    table
+        .named_tables(
+            "cameras",
+            "The cameras, each by its name.",
+            Presence::Required,
+        )
+        .into_iter()
+        .filter_map(|(name, table)| read_camera(name, table))
+        .collect()
+}
+
 fn read_camera(name: String, table: Table) -> Option<CalibratedCamera> {
     let camera = read_model(&table);
-    let size_px = table.optional::<[f64; 2]>("size_px");
+    let size_px = table
+        .key("size_px", "Width and height of the images.")
+        .within(1.0..=MAX_IMAGE_SIDE_PX as f64)
+        .depends("not known")
+        .optional::<[f64; 2]>();
     let whole = |v: f64| v.fract() == 0.0 && v >= 1.0 && v <= MAX_IMAGE_SIDE_PX as f64;
     if size_px.is_some_and(|size| !size.into_iter().all(whole)) {
         let allowed = format!("two whole numbers from 1 to {MAX_IMAGE_SIDE_PX}, [width, height]");

@@ -1,18 +1,33 @@
 //! The cameras of a scene.
 
-use super::mirror;
-use super::plane::{self, PlaneModel, RectangleConfig};
+use super::description::above;
+use super::model::{Model, pose_of_model, principal_point_px, read_any_model};
+use super::plane::RectangleConfig;
 use super::reader::{Located, Table};
-use super::setting::Setting;
+use super::setting::{Setting, Word};
 use pardalis::color::{YuvEncoding, YuvMatrix, YuvRange};
 use pardalis::frame::MAX_TIME_S;
 use pardalis_camera::formats::Lens;
 use pardalis_camera::{CalibratedCamera, Pose, pose_from_matrix};
-use pardalis_camera::{
-    Camera, DoubleSphere, Equidistant, ExactMirror, ExtendedUnified, KannalaBrandt, Mei, Ocam,
-    PerspectiveMirror, Pinhole, Plane, Unified,
-};
-use pardalis_core::Error;
+use pardalis_camera::{Camera, Plane};
+
+impl Word for YuvMatrix {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("bt601", Self::Bt601), ("bt709", Self::Bt709)];
+}
+
+impl Word for YuvRange {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("full", Self::Full), ("limited", Self::Limited)];
+}
+
+impl Word for Lens {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("pinhole", Self::Pinhole),
+        ("fisheye", Self::Fisheye),
+        ("omnidir", Self::Omnidir),
+    ];
+}
 
 /// Reads the calibration file of this name, as the caller finds it; on failure the message, which names file and line.
 ///
@@ -117,41 +132,60 @@ impl Input {
 }
 
 impl CameraConfig {
-    /// Reads one camera; `None` when something needed is missing or faulty, which the journal then says.
+    /// Reads one camera. Returns `None` after reporting a problem to the journal.
     pub(super) fn read(
         name: String,
         table: Table,
         read_calibration: ReadCalibration,
     ) -> Option<Self> {
         let input = read_input(&table);
-        let time_offset_s: f64 = table.or("time_offset_s", 0.0);
-        if time_offset_s.abs() > MAX_TIME_S {
-            table.refuse("time_offset_s", "-1e12 to 1e12 seconds");
-        }
+        let time_offset_s: f64 = table
+            .key(
+                "time_offset_s",
+                "Added to the camera's time stamps; `pardalis calibrate time` estimates it.",
+            )
+            .within(-MAX_TIME_S..=MAX_TIME_S)
+            .or(0.0);
+        let all = FrameRange::ALL;
         let frames = FrameRange {
-            first: table.or("first_frame", 0),
-            step: table.or("frame_step", 1),
-            limit: table.optional("frame_limit"),
+            first: table
+                .key("first_frame", "Number of frames to skip at the beginning.")
+                .or(all.first),
+            step: table
+                .key("frame_step", "Read every n-th frame from there on.")
+                .within(1.0..)
+                .or(all.step),
+            limit: table
+                .key("frame_limit", "The most frames to read.")
+                .within(1.0..)
+                .depends("all frames")
+                .optional(),
         };
-        for (key, count) in [
-            ("frame_step", Some(frames.step)),
-            ("frame_limit", frames.limit),
-        ] {
-            if count == Some(0) {
-                table.refuse(key, "1 or more");
-            }
-        }
         let optics = read_optics(&name, &table, read_calibration);
-        let mask = table.located("mask");
-        let radius_px = table.located::<f64>("mask_radius_px");
-        let center_px = table.optional::<[f64; 2]>("mask_center_px");
-        if let Some(radius) = &radius_px
-            && radius.value <= 0.0
-        {
-            table.refuse("mask_radius_px", "a positive number of pixels");
-        }
-        if center_px.is_some() && radius_px.is_none() {
-            table.problem("mask_center_px", "needs mask_radius_px beside it");
+        let mask = table
+            .key(
+                "mask",
+                "Image file of the camera's size; only pixels where it is white are used.",
+            )
+            .depends("all pixels")
+            .located();
+        let radius_px = table
+            .key(
+                "mask_radius_px",
+                "Use only pixels within a circle of this radius, such as the image circle of a fisheye lens.",
+            )
+            .within(above(0.0, f64::INFINITY))
+            .depends("all pixels")
+            .located::<f64>();
+        let center_px = table
+            .key(
+                "mask_center_px",
+                "Centre of that circle; needs `mask_radius_px`.",
+            )
+            .depends("the principal point")
+            .optional::<[f64; 2]>();
+        if center_px.is_some() && !table.has("mask_radius_px") {
+            table.problem("mask_center_px", "needs mask_radius_px; add it");
         }
         table.finish();
         let optics = optics?;
@@ -198,8 +232,8 @@ struct Optics {
 fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> Option<Optics> {
     let file = read_calibrated(name, table, read_calibration);
     let model = if table.has("calibration") {
-        if table.table("model").is_some() {
-            table.problem("model", "stands beside calibration; keep one of them");
+        if table.knows("model") {
+            table.conflict("model", "calibration");
         }
         file.as_ref().map(|file| Model::Known(file.camera.clone()))
     } else {
@@ -211,14 +245,15 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
         Some(Model::Rectangle(rectangle)) => (Some(Camera::Plane(Plane::image())), Some(rectangle)),
     };
     if matches!(model, Some(Camera::Plane(_))) && table.knows("world_from_camera") {
-        let message = "stands beside a camera of a plane, whose frame is the world's; leave it out";
+        let message =
+            "cannot be combined with a camera of a plane, whose frame is the world's; remove it";
         table.problem("world_from_camera", message);
         return None;
     }
     let own_pose = model.as_ref().and_then(pose_of_model);
-    // Of a faulty plane its own problems are told.
+    // A faulty plane reports its own problems.
     let needs_no_pose = table
-        .table("model")
+        .peek("model")
         .is_some_and(|model| model.has("plane") || model.has("image"));
     let pose_is_missing = if needs_no_pose || table.has("world_from_camera") {
         None
@@ -231,25 +266,28 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
         Some("is missing")
     };
     if let Some(missing) = pose_is_missing {
-        let wanted = <[[f64; 4]; 4]>::ALLOWED;
+        let wanted = <[[f64; 4]; 4]>::allowed();
         table.problem("world_from_camera", format!("{missing}; give {wanted}"));
     }
     let given_pose = read_pose(table);
     let file_pose = file.as_ref().and_then(|file| file.world_from_camera);
-    // A camera that was mounted anew keeps its file; but init's guess may have been forgotten.
+    // Intended for a camera that was moved; but a guess written by `pardalis init` may have been forgotten.
     if let (Some(given), Some(in_file)) = (&given_pose, &file_pose)
         && (given.to_homogeneous() - in_file.to_homogeneous()).amax() > SAME_POSE
     {
-        let path: Option<String> = table.optional("calibration");
         table.warn(
             "world_from_camera",
-            format!(
-                "stands in place of the pose in {}; take it out to use that one",
-                path.unwrap_or_default()
-            ),
+            "overrides the pose in the calibration file; remove it to use that pose",
         );
     }
-    let given_size = table.located::<[f64; 2]>("size_px");
+    let given_size = table
+        .key(
+            "size_px",
+            "Width and height of the images, which are checked against it.",
+        )
+        .within(above(0.0, f64::INFINITY))
+        .depends("the size in the calibration file, or that of the first image")
+        .located::<[f64; 2]>();
     let file_size = file
         .as_ref()
         .and_then(|file| file.size_px)
@@ -269,38 +307,42 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
     })
 }
 
-/// The pose of cameras that are known by a plane of the world: their frame is the world's.
-pub(super) fn pose_of_model(camera: &Camera) -> Option<Pose> {
-    matches!(camera, Camera::Plane(_)).then(Pose::identity)
-}
-
 /// The camera of the calibration file, where the scene names one.
 pub(super) fn read_calibrated(
     name: &str,
     table: &Table,
     read_calibration: ReadCalibration,
 ) -> Option<CalibratedCamera> {
-    let file: Option<String> = table.optional("calibration");
-    let wanted: Option<String> = table.optional("calibration_camera");
-    let lens_word: Option<String> = table.optional("calibration_as");
+    let file: Option<String> = table
+        .key(
+            "calibration",
+            "Calibration file with the camera's model, and perhaps its size and pose: a file of Pardalis, OpenCV, Kalibr, ROS or OCamCalib. Relative to this file.",
+        )
+        .optional();
+    let wanted: Option<String> = table
+        .key(
+            "calibration_camera",
+            "The camera's name in a calibration file of several cameras.",
+        )
+        .depends("the camera's own name")
+        .optional();
+    let lens: Option<Lens> = table
+        .key(
+            "calibration_lens",
+            "The lens model of the calibration file, where its coefficients could belong to several.",
+        )
+        .depends("as the file states")
+        .optional();
     if !table.has("calibration") {
-        for key in ["calibration_camera", "calibration_as"] {
+        for key in ["calibration_camera", "calibration_lens"] {
             if table.has(key) {
-                table.problem(key, "needs calibration = \"FILE\" beside it");
+                table.problem(key, "needs calibration; add calibration = \"FILE\"");
             }
         }
     }
-    let lens = match lens_word {
-        None => None,
-        Some(word) => {
-            let lens = Lens::ALL.into_iter().find(|lens| lens.name() == word);
-            if lens.is_none() {
-                table.refuse("calibration_as", "\"pinhole\", \"fisheye\", \"omnidir\"");
-                return None;
-            }
-            lens
-        }
-    };
+    if table.has("calibration_lens") && lens.is_none() {
+        return None;
+    }
     let cameras = read_calibration(&file?, lens)
         .map_err(|message| table.problem("calibration", message))
         .ok()?;
@@ -318,62 +360,77 @@ pub(super) fn read_calibrated(
         if wanted.is_some() {
             table.refuse("calibration_camera", &names);
         } else {
-            let message = format!("holds the cameras {names}; say which by calibration_camera");
+            let message =
+                format!("contains the cameras {names}; select one with calibration_camera");
             table.problem("calibration", message);
         }
     }
     found.cloned()
 }
 
-/// The pose, if it is given.
+/// Reads the pose, if it is given.
 pub(super) fn read_pose(table: &Table) -> Option<Pose> {
-    let rows = table.optional::<[[f64; 4]; 4]>("world_from_camera")?;
+    let rows = table
+        .key(
+            "world_from_camera",
+            "Pose of the camera: the homogeneous matrix that takes points from the camera's frame (x right, y down, z forward, in metres) to the world's.",
+        )
+        .unit("m")
+        .depends("unless the calibration file contains the pose, or the model is a plane")
+        .conditional::<[[f64; 4]; 4]>()?;
     pose_from_matrix(rows)
         .map_err(|error| table.problem("world_from_camera", error.to_string()))
         .ok()
 }
 
-/// Where the optical axis meets the image: every model has such a point.
-fn principal_point_px(camera: &Camera) -> [f64; 2] {
-    let parameters = camera.parameters();
-    ["cx_px", "cy_px"].map(|name| {
-        let found = parameters.iter().find(|(known, _)| *known == name);
-        found.map_or(0.0, |&(_, value)| value)
-    })
-}
-
 fn read_input(table: &Table) -> Option<Input> {
-    let images = table.located("images");
-    let video = table.located("video");
-    let fps = table.optional("fps");
-    let input_options = table.optional("input_options");
-    let encoding = table.table("yuv").map(|yuv| {
-        let matrix = yuv.word(
-            "matrix",
-            &[("bt601", YuvMatrix::Bt601), ("bt709", YuvMatrix::Bt709)],
-            "bt601",
-        );
-        let range = yuv.word(
-            "range",
-            &[("full", YuvRange::Full), ("limited", YuvRange::Limited)],
-            "limited",
-        );
-        yuv.finish();
-        YuvEncoding {
-            matrix: matrix.unwrap_or_default(),
-            range: range.unwrap_or_default(),
-        }
-    });
-    if let Some(fps) = fps
-        && !(1e-6..=1e6).contains(&fps)
-    {
-        table.refuse("fps", "1e-6 to 1e6 frames a second");
-    }
+    let images = table
+        .key(
+            "images",
+            "Folder of JPEG and PNG images, read in the order of their names. Give either this or `video`.",
+        )
+        .depends("unless `video` is given")
+        .located_conditional();
+    let video = table
+        .key(
+            "video",
+            "Video file, stream address or device such as `/dev/video0`, opened with ffmpeg.",
+        )
+        .depends("unless `images` is given")
+        .located_conditional();
+    let fps = table
+        .key("fps", "Frame rate of a folder of images.")
+        .within(1e-6..=1e6)
+        .depends("the times in `times.csv` beside the images")
+        .optional();
+    let input_options = table
+        .key(
+            "input_options",
+            "Options that ffmpeg gets before its input, such as `[\"-f\", \"v4l2\"]`. Only for `video`.",
+        )
+        .or(Vec::new());
+    let encoding = table.section(
+        "yuv",
+        "How the pixels of a video encode colour, where the stream does not state it or is wrong. Only for `video`.",
+        |yuv| {
+            let default = YuvEncoding::VIDEO;
+            let matrix = yuv
+                .key("matrix", "Weights of red, green and blue in Y.")
+                .word(default.matrix);
+            let range = yuv
+                .key("range", "Whether Y covers 0 to 255 or 16 to 235.")
+                .word(default.range);
+            Some(YuvEncoding {
+                matrix: matrix?,
+                range: range?,
+            })
+        },
+    );
     match (images, video) {
         (Some(folder), None) => {
             for key in ["input_options", "yuv"] {
                 if table.has(key) {
-                    table.problem(key, "is for video; a folder of images has no use for it");
+                    table.problem(key, "applies to video only; remove it");
                 }
             }
             Some(Input::Images { folder, fps })
@@ -382,213 +439,26 @@ fn read_input(table: &Table) -> Option<Input> {
             if fps.is_some() {
                 table.problem(
                     "fps",
-                    "is for folders of images; a video carries its own time stamps",
+                    "applies to folders of images only; a video has time stamps; remove it",
                 );
             }
             Some(Input::Video {
                 input,
-                input_options: input_options.unwrap_or_default(),
+                input_options,
                 encoding,
             })
         }
         (Some(_), Some(_)) => {
-            table.problem("video", "stands beside images; keep one of them");
+            table.conflict("video", "images");
             None
         }
         (None, None) => {
             if !table.has("images") && !table.has("video") {
-                table.problem_here("says no input; give images = \"FOLDER\" or video = \"FILE\"");
+                table.problem_here("has no input; give images = \"FOLDER\" or video = \"FILE\"");
             }
             None
         }
     }
-}
-
-/// A camera's model.
-enum Model {
-    Known(Camera),
-    /// By a rectangle that is to be found in its images.
-    Rectangle(Located<RectangleConfig>),
-}
-
-/// The camera's model, from the table `model`, where there are no images to find anything in.
-pub(super) fn read_model(table: &Table) -> Option<Camera> {
-    match read_any_model(table)? {
-        Model::Known(camera) => Some(camera),
-        Model::Rectangle(_) => {
-            let message = "is found in a camera's images, and only a scene has these; give points or homography, as `pardalis calibrate plane` writes them";
-            table.problem("model", message);
-            None
-        }
-    }
-}
-
-/// The camera's model, from the table `model`.
-fn read_any_model(table: &Table) -> Option<Model> {
-    let Some(model) = table.table("model") else {
-        if !table.has("model") {
-            table.problem(
-                "model",
-                "is missing; give a table such as [cameras.NAME.model.equidistant], or in a scene calibration = \"FILE\"",
-            );
-        }
-        return None;
-    };
-    let found = model.one_of(&[
-        "equidistant",
-        "pinhole",
-        "kannala_brandt",
-        "unified",
-        "mei",
-        "perspective_mirror",
-        "double_sphere",
-        "extended_unified",
-        "ocam",
-        "exact_mirror",
-        "plane",
-        "image",
-    ]);
-    model.finish();
-    let (kind, parameters) = found?;
-    if kind == "plane" || kind == "image" {
-        let model = if kind == "plane" {
-            plane::read_plane(&parameters)
-        } else {
-            Some(PlaneModel::Known(Plane::image()))
-        };
-        let model = model.map(|model| match model {
-            PlaneModel::Known(plane) => Model::Known(Camera::Plane(plane)),
-            PlaneModel::Rectangle(config) => Model::Rectangle(parameters.at("rectangle", config)),
-        });
-        parameters.finish();
-        return model;
-    }
-    let center_px = parameters.required::<[f64; 2]>("center_px");
-    let camera = match kind {
-        "equidistant" => read_equidistant(&parameters, center_px),
-        "pinhole" => read_pinhole(&parameters, center_px),
-        "kannala_brandt" => read_kannala_brandt(&parameters, center_px),
-        "unified" => read_unified(&parameters, center_px),
-        "mei" => read_mei(&parameters, center_px),
-        "perspective_mirror" => read_perspective_mirror(&parameters, center_px),
-        "double_sphere" => read_double_sphere(&parameters, center_px),
-        "extended_unified" => read_extended_unified(&parameters, center_px),
-        "ocam" => read_ocam(&parameters, center_px),
-        _ => read_exact_mirror(&parameters, center_px),
-    };
-    parameters.finish();
-    camera.map(Model::Known)
-}
-
-/// Names the principal point as the scene does.
-fn at_center<T>(result: Result<T, Error>) -> Result<T, Error> {
-    result.map_err(|error| match error {
-        Error::OutOfRange {
-            name,
-            value,
-            allowed,
-        } if name == "cx_px" || name == "cy_px" => Error::OutOfRange {
-            name: "center_px".to_owned(),
-            value,
-            allowed,
-        },
-        other => other,
-    })
-}
-
-/// Half of the field of view, in radians.
-fn read_max_angle(table: &Table) -> Option<f64> {
-    let field_of_view_deg: f64 = table.or("field_of_view_deg", 360.0);
-    if !(field_of_view_deg > 0.0 && field_of_view_deg <= 360.0) {
-        table.refuse("field_of_view_deg", "above 0 and at most 360");
-        return None;
-    }
-    Some((field_of_view_deg / 2.0).to_radians())
-}
-
-/// Two focal lengths in pixels.
-fn read_focals(table: &Table) -> Option<[f64; 2]> {
-    let f = table.required::<[f64; 2]>("f_px")?;
-    if f.iter().any(|v| !(*v > 0.0 && *v <= 1e6)) {
-        table.refuse("f_px", "positive numbers up to 1e6");
-        return None;
-    }
-    Some(f)
-}
-
-fn read_equidistant(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let f = table.required("f_px_per_rad");
-    let max_angle_rad = read_max_angle(table);
-    let model = Equidistant::new(f?, center_px?, max_angle_rad?);
-    table.checked(at_center(model)).map(Camera::Equidistant)
-}
-
-fn read_pinhole(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let f = read_focals(table);
-    let distortion: Vec<f64> = table.or("distortion", Vec::new());
-    let model = Pinhole::new(f?, center_px?, &distortion);
-    table.checked(at_center(model)).map(Camera::Pinhole)
-}
-
-fn read_kannala_brandt(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let f = read_focals(table);
-    let k = table.or("k", [0.0; 4]);
-    let max_angle_rad = read_max_angle(table);
-    let model = KannalaBrandt::new(f?, center_px?, k, max_angle_rad?);
-    table.checked(at_center(model)).map(Camera::KannalaBrandt)
-}
-
-fn read_mei(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let f = read_focals(table);
-    let skew_px = table.or("skew_px", 0.0);
-    let xi = table.required("xi");
-    let distortion = table.or("distortion", [0.0; 4]);
-    let model = Mei::new(f?, skew_px, center_px?, xi?, distortion);
-    table.checked(at_center(model)).map(Camera::Mei)
-}
-
-fn read_double_sphere(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let f = read_focals(table);
-    let (xi, alpha) = (table.required("xi"), table.required("alpha"));
-    let model = DoubleSphere::new(f?, center_px?, xi?, alpha?);
-    table.checked(at_center(model)).map(Camera::DoubleSphere)
-}
-
-fn read_extended_unified(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let f = read_focals(table);
-    let (alpha, beta) = (table.required("alpha"), table.required("beta"));
-    let model = ExtendedUnified::new(f?, center_px?, alpha?, beta?);
-    table.checked(at_center(model)).map(Camera::ExtendedUnified)
-}
-
-fn read_ocam(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let polynomial = table.required::<Vec<f64>>("polynomial");
-    let affine = table.or("affine", [1.0, 0.0, 0.0]);
-    let max_radius_px = table.required("max_radius_px");
-    let model = Ocam::new(&polynomial?, center_px?, affine, max_radius_px?);
-    table.checked(at_center(model)).map(Camera::Ocam)
-}
-
-fn read_exact_mirror(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let f = read_focals(table);
-    let profile = mirror::read_profile(table);
-    let model = ExactMirror::new(f?, center_px?, profile?);
-    table.checked(at_center(model)).map(Camera::ExactMirror)
-}
-
-fn read_unified(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let (l, m) = (table.required("l"), table.required("m"));
-    let f_px = table.or("f_px", 1.0);
-    table
-        .checked(at_center(Unified::new(l?, m?, f_px, center_px?)))
-        .map(Camera::Unified)
-}
-
-fn read_perspective_mirror(table: &Table, center_px: Option<[f64; 2]>) -> Option<Camera> {
-    let m_px = table.required("m_px");
-    table
-        .checked(at_center(PerspectiveMirror::new(m_px?, center_px?)))
-        .map(Camera::PerspectiveMirror)
 }
 
 #[cfg(test)]

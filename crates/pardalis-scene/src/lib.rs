@@ -1,41 +1,51 @@
-//! Scene and world files: from their text to checked settings. Configuration enters here once; the rest of the library takes values that are valid.
+//! Scene, world and calibration files: from their text to validated settings.
+//!
+//! All problems of a file are reported at once, with key and line. [`reference`] describes every key.
 
 mod appearance;
 pub mod calibration;
 mod camera;
+pub mod description;
+mod journal;
+mod key;
 mod mirror;
+mod model;
 mod motion;
 mod offsets;
 mod plane;
 mod reader;
+pub mod reference;
 mod replaced;
+mod schema;
 mod setting;
+mod shape;
 mod start;
 mod target;
 mod timing;
 mod world;
 
 pub use camera::{CameraConfig, FrameRange, Input, MaskCircle, ReadCalibration};
+pub use journal::{Located, Problem};
 pub use offsets::with_time_offsets;
 pub use plane::RectangleConfig;
-pub use reader::{Located, Problem};
 pub use start::{StartConfig, TrackStart};
-pub use target::{BodyConfig, TargetConfig};
+pub use target::{BodyConfig, TargetConfig, TrackingConfig};
 pub use world::WorldConfig;
 
+use description::{KeyDescription, Presence, keys_of};
 use reader::{Journal, Table};
 use target::CameraNames;
 
-/// What [`is_name`] holds for, in words.
+/// The names for which [`is_name`] is true, in words.
 pub const NAMES_ALLOWED: &str = "1 to 64 of the characters A-Z a-z 0-9 _ -";
 
-/// Whether a text may name a camera, target or object: such names are keys of files, fields of tables and parts of paths.
+/// Whether a text may name a camera, target or object. Names appear in keys, tables and paths.
 pub fn is_name(text: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     (1..=64).contains(&text.len()) && text.chars().all(plain)
 }
 
-/// All that a scene file says.
+/// The settings of a scene file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     /// Seed of every random number.
@@ -46,21 +56,29 @@ pub struct Scene {
     pub targets: Vec<TargetConfig>,
     /// How long a frame waits, from its arrival, for earlier ones of other cameras, in seconds.
     pub max_delay_s: f64,
-    /// What is allowed but may not be meant.
+    /// Settings that are valid but probably not intended.
     pub warnings: Vec<Problem>,
     /// Every setting with its final value, given or default, for summaries.
     pub resolved: toml::Table,
 }
 
 impl Scene {
-    /// Reads a scene's text whole; calibration files that it names are read by way of the caller. On failure: every problem, in the order of lines.
+    /// The seed of scenes that state none.
+    pub const DEFAULT_SEED: u32 = 1;
+
+    /// Returns how long frames wait for others by default, in seconds: a single camera has no others to wait for.
+    pub fn default_max_delay_s(camera_count: usize) -> f64 {
+        if camera_count > 1 { 0.1 } else { 0.0 }
+    }
+
+    /// Reads a scene's text. The caller reads the calibration files that it names. On failure, returns every problem, in the order of lines.
     pub fn parse(text: &str, read_calibration: ReadCalibration) -> Result<Self, Vec<Problem>> {
         Self::parse_with(text, &toml::Table::new(), read_calibration)
     }
 
     /// Reads a scene's text as [`Scene::parse`] does, with some of its settings replaced or added.
     ///
-    /// `replaced` maps full keys, as `targets.ball.filter.particles`, to values; a table replaces all of the table that stands there.
+    /// `replaced` maps full keys, such as `targets.ball.filter.particles`, to values. A table replaces the whole table of that key.
     /// Problems with these values have no line.
     pub fn parse_with(
         text: &str,
@@ -71,8 +89,31 @@ impl Scene {
         let values = replaced::text_behind(text, replaced);
         replaced::put_all(&mut root, replaced, &values);
         let table = Table::root(&journal, &root);
-        let seed = table.or("seed", 1_u32);
-        let camera_tables = table.named_tables("cameras", "camera");
+        let mut scene = Self::read(&table, read_calibration);
+        table.finish();
+        let (warnings, resolved) = journal.finish()?;
+        scene.warnings = warnings;
+        scene
+            .warnings
+            .extend(timing::cameras_at_one_place(&scene.cameras));
+        scene.resolved = resolved;
+        Ok(scene)
+    }
+
+    /// Returns the keys of scene files.
+    pub fn keys() -> Vec<KeyDescription> {
+        keys_of(|_, table| {
+            Self::read(table, &|_, _| Err(String::new()));
+        })
+    }
+
+    /// Reads all settings; what is invalid is left out and reported to the journal.
+    fn read(table: &Table, read_calibration: ReadCalibration) -> Self {
+        let seed = table
+            .key("seed", "Seed of all random numbers.")
+            .or(Self::DEFAULT_SEED);
+        let about = "The cameras, each by its name.";
+        let camera_tables = table.named_tables("cameras", about, Presence::Required);
         let camera_names: Vec<String> =
             camera_tables.iter().map(|(name, _)| name.clone()).collect();
         let cameras: Vec<_> = camera_tables
@@ -84,22 +125,20 @@ impl Scene {
             lowest: plane::lowest(&cameras),
             all: camera_names,
         };
+        let about = "The targets, each by its name.";
         let targets: Vec<_> = table
-            .named_tables("targets", "target")
+            .named_tables("targets", about, Presence::Required)
             .into_iter()
             .filter_map(|(name, table)| TargetConfig::read(name, table, &names))
             .collect();
-        let max_delay_s = timing::read_max_delay_s(&table, names.all.len());
-        table.finish();
-        let (mut warnings, resolved) = journal.finish()?;
-        warnings.extend(timing::cameras_at_one_place(&cameras));
-        Ok(Self {
+        let max_delay_s = timing::read_max_delay_s(table, names.all.len());
+        Self {
             seed,
             cameras,
             targets,
             max_delay_s,
-            warnings,
-            resolved,
-        })
+            warnings: Vec::new(),
+            resolved: toml::Table::new(),
+        }
     }
 }

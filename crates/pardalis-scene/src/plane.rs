@@ -3,7 +3,9 @@
 use nalgebra::Matrix3;
 
 use super::camera::CameraConfig;
+use super::description::above;
 use super::reader::Table;
+use super::setting::Word;
 use pardalis_calibrate::plane::{PointPair, Rectangle, camera_center_m, fit};
 use pardalis_camera::Homography;
 use pardalis_camera::{Camera, Plane};
@@ -22,6 +24,11 @@ pub struct RectangleConfig {
 }
 
 impl RectangleConfig {
+    /// The number, from 1, of the corner nearest the image's bottom left.
+    const NEAREST_CORNER: usize = 1;
+    /// Images that are searched.
+    const FRAMES: usize = 10;
+
     /// The camera, from the rectangle's corners in pixels: counterclockwise to the eye, first the one nearest the image's bottom left.
     pub fn camera(&self, corners_px: [[f64; 2]; 4]) -> Result<Camera, Error> {
         let found = fit(&self.rectangle.pairs(corners_px))?;
@@ -63,21 +70,42 @@ pub(super) fn read_plane(table: &Table) -> Option<PlaneModel> {
     let ways = ["points", "homography", "rectangle"];
     let given: Vec<&str> = ways.into_iter().filter(|way| table.knows(way)).collect();
     let center = read_center(table);
+    let points = table
+        .key(
+            "points",
+            "Four or more points of the plane, each [u, v, x, y]: the pixel and the place in the world in metres. With more than four, outliers are left out.",
+        )
+        .unit("px, m")
+        .depends("unless `homography` or `rectangle` is given")
+        .conditional::<Vec<[f64; 4]>>();
+    let rows = table
+        .key(
+            "homography",
+            "The homography that takes (x, y, 1) of the plane in metres to the pixel (u, v, 1) up to scale.",
+        )
+        .depends("unless `points` or `rectangle` is given")
+        .conditional::<[[f64; 3]; 3]>();
+    let rectangle = read_rectangle(table);
     let homography = match given[..] {
-        ["points"] => read_points(table),
+        ["points"] => points.and_then(|points| fit_points(table, &points)),
         ["homography"] => {
-            let rows = table.optional::<[[f64; 3]; 3]>("homography");
             let matrix = rows.map(|rows| Matrix3::from_row_slice(rows.as_flattened()));
             matrix.and_then(|matrix| table.checked(Homography::new(matrix)))
         }
-        [_] => return read_rectangle(table, center?).map(PlaneModel::Rectangle),
+        [_] => {
+            let (center, rectangle) = (center?, rectangle?);
+            return Some(PlaneModel::Rectangle(RectangleConfig {
+                center,
+                ..rectangle
+            }));
+        }
         [] => {
             let message = "is missing; give four or more points of the plane, points = [[u, v, x, y], ...], in pixels and metres, or rectangle, or homography";
             table.problem("points", message);
             None
         }
         [first, second, ..] => {
-            table.problem(second, format!("stands beside {first}; keep one of them"));
+            table.conflict(second, first);
             None
         }
     };
@@ -91,59 +119,84 @@ pub(super) fn read_plane(table: &Table) -> Option<PlaneModel> {
         .map(PlaneModel::Known)
 }
 
-fn read_rectangle(plane: &Table, center: Center) -> Option<RectangleConfig> {
-    let table = plane.table("rectangle")?;
-    let size_m = table.optional::<[f64; 2]>("size_m");
-    let corners_m = table.optional::<[[f64; 2]; 4]>("corners_m");
-    let first = table.or("first", 1_usize);
-    let inner_edge = table.word("edge", &[("outer", false), ("inner", true)], "outer");
-    let frames = table.or("frames", 10_usize);
-    if !(1..=4).contains(&first) {
-        table.refuse(
-            "first",
-            "1 to 4: which of corners_m is nearest the image's bottom left",
-        );
-    }
-    if !(1..=100).contains(&frames) {
-        table.refuse("frames", "1 to 100");
-    }
-    if size_m.is_some_and(|size| size.iter().any(|side| *side <= 0.0)) {
-        table.refuse("size_m", "two lengths in metres, above 0");
-    }
-    let rectangle = match (size_m, corners_m) {
-        (Some(_), Some(_)) => {
-            table.problem("corners_m", "stands beside size_m; keep one of them");
-            None
-        }
-        (Some(size_m), None) => {
-            if table.has("first") {
-                table.problem("first", "is for corners_m; with size_m the corner nearest the image's bottom left is the origin");
+/// Which edge of a tape was measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum TapeEdge {
+    Outer,
+    Inner,
+}
+
+impl Word for TapeEdge {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("outer", Self::Outer), ("inner", Self::Inner)];
+}
+
+/// Reads the table `rectangle`, for a camera whose place is not known yet.
+fn read_rectangle(plane: &Table) -> Option<RectangleConfig> {
+    let about = "A rectangle on the plane, such as tape on the floor, that the program finds in the camera's first images. Only in scenes.";
+    plane.section("rectangle", about, |table| {
+        let size_m = table
+            .key(
+                "size_m",
+                "Lengths of the side that starts at the corner nearest the image's bottom left, which is the world's origin, and of the next side counterclockwise.",
+            )
+            .within(above(0.0, f64::INFINITY))
+            .depends("unless `corners_m` is given")
+            .conditional::<[f64; 2]>();
+        let corners_m = table
+            .key(
+                "corners_m",
+                "The corners (x, y) in the world, counterclockwise as seen from above.",
+            )
+            .depends("unless `size_m` is given")
+            .conditional::<[[f64; 2]; 4]>();
+        let nearest = table
+            .key(
+                "nearest_corner",
+                "Which of `corners_m`, from 1, is nearest the image's bottom left.",
+            )
+            .within(1.0..=4.0)
+            .or(RectangleConfig::NEAREST_CORNER);
+        let edge = table
+            .key("edge", "The edge of the tape that the lengths refer to.")
+            .word(TapeEdge::Outer);
+        let frames = table
+            .key("frames", "Number of images to search, from the first on.")
+            .within(1.0..=100.0)
+            .or(RectangleConfig::FRAMES);
+        let rectangle = match (size_m, corners_m) {
+            (Some(_), Some(_)) => {
+                table.conflict("corners_m", "size_m");
+                None
             }
-            Some(Rectangle::of_size(size_m))
-        }
-        (None, Some(corners_m)) => Some(Rectangle {
-            corners_m,
-            nearest: first.saturating_sub(1),
-        }),
-        (None, None) => {
-            if !table.has("size_m") && !table.has("corners_m") {
-                table.problem("size_m", "is missing; give size_m = [first side, the next one counterclockwise], or corners_m = [[x, y], ...]");
+            (Some(size_m), None) => {
+                if table.has("nearest_corner") {
+                    table.problem("nearest_corner", "applies to corners_m only; with size_m the corner nearest the image's bottom left is the origin; remove it");
+                }
+                Some(Rectangle::of_size(size_m))
             }
-            None
-        }
-    };
-    table.finish();
-    Some(RectangleConfig {
-        rectangle: rectangle?,
-        inner_edge: inner_edge?,
-        frames,
-        center,
+            (None, Some(corners_m)) => Some(Rectangle {
+                corners_m,
+                nearest: nearest - 1,
+            }),
+            (None, None) => {
+                if !table.has("size_m") && !table.has("corners_m") {
+                    table.problem("size_m", "is missing; give size_m = [first side, the next one counterclockwise], or corners_m = [[x, y], ...]");
+                }
+                None
+            }
+        };
+        Some(RectangleConfig {
+            rectangle: rectangle?,
+            inner_edge: edge? == TapeEdge::Inner,
+            frames,
+            center: Center::Unknown,
+        })
     })
 }
 
-fn read_points(table: &Table) -> Option<Homography> {
-    let rows = table.optional::<Vec<[f64; 4]>>("points")?;
-    let pairs: Vec<PointPair> = rows
+fn fit_points(table: &Table, points: &[[f64; 4]]) -> Option<Homography> {
+    let pairs: Vec<PointPair> = points
         .iter()
         .map(|&[u, v, x, y]| PointPair {
             pixel: [u, v],
@@ -156,10 +209,10 @@ fn read_points(table: &Table) -> Option<Homography> {
     for &outlier in &found.outliers {
         let distance = found.residuals_px[outlier].map_or_else(
             || "behind the camera".to_owned(),
-            |[du, dv]| format!("{:.1} px from there", libm::hypot(du, dv)),
+            |[du, dv]| format!("{:.1} px away", libm::hypot(du, dv)),
         );
         let message = format!(
-            "point {} does not agree with the others, which put it {distance}; it is left out",
+            "point {} disagrees with the others, which put it {distance}; it is left out",
             outlier + 1
         );
         table.warn("points", message);
@@ -167,22 +220,45 @@ fn read_points(table: &Table) -> Option<Homography> {
     Some(found.homography)
 }
 
-/// Where the camera stands: given, or by its intrinsics; `None` where that is faulty.
+/// Reads where the camera is: directly, or from its intrinsics. Returns `None` after reporting a problem.
 fn read_center(table: &Table) -> Option<Center> {
-    let has_intrinsics = table.has("f_px") || table.has("center_px");
-    if table.knows("camera_center_m") {
-        for key in ["f_px", "center_px"] {
-            if table.knows(key) {
-                table.problem(key, "stands beside camera_center_m; keep one of them");
-            }
+    let camera_center_m = table
+        .key(
+            "camera_center_m",
+            "Where the camera is in the world, above the plane. Needed for shapes that rise over the plane, or `f_px` and `center_px` in its place.",
+        )
+        .depends("not known")
+        .optional();
+    let f_px = table
+        .key(
+            "f_px",
+            "Focal lengths, from which the camera's place is computed. Together with `center_px`.",
+        )
+        .within(1e-3..=1e6)
+        .depends("not known")
+        .optional();
+    let center_px = table
+        .key("center_px", "Principal point. Together with `f_px`.")
+        .within(-1e6..=1e6)
+        .depends("not known")
+        .optional();
+    let intrinsics = ["f_px", "center_px"];
+    let given: Vec<_> = intrinsics
+        .into_iter()
+        .filter(|key| table.has(key))
+        .collect();
+    if table.has("camera_center_m") {
+        for key in given {
+            table.conflict(key, "camera_center_m");
         }
-        return table.optional("camera_center_m").map(Center::At);
+        return camera_center_m.map(Center::At);
     }
-    if !has_intrinsics {
+    if given.is_empty() {
         return Some(Center::Unknown);
     }
-    let f_px = table.required("f_px");
-    let center_px = table.required("center_px");
+    for key in intrinsics.into_iter().filter(|key| !table.has(key)) {
+        table.problem(key, "is missing; f_px and center_px go together");
+    }
     Some(Center::Intrinsics {
         f_px: f_px?,
         center_px: center_px?,

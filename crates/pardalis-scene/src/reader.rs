@@ -1,211 +1,70 @@
-//! Reads a TOML text whole and gathers every problem with its key and line, where serde would stop at the first.
+//! Reads the tables of a TOML text and reports every problem with its key and line, where serde would stop at the first.
 
 use std::cell::RefCell;
-use std::fmt;
 use std::ops::Range;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::setting::Setting;
+use super::description::{Content, KeyDescription, Presence};
+pub(super) use super::journal::{Journal, Located, Problem};
 use super::{NAMES_ALLOWED, is_name};
 use pardalis_core::Error;
 
-/// What is wrong with a text, and where.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Problem {
-    /// The line, from 1; 0 where a value that was put in the place of the text's is at fault.
-    pub line: usize,
-    /// The full key, as `targets.ball.shape.sphere.radius_m`; empty for the text as a whole.
-    pub key: String,
-    /// What is wrong and what is allowed.
-    pub message: String,
-}
-
-impl fmt::Display for Problem {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.line {
-            0 => f.write_str("as set")?,
-            line => write!(f, "line {line}")?,
-        }
-        if self.key.is_empty() {
-            write!(f, ": {}", self.message)
-        } else {
-            write!(f, ": {}: {}", self.key, self.message)
-        }
-    }
-}
-
-/// A setting together with the place where it stands, for problems that show only when the setting is used.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Located<T> {
-    /// The setting.
-    pub value: T,
-    /// Its full key.
-    pub key: String,
-    /// Its line, from 1; 0 where it was put in the place of the text's.
-    pub line: usize,
-}
-
-impl<T> Located<T> {
-    /// A problem with this setting.
-    pub fn problem(&self, message: impl Into<String>) -> Problem {
-        Problem {
-            line: self.line,
-            key: self.key.clone(),
-            message: message.into(),
-        }
-    }
-}
-
-/// Problems and resolved settings, shared by all tables of one text.
-pub(super) struct Journal {
-    /// Where each line but the first begins.
-    line_starts: Vec<usize>,
-    /// The text's length in bytes; what lies behind it was put in from outside.
-    text_len: usize,
-    problems: RefCell<Vec<Problem>>,
-    /// What is allowed but deserves a word.
-    warnings: RefCell<Vec<Problem>>,
-    /// Every setting with its final value, given or default.
-    resolved: RefCell<toml::Table>,
-    /// Why the text is no TOML: what else seems wrong with it follows from that.
-    syntax: Option<Problem>,
-}
-
-/// Characters of a problem's key or message that are shown at most.
-const MAX_SHOWN: usize = 300;
-
-impl Journal {
-    /// Parses the text. Where it is no TOML the first fault is all that will be told; of doubled keys the first is taken, and the rest is still read.
-    pub(super) fn parse(text: &str) -> (Self, Spanned<DeTable<'_>>) {
-        let (root, errors) = DeTable::parse_recoverable(text);
-        let mut journal = Self {
-            line_starts: text.match_indices('\n').map(|(at, _)| at + 1).collect(),
-            text_len: text.len(),
-            problems: RefCell::default(),
-            warnings: RefCell::default(),
-            syntax: None,
-            resolved: RefCell::default(),
-        };
-        let mut has_doubled_name = false;
-        for error in errors {
-            let offset = error.span().map_or(0, |span| span.start);
-            match error.message() {
-                "duplicate key" => {
-                    let key = text.get(error.span().unwrap_or(0..0)).unwrap_or_default();
-                    let key = key.trim();
-                    let message = match first_of_name(text, offset, key) {
-                        Some((kind, line)) => {
-                            has_doubled_name = true;
-                            format!(
-                                "two {kind} are named {key}, the first in line {line}; give each a name of its own"
-                            )
-                        }
-                        // That the second has the keys of the first follows from it.
-                        None if has_doubled_name => continue,
-                        None => format!("the key {key} stands there twice; keep one"),
-                    };
-                    journal.add(offset, String::new(), message);
-                }
-                "recursion limit" | "cannot recurse further; max recursion depth met" => {
-                    let message =
-                        "tables or lists lie too deep in one another; allowed: a few levels";
-                    // Brackets that seem not to be closed follow from it.
-                    let problem = journal.problem_at(offset, String::new(), message.to_owned());
-                    journal.syntax = Some(problem);
-                }
-                message => {
-                    let message = message.replace('\n', ", ");
-                    let problem = journal.problem_at(offset, String::new(), message);
-                    journal.syntax.get_or_insert(problem);
-                }
-            }
-        }
-        (journal, root)
-    }
-
-    /// The line of a place in the text, from 1; 0 behind the text.
-    fn line_of(&self, offset: usize) -> usize {
-        if offset > self.text_len {
-            return 0;
-        }
-        self.line_starts.partition_point(|&start| start <= offset) + 1
-    }
-
-    fn problem_at(&self, offset: usize, key: String, message: String) -> Problem {
-        Problem {
-            line: self.line_of(offset),
-            key: shortened(key),
-            message: shortened(message),
-        }
-    }
-
-    fn add(&self, offset: usize, key: String, message: String) {
-        let problem = self.problem_at(offset, key, message);
-        self.problems.borrow_mut().push(problem);
-    }
-
-    /// All problems, in the order of their lines; where there are none, what deserves a word, and every setting with its final value.
-    pub(super) fn finish(self) -> Result<(Vec<Problem>, toml::Table), Vec<Problem>> {
-        if let Some(problem) = self.syntax {
-            return Err(vec![problem]);
-        }
-        let mut problems = self.problems.into_inner();
-        problems.sort();
-        problems.dedup();
-        if problems.is_empty() {
-            Ok((self.warnings.into_inner(), self.resolved.into_inner()))
-        } else {
-            Err(problems)
-        }
-    }
-
-    /// A problem that shows only when settings are put together.
-    pub(super) fn report(&self, problem: Problem) {
-        self.problems.borrow_mut().push(problem);
-    }
-
-    fn record(&self, path: &str, value: toml::Value) {
-        let mut table = &mut *self.resolved.borrow_mut();
-        let mut parts = path.split('.').peekable();
-        while let Some(part) = parts.next() {
-            if parts.peek().is_none() {
-                table.insert(part.to_owned(), value);
-                return;
-            }
-            let entry = table
-                .entry(part)
-                .or_insert_with(|| toml::Value::Table(toml::Table::new()));
-            match entry {
-                toml::Value::Table(inner) => table = inner,
-                _ => return,
-            }
-        }
-    }
-}
-
-/// A table of the text, which knows the keys that were asked for, so that the others can be named as unknown.
+/// A table of the text. It remembers the keys that the reader asks for and reports all others as unknown.
 pub(super) struct Table<'a, 't> {
-    journal: &'a Journal,
+    pub(super) journal: &'a Journal,
     path: String,
     table: &'a DeTable<'t>,
     span: Range<usize>,
     known: RefCell<Vec<&'static str>>,
 }
 
+/// One of the tables of which a file gives exactly one: its key and its meaning.
+pub(super) type Kind = (&'static str, &'static str);
+
 impl<'a, 't> Table<'a, 't> {
     pub(super) fn root(journal: &'a Journal, root: &'a Spanned<DeTable<'t>>) -> Self {
+        Self::new(journal, String::new(), root.get_ref(), 0..0)
+    }
+
+    /// A table without a file, to which the reader describes its keys.
+    pub(super) fn describing(journal: &'a Journal, empty: &'a DeTable<'t>) -> Self {
+        Self::new(journal, String::new(), empty, 0..0)
+    }
+
+    fn new(journal: &'a Journal, path: String, table: &'a DeTable<'t>, span: Range<usize>) -> Self {
         Self {
             journal,
-            path: String::new(),
-            table: root.get_ref(),
-            span: 0..0,
+            path,
+            table,
+            span,
             known: RefCell::default(),
         }
     }
 
-    fn path_of(&self, key: &str) -> String {
+    /// The table below this one to which the reader describes the keys of a table.
+    fn described(&self, key: &str) -> Self {
+        Self::new(self.journal, self.path_of(key), self.table, 0..0)
+    }
+
+    /// Whether the reader describes its keys instead of reading a file. It then visits every branch.
+    pub(super) fn is_describing(&self) -> bool {
+        self.journal.is_describing()
+    }
+
+    fn describe(&self, key: &str, about: &'static str, content: Content, presence: Presence) {
+        if self.is_describing() {
+            self.journal.describe(KeyDescription {
+                path: self.path_of(key),
+                about,
+                content,
+                presence,
+            });
+        }
+    }
+
+    pub(super) fn path_of(&self, key: &str) -> String {
         if self.path.is_empty() {
             key.to_owned()
         } else {
@@ -213,13 +72,13 @@ impl<'a, 't> Table<'a, 't> {
         }
     }
 
-    /// The key's value; the key counts as known from now on.
-    fn get(&self, key: &'static str) -> Option<&'a Spanned<DeValue<'t>>> {
+    /// Returns the key's value and marks the key as known.
+    pub(super) fn get(&self, key: &'static str) -> Option<&'a Spanned<DeValue<'t>>> {
         self.known.borrow_mut().push(key);
         self.table.get(key)
     }
 
-    /// The place of a key, or of the table where the key is not given.
+    /// Returns the place of a key, or of the table if the key is not given.
     fn offset_of(&self, key: &str) -> usize {
         match self.table.get(key) {
             Some(value) => value.span().start,
@@ -227,21 +86,25 @@ impl<'a, 't> Table<'a, 't> {
         }
     }
 
-    /// A problem with a key of this table.
+    /// Reports a problem with a key of this table.
     pub(super) fn problem(&self, key: &str, message: impl Into<String>) {
         self.journal
             .add(self.offset_of(key), self.path_of(key), message.into());
     }
 
-    /// Something about a key of this table that is allowed but deserves a word.
-    pub(super) fn warn(&self, key: &str, message: impl Into<String>) {
-        let warning =
-            self.journal
-                .problem_at(self.offset_of(key), self.path_of(key), message.into());
-        self.journal.warnings.borrow_mut().push(warning);
+    /// Reports that a key cannot be given together with another one.
+    pub(super) fn conflict(&self, key: &str, other: &str) {
+        let message = format!("cannot be combined with {other}; remove one of them");
+        self.problem(key, message);
     }
 
-    /// A problem with the value of a key, which is shown as it was written.
+    /// Warns about a key that is valid but probably not intended.
+    pub(super) fn warn(&self, key: &str, message: impl Into<String>) {
+        self.journal
+            .warn(self.offset_of(key), self.path_of(key), message.into());
+    }
+
+    /// Reports that the value of a key is not allowed. The value is shown as written.
     pub(super) fn refuse(&self, key: &str, allowed: &str) {
         let value = self.table.get(key).map(|value| shown(value.get_ref()));
         self.problem(
@@ -250,7 +113,7 @@ impl<'a, 't> Table<'a, 't> {
         );
     }
 
-    /// A problem with this table as a whole.
+    /// Reports a problem with this table as a whole.
     pub(super) fn problem_here(&self, message: impl Into<String>) {
         self.journal
             .add(self.span.start, self.path.clone(), message.into());
@@ -261,71 +124,12 @@ impl<'a, 't> Table<'a, 't> {
         self.table.get(key).is_some()
     }
 
-    /// Whether the key is given; it counts as known from now on.
+    /// Whether the key is given. Marks the key as known, for a message better than that the key does not exist.
     pub(super) fn knows(&self, key: &'static str) -> bool {
         self.get(key).is_some()
     }
 
-    /// The setting, if it is given and of the right type.
-    pub(super) fn optional<T: Setting>(&self, key: &'static str) -> Option<T> {
-        let value = self.get(key)?;
-        if let Some(setting) = T::read(value.get_ref()) {
-            self.journal.record(&self.path_of(key), setting.write());
-            return Some(setting);
-        }
-        self.refuse(key, T::ALLOWED);
-        None
-    }
-
-    /// The setting, which must be given.
-    pub(super) fn required<T: Setting>(&self, key: &'static str) -> Option<T> {
-        if !self.has(key) {
-            self.known.borrow_mut().push(key);
-            self.problem(key, format!("is missing; give {}", T::ALLOWED));
-            return None;
-        }
-        self.optional(key)
-    }
-
-    /// The setting, or its default.
-    pub(super) fn or<T: Setting>(&self, key: &'static str, default: T) -> T {
-        let given = self.optional(key);
-        if given.is_none() {
-            self.journal.record(&self.path_of(key), default.write());
-        }
-        given.unwrap_or(default)
-    }
-
-    /// A text that is one of a few words, or its default.
-    pub(super) fn word<T: Copy>(
-        &self,
-        key: &'static str,
-        words: &[(&str, T)],
-        default: &str,
-    ) -> Option<T> {
-        let word: String = self.or(key, default.to_owned());
-        let found = words
-            .iter()
-            .find(|(name, _)| *name == word)
-            .map(|&(_, value)| value);
-        if found.is_none() {
-            self.problem(
-                key,
-                format!(
-                    "is \"{word}\"; allowed: {}",
-                    listed(words.iter().map(|w| w.0))
-                ),
-            );
-        }
-        found
-    }
-
-    /// A setting with its place.
-    pub(super) fn located<T: Setting>(&self, key: &'static str) -> Option<Located<T>> {
-        self.optional(key).map(|value| self.at(key, value))
-    }
-
-    /// A value that was made from a key, with the key's place.
+    /// Returns a value that was made from a key, with the key's place.
     pub(super) fn at<T>(&self, key: &str, value: T) -> Located<T> {
         Located {
             value,
@@ -334,7 +138,7 @@ impl<'a, 't> Table<'a, 't> {
         }
     }
 
-    /// The value of a checked type, or the problem at the key that the library's error names.
+    /// Returns the value of a checked type, or reports the problem at the key that the library's error names.
     pub(super) fn checked<T>(&self, result: Result<T, Error>) -> Option<T> {
         match result {
             Ok(value) => Some(value),
@@ -357,10 +161,28 @@ impl<'a, 't> Table<'a, 't> {
         }
     }
 
-    /// A table under this key, if it is given.
-    pub(super) fn table(&self, key: &'static str) -> Option<Table<'a, 't>> {
+    /// Returns a table under a key that is declared elsewhere, if it is given.
+    pub(super) fn peek(&self, key: &'static str) -> Option<Table<'a, 't>> {
         let value = self.get(key)?;
         self.as_table(key, value)
+    }
+
+    /// Declares a table and reads it, if it is given. Without the table, [`Table::has`] is false; of a key that is no table, this reports it.
+    pub(super) fn section<T>(
+        &self,
+        key: &'static str,
+        about: &'static str,
+        read: impl FnOnce(&Table<'a, 't>) -> Option<T>,
+    ) -> Option<T> {
+        self.describe(key, about, Content::Table, Presence::Optional(""));
+        let table = if self.is_describing() {
+            self.described(key)
+        } else {
+            self.peek(key)?
+        };
+        let read = read(&table);
+        table.finish();
+        read
     }
 
     fn as_table(&self, key: &str, value: &'a Spanned<DeValue<'t>>) -> Option<Table<'a, 't>> {
@@ -368,42 +190,47 @@ impl<'a, 't> Table<'a, 't> {
             self.refuse(key, "a table");
             return None;
         };
-        Some(Table {
-            journal: self.journal,
-            path: self.path_of(key),
+        Some(Self::new(
+            self.journal,
+            self.path_of(key),
             table,
-            span: value.span(),
-            known: RefCell::default(),
-        })
+            value.span(),
+        ))
     }
 
-    /// The tables of names that the user chooses, in the order of the text.
+    /// Declares a table of tables with names that the user chooses, and returns these in the order of the text. The caller finishes each.
     pub(super) fn named_tables(
         &self,
         key: &'static str,
-        what: &str,
+        about: &'static str,
+        presence: Presence,
     ) -> Vec<(String, Table<'a, 't>)> {
-        let Some(tables) = self.table(key) else {
-            if !self.has(key) {
-                self.problem(
-                    key,
-                    format!("is missing; describe each {what} in a table [{key}.NAME]"),
-                );
+        let is_required = matches!(presence, Presence::Required | Presence::RequiredIf(_));
+        self.describe(key, about, Content::Named, presence);
+        if self.is_describing() {
+            let name = "NAME".to_owned();
+            return vec![(name.clone(), self.described(key).described(&name))];
+        }
+        let wanted = format!("describe each in a table [{}.NAME]", self.path_of(key));
+        let Some(tables) = self.peek(key) else {
+            if is_required && !self.has(key) {
+                self.problem(key, format!("is missing; {wanted}"));
             }
             return Vec::new();
         };
         let mut entries: Vec<_> = tables.table.iter().collect();
         entries.sort_by_key(|(name, _)| name.span().start);
         if entries.is_empty() {
-            tables.problem_here(format!(
-                "is empty; describe each {what} in a table [{key}.NAME]"
-            ));
+            tables.problem_here(format!("is empty; {wanted}"));
         }
         let mut named = Vec::new();
         for (name, value) in entries {
             let name = name.get_ref();
             if !is_name(name) {
-                tables.problem(name, format!("is no name; allowed: {NAMES_ALLOWED}"));
+                tables.problem(
+                    name,
+                    format!("is not a valid name; allowed: {NAMES_ALLOWED}"),
+                );
                 continue;
             }
             named.extend(
@@ -415,37 +242,91 @@ impl<'a, 't> Table<'a, 't> {
         named
     }
 
-    /// The one table that this table must hold, of those allowed: which kind of thing this is, and its parameters.
-    pub(super) fn one_of(&self, kinds: &[&'static str]) -> Option<(&'static str, Table<'a, 't>)> {
-        let given: Vec<_> = kinds
+    /// Declares a table that holds exactly one of several tables, and reads that one.
+    pub(super) fn choice<T>(
+        &self,
+        key: &'static str,
+        about: &'static str,
+        kinds: &[Kind],
+        presence: Presence,
+        read: impl FnMut(&'static str, &Table<'a, 't>) -> Option<T>,
+    ) -> Option<T> {
+        let is_required = presence == Presence::Required;
+        self.describe(key, about, Content::Choice, presence);
+        if self.is_describing() {
+            return self.described(key).one_of(kinds, read);
+        }
+        let Some(outer) = self.peek(key) else {
+            if is_required && !self.has(key) {
+                self.missing_choice(key, kinds);
+            }
+            return None;
+        };
+        let found = outer.one_of(kinds, read);
+        outer.finish();
+        found
+    }
+
+    /// Reports that none of several tables is given.
+    pub(super) fn missing_choice(&self, key: &str, kinds: &[Kind]) {
+        let wanted: Vec<_> = kinds
+            .iter()
+            .map(|(kind, _)| format!("{key}.{kind}"))
+            .collect();
+        let message = format!("is missing; give a table {}", wanted.join(" or "));
+        self.problem(key, message);
+    }
+
+    /// Declares tables of which this one must hold exactly one, and reads that one.
+    pub(super) fn one_of<T>(
+        &self,
+        kinds: &[Kind],
+        mut read: impl FnMut(&'static str, &Table<'a, 't>) -> Option<T>,
+    ) -> Option<T> {
+        if self.is_describing() {
+            for &(kind, about) in kinds {
+                self.describe(kind, about, Content::Table, Presence::Optional(""));
+                read(kind, &self.described(kind));
+            }
+            return None;
+        }
+        let names: Vec<&'static str> = kinds.iter().map(|(kind, _)| *kind).collect();
+        let given: Vec<_> = names
             .iter()
             .copied()
             .filter(|kind| self.has(kind))
             .collect();
         match given[..] {
-            [kind] => self.table(kind).map(|table| (kind, table)),
+            [kind] => {
+                let table = self.peek(kind)?;
+                let read = read(kind, &table);
+                table.finish();
+                read
+            }
             [] => {
-                let wanted = kinds
+                let wanted: Vec<_> = names
                     .iter()
                     .map(|kind| format!("[{}.{kind}]", self.path))
-                    .collect::<Vec<_>>()
-                    .join(" or ");
-                self.problem_here(format!("says no kind; give a table {wanted}"));
-                self.known.borrow_mut().extend(kinds);
+                    .collect();
+                self.problem_here(format!(
+                    "is incomplete; give a table {}",
+                    wanted.join(" or ")
+                ));
+                self.known.borrow_mut().extend(names);
                 None
             }
             _ => {
-                self.known.borrow_mut().extend(kinds);
                 self.problem_here(format!(
-                    "has {}; allowed: one of them",
+                    "has {}; keep one of them",
                     listed(given.into_iter())
                 ));
+                self.known.borrow_mut().extend(names);
                 None
             }
         }
     }
 
-    /// Names the keys that nobody asked for.
+    /// Reports the keys that the reader did not ask for.
     pub(super) fn finish(self) {
         let known = self.known.borrow();
         for (key, _) in self
@@ -475,27 +356,6 @@ impl<'a, 't> Table<'a, 't> {
                 format!("is not a key; {hint}"),
             );
         }
-    }
-}
-
-/// Where a doubled key is the name of a camera or target: which of them, and the line in which its table begins first.
-fn first_of_name(text: &str, offset: usize, key: &str) -> Option<(&'static str, usize)> {
-    let before = text.get(..offset)?.trim_end().strip_suffix('.')?;
-    let kinds = ["cameras", "targets"];
-    let kind = kinds.into_iter().find(|kind| before.ends_with(kind))?;
-    let header = format!("[{kind}.{key}");
-    let is_its = |line: &str| {
-        let rest = line.trim_start().strip_prefix(&header);
-        rest.is_some_and(|rest| rest.starts_with([']', '.']))
-    };
-    let line = text.lines().position(is_its)?;
-    Some((kind, line + 1))
-}
-
-fn shortened(text: String) -> String {
-    match text.char_indices().nth(MAX_SHOWN) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None => text,
     }
 }
 

@@ -1,11 +1,15 @@
-//! The types of settings: how each is read from a TOML value, and what is allowed.
+//! The types of settings: how each is read from a TOML value, and which values are allowed.
 
 use toml::de::DeValue;
 
+use super::description::Type;
+
 /// A type of settings.
 pub(super) trait Setting: Sized {
-    /// What is allowed, in words.
-    const ALLOWED: &'static str;
+    /// The type, for the reference.
+    fn kind() -> Type;
+    /// The allowed values, in words.
+    fn allowed() -> String;
     /// The same for a list of them.
     const LIST: &'static str = "a list";
     fn read(value: &DeValue) -> Option<Self>;
@@ -13,7 +17,12 @@ pub(super) trait Setting: Sized {
 }
 
 impl Setting for f64 {
-    const ALLOWED: &'static str = "a finite number";
+    fn kind() -> Type {
+        Type::Number
+    }
+    fn allowed() -> String {
+        "a finite number".to_owned()
+    }
     const LIST: &'static str = "a list of finite numbers";
     fn read(value: &DeValue) -> Option<Self> {
         let number: f64 = match value {
@@ -29,7 +38,12 @@ impl Setting for f64 {
 }
 
 impl Setting for bool {
-    const ALLOWED: &'static str = "true or false";
+    fn kind() -> Type {
+        Type::Boolean
+    }
+    fn allowed() -> String {
+        "true or false".to_owned()
+    }
     fn read(value: &DeValue) -> Option<Self> {
         match value {
             DeValue::Boolean(value) => Some(*value),
@@ -42,7 +56,12 @@ impl Setting for bool {
 }
 
 impl Setting for i64 {
-    const ALLOWED: &'static str = "a whole number";
+    fn kind() -> Type {
+        Type::Integer(i64::MIN, i64::MAX)
+    }
+    fn allowed() -> String {
+        "a whole number".to_owned()
+    }
     fn read(value: &DeValue) -> Option<Self> {
         let DeValue::Integer(integer) = value else {
             return None;
@@ -55,7 +74,12 @@ impl Setting for i64 {
 }
 
 impl Setting for usize {
-    const ALLOWED: &'static str = "a whole number, 0 or more";
+    fn kind() -> Type {
+        Type::Integer(0, i64::MAX)
+    }
+    fn allowed() -> String {
+        "a whole number, 0 or more".to_owned()
+    }
     const LIST: &'static str = "a list of whole numbers, 0 or more";
     fn read(value: &DeValue) -> Option<Self> {
         i64::read(value)?.try_into().ok()
@@ -66,7 +90,12 @@ impl Setting for usize {
 }
 
 impl Setting for u32 {
-    const ALLOWED: &'static str = "a whole number from 0 to 4294967295";
+    fn kind() -> Type {
+        Type::Integer(0, i64::from(u32::MAX))
+    }
+    fn allowed() -> String {
+        "a whole number from 0 to 4294967295".to_owned()
+    }
     fn read(value: &DeValue) -> Option<Self> {
         i64::read(value)?.try_into().ok()
     }
@@ -76,7 +105,12 @@ impl Setting for u32 {
 }
 
 impl Setting for String {
-    const ALLOWED: &'static str = "a text in quotes";
+    fn kind() -> Type {
+        Type::Text
+    }
+    fn allowed() -> String {
+        "a text in quotes".to_owned()
+    }
     const LIST: &'static str = "a list of texts";
     fn read(value: &DeValue) -> Option<Self> {
         value.as_str().map(str::to_owned)
@@ -87,7 +121,12 @@ impl Setting for String {
 }
 
 impl<T: Setting> Setting for Vec<T> {
-    const ALLOWED: &'static str = T::LIST;
+    fn kind() -> Type {
+        Type::List(Box::new(T::kind()), None)
+    }
+    fn allowed() -> String {
+        T::LIST.to_owned()
+    }
     const LIST: &'static str = "a list of rows of finite numbers";
     fn read(value: &DeValue) -> Option<Self> {
         value
@@ -102,14 +141,20 @@ impl<T: Setting> Setting for Vec<T> {
 }
 
 impl<const N: usize> Setting for [f64; N] {
-    const ALLOWED: &'static str = match N {
-        2 => "two finite numbers, [a, b]",
-        3 => "three finite numbers, [a, b, c]",
-        4 => "four finite numbers, [a, b, c, d]",
-        5 => "five finite numbers, [a, b, c, d, e]",
-        6 => "six finite numbers, [xx, xy, xz, yy, yz, zz]",
-        _ => "a list of finite numbers",
-    };
+    fn kind() -> Type {
+        Type::List(Box::new(Type::Number), Some(N))
+    }
+    fn allowed() -> String {
+        let allowed = match N {
+            2 => "two finite numbers, [a, b]",
+            3 => "three finite numbers, [a, b, c]",
+            4 => "four finite numbers, [a, b, c, d]",
+            5 => "five finite numbers, [a, b, c, d, e]",
+            6 => "six finite numbers, [xx, xy, xz, yy, yz, zz]",
+            _ => "a list of finite numbers",
+        };
+        allowed.to_owned()
+    }
     const LIST: &'static str = match N {
         4 => "a list of points of four finite numbers, [[u, v, x, y], ...]",
         _ => "a list of rows of finite numbers",
@@ -123,12 +168,18 @@ impl<const N: usize> Setting for [f64; N] {
 }
 
 impl<const ROWS: usize, const COLUMNS: usize> Setting for [[f64; COLUMNS]; ROWS] {
-    const ALLOWED: &'static str = match (ROWS, COLUMNS) {
-        (3, 3) => "three rows of three finite numbers",
-        (4, 2) => "four points of two finite numbers, [[x, y], ...]",
-        (4, 4) => "four rows of four finite numbers",
-        _ => "rows of finite numbers",
-    };
+    fn kind() -> Type {
+        Type::List(Box::new(<[f64; COLUMNS]>::kind()), Some(ROWS))
+    }
+    fn allowed() -> String {
+        let allowed = match (ROWS, COLUMNS) {
+            (3, 3) => "three rows of three finite numbers",
+            (4, 2) => "four points of two finite numbers, [[x, y], ...]",
+            (4, 4) => "four rows of four finite numbers",
+            _ => "rows of finite numbers",
+        };
+        allowed.to_owned()
+    }
     fn read(value: &DeValue) -> Option<Self> {
         let rows: Vec<[f64; COLUMNS]> = value
             .as_array()?
@@ -142,12 +193,45 @@ impl<const ROWS: usize, const COLUMNS: usize> Setting for [[f64; COLUMNS]; ROWS]
     }
 }
 
+/// A setting that is one of a few words.
+pub(super) trait Word: Copy + PartialEq + 'static {
+    /// Each word and its meaning.
+    const WORDS: &'static [(&'static str, Self)];
+}
+
+impl<T: Word> Setting for T {
+    fn kind() -> Type {
+        Type::Words(Self::WORDS.iter().map(|(word, _)| *word).collect())
+    }
+    fn allowed() -> String {
+        let words: Vec<_> = Self::WORDS
+            .iter()
+            .map(|(w, _)| format!("\"{w}\""))
+            .collect();
+        words.join(", ")
+    }
+    fn read(value: &DeValue) -> Option<Self> {
+        let word = value.as_str()?;
+        let found = Self::WORDS.iter().find(|(name, _)| *name == word);
+        found.map(|&(_, value)| value)
+    }
+    fn write(&self) -> toml::Value {
+        let found = Self::WORDS.iter().find(|(_, value)| value == self);
+        toml::Value::String(found.map_or_else(String::new, |(word, _)| (*word).to_owned()))
+    }
+}
+
 /// One number for all three axes, or three.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PerAxis(pub(super) [f64; 3]);
 
 impl Setting for PerAxis {
-    const ALLOWED: &'static str = "a finite number, or three of them, [x, y, z]";
+    fn kind() -> Type {
+        Type::Either(Box::new(Type::Number), Box::new(<[f64; 3]>::kind()))
+    }
+    fn allowed() -> String {
+        "a finite number, or three of them, [x, y, z]".to_owned()
+    }
     fn read(value: &DeValue) -> Option<Self> {
         f64::read(value)
             .map(|v| [v; 3])

@@ -1,11 +1,11 @@
 //! Where the targets of a scene start.
 
-use super::reader::{Located, Table};
+use super::description::{Presence, above};
+use super::reader::{Kind, Located, Table};
 use super::setting::PerAxis;
-use super::target::kind_of;
 use pardalis::start::{PixelStart, Start};
 use pardalis_camera::{Pose, pose_from_matrix};
-use pardalis_filter::gaussian::{GaussianStart, check_sigma, diagonal_m2};
+use pardalis_filter::gaussian::{GaussianStart, MAX_START, diagonal_m2};
 
 /// Where a target starts, as a scene says it.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,38 +29,81 @@ pub struct TrackStart {
     pub velocity_sigma_mps: f64,
 }
 
+/// The standard deviation of the velocity of a track, in m/s.
+const TRACK_VELOCITY_SIGMA_MPS: f64 = GaussianStart::VELOCITY_SIGMA_MPS[0];
+
+const KINDS: [Kind; 3] = [
+    ("gaussian", "Around a rough position."),
+    (
+        "pixel",
+        "Where the target is most likely along the ray through a pixel, for targets without the edge cue.",
+    ),
+    (
+        "track",
+        "From another track, such as another robot's: its last estimate before the first frames.",
+    ),
+];
+
 /// Reads the table `start` of a target of this name.
 pub(super) fn read_start(
     table: &Table,
     name: &str,
     cameras: &[String],
 ) -> Option<Located<StartConfig>> {
-    let (kind, start) = kind_of(table, "start", &["gaussian", "pixel", "track"])?;
-    let read = match kind {
-        "gaussian" => read_gaussian(&start),
-        "pixel" => read_pixel(&start, cameras),
-        _ => read_track(&start, name),
+    let about = "Where the target is in the first frames. A target with the edge cue needs none, since it is detected.";
+    let presence = if table.has("start") {
+        Presence::Optional("")
+    } else {
+        Presence::RequiredIf("unless the target has the edge cue")
     };
-    start.finish();
-    read
+    let start = table.choice("start", about, &KINDS, presence, |kind, start| match kind {
+        "gaussian" => read_gaussian(start),
+        "pixel" => read_pixel(start, cameras),
+        _ => read_track(start, name),
+    });
+    if !table.has("start") {
+        let message = "is missing; give a table start.gaussian or start.pixel or start.track, or remove the target's cues, so that it is detected";
+        table.problem("start", message);
+    }
+    start
 }
 
 fn read_gaussian(table: &Table) -> Option<Located<StartConfig>> {
-    let position_m = table.required("position_m");
-    let given = table.optional::<[f64; 6]>("covariance_m2");
-    let covariance_m2 = if table.has("covariance_m2") {
-        if table.optional::<PerAxis>("position_sigma_m").is_some() {
-            let message = "stands beside covariance_m2; keep one of them";
-            table.problem("position_sigma_m", message);
-        }
-        given
+    let default = GaussianStart::at([0.0; 3]);
+    let position_m = table
+        .key("position_m", "Mean position in the world.")
+        .within(-MAX_START..=MAX_START)
+        .required();
+    let covariance_m2 = table
+        .key(
+            "covariance_m2",
+            "Covariance of the position: xx, xy, xz, yy, yz, zz.",
+        )
+        .depends("from `position_sigma_m`")
+        .optional::<[f64; 6]>();
+    let sigma = table
+        .key("position_sigma_m", "Standard deviation of the position.")
+        .within(0.0..=MAX_START)
+        .or(PerAxis(GaussianStart::POSITION_SIGMA_M))
+        .0;
+    let has_covariance = table.has("covariance_m2");
+    if has_covariance && table.has("position_sigma_m") {
+        table.conflict("position_sigma_m", "covariance_m2");
+    }
+    let covariance_m2 = if has_covariance {
+        covariance_m2
     } else {
-        let sigma = table.or("position_sigma_m", PerAxis([0.1; 3])).0;
-        let checked = table.checked(check_sigma("position_sigma_m", sigma));
-        checked.map(|()| diagonal_m2(sigma))
+        Some(diagonal_m2(sigma))
     };
-    let velocity_mps = table.or("velocity_mps", [0.0; 3]);
-    let velocity_sigma_mps = table.or("velocity_sigma_mps", PerAxis([0.5; 3])).0;
+    let velocity_mps = table
+        .key("velocity_mps", "Mean velocity.")
+        .within(-MAX_START..=MAX_START)
+        .or(default.velocity_mps);
+    let velocity_sigma_mps = table
+        .key("velocity_sigma_mps", "Standard deviation of the velocity.")
+        .within(0.0..=MAX_START)
+        .or(PerAxis(default.velocity_sigma_mps))
+        .0;
     let start = GaussianStart {
         position_m: position_m?,
         covariance_m2: covariance_m2?,
@@ -72,32 +115,71 @@ fn read_gaussian(table: &Table) -> Option<Located<StartConfig>> {
 }
 
 fn read_pixel(table: &Table, cameras: &[String]) -> Option<Located<StartConfig>> {
-    let pixel = table.required("pixel");
-    let camera: Option<String> = if cameras.len() == 1 {
-        Some(table.or("camera", cameras[0].clone()))
-    } else {
-        table.required("camera")
-    };
     let default = PixelStart::at(0, [0.0; 2]);
-    let pixel_sigma_px = table.or("pixel_sigma_px", default.pixel_sigma_px);
-    let min_range_m = table.or("min_range_m", default.min_range_m);
-    let max_range_m = table.or("max_range_m", default.max_range_m);
-    let ground_z_m = table.or("ground_z_m", default.ground_z_m);
-    let ray_particles = table.or("ray_particles", default.ray_particles);
-    let sigma = |key, default| table.or(key, PerAxis(default)).0;
-    let position_sigma_m = sigma("position_sigma_m", default.position_sigma_m);
-    let velocity_sigma_mps = sigma("velocity_sigma_mps", default.velocity_sigma_mps);
+    let pixel_px = table
+        .key(
+            "pixel_px",
+            "Column and row of a pixel near the middle of the target.",
+        )
+        .required();
+    let camera = table
+        .key("camera", "The camera whose pixel it is.")
+        .depends("unless the scene has one camera");
+    let camera: Option<String> = if cameras.len() == 1 && !table.is_describing() {
+        Some(camera.or(cameras[0].clone()))
+    } else {
+        camera.required()
+    };
+    let pixel_sigma_px = table
+        .key(
+            "pixel_sigma_px",
+            "Standard deviation of the pixel; 0 searches one ray only, as the thesis does.",
+        )
+        .within(0.0..=1000.0)
+        .or(default.pixel_sigma_px);
+    let min_range_m = table
+        .key("min_range_m", "Where the search along the ray begins.")
+        .within(above(0.0, MAX_START))
+        .or(default.min_range_m);
+    let max_range_m = table
+        .key(
+            "max_range_m",
+            "Where it ends, unless the ray meets the ground before; greater than `min_range_m`.",
+        )
+        .within(above(0.0, MAX_START))
+        .or(default.max_range_m);
+    let ground_z_m = table
+        .key("ground_z_m", "Height of the ground in the world.")
+        .within(-MAX_START..=MAX_START)
+        .or(default.ground_z_m);
+    let ray_particles = table
+        .key("ray_particles", "Number of particles along the ray.")
+        .within(2.0..=100_000.0)
+        .or(default.ray_particles);
+    let position_sigma_m = table
+        .key(
+            "position_sigma_m",
+            "Standard deviation of the position around the best particle.",
+        )
+        .within(0.0..=MAX_START)
+        .or(PerAxis(default.position_sigma_m))
+        .0;
+    let velocity_sigma_mps = table
+        .key(
+            "velocity_sigma_mps",
+            "Standard deviation of the velocity around zero.",
+        )
+        .within(0.0..=MAX_START)
+        .or(PerAxis(default.velocity_sigma_mps))
+        .0;
     let camera = camera?;
     let Some(camera_number) = cameras.iter().position(|name| *name == camera) else {
-        table.problem(
-            "camera",
-            format!("is \"{camera}\"; allowed: {}", cameras.join(", ")),
-        );
+        table.refuse("camera", &cameras.join(", "));
         return None;
     };
     let start = PixelStart {
         camera: camera_number,
-        pixel: pixel?,
+        pixel: pixel_px?,
         pixel_sigma_px,
         min_range_m,
         max_range_m,
@@ -107,13 +189,25 @@ fn read_pixel(table: &Table, cameras: &[String]) -> Option<Located<StartConfig>>
         velocity_sigma_mps,
     };
     table.checked(start.check())?;
-    Some(table.at("pixel", StartConfig::Here(Start::Pixel(start))))
+    Some(table.at("pixel_px", StartConfig::Here(Start::Pixel(start))))
 }
 
 fn read_track(table: &Table, name: &str) -> Option<Located<StartConfig>> {
-    let file = table.required("file");
-    let target = table.or("target", name.to_owned());
-    let rows = table.optional::<[[f64; 4]; 4]>("world_from_other");
+    let file = table
+        .key("file", "A `tracks.csv` that `pardalis track` wrote.")
+        .required();
+    let target = table
+        .key("target", "The target's name in that file.")
+        .depends("the target's own name")
+        .or(name.to_owned());
+    let rows = table
+        .key(
+            "world_from_other",
+            "Pose of that file's world in this one, as a homogeneous matrix in metres.",
+        )
+        .unit("m")
+        .depends("the same world")
+        .optional::<[[f64; 4]; 4]>();
     let world_from_other = match rows {
         None if table.has("world_from_other") => None,
         None => Some(Pose::identity()),
@@ -121,8 +215,13 @@ fn read_track(table: &Table, name: &str) -> Option<Located<StartConfig>> {
             .map_err(|error| table.problem("world_from_other", error.to_string()))
             .ok(),
     };
-    let velocity_sigma_mps = table.or("velocity_sigma_mps", 0.5);
-    table.checked(check_sigma("velocity_sigma_mps", [velocity_sigma_mps; 3]))?;
+    let velocity_sigma_mps = table
+        .key(
+            "velocity_sigma_mps",
+            "Standard deviation of the velocity, which tracks do not state.",
+        )
+        .within(0.0..=MAX_START)
+        .or(TRACK_VELOCITY_SIGMA_MPS);
     let start = TrackStart {
         file: file?,
         target,

@@ -1,14 +1,20 @@
 //! The targets of a scene.
 
-use super::appearance::{read_cues, read_shape};
+use super::appearance::{CuesConfig, read_cues};
+use super::description::{Presence, above};
 use super::motion::read_motion;
 use super::reader::{Located, Table};
+use super::setting::Word;
+use super::shape::read_shape;
 use super::start::{StartConfig, read_start};
 use pardalis::color::ColorModel;
-use pardalis::likelihood::{ContourSettings, Cue, CueSettings};
+use pardalis::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
 use pardalis::shape::Shape;
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, ExistenceSettings, OcclusionRates};
+use pardalis::tracker::{
+    BodySettings, DetectedSettings, ExistenceSettings, InitializedSettings, OcclusionRates,
+};
+use pardalis_core::Error;
 use pardalis_filter::bernoulli::check_motion;
 use pardalis_filter::motion::{ConstantVelocity, Motion};
 use pardalis_filter::particle_filter::{FilterSettings, MAX_PARTICLES};
@@ -34,14 +40,49 @@ pub struct BodyConfig {
     pub shape: Shape,
     /// The file with its colours; none where every cue knows its own.
     pub colors: Option<Located<String>>,
-    /// How it is compared with the images.
-    pub cues: Vec<CueSettings>,
-    /// Its filter.
-    pub filter: FilterSettings,
-    /// Where its particles start, with the place of the position, pixel or file.
-    pub start: Located<StartConfig>,
-    /// How it comes, goes and hides, where it is sought.
-    pub existence: ExistenceSettings,
+    /// In which way it is tracked.
+    pub tracking: TrackingConfig,
+}
+
+/// One of the two ways in which a body is tracked.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TrackingConfig {
+    /// The tracker detects the target itself.
+    Detected {
+        /// The edge cue.
+        edge: EdgeSettings,
+        /// How it moves.
+        motion: Motion,
+        /// The number of particles.
+        particle_count: usize,
+        /// How it appears, disappears and becomes occluded.
+        existence: ExistenceSettings,
+        /// Where it is at first, if that is known, with the place of the position or file.
+        start: Option<Located<StartConfig>>,
+    },
+    /// The published cues track it from a given start.
+    Initialized {
+        /// The cues.
+        cues: Vec<CueSettings>,
+        /// Its particle filter.
+        filter: FilterSettings,
+        /// Where its particles start, with the place of the position, pixel or file.
+        start: Located<StartConfig>,
+    },
+}
+
+/// What the bodies of a target share, before their starts are read.
+enum Shared {
+    Detected {
+        edge: EdgeSettings,
+        motion: Option<Motion>,
+        particle_count: usize,
+        existence: Option<ExistenceSettings>,
+    },
+    Initialized {
+        cues: Vec<CueSettings>,
+        filter: Option<FilterSettings>,
+    },
 }
 
 /// The cameras of a scene, as far as its targets need to know them.
@@ -56,16 +97,14 @@ pub(super) struct CameraNames {
 }
 
 impl TargetConfig {
-    /// Reads one target; `None` when something needed is missing or faulty, which the journal then says.
+    /// Reads one target. Returns `None` after reporting a problem to the journal.
+    #[allow(clippy::too_many_lines)] // one table, read from top to bottom
     pub(super) fn read(name: String, table: Table, cameras: &CameraNames) -> Option<Self> {
-        let landmarks = if table.has("landmarks") {
-            table.named_tables("landmarks", "landmark")
-        } else {
-            Vec::new()
-        };
-        let has_landmarks = table.has("landmarks");
+        let about = "Landmarks on the target, two or more, each with `colors`, `start` and perhaps a `shape` of its own. With the names `front` and `rear` they give the target a heading.";
+        let landmarks = table.named_tables("landmarks", about, Presence::Optional(""));
+        let has_landmarks = table.has("landmarks") || table.is_describing();
         // Each landmark may have a shape of its own.
-        let shape = (!has_landmarks || table.has("shape"))
+        let shape = (!has_landmarks || table.has("shape") || table.is_describing())
             .then(|| read_shape(&table, cameras))
             .flatten();
         let own_shapes: Vec<_> = landmarks
@@ -83,68 +122,72 @@ impl TargetConfig {
         let has_start =
             table.has("start") || landmarks.iter().any(|(_, landmark)| landmark.has("start"));
         let cues = read_cues(&table, typical.as_ref(), &cameras.all, has_start);
-        let is_sought = cues
-            .as_ref()
-            .is_some_and(|cues| cues.iter().any(CueSettings::is_edge));
-        let filter = read_filter(&table, typical.as_ref(), is_sought);
-        let existence = read_existence(&table, is_sought);
+        let shared = read_shared(&table, typical.as_ref(), cues);
+        let motion = match &shared {
+            Some(Shared::Detected { motion, .. }) => *motion,
+            Some(Shared::Initialized { filter, .. }) => filter.map(|filter| filter.motion),
+            None => None,
+        };
         if matches!(typical, Some(Shape::Flat(_)))
-            && filter.is_some_and(|filter| !filter.motion.is_planar())
+            && motion.is_some_and(|motion| !motion.is_planar())
         {
             let message = "lets a flat shape leave the ground; give planar_constant_velocity, planar_random_walk or planar_constant_acceleration";
             table.problem("motion", message);
         }
         let body = |name: String, table: &Table, shape: Option<Shape>| {
-            let colors = table.located("colors");
-            // Of cues that cannot be read their own problems are told.
-            let need_colors = |cues: &Vec<CueSettings>| {
-                cues.iter().any(|cue| !cue.cue.works_without_color_model())
-            };
-            if !table.has("colors") && cues.as_ref().is_some_and(need_colors) {
+            let colors = table
+                .key("colors", "Colour model of the target, made by `pardalis learn`. Relative to this file.")
+                .depends("unless the target has only the difference cue, or the window cue with `hue_deg`")
+                .located_conditional();
+            // Invalid cues report their own problems.
+            let needs_colors = shared.as_ref().is_some_and(Shared::needs_colors);
+            if !table.has("colors") && needs_colors {
                 let message = "is missing; give a colour model, made by `pardalis learn`, or, for the window cue alone, window.hue_deg and window.saturation";
                 table.problem("colors", message);
             }
-            // Of a shape that all share the cue's own table tells.
+            // If all share a shape, the cue's own table reports it.
             let has_form = matches!(shape, Some(Shape::Sphere(_) | Shape::Upright(_)));
-            let needs_flat_shape =
-                |cues: &Vec<CueSettings>| cues.iter().any(|cue| cue.cue.needs_flat_shape());
-            if has_form && cues.as_ref().is_some_and(needs_flat_shape) {
-                let message = "is not flat, but the cues region and difference look at flat regions; give shape.disc or shape.rectangle, or leave these cues out";
+            let needs_flat_shape = shared.as_ref().is_some_and(Shared::needs_flat_shape);
+            if has_form && needs_flat_shape {
+                let message = "is not flat, but the cues region and difference apply to flat targets only; give shape.disc or shape.rectangle, or remove these cues";
                 table.problem("shape", message);
             }
-            let start = if is_sought {
-                read_sought_start(table, &name, &cameras.all)
-            } else {
-                read_start(table, &name, &cameras.all)
+            let tracking = match &shared {
+                Some(shared) => shared.with_start(table, &name, &cameras.all),
+                // Problems of the start are reported all the same.
+                None => read_start(table, &name, &cameras.all).and(None),
             };
             Some(BodyConfig {
                 name,
                 shape: shape?,
                 colors,
-                cues: cues.clone()?,
-                filter: filter?,
-                start: start?,
-                existence: existence?,
+                tracking: tracking?,
             })
         };
+        if table.is_describing() {
+            body(name.clone(), &table, shape);
+        }
         let (bodies, heading) = if has_landmarks {
             for key in ["colors", "start"] {
                 if table.knows(key) {
-                    table.problem(key, "stands beside landmarks; give each landmark its own");
+                    table.problem(
+                        key,
+                        "cannot be combined with landmarks; move it into each landmark",
+                    );
                 }
             }
             let names: Vec<String> = landmarks.iter().map(|(name, _)| name.clone()).collect();
             if names.len() == 1 {
                 let message =
-                    "has one; give two or more, or put its settings into the target itself";
+                    "has one; give two or more, or move its settings into the target itself";
                 table.problem("landmarks", message);
             }
             let mut bodies = Vec::new();
             for ((name, landmark), shape) in landmarks.into_iter().zip(own_shapes) {
                 bodies.push(body(name, &landmark, shape));
-                if matches!(&bodies.last(), Some(Some(body)) if matches!(body.start.value, StartConfig::Track(_)))
-                {
-                    let message = "is a track, which does not say where landmarks are; give start.gaussian or start.pixel";
+                let start = bodies.last().and_then(|body| body.as_ref()?.start());
+                if start.is_some_and(|start| matches!(start.value, StartConfig::Track(_))) {
+                    let message = "is a track, which does not contain the positions of landmarks; give start.gaussian or start.pixel";
                     landmark.problem("start", message);
                 }
                 landmark.finish();
@@ -173,146 +216,341 @@ fn read_heading(table: &Table, landmarks: &[String]) -> Option<[usize; 2]> {
 }
 
 impl BodyConfig {
-    /// How it is tracked, once its files are read.
-    pub fn settings(&self, colors: Option<ColorModel>, start: Start) -> BodySettings {
-        BodySettings {
-            shape: self.shape,
-            colors,
-            cues: self.cues.clone(),
-            filter: self.filter,
-            start,
-            existence: self.existence,
+    /// Where it starts, if the scene says so.
+    pub fn start(&self) -> Option<&Located<StartConfig>> {
+        match &self.tracking {
+            TrackingConfig::Detected { start, .. } => start.as_ref(),
+            TrackingConfig::Initialized { start, .. } => Some(start),
         }
     }
 
-    /// Its contour cue, where it has one.
+    /// The published cues; none if the tracker detects the body itself.
+    pub fn cues(&self) -> &[CueSettings] {
+        match &self.tracking {
+            TrackingConfig::Detected { .. } => &[],
+            TrackingConfig::Initialized { cues, .. } => cues,
+        }
+    }
+
+    /// How it moves.
+    pub fn motion(&self) -> &Motion {
+        match &self.tracking {
+            TrackingConfig::Detected { motion, .. } => motion,
+            TrackingConfig::Initialized { filter, .. } => &filter.motion,
+        }
+    }
+
+    /// The number of its particles.
+    pub fn particle_count(&self) -> usize {
+        match &self.tracking {
+            TrackingConfig::Detected { particle_count, .. } => *particle_count,
+            TrackingConfig::Initialized { filter, .. } => filter.particle_count,
+        }
+    }
+
+    /// Its settings, once its files are read.
+    ///
+    /// Errors: a detected body without colours or with a start in a pixel, an initialised one without start.
+    pub fn settings(
+        &self,
+        colors: Option<ColorModel>,
+        start: Option<Start>,
+    ) -> Result<BodySettings, Error> {
+        let missing = |what: &str, remedy: &str| Error::Empty {
+            what: what.to_owned(),
+            remedy: remedy.to_owned(),
+        };
+        match &self.tracking {
+            TrackingConfig::Detected {
+                edge,
+                motion,
+                particle_count,
+                existence,
+                ..
+            } => {
+                let start = match start {
+                    Some(Start::Gaussian(start)) => Some(start),
+                    Some(Start::Pixel(_)) => {
+                        let allowed = "none or a position for detected targets";
+                        return Err(Error::out_of_range("start", "a pixel", allowed));
+                    }
+                    None => None,
+                };
+                Ok(BodySettings::Detected(DetectedSettings {
+                    shape: self.shape,
+                    colors: colors
+                        .ok_or_else(|| missing("the edge cue's colour model", "learn one"))?,
+                    edge: *edge,
+                    motion: *motion,
+                    particle_count: *particle_count,
+                    existence: *existence,
+                    start,
+                }))
+            }
+            TrackingConfig::Initialized { cues, filter, .. } => {
+                let no_start = || missing("the start", "give a position or a pixel");
+                Ok(BodySettings::Initialized(InitializedSettings {
+                    shape: self.shape,
+                    colors,
+                    cues: cues.clone(),
+                    filter: *filter,
+                    start: start.ok_or_else(no_start)?,
+                }))
+            }
+        }
+    }
+
+    /// Its contour cue, if it has one.
     pub fn contour(&self) -> Option<&ContourSettings> {
-        self.cues.iter().find_map(|cue| match &cue.cue {
+        self.cues().iter().find_map(|cue| match &cue.cue {
             Cue::Contour(contour) => Some(contour),
             _ => None,
         })
     }
 }
 
-/// A table that holds one of several kinds of things.
-pub(super) fn kind_of<'a, 't>(
-    table: &Table<'a, 't>,
-    key: &'static str,
-    kinds: &[&'static str],
-) -> Option<(&'static str, Table<'a, 't>)> {
-    let Some(outer) = table.table(key) else {
-        if !table.has(key) {
-            let wanted = kinds
-                .iter()
-                .map(|kind| format!("{key}.{kind}"))
-                .collect::<Vec<_>>()
-                .join(" or ");
-            table.problem(key, format!("is missing; give a table {wanted}"));
+impl Shared {
+    fn needs_colors(&self) -> bool {
+        match self {
+            Self::Detected { .. } => true,
+            Self::Initialized { cues, .. } => {
+                cues.iter().any(|cue| !cue.cue.works_without_color_model())
+            }
         }
-        return None;
-    };
-    let found = outer.one_of(kinds);
-    outer.finish();
-    found
+    }
+
+    fn needs_flat_shape(&self) -> bool {
+        match self {
+            Self::Detected { .. } => false,
+            Self::Initialized { cues, .. } => cues.iter().any(|cue| cue.cue.needs_flat_shape()),
+        }
+    }
+
+    /// What the bodies share, with the start of the body in this table.
+    fn with_start(&self, table: &Table, name: &str, cameras: &[String]) -> Option<TrackingConfig> {
+        match self {
+            Self::Detected {
+                edge,
+                motion,
+                particle_count,
+                existence,
+            } => {
+                let start = read_detected_start(table, name, cameras);
+                Some(TrackingConfig::Detected {
+                    edge: *edge,
+                    motion: (*motion)?,
+                    particle_count: *particle_count,
+                    existence: (*existence)?,
+                    start: start.ok()?,
+                })
+            }
+            Self::Initialized { cues, filter } => {
+                let start = read_start(table, name, cameras);
+                Some(TrackingConfig::Initialized {
+                    cues: cues.clone(),
+                    filter: (*filter)?,
+                    start: start?,
+                })
+            }
+        }
+    }
 }
 
-/// What is sought needs no start.
-fn read_sought_start(
+/// Reads what the bodies of a target share. Returns `None` if its cues are invalid.
+fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -> Option<Shared> {
+    if table.is_describing() {
+        // The keys of both ways.
+        read_filter(table, shape);
+        read_existence(table);
+        return None;
+    }
+    match cues {
+        Some(CuesConfig::Edge(edge)) => {
+            let motion = read_motion(table, shape, ConstantVelocity::BETWEEN_VELOCITY_JUMPS);
+            let motion = motion.filter(|motion| match check_motion(motion) {
+                Ok(()) => true,
+                Err(error) => {
+                    table.problem("motion", error.to_string());
+                    false
+                }
+            });
+            Some(Shared::Detected {
+                edge,
+                motion,
+                particle_count: read_detected_particles(table),
+                existence: read_existence(table),
+            })
+        }
+        Some(CuesConfig::Published(cues)) => {
+            if table.knows("existence") {
+                let message = "needs the edge cue: the published cues track a target that always exists; remove it, or replace them by edge";
+                table.problem("existence", message);
+            }
+            Some(Shared::Initialized {
+                cues,
+                filter: read_filter(table, shape),
+            })
+        }
+        // Problems of the other tables are reported nevertheless.
+        None => {
+            table.knows("existence");
+            read_filter(table, shape);
+            None
+        }
+    }
+}
+
+/// Reads the start of a detected body, which needs none. The journal has the problem after an error.
+fn read_detected_start(
     table: &Table,
     name: &str,
     cameras: &[String],
-) -> Option<Located<StartConfig>> {
+) -> Result<Option<Located<StartConfig>>, ()> {
     if !table.has("start") {
-        return Some(table.at("start", StartConfig::Here(Start::Anywhere)));
+        return Ok(None);
     }
-    let start = read_start(table, name, cameras)?;
+    let start = read_start(table, name, cameras).ok_or(())?;
     if let StartConfig::Here(Start::Pixel(_)) = start.value {
-        let message = "is a pixel, but the edge cue finds its target by itself; leave start out, or give start.gaussian or start.track";
+        let message = "is a pixel, but the edge cue detects the target itself; remove start, or give start.gaussian or start.track";
         table.problem("start", message);
-        return None;
+        return Err(());
     }
-    Some(start)
+    Ok(Some(start))
 }
 
-/// Rates of coming, going and hiding; only what is sought has them.
-fn read_existence(table: &Table, is_sought: bool) -> Option<ExistenceSettings> {
+/// Reads how a detected target appears, disappears and becomes occluded.
+fn read_existence(table: &Table) -> Option<ExistenceSettings> {
     let default = ExistenceSettings::default();
-    if !is_sought {
-        return Some(default);
+    let about = "How often the target appears, disappears and is occluded. Only for targets with the edge cue.";
+    let settings = table.section("existence", about, |existence| {
+        let rate = |name, about, default| {
+            let key = existence.key(name, about).within(0.0..=1000.0);
+            key.or(default)
+        };
+        let settings = ExistenceSettings {
+            birth_rate_hz: rate(
+                "birth_rate_hz",
+                "Rate at which an absent target appears.",
+                default.birth_rate_hz,
+            ),
+            death_rate_hz: rate(
+                "death_rate_hz",
+                "Rate at which a present target disappears.",
+                default.death_rate_hz,
+            ),
+            relocation_rate_hz: rate(
+                "relocation_rate_hz",
+                "Rate at which the target is carried to any other place.",
+                default.relocation_rate_hz,
+            ),
+            velocity_jump_rate_hz: rate(
+                "velocity_jump_rate_hz",
+                "Rate of velocity jumps, such as bounces and kicks.",
+                default.velocity_jump_rate_hz,
+            ),
+            velocity_jump_sigma_mps: rate(
+                "velocity_jump_sigma_mps",
+                "Standard deviation of the velocity after a jump, on each axis.",
+                default.velocity_jump_sigma_mps,
+            ),
+            occlusion: OcclusionRates {
+                occlusion_hz: rate(
+                    "occlusion_rate_hz",
+                    "Rate at which a visible target becomes occluded in a camera.",
+                    default.occlusion.occlusion_hz,
+                ),
+                reappearance_hz: existence
+                    .key(
+                        "reappearance_rate_hz",
+                        "Rate at which an occluded target becomes visible again.",
+                    )
+                    .within(above(0.0, 1000.0))
+                    .or(default.occlusion.reappearance_hz),
+            },
+            ground_z_m: existence
+                .key(
+                    "ground_z_m",
+                    "Height of the ground in the world, below which there are no targets.",
+                )
+                .within(-1e6..=1e6)
+                .or(default.ground_z_m),
+        };
+        existence.checked(settings.check())?;
+        Some(settings)
+    });
+    if table.has("existence") {
+        settings
+    } else {
+        Some(default)
     }
-    let Some(existence) = table.table("existence") else {
-        return (!table.has("existence")).then_some(default);
-    };
-    let settings = ExistenceSettings {
-        birth_rate_hz: existence.or("birth_rate_hz", default.birth_rate_hz),
-        death_rate_hz: existence.or("death_rate_hz", default.death_rate_hz),
-        relocation_rate_hz: existence.or("relocation_rate_hz", default.relocation_rate_hz),
-        velocity_jump_rate_hz: existence.or("velocity_jump_rate_hz", default.velocity_jump_rate_hz),
-        velocity_jump_sigma_mps: existence
-            .or("velocity_jump_sigma_mps", default.velocity_jump_sigma_mps),
-        occlusion: OcclusionRates {
-            occlusion_hz: existence.or("occlusion_rate_hz", default.occlusion.occlusion_hz),
-            reappearance_hz: existence
-                .or("reappearance_rate_hz", default.occlusion.reappearance_hz),
-        },
-        ground_z_m: existence.or("ground_z_m", default.ground_z_m),
-    };
-    existence.checked(settings.check())?;
-    existence.finish();
-    Some(settings)
 }
 
-fn read_filter(table: &Table, shape: Option<&Shape>, is_sought: bool) -> Option<FilterSettings> {
-    let (default_motion, default_count) = if is_sought {
-        (ConstantVelocity::BETWEEN_KICKS, SOUGHT_PARTICLES)
+/// What the table `filter` holds.
+const ABOUT_FILTER: &str = "The particle filter.";
+
+/// Reads the number of particles of a detected target.
+fn read_detected_particles(table: &Table) -> usize {
+    let default = DetectedSettings::PARTICLE_COUNT;
+    let count = table.section("filter", ABOUT_FILTER, |filter| {
+        let count = read_particles(filter, default);
+        for key in ["resampling", "resample_below"] {
+            if filter.knows(key) {
+                let message =
+                    "has no effect on a detected target, whose filter resamples in its own way";
+                filter.warn(key, message);
+            }
+        }
+        Some(count)
+    });
+    count.unwrap_or(default)
+}
+
+fn read_particles(filter: &Table, default: usize) -> usize {
+    filter
+        .key("particles", "Number of particles.")
+        .within(1.0..=MAX_PARTICLES as f64)
+        .depends("2000; 500 for a target with the edge cue")
+        .or(default)
+}
+
+fn read_filter(table: &Table, shape: Option<&Shape>) -> Option<FilterSettings> {
+    let default = FilterSettings::default();
+    let motion = read_motion(table, shape, ConstantVelocity::DEFAULT);
+    let settings = table.section("filter", ABOUT_FILTER, |filter| {
+        let particle_count = read_particles(filter, default.particle_count);
+        let resampling = filter
+            .key("resampling", "Resampling scheme.")
+            .word(default.resampling);
+        let resample_below = filter
+            .key(
+                "resample_below",
+                "Resample when the effective sample size falls to this share of the particles; 1 resamples at every step.",
+            )
+            .within(above(0.0, 1.0))
+            .or(default.resample_below);
+        Some(FilterSettings {
+            particle_count,
+            motion: default.motion,
+            resampling: resampling?,
+            resample_below,
+        })
+    });
+    let settings = if table.has("filter") {
+        settings
     } else {
-        (ConstantVelocity::DEFAULT, DEFAULT_FILTER.particle_count)
+        Some(default)
     };
-    let motion = read_motion(table, shape, default_motion);
-    if is_sought
-        && let Some(motion) = &motion
-        && let Err(error) = check_motion(motion)
-    {
-        table.problem("motion", error.to_string());
-        return None;
-    }
-    let Some(filter) = table.table("filter") else {
-        return Some(FilterSettings {
-            motion: motion?,
-            particle_count: default_count,
-            ..DEFAULT_FILTER
-        });
-    };
-    let particle_count = filter.or("particles", default_count);
-    if !(1..=MAX_PARTICLES).contains(&particle_count) {
-        filter.refuse("particles", &format!("1 to {MAX_PARTICLES}"));
-    }
-    let schemes = [
-        ("systematic", Resampling::Systematic),
-        ("stratified", Resampling::Stratified),
-        ("residual", Resampling::Residual),
-        ("multinomial", Resampling::Multinomial),
-    ];
-    let resampling = filter.word("resampling", &schemes, "systematic");
-    let resample_below = filter.or("resample_below", DEFAULT_FILTER.resample_below);
-    if !(resample_below > 0.0 && resample_below <= 1.0) {
-        filter.refuse("resample_below", "above 0 and at most 1 (1: at every step)");
-    }
-    filter.finish();
     Some(FilterSettings {
-        particle_count,
         motion: motion?,
-        resampling: resampling?,
-        resample_below,
+        ..settings?
     })
 }
 
-/// Of the edge cue: its particles are drawn where the images say.
-const SOUGHT_PARTICLES: usize = 500;
-
-const DEFAULT_FILTER: FilterSettings = FilterSettings {
-    particle_count: 2000,
-    motion: Motion::DEFAULT,
-    resampling: Resampling::Systematic,
-    resample_below: 1.0,
-};
+impl Word for Resampling {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("systematic", Self::Systematic),
+        ("stratified", Self::Stratified),
+        ("residual", Self::Residual),
+        ("multinomial", Self::Multinomial),
+    ];
+}

@@ -1,26 +1,31 @@
-//! How the cameras of a scene stand to one another: their clocks, and cameras that are one by mistake.
+//! How the cameras of a scene work together: waiting for late frames, and cameras with the same pose.
 
+use super::Scene;
 use super::camera::CameraConfig;
 use super::reader::{Problem, Table};
 
-/// The longest that frames may wait for others, in seconds: what is held lies in memory.
+/// The longest time that frames may wait for others, in seconds: waiting frames occupy memory.
 const MAX_DELAY_S: f64 = 60.0;
 
-/// The setting `timing.max_delay_s`. One camera alone has no others to wait for.
+/// Reads the setting `timing.max_delay_s`. A single camera has no others to wait for.
 pub(super) fn read_max_delay_s(root: &Table, camera_count: usize) -> f64 {
-    let default_s = if camera_count > 1 { 0.1 } else { 0.0 };
-    let Some(timing) = root.table("timing") else {
-        return default_s;
-    };
-    let max_delay_s = timing.or("max_delay_s", default_s);
-    if !(0.0..=MAX_DELAY_S).contains(&max_delay_s) {
-        timing.refuse("max_delay_s", "0 to 60 seconds");
-    }
-    timing.finish();
-    max_delay_s
+    let default_s = Scene::default_max_delay_s(camera_count);
+    let about = "How the frames of several cameras are put into order.";
+    let max_delay_s = root.section("timing", about, |timing| {
+        let max_delay_s = timing
+            .key(
+                "max_delay_s",
+                "How long a frame waits, from its arrival, for earlier frames of other cameras.",
+            )
+            .within(0.0..=MAX_DELAY_S)
+            .depends("0.1; 0 for one camera")
+            .or(default_s);
+        Some(max_delay_s)
+    });
+    max_delay_s.unwrap_or(default_s)
 }
 
-/// A warning for each camera that has exactly the pose of one before it, as a copied table has.
+/// Returns a warning for each camera with exactly the pose of one before it, as in a copied table.
 pub(super) fn cameras_at_one_place(cameras: &[CameraConfig]) -> impl Iterator<Item = Problem> {
     cameras.iter().enumerate().filter_map(|(number, camera)| {
         let twin = cameras[..number]
@@ -30,7 +35,7 @@ pub(super) fn cameras_at_one_place(cameras: &[CameraConfig]) -> impl Iterator<It
             line: camera.input.place().line,
             key: format!("cameras.{}", camera.name),
             message: format!(
-                "stands and looks exactly as {} does; give it a world_from_camera of its own, unless that is meant",
+                "has the same pose as {}; correct its world_from_camera, unless that is intended",
                 twin.name
             ),
         })

@@ -1,40 +1,41 @@
-//! Shapes of things, and where rays meet them.
+//! Shapes of objects and their intersection with rays.
 
 use nalgebra::Vector3;
 
-/// A shape. Its frame begins at a ball's centre, in the middle of the base of any other body; z is the world's vertical.
+/// A shape. The origin of its frame is the centre of a ball and the centre of the base of any other body; z
+/// is the world's vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Body {
     /// A ball.
     Sphere {
-        /// Its radius.
+        /// Radius in metres.
         radius_m: f64,
     },
     /// An upright cylinder; a flat one is a disc.
     Cylinder {
-        /// Its radius.
+        /// Radius in metres.
         radius_m: f64,
-        /// Its height.
+        /// Height in metres.
         height_m: f64,
     },
-    /// A box: along its heading, across it, and its height.
+    /// A box.
     Box {
-        /// Its sides.
+        /// Sides in metres: along the heading, across it, and vertical.
         size_m: Vector3<f64>,
     },
 }
 
-/// Where a ray meets a body.
+/// Intersection of a ray with a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Hit {
-    /// Metres along the ray, whose direction has unit length.
+    /// Distance along the ray in metres; the ray's direction has unit length.
     pub(super) distance_m: f64,
-    /// Outward, unit length, in the frame of the ray.
+    /// Outward normal of unit length in the ray's frame.
     pub(super) normal: Vector3<f64>,
 }
 
 impl Body {
-    /// The middle, in the body's frame, and the radius of a sphere around it, in metres.
+    /// Returns the centre (body frame) and the radius of a bounding sphere, in metres.
     pub(super) fn bounds(&self) -> (Vector3<f64>, f64) {
         match *self {
             Self::Sphere { radius_m } => (Vector3::zeros(), radius_m),
@@ -46,7 +47,7 @@ impl Body {
         }
     }
 
-    /// Where a ray in the body's frame enters it; from inside there is nothing to be seen.
+    /// Returns the point where a ray in the body's frame enters the body; `None` from inside.
     pub(super) fn hit(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<Hit> {
         match *self {
             Self::Sphere { radius_m } => {
@@ -86,7 +87,8 @@ impl Body {
     }
 }
 
-/// Where a ray is inside both of two crossings: of the sides, whose normal is given, and of top and bottom.
+/// Returns the interval of a ray inside both crossings: of the sides, with the given normal, and of top and
+/// bottom.
 fn entry(
     [sides, flat]: &[[f64; 2]; 2],
     normal_of_side: impl Fn(f64) -> Vector3<f64>,
@@ -104,7 +106,7 @@ fn entry(
     Some(Hit { distance_m, normal })
 }
 
-/// Where along a line one coordinate is between two bounds.
+/// Returns the interval of a line in which one coordinate is within bounds.
 fn crossing_of_slab(origin: f64, direction: f64, [low, high]: [f64; 2]) -> Option<[f64; 2]> {
     if direction == 0.0 {
         let inside = low <= origin && origin <= high;
@@ -114,7 +116,7 @@ fn crossing_of_slab(origin: f64, direction: f64, [low, high]: [f64; 2]) -> Optio
     Some([a.min(b), a.max(b)])
 }
 
-/// Where along a line it is inside the endless cylinder about z.
+/// Returns the interval of a line inside the infinite cylinder about z.
 fn crossing_of_circle(
     origin: &Vector3<f64>,
     direction: &Vector3<f64>,
@@ -140,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rays_meet_bodies_on_their_surface_with_outward_normals() {
+    fn rays_hit_bodies_on_their_surface_with_outward_normals() {
         let bodies = [
             Body::Sphere { radius_m: 0.5 },
             Body::Cylinder {
@@ -168,18 +170,18 @@ mod tests {
                 assert!(hit.normal.dot(&direction) <= 0.0);
                 let point = origin + direction * hit.distance_m;
                 assert!((point - middle).norm() <= radius_m + 1e-9);
-                // A hair outside there is nothing behind it, a hair inside it is left again.
+                // Just outside, a ray away from the body misses it; just inside, a ray leaves it.
                 let outside = point + hit.normal * 1e-6;
                 assert!(body.hit(&outside, &hit.normal).is_none());
                 let back = body.hit(&(point - hit.normal * 1e-6), &hit.normal);
-                assert!(back.is_none(), "nothing is seen from inside");
+                assert!(back.is_none(), "a body is invisible from inside");
             }
             assert!(hits > 50, "{body:?}: {hits}");
         }
     }
 
     #[test]
-    fn a_disc_is_seen_from_above_and_not_beside_it() {
+    fn disc_is_visible_from_above_but_not_edge_on() {
         let disc = Body::Cylinder {
             radius_m: 0.1,
             height_m: 0.01,

@@ -1,8 +1,75 @@
-//! Worlds with exact truth, seen by any camera: what the experiments run on where nothing was filmed.
+//! Simulated worlds with exact ground truth, rendered through any camera model.
 //!
-//! A [`World`] is a pure function of time: where everything is ([`World::placed`]), what each camera sees ([`Renderer`]), when it says
-//! that it saw it ([`Timing::deliveries`]) and what is true then ([`truth`]). Images are made by casting rays with the camera's own
-//! [`Camera::unproject`](pardalis_camera::Camera::unproject). All that is random is a function of the seed and of what it is for.
+//! A [`World`] is a pure function of time. [`World::placed`] returns the objects, [`Renderer`] the images of
+//! a camera, [`Timing::deliveries`] their time stamps and arrival, and [`truth`] the ground truth as a camera
+//! sees it. Images are ray-cast with the camera's own
+//! [`Camera::unproject`](pardalis_camera::Camera::unproject). Every random number is a function of the seed
+//! and its purpose, so that results do not depend on the order of calls or the number of threads.
+//!
+//! # Example
+//!
+//! A red ball that circles in front of a camera:
+//!
+//! ```
+//! use nalgebra::Vector3;
+//! use pardalis_camera::{Camera, Pinhole, Pose};
+//! use pardalis_simulate::{
+//! Body, Course, ImageSettings, Light, Object, Path, Pattern, Renderer, Room, Texture, Timing, World,
+//! WorldCamera,
+//!     truth,
+//! };
+//!
+//! let world = World {
+//!     seed: 1,
+//!     duration_s: 2.0,
+//!     ground: None,
+//!     room: Room {
+//!         radius_m: 10.0,
+//!         texture: Texture { pattern: Pattern::Plain, colors: [[0.2; 3]; 2] },
+//!     },
+//!     light: Light { direction: Vector3::z(), ambient: 0.4 },
+//!     objects: vec![Object {
+//!         name: "ball".to_owned(),
+//!         body: Body::Sphere { radius_m: 0.1 },
+//!         color: [0.8, 0.1, 0.1],
+//!         highlight: 0.0,
+//!         course: Course::Path(Path::Circle {
+//!             center_m: Vector3::new(0.0, 0.0, 2.0),
+//!             radius_m: 0.3,
+//!             period_s: 4.0,
+//!             phase_rad: 0.0,
+//!         }),
+//!         heading_rad: None,
+//!         is_target: true,
+//!     }],
+//!     cameras: vec![WorldCamera {
+//!         name: "front".to_owned(),
+//!         camera: Camera::Pinhole(Pinhole::new([100.0; 2], [79.5, 59.5], &[])?),
+//!         size_px: (160, 120),
+//!         world_from_camera: Pose::identity(),
+//!         image: ImageSettings::default(),
+//!         timing: Timing::default(),
+//!     }],
+//! };
+//!
+//! let rgb = Renderer::new(&world, 0).image(0, 0.0);
+//! assert_eq!(rgb.len(), 3 * 160 * 120);
+//! let ball = truth(&world, &world.cameras[0], 0.0)[0];
+//! assert_eq!(ball.position_in_camera_m, [0.3, 0.0, 2.0]);
+//! assert_eq!(ball.visible_fraction, 1.0);
+//! // The image shows the ball where the ground truth says: red exceeds green.
+//! let [u, v] = ball.pixel.expect("in view").map(|c| c.round() as usize);
+//! let at = 3 * (160 * v + u);
+//! assert!(rgb[at] > 2 * rgb[at + 1]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Units and frames
+//!
+//! Lengths are in metres, times in seconds, angles in radians. The z axis of the world points up. Camera
+//! frames have x to the right, y down and z forwards; `world_from_camera` maps camera coordinates to world
+//! coordinates. Pixel centres have integer coordinates. Colours are linear red, green and blue from 0 to 1;
+//! rendered images are sRGB with three bytes per pixel, row by row.
 
 mod body;
 mod path;
@@ -26,96 +93,96 @@ use nalgebra::Vector3;
 use pardalis_camera::Camera;
 use pardalis_camera::Pose;
 
-/// All there is: things, light, and the cameras that look.
+/// A world: objects, light and cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct World {
     /// Seed of every random number.
     pub seed: u32,
-    /// Cameras take frames from 0 up to this time, in seconds.
+    /// Cameras take frames from time 0 to this time, in seconds.
     pub duration_s: f64,
-    /// The floor, if there is one.
+    /// Floor, if any.
     pub ground: Option<Ground>,
-    /// What is beyond.
+    /// Background.
     pub room: Room,
-    /// Where light comes from.
+    /// Illumination.
     pub light: Light,
-    /// The things, in the order of their names in the world file.
+    /// Objects, in the order of their names in the world file.
     pub objects: Vec<Object>,
-    /// The cameras.
+    /// Cameras.
     pub cameras: Vec<WorldCamera>,
 }
 
-/// A horizontal plane, seen from above.
+/// A horizontal plane that is visible from above.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ground {
-    /// Its height in metres.
+    /// Height in metres.
     pub z_m: f64,
-    /// Its colours.
+    /// Colours.
     pub texture: Texture,
-    /// A rectangle of tape on it.
+    /// Rectangle of tape on the ground, if any.
     pub tape: Option<Tape>,
 }
 
-/// A rectangular line on the ground, its sides along the world's axes.
+/// A rectangular strip of tape on the ground, with sides parallel to the world's axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tape {
-    /// The rectangle's middle, x and y in metres.
+    /// Centre of the rectangle: x and y in metres.
     pub center_m: [f64; 2],
-    /// Its outer sides along x and y in metres.
+    /// Outer side lengths along x and y in metres.
     pub size_m: [f64; 2],
-    /// How wide the tape is, in metres.
+    /// Width of the tape in metres.
     pub width_m: f64,
-    /// Red, green, blue, linear, 0 to 1.
+    /// Linear red, green and blue, 0 to 1.
     pub color: [f64; 3],
 }
 
-/// The inside of a sphere around the world's origin, on which the background is painted.
+/// The inside of a sphere around the world's origin that shows the background.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Room {
-    /// Its radius in metres.
+    /// Radius in metres.
     pub radius_m: f64,
-    /// Its colours.
+    /// Colours.
     pub texture: Texture,
 }
 
-/// A far lamp, and light from everywhere. Both together are 1 where a surface faces the lamp.
+/// A distant lamp plus ambient light. Together they have intensity 1 on surfaces that face the lamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
-    /// Towards the lamp, world frame, unit length.
+    /// Direction towards the lamp: world frame, unit length.
     pub direction: Vector3<f64>,
-    /// The share that comes from everywhere, 0 to 1.
+    /// Share of ambient light, 0 to 1.
     pub ambient: f64,
 }
 
-/// A thing in the world.
+/// An object in the world.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Object {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its shape and size.
+    /// Shape and size.
     pub body: Body,
-    /// Red, green, blue, linear, 0 to 1.
+    /// Linear red, green and blue, 0 to 1.
     pub color: [f64; 3],
-    /// How strong its highlight is, 0 (none) to 1 (white).
+    /// Strength of the highlight, from 0 (none) to 1 (white).
     pub highlight: f64,
-    /// Where it goes.
+    /// Motion.
     pub course: Course,
-    /// Its heading in radians where it is fixed; else it faces where it goes.
+    /// Constant heading in radians; if `None`, the object faces its direction of motion.
     pub heading_rad: Option<f64>,
-    /// Whether it is to be tracked: the scene has it as a target, and colours are learnt from it.
+    /// Whether the object is a target: the scene tracks it, and its colours are learnt.
     pub is_target: bool,
 }
 
-/// Where an object goes.
+/// Motion of an object.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Course {
-    /// Along a path of its own.
+    /// Along its own path.
     Path(Path),
-    /// With another object, at an offset in metres in that one's frame: x ahead, y to its left, z up.
+    /// On another object, at an offset in metres in the carrier's frame: x ahead, y to the left, z up.
     Rides {
-        /// The carrier's place in [`World::objects`]; it rides on nothing itself.
+        /// Index of the carrier in [`World::objects`]; it must have its own path.
         carrier: usize,
-        /// From the carrier's position.
+        /// Offset from the carrier's position, in metres.
         offset_m: Vector3<f64>,
     },
 }
@@ -123,40 +190,69 @@ pub enum Course {
 /// A camera in the world.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WorldCamera {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its model.
+    /// Camera model.
     pub camera: Camera,
-    /// Width and height of its images in pixels.
+    /// Width and height of the images in pixels.
     pub size_px: (usize, usize),
-    /// Its pose.
+    /// Pose: maps camera coordinates to world coordinates.
     pub world_from_camera: Pose,
-    /// What its images are like.
+    /// Image properties.
     pub image: ImageSettings,
-    /// When it takes them, and when it says that it did.
+    /// Exposure times, time stamps and delivery.
     pub timing: Timing,
 }
 
-/// Where an object is at one time.
+/// State of an object at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
-    /// A ball's centre, the middle of the base of any other body; world frame, metres.
+    /// Centre of a ball, or centre of the base of any other body: world frame, metres.
     pub position_m: Vector3<f64>,
-    /// Its velocity in the world, m/s.
+    /// Velocity in the world frame, m/s.
     pub velocity_mps: Vector3<f64>,
-    /// Where its front points, about the world's vertical; 0 along x.
+    /// Heading about the world's vertical, in radians; 0 along x.
     pub heading_rad: f64,
 }
 
+impl Default for Room {
+    /// Returns a sphere with a radius of 20 m and a pattern of grey clouds.
+    fn default() -> Self {
+        Self {
+            radius_m: 20.0,
+            texture: Texture {
+                pattern: Pattern::Noise {
+                    size_m: 5.0,
+                    octaves: Pattern::DEFAULT_OCTAVES,
+                },
+                colors: [[0.1, 0.1, 0.11], [0.35, 0.35, 0.34]],
+            },
+        }
+    }
+}
+
+impl Default for Light {
+    /// Returns a lamp nearly overhead with 50 % ambient light.
+    fn default() -> Self {
+        Self {
+            direction: Vector3::new(0.3, 0.2, 1.0).normalize(),
+            ambient: 0.5,
+        }
+    }
+}
+
 impl World {
-    /// Where every object is at a time, in the order of the objects.
+    /// Seed of worlds that state none.
+    pub const DEFAULT_SEED: u32 = 1;
+
+    /// Returns the state of every object at a time in seconds, in the order of the objects.
     pub fn placed(&self, time_s: f64) -> Vec<Placed> {
         let of_object = |object: &Object| match &object.course {
             Course::Path(path) => on_path(object, path, time_s),
             Course::Rides { carrier, offset_m } => {
                 let carrier = &self.objects[*carrier];
                 let Course::Path(path) = &carrier.course else {
-                    unreachable!("carriers have paths of their own")
+                    unreachable!("carriers have their own paths")
                 };
                 let at = |time_s: f64| {
                     let carrier = on_path(carrier, path, time_s);
@@ -167,7 +263,7 @@ impl World {
                 let (position_m, heading_rad) = at(time_s);
                 Placed {
                     position_m,
-                    // Turning moves it too; differences are exact to a micrometre per second.
+                    // Rotation moves it as well; finite differences are accurate to a micrometre per second.
                     velocity_mps: (at(time_s + STEP_S).0 - at(time_s - STEP_S).0) / (2.0 * STEP_S),
                     heading_rad: object.heading_rad.unwrap_or(heading_rad),
                 }
@@ -176,20 +272,20 @@ impl World {
         self.objects.iter().map(of_object).collect()
     }
 
-    /// Whether an object ever moves.
+    /// Reports whether an object ever moves.
     pub(crate) fn moves(&self, object: usize) -> bool {
         let path_of = match &self.objects[object].course {
             Course::Path(path) => path,
             Course::Rides { carrier, .. } => match &self.objects[*carrier].course {
                 Course::Path(path) => path,
-                Course::Rides { .. } => unreachable!("carriers have paths of their own"),
+                Course::Rides { .. } => unreachable!("carriers have their own paths"),
             },
         };
         !matches!(path_of, Path::Still { .. })
     }
 }
 
-/// Half of the step by which a rider's velocity is taken, in seconds.
+/// Half of the step for a rider's velocity by finite differences, in seconds.
 const STEP_S: f64 = 1e-4;
 
 fn on_path(object: &Object, path: &Path, time_s: f64) -> Placed {
@@ -203,7 +299,7 @@ fn on_path(object: &Object, path: &Path, time_s: f64) -> Placed {
     }
 }
 
-/// A vector turned about the vertical by an angle of this sine and cosine.
+/// Rotates a vector about the vertical by the angle with this sine and cosine.
 fn turned(v: &Vector3<f64>, (sin, cos): (f64, f64)) -> Vector3<f64> {
     Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z)
 }

@@ -1,4 +1,4 @@
-//! Where things go: position and velocity as functions of time.
+//! Paths: position and velocity as functions of time.
 
 use std::f64::consts::TAU;
 
@@ -6,58 +6,58 @@ use nalgebra::Vector3;
 
 use pardalis_core::Error;
 
-/// A path through the world; metres, seconds, world frame.
+/// A path through the world frame, in metres and seconds.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Path {
-    /// It stays.
+    /// A fixed position.
     Still {
-        /// Here.
+        /// The position.
         position_m: Vector3<f64>,
     },
     /// A straight line at constant velocity.
     Line {
-        /// Where it is at time 0.
+        /// Position at time 0.
         position_m: Vector3<f64>,
-        /// Its velocity in m/s.
+        /// Velocity in m/s.
         velocity_mps: Vector3<f64>,
     },
-    /// A horizontal circle, counter-clockwise from above.
+    /// A horizontal circle, counter-clockwise as seen from above.
     Circle {
-        /// The middle.
+        /// Centre.
         center_m: Vector3<f64>,
-        /// The radius.
+        /// Radius.
         radius_m: f64,
-        /// The time of a round in seconds; negative for clockwise.
+        /// Period in seconds; negative for clockwise motion.
         period_s: f64,
-        /// The angle from the x axis at time 0, in radians.
+        /// Angle from the x axis at time 0, in radians.
         phase_rad: f64,
     },
-    /// Through points at given times.
+    /// A curve through points at given times.
     Waypoints(Waypoints),
     /// A sum of sines on each axis.
     Harmonic {
-        /// The middle.
+        /// Centre.
         center_m: Vector3<f64>,
-        /// The sines of x, y and z.
+        /// Sines along x, y and z.
         sines: [Vec<Sine>; 3],
     },
-    /// A throw that bounces.
+    /// A throw with bounces.
     Throw(Throw),
 }
 
 /// `amplitude_m · sin(2π t / period_s + phase_rad)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sine {
-    /// Its amplitude in metres.
+    /// Amplitude in metres.
     pub amplitude_m: f64,
-    /// Its period in seconds.
+    /// Period in seconds.
     pub period_s: f64,
-    /// Its phase in radians.
+    /// Phase in radians.
     pub phase_rad: f64,
 }
 
 impl Path {
-    /// Position and velocity at a time.
+    /// Returns position and velocity at a time.
     pub fn at(&self, time_s: f64) -> (Vector3<f64>, Vector3<f64>) {
         match self {
             Self::Still { position_m } => (*position_m, Vector3::zeros()),
@@ -96,9 +96,10 @@ impl Path {
         }
     }
 
-    /// Where it is heading, about the vertical, in radians; 0 where it goes nowhere. At rest it faces where it will go, or went.
+    /// Returns the direction of motion about the vertical, in radians; 0 for vertical motion. At rest it is
+    /// the next direction of motion, or the last one.
     pub fn course_rad(&self, time_s: f64) -> f64 {
-        /// Slower than this is at rest, in m/s.
+        /// Speed below which an object counts as at rest, in m/s.
         const REST_MPS: f64 = 1e-9;
         let velocity = match self {
             Self::Waypoints(waypoints) => {
@@ -116,8 +117,8 @@ impl Path {
     }
 }
 
-/// A smooth curve through points (cubic Hermite, slopes from neighbours as Catmull and Rom 1974): at rest before the first and after the last,
-/// velocity without jumps between.
+/// A smooth curve through points: cubic Hermite with slopes from neighbouring points (Catmull and Rom 1974).
+/// It is at rest before the first point and after the last; its velocity is continuous in between.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Waypoints {
     times_s: Vec<f64>,
@@ -125,20 +126,20 @@ pub struct Waypoints {
 }
 
 impl Waypoints {
-    /// Two or more points; as many times, ascending.
+    /// Creates a curve through two or more points at ascending times.
     pub fn new(times_s: Vec<f64>, positions_m: Vec<Vector3<f64>>) -> Result<Self, Error> {
         if times_s.len() < 2 || times_s.len() != positions_m.len() {
             return Err(Error::out_of_range(
                 "times_s",
                 format!("{} times for {} points", times_s.len(), positions_m.len()),
-                "two or more points in positions_m, and a time for each",
+                "two or more points in positions_m, with one time each",
             ));
         }
         if let Some([before, after]) = times_s.array_windows().find(|[a, b]| !(b > a)) {
             return Err(Error::out_of_range(
                 "times_s",
                 format!("{after} after {before}"),
-                "times that ascend",
+                "ascending times",
             ));
         }
         Ok(Self {
@@ -147,12 +148,12 @@ impl Waypoints {
         })
     }
 
-    /// Its first and last time.
+    /// Returns the first and the last time.
     fn span_s(&self) -> [f64; 2] {
         [self.times_s[0], self.times_s[self.times_s.len() - 1]]
     }
 
-    /// The velocity at a point; none at the ends.
+    /// Returns the velocity at a point; zero at the ends.
     fn slope(&self, point: usize) -> Vector3<f64> {
         if point == 0 || point + 1 == self.times_s.len() {
             return Vector3::zeros();
@@ -184,27 +185,30 @@ impl Waypoints {
     }
 }
 
-/// A free throw under gravity that bounces at a height and at last rolls on.
+/// A throw under gravity that bounces at a given height and finally rolls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Throw {
-    /// Where it is thrown; it waits there until then.
+    /// Starting point, where the object rests until the throw.
     pub position_m: Vector3<f64>,
-    /// Its velocity when it is thrown, m/s.
+    /// Initial velocity in m/s.
     pub velocity_mps: Vector3<f64>,
-    /// When it is thrown, in seconds.
+    /// Time of the throw in seconds.
     pub start_s: f64,
-    /// The height of `position_m.z` at which it bounces: of a ball on the floor, its radius.
+    /// Height of `position_m.z` at which it bounces: the radius for a ball on the floor.
     pub rest_z_m: f64,
-    /// Vertical speed after a bounce over that before, 0 up to, but not including, 1.
+    /// Vertical speed after a bounce divided by the speed before, from 0 to below 1.
     pub bounce: f64,
 }
 
-/// Gravity, m/s².
+/// Gravity in m/s².
 const GRAVITY_MPS2: f64 = 9.81;
-/// Slower rebounds are none: it rolls from there.
+/// Rebound speed in m/s below which the object rolls instead.
 const ROLLS_BELOW_MPS: f64 = 0.05;
 
 impl Throw {
+    /// The default share of the vertical speed that a bounce leaves.
+    pub const DEFAULT_RESTITUTION: f64 = 0.7;
+
     fn at(&self, time_s: f64) -> (Vector3<f64>, Vector3<f64>) {
         let elapsed_s = time_s - self.start_s;
         if elapsed_s < 0.0 {
@@ -212,7 +216,7 @@ impl Throw {
         }
         let (mut z, mut vz) = (self.position_m.z - self.rest_z_m, self.velocity_mps.z);
         let mut left_s = elapsed_s;
-        // Speeds shrink by `bounce` each time, so that this ends.
+        // Speeds shrink by the factor `bounce` each time, so that the loop ends.
         loop {
             let flight_s = (vz + (vz * vz + 2.0 * GRAVITY_MPS2 * z.max(0.0)).sqrt()) / GRAVITY_MPS2;
             if left_s < flight_s {
@@ -287,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn velocities_are_the_derivatives_of_positions() {
+    fn velocities_are_derivatives_of_positions() {
         const H: f64 = 1e-6;
         for path in paths() {
             let mut jumps = 0;
@@ -301,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_passes_its_points_at_their_times_and_rests_at_its_ends() {
+    fn waypoint_curve_passes_its_points_and_rests_at_its_ends() {
         let points = [[0.0, 0.0, 0.0], [1.0, 2.0, 0.0], [1.0, 3.0, 1.0]].map(Vector3::from);
         let path = Path::Waypoints(Waypoints::new(vec![1.0, 1.5, 4.0], points.to_vec()).unwrap());
         for (time_s, point) in [1.0, 1.5, 4.0].into_iter().zip(points) {
@@ -309,14 +313,14 @@ mod tests {
         }
         assert_eq!(path.at(-5.0), (points[0], Vector3::zeros()));
         assert_eq!(path.at(9.0), (points[2], Vector3::zeros()));
-        // Towards (1, 2), from a first leg that bends towards y.
+        // Points towards (1, 2), after a first segment that bends towards y.
         assert!(path.course_rad(0.0) > 0.8 && path.course_rad(0.0) < 1.6);
         assert!(Waypoints::new(vec![1.0, 1.0, 2.0], points.to_vec()).is_err());
         assert!(Waypoints::new(vec![1.0, 2.0], points.to_vec()).is_err());
     }
 
     #[test]
-    fn a_throw_bounces_with_its_share_of_speed_and_at_last_rolls() {
+    fn throw_loses_speed_with_each_bounce_and_finally_rolls() {
         let throw = Throw {
             position_m: Vector3::new(0.0, 0.0, 1.1),
             velocity_mps: Vector3::new(2.0, 0.0, 0.0),
@@ -325,7 +329,7 @@ mod tests {
             bounce: 0.5,
         };
         assert_eq!(throw.at(0.5), (throw.position_m, Vector3::zeros()));
-        // It falls 1 m in sqrt(2 / g) and rises to a quarter of it.
+        // It falls 1 m in sqrt(2 / g) and rises to a quarter of that height.
         let fall_s = (2.0 / GRAVITY_MPS2).sqrt();
         assert!((throw.at(1.0 + fall_s).0.z - 0.1).abs() < 1e-9);
         assert!((throw.at(1.0 + 1.5 * fall_s).0.z - 0.35).abs() < 1e-9);

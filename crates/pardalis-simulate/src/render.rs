@@ -1,4 +1,4 @@
-//! The images of a camera: its still background once, and in each frame only what moves.
+//! Rendering of a camera's images: the static background once, the moving objects in each frame.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -9,42 +9,43 @@ use pardalis::shape::{OutlineCircle, SphereOutline};
 use pardalis_camera::Camera;
 use pardalis_core::rng::Draws;
 
-/// A camera of a world, ready to take images.
+/// Renderer of one camera of a world.
 ///
-/// The light on a pixel is the mean over rays within it ([`ImageSettings::samples`](super::ImageSettings::samples) along each side) and over the
-/// instants of the shutter; it is then blurred, drifts, gets its noise and is written as sRGB. Pixels without a ray are black.
+/// The light on a pixel is the mean over rays within it
+/// ([`ImageSettings::samples`](super::ImageSettings::samples) along each side) and over the instants of the
+/// exposure. Blur, drift and noise follow, then the conversion to sRGB. Pixels without a ray are black.
 pub struct Renderer<'a> {
     world: &'a World,
     camera: &'a WorldCamera,
     draws: Draws,
-    /// Objects that move.
+    /// Indices of the moving objects.
     moving: Vec<usize>,
-    /// The light on each pixel without them.
+    /// Light on each pixel without the moving objects.
     sharp: Light,
-    /// The same through the lens' blur.
+    /// The same after the lens blur.
     soft: Light,
     kernel: Vec<f32>,
 }
 
-/// Red, green and blue on each pixel, linear, row by row.
+/// Linear red, green and blue of each pixel, row by row.
 type Light = Vec<[f32; 3]>;
 
-/// Pixels: columns and rows from and up to, but not including, these.
+/// A range of pixels: first and one-past-last column and row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Rectangle {
     x: [usize; 2],
     y: [usize; 2],
 }
 
-/// Pixels around what moves that are looked at too.
+/// Margin around a moving object that is rendered with it, in pixels.
 const MARGIN_PX: f64 = 2.0;
-/// The same for mirrors without one viewpoint, from which outlines are only nearly what is seen.
+/// The same for mirrors without a single viewpoint, whose outlines are only approximate.
 const MIRROR_MARGIN_PX: f64 = 8.0;
-/// Points of an outline by which its place in the image is found.
+/// Number of outline points that bound an object's image.
 const OUTLINE_POINTS: usize = 64;
 
 impl<'a> Renderer<'a> {
-    /// Renders the still background of the camera of this number.
+    /// Renders the static background of the camera with this index.
     pub fn new(world: &'a World, camera: usize) -> Self {
         let draws = Draws::new(world.seed, camera as u32);
         let camera = &world.cameras[camera];
@@ -77,7 +78,8 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    /// The image of an exposure: three bytes a pixel, row by row. Its number chooses the noise, its time in seconds what is seen.
+    /// Renders the image of an exposure: three bytes per pixel, row by row. Its number selects the noise, its
+    /// time in seconds the scene.
     pub fn image(&self, exposure: u32, time_s: f64) -> Vec<u8> {
         let instants = self.camera.image.instants_around(time_s);
         let snapshots: Vec<_> = instants
@@ -88,12 +90,12 @@ impl<'a> Renderer<'a> {
         let boxes: Vec<_> = self
             .moving
             .iter()
-            .filter_map(|&object| self.seen_box(object, &snapshots))
+            .filter_map(|&object| self.visible_bounds(object, &snapshots))
             .collect();
         let width = self.camera.size_px.0;
-        for seen in &boxes {
-            for y in seen.y[0]..seen.y[1] {
-                for x in seen.x[0]..seen.x[1] {
+        for bounds in &boxes {
+            for y in bounds.y[0]..bounds.y[1] {
+                for x in bounds.x[0]..bounds.x[1] {
                     let rays = rays_of(self.camera, x, y);
                     let is_met = |ray: &WorldRay| {
                         let meets =
@@ -106,24 +108,24 @@ impl<'a> Renderer<'a> {
                 }
             }
         }
-        for seen in boxes {
-            let around = seen.grown(self.kernel.len() - 1, self.camera.size_px);
+        for bounds in boxes {
+            let around = bounds.grown(self.kernel.len() - 1, self.camera.size_px);
             blur(&sharp, &mut soft, self.camera.size_px, &self.kernel, around);
         }
         let image = &self.camera.image;
         image.develop(&soft, self.draws, exposure, time_s)
     }
 
-    /// The share of each pixel, row by row, in which an object is seen at a time in seconds, without blur.
+    /// Returns the share of each pixel, row by row, that an object covers at a time in seconds, without blur.
     pub fn coverage(&self, object: usize, time_s: f64) -> Vec<f32> {
         let snapshot = Snapshot::new(self.world, time_s);
         let (width, height) = self.camera.size_px;
         let mut coverage = vec![0.0; width * height];
-        let Some(seen) = self.seen_box(object, std::slice::from_ref(&snapshot)) else {
+        let Some(bounds) = self.visible_bounds(object, std::slice::from_ref(&snapshot)) else {
             return coverage;
         };
-        for y in seen.y[0]..seen.y[1] {
-            for x in seen.x[0]..seen.x[1] {
+        for y in bounds.y[0]..bounds.y[1] {
+            for x in bounds.x[0]..bounds.x[1] {
                 let rays = rays_of(self.camera, x, y);
                 let shows = |ray: &&WorldRay| {
                     snapshot
@@ -137,8 +139,8 @@ impl<'a> Renderer<'a> {
         coverage
     }
 
-    /// Pixels outside of which an object is not seen at any of some instants; `None` where it is not seen at all.
-    fn seen_box(&self, object: usize, snapshots: &[Snapshot]) -> Option<Rectangle> {
+    /// Returns the pixels that bound an object's image at several instants; `None` if it is not visible.
+    fn visible_bounds(&self, object: usize, snapshots: &[Snapshot]) -> Option<Rectangle> {
         let (width, height) = self.camera.size_px;
         let whole = Rectangle {
             x: [0, width],
@@ -149,7 +151,7 @@ impl<'a> Renderer<'a> {
             let (middle, radius_m) = snapshot.bounds(object);
             let pixels = outline_px(self.camera, &middle, radius_m);
             let outside = pixels.iter().filter(|pixel| pixel.is_none()).count();
-            // Cut off by the border of the camera's domain: what is left may be anywhere.
+            // The domain's border cuts the object; the rest may be anywhere.
             if outside > 0 && outside < pixels.len() {
                 return Some(whole);
             }
@@ -164,27 +166,28 @@ impl<'a> Renderer<'a> {
             Camera::ExactMirror(_) => MIRROR_MARGIN_PX,
             _ => MARGIN_PX,
         };
-        // Casts of floats saturate: left of and above the image becomes 0.
+        // Conversions from floats saturate: positions left of and above the image become 0.
         let span = |axis: usize, count: usize| {
             let from = (low[axis] - margin).floor() as usize;
             let to = (high[axis] + margin).ceil() as usize;
             [from.min(count), to.saturating_add(1).min(count)]
         };
-        let seen = Rectangle {
+        let bounds = Rectangle {
             x: span(0, width),
             y: span(1, height),
         };
         let is_empty = low[0] > high[0]
             || high[0] + margin < 0.0
             || high[1] + margin < 0.0
-            || seen.x[0] == seen.x[1]
-            || seen.y[0] == seen.y[1];
-        (!is_empty).then_some(seen)
+            || bounds.x[0] == bounds.x[1]
+            || bounds.y[0] == bounds.y[1];
+        (!is_empty).then_some(bounds)
     }
 }
 
-/// The pixels of the outline of a sphere in the world, of a smaller one and of its middle, each `None` outside the camera's domain. All are, around a
-/// camera inside of it, where it is seen all around.
+/// Projects the outline of a sphere in the world, of a smaller one and of the centre; `None` for points
+/// outside the camera's domain. If the camera is inside the sphere, returns one point without a pixel,
+/// because the sphere is visible in all directions.
 fn outline_px(camera: &WorldCamera, middle: &Vector3<f64>, radius_m: f64) -> Vec<Option<[f64; 2]>> {
     let viewpoint = Vector3::from(camera.camera.viewpoint_m());
     let in_camera = camera.world_from_camera.inverse() * Point3::from(*middle);
@@ -194,7 +197,7 @@ fn outline_px(camera: &WorldCamera, middle: &Vector3<f64>, radius_m: f64) -> Vec
         OutlineCircle::of_sphere(middle.into(), radius_m, SphereOutline::Tangent);
     let mut pixels = vec![project(middle)];
     if !outside {
-        // One place without a pixel and one with: the whole image.
+        // One point with a pixel and one without stand for the whole image.
         return vec![None, Some([0.0; 2])];
     }
     for i in 0..OUTLINE_POINTS {
@@ -205,7 +208,7 @@ fn outline_px(camera: &WorldCamera, middle: &Vector3<f64>, radius_m: f64) -> Vec
     pixels
 }
 
-/// The rays of a pixel, from evenly spread places in it.
+/// Returns rays through evenly distributed positions of a pixel.
 fn rays_of(camera: &WorldCamera, x: usize, y: usize) -> Vec<Option<WorldRay>> {
     let samples = camera.image.samples;
     let place = |at: usize, i: usize| at as f64 + (i as f64 + 0.5) / samples as f64 - 0.5;
@@ -217,7 +220,7 @@ fn rays_of(camera: &WorldCamera, x: usize, y: usize) -> Vec<Option<WorldRay>> {
         .collect()
 }
 
-/// The mean light along rays at some instants; none where there is no ray.
+/// Returns the mean light along rays at several instants; black if there is no ray.
 fn light_along(rays: &[Option<WorldRay>], snapshots: &[Snapshot]) -> [f32; 3] {
     let mut sum = Vector3::zeros();
     for ray in rays.iter().flatten() {
@@ -229,7 +232,7 @@ fn light_along(rays: &[Option<WorldRay>], snapshots: &[Snapshot]) -> [f32; 3] {
     mean.map(|light| light as f32).into()
 }
 
-/// Blurs part of an image; beyond its border its border's pixels count.
+/// Blurs a part of an image; the border pixels extend beyond the image.
 fn blur(
     sharp: &[[f32; 3]],
     soft: &mut [[f32; 3]],
@@ -250,7 +253,7 @@ fn blur(
         }
         sum
     };
-    // Along rows, then along columns.
+    // First along rows, then along columns.
     let mut along_rows = Vec::with_capacity(columns * (rows[1] - rows[0]));
     for y in rows[0]..rows[1] {
         for x in part.x[0]..part.x[1] {
@@ -270,7 +273,7 @@ fn blur(
 }
 
 impl Rectangle {
-    /// With as many pixels more on each side as the image has.
+    /// Grows the rectangle by this number of pixels on each side, within the image.
     fn grown(self, by: usize, (width, height): (usize, usize)) -> Self {
         let grow =
             |[from, to]: [usize; 2], count: usize| [from.saturating_sub(by), (to + by).min(count)];

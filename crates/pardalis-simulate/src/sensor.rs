@@ -1,37 +1,38 @@
-//! From light to the bytes of an image.
+//! Sensor model: from light to the bytes of an image.
 
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use pardalis_core::rng::{Draws, Stage};
 
-/// What a camera's images are like.
+/// Image properties of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImageSettings {
-    /// Rays along each side of a pixel.
+    /// Number of rays along each side of a pixel.
     pub samples: usize,
-    /// How long the shutter is open, in seconds, half of it on either side of the stated time.
+    /// Exposure time in seconds, centred on the stated time.
     pub shutter_s: f64,
-    /// Instants within that time whose images are averaged.
+    /// Number of instants within the exposure whose images are averaged.
     pub instants: usize,
-    /// Standard deviation of the lens' blur in pixels.
+    /// Standard deviation of the lens blur in pixels.
     pub blur_px: f64,
-    /// Standard deviation of the shot noise of white, in shares of white; it goes with the root of the light.
+    /// Standard deviation of the shot noise of white, as a share of white; it is proportional to the square
+    /// root of the light.
     pub shot_noise: f64,
-    /// Standard deviation of the read noise, in grey levels of 255.
+    /// Standard deviation of the read noise, in grey levels (0 to 255).
     pub read_noise: f64,
-    /// Amplitude by which the exposure drifts, in shares.
+    /// Amplitude of the exposure drift, as a share.
     pub gain_drift: f64,
-    /// Amplitude by which red and blue drift against each other, in shares.
+    /// Amplitude of the drift of red against blue, as a share.
     pub white_balance_drift: f64,
-    /// The period of both drifts in seconds.
+    /// Period of both drifts in seconds.
     pub drift_period_s: f64,
-    /// JPEG of this quality, 1 to 100, with chroma of half the size; none for PNG.
+    /// JPEG quality from 1 to 100 with 4:2:0 chroma subsampling; `None` for PNG.
     pub jpeg_quality: Option<u8>,
 }
 
 impl Default for ImageSettings {
-    /// A clean camera: no noise, blur or drift.
+    /// Returns an ideal camera without noise, blur and drift.
     fn default() -> Self {
         Self {
             samples: 3,
@@ -49,7 +50,7 @@ impl Default for ImageSettings {
 }
 
 impl ImageSettings {
-    /// The instants within the shutter's time around a time, in seconds.
+    /// Returns the instants of the exposure around a time, in seconds.
     pub(super) fn instants_around(&self, time_s: f64) -> Vec<f64> {
         if self.shutter_s == 0.0 {
             return vec![time_s];
@@ -60,7 +61,7 @@ impl ImageSettings {
             .collect()
     }
 
-    /// One side of the blur's kernel with its middle, which comes first; all of it sums to 1.
+    /// Returns one half of the blur kernel, beginning with the centre. The full kernel sums to 1.
     pub(super) fn blur_kernel(&self) -> Vec<f32> {
         let reach = (3.0 * self.blur_px).ceil() as usize;
         let weight = |i: usize| libm::exp(-0.5 * (i as f64 / self.blur_px).powi(2));
@@ -70,7 +71,7 @@ impl ImageSettings {
         kernel.map(|w| (w / sum) as f32).collect()
     }
 
-    /// The bytes of an image, three a pixel, of the light on its pixels, taken as this exposure at a time in seconds.
+    /// Converts the light on each pixel to bytes (three per pixel) for this exposure at a time in seconds.
     pub(super) fn develop(
         &self,
         light: &[[f32; 3]],
@@ -97,9 +98,9 @@ impl ImageSettings {
             for channel in 0..3 {
                 let level = color[channel] * gains[channel];
                 let (grey, slope) = grey_from_linear(level);
-                // The noise of the light as it shows in grey levels, and that of reading.
+                // Shot noise, as it appears in grey levels, and read noise.
                 let variance = (slope * shot).powi(2) * level + read * read;
-                // Casts of floats saturate.
+                // Conversions from floats saturate.
                 bytes.push((grey + variance.sqrt() * normals[channel] + 0.5) as u8);
             }
         }
@@ -107,7 +108,7 @@ impl ImageSettings {
     }
 }
 
-/// Linear red, green, blue, 0 to 1, of sRGB from 0 to 255 (IEC 61966-2-1).
+/// Converts sRGB (0 to 255) to linear red, green and blue (0 to 1) according to IEC 61966-2-1.
 pub fn linear_from_srgb(srgb: [f64; 3]) -> [f64; 3] {
     srgb.map(|grey| {
         let v = grey / 255.0;
@@ -119,7 +120,8 @@ pub fn linear_from_srgb(srgb: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// The sRGB value, 0 to 255, of linear light, and its derivative; from a table, within 0.1 grey levels.
+/// Returns the sRGB value (0 to 255) of linear light and its derivative, from a table with an error below 0.1
+/// grey levels.
 fn grey_from_linear(level: f32) -> (f32, f32) {
     const STEPS: usize = 4096;
     static TABLE: OnceLock<Vec<f32>> = OnceLock::new();
@@ -148,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_come_out_as_they_went_in() {
+    fn srgb_conversion_is_reversible() {
         let clean = ImageSettings::default();
         for grey in 0..=255_u8 {
             let light = linear_from_srgb([f64::from(grey); 3]).map(|v| v as f32);
@@ -158,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_as_strong_as_stated_and_each_exposure_has_its_own() {
+    fn noise_has_the_stated_strength_and_differs_between_exposures() {
         let noisy = ImageSettings {
             read_noise: 3.0,
             ..ImageSettings::default()
@@ -169,7 +171,7 @@ mod tests {
         let mean = bytes.iter().map(|&b| f64::from(b)).sum::<f64>() / bytes.len() as f64;
         let square = |&b: &u8| (f64::from(b) - mean).powi(2);
         let sigma = (bytes.iter().map(square).sum::<f64>() / bytes.len() as f64).sqrt();
-        // Rounding adds a twelfth to the variance.
+        // Rounding adds one twelfth to the variance.
         assert!(
             (mean - 128.0).abs() < 0.1 && (sigma - 3.014).abs() < 0.05,
             "{mean} {sigma}"

@@ -1,46 +1,52 @@
-//! Colours of surfaces, as functions of a point in space.
+//! Surface colours as functions of a point in space.
 
 use nalgebra::Vector3;
 
 use pardalis_core::rng::philox4x32_10;
 
-/// Two colours and how they alternate.
+/// Two colours and the pattern in which they alternate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Texture {
-    /// Which of them is where.
+    /// Pattern.
     pub pattern: Pattern,
-    /// Red, green, blue, linear, 0 to 1, of each.
+    /// The two colours: linear red, green and blue, 0 to 1.
     pub colors: [[f64; 3]; 2],
 }
 
-/// How two colours alternate.
+/// Pattern of two colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Pattern {
-    /// The first everywhere.
+    /// The first colour everywhere.
     Plain,
-    /// Cubes; squares on a plane.
+    /// Alternating cubes (squares on a plane).
     Checker {
-        /// The side of a cube.
+        /// Side of a cube in metres.
         size_m: f64,
     },
-    /// Layers across a direction; stripes on a plane.
+    /// Layers perpendicular to a horizontal direction (stripes on a plane).
     Stripes {
-        /// How thick a layer is.
+        /// Thickness of a layer in metres.
         width_m: f64,
-        /// The direction about the vertical from the x axis.
+        /// Direction about the vertical from the x axis, in radians.
         turn_rad: f64,
     },
-    /// Smooth value noise (Perlin's lattice, Hermite weights), octaves of half the size and half the weight each.
+    /// Smooth value noise (Perlin's lattice, Hermite weights); each octave has half the size and half the
+    /// weight of the previous one.
     Noise {
-        /// The lattice of the coarsest octave.
+        /// Lattice spacing of the coarsest octave in metres.
         size_m: f64,
-        /// How many there are.
+        /// Number of octaves.
         octaves: u32,
     },
 }
 
+impl Pattern {
+    /// Default number of octaves of noise.
+    pub const DEFAULT_OCTAVES: u32 = 4;
+}
+
 impl Texture {
-    /// The colour at a point in metres. `key` tells noises of different surfaces apart.
+    /// Returns the colour at a point in metres. `key` separates the noise of different surfaces.
     pub(super) fn color_at(&self, point_m: &Vector3<f64>, key: [u32; 2]) -> Vector3<f64> {
         let [first, second] = self.colors.map(Vector3::from);
         let odd = |cell: f64| f64::from(cell.rem_euclid(2.0) >= 1.0);
@@ -57,7 +63,7 @@ impl Texture {
     }
 }
 
-/// From 0 to 1, its mean a half.
+/// Returns noise from 0 to 1 with a mean of one half.
 fn noise(point: Vector3<f64>, octaves: u32, key: [u32; 2]) -> f64 {
     let (mut sum, mut weights) = (0.0, 0.0);
     let (mut point, mut weight) = (point, 1.0);
@@ -79,7 +85,7 @@ fn smooth_noise(point: &Vector3<f64>, octave: u32, key: [u32; 2]) -> f64 {
         let weight: f64 = (0..3)
             .map(|a| if bit(a) { share[a] } else { 1.0 - share[a] })
             .product();
-        // Flat surfaces through the lattice need only half of the corners.
+        // Flat surfaces that coincide with the lattice need only half of the corners.
         if weight > 0.0 {
             let lattice = |axis: usize| (cell[axis] as i64 + i64::from(bit(axis))) as u32;
             let words = philox4x32_10([lattice(0), lattice(1), lattice(2), octave], key);
@@ -94,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn patterns_alternate_as_stated_and_noise_is_smooth_within_its_colours() {
+    fn patterns_alternate_and_noise_is_smooth_and_within_its_colors() {
         let texture = |pattern| Texture {
             pattern,
             colors: [[0.0; 3], [1.0; 3]],

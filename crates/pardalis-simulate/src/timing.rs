@@ -1,40 +1,42 @@
-//! When a camera takes its images, what its stamps say, and what of it arrives.
+//! Exposure times, time stamps and delivery of a camera's images.
 
 use pardalis_core::rng::{Draws, Stage};
 
-/// A camera's clock and the way of its images to the program.
+/// Clock and transmission of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timing {
-    /// Frames a second.
+    /// Frame rate in Hz.
     pub fps: f64,
-    /// The middle of the first exposure, in seconds.
+    /// Middle of the first exposure, in seconds.
     pub phase_s: f64,
-    /// Whether a random part of a frame's interval is added to that, as of cameras that nobody triggers.
+    /// Whether a random fraction of the frame interval is added to the phase, as in cameras without a trigger.
     pub random_phase: bool,
-    /// Standard deviation of the error of its rate, in shares, as of cameras with their own quartz.
+    /// Standard deviation of the relative error of the frame rate, as in cameras with individual quartz
+    /// oscillators.
     pub rate_sigma: f64,
-    /// What its stamps are wrong by: stamp less true time, in seconds.
+    /// Error of the time stamps (stamp minus true time), in seconds.
     pub clock_offset_s: f64,
-    /// Standard deviation of a random part of that, one for all frames.
+    /// Standard deviation of an additional random error that is constant for the camera, in seconds.
     pub clock_offset_sigma_s: f64,
-    /// Standard deviation of each stamp's own error, cut at three times that, in seconds.
+    /// Standard deviation of each stamp's individual error in seconds, truncated at three standard deviations.
     pub stamp_jitter_s: f64,
-    /// The probability that a frame is dropped.
+    /// Probability that a frame is dropped.
     pub drop_probability: f64,
-    /// From and to which times all frames are dropped, in seconds.
+    /// Intervals (from, to) in seconds in which all frames are dropped.
     pub drops_s: Vec<[f64; 2]>,
-    /// From and to which times the image before is delivered again and again, in seconds.
+    /// Intervals (from, to) in seconds in which the last image is delivered repeatedly.
     pub freezes_s: Vec<[f64; 2]>,
-    /// From the middle of the exposure until the image reaches the program, in seconds.
+    /// Time from the middle of the exposure to the arrival of the image, in seconds.
     pub delay_s: f64,
-    /// Standard deviation of what is added to that, whose magnitude counts, cut at three times that, in seconds.
+    /// Standard deviation of a normal variable whose magnitude is added to the delay, in seconds, truncated
+    /// at three standard deviations.
     pub delay_jitter_s: f64,
-    /// Numbers of delivered images whose files are cut off.
+    /// Numbers of delivered images with truncated files.
     pub broken_frames: Vec<usize>,
 }
 
 impl Default for Timing {
-    /// A triggered camera of 25 frames a second whose images are there at once.
+    /// Returns a triggered camera at 25 frames per second without delay.
     fn default() -> Self {
         Self {
             fps: 25.0,
@@ -54,26 +56,27 @@ impl Default for Timing {
     }
 }
 
-/// An image that reaches the program; the place in the list is its number.
+/// A delivered image; its index in the list is its number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Delivery {
-    /// The true time of the middle of its exposure, in seconds.
+    /// True time of the middle of the exposure, in seconds.
     pub time_s: f64,
-    /// What its stamp says, in seconds.
+    /// Time stamp in seconds.
     pub stamp_s: f64,
-    /// When it reaches the program, by the true time, in seconds.
+    /// True time of arrival, in seconds.
     pub arrival_s: f64,
-    /// Number and true time of the exposure whose image it shows: its own, or, from a frozen camera, an earlier one.
+    /// Number and true time of the exposure in the image: its own, or an earlier one if the camera is frozen.
     pub shown: (u32, f64),
-    /// Whether its file is cut off.
+    /// Whether the file is truncated.
     pub is_broken: bool,
 }
 
-/// Draws for a whole camera, in place of an exposure's number.
+/// Exposure number that stands for the whole camera in random draws.
 const WHOLE_CAMERA: u32 = u32::MAX;
 
 impl Timing {
-    /// What arrives of the camera of this number, which runs from 0 up to a time in seconds, in the order in which it arrives.
+    /// Returns the deliveries of the camera with this index from time 0 to `duration_s` in seconds, in order
+    /// of arrival.
     pub fn deliveries(&self, seed: u32, camera: u32, duration_s: f64) -> Vec<Delivery> {
         let draws = Draws::new(seed, camera);
         let normals = |exposure: u32| {
@@ -126,7 +129,7 @@ impl Timing {
         deliveries
     }
 
-    /// Whether images reach the program later than they are taken.
+    /// Reports whether images arrive later than they are taken.
     pub fn has_delays(&self) -> bool {
         self.delay_s > 0.0 || self.delay_jitter_s > 0.0
     }
@@ -137,7 +140,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_triggered_camera_delivers_all_on_time() {
+    fn triggered_camera_delivers_all_images_on_time() {
         let deliveries = Timing::default().deliveries(1, 0, 0.4);
         assert_eq!(deliveries.len(), 10);
         for (number, delivery) in deliveries.iter().enumerate() {
@@ -150,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn drops_freezes_and_delays_are_as_stated() {
+    fn drops_freezes_and_delays_match_the_settings() {
         let timing = Timing {
             phase_s: 0.01,
             clock_offset_s: 0.5,
@@ -175,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn random_faults_are_as_frequent_and_as_large_as_stated() {
+    fn random_faults_match_their_frequency_and_size() {
         let timing = Timing {
             fps: 100.0,
             random_phase: true,

@@ -1,4 +1,4 @@
-//! What rays meet.
+//! Ray casting.
 
 use nalgebra::{Point3, Vector3};
 
@@ -13,11 +13,11 @@ pub(super) struct Snapshot<'a> {
     placed: Vec<Placed>,
     /// Sine and cosine of each object's heading.
     turns: Vec<(f64, f64)>,
-    /// The objects that are there.
+    /// Indices of the objects present.
     present: Vec<usize>,
 }
 
-/// How narrow highlights are: the exponent of Phong 1975.
+/// Exponent of the highlights (Phong 1975).
 const SHININESS: i32 = 30;
 
 impl<'a> Snapshot<'a> {
@@ -31,25 +31,25 @@ impl<'a> Snapshot<'a> {
         }
     }
 
-    /// The world with nothing in it that ever moves.
+    /// Returns the world without objects that ever move.
     pub(super) fn still(world: &'a World) -> Self {
         let mut snapshot = Self::new(world, 0.0);
         snapshot.present.retain(|&object| !world.moves(object));
         snapshot
     }
 
-    /// Where an object is.
+    /// Returns the placement of an object.
     pub(super) fn placed(&self, object: usize) -> &Placed {
         &self.placed[object]
     }
 
-    /// The middle and the radius of a sphere around an object, world frame, metres.
+    /// Returns centre and radius of a sphere around an object, world frame, metres.
     pub(super) fn bounds(&self, object: usize) -> (Vector3<f64>, f64) {
         let (middle, radius_m) = self.world.objects[object].body.bounds();
         (self.placed[object].position_m + middle, radius_m)
     }
 
-    /// Where a ray in the world meets one object.
+    /// Returns the intersection of a world ray with one object.
     pub(super) fn hit(&self, object: usize, ray: &WorldRay) -> Option<Hit> {
         let placed = &self.placed[object];
         let (sin, cos) = self.turns[object];
@@ -62,7 +62,7 @@ impl<'a> Snapshot<'a> {
         })
     }
 
-    /// The object that a ray meets first, before the ground.
+    /// Returns the first object that a ray meets in front of the ground.
     pub(super) fn first(&self, ray: &WorldRay) -> Option<(usize, Hit)> {
         let (object, hit) = self
             .present
@@ -82,7 +82,7 @@ impl<'a> Snapshot<'a> {
         }
     }
 
-    /// The light that comes along a ray: red, green, blue, linear.
+    /// Returns the light along a ray: linear red, green and blue.
     pub(super) fn color(&self, ray: &WorldRay) -> Vector3<f64> {
         if let Some((object, hit)) = self.first(ray) {
             return self.shaded(object, &hit, ray);
@@ -90,7 +90,7 @@ impl<'a> Snapshot<'a> {
         let room = &self.world.room;
         let room_m = ray.leaves_sphere_m(room.radius_m);
         let ground_m = self.ground_distance_m(ray);
-        // Each surface has its own noise; no target draws with these keys.
+        // Each surface has its own noise; no other random draw uses these keys.
         let key = |surface: u32| [self.world.seed, u32::MAX - surface];
         match &self.world.ground {
             Some(ground) if ground_m < room_m => {
@@ -105,7 +105,7 @@ impl<'a> Snapshot<'a> {
         }
     }
 
-    /// Lambert's law, and Phong's highlight.
+    /// Applies Lambert's law and Phong's highlight.
     fn shaded(&self, object: usize, hit: &Hit, ray: &WorldRay) -> Vector3<f64> {
         let (object, light) = (&self.world.objects[object], &self.world.light);
         let facing = hit.normal.dot(&light.direction).max(0.0);
@@ -118,14 +118,14 @@ impl<'a> Snapshot<'a> {
 
 /// A ray in the world frame.
 pub(super) struct WorldRay {
-    /// Metres.
+    /// Origin in metres.
     pub(super) origin: Vector3<f64>,
-    /// Unit length.
+    /// Direction of unit length.
     pub(super) direction: Vector3<f64>,
 }
 
 impl WorldRay {
-    /// What a pixel sees; `None` where the camera has no ray.
+    /// Returns the ray of a pixel; `None` if the camera has none.
     pub(super) fn of_pixel(
         camera: &Camera,
         world_from_camera: &Pose,
@@ -142,7 +142,8 @@ impl WorldRay {
         self.origin + self.direction * distance_m
     }
 
-    /// How far it is inside a sphere around the world's origin; from outside, as far as its nearest point.
+    /// Returns the distance at which the ray leaves a sphere around the world's origin; from outside, the
+    /// distance to the nearest point.
     fn leaves_sphere_m(&self, radius_m: f64) -> f64 {
         let along = -self.origin.dot(&self.direction);
         let square = radius_m * radius_m - self.at(along).norm_squared();

@@ -1,4 +1,4 @@
-//! What is true of each object as a camera sees it.
+//! Ground truth of each object as seen by a camera.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,20 +8,21 @@ use super::trace::{Snapshot, WorldRay};
 use super::{Placed, World, WorldCamera};
 use pardalis::shape::{OutlineCircle, SphereOutline};
 
-/// An object at one time, and how one camera sees it.
+/// State of an object at one time, and its appearance in one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
-    /// Where it is in the world.
+    /// Position, velocity and heading in the world frame.
     pub placed: Placed,
-    /// Its position in the camera's frame, metres.
+    /// Position in the camera's frame, in metres.
     pub position_in_camera_m: [f64; 3],
-    /// The pixel of its position, `None` outside the camera's domain.
+    /// Pixel of the position; `None` outside the camera's domain.
     pub pixel: Option<[f64; 2]>,
-    /// The share of what the camera would see of it alone that is neither hidden nor outside the image, 0 to 1.
+    /// Visible share, 0 to 1: the part that is neither occluded nor outside the image, relative to the
+    /// object's unoccluded appearance.
     pub visible_fraction: f64,
 }
 
-/// The truth of every object at a time, as one of the world's cameras sees it.
+/// Returns the truth of every object at a time in seconds, as seen by one of the world's cameras.
 pub fn truth(world: &World, camera: &WorldCamera, time_s: f64) -> Vec<Truth> {
     let snapshot = Snapshot::new(world, time_s);
     let camera_from_world = camera.world_from_camera.inverse();
@@ -39,7 +40,7 @@ pub fn truth(world: &World, camera: &WorldCamera, time_s: f64) -> Vec<Truth> {
         .collect()
 }
 
-/// Rays by which visibility is judged: steps of a quarter of a per cent.
+/// Number of rays that sample visibility: steps of a quarter of a percent.
 const RAYS: usize = 400;
 
 fn visible_fraction(snapshot: &Snapshot, camera: &WorldCamera, object: usize) -> f64 {
@@ -48,7 +49,7 @@ fn visible_fraction(snapshot: &Snapshot, camera: &WorldCamera, object: usize) ->
     let (middle, radius_m) = snapshot.bounds(object);
     let (mut seen, mut alone) = (0, 0);
     for i in 0..RAYS {
-        let aim = aim_at(&(middle - viewpoint.coords), radius_m, i);
+        let aim = direction_towards(&(middle - viewpoint.coords), radius_m, i);
         let ray = WorldRay {
             origin: viewpoint.coords,
             direction: aim.normalize(),
@@ -62,7 +63,7 @@ fn visible_fraction(snapshot: &Snapshot, camera: &WorldCamera, object: usize) ->
             .is_some_and(|(first, _)| first == object);
         let point = camera_from_world * Point3::from(ray.at(hit.distance_m));
         let pixel = camera.camera.project(point.into());
-        seen += i32::from(is_first && pixel.is_some_and(|pixel| camera.shows(pixel)));
+        seen += i32::from(is_first && pixel.is_some_and(|pixel| camera.contains(pixel)));
     }
     if alone == 0 {
         return 0.0;
@@ -71,15 +72,16 @@ fn visible_fraction(snapshot: &Snapshot, camera: &WorldCamera, object: usize) ->
 }
 
 impl WorldCamera {
-    /// Whether a place in the image plane is covered by a pixel.
-    fn shows(&self, pixel: [f64; 2]) -> bool {
+    /// Reports whether a pixel covers a position in the image plane.
+    fn contains(&self, pixel: [f64; 2]) -> bool {
         let inside = |at: f64, count: usize| -0.5 <= at && at < count as f64 - 0.5;
         inside(pixel[0], self.size_px.0) && inside(pixel[1], self.size_px.1)
     }
 }
 
-/// One of [`RAYS`] directions spread evenly (Vogel's spiral) over the disc that a sphere appears as; from within it, over all directions.
-fn aim_at(middle: &Vector3<f64>, radius_m: f64, number: usize) -> Vector3<f64> {
+/// Returns one of [`RAYS`] directions spread evenly (Vogel's spiral) over the disc of a sphere's image; from
+/// inside the sphere, over all directions.
+fn direction_towards(middle: &Vector3<f64>, radius_m: f64, number: usize) -> Vector3<f64> {
     let share = (number as f64 + 0.5) / RAYS as f64;
     let golden_angle = PI * (3.0 - 5.0_f64.sqrt());
     let (sin, cos) = libm::sincos((number as f64 * golden_angle) % TAU);

@@ -8,21 +8,24 @@ mod common;
 use std::hint::black_box;
 
 use common::{
-    FPS, ball, ball_colors, ball_filter, ball_start, ball_target, fisheye_view, frame, jump_picture,
+    FPS, ball, ball_colors, ball_filter, ball_start, ball_target, data, detected_ball,
+    fisheye_view, frame, jump_picture, set_of,
 };
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::Vector3;
 use pardalis::color::{ColorModel, Palette, PixelKind, PixelTable, YuvEncoding};
 use pardalis::likelihood::{ContourSettings, Cue, Cues};
 use pardalis::reference;
-use pardalis::shape::Shape;
+use pardalis::shape::{Shape, Sphere, SphereOutline};
+use pardalis::tracker::{DetectedSettings, TrackState};
 use pardalis::view::View;
-use pardalis::{Frame, PixelFormat, Tracker};
+use pardalis::{CameraId, Frame, FrameSet, PixelFormat, TargetId, Tracker};
+use pardalis_camera::CalibratedCamera;
 use pardalis_core::rng::{Draws, Stage};
 use pardalis_core::simd::Level;
 use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
-use pardalis_filter::particle_filter::Filter;
+use pardalis_filter::particle_filter::ParticleFilter;
 use pardalis_filter::resample::Resampling;
 
 /// Particles in real time and offline in Taiana 2007; each has two contours of 50 points.
@@ -61,7 +64,7 @@ struct Scene {
     colors: ColorModel,
     views: [View; 1],
     frames: [(usize, Frame); 1],
-    filter: Filter,
+    filter: ParticleFilter,
 }
 
 impl Scene {
@@ -71,7 +74,7 @@ impl Scene {
         let mut views = [fisheye_view()];
         views[0].prepare(PixelKind::of(&frames[0].1), palette);
         let draws = Draws::new(1, 0);
-        let mut filter = Filter::new(
+        let mut filter = ParticleFilter::new(
             ball_filter(particle_count),
             &ball_start(),
             draws,
@@ -143,13 +146,16 @@ fn whole_steps(criterion: &mut Criterion) {
                 scene.check(&mut scene.cue(level));
                 let targets = vec![ball_target(palette, count)];
                 let mut tracker = Tracker::new(vec![fisheye_view()], targets, 1, level).unwrap();
-                tracker.observe(&first, 0.0).unwrap();
+                let [(_, first)] = &first;
+                let [(_, second)] = &second;
+                tracker.observe(&set_of(first.clone())).unwrap();
                 let mut time_s = 0.0;
                 criterion.bench_function(&format!("step/{name}/{count}/{level_name}"), |bencher| {
                     bencher.iter(|| {
                         time_s += 1.0 / FPS;
-                        tracker.observe(black_box(&second), time_s).unwrap();
-                        tracker.estimate_at(0, time_s)
+                        let set = set_of(second.with_time_s(time_s).unwrap());
+                        tracker.observe(black_box(&set)).unwrap();
+                        tracker.estimate_at(TargetId::new(0), time_s).unwrap()
                     });
                 });
             }
@@ -169,6 +175,95 @@ fn whole_steps(criterion: &mut Criterion) {
                 });
             },
         );
+    }
+}
+
+/// A tracker with the default settings, and the sets that it is timed on: it has seen those before them.
+struct DefaultScene {
+    name: &'static str,
+    tracker: Tracker,
+    set: Vec<(CameraId, Frame)>,
+    time_s: f64,
+}
+
+impl DefaultScene {
+    fn new(
+        name: &'static str,
+        views: Vec<View>,
+        ball: DetectedSettings,
+        sets: impl Fn(usize) -> Vec<(CameraId, Frame)>,
+    ) -> Self {
+        let mut tracker = Tracker::new(views, [ball], 1, Level::best()).unwrap();
+        let mut time_s = 0.0;
+        let mut set = Vec::new();
+        for index in 0..12 {
+            set = sets(index);
+            time_s = set[0].1.time_s();
+            tracker
+                .observe(&FrameSet::new(set.clone()).unwrap())
+                .unwrap();
+        }
+        let found = tracker.estimate_at(TargetId::new(0), time_s).unwrap();
+        assert_eq!(found.state, TrackState::Tracking, "{name}");
+        Self {
+            name,
+            tracker,
+            set,
+            time_s,
+        }
+    }
+
+    /// The default path on one ball in the fisheye camera.
+    fn fisheye() -> Self {
+        Self::new("fisheye", vec![fisheye_view()], detected_ball(), |index| {
+            let time_s = index as f64 / FPS;
+            let format = PixelFormat::Rgb8;
+            let frame = frame(&jump_picture(index), format, YuvEncoding::default(), time_s);
+            vec![(CameraId::new(0), frame)]
+        })
+    }
+
+    /// The default path on one ball in two webcams.
+    fn webcams() -> Self {
+        let calibration = std::fs::read_to_string(data("webcams-two/cameras.json")).unwrap();
+        let cameras = pardalis_camera::formats::read(&calibration, None).unwrap();
+        let view = |camera: &CalibratedCamera| {
+            let (pose, size) = (camera.world_from_camera.unwrap(), camera.size_px.unwrap());
+            View::new(camera.camera.clone(), pose, size, None).unwrap()
+        };
+        let colors = data("colors/pink-ball.hsi.colors.toml");
+        let colors = ColorModel::from_text(&std::fs::read_to_string(colors).unwrap()).unwrap();
+        let ball = Sphere::new(0.035, SphereOutline::Tangent).unwrap();
+        let ball = DetectedSettings::new(Shape::Sphere(ball), colors);
+        let views = cameras.iter().map(view).collect();
+        Self::new("webcams", views, ball, |index| {
+            let of_camera = |camera: usize| {
+                let name = format!("webcams-two/frames/cam{}/{index:06}.jpg", camera + 1);
+                let picture = common::open(&name);
+                let time_s = index as f64 / 25.0;
+                let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s);
+                (CameraId::new(camera), frame)
+            };
+            [0, 1].map(of_camera).to_vec()
+        })
+    }
+}
+
+/// Detection, association, update, visibility and adaptation, through the tracker: one step in ten searches whole images.
+fn default_steps(criterion: &mut Criterion) {
+    for mut scene in [DefaultScene::fisheye(), DefaultScene::webcams()] {
+        criterion.bench_function(&format!("step/default/{}", scene.name), |bencher| {
+            bencher.iter(|| {
+                scene.time_s += 1.0 / FPS;
+                let frames = scene.set.iter();
+                let frames = frames
+                    .map(|(camera, frame)| (*camera, frame.with_time_s(scene.time_s).unwrap()));
+                let set = FrameSet::new(frames).unwrap();
+                scene.tracker.observe(black_box(&set)).unwrap();
+                let target = TargetId::new(0);
+                scene.tracker.estimate_at(target, scene.time_s).unwrap()
+            });
+        });
     }
 }
 
@@ -247,6 +342,7 @@ fn stages(criterion: &mut Criterion) {
 fn on_one_thread(criterion: &mut Criterion) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
     pool.use_current_thread().build_global().unwrap();
+    default_steps(criterion);
     whole_steps(criterion);
     likelihoods(criterion);
     stages(criterion);

@@ -8,16 +8,16 @@ mod common;
 
 use std::hint::black_box;
 
-use common::{data, frame};
+use common::{data, frame, open};
 use criterion::{Criterion, criterion_group, criterion_main};
 use pardalis::color::{ColorModel, ColorRanges, YuvEncoding};
 use pardalis::likelihood::{Cue, Cues, WindowCounting, WindowSettings};
 use pardalis::reference::window_log_likelihood;
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, ExistenceSettings};
+use pardalis::tracker::InitializedSettings;
 use pardalis::view::View;
-use pardalis::{Frame, PixelFormat, Tracker};
+use pardalis::{CameraId, Frame, FrameSet, PixelFormat, Tracker};
 use pardalis_core::rng::{Draws, Stage};
 use pardalis_core::simd::Level;
 use pardalis_filter::Likelihood;
@@ -52,11 +52,15 @@ fn views() -> Vec<View> {
 fn frames(index: usize) -> [(usize, Frame); 2] {
     [0, 1].map(|camera| {
         let name = format!("webcams-two/frames/cam{}/{index:06}.jpg", camera + 1);
-        let picture = image::open(data(&name)).unwrap().into_rgb8();
+        let picture = open(&name);
         let time_s = index as f64 / 25.0;
         let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s);
         (camera, frame)
     })
+}
+
+fn set_of(frames: [(usize, Frame); 2]) -> FrameSet {
+    FrameSet::new(frames.map(|(camera, frame)| (CameraId::new(camera), frame))).unwrap()
 }
 
 fn ball() -> Shape {
@@ -75,8 +79,8 @@ fn window() -> WindowSettings {
     }
 }
 
-fn target() -> BodySettings {
-    BodySettings {
+fn target() -> InitializedSettings {
+    InitializedSettings {
         shape: ball(),
         colors: None,
         cues: vec![Cue::Window(window()).into()],
@@ -91,7 +95,6 @@ fn target() -> BodySettings {
             covariance_m2: diagonal_m2([0.03; 3]),
             ..GaussianStart::default()
         }),
-        existence: ExistenceSettings::default(),
     }
 }
 
@@ -130,20 +133,27 @@ fn check(cues: &mut Cues, views: &[View], frames: &[(usize, Frame)], particles: 
 fn steps(criterion: &mut Criterion) {
     for (name, level) in ["baseline", "best"].into_iter().zip(Level::available()) {
         let mut tracker = Tracker::new(views(), vec![target()], 1, level).unwrap();
+        let ball_id = tracker.targets().next().unwrap();
         for index in 0..30 {
-            tracker
-                .observe(&frames(index), index as f64 / 25.0)
-                .unwrap();
+            tracker.observe(&set_of(frames(index))).unwrap();
         }
-        let estimate = tracker.estimate_at(0, 29.0 / 25.0).kinematics.unwrap();
+        let estimate = tracker
+            .estimate_at(ball_id, 29.0 / 25.0)
+            .unwrap()
+            .kinematics
+            .unwrap();
         assert!((estimate.position_m[1] - 0.45).abs() < 0.02, "it tracks");
         let frames = frames(30);
         let mut time_s = 30.0 / 25.0;
         criterion.bench_function(&format!("window/step/{PARTICLES}/{name}"), |bencher| {
             bencher.iter(|| {
                 time_s += 1.0 / 25.0;
-                tracker.observe(black_box(&frames), time_s).unwrap();
-                tracker.estimate_at(0, time_s)
+                let at_time = |(camera, frame): &(usize, Frame)| {
+                    (*camera, frame.with_time_s(time_s).unwrap())
+                };
+                let set = set_of(frames.each_ref().map(at_time));
+                tracker.observe(black_box(&set)).unwrap();
+                tracker.estimate_at(ball_id, time_s).unwrap()
             });
         });
     }

@@ -55,6 +55,12 @@ pub struct YuvEncoding {
 }
 
 impl YuvEncoding {
+    /// The encoding of most video: BT.601, limited range.
+    pub const VIDEO: Self = Self {
+        matrix: YuvMatrix::Bt601,
+        range: YuvRange::Limited,
+    };
+
     /// Returns the weights of red and blue in Y.
     fn weights(self) -> (f64, f64) {
         match self.matrix {

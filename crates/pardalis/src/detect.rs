@@ -1,83 +1,104 @@
-//! Detection: where in an image a target's colours stand out, without any knowledge of where it might be.
+//! Detection: finds where in an image a target's colours stand out, without prior knowledge of its position.
 
 use crate::color::{ColorModel, ColorRanges, IlluminationCorrection, Palette, PixelKind};
 use crate::frame::with_pixels;
-use crate::view::Evidence;
+use crate::view::PreparedFrame;
 use pardalis_camera::Mask;
 
-/// Smaller blobs are noise, in pixels.
-const LEAST_AREA_PX: usize = 9;
-
-/// The most blobs of one image that are told.
-const MAX_BLOBS: usize = 8;
+/// Tuned constants of blob detection.
+pub(crate) mod tuning {
+    /// Blobs with fewer pixels count as noise. Hand-set: a disc of this area has a radius of 1.7 px.
+    pub(crate) const MIN_AREA_PX: usize = 9;
+    /// The number of blobs kept per image, largest first. Hand-set: bounds the time of the candidate search.
+    pub(crate) const MAX_BLOBS: usize = 8;
+    /// Rows and columns between the pixels that image statistics sample. Hand-set: 640 x 480 pixels still give 19 200 samples.
+    pub(crate) const SAMPLING_STEP_PX: usize = 4;
+    /// From this posterior on a pixel counts as the target's: its colour is twice as frequent among the target's pixels as in the image. Hand-set.
+    pub(crate) const MIN_POSTERIOR: f64 = 2.0 / 3.0;
+    /// The number of pixels out of 3 x 3 that the majority filter asks for. Derivation: a majority.
+    pub(crate) const MAJORITY: u8 = 5;
+}
+use tuning::{MAJORITY, MAX_BLOBS, MIN_AREA_PX};
+pub(crate) use tuning::{MIN_POSTERIOR, SAMPLING_STEP_PX};
 
 /// A connected part of an image in the target's colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blob {
-    /// The mean of its pixels, weighted by how much likelier each is the target's than the image's.
+    /// The mean of its pixels, weighted by their colour posterior, in pixels.
     pub centroid_px: [f64; 2],
     /// The number of its pixels.
     pub area_px: f64,
-    /// Its least column and row.
+    /// Its smallest column and row.
     pub min_px: [usize; 2],
     /// Its largest column and row.
     pub max_px: [usize; 2],
-    /// Whether it reaches the image's border or a masked pixel, so that part of it may be missing.
+    /// Whether it touches the image's border or a masked pixel, so that part of it may be missing.
     pub cut_off: bool,
 }
 
-/// Rows and columns that a coarse look at an image's colours skips to.
-pub(crate) const COARSE_PX: usize = 4;
-
-/// For each bin, how much likelier a pixel of it is the target's than the image's: t / (t + f), of shares t of the target's and f of the image's
-/// pixels, their light undone, so that nothing need be known of the background (the ratio of histograms of Swain and Ballard 1991). Every `step_px`th pixel of every
-/// `step_px`th row is counted.
-///
-/// Panics where the frame was not prepared for the colours' palette ([`View::prepare`](crate::view::View::prepare)).
-pub(crate) fn likeness(
-    evidence: &Evidence,
-    colors: &ColorModel,
-    relight: &IlluminationCorrection,
-    step_px: usize,
-) -> Vec<f64> {
-    let frame = evidence.frame();
-    let table = evidence.table(colors.palette());
-    let (width, height) = (frame.width(), frame.height());
-    let open = evidence.view().mask().map(Mask::open);
-    let mut counts = vec![0_u64; colors.palette().bin_count()];
-    let mut total = 0_u64;
-    with_pixels!(frame, components => for y in (0..height).step_by(step_px) {
-        for x in (0..width).step_by(step_px) {
-            if open.is_none_or(|open| open[y * width + x]) {
-                counts[usize::from(table.bin(relight.bytes(components(x, y))))] += 1;
-                total += 1;
-            }
-        }
-    });
-    let shares = colors.histogram().shares();
-    let likeness = |(&share, &count): (&f64, &u64)| {
-        let of_image = count as f64 / total.max(1) as f64;
-        if share > 0.0 {
-            share / (share + of_image)
-        } else {
-            0.0
-        }
-    };
-    shares.iter().zip(&counts).map(likeness).collect()
+/// How often each bin of a palette occurs in an image.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct BinCounts {
+    counts: Vec<u64>,
+    total: u64,
 }
 
-/// From this likeness on, a pixel counts as the target's: its colour has twice the share among the target's pixels that it has in the image.
-pub(crate) const LEAST_LIKENESS: f64 = 2.0 / 3.0;
+impl BinCounts {
+    /// Counts the bins of every `step_px`th unmasked pixel of every `step_px`th row, after illumination correction.
+    ///
+    /// Panics if the frame was not prepared for the palette ([`View::prepare`](crate::view::View::prepare)).
+    pub(crate) fn count(
+        &mut self,
+        prepared: &PreparedFrame,
+        palette: Palette,
+        correction: &IlluminationCorrection,
+        step_px: usize,
+    ) {
+        let frame = prepared.frame();
+        let table = prepared.table(palette);
+        let (width, height) = (frame.width(), frame.height());
+        let open = prepared.view().mask().map(Mask::open);
+        self.counts.clear();
+        self.counts.resize(palette.bin_count(), 0);
+        self.total = 0;
+        let Self { counts, total } = self;
+        with_pixels!(frame, components => for y in (0..height).step_by(step_px) {
+            for x in (0..width).step_by(step_px) {
+                if open.is_none_or(|open| open[y * width + x]) {
+                    counts[usize::from(table.bin(correction.bytes(components(x, y))))] += 1;
+                    *total += 1;
+                }
+            }
+        });
+    }
 
-/// The mean Y, U and V of an image's unmasked pixels.
-pub(crate) fn mean_color(evidence: &Evidence) -> [f32; 3] {
-    let frame = evidence.frame();
+    /// Writes the colour posterior of each bin: t / (t + f), with the shares t of the target's pixels and f of the image's pixels in the bin.
+    ///
+    /// No model of the background is needed (ratio histogram; Swain and Ballard 1991).
+    pub(crate) fn color_posterior(&self, colors: &ColorModel, posterior: &mut Vec<f64>) {
+        let of_bin = |(&share, &count): (&f64, &u64)| {
+            let of_image = count as f64 / self.total.max(1) as f64;
+            if share > 0.0 {
+                share / (share + of_image)
+            } else {
+                0.0
+            }
+        };
+        let shares = colors.histogram().shares();
+        posterior.clear();
+        posterior.extend(shares.iter().zip(&self.counts).map(of_bin));
+    }
+}
+
+/// Returns the mean Y, U and V of an image's unmasked pixels, of every fourth pixel of every fourth row.
+pub(crate) fn mean_color(prepared: &PreparedFrame) -> [f32; 3] {
+    let frame = prepared.frame();
     let kind = PixelKind::of(frame);
     let (width, height) = (frame.width(), frame.height());
-    let open = evidence.view().mask().map(Mask::open);
+    let open = prepared.view().mask().map(Mask::open);
     let (mut sums, mut count) = ([0.0_f32; 3], 0.0_f32);
-    with_pixels!(frame, components => for y in (0..height).step_by(COARSE_PX) {
-        for x in (0..width).step_by(COARSE_PX) {
+    with_pixels!(frame, components => for y in (0..height).step_by(SAMPLING_STEP_PX) {
+        for x in (0..width).step_by(SAMPLING_STEP_PX) {
             if open.is_none_or(|open| open[y * width + x]) {
                 let color = kind.full_range_yuv(components(x, y));
                 (0..3).for_each(|i| sums[i] += color[i]);
@@ -88,106 +109,139 @@ pub(crate) fn mean_color(evidence: &Evidence) -> [f32; 3] {
     sums.map(|sum| sum / count.max(1.0))
 }
 
-/// The blobs of a target's colours in one image, the largest first, at most eight.
+/// Returns the blobs of a target's colours in one image, the largest first, at most eight.
 ///
-/// A colour stands out where its share among the target's pixels is at least twice that in the image. Panics where the frame was not prepared for the colours' palette
-/// ([`View::prepare`](crate::view::View::prepare)).
-pub fn blobs(evidence: &Evidence, colors: &ColorModel) -> Vec<Blob> {
-    let likeness = likeness(evidence, colors, &IlluminationCorrection::NONE, 1);
-    blobs_alike(
-        evidence,
-        colors.palette(),
-        &likeness,
-        None,
-        &IlluminationCorrection::NONE,
-    )
+/// A colour stands out if it is at least twice as frequent among the target's pixels as in the image. Panics if the frame was not prepared for the
+/// colours' palette ([`View::prepare`](crate::view::View::prepare)).
+pub fn blobs(prepared: &PreparedFrame, colors: &ColorModel) -> Vec<Blob> {
+    let (mut counts, mut posterior) = (BinCounts::default(), Vec::new());
+    let correction = IlluminationCorrection::NONE;
+    counts.count(prepared, colors.palette(), &correction, 1);
+    counts.color_posterior(colors, &mut posterior);
+    let mut search = BlobSearch::default();
+    search.find(prepared, colors.palette(), &posterior, None, &correction);
+    search.blobs
 }
 
-/// The same where the likeness of each bin is known, of pixels in these ranges alone, which the frame was prepared for, in light that is to be undone.
-pub(crate) fn blobs_alike(
-    evidence: &Evidence,
-    palette: Palette,
-    likeness: &[f64],
-    ranges: Option<ColorRanges>,
-    relight: &IlluminationCorrection,
-) -> Vec<Blob> {
-    let frame = evidence.frame();
-    let table = evidence.table(palette);
-    let (width, height) = (frame.width(), frame.height());
-    let open = evidence.view().mask().map(Mask::open);
-    let is_open = |i: usize| open.is_none_or(|open| open[i]);
-    let mut bins = Vec::with_capacity(width * height);
-    with_pixels!(frame, components => for y in 0..height {
-        bins.extend((0..width).map(|x| table.bin(relight.bytes(components(x, y)))));
-    });
-    let mut alike: Vec<bool> = bins
-        .iter()
-        .enumerate()
-        .map(|(i, &bin)| is_open(i) && likeness[usize::from(bin)] >= LEAST_LIKENESS)
-        .collect();
-    if let Some(ranges) = ranges {
-        let in_ranges = evidence.match_table(ranges);
-        with_pixels!(frame, components => for (i, alike) in alike.iter_mut().enumerate() {
-            *alike = *alike && in_ranges.matches(relight.bytes(components(i % width, i / width))) == 1;
+/// Finds blobs. Owns its buffers: a search in an image no larger than those before allocates nothing.
+#[derive(Debug, Default)]
+pub(crate) struct BlobSearch {
+    /// The bin of each pixel.
+    bins: Vec<u16>,
+    /// Whether each pixel has the target's colours.
+    matching: Vec<bool>,
+    /// The same after the majority filter.
+    filtered: Vec<bool>,
+    /// Sums of three rows in each column.
+    columns: Vec<u8>,
+    /// Pixels of a blob whose neighbours are still to be visited.
+    stack: Vec<usize>,
+    blobs: Vec<Blob>,
+}
+
+impl BlobSearch {
+    /// Finds the blobs of pixels with a high posterior within these ranges, for which the frame was prepared. Returns them largest first.
+    pub(crate) fn find(
+        &mut self,
+        prepared: &PreparedFrame,
+        palette: Palette,
+        posterior: &[f64],
+        ranges: Option<ColorRanges>,
+        correction: &IlluminationCorrection,
+    ) -> &[Blob] {
+        let frame = prepared.frame();
+        let table = prepared.table(palette);
+        let (width, height) = (frame.width(), frame.height());
+        let open = prepared.view().mask().map(Mask::open);
+        let is_open = |i: usize| open.is_none_or(|open| open[i]);
+        let Self {
+            bins,
+            matching,
+            filtered,
+            columns,
+            stack,
+            blobs,
+        } = self;
+        bins.clear();
+        bins.reserve(width * height);
+        with_pixels!(frame, components => for y in 0..height {
+            bins.extend((0..width).map(|x| table.bin(correction.bytes(components(x, y)))));
         });
-    }
-    let mut is_targets = majority(&alike, width);
-    (0..is_targets.len()).for_each(|i| is_targets[i] &= is_open(i));
-    let mut found = Vec::new();
-    let mut stack = Vec::new();
-    for seed in 0..is_targets.len() {
-        if !std::mem::take(&mut is_targets[seed]) {
-            continue;
+        matching.clear();
+        let matches =
+            |(i, &bin): (usize, &u16)| is_open(i) && posterior[usize::from(bin)] >= MIN_POSTERIOR;
+        matching.extend(bins.iter().enumerate().map(matches));
+        if let Some(ranges) = ranges {
+            let in_ranges = prepared.match_table(ranges);
+            with_pixels!(frame, components => for (i, matching) in matching.iter_mut().enumerate() {
+                *matching = *matching
+                    && in_ranges.matches(correction.bytes(components(i % width, i / width))) == 1;
+            });
         }
-        stack.push(seed);
-        let mut sums = Sums::default();
-        while let Some(i) = stack.pop() {
-            let (x, y) = (i % width, i / width);
-            sums.add([x, y], likeness[usize::from(bins[i])]);
-            let inside = [x > 0, x + 1 < width, y > 0, y + 1 < height];
-            let neighbours = [
-                i.wrapping_sub(1),
-                i + 1,
-                i.wrapping_sub(width),
-                i.wrapping_add(width),
-            ];
-            for (neighbour, inside) in neighbours.into_iter().zip(inside) {
-                if !inside || !is_open(neighbour) {
-                    sums.cut_off = true;
-                } else if std::mem::take(&mut is_targets[neighbour]) {
-                    stack.push(neighbour);
+        majority(matching, width, columns, filtered);
+        (0..filtered.len()).for_each(|i| filtered[i] &= is_open(i));
+        blobs.clear();
+        blobs.reserve(MAX_BLOBS);
+        stack.clear();
+        // Each pixel is pushed once at most.
+        stack.reserve(filtered.len());
+        for seed in 0..filtered.len() {
+            if !std::mem::take(&mut filtered[seed]) {
+                continue;
+            }
+            stack.push(seed);
+            let mut sums = Sums::default();
+            while let Some(i) = stack.pop() {
+                let (x, y) = (i % width, i / width);
+                sums.add([x, y], posterior[usize::from(bins[i])]);
+                let inside = [x > 0, x + 1 < width, y > 0, y + 1 < height];
+                let neighbors = [
+                    i.wrapping_sub(1),
+                    i + 1,
+                    i.wrapping_sub(width),
+                    i.wrapping_add(width),
+                ];
+                for (neighbor, inside) in neighbors.into_iter().zip(inside) {
+                    if !inside || !is_open(neighbor) {
+                        sums.cut_off = true;
+                    } else if std::mem::take(&mut filtered[neighbor]) {
+                        stack.push(neighbor);
+                    }
+                }
+            }
+            if sums.count >= MIN_AREA_PX {
+                let blob = sums.blob();
+                // Blobs of equal area stay in row order.
+                let rank = blobs.partition_point(|larger| larger.area_px >= blob.area_px);
+                if rank < MAX_BLOBS {
+                    blobs.truncate(MAX_BLOBS - 1);
+                    blobs.insert(rank, blob);
                 }
             }
         }
-        if sums.count >= LEAST_AREA_PX {
-            found.push(sums.blob());
-        }
+        blobs
     }
-    // A stable sort: those of one area stay in the order of rows.
-    found.sort_by(|a: &Blob, b: &Blob| b.area_px.total_cmp(&a.area_px));
-    found.truncate(MAX_BLOBS);
-    found
 }
 
-/// The pixels most of whose 3 x 3 neighbours, themselves included, are set: lines of a pixel's width would tie blobs together.
-fn majority(set: &[bool], width: usize) -> Vec<bool> {
+/// Sets the pixels of which most of the 3 x 3 neighbours, themselves included, are set: lines one pixel wide would join blobs.
+fn majority(set: &[bool], width: usize, columns: &mut Vec<u8>, filtered: &mut Vec<bool>) {
     let height = set.len() / width;
-    let mut columns = vec![0_u8; width];
-    let mut result = Vec::with_capacity(set.len());
+    columns.clear();
+    columns.resize(width, 0);
+    filtered.clear();
     for y in 0..height {
         for (x, column) in columns.iter_mut().enumerate() {
             let rows = y.saturating_sub(1)..(y + 2).min(height);
             *column = rows.map(|row| u8::from(set[row * width + x])).sum();
         }
-        result.extend((0..width).map(|x| {
+        filtered.extend((0..width).map(|x| {
             let near = &columns[x.saturating_sub(1)..(x + 2).min(width)];
-            near.iter().sum::<u8>() >= 5
+            near.iter().sum::<u8>() >= MAJORITY
         }));
     }
-    result
 }
 
-/// What is gathered of a blob's pixels.
+/// Sums over the pixels of a blob.
 #[derive(Default)]
 struct Sums {
     count: usize,
@@ -232,7 +286,7 @@ mod tests {
 
     const SIZE: (usize, usize) = (60, 40);
 
-    /// Orange discs (centre, radius) on green.
+    /// Draws orange discs (centre, radius) on green.
     fn picture(discs: &[([f64; 2], f64)]) -> Frame {
         let mut bytes = Vec::new();
         for i in 0..SIZE.0 * SIZE.1 {
@@ -267,7 +321,7 @@ mod tests {
         let mut view = View::new(camera, Pose::identity(), SIZE, mask).unwrap();
         let frame = picture(discs);
         view.prepare(crate::color::PixelKind::of(&frame), Palette::HSI);
-        blobs(&view.evidence(&frame), &orange())
+        blobs(&view.prepared(&frame), &orange())
     }
 
     #[test]
@@ -292,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn what_reaches_the_border_or_the_mask_is_told_as_cut_off() {
+    fn blobs_at_the_border_or_the_mask_are_cut_off() {
         assert!(found(&[([57.0, 20.0], 4.0)], None)[0].cut_off);
         assert!(found(&[([30.0, 1.0], 4.0)], None)[0].cut_off);
         assert!(!found(&[([30.0, 20.0], 4.0)], None)[0].cut_off);
@@ -303,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_of_these_colours_is_no_blob() {
+    fn images_without_these_colours_have_no_blobs() {
         assert!(found(&[], None).is_empty());
     }
 }

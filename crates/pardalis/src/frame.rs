@@ -94,6 +94,15 @@ pub(crate) use with_pixels;
 /// enough.
 pub const MAX_TIME_S: f64 = 1e12;
 
+/// Returns an error for time stamps that are not finite or lie beyond [`MAX_TIME_S`].
+pub(crate) fn check_time(time_s: f64) -> Result<(), Error> {
+    if time_s.abs() <= MAX_TIME_S {
+        return Ok(());
+    }
+    let allowed = "-1e12 to 1e12 seconds";
+    Err(Error::out_of_range("time_s", time_s, allowed))
+}
+
 /// A time-stamped image. Cloning shares the pixels.
 #[derive(Debug, Clone)]
 pub struct Frame {
@@ -132,13 +141,7 @@ impl Frame {
                 found: bytes.len(),
             });
         }
-        if !(time_s.abs() <= MAX_TIME_S) {
-            return Err(Error::out_of_range(
-                "time_s",
-                time_s,
-                "-1e12 to 1e12 seconds",
-            ));
-        }
+        check_time(time_s)?;
         Ok(Self {
             format,
             encoding,
@@ -146,6 +149,35 @@ impl Frame {
             height,
             bytes,
             time_s,
+        })
+    }
+
+    /// Creates a frame from packed red, green and blue bytes, three per pixel, the top row first. `time_s` is
+    /// the middle of the exposure.
+    ///
+    /// # Errors
+    ///
+    /// The size and the number of bytes do not match, or the time is not finite.
+    pub fn from_rgb(
+        width: usize,
+        height: usize,
+        rgb: impl Into<Arc<[u8]>>,
+        time_s: f64,
+    ) -> Result<Self, Error> {
+        let encoding = YuvEncoding::default();
+        Self::new(PixelFormat::Rgb8, encoding, width, height, rgb, time_s)
+    }
+
+    /// Returns the same image with another time stamp, in seconds. The pixels are shared.
+    ///
+    /// # Errors
+    ///
+    /// The time is not finite.
+    pub fn with_time_s(&self, time_s: f64) -> Result<Self, Error> {
+        check_time(time_s)?;
+        Ok(Self {
+            time_s,
+            ..self.clone()
         })
     }
 

@@ -1,20 +1,43 @@
-//! 3D tracking of coloured objects with particle filters, through any camera.
+//! Tracks coloured objects in 3D with particle filters, through any camera.
 //!
-//! From camera images it tells, frame after frame, where a coloured object is in 3D, how fast it moves and how sure that is. The
-//! modules, in the order in which data flows (and in which they read best):
+//! From the images of one or more calibrated cameras the [`Tracker`] computes, frame by frame, where a ball, a robot or a flat target is,
+//! how fast it moves, how certain that is, and whether it is occluded or lost.
 //!
-//! [`frame`] → [`color`] → [`camera`], [`rig`], [`view`] → [`shape`], [`motion`] → [`particles`], [`resample`], [`gaussian`], [`filter`], [`bernoulli`] →
-//! [`likelihood`] → [`start`], [`tracker`] → [`score`]
+//! # Example
 //!
-//! [`simulate`] makes images with exact truth.
-//! [`detect`] finds a target's colours in an image without knowing where they are; [`calibrate`] makes cameras, poses and clocks of what was seen, [`plane`] the plane that a camera sees.
-//! [`config`] turns the text of a scene file into checked settings, [`interchange`] reads and writes other programs' calibrations. [`rng`], [`real`] and [`simd`] serve the kernels.
+//! One labelled image teaches the colours of the target. The tracker then detects the target itself, without a start.
 //!
-//! # Conventions
+//! ```
+#![doc = include_str!("../examples/one_camera.rs")]
+//! ```
 //!
-//! Metres, seconds, radians, pixels. `a_from_b` maps coordinates in frame b to frame a. Camera frame: x right, y down, z along the optical axis.
-//! Pixel centres lie at integer coordinates. The library opens no files, reads no clock and prints nothing; every random
-//! number is a function of seed, target, particle and observation.
+//! Further examples are in the folder `examples` of the crate: two cameras, a floor seen by an uncalibrated camera (`plane`), a
+//! mirror, a lens model of your own (`custom_camera`) and a stream of YUV frames.
+//!
+//! # Two ways to track a target
+//!
+//! - [`DetectedSettings`](tracker::DetectedSettings), the default: the tracker detects the target by its colours and its outline, tracks it with
+//!   a Bernoulli filter, and reports when it is occluded or lost.
+//! - [`InitializedSettings`](tracker::InitializedSettings): the published methods (Taiana 2007, Barrera 2005, Campos 2009) track the target with a
+//!   particle filter from a given start.
+//!
+//! # Modules
+//!
+//! In the order in which data flows: [`frame`], [`color`], [`camera`], [`view`], [`shape`], [`detect`], [`likelihood`], [`start`], [`filter`],
+//! [`tracker`]. [`rectify`] computes maps of a plane.
+//!
+//! Calibration, simulation, evaluation and scene files are crates of their own: `pardalis-calibrate`, `pardalis-simulate`,
+//! `pardalis-evaluate` and `pardalis-scene`.
+//!
+//! # Units and frames
+//!
+//! Metres, seconds, radians and pixels; names end with the unit (`radius_m`). `a_from_b` maps coordinates in frame b to frame a. Camera
+//! frame: x right, y down, z along the optical axis. Pixel centres lie at integer coordinates.
+//!
+//! # Determinism
+//!
+//! The library opens no files, reads no clock and prints nothing. Every random number is a function of seed, target, particle and
+//! observation: the same build, frames and seed give the same estimates for any number of threads.
 
 pub mod color;
 mod color_space;
@@ -22,6 +45,7 @@ pub mod detect;
 pub mod frame;
 pub mod likelihood;
 pub mod rectify;
+#[doc(hidden)]
 pub mod reference;
 pub mod shape;
 pub mod start;
@@ -29,5 +53,8 @@ pub mod tracker;
 pub mod view;
 
 pub use frame::{Frame, PixelFormat};
+pub use pardalis_camera as camera;
 pub use pardalis_core::Error;
-pub use tracker::{Estimate, Tracker};
+pub use pardalis_filter as filter;
+pub use tracker::{CameraId, Estimate, FrameSet, TargetId, Tracker};
+pub use view::View;

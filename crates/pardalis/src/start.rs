@@ -10,15 +10,13 @@ use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
 use pardalis_filter::gaussian::{GaussianStart, MAX_START, check_sigma, diagonal_m2};
 
-/// How a target's particles start.
+/// How the particles of an initialised target start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
     /// Around a rough guess.
     Gaussian(GaussianStart),
     /// Where the target is most likely along the ray through a pixel of a camera.
     Pixel(PixelStart),
-    /// Wherever the edge cue finds it.
-    Anywhere,
 }
 
 /// A start from a clicked pixel (thesis 5.2, fig. 5.1): particles along the pixel's ray, from near the camera to where it meets the
@@ -57,8 +55,8 @@ impl PixelStart {
             max_range_m: 8.0,
             ground_z_m: 0.0,
             ray_particles: 2000,
-            position_sigma_m: [0.1; 3],
-            velocity_sigma_mps: [0.5; 3],
+            position_sigma_m: GaussianStart::POSITION_SIGMA_M,
+            velocity_sigma_mps: GaussianStart::VELOCITY_SIGMA_MPS,
         }
     }
 
@@ -66,7 +64,7 @@ impl PixelStart {
     pub fn check(&self) -> Result<(), Error> {
         let positive = |v: f64| v > 0.0 && v <= MAX_START;
         if let Some(value) = self.pixel.iter().find(|v| !v.is_finite()) {
-            return Err(Error::out_of_range("pixel", value, "finite numbers"));
+            return Err(Error::out_of_range("pixel_px", value, "finite numbers"));
         }
         if !(0.0..=1000.0).contains(&self.pixel_sigma_px) {
             return Err(Error::out_of_range(
@@ -119,13 +117,13 @@ impl PixelStart {
                 return Ok(());
             }
             return Err(Error::out_of_range(
-                "pixel",
+                "pixel_px",
                 format!("{:?}", self.pixel),
                 "a pixel that the camera's mask leaves open",
             ));
         }
         Err(Error::out_of_range(
-            "pixel",
+            "pixel_px",
             format!("{:?}", self.pixel),
             &format!("a pixel of the {width} x {height} image inside the camera's field of view"),
         ))

@@ -1,4 +1,4 @@
-//! All that belongs to one camera over time: model, pose, mask, palette tables and the frame before. It turns frames into evidence.
+//! One camera over time: model, pose, mask, look-up tables and the frame before. It prepares frames for look-ups.
 
 use crate::Frame;
 use crate::color::{ColorRanges, MatchTable, Palette, PixelKind, PixelTable};
@@ -24,7 +24,7 @@ pub struct View {
 impl View {
     /// A camera whose images have this size in pixels. The mask, if there is one, has the images' size.
     pub fn new(
-        camera: Camera,
+        camera: impl Into<Camera>,
         world_from_camera: Pose,
         (width, height): (usize, usize),
         mask: Option<Mask>,
@@ -41,7 +41,7 @@ impl View {
         }
         let camera_from_world = world_from_camera.inverse();
         Ok(Self {
-            camera,
+            camera: camera.into(),
             world_from_camera,
             camera_from_world,
             width,
@@ -73,12 +73,12 @@ impl View {
         (self.width, self.height)
     }
 
-    /// Which pixels carry evidence; all of them where there is no mask.
+    /// Which pixels count; all of them if there is no mask.
     pub fn mask(&self) -> Option<&Mask> {
         self.mask.as_ref()
     }
 
-    /// Refuses a frame that is not of this camera's size.
+    /// Returns an error for a frame that does not have this camera's size.
     pub fn check(&self, frame: &Frame) -> Result<(), Error> {
         let found = (frame.width(), frame.height());
         if found != self.size() {
@@ -120,9 +120,9 @@ impl View {
         self.before = Some(frame);
     }
 
-    /// A frame of this camera, ready to be looked up in the palettes and ranges it was prepared for.
-    pub fn evidence<'a>(&'a self, frame: &'a Frame) -> Evidence<'a> {
-        Evidence {
+    /// A frame of this camera, for look-ups in the palettes and ranges it was prepared for ([`View::prepare`], [`View::prepare_ranges`]).
+    pub fn prepared<'a>(&'a self, frame: &'a Frame) -> PreparedFrame<'a> {
+        PreparedFrame {
             view: self,
             frame,
             kind: PixelKind::of(frame),
@@ -130,15 +130,15 @@ impl View {
     }
 }
 
-/// One frame of one camera, ready to be looked up; shared by all targets.
+/// One frame of one camera, prepared for look-ups; shared by all targets.
 #[derive(Debug, Clone, Copy)]
-pub struct Evidence<'a> {
+pub struct PreparedFrame<'a> {
     view: &'a View,
     frame: &'a Frame,
     kind: PixelKind,
 }
 
-impl<'a> Evidence<'a> {
+impl<'a> PreparedFrame<'a> {
     /// The camera that took the frame.
     pub fn view(&self) -> &'a View {
         self.view

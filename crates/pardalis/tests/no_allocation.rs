@@ -8,16 +8,16 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use common::robot::{self, mast_view, robot_target};
-use common::{FPS, ball_target, fisheye_view, frame, jump_picture};
-use image::RgbImage;
+use common::{FPS, ball_target, detected_ball, fisheye_view, frame, jump_picture};
 use pardalis::color::{Palette, YuvEncoding};
 use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
-use pardalis::{Frame, PixelFormat, Tracker};
+use pardalis::{CameraId, FrameSet, PixelFormat, Tracker};
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::motion::Motion;
+use pardalis_images::RgbImage;
 
 struct Counting;
 
@@ -40,52 +40,78 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Pictures as frames in two formats by turns.
-fn frames(fps: f64, picture: impl Fn(usize) -> RgbImage) -> Vec<[(usize, Frame); 1]> {
-    let frame_at = |index: usize| {
+/// Pictures as frame sets in two formats by turns.
+fn sets(
+    fps: f64,
+    indices: std::ops::Range<usize>,
+    pictures: impl Fn(usize) -> Vec<RgbImage>,
+) -> Vec<FrameSet> {
+    let set_at = |index: usize| {
         let format = [PixelFormat::Rgb8, PixelFormat::Yuyv][index % 2];
         let time_s = index as f64 / fps;
-        [(
-            0,
-            frame(&picture(index), format, YuvEncoding::default(), time_s),
-        )]
+        let frames = pictures(index).into_iter().enumerate();
+        let frames = frames.map(|(camera, picture)| {
+            let frame = frame(&picture, format, YuvEncoding::default(), time_s);
+            (CameraId::new(camera), frame)
+        });
+        FrameSet::new(frames).unwrap()
     };
-    (20..30).map(frame_at).collect()
+    indices.map(set_at).collect()
 }
 
-fn check(view: View, target: TargetSettings, frames: &[[(usize, Frame); 1]]) {
+/// Tracks targets through the sets, the first `warm_up` of which may allocate.
+fn check(
+    what: &str,
+    views: Vec<View>,
+    targets: Vec<TargetSettings>,
+    sets: &[FrameSet],
+    warm_up: usize,
+) {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()
         .unwrap();
-    let particle_count = target.bodies[0].filter.particle_count;
-    let mut tracker = Tracker::new(vec![view], [target], 1, Level::best()).unwrap();
-    let mut step = |frames: &[(usize, Frame)]| {
-        let time_s = frames[0].1.time_s();
+    let mut tracker = Tracker::new(views, targets, 1, Level::best()).unwrap();
+    let mut step = |set: &FrameSet| {
         let before = ALLOCATIONS.load(Ordering::Relaxed);
-        tracker.observe(frames, time_s).unwrap();
-        let estimate = tracker.estimate_at(0, time_s);
-        assert!(estimate.kinematics.is_some());
+        tracker.observe(set).unwrap();
+        for target in tracker.targets() {
+            let estimate = tracker.estimate_at(target, set.time_s()).unwrap();
+            assert!(
+                estimate.kinematics.is_some() || set.time_s() < 0.2,
+                "{what}"
+            );
+        }
         ALLOCATIONS.load(Ordering::Relaxed) - before
     };
     pool.install(|| {
-        // The first frames of either format make tables and buffers.
-        let first = step(&frames[0]) + step(&frames[1]);
+        let first: usize = sets[..warm_up].iter().map(&mut step).sum();
         assert!(first > 0, "the allocator counts");
-        for frames in &frames[2..] {
-            assert_eq!(step(frames), 0, "{particle_count} particles");
+        for (number, set) in sets[warm_up..].iter().enumerate() {
+            assert_eq!(step(set), 0, "{what}, frame {number} after the warm-up");
         }
     });
 }
 
-/// Two updates with peaks, one of them after survivors were drawn, and one without.
+/// The default path: a ball that the tracker detects itself, in one camera and in two, and two balls that look alike.
+fn check_detected() {
+    let of_ball = sets(FPS, 0..40, |index| vec![jump_picture(index)]);
+    let ball = || vec![detected_ball().into()];
+    // The first whole-image searches in either format make buffers.
+    check("fisheye", vec![fisheye_view()], ball(), &of_ball, 12);
+    let of_two = sets(FPS, 0..40, |index| vec![jump_picture(index); 2]);
+    let views = vec![fisheye_view(), fisheye_view()];
+    check("two cameras", views, ball(), &of_two, 12);
+}
+
+/// Updates with measurement components, one of them after resampling, and one without.
 fn check_bernoulli() {
     let settings = BernoulliSettings::of(Motion::DEFAULT);
     let mut filter = BernoulliFilter::new(settings, Draws::new(1, 0)).unwrap();
-    let mut step = |peaks: &[Peak]| {
+    let mut step = |components: &[MeasurementComponent]| {
         let before = ALLOCATIONS.load(Ordering::Relaxed);
         filter.predict(0.04);
-        filter.update(peaks, f64::INFINITY, |particles, out| {
+        filter.update(components, f64::INFINITY, |particles, out| {
             for (x, out) in particles.columns()[0].iter().zip(out) {
                 *out = 20.0 - 800.0 * x * x;
             }
@@ -93,14 +119,14 @@ fn check_bernoulli() {
         assert!(filter.estimate(0.01).is_some() && filter.existence() > 0.5);
         ALLOCATIONS.load(Ordering::Relaxed) - before
     };
-    let peaks = [-0.05, 0.05, 2.0].map(|x| Peak {
+    let components = [-0.05, 0.05, 2.0].map(|x| MeasurementComponent {
         position_m: [x, 0.0, 1.0],
         covariance_m2: [0.01, 0.002, 0.0, 0.02, 0.0, 0.03],
-        log_evidence: 1.0,
+        log_weight: 1.0,
     });
-    assert!(step(&peaks) > 0, "the first peaks are kept");
-    for peaks in [&peaks[..], &peaks[..1], &[], &peaks] {
-        assert_eq!(step(peaks), 0, "{} peaks", peaks.len());
+    assert!(step(&components) > 0, "the first components are kept");
+    for components in [&components[..], &components[..1], &[], &components] {
+        assert_eq!(step(components), 0, "{} components", components.len());
     }
 }
 
@@ -108,11 +134,21 @@ fn check_bernoulli() {
 #[test]
 fn a_warm_step_allocates_nothing() {
     check_bernoulli();
-    let of_ball = frames(FPS, jump_picture);
-    let of_robot = frames(robot::FPS, robot::picture);
+    check_detected();
+    let of_ball = sets(FPS, 20..30, |index| vec![jump_picture(index)]);
+    let of_robot = sets(robot::FPS, 20..30, |index| vec![robot::picture(index)]);
     for particle_count in [300, 3001] {
         let ball = ball_target(Palette::HSI, particle_count);
-        check(fisheye_view(), ball.into(), &of_ball);
-        check(mast_view(), robot_target(particle_count), &of_robot);
+        let of = |target: &str| format!("{target}, {particle_count} particles");
+        // The first frames of either format make tables and buffers.
+        check(
+            &of("ball"),
+            vec![fisheye_view()],
+            vec![ball.into()],
+            &of_ball,
+            2,
+        );
+        let robot = vec![robot_target(particle_count)];
+        check(&of("robot"), vec![mast_view()], robot, &of_robot, 2);
     }
 }

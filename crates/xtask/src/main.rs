@@ -2,6 +2,7 @@
 
 mod compare;
 mod cycles;
+mod examples;
 mod links;
 mod tables;
 
@@ -15,8 +16,9 @@ Usage: cargo xtask COMMAND
 
   cycles               fail if modules of a crate import each other in a circle
   links                fail if a link in a Markdown page leads nowhere
-  tables [--check]     put the newest record of each experiment into the tables of the pages;
-                       with --check, change nothing and fail if a table is out of date
+  tables [--check]     put the newest record of each experiment into the tables of the pages, and the
+                       examples into their places; with --check, change nothing and fail if a
+                       page is out of date
   compare CHECKOUT     track scenes with the release binaries of this checkout and of another one,
                        and fail if a track differs in any byte";
 
@@ -27,8 +29,8 @@ fn main() -> ExitCode {
     let result = match words[..] {
         ["cycles"] => cycles::run(&root),
         ["links"] => links::run(&root),
-        ["tables"] => tables::run(&root, false),
-        ["tables", "--check"] => tables::run(&root, true),
+        ["tables"] => tables::run(&root, false).and_then(|()| examples::run(&root, false)),
+        ["tables", "--check"] => tables::run(&root, true).and_then(|()| examples::run(&root, true)),
         ["compare", other] => compare::run(&root, Path::new(other)),
         _ => {
             eprintln!("{USAGE}");

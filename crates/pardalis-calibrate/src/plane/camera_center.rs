@@ -1,21 +1,25 @@
-//! Where the camera stands over the plane.
+//! Position of the camera above the plane.
 
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 
 use pardalis_camera::Homography;
 use pardalis_core::Error;
 
-/// How far the two axes of the plane may come out of different length, as a share.
+/// Largest accepted relative difference between the lengths of the plane's two axes.
 const MAX_STRETCH: f64 = 0.2;
 
-/// The largest cosine of the angle between the axes.
+/// Largest accepted cosine of the angle between the axes.
 const MAX_COSINE: f64 = 0.2;
 
-/// The camera's place in the plane frame, in metres: foot point and height. `f_px` and `center_px` are its focal lengths and principal point.
+/// Computes the camera's position in the plane frame, in metres. `f_px` and `center_px` are its focal lengths
+/// and principal point in pixels.
 ///
-/// inv(K) H is [r1 r2 t] up to scale; r1 and r2 are made orthonormal by polar decomposition (Zhang 2000, appendix C).
+/// inv(K) H is [r1 r2 t] up to scale; polar decomposition makes r1 and r2 orthonormal (Zhang 2000, appendix C).
 ///
-/// Refused: intrinsics that do not fit, under which the plane's axes are far from a right angle or from one length.
+/// # Errors
+///
+/// Fails if the intrinsics do not fit the homography: the plane's axes then differ in length or are far from
+/// perpendicular.
 pub fn camera_center_m(
     homography: &Homography,
     f_px: [f64; 2],

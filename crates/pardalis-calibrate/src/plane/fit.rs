@@ -1,4 +1,5 @@
-//! A homography from pairs of points: normalised linear start, outliers by consensus, least squares of pixel distances.
+//! Homography from point pairs: normalised linear solution, outlier rejection by consensus, least squares in
+//! pixels.
 
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector2, Vector3};
 
@@ -7,47 +8,52 @@ use pardalis_camera::Homography;
 use pardalis_core::Error;
 use pardalis_core::rng::philox4x32_10;
 
-/// Points that are farther than this from where the others put them, in pixels, are outliers: a mistaken number, not an unsteady hand.
+/// Distance in pixels beyond which a point is an outlier. It separates typing errors from the noise of manual
+/// clicks.
 pub const OUTLIER_PX: f64 = 4.0;
 
-/// The largest coordinate in metres or pixels that can be meant.
+/// Largest plausible coordinate in metres or pixels.
 const MAX_COORDINATE: f64 = 1e6;
 
-/// Three points are in line where one is nearer to the line of the others than this share of their distance.
+/// Three points count as collinear if one is nearer to the line through the others than this share of their
+/// distance.
 const IN_LINE_SHARE: f64 = 1e-3;
 
-/// Of more fours than this, so many are drawn.
+/// Largest number of quadruples that are tried; beyond it, a sample is drawn.
 const MAX_FOURS: usize = 5000;
 
-/// A point of the plane and where it was seen.
+/// A point on the plane and its pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointPair {
-    /// Its pixel; centres of pixels are at integers.
+    /// Pixel; pixel centres are at integer coordinates.
     pub pixel: [f64; 2],
-    /// Its place on the plane, in metres.
+    /// Position on the plane, in metres.
     pub plane_m: [f64; 2],
 }
 
-/// A plane from points.
+/// A plane fitted to points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneFit {
-    /// From the plane to the image.
+    /// Homography from the plane (metres) to the image (pixels).
     pub homography: Homography,
-    /// For each pair, in pixels, where its point comes out less where it was seen; none for outliers behind the camera.
+    /// Projected minus observed position per pair, in pixels; `None` for outliers behind the camera.
     pub residuals_px: Vec<Option<[f64; 2]>>,
-    /// Which pairs were left out, by their index, ascending.
+    /// Indices of the rejected pairs, ascending.
     pub outliers: Vec<usize>,
-    /// Root mean square distance in pixels of the pairs that were kept.
+    /// Root mean square distance of the remaining pairs, in pixels.
     pub rms_px: f64,
 }
 
-/// Fits a plane to four or more pairs of points. Refusals count the points from 1.
+/// Fits a plane to four or more pairs of points.
 ///
-/// Four points are met exactly; with more, the squared pixel distances are least, and points beyond [`OUTLIER_PX`] are left out where at least half of
-/// all, and five (any four agree), agree on that.
+/// Four points are met exactly. With more, the fit minimises the squared pixel distances and rejects points
+/// beyond [`OUTLIER_PX`], provided that at least five pairs and at least half of all pairs agree (any four
+/// always do).
 ///
-/// Refused: fewer than four points, points that cannot be meant, the same point twice, points in line, crossed order, a mirrored plane,
-/// points that do not agree.
+/// # Errors
+///
+/// Fails for fewer than four points, implausible coordinates, repeated points, collinear points, crossed
+/// order, a mirrored plane and inconsistent points. Messages number the points from 1.
 pub fn fit(pairs: &[PointPair]) -> Result<PlaneFit, Error> {
     check(pairs)?;
     let fours = usable_fours(pairs)?;
@@ -60,7 +66,8 @@ pub fn fit(pairs: &[PointPair]) -> Result<PlaneFit, Error> {
             .map(|four| agreeing(&linear(pairs, four), pairs))
             .max_by_key(Vec::len)
             .unwrap_or_default();
-        // A four in crossed order is met exactly, with some of its points behind the camera: it is refused below for what it is.
+        // A quadruple in crossed order is met exactly, but with some points behind the camera; the check
+        // below reports it.
         if pairs.len() > 4 {
             kept = consensus(pairs, best)?;
             matrix = least_squares(pairs, &kept);
@@ -85,7 +92,7 @@ fn check(pairs: &[PointPair]) -> Result<(), Error> {
     if pairs.len() < 4 {
         return Err(Error::refused(
             format!("{} points are too few for a plane", pairs.len()),
-            "give four or more, no three of them in line",
+            "give four or more, no three of them on one line",
         ));
     }
     let sane = |c: &f64| c.abs() <= MAX_COORDINATE;
@@ -115,7 +122,7 @@ fn check(pairs: &[PointPair]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Fours of points no three of which are in line, on the plane or in the image.
+/// Returns quadruples of points without three collinear ones, on the plane or in the image.
 fn usable_fours(pairs: &[PointPair]) -> Result<Vec<[usize; 4]>, Error> {
     let in_line = |three: [usize; 3]| {
         three_in_line(three.map(|i| pairs[i].plane_m))
@@ -136,24 +143,24 @@ fn usable_fours(pairs: &[PointPair]) -> Result<Vec<[usize; 4]>, Error> {
         .find(|three| in_line(*three));
     let which = match three {
         Some([a, b, c]) if pairs.len() == 4 => {
-            format!("points {}, {} and {} are in line", a + 1, b + 1, c + 1)
+            format!("points {}, {} and {} lie on one line", a + 1, b + 1, c + 1)
         }
-        _ => "all points but one are in line".to_owned(),
+        _ => "all points but one lie on one line".to_owned(),
     };
     Err(Error::refused(
         format!("{which}, on the plane or in the image"),
-        "spread the points, four of them so that no three are in line",
+        "spread the points so that four of them have no three on one line",
     ))
 }
 
-/// Whether the least height of a triangle is nothing beside its longest side.
+/// Reports whether the smallest height of a triangle is negligible compared to its longest side.
 fn three_in_line([a, b, c]: [[f64; 2]; 3]) -> bool {
     let [a, b, c] = [a, b, c].map(Vector2::from);
     let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
     (b - a).perp(&(c - a)).abs() < IN_LINE_SHARE * longest * longest
 }
 
-/// All fours of so many points, or as many of them as are tried.
+/// Returns all quadruples of `count` points, or a sample of them.
 fn fours(count: usize) -> Vec<[usize; 4]> {
     let total = (count - 3..=count).fold(1.0, |product, n| product * n as f64) / 24.0;
     if total > MAX_FOURS as f64 {
@@ -177,11 +184,12 @@ fn fours(count: usize) -> Vec<[usize; 4]> {
     fours
 }
 
-/// The pairs that a homography of any sign brings together, all of them on one side of the horizon: the one with more.
+/// Returns the pairs within the outlier distance under a homography of unknown sign. All lie on the same side
+/// of the horizon: the one with more of them.
 fn agreeing(matrix: &Matrix3<f64>, pairs: &[PointPair]) -> Vec<usize> {
     let mut sides = [Vec::new(), Vec::new()];
     for (i, pair) in pairs.iter().enumerate() {
-        let (pixel, depth) = seen(matrix, pair);
+        let (pixel, depth) = projected(matrix, pair);
         if (pixel - Vector2::from(pair.pixel)).norm() <= OUTLIER_PX {
             sides[usize::from(depth < 0.0)].push(i);
         }
@@ -194,25 +202,25 @@ fn agreeing(matrix: &Matrix3<f64>, pairs: &[PointPair]) -> Vec<usize> {
     }
 }
 
-/// Where a homography puts a pair's point, and its depth up to scale.
-fn seen(matrix: &Matrix3<f64>, pair: &PointPair) -> (Vector2<f64>, f64) {
+/// Returns the image position of a pair's point under a homography, and its depth up to scale.
+fn projected(matrix: &Matrix3<f64>, pair: &PointPair) -> (Vector2<f64>, f64) {
     let [x, y] = pair.plane_m;
     let p = matrix * Vector3::new(x, y, 1.0);
     (p.xy() / p.z, p.z)
 }
 
-/// The pairs to keep: fits and leaves out in turn until nothing changes.
+/// Selects the pairs to keep: alternates between fitting and rejecting until the selection is stable.
 fn consensus(pairs: &[PointPair], mut kept: Vec<usize>) -> Result<Vec<usize>, Error> {
     const ROUNDS: usize = 20;
     for _ in 0..ROUNDS {
         if kept.len() < 5.max(pairs.len().div_ceil(2)) {
             return Err(Error::refused(
                 format!(
-                    "the points do not agree: at most {} of {} lie within {OUTLIER_PX} pixels of where one plane puts them",
+                    "the points are inconsistent: one plane explains at most {} of {} within {OUTLIER_PX} pixels",
                     kept.len(),
                     pairs.len()
                 ),
-                "check their pixels and metres and that each pixel stands beside its own point; with six or more, a single wrong one is found",
+                "check their pixels and metres and that each pixel is paired with its own point; with six or more points, a single wrong one is detected",
             ));
         }
         let now = agreeing(&least_squares(pairs, &kept), pairs);
@@ -224,7 +232,7 @@ fn consensus(pairs: &[PointPair], mut kept: Vec<usize>) -> Result<Vec<usize>, Er
     Ok(kept)
 }
 
-/// Refuses homographies under which points lie behind the camera, or left and right are swapped.
+/// Rejects homographies that put points behind the camera or exchange left and right.
 fn check_seen_from_above(
     matrix: &Matrix3<f64>,
     pairs: &[PointPair],
@@ -233,7 +241,7 @@ fn check_seen_from_above(
     let behind: Vec<usize> = kept
         .iter()
         .copied()
-        .filter(|&i| seen(matrix, &pairs[i]).1 < 0.0)
+        .filter(|&i| projected(matrix, &pairs[i]).1 < 0.0)
         .collect();
     if behind.is_empty() || behind.len() == kept.len() {
         let towards_viewer = if behind.is_empty() { 1.0 } else { -1.0 };
@@ -241,7 +249,7 @@ fn check_seen_from_above(
             return Ok(());
         }
         return Err(Error::refused(
-            "the plane is mirrored: points that turn counter-clockwise on it do so clockwise in the image, so that left and right are swapped",
+            "the plane is mirrored (left and right are swapped): points in counter-clockwise order on the plane appear in clockwise order in the image",
             "give points as seen from above, x to the right and y up; pixels as (u, v), u to the right and v down",
         ));
     }
@@ -250,8 +258,8 @@ fn check_seen_from_above(
     };
     if by_order(|p| p.pixel) != by_order(|p| p.plane_m) {
         return Err(Error::refused(
-            "the order of the points is crossed: joined in it they make a figure that crosses itself in the image or on the plane, but not in both",
-            "give each pixel beside its own point, and all points in one order around the figure",
+            "the order of the points is crossed: their polygon intersects itself either in the image or on the plane, but not in both",
+            "pair each pixel with its own point, and list the points in order around the polygon",
         ));
     }
     let mut fewer = behind;
@@ -265,14 +273,14 @@ fn check_seen_from_above(
     let numbers: Vec<String> = fewer.iter().map(|i| (i + 1).to_string()).collect();
     Err(Error::refused(
         format!(
-            "the points do not fit together: point {} would lie behind the horizon",
+            "the points are inconsistent: point {} would lie behind the horizon",
             numbers.join(", ")
         ),
-        "give each pixel beside its own point",
+        "pair each pixel with its own point",
     ))
 }
 
-/// Whether a quadrilateral crosses itself.
+/// Reports whether a quadrilateral intersects itself.
 fn crosses(corners: [[f64; 2]; 4]) -> bool {
     let [a, b, c, d] = corners.map(Vector2::from);
     let apart = |a: Vector2<f64>, b: Vector2<f64>, p: Vector2<f64>, q: Vector2<f64>| {
@@ -282,7 +290,8 @@ fn crosses(corners: [[f64; 2]; 4]) -> bool {
     cut(a, b, c, d) || cut(b, c, d, a)
 }
 
-/// Moves and scales points so that their mean is 0 and their mean distance from it the root of 2 (Hartley 1997).
+/// Computes the transform that moves the points' mean to 0 and scales their mean distance from it to √2
+/// (Hartley 1997).
 fn normalising(points: impl Iterator<Item = [f64; 2]> + Clone) -> Matrix3<f64> {
     let count = points.clone().count() as f64;
     let mean = points.clone().map(Vector2::from).sum::<Vector2<f64>>() / count;
@@ -294,7 +303,7 @@ fn normalising(points: impl Iterator<Item = [f64; 2]> + Clone) -> Matrix3<f64> {
     Matrix3::new_scaling(scale) * Matrix3::new_translation(&-mean)
 }
 
-/// The normalisations of pixels and plane of some pairs.
+/// Computes the normalisations of pixels and plane positions for the pairs with the indices `of`.
 fn normalisations(pairs: &[PointPair], of: &[usize]) -> [Matrix3<f64>; 2] {
     [
         normalising(of.iter().map(|&i| pairs[i].pixel)),
@@ -302,14 +311,14 @@ fn normalisations(pairs: &[PointPair], of: &[usize]) -> [Matrix3<f64>; 2] {
     ]
 }
 
-/// Undoes a normalisation, which is a scale and a shift.
+/// Inverts a normalisation, which consists of a scale and a translation.
 fn undone(normalisation: &Matrix3<f64>) -> Matrix3<f64> {
     let scale = normalisation[(0, 0)];
     let shift = Vector2::new(normalisation[(0, 2)], normalisation[(1, 2)]);
     Matrix3::new_translation(&(-shift / scale)) * Matrix3::new_scaling(1.0 / scale)
 }
 
-/// The homography of least algebraic error, of any sign.
+/// Computes the homography with the smallest algebraic error; its sign is arbitrary.
 fn linear(pairs: &[PointPair], of: &[usize]) -> Matrix3<f64> {
     let [image, plane] = normalisations(pairs, of);
     let mut products = SMatrix::<f64, 9, 9>::zeros();
@@ -330,7 +339,8 @@ fn linear(pairs: &[PointPair], of: &[usize]) -> Matrix3<f64> {
     undone(&image) * Matrix3::from_row_slice(h.as_slice()) * plane
 }
 
-/// The homography of least squared pixel distances, of any sign: Gauss-Newton steps from the linear one.
+/// Computes the homography with the smallest squared pixel distances by Gauss-Newton steps from the linear
+/// solution; its sign is arbitrary.
 fn least_squares(pairs: &[PointPair], of: &[usize]) -> Matrix3<f64> {
     const STEPS: usize = 20;
     let [image, plane] = normalisations(pairs, of);
@@ -355,7 +365,7 @@ fn least_squares(pairs: &[PointPair], of: &[usize]) -> Matrix3<f64> {
             }
         }
         let now = residuals.norm_squared();
-        // Also ends where a point came to lie on the horizon.
+        // Also stops if a point reaches the horizon.
         if !(now < cost) {
             break;
         }
@@ -364,7 +374,7 @@ fn least_squares(pairs: &[PointPair], of: &[usize]) -> Matrix3<f64> {
         if gain <= 1e-14 * now {
             break;
         }
-        // The scale is free: of all steps that do the same the shortest leaves it.
+        // The scale is free: among equivalent steps, the shortest one preserves it.
         let Ok(step) = slopes.svd(true, true).solve(&residuals, 1e-10) else {
             break;
         };

@@ -1,6 +1,6 @@
-//! The plane that a camera sees, from points whose positions on it are known, without knowing the camera.
+//! The plane that an uncalibrated camera sees, from points with known positions on it.
 //!
-//! Plane frame: metres, z = 0 on the plane, z towards the viewer: seen from above, y lies to the left of x.
+//! Plane frame: metres, z = 0 on the plane, z towards the viewer. Seen from above, y lies to the left of x.
 
 mod camera_center;
 mod fit;

@@ -1,19 +1,21 @@
-//! A rectangle on the plane, whose corners somebody finds in images.
+//! A rectangle on the plane whose corners were found in an image.
 
 use super::PointPair;
 
-/// A rectangle by its corners in the world. By itself it has no place and no turn: which corner is which, the caller says.
+/// A rectangle given by its corners in the world. The caller states which image corner is which, because the
+/// rectangle alone determines neither position nor orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rectangle {
-    /// Its corners on the plane in metres, counterclockwise as seen from above.
+    /// Corners on the plane in metres, counter-clockwise as seen from above.
     pub corners_m: [[f64; 2]; 4],
-    /// The number, from 0, of the corner that is nearest the image's bottom left.
+    /// Index (from 0) of the corner nearest to the image's bottom left.
     pub nearest: usize,
 }
 
 impl Rectangle {
-    /// A rectangle with sides of these lengths in metres that is the world: its origin is the corner nearest the image's bottom left, x runs along the first
-    /// side, the one that follows counterclockwise.
+    /// Returns a rectangle with sides of these lengths in metres that defines the world frame: the origin is
+    /// the corner nearest to the image's bottom left, and x runs along the first side, counter-clockwise from
+    /// it.
     pub fn of_size([first_m, second_m]: [f64; 2]) -> Self {
         Self {
             corners_m: [
@@ -26,7 +28,8 @@ impl Rectangle {
         }
     }
 
-    /// Its corners with their pixels, which are given counterclockwise to the eye from the one nearest the image's bottom left.
+    /// Pairs the corners with their pixels, which are in counter-clockwise order in the image from the corner
+    /// nearest to its bottom left.
     pub fn pairs(&self, corners_px: [[f64; 2]; 4]) -> [PointPair; 4] {
         std::array::from_fn(|i| PointPair {
             pixel: corners_px[i],

@@ -4,7 +4,8 @@ use super::{PointPair, camera_center_m, fit};
 use pardalis_camera::Homography;
 use pardalis_core::rng::{Draws, Stage};
 
-/// The plane of a camera 3 m up that looks down on it: corners of a rectangle of 2 x 1.5 m and where they are seen, by the camera's own numbers.
+/// Corners of a rectangle of 2 x 1.5 m: pixels and positions in metres. The camera is 3 m above the plane and
+/// looks down at it.
 const CORNERS: [([f64; 2], [f64; 2]); 4] = [
     (
         [184.344_608_813_894_47, 327.520_608_999_532_3],
@@ -29,7 +30,7 @@ fn corners() -> Vec<PointPair> {
     CORNERS.map(pair).to_vec()
 }
 
-/// The camera of [`CORNERS`].
+/// Returns the homography of the camera of [`CORNERS`].
 fn true_homography() -> Homography {
     let camera_from_world = Matrix3::new(
         0.998_720_613_581_360_2,
@@ -53,7 +54,7 @@ fn true_homography() -> Homography {
     Homography::new(intrinsics * pose).unwrap()
 }
 
-/// Points on a grid over the floor, seen by the camera of [`CORNERS`].
+/// Returns points on a grid over the plane, as seen by the camera of [`CORNERS`].
 fn grid(count: usize) -> Vec<PointPair> {
     let point = |i: usize| {
         let plane_m = [
@@ -70,12 +71,12 @@ fn distance([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
     (a - c).hypot(b - d)
 }
 
-fn refusal(pairs: &[PointPair]) -> String {
+fn error_of(pairs: &[PointPair]) -> String {
     fit(pairs).unwrap_err().to_string()
 }
 
 #[test]
-fn four_points_give_the_plane_exactly() {
+fn fits_four_points_exactly() {
     let fitted = fit(&corners()).unwrap();
     assert!(fitted.rms_px < 1e-9, "{}", fitted.rms_px);
     assert!(fitted.outliers.is_empty());
@@ -87,19 +88,20 @@ fn four_points_give_the_plane_exactly() {
     }
 }
 
-/// Nothing is seen behind the camera, nor above the horizon.
+/// Points behind the camera have no pixel, and pixels above the horizon have no point.
 #[test]
-fn the_plane_ends_at_the_horizon() {
+fn plane_ends_at_horizon() {
     let homography = fit(&corners()).unwrap().homography;
     assert_eq!(homography.pixel_of([0.0, -20.0]), None);
-    // The horizon of a camera whose axis falls 37 degrees below it lies 425 px above the principal point.
+    // The optical axis points 37 degrees below the horizon, which is 425 px above the principal point.
     assert!(homography.plane_of([319.5, -180.0]).is_some());
     assert_eq!(homography.plane_of([319.5, -190.0]), None);
 }
 
-/// Of n points with noise sigma, the fitted ones are off by sigma sqrt(8 / n), and the residuals are sigma sqrt((2 n - 8) / n).
+/// With n points of noise sigma, the fitted points have errors of sigma sqrt(8 / n), and the residuals are
+/// sigma sqrt((2 n - 8) / n).
 #[test]
-fn noise_is_averaged_as_least_squares_do() {
+fn noise_is_averaged_as_least_squares_predict() {
     const SIGMA_PX: f64 = 0.5;
     const TRIALS: u32 = 200;
     let exact = grid(20);
@@ -121,7 +123,7 @@ fn noise_is_averaged_as_least_squares_do() {
         errors += exact.iter().map(square).sum::<f64>() / 20.0;
     }
     let rms = |sum: f64| (sum / f64::from(TRIALS)).sqrt() / SIGMA_PX;
-    // 1600 and 6400 degrees of freedom: 1.8 % and 0.9 % s.d.
+    // 1600 and 6400 degrees of freedom: standard deviations of 1.8 % and 0.9 %.
     let (expected_error, expected_residual) = (0.4_f64.sqrt(), 1.6_f64.sqrt());
     assert!(
         (rms(errors) / expected_error - 1.0).abs() < 0.06,
@@ -136,7 +138,7 @@ fn noise_is_averaged_as_least_squares_do() {
 }
 
 #[test]
-fn outliers_are_named_and_left_out() {
+fn reports_and_excludes_outliers() {
     for (count, wrong) in [
         (6, vec![2]),
         (10, vec![0, 7]),
@@ -156,13 +158,13 @@ fn outliers_are_named_and_left_out() {
 }
 
 #[test]
-fn what_gives_no_plane_is_refused_with_the_reason() {
+fn rejects_invalid_points_with_the_reason() {
     let changed = |change: fn(&mut Vec<PointPair>)| {
         let mut pairs = corners();
         change(&mut pairs);
-        refusal(&pairs)
+        error_of(&pairs)
     };
-    for (message, wanted) in [
+    for (message, expected) in [
         (changed(|p| p.truncate(3)), "3 points are too few"),
         (
             changed(|p| p[1].pixel[0] = f64::NAN),
@@ -184,13 +186,13 @@ fn what_gives_no_plane_is_refused_with_the_reason() {
             changed(|p| {
                 p[2].plane_m = [0, 1].map(|c| 2.0 * p[1].plane_m[c] - p[0].plane_m[c]);
             }),
-            "points 1, 2 and 3 are in line",
+            "points 1, 2 and 3 lie on one line",
         ),
         (
             changed(|p| {
                 p[3].pixel = [0, 1].map(|c| f64::midpoint(p[1].pixel[c], p[2].pixel[c]));
             }),
-            "points 2, 3 and 4 are in line",
+            "points 2, 3 and 4 lie on one line",
         ),
         (
             changed(|p| (p[1].pixel, p[2].pixel) = (p[2].pixel, p[1].pixel)),
@@ -200,48 +202,48 @@ fn what_gives_no_plane_is_refused_with_the_reason() {
             changed(|p| p.iter_mut().for_each(|pair| pair.plane_m[0] *= -1.0)),
             "left and right are swapped",
         ),
-        // The fourth within the triangle of the others, in the image alone.
+        // In the image alone, the fourth point lies within the triangle of the others.
         (
             changed(|p| p[3].pixel = [350.0, 280.0]),
             "would lie behind the horizon",
         ),
     ] {
-        assert!(message.contains(wanted), "{message}");
+        assert!(message.contains(expected), "{message}");
     }
 }
 
 #[test]
-fn points_in_one_line_but_one_are_refused() {
+fn rejects_points_that_are_collinear_except_one() {
     let mut pairs = grid(7);
     for pair in &mut pairs[..6] {
         pair.plane_m[1] = 0.2 * pair.plane_m[0];
     }
-    let mut seen = pairs.clone();
-    for pair in &mut seen {
+    let mut observed = pairs.clone();
+    for pair in &mut observed {
         pair.pixel = true_homography().pixel_of(pair.plane_m).unwrap();
     }
-    // Two of the grid's columns came to be the same point.
-    seen.remove(5);
-    assert!(refusal(&seen).contains("all points but one are in line"));
+    // Two columns of the grid coincide after the change.
+    observed.remove(5);
+    assert!(error_of(&observed).contains("all points but one lie on one line"));
 }
 
-/// Any four points of five agree, whichever is wrong; of six with two wrong ones likewise.
+/// Any four of five points agree, whichever is wrong; the same holds for six points with two wrong ones.
 #[test]
-fn points_that_do_not_agree_are_refused() {
+fn rejects_inconsistent_points() {
     let mut pairs = corners();
     pairs.extend(&grid(8)[6..]);
     pairs[4].pixel[1] += 30.0;
     pairs[0].pixel[0] -= 30.0;
-    let message = refusal(&pairs);
+    let message = error_of(&pairs);
     assert!(
-        message.contains("at most 4 of 6 lie within 4 pixels"),
+        message.contains("one plane explains at most 4 of 6 within 4 pixels"),
         "{message}"
     );
-    assert!(refusal(&pairs[..5]).contains("do not agree"));
+    assert!(error_of(&pairs[..5]).contains("are inconsistent"));
 }
 
 #[test]
-fn matrices_of_any_scale_and_sign_are_the_same_plane() {
+fn scale_and_sign_of_the_matrix_do_not_matter() {
     let matrix = true_homography().matrix();
     let other = Homography::new(-7.0 * matrix).unwrap();
     assert!((other.matrix() - matrix).norm() < 1e-15);
@@ -251,28 +253,28 @@ fn matrices_of_any_scale_and_sign_are_the_same_plane() {
 }
 
 #[test]
-fn the_camera_stands_where_it_stood() {
+fn recovers_the_camera_position() {
     let homography = fit(&corners()).unwrap().homography;
     let center_m = camera_center_m(&homography, [560.0; 2], [319.5, 239.5]).unwrap();
-    for (found, wanted) in center_m.into_iter().zip([0.0, -3.2, 3.0]) {
-        assert!((found - wanted).abs() < 1e-6, "{center_m:?}");
+    for (found, expected) in center_m.into_iter().zip([0.0, -3.2, 3.0]) {
+        assert!((found - expected).abs() < 1e-6, "{center_m:?}");
     }
 }
 
 #[test]
-fn intrinsics_that_do_not_fit_are_refused() {
+fn rejects_intrinsics_that_do_not_fit() {
     let homography = fit(&corners()).unwrap().homography;
-    let refusal = |f_px, center_px| {
+    let error_of = |f_px, center_px| {
         let error = camera_center_m(&homography, f_px, center_px).unwrap_err();
         error.to_string()
     };
-    assert!(refusal([1400.0; 2], [319.5, 239.5]).contains("the intrinsics do not fit"));
-    assert!(refusal([200.0; 2], [319.5, 239.5]).contains("the intrinsics do not fit"));
+    assert!(error_of([1400.0; 2], [319.5, 239.5]).contains("the intrinsics do not fit"));
+    assert!(error_of([200.0; 2], [319.5, 239.5]).contains("the intrinsics do not fit"));
     for f_px in [[0.0, 560.0], [1e300; 2], [f64::NAN, 560.0]] {
-        let refused = refusal(f_px, [319.5, 239.5]);
+        let message = error_of(f_px, [319.5, 239.5]);
         assert!(
-            refused.contains("allowed: focal lengths from 0.001"),
-            "{refused}"
+            message.contains("allowed: focal lengths from 0.001"),
+            "{message}"
         );
     }
 }

@@ -1,4 +1,4 @@
-//! Calibration from rendered correspondences with known truth, and what it refuses.
+//! Calibration from rendered correspondences with ground truth, and the errors for invalid observations.
 
 use pardalis_calibrate::{
     Calibration, CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind,
@@ -9,7 +9,7 @@ use pardalis_camera::{Pose, pose_from_matrix};
 
 const SIZE_PX: (usize, usize) = (640, 480);
 
-/// World points and their noisy (0.3 px) pixels.
+/// Reads world points and their pixels, exact ("true") or with noise of 0.3 px ("noisy").
 fn rendered(folder: &str, columns: &str) -> CalibrationView {
     let path = format!(
         "{}/../../data/calibration/{folder}/correspondences.csv",
@@ -64,7 +64,7 @@ fn world_from_fisheye() -> Pose {
 }
 
 #[test]
-fn the_fisheye_is_found_from_noisy_points() {
+fn recovers_fisheye_from_noisy_points() {
     let view = rendered("dioptric", "noisy");
     let found = calibrate(&[view], &settings(ModelKind::Equidistant)).unwrap();
     for (name, truth, bound) in [
@@ -82,7 +82,7 @@ fn the_fisheye_is_found_from_noisy_points() {
     let turn = fitted.camera_from_target.rotation * camera_from_world.rotation.inverse();
     let shift = fitted.camera_from_target.translation.vector - camera_from_world.translation.vector;
     assert!(turn.angle() < 2e-3, "{} rad", turn.angle());
-    // Where the camera stands in the world.
+    // The camera's position in the world.
     let position = fitted.camera_from_target.inverse().translation.vector;
     let error = (position - world_from_fisheye().translation.vector).norm();
     assert!(error < 5e-3, "{error} m");
@@ -95,7 +95,7 @@ fn the_fisheye_is_found_from_noisy_points() {
 }
 
 #[test]
-fn the_exact_mirror_fits_at_the_noise() {
+fn fits_exact_mirror_to_noise_level() {
     let path = concat!(
         env!("CARGO_MANIFEST_DIR"),
         "/../../data/calibration/catadioptric/camera.toml"
@@ -106,7 +106,7 @@ fn the_exact_mirror_fits_at_the_noise() {
         .remove(0);
     let camera_from_world = truth.world_from_camera.unwrap().inverse();
     let exact: Vec<f64> = truth.camera.parameters().iter().map(|p| p.1).collect();
-    // A start with another focal length, centre and distance of the mirror.
+    // A start with a different focal length, centre and mirror distance.
     let start = [1.1, 1.1, 1.03, 0.95, 0.97];
     let start: Vec<f64> = exact
         .iter()
@@ -148,7 +148,7 @@ fn the_exact_mirror_fits_at_the_noise() {
 }
 
 #[test]
-fn every_model_fits_what_it_can_and_says_so_where_it_cannot() {
+fn models_fit_suitable_cameras_and_reject_others() {
     use ModelKind::{
         DoubleSphere, ExtendedUnified, KannalaBrandt, Mei, Ocam, PerspectiveMirror, Pinhole,
         Unified,
@@ -172,17 +172,19 @@ fn every_model_fits_what_it_can_and_says_so_where_it_cannot() {
         );
     }
     for kind in [Pinhole, PerspectiveMirror] {
-        let refusal = calibrate(std::slice::from_ref(&fisheye), &settings(kind)).unwrap_err();
+        let error = calibrate(std::slice::from_ref(&fisheye), &settings(kind)).unwrap_err();
         assert!(
-            refusal.reason.contains("no camera of this model"),
-            "{refusal}"
+            error
+                .reason
+                .contains("the best camera of this model leaves"),
+            "{error}"
         );
     }
     let mirror = rendered("catadioptric", "noisy");
     let unified = calibrate(std::slice::from_ref(&mirror), &settings(Unified)).unwrap();
     let perspective =
         calibrate(std::slice::from_ref(&mirror), &settings(PerspectiveMirror)).unwrap();
-    // The mirror has no single viewpoint: neither reaches the noise (0.42 px), and l helps.
+    // The mirror has no single viewpoint: neither model reaches the noise (0.42 px), and l improves the fit.
     assert!(unified.rms_px < 0.5, "{}", unified.rms_px);
     assert!(
         perspective.rms_px > unified.rms_px && perspective.rms_px < 0.7,
@@ -192,7 +194,7 @@ fn every_model_fits_what_it_can_and_says_so_where_it_cannot() {
 }
 
 #[test]
-fn outliers_are_named_and_left_out() {
+fn reports_and_excludes_outliers() {
     let mut view = rendered("dioptric", "noisy");
     for i in [3, 17, 31] {
         view.correspondences[i].pixel[0] += 40.0;
@@ -206,24 +208,24 @@ fn outliers_are_named_and_left_out() {
 }
 
 #[test]
-fn exact_points_give_the_exact_camera() {
+fn recovers_camera_from_exact_points() {
     let view = rendered("dioptric", "true");
     let found = calibrate(&[view], &settings(ModelKind::Equidistant)).unwrap();
-    // The file has four digits after the point.
+    // The file has four decimals.
     let (f, _) = parameter(&found, "f_px_per_rad");
     assert!((f - 145.562_250_654_857_8).abs() < 1e-4, "{f}");
     assert!(found.rms_px < 1e-4, "{}", found.rms_px);
 }
 
 #[test]
-fn what_determines_no_camera_is_refused_with_a_remedy() {
+fn rejects_insufficient_observations_with_a_remedy() {
     let view = rendered("dioptric", "noisy");
     let refused = |change: &dyn Fn(&mut CalibrationView), word: &str| {
         let mut view = view.clone();
         change(&mut view);
-        let refusal = calibrate(&[view], &settings(ModelKind::Equidistant)).unwrap_err();
-        assert!(refusal.reason.contains(word), "{refusal}");
-        assert!(!refusal.remedy.is_empty());
+        let error = calibrate(&[view], &settings(ModelKind::Equidistant)).unwrap_err();
+        assert!(error.reason.contains(word), "{error}");
+        assert!(!error.remedy.is_empty());
     };
     refused(
         &|v| {
@@ -239,7 +241,7 @@ fn what_determines_no_camera_is_refused_with_a_remedy() {
                 c.point_m = [c.point_m[0], 2.0 * c.point_m[0], 0.5];
             }
         },
-        "in a line",
+        "on one line",
     );
     refused(
         &|v| {
@@ -250,11 +252,8 @@ fn what_determines_no_camera_is_refused_with_a_remedy() {
         },
         "are the same",
     );
-    // Before a model could have anything to do with it.
-    refused(
-        &|v| v.correspondences[7].pixel[0] = 9e5,
-        "outside of images",
-    );
+    // This check precedes any fit.
+    refused(&|v| v.correspondences[7].pixel[0] = 9e5, "outside images");
     refused(&|v| v.correspondences.truncate(4), "too few");
     refused(
         &|v| {
@@ -271,15 +270,12 @@ fn what_determines_no_camera_is_refused_with_a_remedy() {
         },
         "% of the image",
     );
-    refused(
-        &|v| v.correspondences[7].pixel[0] = 700.0,
-        "outside of images",
-    );
+    refused(&|v| v.correspondences[7].pixel[0] = 700.0, "outside images");
     refused(
         &|v| v.correspondences[7].point_m[0] = f64::NAN,
         "not a number",
     );
-    // Pixels that belong to other points.
+    // Pixels of other points.
     refused(
         &|v| {
             let pixels: Vec<_> = v.correspondences.iter().map(|c| c.pixel).collect();
@@ -292,7 +288,7 @@ fn what_determines_no_camera_is_refused_with_a_remedy() {
 }
 
 #[test]
-fn a_known_camera_finds_its_pose_from_few_points() {
+fn fits_pose_from_few_points() {
     let fisheye = Equidistant::new(145.562_250_654_857_8, [319.5, 239.5], 1.62).unwrap();
     let view = rendered("dioptric", "noisy");
     let fit = fit_pose(
@@ -318,7 +314,7 @@ fn a_known_camera_finds_its_pose_from_few_points() {
 }
 
 #[test]
-fn points_that_do_not_belong_to_a_camera_give_no_pose() {
+fn rejects_poses_from_mismatched_points() {
     let fisheye = Equidistant::new(145.562_250_654_857_8, [319.5, 239.5], 1.62).unwrap();
     let fisheye = Camera::Equidistant(fisheye);
     let points = rendered("dioptric", "noisy").correspondences;
@@ -330,47 +326,47 @@ fn points_that_do_not_belong_to_a_camera_give_no_pose() {
         points
     };
     let refused = |camera: &Camera, points: &[Correspondence], word: &str| {
-        let refusal = fit_pose(camera, SIZE_PX, points, OUTLIER_SIGMAS).unwrap_err();
-        assert!(refusal.to_string().contains(word), "{refusal}");
+        let error = fit_pose(camera, SIZE_PX, points, OUTLIER_SIGMAS).unwrap_err();
+        assert!(error.to_string().contains(word), "{error}");
     };
     let mirrored = changed(&|_, c| c.point_m[0] *= -1.0);
     refused(&fisheye, &mirrored, "only when mirrored");
-    // Both stay in the image.
+    // Both pixel coordinates stay in the image.
     let swapped: Vec<Correspondence> = changed(&|_, c| c.pixel.swap(0, 1))
         .into_iter()
         .filter(|c| c.pixel[1] < 480.0)
         .collect();
     refused(&fisheye, &swapped, "only with u and v exchanged");
     let exchanged = changed(&|i, c| c.pixel = points[(7 * i + 3) % points.len()].pixel);
-    refused(&fisheye, &exchanged, "order of the points");
+    refused(&fisheye, &exchanged, "in the same order");
     let outside = changed(&|_, c| c.pixel[0] += 200.0);
-    refused(&fisheye, &outside, "outside of images of 640 x 480");
+    refused(&fisheye, &outside, "outside images of 640 x 480");
     let pinhole = Pinhole::new([500.0; 2], [319.5, 239.5], &[]).unwrap();
     refused(
         &Camera::Pinhole(pinhole),
         &points,
-        "camera's file belongs to these images",
+        "camera file belongs to these images",
     );
     let same = changed(&|_, c| *c = points[0]);
     refused(&fisheye, &same, "are the same");
-    // Four points do in a plane, six elsewhere.
+    // Four points suffice in a plane, six in general position.
     refused(&fisheye, &points[..5], "not in one plane, which needs 6");
     fit_pose(&fisheye, SIZE_PX, &points[..6], OUTLIER_SIGMAS).unwrap();
 }
 
 #[test]
-fn too_few_numbers_are_no_calibration_though_a_model_fits_them() {
+fn rejects_too_few_coordinates_for_the_model() {
     let mut view = rendered("dioptric", "noisy");
     view.correspondences.truncate(13);
     let fit = |kind| calibrate(std::slice::from_ref(&view), &settings(kind));
-    let refusal = fit(ModelKind::KannalaBrandt).unwrap_err();
+    let error = fit(ModelKind::KannalaBrandt).unwrap_err();
     let expected = "26 coordinates are too few for 14 unknowns";
-    assert!(refusal.reason.starts_with(expected), "{refusal}");
-    assert!(refusal.remedy.contains("fewer parameters"), "{refusal}");
+    assert!(error.reason.starts_with(expected), "{error}");
+    assert!(error.remedy.contains("fewer parameters"), "{error}");
     fit(ModelKind::Equidistant).unwrap();
 }
 
-/// The numbers of every `<data>` of a list in one of OpenCV's XML files.
+/// Returns the numbers of every `<data>` element of a list in an OpenCV XML file.
 fn matrices(xml: &str, list: &str) -> Vec<Vec<f64>> {
     let inside = xml.split(&format!("<{list}>")).nth(1).unwrap();
     let inside = inside.split(&format!("</{list}>")).next().unwrap();
@@ -385,9 +381,9 @@ fn matrices(xml: &str, list: &str) -> Vec<Vec<f64>> {
     .collect()
 }
 
-/// 15 views of a board through a real mirror camera, on which OpenCV's omnidir calibration reaches 0.812 px.
+/// 15 views of a board through a real mirror camera; OpenCV's omnidir calibration reaches 0.812 px on them.
 #[test]
-fn a_real_mirror_camera_is_fitted_at_least_as_well_as_by_opencv() {
+fn fits_real_mirror_camera_at_least_as_well_as_opencv() {
     let path = format!(
         "{}/../../data/calibration/opencv-omnidir/omni_calib_data.xml",
         env!("CARGO_MANIFEST_DIR")
@@ -423,7 +419,7 @@ fn a_real_mirror_camera_is_fitted_at_least_as_well_as_by_opencv() {
         };
         calibrate(&views, &settings).unwrap()
     };
-    // All points, as OpenCV takes them.
+    // All points, as in OpenCV.
     let all = with_outliers(f64::INFINITY);
     assert!(all.rms_px <= 0.812, "{}", all.rms_px);
     assert_eq!(all.rms_px, all.rms_all_px);
@@ -434,7 +430,7 @@ fn a_real_mirror_camera_is_fitted_at_least_as_well_as_by_opencv() {
     let held_out = robust.held_out_rms_px.unwrap();
     assert!(held_out < 0.8, "{held_out}");
 }
-/// Views of a table with the columns view,x_m,y_m,z_m,u_px,v_px.
+/// Reads the views of a table with the columns view,x_m,y_m,z_m,u_px,v_px.
 fn views_of(table: &str) -> Vec<CalibrationView> {
     let path = format!(
         "{}/../../data/calibration/babelcalib-ov/{table}.csv",
@@ -460,12 +456,13 @@ fn views_of(table: &str) -> Vec<CalibrationView> {
     views
 }
 
-/// What OpenCV 5.0.0's fisheye model reaches on the test views at the least-squares optimum of the training views (experiments/calibration, `fisheye
-/// refined`). Its `fisheye.calibrate` stops beside that, at 0.472132 and 0.292500 px.
+/// RMS of OpenCV 5.0.0's fisheye model on the test views at the least-squares optimum of the training views
+/// (experiments/calibration, `fisheye refined`). Its `fisheye.calibrate` stops short of the optimum, at
+/// 0.472132 and 0.292500 px.
 const OPENCV_TEST_RMS_PX: [(&str, f64); 2] = [("plane", 0.472_150), ("cube", 0.293_077)];
 
 #[test]
-fn real_fisheyes_are_fitted_as_well_as_by_opencv() {
+fn fits_real_fisheyes_as_well_as_opencv() {
     for (set, opencv_px) in OPENCV_TEST_RMS_PX {
         let settings = CalibrationSettings {
             start: CalibrationStart::Model(ModelKind::KannalaBrandt),
@@ -486,7 +483,7 @@ fn real_fisheyes_are_fitted_as_well_as_by_opencv() {
             squares_px2.extend(lengths_px.map(|[du, dv]| du * du + dv * dv));
         }
         let rms_px = (squares_px2.iter().sum::<f64>() / squares_px2.len() as f64).sqrt();
-        // The bound's 0.1 % are for the few points beyond 89 degrees that train our camera.
+        // The tolerance of 0.1 % accounts for the few points beyond 89 degrees that only this fit uses.
         assert!(rms_px <= 1.001 * opencv_px, "{set}: {rms_px} px");
     }
 }

@@ -1,4 +1,5 @@
-//! Rigs from made-up sightings with known truth: standard deviations, and shots that do not belong together.
+//! Rigs from simulated observations with ground truth: standard deviations, and shots that are not
+//! simultaneous.
 
 use nalgebra::{Point3, Rotation3, Translation3, Vector3};
 use pardalis_calibrate::{
@@ -10,7 +11,7 @@ use pardalis_core::rng::{Draws, Stage};
 
 const SHOTS: usize = 12;
 
-/// The s.d. of a coordinate.
+/// Standard deviation of a coordinate.
 const NOISE_PX: f64 = 0.2;
 
 fn pose(turn: [f64; 3], shift_m: [f64; 3]) -> Pose {
@@ -24,7 +25,7 @@ fn right_from_left() -> Pose {
     pose([0.02, -0.15, 0.05], [-0.3, 0.01, 0.04])
 }
 
-/// Where the board is in a shot: in all parts of the image, turned about all axes.
+/// Returns the board's pose in a shot; the poses cover all parts of the image and rotations about all axes.
 fn left_from_board(shot: usize) -> Pose {
     let [a, b] = [0.9, 1.7].map(|factor| factor * shot as f64);
     pose(
@@ -33,7 +34,7 @@ fn left_from_board(shot: usize) -> Pose {
     )
 }
 
-/// A camera that saw the board in these shots, one after the other.
+/// Returns a camera that saw the board in these shots, one after the other.
 fn camera(name: &str, camera_from_left: Pose, shots: &[usize]) -> RigCamera {
     let camera = Camera::Equidistant(Equidistant::new(300.0, [319.5, 239.5], 1.2).unwrap());
     let draws = Draws::new(1, name.len() as u32);
@@ -62,7 +63,7 @@ fn camera(name: &str, camera_from_left: Pose, shots: &[usize]) -> RigCamera {
     }
 }
 
-/// A left camera that saw all shots, and what shots the right one saw at the same times.
+/// Returns a left camera that saw all shots in order, and a right one that saw `right_shots` at the same times.
 fn rig(right_shots: &[usize]) -> [RigCamera; 2] {
     let left_shots: Vec<usize> = (0..right_shots.len()).collect();
     [
@@ -72,10 +73,10 @@ fn rig(right_shots: &[usize]) -> [RigCamera; 2] {
 }
 
 #[test]
-fn a_rigs_distance_and_turn_are_within_their_standard_deviations() {
+fn errors_of_distance_and_rotation_match_standard_deviations() {
     let all: Vec<usize> = (0..SHOTS).collect();
     let found = calibrate_rig(&rig(&all), OUTLIER_SIGMAS).unwrap();
-    assert!(found.out_of_step.is_empty() && found.outliers.is_empty());
+    assert!(found.rejected_shots.is_empty() && found.outliers.is_empty());
     let truth = right_from_left().inverse();
     let right = found.cameras[1].world_from_camera.unwrap();
     let distance_m = |pose: &Pose| pose.translation.vector.norm();
@@ -101,7 +102,7 @@ fn a_rigs_distance_and_turn_are_within_their_standard_deviations() {
         [found.baseline_sigma_m[0], found.turn_sigma_rad[0]],
         [0.0; 2]
     );
-    // Both coordinates, less what the unknowns take.
+    // Two coordinates, minus the effect of the unknowns.
     let expected_px = 2.0_f64.sqrt() * NOISE_PX;
     for rms_px in &found.rms_px {
         assert!((rms_px / expected_px - 1.0).abs() < 0.1, "{rms_px}");
@@ -109,11 +110,11 @@ fn a_rigs_distance_and_turn_are_within_their_standard_deviations() {
 }
 
 #[test]
-fn shots_of_other_instants_are_left_out_where_they_are_few() {
+fn rejects_few_shots_that_are_not_simultaneous() {
     let mut shots: Vec<usize> = (0..SHOTS).collect();
     (shots[0], shots[5]) = (8, 2);
     let found = calibrate_rig(&rig(&shots), OUTLIER_SIGMAS).unwrap();
-    assert_eq!(found.out_of_step, [0, 5]);
+    assert_eq!(found.rejected_shots, [0, 5]);
     assert!(found.outliers.is_empty() && found.world_from_target[5].is_none());
     let (truth, right) = (
         right_from_left().inverse(),
@@ -122,17 +123,13 @@ fn shots_of_other_instants_are_left_out_where_they_are_few() {
     let shift_m = (right.translation.vector - truth.translation.vector).norm();
     assert!(shift_m < 2e-3, "{shift_m}");
 
-    // One image missing, and all after it are out of step.
+    // One image is missing, which shifts all later ones.
     let shots: Vec<usize> = (1..SHOTS).collect();
-    let refusal = calibrate_rig(&rig(&shots), OUTLIER_SIGMAS).unwrap_err();
+    let error = calibrate_rig(&rig(&shots), OUTLIER_SIGMAS).unwrap_err();
     assert!(
-        refusal
-            .reason
-            .contains("do not agree on where the target was")
-            && refusal
-                .reason
-                .contains(" of 11 shots: left 0 with right 1, "),
-        "{refusal}"
+        error.reason.contains("disagree on the target's position")
+            && error.reason.contains(" of 11 shots: left 0 with right 1, "),
+        "{error}"
     );
-    assert!(refusal.remedy.contains("is one missing"), "{refusal}");
+    assert!(error.remedy.contains("whether one is missing"), "{error}");
 }

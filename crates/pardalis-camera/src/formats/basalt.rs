@@ -1,4 +1,5 @@
-//! Basalt's calibration: JSON as the cereal library writes it, everything under `value0`. The IMU's frame is the world.
+//! Basalt's calibration: JSON as the cereal library writes it, below the key `value0`. The world is
+//! the frame of the IMU.
 
 use std::f64::consts::PI;
 
@@ -6,45 +7,46 @@ use nalgebra::{Quaternion, Rotation3, Translation3, UnitQuaternion};
 
 use super::document::Entry;
 use super::intrinsics::size_from_pair;
-use super::written;
+use super::output;
 use crate::pose::{CalibratedCamera, Pose};
 use crate::{Camera, DoubleSphere, ExtendedUnified, KannalaBrandt, Pinhole};
 use pardalis_core::Error;
 
-/// How far a quaternion's length may be from 1.
+/// Tolerance of the length of a quaternion.
 const UNIT_TOLERANCE: f64 = 1e-3;
 
-/// The farthest camera from the IMU, in metres.
+/// Largest distance of a camera from the IMU, in metres.
 const MAX_OFFSET_M: f64 = 1e6;
 
-/// The cameras of a document. A single camera at the IMU's place has no pose: the file tells none.
+/// Reads the cameras of a document. A single camera with the identity transform has no pose: Basalt
+/// writes it for cameras without an IMU.
 pub(super) fn read(root: &Entry) -> Result<Vec<CalibratedCamera>, Error> {
     let root = root.required("value0")?;
     let intrinsics = root.required("intrinsics")?;
     let tables = intrinsics.items()?;
-    let of_all = |key: &str| {
+    let per_camera = |key: &str| {
         let entry = root.required(key)?;
         let items = entry.items()?;
         if items.len() == tables.len() {
             return Ok(items);
         }
-        Err(entry.fault(format!(
-            "is about {} cameras, but intrinsics about {}",
+        Err(entry.error(format!(
+            "has {} entries, but intrinsics has {}",
             items.len(),
             tables.len()
         )))
     };
-    let transforms = of_all("T_imu_cam")?;
-    let sizes = of_all("resolution")?;
+    let transforms = per_camera("T_imu_cam")?;
+    let sizes = per_camera("resolution")?;
     let mut cameras = Vec::new();
     for (i, table) in tables.iter().enumerate() {
         let pose = read_transform(&transforms[i])?;
-        let says_nothing = tables.len() == 1 && pose == Pose::identity();
+        let is_placeholder = tables.len() == 1 && pose == Pose::identity();
         cameras.push(CalibratedCamera {
             name: format!("cam{i}"),
             camera: read_camera(table)?,
             size_px: Some(size_from_pair(&sizes[i])?),
-            world_from_camera: (!says_nothing).then_some(pose),
+            world_from_camera: (!is_placeholder).then_some(pose),
         });
     }
     Ok(cameras)
@@ -62,12 +64,12 @@ fn read_transform(table: &Entry) -> Result<Pose, Error> {
     let [x, y, z] = numbers(table, ["px", "py", "pz"])?;
     let [i, j, k, w] = numbers(table, ["qx", "qy", "qz", "qw"])?;
     if [x, y, z].iter().any(|v| v.abs() > MAX_OFFSET_M) {
-        return Err(table.fault("has an offset beyond 1e6 metres; allowed: less"));
+        return Err(table.error("has an offset beyond 1e6 metres; allowed: at most 1e6"));
     }
     let quaternion = Quaternion::new(w, i, j, k);
     let length = quaternion.norm();
     if !((length - 1.0).abs() <= UNIT_TOLERANCE) {
-        return Err(table.fault(format!(
+        return Err(table.error(format!(
             "has a quaternion of length {length}; allowed: length 1"
         )));
     }
@@ -102,29 +104,29 @@ fn read_camera(table: &Entry) -> Result<Camera, Error> {
             let [alpha] = numbers(&values, ["alpha"])?;
             ExtendedUnified::new(f, c, alpha, 1.0).map(Camera::ExtendedUnified)
         }
-        _ => return Err(kind.refuse("pinhole, pinhole-radtan8, kb4, ds, eucm, ucm")),
+        _ => return Err(kind.invalid("pinhole, pinhole-radtan8, kb4, ds, eucm, ucm")),
     };
     values.checked(camera)
 }
 
-/// The text of a rig. What Basalt wants to know of an IMU is written as zeros.
+/// Returns the text of a rig. The IMU parameters that Basalt requires are written as zeros.
 pub(super) fn write(cameras: &[CalibratedCamera]) -> Result<String, Error> {
-    let poses = match written::poses(cameras)? {
+    let poses = match output::poses(cameras)? {
         Some(poses) => poses,
         None if cameras.len() == 1 => vec![Pose::identity()],
         None => {
-            return Err(written::cannot_hold(
+            return Err(output::not_representable(
                 &cameras[0],
                 "the pose",
                 "missing",
-                "world_from_camera for each camera of a Basalt file of several; or write each camera into a file of its own",
+                "world_from_camera for each camera of a Basalt file with several cameras; or write each camera to its own file",
             ));
         }
     };
     let mut sizes = Vec::new();
     let mut intrinsics = Vec::new();
     for camera in cameras {
-        let (width, height) = written::size_px(camera)?;
+        let (width, height) = output::size_px(camera)?;
         sizes.push(format!("[{width}, {height}]"));
         intrinsics.push(intrinsics_of(camera)?);
     }
@@ -135,14 +137,14 @@ pub(super) fn write(cameras: &[CalibratedCamera]) -> Result<String, Error> {
             items.join(",\n            ")
         )
     };
-    let zeros = |count| format!("[{}]", written::numbers(&vec![0.0; count]));
+    let zeros = |count| format!("[{}]", output::numbers(&vec![0.0; count]));
     let fields = [
         ("T_imu_cam", listed(&transforms)),
         ("intrinsics", listed(&intrinsics)),
         ("resolution", listed(&sizes)),
         ("calib_accel_bias", zeros(9)),
         ("calib_gyro_bias", zeros(12)),
-        ("imu_update_rate", written::number(0.0)),
+        ("imu_update_rate", output::number(0.0)),
         ("accel_noise_std", zeros(3)),
         ("gyro_noise_std", zeros(3)),
         ("accel_bias_std", zeros(3)),
@@ -163,7 +165,7 @@ pub(super) fn write(cameras: &[CalibratedCamera]) -> Result<String, Error> {
 fn object(fields: impl IntoIterator<Item = (&'static str, f64)>) -> String {
     let fields: Vec<_> = fields
         .into_iter()
-        .map(|(key, value)| format!("\"{key}\": {}", written::number(value)))
+        .map(|(key, value)| format!("\"{key}\": {}", output::number(value)))
         .collect();
     format!("{{ {} }}", fields.join(", "))
 }
@@ -186,36 +188,38 @@ fn intrinsics_of(camera: &CalibratedCamera) -> Result<String, Error> {
     let model = &camera.camera;
     let f_and_c = ["fx", "fy", "cx", "cy"]
         .into_iter()
-        .zip(written::focals_and_center(model));
-    let (kind, names, values): (_, &[&'static str], Vec<f64>) =
-        if let Some(k) = written::fisheye(model) {
-            ("kb4", &["k1", "k2", "k3", "k4"], k.to_vec())
-        } else if let Camera::DoubleSphere(_) = model {
-            let values = written::parameters(model, ["xi", "alpha"]);
-            ("ds", &["xi", "alpha"], values.to_vec())
-        } else if let Camera::ExtendedUnified(_) = model {
-            let values = written::parameters(model, ["alpha", "beta"]);
-            ("eucm", &["alpha", "beta"], values.to_vec())
-        } else {
-            let all = written::pinhole_distortion(model);
-            match written::count_of(&all, &[0, 8]) {
-                Some(0) => ("pinhole", &[], Vec::new()),
-                // rpmax = 0: no bound on the radius; ours follows from the coefficients.
-                Some(_) => (
-                    "pinhole-radtan8",
-                    &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "rpmax"],
-                    [&all[..8], &[0.0]].concat(),
-                ),
-                None => {
-                    return Err(written::cannot_hold(
-                        camera,
-                        "the distortion",
-                        "longer, with the thin prism's s1 to s4",
-                        "k1 k2 p1 p2 k3 k4 k5 k6 in Basalt files; OpenCV files hold all twelve",
-                    ));
-                }
+        .zip(output::focals_and_center(model));
+    let (kind, names, values): (_, &[&'static str], Vec<f64>) = if let Some(k) =
+        output::fisheye(model)
+    {
+        ("kb4", &["k1", "k2", "k3", "k4"], k.to_vec())
+    } else if let Camera::DoubleSphere(_) = model {
+        let values = output::parameters(model, ["xi", "alpha"]);
+        ("ds", &["xi", "alpha"], values.to_vec())
+    } else if let Camera::ExtendedUnified(_) = model {
+        let values = output::parameters(model, ["alpha", "beta"]);
+        ("eucm", &["alpha", "beta"], values.to_vec())
+    } else {
+        let all = output::pinhole_distortion(model);
+        match output::count_of(&all, &[0, 8]) {
+            Some(0) => ("pinhole", &[], Vec::new()),
+            // rpmax = 0: Basalt then does not limit the radius. Pardalis derives the limit from
+            // the coefficients.
+            Some(_) => (
+                "pinhole-radtan8",
+                &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "rpmax"],
+                [&all[..8], &[0.0]].concat(),
+            ),
+            None => {
+                return Err(output::not_representable(
+                    camera,
+                    "the distortion",
+                    "too long: it has the thin-prism coefficients s1 to s4",
+                    "k1 k2 p1 p2 k3 k4 k5 k6 in Basalt files; OpenCV files can represent all twelve",
+                ));
             }
-        };
+        }
+    };
     let values = object(f_and_c.chain(names.iter().copied().zip(values)));
     Ok(format!(
         "{{ \"camera_type\": \"{kind}\", \"intrinsics\": {values} }}"

@@ -1,4 +1,5 @@
-//! YAML, JSON and OpenCV's XML as one tree whose nodes know their lines, so that every fault is told with key and line.
+//! YAML, JSON and OpenCV's XML as one tree whose nodes know their lines, so that every error states
+//! key and line.
 
 use std::fmt;
 
@@ -9,16 +10,17 @@ use serde_saphyr::{Spanned, budget::Budget};
 
 use pardalis_core::Error;
 
-/// Characters of a value that messages show at most.
+/// Largest number of characters of a value in error messages.
 const MAX_SHOWN: usize = 60;
 
-/// Nodes of a document at most; calibrations have some hundred, with their corners and residuals some ten thousand.
+/// Largest number of nodes in a document. Calibrations have a few hundred; with their corners and
+/// residuals, several ten thousand.
 const MAX_NODES: usize = 200_000;
 
-/// Levels of a document at most.
+/// Largest depth of a document.
 const MAX_DEPTH: usize = 32;
 
-/// One value of a document and its line, from 1.
+/// A value of a document and its line, counted from 1.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Node {
     line: usize,
@@ -28,16 +30,16 @@ pub(super) struct Node {
 #[derive(Debug, Clone, PartialEq)]
 enum Value {
     Nothing,
-    /// Finite.
+    /// A finite number.
     Number(f64),
-    /// Any other scalar, `.Nan` and `.Inf` among them.
+    /// Any other scalar, including `.Nan` and `.Inf`.
     Text(String),
     List(Vec<Node>),
-    /// Each key once, in the order of the text.
+    /// Entries with unique keys, in the order of the text.
     Map(Vec<(String, Node)>),
 }
 
-/// YAML, and JSON, which is YAML. OpenCV's `%YAML:1.0` is understood, aliases are refused.
+/// Parses YAML or its subset JSON. Accepts OpenCV's `%YAML:1.0`, rejects aliases.
 pub(super) fn parse_yaml(text: &str) -> Result<Node, Error> {
     let mut budget = Budget::default();
     budget.max_nodes = MAX_NODES;
@@ -51,18 +53,21 @@ pub(super) fn parse_yaml(text: &str) -> Result<Node, Error> {
     serde_saphyr::from_str_with_options::<Spanned<Value>>(&plain, options)
         .map(Node::from)
         .map_err(|error| {
-            let line = error.location().map_or(1, |place| place.line() as usize);
+            let line = error
+                .location()
+                .map_or(1, |location| location.line() as usize);
             let message = match error {
                 serde_saphyr::Error::DuplicateMappingKey { key: Some(key), .. } => {
-                    format!("the key {key} stands there twice; keep one, and give each camera a name of its own")
+                    format!("duplicate key {key}; keep one, and give each camera its own name")
                 }
-                error => format!("is no YAML or JSON that can be read: {error}"),
+                error => format!("not valid YAML or JSON: {error}"),
             };
-            fault_at(line, message)
+            error_at(line, message)
         })
 }
 
-/// The text with OpenCV's first line blank: `%YAML:1.0` is no directive of YAML, and old files have no `---` after it.
+/// Returns the text with OpenCV's first line blank: `%YAML:1.0` is not a valid YAML directive, and
+/// old files have no `---` after it.
 fn without_directive(text: &str) -> String {
     let text = text.trim_start_matches('\u{feff}');
     if !text.starts_with("%YAML") {
@@ -149,7 +154,7 @@ impl<'de> Visitor<'de> for ValueVisitor {
                 Value::Number(number) => number.to_string(),
                 _ => return Err(A::Error::custom("a key is neither a text nor a number")),
             };
-            // Where the key stands: a map or list begins on a later line.
+            // Use the line of the key: the value of a map or list starts on a later line.
             let line = key.line;
             map.push((
                 name,
@@ -163,22 +168,18 @@ impl<'de> Visitor<'de> for ValueVisitor {
     }
 }
 
-/// OpenCV's XML: the content of `<opencv_storage>`.
+/// Parses OpenCV's XML: the content of `<opencv_storage>`.
 pub(super) fn parse_xml(text: &str) -> Result<Node, Error> {
     let options = ParsingOptions {
         nodes_limit: MAX_NODES as u32,
         ..ParsingOptions::default()
     };
-    let document = roxmltree::Document::parse_with_options(text, options).map_err(|error| {
-        fault_at(
-            error.pos().row as usize,
-            format!("is no XML that can be read: {error}"),
-        )
-    })?;
+    let document = roxmltree::Document::parse_with_options(text, options)
+        .map_err(|error| error_at(error.pos().row as usize, format!("not valid XML: {error}")))?;
     let root = document.root_element();
     if !root.has_tag_name("opencv_storage") {
         let found = shortened(root.tag_name().name());
-        return Err(fault_at(
+        return Err(error_at(
             line_of(root),
             format!("the outermost element is <{found}>; allowed: <opencv_storage>"),
         ));
@@ -193,9 +194,9 @@ fn line_of(element: roxmltree::Node) -> usize {
 fn node_from_xml(element: roxmltree::Node, depth: usize) -> Result<Node, Error> {
     let line = line_of(element);
     if depth > MAX_DEPTH {
-        return Err(fault_at(
+        return Err(error_at(
             line,
-            format!("elements lie too deep in one another; allowed: {MAX_DEPTH} levels"),
+            format!("elements are nested too deeply; allowed: {MAX_DEPTH} levels"),
         ));
     }
     let mut map: Vec<(String, Node)> = Vec::new();
@@ -207,9 +208,9 @@ fn node_from_xml(element: roxmltree::Node, depth: usize) -> Result<Node, Error> 
             list.push(node);
         } else if map.iter().any(|(known, _)| known == key) {
             let key = shortened(key);
-            return Err(fault_at(
+            return Err(error_at(
                 line_of(child),
-                format!("<{key}> stands there twice; keep one"),
+                format!("duplicate element <{key}>; keep one"),
             ));
         } else {
             map.push((key.to_owned(), node));
@@ -225,7 +226,8 @@ fn node_from_xml(element: roxmltree::Node, depth: usize) -> Result<Node, Error> 
     Ok(Node { line, value })
 }
 
-/// The text of an element without children: a text in quotes, one word or number, or a list of them.
+/// Converts the text of an element without children: a quoted text, a single word or number, or a
+/// list of them.
 fn value_from_words(text: &str, line: usize) -> Value {
     let scalar = |word: &str| match word.parse::<f64>() {
         Ok(number) if number.is_finite() => Value::Number(number),
@@ -249,7 +251,7 @@ fn value_from_words(text: &str, line: usize) -> Value {
     }
 }
 
-pub(super) fn fault_at(line: usize, message: String) -> Error {
+pub(super) fn error_at(line: usize, message: String) -> Error {
     Error::Parse { line, message }
 }
 
@@ -260,14 +262,14 @@ fn shortened(text: &str) -> String {
     }
 }
 
-/// A node together with its full key, such as `cam0.T_cam_imu`.
+/// A node and its full key, such as `cam0.T_cam_imu`.
 #[derive(Debug, Clone)]
 pub(super) struct Entry<'a> {
     key: String,
     node: &'a Node,
 }
 
-/// A matrix as files give it, row by row.
+/// A matrix in row-major order.
 pub(super) struct Matrix<'a> {
     pub(super) entry: Entry<'a>,
     pub(super) size: (usize, usize),
@@ -275,7 +277,7 @@ pub(super) struct Matrix<'a> {
 }
 
 impl<'a> Entry<'a> {
-    /// The document as a whole.
+    /// Returns the whole document.
     pub(super) fn root(node: &'a Node) -> Self {
         Self {
             key: String::new(),
@@ -292,23 +294,23 @@ impl<'a> Entry<'a> {
         Self { key, node }
     }
 
-    /// The last part of the key.
+    /// Returns the last part of the key.
     pub(super) fn name(&self) -> &str {
         self.key.rsplit('.').next().unwrap_or_default()
     }
 
-    /// A fault of this value: what is wrong and what is allowed.
-    pub(super) fn fault(&self, message: impl fmt::Display) -> Error {
+    /// Creates an error about this value. The message states the problem and what is allowed.
+    pub(super) fn error(&self, message: impl fmt::Display) -> Error {
         let message = if self.key.is_empty() {
             message.to_string()
         } else {
             format!("{}: {message}", self.key)
         };
-        fault_at(self.node.line, message)
+        error_at(self.node.line, message)
     }
 
-    /// The fault that this value is not what is allowed.
-    pub(super) fn refuse(&self, allowed: &str) -> Error {
+    /// Creates an error that states this value and what is allowed.
+    pub(super) fn invalid(&self, allowed: &str) -> Error {
         let found = match &self.node.value {
             Value::Nothing => "empty".to_owned(),
             Value::Number(number) => number.to_string(),
@@ -316,15 +318,15 @@ impl<'a> Entry<'a> {
             Value::List(items) => format!("a list of {}", items.len()),
             Value::Map(_) => "a map".to_owned(),
         };
-        self.fault(format!("is {found}; allowed: {allowed}"))
+        self.error(format!("is {found}; allowed: {allowed}"))
     }
 
-    /// A library's check of what this value says.
+    /// Adds key and line to the error of a check of this value.
     pub(super) fn checked<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
-        result.map_err(|error| self.fault(error))
+        result.map_err(|error| self.error(error))
     }
 
-    /// The value under a key, if there is one.
+    /// Returns the value of a key, or `None` if the key is missing.
     pub(super) fn get(&self, key: &str) -> Option<Self> {
         let Value::Map(map) = &self.node.value else {
             return None;
@@ -334,26 +336,26 @@ impl<'a> Entry<'a> {
             .map(|(key, node)| self.child(key, node))
     }
 
-    /// The value under a key, which must be there.
+    /// Returns the value of a key that must be present.
     pub(super) fn required(&self, key: &str) -> Result<Self, Error> {
         self.get(key)
-            .ok_or_else(|| self.fault(format!("{key} is missing")))
+            .ok_or_else(|| self.error(format!("{key} is missing")))
     }
 
-    /// The value under one of several keys that mean the same; two of them at once are refused.
+    /// Returns the value of one of several synonymous keys. Rejects two of them at once.
     pub(super) fn one_of(&self, keys: &[String]) -> Result<Option<Self>, Error> {
         let mut found = keys.iter().filter_map(|key| self.get(key));
         let first = found.next();
         if let (Some(first), Some(second)) = (&first, found.next()) {
-            return Err(second.fault(format!(
-                "stands beside {}, which means the same; keep one",
+            return Err(second.error(format!(
+                "conflicts with {}, which has the same meaning; keep one",
                 first.key
             )));
         }
         Ok(first)
     }
 
-    /// The keys and values of a map, in the order of the text.
+    /// Returns the entries of a map in the order of the text.
     pub(super) fn entries(&self) -> Vec<Self> {
         match &self.node.value {
             Value::Map(map) => map
@@ -364,10 +366,10 @@ impl<'a> Entry<'a> {
         }
     }
 
-    /// The elements of a list.
+    /// Returns the elements of a list.
     pub(super) fn items(&self) -> Result<Vec<Self>, Error> {
         let Value::List(items) = &self.node.value else {
-            return Err(self.refuse("a list"));
+            return Err(self.invalid("a list"));
         };
         let numbered = items.iter().enumerate();
         Ok(numbered
@@ -378,47 +380,48 @@ impl<'a> Entry<'a> {
             .collect())
     }
 
-    /// The value as a text; a number as it would be written.
+    /// Returns the value as a text; numbers are formatted.
     pub(super) fn text(&self) -> Result<String, Error> {
         match &self.node.value {
             Value::Text(text) => Ok(text.clone()),
             Value::Number(number) => Ok(number.to_string()),
             Value::Nothing => Ok(String::new()),
-            _ => Err(self.refuse("a text")),
+            _ => Err(self.invalid("a text")),
         }
     }
 
-    /// The value as a finite number.
+    /// Returns the value as a finite number.
     pub(super) fn number(&self) -> Result<f64, Error> {
         match self.node.value {
             Value::Number(number) => Ok(number),
-            _ => Err(self.refuse("a finite number")),
+            _ => Err(self.invalid("a finite number")),
         }
     }
 
-    /// The value as a whole number within bounds.
+    /// Returns the value as an integer between bounds.
     pub(super) fn whole(&self, min: usize, max: usize) -> Result<usize, Error> {
         match self.node.value {
             Value::Number(n) if n.fract() == 0.0 && n >= min as f64 && n <= max as f64 => {
                 Ok(n as usize)
             }
-            _ => Err(self.refuse(&format!("a whole number from {min} to {max}"))),
+            _ => Err(self.invalid(&format!("a whole number from {min} to {max}"))),
         }
     }
 
-    /// The value as a list of finite numbers.
+    /// Returns the value as a list of finite numbers.
     pub(super) fn numbers(&self) -> Result<Vec<f64>, Error> {
         self.items()?.iter().map(Self::number).collect()
     }
 
-    /// The value as a list of just so many finite numbers.
+    /// Returns the value as a list of exactly `N` finite numbers, described by `names`.
     pub(super) fn exactly<const N: usize>(&self, names: &str) -> Result<[f64; N], Error> {
         self.numbers()?
             .try_into()
-            .map_err(|_| self.refuse(&format!("{N} numbers: {names}")))
+            .map_err(|_| self.invalid(&format!("{N} numbers: {names}")))
     }
 
-    /// A matrix: a map of `rows`, `cols` and `data` (or `sizes` and `data`), a list of rows, or a list of numbers, which counts as one column.
+    /// Returns the value as a matrix: a map with `rows`, `cols` and `data` (or `sizes` and `data`),
+    /// a list of rows, or a list of numbers, which is a single column.
     pub(super) fn matrix(&self) -> Result<Matrix<'a>, Error> {
         let of = |size, data| Matrix {
             entry: self.clone(),
@@ -434,7 +437,7 @@ impl<'a> Entry<'a> {
                 Some(sizes) => match sizes.numbers()?[..] {
                     [rows] => (rows, 1.0),
                     [rows, cols] => (rows, cols),
-                    _ => return Err(sizes.refuse("one or two numbers")),
+                    _ => return Err(sizes.invalid("one or two numbers")),
                 },
                 None => (
                     self.required("rows")?.number()?,
@@ -442,11 +445,14 @@ impl<'a> Entry<'a> {
                 ),
             };
             if size.0 < 0.0 || size.1 < 0.0 {
-                return Err(self.fault(format!("is announced as {} x {}", size.0, size.1)));
+                return Err(self.error(format!(
+                    "has the size {} x {}; allowed: 0 or more",
+                    size.0, size.1
+                )));
             }
             if size.0 * size.1 != values.len() as f64 {
-                return Err(self.fault(format!(
-                    "has {} numbers where {} x {} are announced",
+                return Err(self.error(format!(
+                    "has {} numbers, but its size is {} x {}",
                     values.len(),
                     size.0,
                     size.1
@@ -467,34 +473,34 @@ impl<'a> Entry<'a> {
             .collect::<Result<_, Error>>()?;
         let width = rows[0].len();
         if rows.iter().any(|row| row.len() != width) {
-            return Err(self.fault("has rows of different lengths"));
+            return Err(self.error("has rows of different lengths"));
         }
         Ok(of((rows.len(), width), rows.concat()))
     }
 }
 
 impl Matrix<'_> {
-    /// The rows of a matrix of this size.
+    /// Returns the rows of a matrix of the given size.
     pub(super) fn rows<const R: usize, const C: usize>(&self) -> Result<[[f64; C]; R], Error> {
         if self.size != (R, C) && !(self.size == (R * C, 1) && R > 1 && C > 1) {
-            return Err(self.refuse_size(&format!("{R} x {C}")));
+            return Err(self.invalid_size(&format!("{R} x {C}")));
         }
         Ok(std::array::from_fn(|i| {
             std::array::from_fn(|j| self.data[i * C + j])
         }))
     }
 
-    /// The elements of a single row or column.
+    /// Returns the elements of a single row or column.
     pub(super) fn vector(&self) -> Result<&[f64], Error> {
         if self.size.0 != 1 && self.size.1 != 1 {
-            return Err(self.refuse_size("one row or one column"));
+            return Err(self.invalid_size("one row or one column"));
         }
         Ok(&self.data)
     }
 
-    fn refuse_size(&self, allowed: &str) -> Error {
+    fn invalid_size(&self, allowed: &str) -> Error {
         let (rows, cols) = self.size;
         self.entry
-            .fault(format!("is {rows} x {cols}; allowed: {allowed}"))
+            .error(format!("is {rows} x {cols}; allowed: {allowed}"))
     }
 }

@@ -1,20 +1,22 @@
-//! Kalibr's camchain: cameras `cam0`, `cam1`, …, each with its pose from the camera before it, and from the IMU where there is one.
+//! Kalibr's camchain: cameras `cam0`, `cam1`, …, each with its pose relative to the previous camera
+//! and, if there is an IMU, to the IMU.
 //!
-//! The IMU's frame is the world; without an IMU it is the frame of `cam0`.
+//! The world is the frame of the IMU; without an IMU, the frame of `cam0`.
 
 use std::fmt::Write as _;
 
 use super::document::Entry;
 use super::intrinsics::{size_from_pair, transform};
-use super::written;
+use super::output;
 use crate::pose::{CalibratedCamera, Pose};
 use crate::{Camera, DoubleSphere, ExtendedUnified, KannalaBrandt, Mei, Pinhole};
 use pardalis_core::Error;
 
-/// How far the two ways to a camera's pose may differ, in metres and in the elements of the rotation.
+/// Largest difference between the two poses of a camera, in metres and in the elements of the
+/// rotation.
 const AGREEMENT: f64 = 0.01;
 
-/// The cameras of a document.
+/// Reads the cameras of a document.
 pub(super) fn read(root: &Entry) -> Result<Vec<CalibratedCamera>, Error> {
     let tables: Vec<Entry> = (0..).map_while(|i| root.get(&format!("cam{i}"))).collect();
     for entry in root.entries() {
@@ -22,8 +24,8 @@ pub(super) fn read(root: &Entry) -> Result<Vec<CalibratedCamera>, Error> {
         if let Some(Ok(number)) = number
             && number >= tables.len()
         {
-            return Err(entry.fault(format!(
-                "follows on a camera that is missing: cam{}",
+            return Err(entry.error(format!(
+                "the previous camera cam{} is missing",
                 tables.len()
             )));
         }
@@ -46,7 +48,8 @@ pub(super) fn read(root: &Entry) -> Result<Vec<CalibratedCamera>, Error> {
     Ok(cameras)
 }
 
-/// The transform from the world to this camera; `before` is that of the camera before it.
+/// Reads the transform from the world to this camera. `before` is the transform of the previous
+/// camera.
 fn read_pose(table: &Entry, before: Option<Pose>, count: usize) -> Result<Option<Pose>, Error> {
     let from_imu = table.get("T_cam_imu");
     let from_imu = from_imu.map(|entry| transform(&entry)).transpose()?;
@@ -59,7 +62,7 @@ fn read_pose(table: &Entry, before: Option<Pose>, count: usize) -> Result<Option
     };
     let Some(chained) = table.get("T_cn_cnm1") else {
         if from_imu.is_none() {
-            return Err(table.fault("has neither T_cn_cnm1 nor T_cam_imu; give one of them"));
+            return Err(table.error("has neither T_cn_cnm1 nor T_cam_imu; give one of them"));
         }
         return Ok(from_imu);
     };
@@ -69,8 +72,8 @@ fn read_pose(table: &Entry, before: Option<Pose>, count: usize) -> Result<Option
             .abs()
             .max();
         if difference > AGREEMENT {
-            return Err(chained.fault(format!(
-                "contradicts T_cam_imu: the two ways to this camera differ by {difference:.3}; allowed: {AGREEMENT}"
+            return Err(chained.error(format!(
+                "contradicts T_cam_imu: the two poses of this camera differ by {difference:.3}; allowed: {AGREEMENT}"
             )));
         }
         return Ok(Some(from_imu));
@@ -94,14 +97,14 @@ fn read_camera(table: &Entry) -> Result<Camera, Error> {
             Distortion::None
         }
         "fov" => {
-            return Err(distortion_model.fault(
+            return Err(distortion_model.error(
                 "is fov, the field-of-view model, which is not supported; calibrate with equidistant, ds or eucm",
             ));
         }
-        _ => return Err(distortion_model.refuse("radtan, equidistant, none")),
+        _ => return Err(distortion_model.invalid("radtan, equidistant, none")),
     };
-    let unpaired = || {
-        distortion_model.refuse(
+    let incompatible = || {
+        distortion_model.invalid(
             "radtan, equidistant or none for a pinhole, radtan or none for omni, none for ds and eucm",
         )
     };
@@ -123,7 +126,7 @@ fn read_camera(table: &Entry) -> Result<Camera, Error> {
             let k = match distortion {
                 Distortion::Radtan(k) => k,
                 Distortion::None => [0.0; 4],
-                Distortion::Equidistant(_) => return Err(unpaired()),
+                Distortion::Equidistant(_) => return Err(incompatible()),
             };
             let camera = Mei::new([fx, fy], 0.0, [cx, cy], xi, k);
             intrinsics.checked(camera).map(Camera::Mei)
@@ -139,8 +142,8 @@ fn read_camera(table: &Entry) -> Result<Camera, Error> {
             let camera = ExtendedUnified::new([fx, fy], [cx, cy], alpha, beta);
             intrinsics.checked(camera).map(Camera::ExtendedUnified)
         }
-        ("ds" | "eucm", _) => Err(unpaired()),
-        _ => Err(model.refuse("pinhole, omni, ds, eucm")),
+        ("ds" | "eucm", _) => Err(incompatible()),
+        _ => Err(model.invalid("pinhole, omni, ds, eucm")),
     }
 }
 
@@ -150,20 +153,21 @@ enum Distortion {
     Equidistant([f64; 4]),
 }
 
-/// The text of a rig. Poses are kept as `T_cam_imu`, with the world as the IMU's frame, and along the chain.
+/// Returns the text of a rig. Poses are written as `T_cam_imu`, with the world as the frame of the
+/// IMU, and relative to the previous camera.
 pub(super) fn write(cameras: &[CalibratedCamera]) -> Result<String, Error> {
-    let poses = written::poses(cameras)?;
+    let poses = output::poses(cameras)?;
     if poses.is_none() && cameras.len() > 1 {
-        return Err(written::cannot_hold(
+        return Err(output::not_representable(
             &cameras[0],
             "the pose",
             "missing",
-            "world_from_camera for each camera of a Kalibr file of several; or write each camera into a file of its own",
+            "world_from_camera for each camera of a Kalibr file with several cameras; or write each camera to its own file",
         ));
     }
     let mut text = String::new();
     for (i, camera) in cameras.iter().enumerate() {
-        let (width, height) = written::size_px(camera)?;
+        let (width, height) = output::size_px(camera)?;
         let (model, intrinsics, distortion_model, distortion) = model_of(camera)?;
         // Writing to a String cannot fail.
         let _ = writeln!(text, "cam{i}:");
@@ -177,8 +181,8 @@ pub(super) fn write(cameras: &[CalibratedCamera]) -> Result<String, Error> {
             text,
             "  cam_overlaps: []\n  camera_model: {model}\n  distortion_coeffs: [{}]\n  distortion_model: {distortion_model}\n  \
              intrinsics: [{}]\n  resolution: [{width}, {height}]\n  rostopic: /{}/image_raw",
-            written::numbers(&distortion),
-            written::numbers(&intrinsics),
+            output::numbers(&distortion),
+            output::numbers(&intrinsics),
             camera.name,
         );
     }
@@ -187,51 +191,51 @@ pub(super) fn write(cameras: &[CalibratedCamera]) -> Result<String, Error> {
 
 fn push_transform(text: &mut String, key: &str, transform: &Pose) {
     let _ = writeln!(text, "  {key}:");
-    for row in written::rows(transform) {
-        let _ = writeln!(text, "  - [{}]", written::numbers(&row));
+    for row in output::rows(transform) {
+        let _ = writeln!(text, "  - [{}]", output::numbers(&row));
     }
 }
 
-/// The model, its intrinsics, the distortion model and its coefficients.
+/// Model, intrinsics, distortion model and distortion coefficients.
 type ModelParts = (&'static str, Vec<f64>, &'static str, Vec<f64>);
 
 fn model_of(camera: &CalibratedCamera) -> Result<ModelParts, Error> {
     let model = &camera.camera;
-    let pinhole = written::focals_and_center(model).to_vec();
-    if let Some(k) = written::fisheye(model) {
+    let pinhole = output::focals_and_center(model).to_vec();
+    if let Some(k) = output::fisheye(model) {
         return Ok(("pinhole", pinhole, "equidistant", k.to_vec()));
     }
     let with = |first: &[f64]| [first, &pinhole[..]].concat();
     Ok(match model {
         Camera::Mei(_) => {
-            let [xi, skew] = written::parameters(model, ["xi", "skew_px"]);
+            let [xi, skew] = output::parameters(model, ["xi", "skew_px"]);
             if skew != 0.0 {
-                return Err(written::cannot_hold(
+                return Err(output::not_representable(
                     camera,
                     "skew_px",
                     skew,
-                    "0 in Kalibr files; OpenCV files hold it",
+                    "0 in Kalibr files; OpenCV files can represent it",
                 ));
             }
-            let k = written::parameters(model, ["k1", "k2", "p1", "p2"]);
+            let k = output::parameters(model, ["k1", "k2", "p1", "p2"]);
             ("omni", with(&[xi]), "radtan", k.to_vec())
         }
         Camera::DoubleSphere(_) => {
-            let first = written::parameters(model, ["xi", "alpha"]);
+            let first = output::parameters(model, ["xi", "alpha"]);
             ("ds", with(&first), "none", Vec::new())
         }
         Camera::ExtendedUnified(_) => {
-            let first = written::parameters(model, ["alpha", "beta"]);
+            let first = output::parameters(model, ["alpha", "beta"]);
             ("eucm", with(&first), "none", Vec::new())
         }
         _ => {
-            let all = written::pinhole_distortion(model);
-            if written::count_of(&all, &[4]).is_none() {
-                return Err(written::cannot_hold(
+            let all = output::pinhole_distortion(model);
+            if output::count_of(&all, &[4]).is_none() {
+                return Err(output::not_representable(
                     camera,
                     "the distortion",
-                    "longer than k1, k2, p1, p2",
-                    "these four in Kalibr files; OpenCV and ROS files hold more",
+                    "too long: it has coefficients other than k1, k2, p1, p2",
+                    "k1, k2, p1, p2 in Kalibr files; OpenCV and ROS files can represent more",
                 ));
             }
             ("pinhole", pinhole, "radtan", all[..4].to_vec())

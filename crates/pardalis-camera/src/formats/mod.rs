@@ -1,17 +1,19 @@
-//! Calibration files of other programs, as text in and text out: OpenCV, ROS, Kalibr, OCamCalib and Basalt.
+//! Calibration files of other programs: OpenCV, ROS, Kalibr, OCamCalib and Basalt.
+//!
+//! [`read`] and [`write()`] convert between text and cameras; they do not access files.
 //!
 //! | format | models | poses |
 //! |---|---|---|
-//! | OpenCV YAML, XML (JSON is read too) | pinhole, fisheye, omnidir | of one camera, or of the second from the first |
+//! | OpenCV YAML, XML (JSON is read, too) | pinhole, fisheye, omnidir | of one camera, or of the second relative to the first |
 //! | ROS `camera_info` | `plumb_bob`, `rational_polynomial`, `equidistant` | no |
-//! | Kalibr camchain | pinhole with radtan, equidistant or none; omni, ds, eucm | yes, the IMU's frame is the world |
+//! | Kalibr camchain | pinhole with radtan, equidistant or none; omni, ds, eucm | yes, the world is the frame of the IMU |
 //! | `OCamCalib` `calib_results.txt` | its polynomial | no |
-//! | Basalt JSON | pinhole, pinhole-radtan8, kb4, ds, eucm, ucm | yes, the IMU's frame is the world |
+//! | Basalt JSON | pinhole, pinhole-radtan8, kb4, ds, eucm, ucm | yes, the world is the frame of the IMU |
 //! | `camera.json` of sequence folders (read only) | `fisheye_equidistant`, pinhole, an exact mirror | yes |
 //!
-//! What a format cannot hold is refused by name when it is written; what a file says and we do not understand, or what contradicts itself, is refused when
-//! it is read. Fields of other purposes (IMU noise, vignettes, residuals) are passed over. Where a file of several cameras names no
-//! common frame, the first camera's is the world.
+//! Writing rejects cameras that the format cannot represent and names the reason. Reading rejects unknown and
+//! contradictory values. Fields for other purposes (IMU noise, vignettes, residuals) are ignored. If a file of several
+//! cameras names no common frame, the world is the frame of the first camera.
 
 mod basalt;
 mod document;
@@ -19,19 +21,19 @@ mod intrinsics;
 mod kalibr;
 mod ocamcalib;
 mod opencv;
+mod output;
 mod ros;
 mod sequence;
-mod written;
 
 use crate::Camera;
 use crate::pose::CalibratedCamera;
-use document::{Entry, fault_at, parse_xml, parse_yaml};
+use document::{Entry, error_at, parse_xml, parse_yaml};
 use pardalis_core::Error;
 
-/// The longest text that is read, in bytes.
+/// Largest length of a text, in bytes.
 pub const MAX_TEXT_BYTES: usize = 4 << 20;
 
-/// The most cameras of one file.
+/// Largest number of cameras in a file.
 pub const MAX_CAMERAS: usize = 64;
 
 /// A format of calibration files.
@@ -51,7 +53,7 @@ pub enum Format {
     Basalt,
 }
 
-/// Which lens a file is about, where its coefficients could mean several.
+/// The kind of lens that a file describes, for files whose coefficients are ambiguous.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lens {
     /// Pinhole with Brown-Conrady distortion.
@@ -63,10 +65,10 @@ pub enum Lens {
 }
 
 impl Lens {
-    /// All of them.
+    /// All lenses.
     pub const ALL: [Self; 3] = [Self::Pinhole, Self::Fisheye, Self::Omnidir];
 
-    /// The word for it.
+    /// Returns the name of the lens.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pinhole => "pinhole",
@@ -75,7 +77,7 @@ impl Lens {
         }
     }
 
-    /// Whether a camera is of this lens.
+    /// Reports whether a camera has this kind of lens.
     fn is_of(self, camera: &Camera) -> bool {
         match self {
             Self::Pinhole => matches!(camera, Camera::Pinhole(_)),
@@ -86,7 +88,7 @@ impl Lens {
 }
 
 impl Format {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Self; 6] = [
         Self::OpenCvYaml,
         Self::OpenCvXml,
@@ -96,7 +98,7 @@ impl Format {
         Self::Basalt,
     ];
 
-    /// The word for it.
+    /// Returns the name of the format.
     pub fn name(self) -> &'static str {
         match self {
             Self::OpenCvYaml => "opencv-yaml",
@@ -108,7 +110,7 @@ impl Format {
         }
     }
 
-    /// Whether it can hold a model, named as by [`crate::Camera::kind`].
+    /// Reports whether the format can represent a model, named as by [`crate::Camera::kind`].
     pub fn holds(self, kind: &str) -> bool {
         match self {
             Self::OpenCvYaml | Self::OpenCvXml => {
@@ -132,8 +134,8 @@ impl Format {
         }
     }
 
-    /// The format of a text, by its content.
-    fn of(text: &str) -> Option<Self> {
+    /// Detects the format of a text from its content.
+    fn detect(text: &str) -> Option<Self> {
         let start = text.trim_start_matches('\u{feff}').trim_start();
         if start.starts_with('<') {
             return Some(Self::OpenCvXml);
@@ -150,15 +152,21 @@ impl Format {
     }
 }
 
-/// Reads the cameras of a calibration file of any format, which is told by its content.
+/// Reads the cameras of a calibration file. The format is detected from the content.
 ///
-/// `lens` says what the file is about where it does not: four coefficients alone may be a pinhole's or a fisheye's. A file that says so itself must agree.
+/// `lens` resolves ambiguous files: four coefficients alone may belong to a pinhole or a fisheye.
+/// It must not contradict a file that names its lens.
+///
+/// # Errors
+///
+/// Reports the line and the key of values that are missing, malformed, unsupported or
+/// contradictory.
 pub fn read(text: &str, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>, Error> {
     read_or(text, lens, |_| None)
 }
 
-/// Reads a calibration file as [`read`] does, after offering the text to a reader of a further format: `other` returns `None` for
-/// texts that are not of its format.
+/// Like [`read`], but first offers the text to a reader of another format. `other` returns `None`
+/// for texts that are not of its format.
 pub fn read_or(
     text: &str,
     lens: Option<Lens>,
@@ -169,9 +177,9 @@ pub fn read_or(
             "the text has {} bytes; allowed: at most {MAX_TEXT_BYTES}",
             text.len()
         );
-        return Err(fault_at(1, message));
+        return Err(error_at(1, message));
     }
-    let cameras = match Format::of(text) {
+    let cameras = match Format::detect(text) {
         Some(Format::OcamCalib) => ocamcalib::read(text)?,
         Some(Format::OpenCvXml) => opencv::read(&Entry::root(&parse_xml(text)?), lens)?,
         _ => match other(text) {
@@ -183,19 +191,19 @@ pub fn read_or(
         && let Some(other) = cameras.iter().find(|camera| !lens.is_of(&camera.camera))
     {
         let message = format!(
-            "camera {} is {} by what the file says, but it was to be read as {}; leave that out (--as, or calibration_as in a scene)",
+            "camera {} is {} according to the file, but was to be read as {}; omit the lens (--as, or calibration_lens in a scene)",
             other.name,
             other.camera.kind(),
             lens.name()
         );
-        return Err(fault_at(1, message));
+        return Err(error_at(1, message));
     }
     match cameras.len() {
         1..=MAX_CAMERAS => Ok(cameras),
-        0 => Err(fault_at(1, "the file holds no camera".to_owned())),
-        n => Err(fault_at(
+        0 => Err(error_at(1, "the file contains no camera".to_owned())),
+        n => Err(error_at(
             1,
-            format!("the file holds {n} cameras; allowed: at most {MAX_CAMERAS}"),
+            format!("the file contains {n} cameras; allowed: at most {MAX_CAMERAS}"),
         )),
     }
 }
@@ -208,34 +216,39 @@ fn read_document(text: &str, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>
         basalt::read(&root)
     } else if root.get("cam0").is_some() {
         kalibr::read(&root)
-    } else if sequence::recognises(&root) {
+    } else if sequence::recognizes(&root) {
         sequence::read(&root)
-    } else if !is_opencv && ros::recognises(&root) {
+    } else if !is_opencv && ros::recognizes(&root) {
         ros::read(&root, lens)
-    } else if opencv::recognises(&root) {
+    } else if opencv::recognizes(&root) {
         opencv::read(&root, lens)
     } else {
-        Err(fault_at(
+        Err(error_at(
             1,
-            "is no calibration that is understood; allowed: OpenCV (camera_matrix and distortion_coefficients), ROS camera_info, \
-             Kalibr (cam0), OCamCalib (calib_results.txt), Basalt (value0), camera.json of sequence folders (T_world_from_camera) \
-             and Pardalis ([cameras.NAME])"
+            "the calibration format is not recognised; allowed: OpenCV (camera_matrix and distortion_coefficients), \
+             ROS camera_info, Kalibr (cam0), OCamCalib (calib_results.txt), Basalt (value0), camera.json of sequence \
+             folders (T_world_from_camera) and Pardalis ([cameras.NAME])"
                 .to_owned(),
         ))
     }
 }
 
-/// The text of a calibration file. Numbers are written so that reading gives the same ones.
+/// Returns the text of a calibration file. Reading it again yields exactly the same numbers.
 ///
-/// Refused, by the camera's name: what the format cannot hold, and a name that stands twice. Left out: the largest angle or radius of a model, which no other
-/// program's format has, and poses where the table above says so.
+/// The largest angle or radius of a model is omitted, since no other program's format contains it,
+/// as are poses where the table above says so.
+///
+/// # Errors
+///
+/// Rejects duplicate names of cameras, and cameras that the format cannot represent.
 pub fn write(format: Format, cameras: &[CalibratedCamera]) -> Result<String, Error> {
     check_names(cameras)?;
     for camera in cameras {
         let kind = camera.camera.kind();
         if !format.holds(kind) {
             let able = Format::ALL.into_iter().filter(|other| other.holds(kind));
-            // Pardalis' own TOML files, which the crate `pardalis-scene` writes, hold every model.
+            // Pardalis' own TOML files, which the crate `pardalis-scene` writes, represent every
+            // model.
             let able: Vec<_> = std::iter::once("pardalis")
                 .chain(able.map(Format::name))
                 .collect();
@@ -243,7 +256,7 @@ pub fn write(format: Format, cameras: &[CalibratedCamera]) -> Result<String, Err
                 &format!("the model of camera {}", camera.name),
                 kind,
                 &format!(
-                    "a model that {} files can hold; {kind} is held by: {}",
+                    "a model that {} files can represent; these formats can represent {kind}: {}",
                     format.name(),
                     able.join(", ")
                 ),
@@ -253,14 +266,14 @@ pub fn write(format: Format, cameras: &[CalibratedCamera]) -> Result<String, Err
     match format {
         Format::OpenCvYaml => opencv::write(cameras, opencv::Storage::Yaml),
         Format::OpenCvXml => opencv::write(cameras, opencv::Storage::Xml),
-        Format::Ros => ros::write(written::only_one(format, cameras)?),
+        Format::Ros => ros::write(output::single_camera(format, cameras)?),
         Format::Kalibr => kalibr::write(cameras),
-        Format::OcamCalib => ocamcalib::write(written::only_one(format, cameras)?),
+        Format::OcamCalib => ocamcalib::write(output::single_camera(format, cameras)?),
         Format::Basalt => basalt::write(cameras),
     }
 }
 
-/// Refuses an empty list of cameras, and two cameras of one name.
+/// Checks that the list of cameras is not empty and that their names are unique.
 pub fn check_names(cameras: &[CalibratedCamera]) -> Result<(), Error> {
     if cameras.is_empty() {
         return Err(Error::Empty {
@@ -274,7 +287,7 @@ pub fn check_names(cameras: &[CalibratedCamera]) -> Result<(), Error> {
             return Err(Error::out_of_range(
                 "the name of a camera",
                 name,
-                "each name once",
+                "unique names",
             ));
         }
     }

@@ -1,27 +1,28 @@
-//! `OCamCalib`'s `calib_results.txt`: five lists of numbers between comments.
+//! `OCamCalib`'s `calib_results.txt`: five lists of numbers, separated by comments.
 //!
-//! The toolbox counts x along the rows from top to bottom and y along the columns, its camera looks along −z: its point (x, y, z) is
-//! (y, x, −z) in our axes, and its centre "row, column" is (cy, cx). `camera::Ocam` holds the polynomial in these terms.
+//! In the toolbox, x points down in the image, y to the right, and the camera looks along −z: its
+//! point (x, y, z) is (y, x, −z) in Pardalis' axes, and its centre "row, column" is (cy, cx).
+//! [`Ocam`] documents the polynomial.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::document::fault_at;
-use super::written;
+use super::document::error_at;
+use super::output;
 use crate::pose::CalibratedCamera;
 use crate::{Camera, Ocam};
 use pardalis_core::Error;
 use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 
-/// The most coefficients of the inverse polynomial, which the toolbox allows up to 64.
+/// Largest number of coefficients of the inverse polynomial; the toolbox allows up to 64.
 const MAX_INVERSE: usize = 20;
 
-/// How well the inverse polynomial must do, in pixels, as the toolbox asks.
+/// Required accuracy of the inverse polynomial, in pixels, as in the toolbox.
 const INVERSE_TOLERANCE_PX: f64 = 0.01;
 
-/// Sizes of the lists: the longest that the toolbox's own reader takes.
+/// Largest number of coefficients, that of the toolbox's own reader.
 const MAX_COEFFICIENTS: usize = 64;
 
-/// The numbers of the file with their lines, without the comments.
+/// The numbers of a file and their lines, without the comments.
 struct Numbers<'a> {
     words: Vec<(usize, &'a str)>,
     next: usize,
@@ -29,7 +30,7 @@ struct Numbers<'a> {
 }
 
 impl<'a> Numbers<'a> {
-    fn of(text: &'a str) -> Self {
+    fn parse(text: &'a str) -> Self {
         let words = text
             .lines()
             .enumerate()
@@ -43,10 +44,10 @@ impl<'a> Numbers<'a> {
         }
     }
 
-    /// The next number and its line.
+    /// Returns the next number and its line.
     fn number(&mut self, what: &str) -> Result<(usize, f64), Error> {
         let Some(&(line, word)) = self.words.get(self.next) else {
-            return Err(fault_at(
+            return Err(error_at(
                 self.last_line,
                 format!("the file ends before {what}"),
             ));
@@ -54,7 +55,7 @@ impl<'a> Numbers<'a> {
         self.next += 1;
         match word.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok((line, number)),
-            _ => Err(fault_at(
+            _ => Err(error_at(
                 line,
                 format!(
                     "{what}: is \"{}\"; allowed: a finite number",
@@ -78,15 +79,15 @@ impl<'a> Numbers<'a> {
         if number.fract() == 0.0 && number >= 1.0 && number <= max as f64 {
             return Ok(number as usize);
         }
-        Err(fault_at(
+        Err(error_at(
             line,
             format!("{what}: is {number}; allowed: a whole number from 1 to {max}"),
         ))
     }
 
-    /// A count and as many numbers.
+    /// Returns the line and values of a list that starts with its length.
     fn counted(&mut self, what: &str) -> Result<(usize, Vec<f64>), Error> {
-        let count = self.whole(&format!("the count of {what}"), MAX_COEFFICIENTS)?;
+        let count = self.whole(&format!("the number of values of {what}"), MAX_COEFFICIENTS)?;
         let mut values = Vec::with_capacity(count);
         let mut line = 1;
         for _ in 0..count {
@@ -98,9 +99,10 @@ impl<'a> Numbers<'a> {
     }
 }
 
-/// The camera of a file. The inverse polynomial is passed over: it follows from the other.
+/// Reads the camera of a file. The inverse polynomial is ignored: the direct polynomial determines
+/// it.
 pub(super) fn read(text: &str) -> Result<Vec<CalibratedCamera>, Error> {
-    let mut numbers = Numbers::of(text);
+    let mut numbers = Numbers::parse(text);
     let (line, polynomial) = numbers.counted("the direct polynomial")?;
     numbers.counted("the inverse polynomial")?;
     let (_, [row, column]) = numbers.several("the centre")?;
@@ -109,14 +111,14 @@ pub(super) fn read(text: &str) -> Result<Vec<CalibratedCamera>, Error> {
     let width = numbers.whole("the image's width", MAX_IMAGE_SIDE_PX)?;
     if let Some((line, word)) = numbers.words.get(numbers.next) {
         let word: String = word.chars().take(40).collect();
-        return Err(fault_at(
+        return Err(error_at(
             *line,
-            format!("\"{word}\" stands after the image's size, where the file should end"),
+            format!("unexpected \"{word}\" after the image's size, where the file should end"),
         ));
     }
     let radius = farthest_corner_px([column, row], affine, (width, height));
     let camera = Ocam::new(&polynomial, [column, row], affine, radius)
-        .map_err(|error| fault_at(line, error.to_string()))?;
+        .map_err(|error| error_at(line, error.to_string()))?;
     Ok(vec![CalibratedCamera {
         name: "camera".to_owned(),
         camera: Camera::Ocam(camera),
@@ -125,7 +127,8 @@ pub(super) fn read(text: &str) -> Result<Vec<CalibratedCamera>, Error> {
     }])
 }
 
-/// The radius of the image's farthest corner on the sensor, which bounds the model: files give no other bound.
+/// Returns the radius of the image's farthest corner on the sensor. It limits the model, since
+/// files contain no other limit.
 fn farthest_corner_px(
     [cx, cy]: [f64; 2],
     [c, d, e]: [f64; 3],
@@ -143,15 +146,15 @@ fn farthest_corner_px(
     radius
 }
 
-/// The text of one camera. A pose is left out.
+/// Returns the text of one camera, without its pose.
 pub(super) fn write(camera: &CalibratedCamera) -> Result<String, Error> {
-    let (width, height) = written::size_px(camera)?;
+    let (width, height) = output::size_px(camera)?;
     let Camera::Ocam(model) = &camera.camera else {
-        unreachable!("Format::holds was asked before");
+        unreachable!("`write` checks the model with `Format::holds`");
     };
-    let [cx, cy, c, d, e] = written::parameters(&camera.camera, ["cx_px", "cy_px", "c", "d", "e"]);
+    let [cx, cy, c, d, e] = output::parameters(&camera.camera, ["cx_px", "cy_px", "c", "d", "e"]);
     let list = |values: &[f64]| {
-        let words: Vec<_> = values.iter().map(|&v| written::number(v)).collect();
+        let words: Vec<_> = values.iter().map(|&v| output::number(v)).collect();
         words.join(" ")
     };
     let direct = model.polynomial();
@@ -173,14 +176,15 @@ pub(super) fn write(camera: &CalibratedCamera) -> Result<String, Error> {
     ))
 }
 
-/// The polynomial that gives ρ from the toolbox's angle θ = atan(f(ρ)/ρ), by least squares over the radii up to `max_radius_px`: the
-/// shortest that stays within [`INVERSE_TOLERANCE_PX`], or else the best.
+/// Returns the polynomial from the toolbox's angle θ = atan(f(ρ)/ρ) to ρ, by least squares over the
+/// radii up to `max_radius_px`: the shortest one within [`INVERSE_TOLERANCE_PX`], or else the best
+/// one.
 fn inverse_polynomial(direct: &[f64], max_radius_px: f64) -> Vec<f64> {
     const SAMPLES: usize = 400;
     let f = |rho: f64| direct.iter().rev().fold(0.0, |sum, a| sum * rho + a);
     let radii = (0..SAMPLES).map(|i| max_radius_px * i as f64 / (SAMPLES - 1) as f64);
     let samples = radii.map(|rho| (rho, libm::atan2(f(rho), rho)));
-    // As far as the angle grows, beyond which no polynomial can be right.
+    // Use the radii up to which the angle increases; beyond, no polynomial fits.
     let mut last = f64::NEG_INFINITY;
     let growing = samples.take_while(|&(_, angle)| std::mem::replace(&mut last, angle) < angle);
     let (radii, angles): (Vec<f64>, Vec<f64>) = growing.unzip();

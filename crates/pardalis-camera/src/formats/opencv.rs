@@ -1,7 +1,9 @@
-//! OpenCV's `FileStorage` (YAML, XML, JSON): what its calibration samples and users' scripts write under many names.
+//! OpenCV's `FileStorage` (YAML, XML, JSON), with the various keys that its calibration samples and
+//! users' scripts write.
 //!
-//! A file holds one camera, or two whose keys end in 1 and 2. `R` and `T` (or a rotation vector and `T`) take the first camera's frame
-//! (for a single camera: the world's) to the camera's.
+//! A file contains one camera, or two cameras whose keys end in 1 and 2. `R` and `T` (or a rotation
+//! vector and `T`) transform from the frame of the first camera (for a single camera, the world
+//! frame) to the camera.
 
 use std::fmt::Write as _;
 
@@ -10,14 +12,14 @@ use nalgebra::{Rotation3, Vector3};
 use super::Lens;
 use super::document::Entry;
 use super::intrinsics::{
-    CameraMatrix, lens_of, settle_lens, size_from_pair, size_px, transform_from_parts,
+    CameraMatrix, lens_of, resolve_lens, size_from_pair, size_px, transform_from_parts,
 };
-use super::written;
+use super::output;
 use crate::Camera;
 use crate::pose::{CalibratedCamera, Pose};
 use pardalis_core::Error;
 
-/// The largest rotation vector, in radians: several turns.
+/// Largest component of a rotation vector, in radians: several turns.
 const MAX_ANGLE_RAD: f64 = 100.0;
 
 const CAMERA_MATRIX: &[&str] = &[
@@ -37,7 +39,8 @@ const DISTORTION: &[&str] = &[
 ];
 const XI: &[&str] = &["xi", "Xi"];
 
-/// A key's names with the camera's number, `1` as `K1` or `K_1`; no number where the file is about one camera.
+/// Returns the variants of a key for a camera number: `1` yields `K1` and `K_1`. The number is
+/// empty in files of a single camera.
 fn keys(names: &[&str], number: &str) -> Vec<String> {
     names
         .iter()
@@ -48,8 +51,8 @@ fn keys(names: &[&str], number: &str) -> Vec<String> {
         .collect()
 }
 
-/// Whether the document has a camera matrix under one of the names in use.
-pub(super) fn recognises(root: &Entry) -> bool {
+/// Reports whether the document contains a camera matrix under one of its usual names.
+pub(super) fn recognizes(root: &Entry) -> bool {
     ["", "1", "2"].iter().any(|number| {
         keys(CAMERA_MATRIX, number)
             .iter()
@@ -57,7 +60,7 @@ pub(super) fn recognises(root: &Entry) -> bool {
     })
 }
 
-/// The cameras of a document.
+/// Reads the cameras of a document.
 pub(super) fn read(root: &Entry, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>, Error> {
     let size_px = read_size(root)?;
     let relative = read_transform(root)?;
@@ -82,8 +85,8 @@ pub(super) fn read(root: &Entry, lens: Option<Lens>) -> Result<Vec<CalibratedCam
         }
     }
     match &mut cameras[..] {
-        [] => Err(root.fault(
-            "holds no camera; allowed: camera_matrix (or cameraMatrix, K; K1 and K2, M1 and M2) with distortion_coefficients (or distCoeffs, D)",
+        [] => Err(root.error(
+            "contains no camera; allowed: camera_matrix (or cameraMatrix, K; K1 and K2, M1 and M2) with distortion_coefficients (or distCoeffs, D)",
         )),
         [first, second] => {
             if let Some(second_from_first) = relative {
@@ -103,8 +106,8 @@ fn read_camera(
     asked: Option<Lens>,
 ) -> Result<Camera, Error> {
     let Some(distortion) = root.one_of(&keys(DISTORTION, number))? else {
-        return Err(matrix.fault(format!(
-            "has no distortion beside it; give {}{number} (zeros for a lens without)",
+        return Err(matrix.error(format!(
+            "has no distortion coefficients; add {}{number} (zeros for a lens without distortion)",
             DISTORTION[0]
         )));
     };
@@ -115,8 +118,8 @@ fn read_camera(
     if let (Some(xi), Some(lens)) = (&xi, stated)
         && lens != Lens::Omnidir
     {
-        return Err(xi.fault(format!(
-            "is omnidir's, but the file says that the lens is {}",
+        return Err(xi.error(format!(
+            "belongs to omnidir, but the lens is {} according to the file",
             lens.name()
         )));
     }
@@ -125,22 +128,23 @@ fn read_camera(
     } else {
         stated
     };
-    let lens = settle_lens(stated, asked, &distortion, coefficients.len())?;
+    let lens = resolve_lens(stated, asked, &distortion, coefficients.len())?;
     let matrix = CameraMatrix::read(matrix.matrix()?)?;
     match (lens, xi) {
         (Lens::Pinhole, _) => matrix.pinhole(&distortion, coefficients),
         (Lens::Fisheye, _) => matrix.fisheye(&distortion, coefficients),
         (Lens::Omnidir, Some(xi)) => {
             let [value] = xi.matrix()?.data[..] else {
-                return Err(xi.refuse("one number"));
+                return Err(xi.invalid("one number"));
             };
             matrix.omnidir(value, &distortion, coefficients)
         }
-        (Lens::Omnidir, None) => Err(root.fault(format!("xi{number} is missing"))),
+        (Lens::Omnidir, None) => Err(root.error(format!("xi{number} is missing"))),
     }
 }
 
-/// What the file says of its lens: OpenCV's calibration sample writes `fisheye_model`, others a word.
+/// Returns the lens that the file states: OpenCV's calibration sample writes `fisheye_model`, other
+/// programs a name.
 fn stated_lens(root: &Entry) -> Result<Option<Lens>, Error> {
     let word = match root.get("distortion_model") {
         Some(word) => Some(word),
@@ -155,8 +159,8 @@ fn stated_lens(root: &Entry) -> Result<Option<Lens>, Error> {
         _ => Lens::Fisheye,
     };
     match word {
-        Some(word) if word != lens => Err(flag.fault(format!(
-            "says {}, but the file names a {} model as well; keep one",
+        Some(word) if word != lens => Err(flag.error(format!(
+            "means {}, but the file also names a {} model; keep one",
             lens.name(),
             word.name()
         ))),
@@ -172,7 +176,7 @@ fn read_size(root: &Entry) -> Result<Option<(usize, usize)>, Error> {
     let sides = match (&width, &height) {
         (Some(width), Some(height)) => Some(size_px(width, height)?),
         (Some(one), None) | (None, Some(one)) => {
-            return Err(one.fault("stands without the other side of the image; give both"));
+            return Err(one.error("appears without the other side of the image; add it"));
         }
         (None, None) => None,
     };
@@ -181,15 +185,16 @@ fn read_size(root: &Entry) -> Result<Option<(usize, usize)>, Error> {
     };
     let size = size_from_pair(&pair)?;
     match sides {
-        Some(sides) if sides != size => Err(pair.fault(format!(
-            "is {} x {}, but image_width and image_height say {} x {}; keep one",
+        Some(sides) if sides != size => Err(pair.error(format!(
+            "is {} x {}, but image_width and image_height are {} x {}; keep one",
             size.0, size.1, sides.0, sides.1
         ))),
         _ => Ok(Some(size)),
     }
 }
 
-/// `R` or a rotation vector, and a translation in metres; `None` where the file has not both.
+/// Reads `R` or a rotation vector, and a translation in metres. Returns `None` unless both are
+/// present.
 fn read_transform(root: &Entry) -> Result<Option<Pose>, Error> {
     let one_of = |names: &[&str]| {
         let names: Vec<_> = names.iter().map(|&name| name.to_owned()).collect();
@@ -203,7 +208,7 @@ fn read_transform(root: &Entry) -> Result<Option<Pose>, Error> {
     let three = |entry: &Entry| -> Result<[f64; 3], Error> {
         let matrix = entry.matrix()?;
         let values = matrix.vector()?.try_into();
-        values.map_err(|_| entry.refuse("3 numbers"))
+        values.map_err(|_| entry.invalid("3 numbers"))
     };
     let offset = three(&translation)?;
     let matrix = rotation.matrix()?;
@@ -212,7 +217,7 @@ fn read_transform(root: &Entry) -> Result<Option<Pose>, Error> {
     } else {
         let vector = three(&rotation)?;
         if vector.iter().any(|v| v.abs() > MAX_ANGLE_RAD) {
-            return Err(rotation.refuse("a rotation vector in radians, each number within 100"));
+            return Err(rotation.invalid("a rotation vector in radians, each number within 100"));
         }
         let turn = Rotation3::from_scaled_axis(Vector3::from(vector));
         std::array::from_fn(|i| std::array::from_fn(|j| turn[(i, j)]))
@@ -220,16 +225,17 @@ fn read_transform(root: &Entry) -> Result<Option<Pose>, Error> {
     transform_from_parts(&rotation, turn, offset).map(Some)
 }
 
-/// Which of `FileStorage`'s languages is written.
+/// The syntax of `FileStorage` to write.
 #[derive(Clone, Copy)]
 pub(super) enum Storage {
     Yaml,
     Xml,
 }
 
-/// The text of one or two cameras. Of two, the pose of the second from the first is kept.
+/// Returns the text of one or two cameras. For two cameras, it contains the pose of the second
+/// relative to the first.
 pub(super) fn write(cameras: &[CalibratedCamera], storage: Storage) -> Result<String, Error> {
-    let poses = written::poses(cameras)?;
+    let poses = output::poses(cameras)?;
     let (sizes_agree, camera_from_reference) = match cameras {
         [_] => (true, poses.map(|poses| poses[0].inverse())),
         [a, b] => (
@@ -240,16 +246,16 @@ pub(super) fn write(cameras: &[CalibratedCamera], storage: Storage) -> Result<St
             return Err(Error::out_of_range(
                 "the number of cameras",
                 cameras.len(),
-                "1 or 2 in an OpenCV file; write each camera into a file of its own",
+                "1 or 2 in an OpenCV file; write each camera to its own file",
             ));
         }
     };
     if !sizes_agree {
-        return Err(written::cannot_hold(
+        return Err(output::not_representable(
             &cameras[1],
             "the size of the images",
-            "another than the first camera's",
-            "one size of images in an OpenCV file; write each camera into a file of its own",
+            "different from that of the first camera",
+            "images of the same size in an OpenCV file; write each camera to its own file",
         ));
     }
     let mut file = Writer::new(storage);
@@ -259,16 +265,16 @@ pub(super) fn write(cameras: &[CalibratedCamera], storage: Storage) -> Result<St
     }
     let fisheyes = cameras
         .iter()
-        .filter(|camera| written::fisheye(&camera.camera).is_some())
+        .filter(|camera| output::fisheye(&camera.camera).is_some())
         .count();
     if fisheyes == cameras.len() {
         file.scalar("fisheye_model", 1);
     } else if fisheyes > 0 {
-        return Err(written::cannot_hold(
+        return Err(output::not_representable(
             &cameras[1],
             "the model",
-            "another than the first camera's",
-            "a fisheye beside a fisheye only in an OpenCV file; write each camera into a file of its own",
+            "different from that of the first camera",
+            "either fisheyes only or no fisheye in an OpenCV file; write each camera to its own file",
         ));
     }
     for (i, camera) in cameras.iter().enumerate() {
@@ -276,21 +282,21 @@ pub(super) fn write(cameras: &[CalibratedCamera], storage: Storage) -> Result<St
             1 => single.to_owned(),
             _ => format!("{stereo}{}", i + 1),
         };
-        let [fx, fy, cx, cy] = written::focals_and_center(&camera.camera);
+        let [fx, fy, cx, cy] = output::focals_and_center(&camera.camera);
         let mut skew = 0.0;
         let mut xi = None;
         let distortion = match &camera.camera {
             Camera::Mei(_) => {
-                let [s, x] = written::parameters(&camera.camera, ["skew_px", "xi"]);
+                let [s, x] = output::parameters(&camera.camera, ["skew_px", "xi"]);
                 (skew, xi) = (s, Some(x));
-                written::parameters(&camera.camera, ["k1", "k2", "p1", "p2"]).to_vec()
+                output::parameters(&camera.camera, ["k1", "k2", "p1", "p2"]).to_vec()
             }
             other => {
-                // A pinhole has at least five: four could be a fisheye's.
+                // Write at least five coefficients for a pinhole: four could be those of a fisheye.
                 let pinhole =
-                    |d: [f64; 12]| d[..written::count_of(&d, &[5, 8]).unwrap_or(12)].to_vec();
-                written::fisheye(other).map_or_else(
-                    || pinhole(written::pinhole_distortion(other)),
+                    |d: [f64; 12]| d[..output::count_of(&d, &[5, 8]).unwrap_or(12)].to_vec();
+                output::fisheye(other).map_or_else(
+                    || pinhole(output::pinhole_distortion(other)),
                     |k| k.to_vec(),
                 )
             }
@@ -306,11 +312,11 @@ pub(super) fn write(cameras: &[CalibratedCamera], storage: Storage) -> Result<St
             &distortion,
         );
         if let Some(xi) = xi {
-            file.scalar(&key("xi", "xi"), written::number(xi));
+            file.scalar(&key("xi", "xi"), output::number(xi));
         }
     }
     if let Some(pose) = camera_from_reference {
-        let rows = written::rows(&pose);
+        let rows = output::rows(&pose);
         let rotation: Vec<f64> = rows[..3].iter().flat_map(|row| row[..3].to_vec()).collect();
         file.matrix("R", 3, &rotation);
         file.matrix("T", 1, &[rows[0][3], rows[1][3], rows[2][3]]);
@@ -349,12 +355,12 @@ impl Writer {
             Storage::Yaml => writeln!(
                 self.text,
                 "{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {} ]",
-                written::numbers(data)
+                output::numbers(data)
             ),
             Storage::Xml => writeln!(
                 self.text,
                 "<{key} type_id=\"opencv-matrix\">\n  <rows>{rows}</rows>\n  <cols>{columns}</cols>\n  <dt>d</dt>\n  <data>\n    {}</data></{key}>",
-                written::numbers(data).replace(',', "")
+                output::numbers(data).replace(',', "")
             ),
         };
     }

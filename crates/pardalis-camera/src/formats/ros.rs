@@ -1,15 +1,16 @@
-//! ROS `camera_info` as YAML: the files of `camera_calibration` and `camera_info_manager`, and messages as `rostopic echo` prints them.
+//! ROS `camera_info` as YAML: files of `camera_calibration` and `camera_info_manager`, and messages
+//! printed by `rostopic echo`.
 
 use super::Lens;
 use super::document::Entry;
 use super::intrinsics::{
-    CameraMatrix, lens_of, plain_name, settle_lens, size_px, transform_from_parts,
+    CameraMatrix, lens_of, resolve_lens, sanitized_name, size_px, transform_from_parts,
 };
-use super::written;
+use super::output;
 use crate::pose::CalibratedCamera;
 use pardalis_core::Error;
 
-/// Names of the same thing in files, in ROS 1 messages and in ROS 2 messages.
+/// Synonymous keys in files, ROS 1 messages and ROS 2 messages.
 const CAMERA_MATRIX: [&str; 3] = ["camera_matrix", "K", "k"];
 const DISTORTION: [&str; 3] = ["distortion_coefficients", "D", "d"];
 const RECTIFICATION: [&str; 3] = ["rectification_matrix", "R", "r"];
@@ -20,13 +21,13 @@ fn one_of<'a>(root: &Entry<'a>, names: &[&str]) -> Result<Option<Entry<'a>>, Err
     root.one_of(&names)
 }
 
-/// Messages in files are sometimes wrapped.
+/// Returns the content of a message that is nested in `camera_info`.
 fn unwrapped<'a>(root: &Entry<'a>) -> Entry<'a> {
     root.get("camera_info").unwrap_or_else(|| root.clone())
 }
 
-/// Whether the document has a camera matrix and what only ROS writes beside it.
-pub(super) fn recognises(root: &Entry) -> bool {
+/// Reports whether the document contains a camera matrix and a key that only ROS writes.
+pub(super) fn recognizes(root: &Entry) -> bool {
     let root = unwrapped(root);
     let has = |names: &[&str]| names.iter().any(|name| root.get(name).is_some());
     has(&CAMERA_MATRIX)
@@ -35,10 +36,10 @@ pub(super) fn recognises(root: &Entry) -> bool {
             || has(&["camera_name", "distortion_model"]))
 }
 
-/// The camera of a document.
+/// Reads the camera of a document.
 pub(super) fn read(root: &Entry, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>, Error> {
     let root = &unwrapped(root);
-    let missing = |what: &str| root.fault(format!("{what} is missing"));
+    let missing = |what: &str| root.error(format!("{what} is missing"));
     let width = one_of(root, &["image_width", "width"])?.ok_or_else(|| missing("image_width"))?;
     let height =
         one_of(root, &["image_height", "height"])?.ok_or_else(|| missing("image_height"))?;
@@ -49,23 +50,23 @@ pub(super) fn read(root: &Entry, lens: Option<Lens>) -> Result<Vec<CalibratedCam
     let coefficients = coefficients.vector()?;
     let elements = matrix.matrix()?;
     if elements.data.first() == Some(&0.0) {
-        return Err(
-            matrix.fault("begins with 0, by which ROS says that the camera is not calibrated")
-        );
+        return Err(matrix.error(
+            "starts with 0, which means in ROS that the camera is not calibrated; calibrate it",
+        ));
     }
     let stated = match root.get("distortion_model") {
         Some(word) => Some(word),
         None => root.get("camera_model"),
     };
     let word = stated.as_ref().map(lens_of).transpose()?;
-    let lens = settle_lens(word, lens, &distortion, coefficients.len())?;
+    let lens = resolve_lens(word, lens, &distortion, coefficients.len())?;
     let camera_matrix = CameraMatrix::read(elements)?;
     let camera = match lens {
         Lens::Pinhole => camera_matrix.pinhole(&distortion, coefficients)?,
         Lens::Fisheye => camera_matrix.fisheye(&distortion, coefficients)?,
         Lens::Omnidir => {
-            return Err(distortion.fault(
-                "belongs to an omnidir model by what the file says; allowed in ROS: plumb_bob, rational_polynomial, equidistant",
+            return Err(distortion.error(
+                "belongs to an omnidir model according to the file; allowed in ROS: plumb_bob, rational_polynomial, equidistant",
             ));
         }
     };
@@ -76,14 +77,14 @@ pub(super) fn read(root: &Entry, lens: Option<Lens>) -> Result<Vec<CalibratedCam
         None => String::new(),
     };
     Ok(vec![CalibratedCamera {
-        name: plain_name(&name, "camera"),
+        name: sanitized_name(&name, "camera"),
         camera,
         size_px: Some(size_px),
         world_from_camera: None,
     }])
 }
 
-/// R and P are of the rectified image and not ours, but must be what they claim to be.
+/// Checks R and P. They concern the rectified image and are not used, but must be valid.
 fn check_rectification(root: &Entry) -> Result<(), Error> {
     if let Some(entry) = one_of(root, &RECTIFICATION)? {
         let rows = entry.matrix()?.rows::<3, 3>()?;
@@ -94,7 +95,7 @@ fn check_rectification(root: &Entry) -> Result<(), Error> {
     if let Some(entry) = one_of(root, &PROJECTION)? {
         let rows = entry.matrix()?.rows::<3, 4>()?;
         if rows != [[0.0; 4]; 3] && rows[2] != [0.0, 0.0, 1.0, 0.0] {
-            return Err(entry.fault(format!(
+            return Err(entry.error(format!(
                 "has {:?} in its last row; allowed: 0, 0, 1, 0",
                 rows[2]
             )));
@@ -103,14 +104,14 @@ fn check_rectification(root: &Entry) -> Result<(), Error> {
     Ok(())
 }
 
-/// The calibration is of whole images at full resolution.
+/// Checks that the calibration is for whole images at full resolution.
 fn check_region(root: &Entry, (width, height): (usize, usize)) -> Result<(), Error> {
     for key in ["binning_x", "binning_y"] {
         if let Some(binning) = root.get(key)
             && binning.number()? > 1.0
         {
             return Err(
-                binning.refuse("0 or 1, since the calibration is of images at full resolution")
+                binning.invalid("0 or 1: the calibration must be for images at full resolution")
             );
         }
     }
@@ -126,37 +127,37 @@ fn check_region(root: &Entry, (width, height): (usize, usize)) -> Result<(), Err
         if let Some(entry) = region.get(key) {
             let value = entry.number()?;
             if value != 0.0 && value != full as f64 {
-                let allowed = format!("0 or {full}, since the calibration is of the whole image");
-                return Err(entry.refuse(&allowed));
+                let allowed = format!("0 or {full}: the calibration must be for the whole image");
+                return Err(entry.invalid(&allowed));
             }
         }
     }
     Ok(())
 }
 
-/// The text of one camera, as `camera_calibration` lays it out. A pose is left out.
+/// Returns the text of one camera in the layout of `camera_calibration`, without its pose.
 pub(super) fn write(camera: &CalibratedCamera) -> Result<String, Error> {
-    let (width, height) = written::size_px(camera)?;
-    let [fx, fy, cx, cy] = written::focals_and_center(&camera.camera);
-    let (model, distortion) = if let Some(k) = written::fisheye(&camera.camera) {
+    let (width, height) = output::size_px(camera)?;
+    let [fx, fy, cx, cy] = output::focals_and_center(&camera.camera);
+    let (model, distortion) = if let Some(k) = output::fisheye(&camera.camera) {
         ("equidistant", k.to_vec())
     } else {
-        let all = written::pinhole_distortion(&camera.camera);
-        match written::count_of(&all, &[5, 8]) {
+        let all = output::pinhole_distortion(&camera.camera);
+        match output::count_of(&all, &[5, 8]) {
             Some(5) => ("plumb_bob", all[..5].to_vec()),
             Some(count) => ("rational_polynomial", all[..count].to_vec()),
             None => {
-                return Err(written::cannot_hold(
+                return Err(output::not_representable(
                     camera,
                     "the distortion",
-                    "longer, with the thin prism's s1 to s4",
-                    "k1 k2 p1 p2 k3 k4 k5 k6 in ROS files; OpenCV files hold all twelve",
+                    "too long: it has the thin-prism coefficients s1 to s4",
+                    "k1 k2 p1 p2 k3 k4 k5 k6 in ROS files; OpenCV files can represent all twelve",
                 ));
             }
         }
     };
     let matrix = |rows: usize, columns: usize, data: &[f64]| {
-        let data = written::numbers(data);
+        let data = output::numbers(data);
         format!("  rows: {rows}\n  cols: {columns}\n  data: [{data}]\n")
     };
     let zeros_and_one = [0.0, 0.0, 1.0];
@@ -174,7 +175,7 @@ pub(super) fn write(camera: &CalibratedCamera) -> Result<String, Error> {
     ))
 }
 
-/// A name in quotes: names such as `on` or `12` are no texts in YAML without them.
+/// Quotes a name: YAML does not read unquoted names such as `on` or `12` as texts.
 fn quoted(name: &str) -> String {
     format!("\"{}\"", name.replace(['"', '\\'], "_"))
 }

@@ -1,23 +1,23 @@
-//! `camera.json` and `cameras.json` of sequence folders, as `data/README.md` describes them.
+//! `camera.json` and `cameras.json` of sequence folders, as described in `data/README.md`.
 
 use super::document::Entry;
-use super::intrinsics::{plain_name, size_px};
+use super::intrinsics::{sanitized_name, size_px};
 use crate::pose::{CalibratedCamera, Pose, pose_from_matrix};
 use crate::{Camera, Equidistant, ExactMirror, MirrorProfile, Pinhole};
 use pardalis_core::Error;
 
-/// The key that no other format has.
+/// A key that no other format uses.
 const POSE: &str = "T_world_from_camera";
 
-/// Whether the document is one camera with its pose, or a list of cameras.
-pub(super) fn recognises(root: &Entry) -> bool {
+/// Reports whether the document is a camera with a pose, or a list of cameras.
+pub(super) fn recognizes(root: &Entry) -> bool {
     root.get(POSE).is_some()
         || root
             .get("cameras")
             .is_some_and(|cameras| cameras.items().is_ok())
 }
 
-/// The cameras of a document.
+/// Reads the cameras of a document.
 pub(super) fn read(root: &Entry) -> Result<Vec<CalibratedCamera>, Error> {
     match root.get("cameras") {
         Some(cameras) => read_several(&cameras.items()?),
@@ -25,19 +25,19 @@ pub(super) fn read(root: &Entry) -> Result<Vec<CalibratedCamera>, Error> {
     }
 }
 
-/// Cameras are told apart by their names.
+/// Reads a list of cameras, whose names must be unique.
 fn read_several(entries: &[Entry]) -> Result<Vec<CalibratedCamera>, Error> {
     let mut cameras: Vec<CalibratedCamera> = Vec::new();
     for (number, entry) in entries.iter().enumerate() {
         let camera = read_one(entry)?;
         if let Some(first) = cameras.iter().position(|other| other.name == camera.name) {
             let message = format!(
-                "is named {}, as is camera {} of the list (this is camera {}); give each a name of its own",
+                "has the name {}, like camera {} of the list (this is camera {}); give each camera its own name",
                 camera.name,
                 first + 1,
                 number + 1
             );
-            return Err(entry.fault(message));
+            return Err(entry.error(message));
         }
         cameras.push(camera);
     }
@@ -48,21 +48,22 @@ fn read_one(entry: &Entry) -> Result<CalibratedCamera, Error> {
     let size_px = size_px(&entry.required("width")?, &entry.required("height")?)?;
     let name = entry.get("name").map(|name| name.text()).transpose()?;
     Ok(CalibratedCamera {
-        name: plain_name(&name.unwrap_or_default(), "camera"),
+        name: sanitized_name(&name.unwrap_or_default(), "camera"),
         camera: read_model(entry)?,
         size_px: Some(size_px),
         world_from_camera: read_pose(entry)?,
     })
 }
 
-/// Camera to world in metres; a moving camera has the name of a table there.
+/// Reads the transform from the camera to the world, in metres. A moving camera has the name of a
+/// table there.
 fn read_pose(entry: &Entry) -> Result<Option<Pose>, Error> {
     let Some(matrix) = entry.get(POSE) else {
         return Ok(None);
     };
     if matrix.items().is_err() {
         return Err(
-            matrix.refuse("a fixed 4 x 4 matrix; the poses of moving cameras cannot be used yet")
+            matrix.invalid("a fixed 4 x 4 matrix; the poses of moving cameras are not supported")
         );
     }
     let rows = matrix.matrix()?.rows::<4, 4>()?;
@@ -87,7 +88,7 @@ fn read_model(entry: &Entry) -> Result<Camera, Error> {
                 Some(distortion) => distortion.numbers()?,
                 None => Vec::new(),
             };
-            // The first of k1, k2, p1, p2, k3; the others are zero.
+            // Files may contain only the first of k1, k2, p1, p2, k3; the others are zero.
             distortion.resize(distortion.len().max(5), 0.0);
             let camera = Pinhole::new(focals_px(entry)?, center_px(entry)?, &distortion);
             model.checked(camera).map(Camera::Pinhole)
@@ -97,7 +98,9 @@ fn read_model(entry: &Entry) -> Result<Camera, Error> {
             if let Some(distortion) = before.get("distortion")
                 && distortion.numbers()?.iter().any(|&k| k != 0.0)
             {
-                return Err(distortion.fault("is not zero; allowed before a mirror: none"));
+                return Err(
+                    distortion.error("is not zero; allowed: no distortion in front of a mirror")
+                );
             }
             let profile = read_profile(&entry.required("mirror_profile")?)?;
             let camera = ExactMirror::new(focals_px(&before)?, center_px(&before)?, profile);
@@ -105,7 +108,7 @@ fn read_model(entry: &Entry) -> Result<Camera, Error> {
         }
         _ => {
             Err(model
-                .refuse("fisheye_equidistant, pinhole, catadioptric_constant_floor_resolution"))
+                .invalid("fisheye_equidistant, pinhole, catadioptric_constant_floor_resolution"))
         }
     }
 }
@@ -123,13 +126,13 @@ fn center_px(entry: &Entry) -> Result<[f64; 2], Error> {
     pair(entry, ["cx", "cy"])
 }
 
-/// The columns t, F and F' of a mirror, in metres.
+/// Reads the columns t, F and F' of a mirror, in metres.
 fn read_profile(entry: &Entry) -> Result<MirrorProfile, Error> {
     let [t, f, slope] = ["t_m", "F_m", "dF"].map(|key| entry.required(key)?.numbers());
     let (t, f, slope) = (t?, f?, slope?);
     if f.len() != t.len() || slope.len() != t.len() {
-        return Err(entry.fault(format!(
-            "has {} t_m, {} F_m and {} dF; allowed: as many of each",
+        return Err(entry.error(format!(
+            "has {} t_m, {} F_m and {} dF; allowed: columns of equal length",
             t.len(),
             f.len(),
             slope.len()

@@ -1,22 +1,27 @@
-//! Designs mirrors whose image has a constant resolution on a plane.
+//! Design of mirrors whose image has a constant resolution on a plane.
 
 use super::MirrorProfile;
 use super::resolution::{ConstantResolution, Resolution};
 use pardalis_core::Error;
 
-/// Rows of the designed profile, without the vertex'.
+/// Number of rows of the designed profile, without the vertex.
 const ROWS: usize = 256;
-/// Steps of the integration for each row.
-const STEPS_A_ROW: usize = 2;
-/// Halvings of the interval in which the resolution is sought.
+/// Integration steps per row.
+const STEPS_PER_ROW: usize = 2;
+/// Bisection steps in the search for the resolution.
 const HALVINGS: u32 = 60;
 
 impl ConstantResolution {
-    /// The mirror, by Runge and Kutta's method on F' = tan((atan2(r − t, F − z) − atan(t/F))/2) with r = (t/F − b)/a.
+    /// Designs the mirror by Runge-Kutta integration of F' = tan((atan2(r − t, F − z) −
+    /// atan(t/F))/2) with r = (t/F − b)/a.
+    ///
+    /// # Errors
+    ///
+    /// Rejects parameters that are out of range or for which no mirror exists.
     pub fn design(&self) -> Result<MirrorProfile, Error> {
         let (name, value, least) = match self.resolution {
             Resolution::PerMetre(a) => ("resolution_per_m", a, 1e-9),
-            Resolution::RimShows(r_m) => ("rim_shows_m", r_m, 1e-6),
+            Resolution::RimShows(r_m) => ("rim_view_m", r_m, 1e-6),
         };
         let positive = [
             ("vertex_m", self.vertex_m, 1e-6),
@@ -32,7 +37,7 @@ impl ConstantResolution {
             return Err(Error::out_of_range(
                 "plane_z_m",
                 self.plane_z_m,
-                "less than vertex_m (the mirror looks back at the camera's side) and at least -1e6",
+                "at least -1e6 and less than vertex_m (the mirror faces the camera's side)",
             ));
         }
         if !(self.offset >= -1e6 && self.offset <= 0.0) {
@@ -45,22 +50,25 @@ impl ConstantResolution {
             let shown_m = self.shown_by_rim(&rows, a);
             if !((shown_m - r_m).abs() <= 1e-9 * r_m) {
                 return Err(Error::out_of_range(
-                    "rim_shows_m",
+                    "rim_view_m",
                     r_m,
-                    &format!("what a mirror of this rim can show; the nearest shows {shown_m} m"),
+                    &format!(
+                        "a distance that a mirror with this rim can show; the closest possible is {shown_m} m"
+                    ),
                 ));
             }
         }
         Ok(profile)
     }
 
-    /// r of the point that the rim shows.
+    /// Returns r of the point shown by the rim.
     fn shown_by_rim(&self, rows: &[[f64; 3]], a: f64) -> f64 {
         let [t, f, _] = rows[ROWS];
         (t / f - self.offset) / a
     }
 
-    /// a. The farther the rim shows, the steeper the mirror and the smaller ρ at the rim: one a suits.
+    /// Returns a. The farther the rim shows, the steeper the mirror and the smaller ρ at the rim:
+    /// the solution is unique.
     fn per_metre(&self) -> f64 {
         let r_m = match self.resolution {
             Resolution::PerMetre(a) => return a,
@@ -78,16 +86,17 @@ impl ConstantResolution {
         0.5 * (low + high)
     }
 
-    /// Rows t, F, F' from the vertex to the rim.
+    /// Returns rows t, F, F' from the vertex to the rim.
     fn integrate(&self, a: f64) -> Vec<[f64; 3]> {
         let slope = |t: f64, f: f64| {
             let r = (t / f - self.offset) / a;
-            // The ray to the point is (r − t, F − z), that to the pinhole (t, F): the tangent of half the angle between them.
+            // The ray to the point is (r − t, F − z), the one to the pinhole (t, F). The slope is
+            // the tangent of half the angle between them.
             let (across, along) = (r - t, f - self.plane_z_m);
             let lengths = ((across * across + along * along) * (t * t + f * f)).sqrt();
             (across * f - along * t) / (lengths + along * f + across * t)
         };
-        let steps = ROWS * STEPS_A_ROW;
+        let steps = ROWS * STEPS_PER_ROW;
         let h = self.rim_m / steps as f64;
         let mut f = self.vertex_m;
         let mut rows = vec![[0.0, f, slope(0.0, f)]];
@@ -99,7 +108,7 @@ impl ConstantResolution {
             let end = (step + 1) as f64 * h;
             let k4 = slope(end, f + h * k3);
             f += h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4);
-            if (step + 1) % STEPS_A_ROW == 0 {
+            if (step + 1) % STEPS_PER_ROW == 0 {
                 rows.push([end, f, slope(end, f)]);
             }
         }

@@ -1,34 +1,41 @@
-//! The exact mirror for kernels: a look-up without branches or solver, in single precision.
+//! The exact mirror for vectorised kernels: a branch-free look-up in single precision, without a
+//! solver.
 
 use std::fmt;
 
 use super::Meridian;
 use crate::{Projection, Ray};
 
-/// Reflected rays that are kept.
+/// Number of tabulated reflected rays.
 const RAYS: usize = 512;
-/// Columns (directions) and rows (inverse distances) of the table of first guesses.
+/// Number of columns (directions) and rows (inverse distances) of the table of initial guesses.
 const GUESSES: usize = 64;
-/// Secants taken: after two all but rays that nearly graze the rim are within 0.005 px.
+/// Number of secant steps. After two, all rays except those that almost graze the rim are within
+/// 0.005 px.
 const STEPS: usize = 3;
-/// A last step of more than this part of the way from ray to ray was not yet at the solution.
+/// The iteration has not converged if its last step exceeds this share of the distance between
+/// rays.
 const MAX_LAST_STEP: f32 = 0.5;
 
-/// The rays reflected at places of the mirror from vertex to rim, evenly spaced in t, and first guesses for points all around.
+/// Rays reflected at points of the mirror from vertex to rim, equally spaced in t, and initial
+/// guesses for all surrounding points.
 ///
-/// A ray is (sin φ, −cos φ) from (t, F). A point (r, z) lies beside it at r·cos φ + z·sin φ − (t·cos φ + F·sin φ), which is linear in the point, and
-/// along it at r·sin φ − z·cos φ + (F·cos φ − t·sin φ). Secants through neighbouring rays lead from the guess to the ray that meets the
-/// point. They lead there from anywhere in the domain, as near to the mirror as may be; a point that they do not settle on, or that
-/// lies behind its ray's beginning, has no pixel.
+/// A ray starts at (t, F) with the direction (sin φ, −cos φ). The offset of a point (r, z) across
+/// the ray is r·cos φ + z·sin φ − (t·cos φ + F·sin φ), which is linear in the point; its distance
+/// along the ray is r·sin φ − z·cos φ + (F·cos φ − t·sin φ). Secant steps through neighbouring rays
+/// lead from the guess to the ray that meets the point. They converge from anywhere in the domain,
+/// arbitrarily close to the mirror. Points for which they do not converge, or that lie behind the
+/// start of their ray, have no pixel.
 pub(crate) struct ReflectedRays {
     /// cos φ, sin φ, t·cos φ + F·sin φ, F·cos φ − t·sin φ.
     rays: [[f32; 4]; RAYS],
-    /// Places of the mirror in rays, row by row: columns by tan(θ/2) and rows by `nearest_m`/d, with θ the angle from −z and d the distance, both seen
-    /// from `center_z_m` on the axis.
+    /// Positions on the mirror in units of rays, in row-major order: columns by tan(θ/2) and rows
+    /// by `nearest_m`/d, where θ is the angle from −z and d the distance, both measured from
+    /// `center_z_m` on the axis.
     guesses: [f32; GUESSES * GUESSES],
     center_z_m: f32,
     nearest_m: f32,
-    columns_a_tan: f32,
+    columns_per_tan: f32,
     max_rho: f32,
 }
 
@@ -50,27 +57,29 @@ impl ReflectedRays {
             let cos = (f * (1.0 - p * p) - 2.0 * p * t) / length;
             [cos, sin, t * cos + f * sin, f * cos - t * sin]
         });
-        // Seen from where the middle ray seems to come from, points along one ray lie in nearly one direction.
-        let [_, sin, beside, _] = rays[RAYS / 2];
-        let center_z = (beside / sin).max(meridian.vertex_m + 0.25 * rim_m);
+        // Seen from where the middle ray appears to originate, the points of a ray lie in almost
+        // the same direction.
+        let [_, sin, across, _] = rays[RAYS / 2];
+        let center_z = (across / sin).max(meridian.vertex_m + 0.25 * rim_m);
         let nearest = (0..=100)
             .map(|i| {
                 let t = rim_m * f64::from(i) / 100.0;
                 libm::hypot(t, center_z - meridian.at(t)[0])
             })
             .fold(f64::INFINITY, f64::min);
-        // The widest direction of a point in the domain: along the rim's ray, seen from nearby or from afar.
+        // Widest direction of a point in the domain: along the ray of the rim, seen from nearby or
+        // from afar.
         let [cos, sin, ..] = rays[RAYS - 1];
         let up_to_rim = center_z - meridian.at(rim_m)[0];
         let tan_rim = rim_m / (libm::hypot(rim_m, up_to_rim) + up_to_rim);
-        let columns_a_tan = (GUESSES - 1) as f64 / (sin / (1.0 + cos)).max(tan_rim);
+        let columns_per_tan = (GUESSES - 1) as f64 / (sin / (1.0 + cos)).max(tan_rim);
         let guesses = std::array::from_fn(|i| {
             let (row, column) = (i / GUESSES, i % GUESSES);
-            let tan_half = column as f64 / columns_a_tan;
+            let tan_half = column as f64 / columns_per_tan;
             let scale = 1.0 / (1.0 + tan_half * tan_half);
             let sin = 2.0 * tan_half * scale;
             let cos = (1.0 - tan_half * tan_half) * scale;
-            // The row of infinity holds points that are merely far.
+            // The row of infinite distance holds points that are merely far away.
             let distance = nearest * (GUESSES - 1) as f64 / (row as f64).max(1e-6);
             let t = meridian.nearest_reflection([distance * sin, center_z - distance * cos]);
             (t / rim_m * last_ray) as f32
@@ -80,13 +89,17 @@ impl ReflectedRays {
             guesses,
             center_z_m: center_z as f32,
             nearest_m: nearest as f32,
-            columns_a_tan: columns_a_tan as f32,
+            columns_per_tan: columns_per_tan as f32,
             max_rho: meridian.max_rho() as f32,
         }
     }
 
-    /// As seen by a camera with these focal lengths and this principal point (then the mirror's distance, which the rays hold already).
-    pub(crate) fn seen_by(&self, [fx_px, fy_px, cx_px, cy_px, _]: [f32; 5]) -> MirrorLookUp<'_> {
+    /// Combines the rays with the focal lengths and principal point of a camera. The last
+    /// parameter, the distance of the mirror, is already contained in the rays.
+    pub(crate) fn with_camera(
+        &self,
+        [fx_px, fy_px, cx_px, cy_px, _]: [f32; 5],
+    ) -> MirrorLookUp<'_> {
         MirrorLookUp {
             rays: self,
             f_px: [fx_px, fy_px],
@@ -94,33 +107,33 @@ impl ReflectedRays {
         }
     }
 
-    /// The image radius at which the point is seen, and whether it is.
+    /// Returns the image radius of a point, and whether the point is visible.
     #[inline(always)]
     fn project(&self, r: f32, z: f32) -> (f32, bool) {
         let up = self.center_z_m - z;
         let distance = (r * r + up * up).sqrt();
-        let column = clamped(self.columns_a_tan * r / (distance + up), GUESSES - 1);
+        let column = clamped(self.columns_per_tan * r / (distance + up), GUESSES - 1);
         let row = (GUESSES - 1) as f32 * self.nearest_m / distance;
-        let mut place = self.guess(clamped(row, GUESSES - 1), column);
+        let mut position = self.guess(clamped(row, GUESSES - 1), column);
         let (mut last_step, mut ray) = (0.0, [0.0; 4]);
         for _ in 0..STEPS {
-            let (i, start) = floor(clamped(place, RAYS - 1));
+            let (i, start) = floor(clamped(position, RAYS - 1));
             let (before, after) = (self.rays[i % RAYS], self.rays[(i + 1) % RAYS]);
-            let miss = |[cos, sin, beside, _]: [f32; 4]| r * cos + z * sin - beside;
+            let miss = |[cos, sin, across, _]: [f32; 4]| r * cos + z * sin - across;
             let share = miss(before) / (miss(before) - miss(after));
-            last_step = start + share - place;
-            place = start + share;
+            last_step = start + share - position;
+            position = start + share;
             ray = between(before, after, share);
         }
         let [cos, sin, _, along] = ray;
         let in_front = r * sin - z * cos + along > 0.0;
-        let inside = (place > -0.01) & (place <= (RAYS - 1) as f32);
-        let settled = last_step.abs() < MAX_LAST_STEP;
+        let inside = (position > -0.01) & (position <= (RAYS - 1) as f32);
+        let converged = last_step.abs() < MAX_LAST_STEP;
         let [t, f] = start_of(ray);
-        (t / f, inside & settled & in_front)
+        (t / f, inside & converged & in_front)
     }
 
-    /// The first guess between four of the table.
+    /// Interpolates the initial guess bilinearly.
     #[inline(always)]
     fn guess(&self, row: f32, column: f32) -> f32 {
         let (i, start_row) = floor(row);
@@ -133,26 +146,28 @@ impl ReflectedRays {
     }
 }
 
-/// Between two rays.
+/// Interpolates between two rays.
 #[inline(always)]
 fn between(before: [f32; 4], after: [f32; 4], share: f32) -> [f32; 4] {
     [0, 1, 2, 3].map(|k| before[k] + share * (after[k] - before[k]))
 }
 
-/// t and F of a ray, times the square of its direction's length: between two rays that is a little short.
+/// Returns t and F of a ray, multiplied by the squared length of its direction, which is slightly
+/// below 1 for interpolated rays.
 #[inline(always)]
-fn start_of([cos, sin, beside, along]: [f32; 4]) -> [f32; 2] {
-    [beside * cos - along * sin, beside * sin + along * cos]
+fn start_of([cos, sin, across, along]: [f32; 4]) -> [f32; 2] {
+    [across * cos - along * sin, across * sin + along * cos]
 }
 
-/// Brings a number into 0 to `last`; what is none becomes `last`.
+/// Clamps a number to 0 to `last`; NaN becomes `last`.
 #[inline(always)]
 fn clamped(x: f32, last: usize) -> f32 {
     let x = if x < last as f32 { x } else { last as f32 };
     if x > 0.0 { x } else { 0.0 }
 }
 
-/// The whole number below (or at the end of the interval, on) a number between 0 and 2^16: the addition shifts the fraction out.
+/// Returns the largest integer below x (or, at the end of an interval, x itself) for x between 0
+/// and 2^16. Adding 1.5·2²³ rounds to an integer.
 #[inline(always)]
 fn floor(x: f32) -> (usize, f32) {
     let whole = (x - 0.5) + 12_582_912.0;
@@ -161,8 +176,8 @@ fn floor(x: f32) -> (usize, f32) {
 
 /// An exact mirror camera in single precision.
 ///
-/// Within 0.02 px of the exact solution in its whole domain, which begins at the mirror's surface; the border is that of the exact
-/// model within half a pixel.
+/// Within 0.02 px of the exact solution in its whole domain, which starts at the mirror's surface.
+/// The border of the domain agrees with the exact model within half a pixel.
 #[derive(Debug, Clone, Copy)]
 pub struct MirrorLookUp<'a> {
     rays: &'a ReflectedRays,

@@ -2,10 +2,10 @@
 
 use super::MirrorProfile;
 
-/// Steps of a bracketed iteration: Newton's need fewer than ten, and fifty bisections would do.
+/// Maximum number of iterations. Newton's method needs fewer than ten, bisection fifty.
 const MAX_STEPS: u32 = 100;
 
-/// A profile at some distance from the pinhole.
+/// A profile at a given distance from the pinhole.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Meridian<'a> {
     pub(crate) profile: &'a MirrorProfile,
@@ -13,20 +13,21 @@ pub(crate) struct Meridian<'a> {
 }
 
 impl Meridian<'_> {
-    /// F, F' and F'' at t.
+    /// Returns F, F' and F'' at t.
     pub(crate) fn at(&self, t: f64) -> [f64; 3] {
         let [sag, slope, curvature] = self.profile.sag_at(t);
         [self.vertex_m + sag, slope, curvature]
     }
 
-    /// The image radius of the rim.
+    /// Returns the image radius of the rim.
     pub(crate) fn max_rho(&self) -> f64 {
         let rim_m = self.profile.rim_m();
         rim_m / self.at(rim_m)[0]
     }
 
-    /// How far the ray reflected at t passes by the point (r, z), times the length of its unnormalised direction (A, −B); and the derivative
-    /// by t. Positive where the ray passes on the side of the axis.
+    /// Returns the distance by which the ray reflected at t misses the point (r, z), multiplied by
+    /// the length of the ray's unnormalised direction (A, −B), and its derivative with respect to
+    /// t. Positive if the ray passes between the point and the axis.
     fn miss(&self, t: f64, [r, z]: [f64; 2]) -> [f64; 2] {
         let [f, p, q] = self.at(t);
         // (A, B) = (sin φ, cos φ)·√(t² + F²)·(1 + F'²)
@@ -41,27 +42,31 @@ impl Meridian<'_> {
         ]
     }
 
-    /// Where the mirror shows the point (r ≥ 0, z), or `None` where it does not.
+    /// Returns the t at which the mirror shows the point (r ≥ 0, z), or `None` if it does not show
+    /// the point.
     ///
-    /// As reflected rays spread and lead away from the axis, at most one meets the point, and it comes from t ≤ r.
+    /// Reflected rays diverge and lead away from the axis. At most one ray meets the point
+    /// therefore, and it starts at t ≤ r.
     pub(crate) fn reflection(&self, point: [f64; 2]) -> Option<f64> {
         let [r, z] = point;
         let rim_m = self.profile.rim_m();
         let in_front = r > rim_m || z < self.at(r)[0];
         let end = r.min(rim_m);
         let between = self.miss(0.0, point)[0] >= 0.0 && self.miss(end, point)[0] <= 0.0;
-        let somewhere = r.is_finite() && z.is_finite();
-        (somewhere && in_front && between).then(|| self.nearest_reflection(point))
+        let is_finite = r.is_finite() && z.is_finite();
+        (is_finite && in_front && between).then(|| self.nearest_reflection(point))
     }
 
-    /// As [`Self::reflection`]; for points that the mirror does not show, the border of those that it shows, so that there is no jump.
+    /// Like [`Self::reflection`], but returns the closest border of the visible region for points
+    /// that the mirror does not show, so that the result is continuous.
     pub(super) fn nearest_reflection(&self, point: [f64; 2]) -> f64 {
         let end = point[0].min(self.profile.rim_m());
         root(end, |t| self.miss(t, point))
     }
 
-    /// Where the pinhole sees the mirror at this image radius, 0 to that of the rim.
-    pub(crate) fn seen_at(&self, rho: f64) -> f64 {
+    /// Returns the t at which the pinhole sees the mirror at an image radius between 0 and that of
+    /// the rim.
+    pub(crate) fn mirror_point(&self, rho: f64) -> f64 {
         root(self.profile.rim_m(), |t| {
             let [f, p, _] = self.at(t);
             [rho * f - t, rho * p - 1.0]
@@ -69,8 +74,9 @@ impl Meridian<'_> {
     }
 }
 
-/// The root between 0 and `end` of a function that falls through it and has no other, by Newton's iteration kept in its bracket; the end
-/// that is nearer to zero where there is none. The function gives its value and derivative.
+/// Returns the root between 0 and `end` of a function that decreases through its only root, by
+/// bracketed Newton iteration. If there is no root, returns the end closer to zero. The function
+/// returns its value and derivative.
 fn root(end: f64, function: impl Fn(f64) -> [f64; 2]) -> f64 {
     let (mut low, mut high) = (0.0, end);
     let mut t = 0.5 * end;

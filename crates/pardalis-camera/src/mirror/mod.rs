@@ -1,8 +1,9 @@
-//! Mirrors of revolution in front of a perspective camera: their shapes, their design, and their look-up tables.
+//! Mirrors of revolution in front of a perspective camera: shapes, design and look-up tables.
 //!
-//! All in the meridian plane, in the camera's frame: t and r are distances from the optical axis, z runs along it; the pinhole is the
-//! origin. The ray at image radius ρ = t/F (focal length 1) meets the mirror at (t, F(t)) and goes on at the angle
-//! φ = atan(ρ) + 2·atan(F'(t)) from −z, which is the law of reflection.
+//! Everything happens in the meridian plane of the camera frame: t and r are distances from the
+//! optical axis, z runs along it, and the pinhole is the origin. The ray at image radius ρ = t/F
+//! (focal length 1) meets the mirror at (t, F(t)) and is reflected to the angle φ = atan(ρ) +
+//! 2·atan(F'(t)) from −z, by the law of reflection.
 
 mod design;
 mod look_up;

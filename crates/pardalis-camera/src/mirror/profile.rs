@@ -1,22 +1,26 @@
-//! Shapes of mirrors of revolution, and what makes a shape usable.
+//! Shapes of mirrors of revolution, and the conditions for a usable shape.
 
 use super::resolution::ConstantResolution;
 use super::table::ProfileTable;
 use pardalis_core::Error;
 
-/// Largest length of a mirror, in metres.
+/// Largest dimension of a mirror, in metres.
 const MAX_LENGTH_M: f64 = 1e3;
-/// Least length of a mirror, in metres.
+/// Smallest dimension of a mirror, in metres.
 const MIN_LENGTH_M: f64 = 1e-6;
-/// Cosine of the widest angle between the mirror's normal and the pinhole's line of sight, 87 degrees.
+/// Cosine of the largest angle between the mirror's normal and the line of sight from the pinhole,
+/// 87 degrees.
 const MIN_COS_INCIDENCE: f64 = 0.05;
-/// Places between axis and rim at which a closed form is checked.
-const CHECKED_PLACES: u32 = 500;
+/// Number of points between axis and rim at which an analytic shape is checked.
+const CHECKED_POINTS: u32 = 500;
 
-/// A mirror of revolution z = F(t) for t from 0 (on the optical axis) to the rim, in metres, with the pinhole at the origin.
+/// A mirror of revolution z = F(t) for t from 0 (on the optical axis) to the rim, in metres, with
+/// the pinhole at the origin.
 ///
-/// Every profile fulfils, so that each point of the scene is seen at most once: F > 0; the pinhole sees the front of the whole mirror
-/// (F − t·F' > 0: the image radius grows with t), nowhere flatter than 3 degrees; and the reflected rays spread, φ' > 0 with φ(0) ≥ 0 (no fold, and no ray meets the mirror again).
+/// Every profile satisfies the following conditions, so that each point of the scene is seen at
+/// most once: F > 0; the pinhole sees the front of the whole mirror (F − t·F' > 0: the image radius
+/// increases with t) at no less than 3 degrees from the surface; the reflected rays diverge, φ' > 0
+/// with φ(0) ≥ 0 (no folds, and no ray meets the mirror again).
 #[derive(Debug, Clone, PartialEq)]
 pub struct MirrorProfile {
     vertex_m: f64,
@@ -24,48 +28,50 @@ pub struct MirrorProfile {
     shape: Shape,
 }
 
-/// What a profile is made from, as its constructors take it.
+/// The description from which a profile was created.
 #[derive(Debug, Clone, PartialEq)]
 pub enum MirrorForm {
-    /// A ball of this radius in metres.
+    /// A sphere.
     Sphere {
-        /// Its radius in metres.
+        /// Radius in metres.
         radius_m: f64,
     },
     /// A cone with its tip towards the pinhole.
     Cone {
-        /// The angle between axis and surface in radians.
+        /// Angle between axis and surface in radians.
         half_angle_rad: f64,
     },
     /// A paraboloid.
     Paraboloid {
-        /// Its focal length in metres.
+        /// Focal length in metres.
         focal_m: f64,
     },
     /// A sheet of a hyperboloid.
     Hyperboloid {
-        /// Along the optical axis and across, in metres.
+        /// Semi-axes along the optical axis and across it, in metres.
         semi_axes_m: [f64; 2],
     },
-    /// A design.
+    /// A mirror designed for constant resolution.
     ConstantResolution(ConstantResolution),
-    /// A table of t, F and F', t and F in metres.
+    /// A table of t, F and F', with t and F in metres.
     Rows(Vec<[f64; 3]>),
 }
 
 /// F(t) − F(0).
 #[derive(Debug, Clone, PartialEq)]
 enum Shape {
-    /// c·t² / (1 + √(1 − (1 + k)·c²·t²)), the sphere (k = 0), paraboloid (k = −1) or hyperboloid (k < −1) of curvature c at the vertex.
+    /// c·t² / (1 + √(1 − (1 + k)·c²·t²)): the sphere (k = 0), paraboloid (k = −1) or hyperboloid (k
+    /// < −1) of curvature c at the vertex.
     Conic { curvature_per_m: f64, conic: f64 },
     /// s·t.
     Cone { slope: f64 },
-    /// Interpolated; where the table comes from a design, with that.
+    /// Interpolated table, with its design if it has one.
     Table(ProfileTable, Option<ConstantResolution>),
 }
 
 impl MirrorProfile {
-    /// A ball of this radius: distance of the pinhole from the vertex, radius, and radius of the rim (smaller), in metres.
+    /// Creates a sphere from the distance of the pinhole from the vertex, the radius and the
+    /// (smaller) radius of the rim, all in metres.
     pub fn sphere(vertex_m: f64, radius_m: f64, rim_m: f64) -> Result<Self, Error> {
         check_length("radius_m", radius_m)?;
         check_length("rim_m", rim_m)?;
@@ -75,15 +81,17 @@ impl MirrorProfile {
         Self::conic(vertex_m, 1.0 / radius_m, 0.0, rim_m)
     }
 
-    /// A paraboloid F(0) + t²/(4·f) with this focal length, all in metres.
+    /// Creates a paraboloid F(0) + t²/(4·f) with focal length f, all in metres.
     pub fn paraboloid(vertex_m: f64, focal_m: f64, rim_m: f64) -> Result<Self, Error> {
         check_length("focal_m", focal_m)?;
         Self::conic(vertex_m, 0.5 / focal_m, -1.0, rim_m)
     }
 
-    /// A sheet of a hyperboloid with semi-axes `a_m` along the optical axis and `b_m` across, all in metres.
+    /// Creates one sheet of a hyperboloid with semi-axes `a_m` along the optical axis and `b_m`
+    /// across it, all in metres.
     ///
-    /// With c = √(a² + b²), a pinhole at the outer focus has its vertex at a + c, and all rays then point at the inner focus at z = 2·c.
+    /// With c = √(a² + b²), a pinhole at the outer focus has its vertex at a + c, and all rays then
+    /// point at the inner focus at z = 2·c.
     pub fn hyperboloid(vertex_m: f64, [a_m, b_m]: [f64; 2], rim_m: f64) -> Result<Self, Error> {
         check_length("a_m", a_m)?;
         check_length("b_m", b_m)?;
@@ -95,8 +103,9 @@ impl MirrorProfile {
         )
     }
 
-    /// A cone with its tip towards the pinhole: distance of the tip in metres, angle between axis and surface in radians (below a right angle),
-    /// radius of the rim in metres. A cone does not show the points near the axis.
+    /// Creates a cone with its tip towards the pinhole from the distance of the tip in metres, the
+    /// angle between axis and surface in radians (0.001 to less than π/2) and the radius of the rim
+    /// in metres. A cone does not show points near the axis.
     pub fn cone(vertex_m: f64, half_angle_rad: f64, rim_m: f64) -> Result<Self, Error> {
         if !(1e-3..std::f64::consts::FRAC_PI_2).contains(&half_angle_rad) {
             return Err(Error::out_of_range(
@@ -109,22 +118,24 @@ impl MirrorProfile {
         Self::checked(vertex_m, rim_m, Shape::Cone { slope: cos / sin })
     }
 
-    /// A profile given by rows t, F: interpolated with continuous curvature. The vertex is taken as smooth, F'(0) = 0.
+    /// Creates a profile from rows t, F, interpolated with continuous curvature. The vertex is
+    /// assumed smooth, F'(0) = 0.
     ///
-    /// 5 to 100 000 rows, t growing from 0 to the rim.
+    /// Requires 5 to 100 000 rows, with t increasing from 0 to the rim.
     pub fn from_rows(rows: &[[f64; 2]]) -> Result<Self, Error> {
         let rows_with_slopes = super::table::with_slopes(rows)?;
         Self::from_rows_with_slopes(&rows_with_slopes)
     }
 
-    /// A profile given by rows t, F, F', interpolated with continuous curvature. F'(0) is 0 for a smooth vertex.
+    /// Creates a profile from rows t, F, F', interpolated with continuous curvature. F'(0) is 0 for
+    /// a smooth vertex.
     ///
-    /// 5 to 100 000 rows, t growing from 0 to the rim.
+    /// Requires 5 to 100 000 rows, with t increasing from 0 to the rim.
     pub fn from_rows_with_slopes(rows: &[[f64; 3]]) -> Result<Self, Error> {
         Self::from_table(rows, None)
     }
 
-    /// A designed profile, from its rows t, F, F'.
+    /// Creates a designed profile from its rows t, F, F'.
     pub(super) fn designed(rows: &[[f64; 3]], design: ConstantResolution) -> Result<Self, Error> {
         Self::from_table(rows, Some(design))
     }
@@ -152,63 +163,64 @@ impl MirrorProfile {
             shape,
         };
         match &profile.shape {
-            Shape::Table(table, _) => table.places().try_for_each(|t| profile.check_at(t))?,
-            _ => (0..=CHECKED_PLACES)
-                .map(|i| rim_m * f64::from(i) / f64::from(CHECKED_PLACES))
+            Shape::Table(table, _) => table.check_points().try_for_each(|t| profile.check_at(t))?,
+            _ => (0..=CHECKED_POINTS)
+                .map(|i| rim_m * f64::from(i) / f64::from(CHECKED_POINTS))
                 .try_for_each(|t| profile.check_at(t))?,
         }
         Ok(profile)
     }
 
-    /// The same shape at another distance from the pinhole, in metres.
+    /// Returns the same shape at another distance from the pinhole, in metres.
     pub fn at_vertex(&self, vertex_m: f64) -> Result<Self, Error> {
         Self::checked(vertex_m, self.rim_m, self.shape.clone())
     }
 
-    /// Refuses a mirror that is unusable at this distance from the axis.
+    /// Checks that the mirror is usable at distance t from the axis.
     fn check_at(&self, t: f64) -> Result<(), Error> {
         let [f, slope, curvature] = self.at(t);
-        let refuse = |what: &str, allowed: &str| {
-            let place = format!("{what} at t = {t} m (F = {f} m, F' = {slope})");
-            Err(Error::out_of_range("the mirror", place, allowed))
+        let reject = |what: &str, allowed: &str| {
+            let found = format!("{what} at t = {t} m (F = {f} m, F' = {slope})");
+            Err(Error::out_of_range("the mirror", found, allowed))
         };
         if !(f.abs() <= MAX_LENGTH_M && slope.is_finite() && curvature.is_finite()) {
-            return refuse("out of bounds", "finite numbers, F up to 1000 m");
+            return reject("out of bounds", "finite numbers, F up to 1000 m");
         }
         if !(f > 0.0) {
-            return refuse("behind the pinhole", "F above 0");
+            return reject("behind the pinhole", "F above 0");
         }
         let cos_incidence = (f - t * slope) / ((f * f + t * t) * (1.0 + slope * slope)).sqrt();
         if !(cos_incidence >= MIN_COS_INCIDENCE) {
-            return refuse(
-                "grazed or hidden by itself as seen from the pinhole",
-                "up to 87 degrees between surface normal and line of sight; lessen the rim's radius",
+            return reject(
+                "hidden by itself or seen at a grazing angle from the pinhole",
+                "at most 87 degrees between surface normal and line of sight; reduce the radius of the rim",
             );
         }
         if !(slope >= 0.0 || t > 0.0) {
-            return refuse("hollow", "F' of 0 or more at the vertex");
+            return reject("hollow", "F' of 0 or more at the vertex");
         }
         let spread = (f - t * slope) / (f * f + t * t) + 2.0 * curvature / (1.0 + slope * slope);
         if !(spread > 0.0) {
-            return refuse(
-                "folded (it shows the same places twice)",
-                "a surface curved towards the camera, whose reflected rays spread",
+            return reject(
+                "folded (it shows the same points twice)",
+                "a surface curved towards the camera, whose reflected rays diverge",
             );
         }
         Ok(())
     }
 
-    /// F(0), the distance of the vertex from the pinhole in metres.
+    /// Returns F(0), the distance of the vertex from the pinhole, in metres.
     pub fn vertex_m(&self) -> f64 {
         self.vertex_m
     }
 
-    /// The radius of the rim in metres.
+    /// Returns the radius of the rim, in metres.
     pub fn rim_m(&self) -> f64 {
         self.rim_m
     }
 
-    /// What the profile is made from, but for rounding. A design may stand at another distance from the pinhole than the profile.
+    /// Returns the description from which the profile was created, up to rounding. A design may
+    /// have another distance from the pinhole than the profile.
     pub fn form(&self) -> MirrorForm {
         match &self.shape {
             &Shape::Conic {
@@ -242,13 +254,13 @@ impl MirrorProfile {
         }
     }
 
-    /// F in metres, F' and F'' in 1/m at `t_m` from the axis, 0 to the rim.
+    /// Returns F in metres, F' and F'' in 1/m at `t_m` from the axis, 0 to the rim.
     pub fn at(&self, t_m: f64) -> [f64; 3] {
         let [sag, slope, curvature] = self.sag_at(t_m);
         [self.vertex_m + sag, slope, curvature]
     }
 
-    /// F − F(0), F' and F''.
+    /// Returns F − F(0), F' and F''.
     pub(crate) fn sag_at(&self, t: f64) -> [f64; 3] {
         match &self.shape {
             &Shape::Conic {
@@ -263,7 +275,7 @@ impl MirrorProfile {
         }
     }
 
-    /// Whether the mirror has a tip instead of a smooth vertex.
+    /// Reports whether the mirror has a tip instead of a smooth vertex.
     pub(crate) fn has_tip(&self) -> bool {
         self.sag_at(0.0)[1] > 0.0
     }

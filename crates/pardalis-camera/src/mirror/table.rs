@@ -1,25 +1,27 @@
-//! Profiles given as tables: quintic interpolation with continuous curvature.
+//! Tabulated profiles: quintic interpolation with continuous curvature.
 
 use pardalis_core::Error;
 
 const MIN_ROWS: usize = 5;
 const MAX_ROWS: usize = 100_000;
 
-/// F(t) − F(0) as polynomials of fifth degree that meet F, F' and F'' at every row.
+/// F(t) − F(0) as quintic polynomials that match F, F' and F'' at every row.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ProfileTable {
     t_m: Vec<f64>,
-    /// For each interval, the coefficients by powers of its share, 0 to 1.
+    /// Polynomial coefficients of each interval, in powers of the relative position 0 to 1.
     coefficients: Vec<[f64; 6]>,
 }
 
 impl ProfileTable {
-    /// From rows t, F, F' in metres. F'' is that of the cubic spline through F'.
+    /// Creates a table from rows t, F, F' in metres. F'' is the derivative of the cubic spline
+    /// through F'.
     pub(super) fn new(rows: &[[f64; 3]]) -> Result<Self, Error> {
         check_rows(rows)?;
         let t_m: Vec<f64> = rows.iter().map(|row| row[0]).collect();
         let slopes: Vec<f64> = rows.iter().map(|row| row[2]).collect();
-        // The profile goes on beyond a smooth vertex: F' is odd. At a tip it does not.
+        // A smooth profile continues symmetrically beyond the vertex: F' is odd. This does not hold
+        // for a tip.
         let curvatures = if slopes[0] == 0.0 {
             spline_slopes_of_half(&t_m, &slopes, -1.0)
         } else {
@@ -47,12 +49,12 @@ impl ProfileTable {
         Ok(Self { t_m, coefficients })
     }
 
-    /// The rows' distances from the axis in metres.
+    /// Returns the distances of the rows from the axis, in metres.
     pub(super) fn t_m(&self) -> &[f64] {
         &self.t_m
     }
 
-    /// F − F(0), F' and F''.
+    /// Returns F − F(0), F' and F''.
     pub(super) fn at(&self, t: f64) -> [f64; 3] {
         let last = self.coefficients.len() - 1;
         let i = self.t_m[1..=last].partition_point(|&node| node <= t);
@@ -66,8 +68,8 @@ impl ProfileTable {
         ]
     }
 
-    /// Distances from the axis, a few in every interval, at which the profile is checked.
-    pub(super) fn places(&self) -> impl Iterator<Item = f64> {
+    /// Returns distances from the axis at which the profile is checked, several per interval.
+    pub(super) fn check_points(&self) -> impl Iterator<Item = f64> {
         let between = |pair: &[f64]| {
             let (low, high) = (pair[0], pair[1]);
             [0.0, 0.25, 0.5, 0.75, 1.0].map(|share| low + share * (high - low))
@@ -76,7 +78,8 @@ impl ProfileTable {
     }
 }
 
-/// Adds F' to rows t, F: that of the cubic spline through F, which goes on symmetrically beyond the vertex.
+/// Adds F' to rows t, F: the derivative of the cubic spline through F, continued symmetrically
+/// beyond the vertex.
 pub(super) fn with_slopes(rows: &[[f64; 2]]) -> Result<Vec<[f64; 3]>, Error> {
     check_rows(rows)?;
     let (t_m, f_m): (Vec<f64>, Vec<f64>) = rows.iter().map(|&[t, f]| (t, f)).unzip();
@@ -87,39 +90,40 @@ pub(super) fn with_slopes(rows: &[[f64; 2]]) -> Result<Vec<[f64; 3]>, Error> {
 }
 
 fn check_rows<const N: usize>(rows: &[[f64; N]]) -> Result<(), Error> {
-    let refuse = |found: String, allowed: &str| {
+    let reject = |found: String, allowed: &str| {
         let allowed = format!("rows of t and F in metres: {allowed}");
         Err(Error::out_of_range("profile", found, &allowed))
     };
     if !(MIN_ROWS..=MAX_ROWS).contains(&rows.len()) {
-        return refuse(format!("{} rows long", rows.len()), "5 to 100000 of them");
+        return reject(format!("{} rows long", rows.len()), "5 to 100000 rows");
     }
-    let faulty = |row: &[f64; N]| row.iter().any(|v| !(v.abs() <= 1e6));
-    if let Some(i) = rows.iter().position(faulty) {
-        return refuse(
+    let invalid = |row: &[f64; N]| row.iter().any(|v| !(v.abs() <= 1e6));
+    if let Some(i) = rows.iter().position(invalid) {
+        return reject(
             format!("{:?} in row {}", rows[i], i + 1),
             "numbers up to 1e6",
         );
     }
     if rows[0][0] != 0.0 {
-        return refuse(
+        return reject(
             format!("{:?} in its first row", rows[0]),
-            "t = 0, the vertex, comes first",
+            "t = 0 (the vertex) in the first row",
         );
     }
-    // Closer rows would make a number of their difference that means nothing.
+    // The differences of closer rows would be dominated by rounding.
     let least_step = 1e-9 * rows[rows.len() - 1][0];
-    let faulty = |pair: &[[f64; N]]| !(pair[1][0] - pair[0][0] > least_step);
-    if let Some(i) = rows.windows(2).position(faulty) {
-        return refuse(
+    let unordered = |pair: &[[f64; N]]| !(pair[1][0] - pair[0][0] > least_step);
+    if let Some(i) = rows.windows(2).position(unordered) {
+        return reject(
             format!("{:?} in row {}", rows[i + 1], i + 2),
-            "t grows from row to row",
+            "t increasing from row to row",
         );
     }
     Ok(())
 }
 
-/// The slopes of the spline through these points and their images at −t, whose values have this sign.
+/// Returns the slopes of the spline through the points and their images at −t, whose values are
+/// multiplied by `sign`.
 fn spline_slopes_of_half(t: &[f64], y: &[f64], sign: f64) -> Vec<f64> {
     let whole = |half: &[f64], sign: f64| -> Vec<f64> {
         let beyond = half[1..].iter().rev().map(|v| sign * v);
@@ -129,13 +133,14 @@ fn spline_slopes_of_half(t: &[f64], y: &[f64], sign: f64) -> Vec<f64> {
     slopes[t.len() - 1..].to_vec()
 }
 
-/// The slopes at its points of the cubic spline with continuous second derivative, whose third derivative is continuous at the
-/// points next to the ends ("not a knot").
+/// Returns the slopes at its points of the cubic spline with continuous second derivative, with the
+/// "not-a-knot" end condition (continuous third derivative at the second and the second last
+/// point).
 fn spline_slopes(t: &[f64], y: &[f64]) -> Vec<f64> {
     let n = t.len();
     let h: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let secant: Vec<f64> = (0..n - 1).map(|i| (y[i + 1] - y[i]) / h[i]).collect();
-    // Each row: the factors of the slopes before, here and after, and the right side.
+    // Each row: coefficients of the previous, current and next slope, and the right-hand side.
     let end = |h0: f64, h1: f64, secant0: f64, secant1: f64| {
         let both = h0 + h1;
         let right = ((h0 + 2.0 * both) * h1 * secant0 + h0 * h0 * secant1) / both;
@@ -167,7 +172,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_spline_through_a_cubic_is_the_cubic() {
+    fn spline_through_a_cubic_reproduces_the_cubic() {
         let t = [-1.0, -0.2, 0.3, 0.4, 1.1, 2.0];
         let cubic = |t: f64| 1.0 + t * (2.0 + t * (-0.5 + t * 0.3));
         let slopes = spline_slopes(&t, &t.map(cubic));
@@ -177,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn interpolation_keeps_the_rows_and_continues_slope_and_curvature() {
+    fn interpolation_passes_through_the_rows_with_continuous_slope_and_curvature() {
         let f = |t: f64| 0.2 + (t * t + 0.001).sqrt();
         let slope = |t: f64| t / (t * t + 0.001).sqrt();
         let nodes: Vec<f64> = (0..60).map(|i| f64::from(i * (i + 40)) * 2e-5).collect();

@@ -1,4 +1,4 @@
-//! One law checker over every camera model's valid and invalid examples, over the whole field of view.
+//! Properties that every camera model must satisfy over its whole field of view.
 
 use nalgebra::Matrix3;
 use pardalis_camera::Homography;
@@ -11,19 +11,20 @@ use pardalis_core::simd::Level;
 type ProjectF32 = Box<dyn Fn([f32; 3]) -> ([f32; 2], bool)>;
 type UnprojectF32 = Box<dyn Fn([f32; 2]) -> Option<Ray<f32>>>;
 
-/// A model in both precisions with the bound of its domain as an angle from +z in radians (`nearest`, `farthest`).
+/// A model in both precisions and the range of its domain.
 struct Example {
     name: &'static str,
     camera: Camera,
     project_f32: ProjectF32,
     unproject_f32: UnprojectF32,
     valid_angles_rad: std::ops::Range<f64>,
-    /// Where these angles are measured, in the camera's frame: the origin but for cameras of a plane, whose frame is the plane's.
+    /// Viewpoint in the camera frame: the origin, except for cameras of a plane, whose frame is
+    /// that of the plane.
     vertex_m: [f64; 3],
 }
 
 impl Example {
-    /// The point in this direction.
+    /// Returns the point in a direction from the viewpoint.
     fn point(&self, direction: [f64; 3], range_m: f64) -> [f64; 3] {
         std::array::from_fn(|c| self.vertex_m[c] + range_m * direction[c])
     }
@@ -32,12 +33,12 @@ impl Example {
 macro_rules! example {
     ($name:literal, $variant:ident, $model:expr, $angles:expr) => {{
         let model = $model.unwrap();
-        let (single, single_back) = (model.clone(), model.clone());
+        let (single, single_unproject) = (model.clone(), model.clone());
         Example {
             name: $name,
             camera: Camera::$variant(model),
             project_f32: Box::new(move |p| single.to_f32().project(p)),
-            unproject_f32: Box::new(move |p| single_back.to_f32().unproject(p)),
+            unproject_f32: Box::new(move |p| single_unproject.to_f32().unproject(p)),
             valid_angles_rad: $angles,
             vertex_m: [0.0; 3],
         }
@@ -67,7 +68,7 @@ fn examples() -> Vec<Example> {
             Pinhole::new([600.0, 610.0], [320.0, 240.0], &[]),
             0.0..deg(89.0)
         ),
-        // Intrinsics of OpenCV's own calibration example, left camera.
+        // Intrinsics of the left camera in OpenCV's calibration example.
         example!(
             "pinhole with barrel distortion",
             Pinhole,
@@ -102,7 +103,7 @@ fn examples() -> Vec<Example> {
             Unified::new(1.4, 0.8, 120.0, [320.0, 240.0]),
             deg(46.0)..pi
         ),
-        // Every coefficient that OpenCV writes, from one of its calibrations of a wide webcam.
+        // All coefficients that OpenCV writes, from a calibration of a wide-angle webcam.
         example!(
             "pinhole with rational and prism distortion",
             Pinhole,
@@ -127,14 +128,14 @@ fn examples() -> Vec<Example> {
             ),
             0.0..deg(100.0)
         ),
-        // Its polynomial turns back at 78.5 degrees.
+        // The polynomial folds back at 78.5 degrees.
         example!(
             "Kannala-Brandt that folds",
             KannalaBrandt,
             KannalaBrandt::new([300.0, 300.0], [320.0, 240.0], [-0.05, -0.03, 0.0, 0.0], pi),
             0.0..deg(75.0)
         ),
-        // What OpenCV's omnidir finds for its tutorial's mirror camera.
+        // OpenCV's omnidir result for the mirror camera of its tutorial.
         example!(
             "Mei, xi above 1",
             Mei,
@@ -177,7 +178,7 @@ fn examples() -> Vec<Example> {
             ExtendedUnified::new([380.0, 381.0], [320.0, 240.0], 0.4, 0.9),
             0.0..deg(120.0)
         ),
-        // OCamCalib's own samples.
+        // OCamCalib's samples.
         example!(
             "OCamCalib's fisheye",
             Ocam,
@@ -216,14 +217,14 @@ fn examples() -> Vec<Example> {
             ),
             deg(70.0)..pi
         ),
-        of_plane(example!(
+        measured_at_viewpoint(example!(
             "plane straight below",
             Plane,
             Plane::new(&straight_below(), Some([0.25, -0.5, 4.0])),
             deg(90.5)..pi
         )),
-        // It looks 53 degrees up from straight down.
-        of_plane(example!(
+        // The camera looks 53 degrees up from straight down.
+        measured_at_viewpoint(example!(
             "plane from a mast",
             Plane,
             Plane::new(&from_a_mast(), Some([0.0, -3.2, 3.0])),
@@ -232,7 +233,7 @@ fn examples() -> Vec<Example> {
     ]
 }
 
-/// A camera on a mast, as fitted to a rectangle of tape.
+/// A camera on a mast, fitted to a rectangle of tape.
 fn from_a_mast() -> Homography {
     let rows = [
         [131.2446, 51.8354, 298.7085],
@@ -242,22 +243,22 @@ fn from_a_mast() -> Homography {
     Homography::new(Matrix3::from_row_slice(rows.as_flattened())).unwrap()
 }
 
-/// A camera of 800 px focal length 4 m over (0.25, −0.5).
+/// A camera with a focal length of 800 px, 4 m above (0.25, −0.5).
 fn straight_below() -> Homography {
     let rows = [[200.0, 0.0, 270.0], [0.0, -200.0, 140.0], [0.0, 0.0, 1.0]];
     Homography::new(Matrix3::from_row_slice(rows.as_flattened())).unwrap()
 }
 
-/// Angles are measured where the camera stands.
-fn of_plane(example: Example) -> Example {
+/// Measures the angles of an example at its viewpoint.
+fn measured_at_viewpoint(example: Example) -> Example {
     Example {
         vertex_m: example.camera.viewpoint_m(),
         ..example
     }
 }
 
-/// The point of a ray that is as far from its origin as this point is.
-fn abreast(ray: &Ray<f64>, point: [f64; 3]) -> [f64; 3] {
+/// Returns the point of a ray that is as far from the ray's origin as the given point.
+fn point_at_same_range(ray: &Ray<f64>, point: [f64; 3]) -> [f64; 3] {
     let range_m = (0..3)
         .map(|c| (point[c] - ray.origin[c]).powi(2))
         .sum::<f64>()
@@ -270,7 +271,7 @@ fn direction(angle_rad: f64, azimuth_rad: f64) -> [f64; 3] {
     [sin * azimuth_rad.cos(), sin * azimuth_rad.sin(), cos]
 }
 
-/// Directions all over the sphere, with their angle from the optical axis.
+/// Returns directions throughout the sphere and their angles from the optical axis.
 fn directions() -> impl Iterator<Item = (f64, [f64; 3])> {
     (0..=1800).flat_map(|i| {
         let angle_rad = f64::from(i) / 1800.0 * std::f64::consts::PI;
@@ -308,12 +309,13 @@ fn unproject_inverts_project_over_the_whole_domain() {
                 });
                 let central = !matches!(example.camera, Camera::ExactMirror(_));
                 assert_eq!(ray.origin == example.vertex_m, central, "{}", example.name);
-                let back = abreast(&ray, point);
+                let back = point_at_same_range(&ray, point);
                 let error = (0..3)
                     .map(|c| ((back[c] - point[c]) / range_m).powi(2))
                     .sum::<f64>()
                     .sqrt();
-                // Where the image is infinitely stretched or compressed the angle is worth less than the pixel.
+                // Where the image is extremely stretched or compressed, compare pixels instead of
+                // angles.
                 let again = example.camera.project(back).unwrap_or(pixel);
                 let error_px = (again[0] - pixel[0]).hypot(again[1] - pixel[1])
                     / (1.0 + pixel[0].hypot(pixel[1]));
@@ -341,10 +343,11 @@ fn unproject_inverts_project_over_the_whole_domain() {
 }
 
 #[test]
-fn single_precision_stays_within_a_hundredth_of_a_pixel() {
+fn single_precision_is_accurate_to_a_hundredth_of_a_pixel() {
     for example in examples() {
         for (angle_rad, direction) in directions() {
-            // Single precision is for pixels inside images, a little away from the border of the domain.
+            // Single precision serves pixels inside images, at some distance from the border of the
+            // domain.
             let inside = example.valid_angles_rad.contains(&(angle_rad + 0.02))
                 && (angle_rad < 0.02 || example.valid_angles_rad.contains(&(angle_rad - 0.02)));
             let point = example.point(direction, 1.0);
@@ -370,7 +373,8 @@ fn single_precision_stays_within_a_hundredth_of_a_pixel() {
                 example.name,
                 angle_rad.to_degrees()
             );
-            // Farther out in the parabolic image a direction in single precision is itself too coarse.
+            // Farther out in the parabolic image, a direction in single precision is itself too
+            // coarse.
             if expected[0].hypot(expected[1]) > 1500.0 {
                 continue;
             }
@@ -379,7 +383,8 @@ fn single_precision_stays_within_a_hundredth_of_a_pixel() {
                 origin: back.origin.map(f64::from),
                 direction: back.direction.map(f64::from),
             };
-            let ([u, v], _) = (example.project_f32)(abreast(&back, point).map(|c| c as f32));
+            let ([u, v], _) =
+                (example.project_f32)(point_at_same_range(&back, point).map(|c| c as f32));
             let error = (u - pixel[0]).hypot(v - pixel[1]);
             assert!(
                 error < 0.01,
@@ -392,14 +397,14 @@ fn single_precision_stays_within_a_hundredth_of_a_pixel() {
 }
 
 #[test]
-fn many_points_at_once_get_the_pixels_of_each() {
+fn batches_yield_the_pixels_of_single_points() {
     for example in examples() {
         let points: Vec<[f32; 3]> = directions()
             .map(|(_, direction)| example.point(direction, 1.0).map(|c| c as f32))
             .collect();
         let columns = [0, 1, 2].map(|c| points.iter().map(|p| p[c]).collect::<Vec<f32>>());
         for level in Level::available() {
-            // Not a whole number of blocks.
+            // Sizes that are not multiples of the block.
             for count in [points.len(), 21, 0] {
                 let (mut u, mut v) = (vec![0.0; count], vec![0.0; count]);
                 let columns = [0, 1, 2].map(|c| &columns[c][..count]);
@@ -425,7 +430,7 @@ fn many_points_at_once_get_the_pixels_of_each() {
 }
 
 #[test]
-fn what_lies_behind_or_beyond_gets_no_pixel() {
+fn points_behind_or_beyond_the_domain_have_no_pixel() {
     let behind = [0.0, 0.0, -1.0];
     let ahead = [0.0, 0.0, 1.0];
     for example in examples() {
@@ -436,7 +441,7 @@ fn what_lies_behind_or_beyond_gets_no_pixel() {
         };
         let forbidden = example.point(forbidden, 1.0);
         assert_eq!(example.camera.project(forbidden), None, "{}", example.name);
-        // A mirror may well show the pinhole; a plane's homography leads there but for rounding.
+        // A mirror may show the pinhole; for a plane, rounding may make the viewpoint valid.
         if !matches!(example.camera, Camera::ExactMirror(_) | Camera::Plane(_)) {
             let vertex = example.camera.project(example.vertex_m);
             assert_eq!(vertex, None, "{}", example.name);
@@ -453,7 +458,8 @@ fn what_lies_behind_or_beyond_gets_no_pixel() {
             example.name
         );
     }
-    // The barrel polynomial turns back at about 45 degrees: beyond it points would come back into the image.
+    // The barrel polynomial folds back at about 45 degrees: points beyond must not reappear in the
+    // image.
     let barrel = Camera::Pinhole(
         Pinhole::new([500.0, 500.0], [320.0, 240.0], &[-0.3, 0.0, 0.0, 0.0, 0.0]).unwrap(),
     );
@@ -462,14 +468,14 @@ fn what_lies_behind_or_beyond_gets_no_pixel() {
 }
 
 #[test]
-fn jacobians_agree_with_differences() {
+fn jacobians_agree_with_finite_differences() {
     for example in examples() {
         let camera = &example.camera;
         let values: Vec<f64> = camera.parameters().iter().map(|p| p.1).collect();
         let mut checked = 0;
         for (angle_rad, direction) in directions().step_by(37) {
             let inside = |a: f64| example.valid_angles_rad.contains(&a);
-            // The axis itself is among them; a little away from the border, where differences leave the domain.
+            // Includes the axis, but not the border, where finite differences leave the domain.
             if !inside(angle_rad + 0.02) || (angle_rad > 0.02 && !inside(angle_rad - 0.02)) {
                 continue;
             }
@@ -495,16 +501,16 @@ fn jacobians_agree_with_differences() {
                 let (after, before) = (shifted(1.0), shifted(-1.0));
                 for c in 0..2 {
                     let numeric = (after[c] - before[c]) / (2.0 * step);
-                    let slope = jacobian.by_point[c][axis];
+                    let derivative = jacobian.by_point[c][axis];
                     assert!(
-                        (slope - numeric).abs() < 1e-5 * (1.0 + size + numeric.abs()),
-                        "{}: {slope} {numeric} by axis {axis} at {:.2} degrees",
+                        (derivative - numeric).abs() < 1e-5 * (1.0 + size + numeric.abs()),
+                        "{}: {derivative} {numeric} by axis {axis} at {:.2} degrees",
                         example.name,
                         angle_rad.to_degrees()
                     );
                 }
             }
-            for (i, slopes) in jacobian.by_parameters.iter().enumerate() {
+            for (i, derivatives) in jacobian.by_parameters.iter().enumerate() {
                 let step = 1e-6
                     * values[i]
                         .abs()
@@ -514,7 +520,7 @@ fn jacobians_agree_with_differences() {
                     values[i] += sign * step;
                     camera.with_parameters(&values).ok()?.project(point)
                 };
-                // Some parameters lie at the end of their range, or do not exist in this example.
+                // Some parameters are at the limit of their range or unused in this example.
                 let (Some(after), Some(before)) = (shifted(1.0), shifted(-1.0)) else {
                     continue;
                 };
@@ -525,10 +531,10 @@ fn jacobians_agree_with_differences() {
                     let numeric = (after[c] - before[c]) / (2.0 * step);
                     let noise = 1e-12 * size / step;
                     assert!(
-                        (slopes[c] - numeric).abs() < 1e-5 * (1.0 + numeric.abs()) + noise,
+                        (derivatives[c] - numeric).abs() < 1e-5 * (1.0 + numeric.abs()) + noise,
                         "{}: {} {numeric} by parameter {i} at {:.2} degrees",
                         example.name,
-                        slopes[c],
+                        derivatives[c],
                         angle_rad.to_degrees()
                     );
                 }
@@ -544,8 +550,8 @@ fn jacobians_agree_with_differences() {
 }
 
 #[test]
-fn known_pixels() {
-    // rho = f * theta: the published check of the rendered fisheye sequences.
+fn known_points_have_known_pixels() {
+    // ρ = f·θ: the published check of the rendered fisheye sequences.
     let fisheye =
         Camera::Equidistant(Equidistant::new(145.562_250_654_857_8, [319.5, 239.5], 1.62).unwrap());
     let [u, v] = fisheye.project([1.25, -1.35, 0.28]).unwrap();
@@ -553,7 +559,7 @@ fn known_pixels() {
         (u - 459.9096).abs() < 1e-4 && (v - 87.8576).abs() < 1e-4,
         "{u} {v}"
     );
-    // Unified with l = 0 is the perspective model.
+    // The unified model with l = 0 is the perspective model.
     let unified = Camera::Unified(Unified::new(0.0, 140.0, 1.0, [320.0, 240.0]).unwrap());
     let perspective =
         Camera::PerspectiveMirror(PerspectiveMirror::new(140.0, [320.0, 240.0]).unwrap());
@@ -568,7 +574,7 @@ fn known_pixels() {
 }
 
 #[test]
-fn impossible_parameters_are_refused() {
+fn invalid_parameters_are_rejected() {
     for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
         assert!(Equidistant::new(bad, [0.0; 2], 1.0).is_err());
         assert!(Equidistant::new(100.0, [0.0; 2], bad).is_err());

@@ -1,4 +1,5 @@
-//! The exact mirror camera: against a rendered one's pixels, known closed forms, the law of reflection, and its own look-up.
+//! The exact mirror camera compared with rendered pixels, closed forms, the law of reflection and
+//! its look-up table.
 
 use crate::mirrors;
 use crate::mirrors::{CENTER_PX, F_PX, camera_json, mirrors, table};
@@ -22,7 +23,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
         .sqrt()
 }
 
-/// Rays of pixels all over a mirror's image, with the pixel; none of the axis.
+/// Returns pixels throughout a mirror's image, except on the axis, and their rays.
 fn rays(mirror: &ExactMirror<f64>) -> Vec<([f64; 2], Ray<f64>)> {
     let profile = mirror.profile();
     let [f, ..] = profile.at(profile.rim_m());
@@ -40,13 +41,13 @@ fn rays(mirror: &ExactMirror<f64>) -> Vec<([f64; 2], Ray<f64>)> {
         .collect()
 }
 
-/// Distances from the mirror, from a hundredth of a millimetre to half a kilometre.
+/// Returns distances from the mirror, from 0.01 mm to half a kilometre.
 fn ranges_m() -> impl Iterator<Item = f64> {
     (0..24).map(|i| 1e-5 * 2.17_f64.powi(i))
 }
 
 #[test]
-fn the_rendered_camera_sees_known_points_where_it_does() {
+fn known_points_project_to_the_pixels_of_the_rendered_camera() {
     let json = camera_json();
     let camera = &json["perspective_camera"];
     let number = |key: &str| camera[key].as_f64().unwrap();
@@ -82,7 +83,7 @@ fn the_rendered_camera_sees_known_points_where_it_does() {
 }
 
 #[test]
-fn a_pixels_ray_obeys_the_law_of_reflection() {
+fn rays_obey_the_law_of_reflection() {
     for (name, mirror) in mirrors() {
         for (pixel, ray) in rays(&mirror) {
             let [x, y, z] = ray.origin;
@@ -90,7 +91,7 @@ fn a_pixels_ray_obeys_the_law_of_reflection() {
             let [f, slope, _] = mirror.profile().at(t);
             assert!(
                 (f - z).abs() < 1e-12,
-                "{name}: {pixel:?} begins off the mirror"
+                "{name}: {pixel:?} starts off the mirror"
             );
             let incoming = Vector3::from(ray.origin).normalize();
             let outgoing = Vector3::from(ray.direction);
@@ -103,7 +104,7 @@ fn a_pixels_ray_obeys_the_law_of_reflection() {
 }
 
 #[test]
-fn a_point_on_a_pixels_ray_is_seen_at_the_pixel() {
+fn points_on_a_ray_project_to_its_pixel() {
     for (name, mirror) in mirrors() {
         let rays = rays(&mirror);
         assert!(rays.len() >= 400, "{name}: {} rays", rays.len());
@@ -116,7 +117,7 @@ fn a_point_on_a_pixels_ray_is_seen_at_the_pixel() {
                     "{name}: {error} px at {pixel:?}, {range_m} m"
                 );
             }
-            // Behind the surface the ray has no points, unless it passes through a tip.
+            // Behind the surface the ray has no visible points, unless it passes through a tip.
             let behind_m = 1e-5_f64.min(0.1 * ray.origin[0].hypot(ray.origin[1]));
             let (_, valid) = mirror.project(at(&ray, -behind_m));
             assert!(!valid, "{name}: inside the mirror at {pixel:?}");
@@ -125,17 +126,17 @@ fn a_point_on_a_pixels_ray_is_seen_at_the_pixel() {
 }
 
 #[test]
-fn every_point_in_space_is_seen_where_its_ray_comes_from_or_not_at_all() {
+fn visible_points_lie_on_the_ray_of_their_pixel() {
     for (name, mirror) in mirrors() {
-        let (mut seen, mut unseen) = (0, 0);
+        let (mut visible, mut hidden) = (0, 0);
         for [r, z] in mirrors::points(&mirror) {
             let point = [0.6 * r, 0.8 * r, z];
             let (pixel, valid) = mirror.project(point);
             if !valid {
-                unseen += 1;
+                hidden += 1;
                 continue;
             }
-            seen += 1;
+            visible += 1;
             let ray = mirror
                 .unproject(pixel)
                 .expect("a ray for a pixel in the domain");
@@ -145,12 +146,15 @@ fn every_point_in_space_is_seen_where_its_ray_comes_from_or_not_at_all() {
                 "{name}: {point:?}"
             );
         }
-        assert!(seen > 1000 && unseen > 1000, "{name}: {seen} {unseen}");
+        assert!(
+            visible > 1000 && hidden > 1000,
+            "{name}: {visible} {hidden}"
+        );
     }
 }
 
 #[test]
-fn what_the_mirror_hides_or_cannot_show_has_no_pixel() {
+fn hidden_and_non_finite_points_have_no_pixel() {
     for (name, mirror) in mirrors() {
         let camera = Camera::ExactMirror(mirror.clone());
         let profile = mirror.profile();
@@ -197,7 +201,7 @@ fn what_the_mirror_hides_or_cannot_show_has_no_pixel() {
 }
 
 #[test]
-fn the_axis_is_the_centre_of_a_smooth_mirror_and_unseen_by_a_tip() {
+fn the_axis_is_visible_at_the_centre_except_in_mirrors_with_a_tip() {
     for (name, mirror) in mirrors() {
         let tip = mirror.profile().at(0.0)[1] > 0.0;
         for z in [mirror.profile().vertex_m() - 1e-4, 0.0, -1.0, -1e3] {
@@ -223,7 +227,7 @@ fn the_axis_is_the_centre_of_a_smooth_mirror_and_unseen_by_a_tip() {
 }
 
 #[test]
-fn a_hyperboloid_with_the_pinhole_in_its_outer_focus_is_the_unified_model() {
+fn a_hyperboloid_with_the_pinhole_at_its_outer_focus_is_the_unified_model() {
     let (a, b) = (0.028_f64, 0.023_f64);
     let c = a.hypot(b);
     let profile = MirrorProfile::hyperboloid(a + c, [a, b], 0.035).unwrap();
@@ -233,7 +237,8 @@ fn a_hyperboloid_with_the_pinhole_in_its_outer_focus_is_the_unified_model() {
         let range_m = distance(&ray.origin, &focus);
         assert!(distance(&at(&ray, -range_m), &focus) < 1e-12, "{pixel:?}");
     }
-    // Around the inner focus: eccentricity e, l = 2e/(1 + e²), f·(l + m) = f·(e² − 1)/(1 + e²) (Geyer and Daniilidis 2000).
+    // Around the inner focus, with eccentricity e: l = 2e/(1 + e²), f·(l + m) = f·(e² − 1)/(1 + e²)
+    // (Geyer and Daniilidis 2000).
     let e2 = c * c / (a * a);
     let l = 2.0 * e2.sqrt() / (1.0 + e2);
     let unified = Unified::new(l, (e2 - 1.0) / (1.0 + e2) - l, F_PX[0], CENTER_PX).unwrap();
@@ -251,7 +256,7 @@ fn a_hyperboloid_with_the_pinhole_in_its_outer_focus_is_the_unified_model() {
 }
 
 #[test]
-fn the_look_up_stays_within_a_fiftieth_of_a_pixel() {
+fn the_look_up_is_accurate_to_a_fiftieth_of_a_pixel() {
     for (name, mirror) in mirrors() {
         let look_up = mirror.to_f32();
         let (mut worst, mut seen) = (0_f64, 0);
@@ -263,7 +268,8 @@ fn the_look_up_stays_within_a_fiftieth_of_a_pixel() {
                 worst = worst.max(distance(&pixel.map(f64::from), &exact));
                 seen += 1;
             } else if valid != found {
-                // Within half a pixel of the rim's or the vertex' image, or of the mirror's surface.
+                // Allowed within half a pixel of the image of the rim or vertex, and at the
+                // mirror's surface.
                 let rho = (exact[0] - CENTER_PX[0]).hypot(exact[1] - CENTER_PX[1]);
                 let pixel_rho = f64::from(pixel[0] - CENTER_PX[0] as f32)
                     .hypot(f64::from(pixel[1]) - CENTER_PX[1]);
@@ -289,7 +295,7 @@ fn the_look_up_stays_within_a_fiftieth_of_a_pixel() {
 }
 
 #[test]
-fn the_look_up_unprojects_as_the_exact_model_does() {
+fn the_look_up_unprojects_like_the_exact_model() {
     for (name, mirror) in mirrors() {
         let look_up = mirror.to_f32();
         for (pixel, ray) in rays(&mirror) {
@@ -307,7 +313,7 @@ fn the_look_up_unprojects_as_the_exact_model_does() {
 }
 
 #[test]
-fn jacobians_agree_with_differences() {
+fn jacobians_agree_with_finite_differences() {
     for (name, mirror) in mirrors() {
         let camera = Camera::ExactMirror(mirror.clone());
         let values: Vec<f64> = camera.parameters().iter().map(|p| p.1).collect();
@@ -368,7 +374,7 @@ fn jacobians_agree_with_differences() {
 }
 
 #[test]
-fn the_designer_finds_the_rendered_mirror_again() {
+fn the_design_reproduces_the_rendered_mirror() {
     let json = camera_json();
     let number = |key: &str| json[key].as_f64().unwrap();
     let design = ConstantResolution {
@@ -381,7 +387,7 @@ fn the_designer_finds_the_rendered_mirror_again() {
     let [t_rim, f_rim, _] = table()[200];
     let rho_rim = t_rim / f_rim;
     let by_range = ConstantResolution {
-        // A little more than the r_max_m that it was made for.
+        // Slightly more than the r_max_m of the rendered mirror's design.
         resolution: Resolution::RimShows(rho_rim / number("a_per_m")),
         ..design
     };
@@ -414,7 +420,7 @@ fn a_designed_mirror_has_constant_resolution_on_its_plane() {
     };
     let designs = [
         design,
-        // With a tip: what lies within 0.25 m is not shown.
+        // With a tip: points within 0.25 m are not shown.
         ConstantResolution {
             offset: -0.02,
             ..design
@@ -454,16 +460,16 @@ fn a_designed_mirror_has_constant_resolution_on_its_plane() {
     }
 }
 
-fn refused(profile: Result<MirrorProfile, pardalis_core::Error>, reason: &str) {
+fn rejected(profile: Result<MirrorProfile, pardalis_core::Error>, reason: &str) {
     let error = profile.expect_err(reason).to_string();
-    assert!(error.contains(reason), "{error} does not say {reason}");
+    assert!(error.contains(reason), "{error} does not contain {reason}");
 }
 
 #[test]
-fn impossible_mirrors_are_refused_with_their_reason() {
+fn impossible_mirrors_are_rejected_with_the_reason() {
     for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0, 1e4] {
-        refused(MirrorProfile::sphere(bad, 0.05, 0.03), "vertex_m");
-        refused(
+        rejected(MirrorProfile::sphere(bad, 0.05, 0.03), "vertex_m");
+        rejected(
             MirrorProfile::sphere(0.1, bad, 0.03),
             if bad == 1e4 {
                 "radius_m"
@@ -471,18 +477,18 @@ fn impossible_mirrors_are_refused_with_their_reason() {
                 "radius_m is"
             },
         );
-        refused(MirrorProfile::cone(0.1, 0.8, bad), "rim_m");
-        refused(MirrorProfile::cone(0.1, bad, 0.03), "half_angle_rad");
-        refused(MirrorProfile::paraboloid(0.1, bad, 0.03), "focal_m");
-        refused(MirrorProfile::hyperboloid(0.1, [bad, 0.02], 0.03), "a_m");
-        refused(MirrorProfile::hyperboloid(0.1, [0.02, bad], 0.03), "b_m");
+        rejected(MirrorProfile::cone(0.1, 0.8, bad), "rim_m");
+        rejected(MirrorProfile::cone(0.1, bad, 0.03), "half_angle_rad");
+        rejected(MirrorProfile::paraboloid(0.1, bad, 0.03), "focal_m");
+        rejected(MirrorProfile::hyperboloid(0.1, [bad, 0.02], 0.03), "a_m");
+        rejected(MirrorProfile::hyperboloid(0.1, [0.02, bad], 0.03), "b_m");
     }
-    refused(MirrorProfile::sphere(0.1, 0.05, 0.05), "rim_m");
-    // The pinhole sees the ball only up to 0.0471 m from the axis, and at 87 degrees up to 0.0462 m.
+    rejected(MirrorProfile::sphere(0.1, 0.05, 0.05), "rim_m");
+    // The pinhole sees the sphere up to 0.0471 m from the axis, and at 87 degrees up to 0.0462 m.
     assert!(MirrorProfile::sphere(0.1, 0.05, 0.0462).is_ok());
-    refused(MirrorProfile::sphere(0.1, 0.05, 0.0463), "hidden by itself");
+    rejected(MirrorProfile::sphere(0.1, 0.05, 0.0463), "hidden by itself");
     assert!(MirrorProfile::cone(0.1, 0.2, 0.05).is_ok());
-    refused(MirrorProfile::cone(0.1, 0.2, 0.1), "hidden by itself");
+    rejected(MirrorProfile::cone(0.1, 0.2, 0.1), "hidden by itself");
 
     let rows = |f: &dyn Fn(f64) -> f64| -> Vec<[f64; 2]> {
         (0..=50)
@@ -492,27 +498,27 @@ fn impossible_mirrors_are_refused_with_their_reason() {
     };
     let table = |f: &dyn Fn(f64) -> f64| MirrorProfile::from_rows(&rows(f));
     assert!(table(&|t| 0.1 + 5.0 * t * t).is_ok());
-    refused(table(&|_| f64::NAN), "row 1");
-    refused(table(&|_| 1e300), "row 1");
-    refused(table(&|t| 5.0 * t * t - 0.001), "vertex_m");
-    refused(table(&|t| 0.1 - 10.0 * t * t), "folded");
-    refused(table(&|t| 0.1 + 100.0 * t * t), "hidden by itself");
-    refused(
+    rejected(table(&|_| f64::NAN), "row 1");
+    rejected(table(&|_| 1e300), "row 1");
+    rejected(table(&|t| 5.0 * t * t - 0.001), "vertex_m");
+    rejected(table(&|t| 0.1 - 10.0 * t * t), "folded");
+    rejected(table(&|t| 0.1 + 100.0 * t * t), "hidden by itself");
+    rejected(
         table(&|t| 0.1 + 5.0 * t * t + 1e-5 * (t * 3e3).sin()),
         "folded",
     );
-    refused(MirrorProfile::from_rows(&rows(&|_| 0.1)[..4]), "4 rows");
-    refused(MirrorProfile::from_rows(&[]), "0 rows");
-    refused(MirrorProfile::from_rows(&rows(&|_| 0.1)[1..]), "first row");
+    rejected(MirrorProfile::from_rows(&rows(&|_| 0.1)[..4]), "4 rows");
+    rejected(MirrorProfile::from_rows(&[]), "0 rows");
+    rejected(MirrorProfile::from_rows(&rows(&|_| 0.1)[1..]), "first row");
     let mut twice = rows(&|_| 0.1);
     twice[20] = twice[19];
-    refused(MirrorProfile::from_rows(&twice), "row 21");
+    rejected(MirrorProfile::from_rows(&twice), "row 21");
     let with_slopes: Vec<_> = rows(&|_| 0.1).iter().map(|&[t, f]| [t, f, -0.1]).collect();
-    refused(MirrorProfile::from_rows_with_slopes(&with_slopes), "hollow");
+    rejected(MirrorProfile::from_rows_with_slopes(&with_slopes), "hollow");
 }
 
 #[test]
-fn impossible_designs_are_refused_with_their_reason() {
+fn impossible_designs_are_rejected_with_the_reason() {
     let design = ConstantResolution {
         vertex_m: 0.16,
         rim_m: 0.08,
@@ -521,7 +527,7 @@ fn impossible_designs_are_refused_with_their_reason() {
         offset: 0.0,
     };
     for bad in [f64::NAN, f64::INFINITY, -1.0, 0.0] {
-        refused(
+        rejected(
             ConstantResolution {
                 vertex_m: bad,
                 ..design
@@ -529,7 +535,7 @@ fn impossible_designs_are_refused_with_their_reason() {
             .design(),
             "vertex_m",
         );
-        refused(
+        rejected(
             ConstantResolution {
                 rim_m: bad,
                 ..design
@@ -537,7 +543,7 @@ fn impossible_designs_are_refused_with_their_reason() {
             .design(),
             "rim_m",
         );
-        refused(
+        rejected(
             ConstantResolution {
                 resolution: Resolution::PerMetre(bad),
                 ..design
@@ -545,17 +551,17 @@ fn impossible_designs_are_refused_with_their_reason() {
             .design(),
             "resolution_per_m",
         );
-        refused(
+        rejected(
             ConstantResolution {
                 resolution: Resolution::RimShows(bad),
                 ..design
             }
             .design(),
-            "rim_shows_m",
+            "rim_view_m",
         );
     }
     for bad in [f64::NAN, f64::NEG_INFINITY, 0.16, 1.0] {
-        refused(
+        rejected(
             ConstantResolution {
                 plane_z_m: bad,
                 ..design
@@ -564,7 +570,7 @@ fn impossible_designs_are_refused_with_their_reason() {
             "plane_z_m",
         );
     }
-    refused(
+    rejected(
         ConstantResolution {
             offset: 0.1,
             ..design
@@ -572,7 +578,8 @@ fn impossible_designs_are_refused_with_their_reason() {
         .design(),
         "offset",
     );
-    // To show so little the mirror would have to be hollow; to show so much, sharper than its profile can say.
+    // Such a small range requires a hollow mirror, such a large one a curvature beyond the
+    // profile's resolution.
     for resolution in [
         Resolution::RimShows(0.05),
         Resolution::PerMetre(100.0),
@@ -582,13 +589,13 @@ fn impossible_designs_are_refused_with_their_reason() {
             resolution,
             ..design
         };
-        refused(design.design(), "the mirror is folded");
+        rejected(design.design(), "the mirror is folded");
     }
 }
 
 #[test]
-fn a_calibration_file_keeps_the_mirror() {
-    // A calibration moves the mirror.
+fn calibration_files_preserve_the_mirror() {
+    // Calibration moves the mirror.
     let moved = |(name, mirror): (&'static str, ExactMirror<f64>)| {
         let profile = mirror.profile();
         let profile = profile.at_vertex(profile.vertex_m() + 0.0003).unwrap();
@@ -618,7 +625,7 @@ fn a_calibration_file_keeps_the_mirror() {
 }
 
 #[test]
-fn impossible_cameras_are_refused() {
+fn invalid_cameras_are_rejected() {
     let profile = MirrorProfile::sphere(0.1, 0.05, 0.04).unwrap();
     for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
         assert!(ExactMirror::new([bad, 500.0], CENTER_PX, profile.clone()).is_err());

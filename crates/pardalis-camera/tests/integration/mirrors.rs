@@ -1,4 +1,4 @@
-//! Mirror cameras of every kind, and points all over the space around them.
+//! Mirror cameras of every kind, and points throughout the space around them.
 
 use std::path::PathBuf;
 
@@ -11,13 +11,13 @@ pub(crate) fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../data/calibration/catadioptric")
 }
 
-/// The rendered camera's description.
+/// Returns the description of the rendered camera.
 pub(crate) fn camera_json() -> serde_json::Value {
     let text = std::fs::read_to_string(folder().join("camera.json")).unwrap();
     serde_json::from_str(&text).unwrap()
 }
 
-/// The rendered mirror: rows t, F, F'.
+/// Returns the rendered mirror as rows t, F, F'.
 pub(crate) fn table() -> Vec<[f64; 3]> {
     let json = camera_json();
     let column = |key: &str| -> Vec<f64> {
@@ -27,7 +27,7 @@ pub(crate) fn table() -> Vec<[f64; 3]> {
     (0..t.len()).map(|i| [t[i], f[i], slope[i]]).collect()
 }
 
-/// Cameras with mirrors of every kind.
+/// Returns cameras with mirrors of every kind.
 pub(crate) fn mirrors() -> Vec<(&'static str, ExactMirror<f64>)> {
     let tip = ConstantResolution {
         vertex_m: 0.16,
@@ -40,7 +40,7 @@ pub(crate) fn mirrors() -> Vec<(&'static str, ExactMirror<f64>)> {
     [
         ("table", MirrorProfile::from_rows_with_slopes(&table())),
         ("sphere", MirrorProfile::sphere(0.1, 0.05, 0.04)),
-        // Nearly as far around as the pinhole sees.
+        // Almost as far around as the pinhole can see.
         ("wide sphere", MirrorProfile::sphere(0.1, 0.05, 0.0462)),
         ("slight sphere", MirrorProfile::sphere(0.3, 2.0, 0.1)),
         ("paraboloid", MirrorProfile::paraboloid(0.12, 0.02, 0.04)),
@@ -63,21 +63,23 @@ pub(crate) fn mirrors() -> Vec<(&'static str, ExactMirror<f64>)> {
     .into()
 }
 
-/// Points (r, z), r from the axis, all over the half plane: around the vertex, at every distance from the mirror's surface, inside it, and on both sides of the rim.
+/// Returns points (r, z) throughout the half plane, where r is the distance from the axis: around
+/// the vertex, at all distances from the mirror's surface, inside the mirror, and on both sides of
+/// the rim.
 pub(crate) fn points(mirror: &ExactMirror<f64>) -> Vec<[f64; 2]> {
     let profile = mirror.profile();
     let rim_m = profile.rim_m();
     let mut points = Vec::new();
     let mut add = |r: f64, z: f64| points.push([r, z]);
     for i in 0..=180 {
-        // Around the middle of the mirror in all directions.
+        // All directions around the centre of the mirror.
         let (sin, cos) = f64::from(i).to_radians().sin_cos();
         for j in 0..120 {
             let range_m = 1e-4 * 1.15_f64.powi(j);
             add(range_m * sin, profile.vertex_m() - range_m * cos);
             add(range_m * sin, profile.at(rim_m)[0] - range_m * cos);
         }
-        // From places on the mirror, the rim among them.
+        // Around points of the mirror, including the rim.
         let t = rim_m * f64::from(i) / 180.0;
         let f = profile.at(t)[0];
         for j in -5..60 {

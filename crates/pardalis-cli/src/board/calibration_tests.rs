@@ -9,12 +9,13 @@ use pardalis_calibrate::{
 };
 
 use super::{Board, detect};
+use crate::source::decode::decode_mask;
 
 fn seen(board: &str, image: &str) -> CalibrationView {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../data/calibration")
         .join(image);
-    let grey = image::open(path).unwrap().to_luma8();
+    let grey = decode_mask(&path).unwrap();
     let corners = detect(&Board::from_argument(board).unwrap(), &grey).unwrap();
     CalibrationView {
         name: image.to_owned(),

@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use image::GrayImage;
+use pardalis_images::GrayImage;
 
 use super::saddle::{Saddle, brightness};
 

@@ -1,6 +1,6 @@
 //! Square markers: dictionaries, and the reading of one marker in a square of the lattice.
 
-use image::GrayImage;
+use pardalis_images::GrayImage;
 
 use super::saddle::brightness;
 

@@ -30,8 +30,7 @@ mod saddle;
 #[cfg(test)]
 mod tests;
 
-use image::GrayImage;
-use image::imageops::{FilterType, resize};
+use pardalis_images::GrayImage;
 
 use marker::Dictionary;
 use place::Placed;
@@ -165,12 +164,7 @@ fn scales(image: &GrayImage) -> Vec<f64> {
 /// Finds the corners in the image at another scale, and fits them again in the image itself.
 fn detect_at(board: &Board, image: &GrayImage, scale: f64) -> Result<Vec<Corner>, String> {
     let resized = |n: u32| (f64::from(n) * scale).round() as u32;
-    let level = resize(
-        image,
-        resized(image.width()),
-        resized(image.height()),
-        FilterType::Triangle,
-    );
+    let level = image.resized(resized(image.width()), resized(image.height()));
     let saddles = saddle::find(&level);
     let lattices = lattice::grow(&level, &saddles);
     let mut placed = match board {

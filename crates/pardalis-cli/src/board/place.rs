@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use image::GrayImage;
+use pardalis_images::GrayImage;
 
 use super::Board;
 use super::lattice::Lattice;

@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use chess_corners_core::{ChessParams, find_corners_u8};
-use image::GrayImage;
 use nalgebra::{SMatrix, SVector};
+use pardalis_images::GrayImage;
 
 /// The saddle points of one image at most: the strongest are kept.
 const MAX_SADDLES: usize = 3000;

@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use image::imageops::{crop_imm, flip_horizontal, resize, rotate180};
-use image::{GrayImage, Luma};
+use pardalis_images::GrayImage;
 
 use super::*;
-use crate::draw::svg::rendered_grey;
+use crate::source::decode::decode_mask;
 
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -22,7 +21,7 @@ fn drawn(name: &str) -> PathBuf {
 }
 
 fn grey(path: &Path) -> GrayImage {
-    image::open(path).unwrap().to_luma8()
+    decode_mask(path).unwrap()
 }
 
 fn board(argument: &str) -> Board {
@@ -50,6 +49,77 @@ fn dioptric_truth(n: usize) -> (BTreeMap<usize, [f64; 2]>, Vec<[f64; 3]>) {
     let pixels: Vec<[f64; 2]> = serde_json::from_value(value["corners_px"].clone()).unwrap();
     let places = serde_json::from_value(value["corners_board_m"].clone()).unwrap();
     (pixels.into_iter().enumerate().collect(), places)
+}
+
+/// A printed board: how much of each pixel is black, and not white again. Reads the document's rectangles as `print` writes them.
+fn printed(document: &str, px_per_mm: f64) -> GrayImage {
+    let numbers = |text: &str| -> Vec<f64> {
+        let split = text.split(|c: char| !c.is_ascii_digit() && c != '.' && c != '-');
+        split.filter_map(|n| n.parse().ok()).collect()
+    };
+    let attribute = |from: &str, name: &str| {
+        let (_, rest) = document.split_once(from).unwrap();
+        let (_, rest) = rest.split_once(&format!("{name}=\"")).unwrap();
+        rest.split_once('"').unwrap().0.to_owned()
+    };
+    let page = numbers(&attribute("<svg", "viewBox"));
+    let [width, height] = [page[2], page[3]].map(|side| (side * px_per_mm).ceil() as usize);
+    let cover = |color: &str| {
+        let mut shares = vec![0.0_f64; width * height];
+        for rectangle in attribute(&format!("<path fill=\"{color}\""), "d").split('z') {
+            let [x, y, w, h, back] = numbers(rectangle)[..] else {
+                assert_eq!(rectangle, "");
+                continue;
+            };
+            assert_eq!(back, -w);
+            let range = |from: f64, length: f64, origin: f64| {
+                [from - origin, from + length - origin].map(|mm| mm * px_per_mm)
+            };
+            let ([left, right], [top, bottom]) = (range(x, w, page[0]), range(y, h, page[1]));
+            let share = |i: usize, [low, high]: [f64; 2]| {
+                (high.min(i as f64 + 1.0) - low.max(i as f64)).max(0.0)
+            };
+            for row in top as usize..(bottom.ceil() as usize).min(height) {
+                for column in left as usize..(right.ceil() as usize).min(width) {
+                    shares[row * width + column] +=
+                        share(row, [top, bottom]) * share(column, [left, right]);
+                }
+            }
+        }
+        shares
+    };
+    let levels = cover("black").into_iter().zip(cover("white"));
+    let levels = levels.map(|(black, white)| {
+        (255.0 * (1.0 - black.min(1.0) * (1.0 - white.min(1.0)))).round() as u8
+    });
+    GrayImage::from_raw(width as u32, height as u32, levels.collect()).unwrap()
+}
+
+/// The image blurred with a Gaussian.
+fn blurred(image: &GrayImage, sigma_px: f64) -> GrayImage {
+    let weights = (-3..=3).map(|i: i32| (-0.5 * (f64::from(i) / sigma_px).powi(2)).exp());
+    let weights: Vec<f64> = weights.collect();
+    let sum: f64 = weights.iter().sum();
+    let near = |at: u32, i: usize, size: u32| (at + i as u32).saturating_sub(3).min(size - 1);
+    let mean = |level: &dyn Fn(usize) -> u8| {
+        let terms = weights.iter().enumerate();
+        let total: f64 = terms.map(|(i, w)| w * f64::from(level(i))).sum();
+        [(total / sum).round() as u8]
+    };
+    let (width, height) = image.dimensions();
+    let rows = GrayImage::from_fn(width, height, |x, y| {
+        mean(&|i| image.get_pixel(near(x, i, width), y)[0])
+    });
+    GrayImage::from_fn(width, height, |x, y| {
+        mean(&|i| rows.get_pixel(x, near(y, i, height))[0])
+    })
+}
+
+fn turned_by_half(image: &GrayImage) -> GrayImage {
+    let (width, height) = image.dimensions();
+    GrayImage::from_fn(width, height, |x, y| {
+        image.get_pixel(width - 1 - x, height - 1 - y)
+    })
 }
 
 #[test]
@@ -81,14 +151,13 @@ fn printed_boards_are_found_whole_and_upright() {
         "aprilgrid:6x6:0.03:0.3",
     ] {
         let board = board(argument);
-        // Corners on the borders between pixels, all alike; and blurred as cameras blur, anywhere. SVG's millimetre has 96/25.4 pixels.
-        let drawn =
-            |px_per_m: f64| rendered_grey(&board.svg(), (px_per_m / 1000.0 * 25.4 / 96.0) as f32);
+        // Corners on the borders between pixels, all alike; and blurred as cameras blur, anywhere.
+        let drawn = |px_per_m: f64| printed(&board.svg(), px_per_m / 1000.0);
         let corners =
             detect(&board, &drawn(4000.0)).unwrap_or_else(|why| panic!("{argument}: {why}"));
         assert_eq!(corners.len(), board.corner_count(), "{argument}");
         let px_per_m = 3910.0;
-        let image = image::imageops::blur(&drawn(px_per_m), 0.8);
+        let image = blurred(&drawn(px_per_m), 0.8);
         let corners = detect(&board, &image).unwrap_or_else(|why| panic!("{argument}: {why}"));
         assert_eq!(corners.len(), board.corner_count(), "{argument}");
         let origin = corners[0];
@@ -97,7 +166,7 @@ fn printed_boards_are_found_whole_and_upright() {
                 let printed_px = up * (corner.pixel[axis] - origin.pixel[axis]);
                 let expected_px = px_per_m * (corner.board_m[axis] - origin.board_m[axis]);
                 let error_px = (printed_px - expected_px).abs();
-                // The renderer's edges lie on quarters of a pixel, and both corners may be an eighth off.
+                // Both corners may be an eighth of a pixel off.
                 assert!(
                     error_px < 0.25,
                     "{argument}, corner {}: {error_px}",
@@ -145,7 +214,7 @@ fn a_board_seen_upside_down_keeps_its_numbers() {
     let image = grey(&data("dioptric/board_2.jpg"));
     let checkerboard = board("checkerboard:9x6:0.06");
     let upright = detect(&checkerboard, &image).unwrap();
-    let turned = detect(&checkerboard, &rotate180(&image)).unwrap();
+    let turned = detect(&checkerboard, &turned_by_half(&image)).unwrap();
     for (a, b) in upright.iter().zip(&turned) {
         let back = [
             f64::from(image.width() - 1) - b.pixel[0],
@@ -158,7 +227,7 @@ fn a_board_seen_upside_down_keeps_its_numbers() {
 #[test]
 fn large_images_are_measured_in_their_own_pixels() {
     let image = grey(&data("dioptric/board_3.jpg"));
-    let large = resize(&image, 2560, 1920, FilterType::CatmullRom);
+    let large = image.resized(2560, 1920);
     let corners = detect(&board("checkerboard:9x6:0.06"), &large).unwrap();
     let truth = dioptric_truth(3).0.into_iter();
     let truth = truth.map(|(id, pixel)| (id, pixel.map(|n| (n + 0.5) * 4.0 - 0.5)));
@@ -245,12 +314,15 @@ fn what_is_no_board_gets_a_reason() {
     let mut state = 1u64;
     let noise = GrayImage::from_fn(320, 240, |_, _| {
         state = state * 48271 % 0x7fff_ffff;
-        Luma([(state >> 16) as u8])
+        [(state >> 16) as u8]
     });
-    let mirrored = flip_horizontal(&grey(&drawn("charuco_whole.jpg")));
+    let upright = grey(&drawn("charuco_whole.jpg"));
+    let mirrored = GrayImage::from_fn(upright.width(), upright.height(), |x, y| {
+        upright.get_pixel(upright.width() - 1 - x, y)
+    });
     for argument in boards {
         for size in [(0, 0), (1, 1), (1, 900), (63, 64), (64, 64), (70, 2000)] {
-            let blank = GrayImage::from_pixel(size.0, size.1, Luma([128]));
+            let blank = GrayImage::from_pixel(size.0, size.1, [128]);
             let reason = detect(&board(argument), &blank).unwrap_err();
             assert!(!reason.is_empty(), "{argument}");
         }
@@ -265,7 +337,7 @@ fn a_checkerboard_cut_at_the_border_says_how_much_is_in_view() {
     let checkerboard = board("checkerboard:9x6:0.025");
     let whole = detect(&checkerboard, &image).unwrap();
     let middle = whole.iter().map(|corner| corner.pixel[0]).sum::<f64>() / 54.0;
-    let cut = crop_imm(&image, 0, 0, middle as u32, image.height()).to_image();
+    let cut = image.crop(0, 0, middle as u32, image.height());
     let reason = detect(&checkerboard, &cut).unwrap_err();
     assert!(reason.contains("the whole board of 9 x 6"), "{reason}");
     let smaller = detect(&board("checkerboard:8x6:0.025"), &image).unwrap_err();
@@ -361,7 +433,7 @@ fn a_crossing_is_fitted_to_hundredths_of_a_pixel() {
     let image = GrayImage::from_fn(40, 40, |x, y| {
         let (dx, dy) = (f64::from(x) - place[0], f64::from(y) - place[1]);
         let side = |angle: f64| ((angle.cos() * dy - angle.sin() * dx) / width).tanh();
-        Luma([(120.0 + 80.0 * side(first) * side(second)).round() as u8])
+        [(120.0 + 80.0 * side(first) * side(second)).round() as u8]
     });
     let start = saddle::Saddle {
         pixel: [21.0, 18.0],

@@ -6,6 +6,7 @@ pub(crate) mod demo;
 pub(crate) mod evaluate;
 pub(crate) mod init;
 pub(crate) mod learn;
+pub(crate) mod likelihood;
 pub(crate) mod locate;
 pub(crate) mod measure;
 pub(crate) mod rectify;

@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::panel::{Axis, BOTTOM_PX, LEFT_PX, RIGHT_PX, TOP_PX, equal_scales, padded, panel};
-use super::svg::{Area, document, fill, line, text_style, units, write_text};
+use super::svg::{Area, Drawing, drawing, fill, line, text_style, units, write_text};
 use super::{INK, PALETTE, Rgb, shortened};
 
 /// Cells along one side of the coverage grid.
@@ -60,7 +60,7 @@ impl Sighting {
 pub(crate) fn observed_and_projected(
     size_px: (usize, usize),
     sightings: &[Sighting],
-) -> anyhow::Result<String> {
+) -> anyhow::Result<Drawing> {
     let caption = "circle: observed; cross: projected; violet: left out of the fit";
     // Many points are drawn small; those left out are never, and lie above the others.
     let small = (MAX_MARKS as f64 / sightings.len().max(1) as f64)
@@ -95,7 +95,7 @@ pub(crate) fn observed_and_projected(
 pub(crate) fn residual_arrows(
     size_px: (usize, usize),
     sightings: &[Sighting],
-) -> anyhow::Result<String> {
+) -> anyhow::Result<Drawing> {
     let (shown, [what, note]) = if sightings.len() > MAX_MARKS {
         let means = mean_residuals(size_px, sightings);
         (means, ["mean residuals of small areas", ""])
@@ -172,7 +172,7 @@ fn mean_residuals((width, height): (usize, usize), sightings: &[Sighting]) -> Ve
 }
 
 /// How many points were seen in each cell of a grid over the image: an SVG document.
-pub(crate) fn coverage(size_px: (usize, usize), sightings: &[Sighting]) -> anyhow::Result<String> {
+pub(crate) fn coverage(size_px: (usize, usize), sightings: &[Sighting]) -> anyhow::Result<Drawing> {
     let counts = cell_counts(size_px, sightings);
     let most = counts.iter().flatten().copied().max().unwrap_or(0).max(1) as f64;
     let seen = counts.iter().flatten().filter(|&&count| count > 0).count();
@@ -204,7 +204,7 @@ pub(crate) fn coverage(size_px: (usize, usize), sightings: &[Sighting]) -> anyho
 }
 
 /// Residuals against one another with the circle of one standard deviation of each coordinate: an SVG document.
-pub(crate) fn residual_scatter(sightings: &[Sighting], rms_px: f64) -> anyhow::Result<String> {
+pub(crate) fn residual_scatter(sightings: &[Sighting], rms_px: f64) -> anyhow::Result<Drawing> {
     let sigma_px = rms_px / 2.0_f64.sqrt();
     let largest = sightings
         .iter()
@@ -223,7 +223,7 @@ pub(crate) fn residual_scatter(sightings: &[Sighting], rms_px: f64) -> anyhow::R
         .iter()
         .filter(|s| s.outlier || s.residual_px.is_none())
         .count();
-    document(size, |area| {
+    drawing(size, |area| {
         let (above, below) = area.split_vertically(units(size[1] - CAPTION_PX));
         let mut panel = panel(
             &above,
@@ -260,7 +260,7 @@ pub(crate) fn residual_scatter(sightings: &[Sighting], rms_px: f64) -> anyhow::R
 }
 
 /// The root mean square residual of each view as a bar: an SVG document.
-pub(crate) fn rms_bars(views: &[(&str, f64)], overall_px: f64) -> anyhow::Result<String> {
+pub(crate) fn rms_bars(views: &[(&str, f64)], overall_px: f64) -> anyhow::Result<Drawing> {
     const ROW_PX: f64 = 20.0;
     const NAME_PX: f64 = 180.0;
     let longest = views
@@ -269,7 +269,7 @@ pub(crate) fn rms_bars(views: &[(&str, f64)], overall_px: f64) -> anyhow::Result
         .max(1e-9);
     let room_px = WIDTH_PX - NAME_PX - 90.0;
     let height_px = ROW_PX * views.len() as f64 + CAPTION_PX + 12.0;
-    document([WIDTH_PX, height_px], |area| {
+    drawing([WIDTH_PX, height_px], |area| {
         let end = |rms: f64| NAME_PX + room_px * (rms / longest).clamp(0.0, 1.0);
         for (row, (name, rms)) in views.iter().enumerate() {
             let y = 16.0 + ROW_PX * row as f64;
@@ -359,7 +359,7 @@ fn image_picture(
     (width, height): (usize, usize),
     caption: &str,
     draw: impl FnOnce(&ImagePlane, &Area<'_>) -> anyhow::Result<()>,
-) -> anyhow::Result<String> {
+) -> anyhow::Result<Drawing> {
     let size_px = [width as f64, height as f64];
     let plane = ImagePlane {
         size_px,
@@ -370,7 +370,7 @@ fn image_picture(
         shown[0] + 2.0 * MARGIN_PX,
         shown[1] + 1.4 * MARGIN_PX + CAPTION_PX,
     ];
-    document(document_px, |area| {
+    drawing(document_px, |area| {
         let corners = [
             plane.at([-0.5, -0.5]),
             plane.at(size_px.map(|side| side - 0.5)),

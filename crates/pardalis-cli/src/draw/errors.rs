@@ -8,7 +8,7 @@ use super::legend::{self, Key, group_mark};
 use super::limits::{clipped, is_inside, outside_note, shown_range_with_zero};
 use super::panel::{Axis, draw_path, extent, padded, panel, write_note};
 use super::plots::WIDTH_PX;
-use super::svg::{Area, document, line, units, write_svg_and_png};
+use super::svg::{Area, drawing, line, units, write_svg_and_png};
 use super::{INK, PALETTE};
 
 /// Height of each of the three panels.
@@ -80,7 +80,7 @@ pub(crate) fn write_error_figures(
         .iter()
         .flat_map(|(_, errors)| errors.iter().map(|e| e.0));
     let distance_m = padded(extent(distances), MIN_SPAN);
-    let drawing = document([WIDTH_PX, 3.0 * PANEL_HEIGHT_PX], |area| {
+    let drawing = drawing([WIDTH_PX, 3.0 * PANEL_HEIGHT_PX], |area| {
         let (plots, column) = area.split_horizontally(units(WIDTH_PX - legend::WIDTH_PX));
         let names = groups.iter().enumerate();
         let mut entries: Vec<_> = names

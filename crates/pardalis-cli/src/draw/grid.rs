@@ -1,11 +1,11 @@
 //! Curves with labels drawn over a camera's image.
 
-use image::RgbImage;
-use image::imageops::{self, FilterType};
+use pardalis_images::RgbImage;
 
 use super::Rgb;
 use super::overlay::{Mark, Overlay, annotated};
-use super::picture::{Caption, canvas_of, picture_from, write_caption};
+use super::picture::{canvas_of, picture_from};
+use super::text::{Caption, write_caption};
 
 /// Text beside a point of the image.
 pub(crate) struct Label {
@@ -30,14 +30,10 @@ fn zoom_of((width, height): (u32, u32)) -> u32 {
 }
 
 /// Draws marks and labels over an image; labels stand right of their points, or left where there is no room; those without room are left out.
-pub(crate) fn drawn_over(
-    image: &RgbImage,
-    marks: Vec<Mark>,
-    labels: &[Label],
-) -> anyhow::Result<RgbImage> {
+pub(crate) fn drawn_over(image: &RgbImage, marks: Vec<Mark>, labels: &[Label]) -> RgbImage {
     let zoom = zoom_of(image.dimensions());
     let (width, height) = (zoom * image.width(), zoom * image.height());
-    let enlarged = imageops::resize(image, width, height, FilterType::Triangle);
+    let enlarged = image.resized(width, height);
     let scale = f64::from(zoom);
     let place = |pixel: [f64; 2]| pixel.map(|c| scale * (c + 0.5) - 0.5);
     let marks = marks.into_iter().map(|mark| Mark {
@@ -49,9 +45,9 @@ pub(crate) fn drawn_over(
         label: String::new(),
         zoom_at_px: None,
     };
-    let drawn = annotated(&enlarged, &overlay)?;
+    let drawn = annotated(&enlarged, &overlay);
     let Some(mut canvas) = canvas_of(&drawn) else {
-        return Ok(drawn);
+        return drawn;
     };
     let mut boxes: Vec<[f32; 4]> = Vec::new();
     for label in labels {
@@ -79,8 +75,8 @@ pub(crate) fn drawn_over(
                 max_width_px: width as f32,
                 color,
             };
-            write_caption(&mut canvas, &caption)?;
+            write_caption(&mut canvas, &caption);
         }
     }
-    Ok(picture_from(&canvas))
+    picture_from(&canvas)
 }

@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::panel::{Axis, LEFT_PX, TOP_PX, draw_path, extent, padded, panel};
-use super::svg::{Area, document, fill, line, text_style, units, write_svg_and_png, write_text};
+use super::svg::{Area, drawing, fill, line, text_style, units, write_svg_and_png, write_text};
 use super::{INK, PALETTE, Rgb, shortened};
 
 /// One bin of a colour histogram.
@@ -49,7 +49,7 @@ pub(crate) fn write_color_model_plot(
     name: &str,
     plot: &ColorModelPlot,
 ) -> anyhow::Result<[PathBuf; 2]> {
-    let document = document(SIZE_PX, |area| {
+    let document = drawing(SIZE_PX, |area| {
         let (bars, scores) = area.split_horizontally(units(BARS_WIDTH_PX));
         draw_bars(&bars, &plot.bins)?;
         draw_scores(&scores, plot)

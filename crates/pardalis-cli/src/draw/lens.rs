@@ -7,7 +7,7 @@ use plotters::style::text_anchor::HPos;
 
 use super::legend::{self, Key};
 use super::panel::{Axis, BOTTOM_PX, TOP_PX, draw_path, panel, runs};
-use super::svg::{Area, document, fill, line, text_style, units, write_svg_and_png, write_text};
+use super::svg::{Area, drawing, fill, line, text_style, units, write_svg_and_png, write_text};
 use super::{INK, PALETTE, Rgb};
 
 /// Points of the image, pixel centres at integers; a gap interrupts the line.
@@ -54,7 +54,7 @@ pub(crate) fn write_field_of_view(
         (units(x), units(y))
     };
     let size_px = image_px.map(|side| side + 2.0 * MARGIN_PX);
-    let drawing = document(size_px, |area| {
+    let drawing = drawing(size_px, |area| {
         draw_hatched(area, image_px)?;
         let rim: Vec<_> = view.rim_px.iter().map(|&p| place(p)).collect();
         area.draw(&Polygon::new(rim, fill([255; 3], 1.0)))?;
@@ -153,7 +153,7 @@ pub(crate) fn write_distortion(
     px_per_degree: &[LensCurve],
 ) -> anyhow::Result<[PathBuf; 2]> {
     const HEIGHT_PX: f64 = 320.0 + TOP_PX + BOTTOM_PX;
-    let drawing = document([LONG_SIDE_PX, 2.0 * HEIGHT_PX], |area| {
+    let drawing = drawing([LONG_SIDE_PX, 2.0 * HEIGHT_PX], |area| {
         let (above, below) = area.split_vertically(units(HEIGHT_PX));
         draw_curves(&above, "radius (px)", radius_px)?;
         draw_curves(&below, "pixels per degree", px_per_degree)

@@ -1,15 +1,15 @@
 //! Pictures for people: plots of tracks, images with what was estimated drawn over them, colour models.
 //!
-//! Plots are drawn once, as SVG, and rendered to PNG with the bundled font, so that both look the same on
-//! every machine. Overlays and mosaics are drawn into the pixels of an image.
+//! Plots are drawn once, as SVG and in pixels with the bundled font, so that both look the same on every
+//! machine. Overlays and mosaics are drawn into the pixels of an image.
 
 pub(crate) mod calibration;
-pub(crate) mod clocks;
 pub(crate) mod errors;
 pub(crate) mod grid;
 pub(crate) mod histogram;
 mod legend;
 pub(crate) mod lens;
+pub(crate) mod likelihood;
 mod limits;
 pub(crate) mod mosaic;
 mod oblique;
@@ -19,8 +19,11 @@ pub(crate) mod paths;
 pub(crate) mod picture;
 pub(crate) mod plots;
 pub(crate) mod reliability;
+mod sheet;
 pub(crate) mod svg;
 pub(crate) mod sweep;
+pub(crate) mod temporal;
+mod text;
 
 /// Red, green, blue.
 pub(crate) type Rgb = [u8; 3];

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use image::{Rgb as Pixel, RgbImage};
-use resvg::tiny_skia::Pixmap;
+use pardalis_images::RgbImage;
+use tiny_skia::Pixmap;
 
-use super::picture::{Caption, canvas_of, picture_from, write_caption, write_picture};
+use super::picture::{canvas_of, picture_from, write_picture};
+use super::text::{Caption, write_caption};
 use super::{INK, Rgb};
 
 /// One labelled image and its scores.
@@ -46,7 +47,7 @@ pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyho
     let mut picture = RgbImage::from_pixel(
         GAP_PX + columns * (pair_px + GAP_PX),
         rows * row_px + KEY_PX,
-        Pixel(PAPER),
+        PAPER,
     );
     let crops: Vec<Crop> = tiles.iter().map(Crop::around_mask).collect();
     let reach = score_reach(tiles, &crops, threshold);
@@ -60,12 +61,12 @@ pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyho
         for y in 0..SIDE_PX {
             for x in 0..SIDE_PX {
                 let image = crop.outlined_color(tile, x, y);
-                picture.put_pixel(left + x, top + y, Pixel(image));
+                picture.put_pixel(left + x, top + y, image);
                 let score = crop
                     .score(tile, x, y)
                     .map(|score| (score - threshold) / reach);
                 let color = score.map_or(OUTSIDE, diverging_color);
-                picture.put_pixel(left + SIDE_PX + 2 + x, top + y, Pixel(color));
+                picture.put_pixel(left + SIDE_PX + 2 + x, top + y, color);
             }
         }
     }
@@ -74,7 +75,7 @@ pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyho
     for x in 0..key_width_px {
         let score = 2.0 * x as f32 / (key_width_px - 1) as f32 - 1.0;
         for y in 0..12 {
-            picture.put_pixel(GAP_PX + x, key_top_px + y, Pixel(diverging_color(score)));
+            picture.put_pixel(GAP_PX + x, key_top_px + y, diverging_color(score));
         }
     }
     let Some(mut canvas) = canvas_of(&picture) else {
@@ -82,7 +83,7 @@ pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyho
     };
     for (index, tile) in tiles.iter().enumerate() {
         let [left, top] = corner_px(index);
-        write(&mut canvas, &tile.label, [left, top - 6], pair_px)?;
+        write(&mut canvas, &tile.label, [left, top - 6], pair_px);
     }
     let key = [
         format!("log odds {:.1}", threshold - reach),
@@ -91,12 +92,12 @@ pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyho
     ];
     for (text, left) in key.iter().zip([0, SIDE_PX - 40, 2 * SIDE_PX - 28]) {
         let at_px = [GAP_PX + left, key_top_px + 28];
-        write(&mut canvas, &text.replace('-', "−"), at_px, SIDE_PX - 50)?;
+        write(&mut canvas, &text.replace('-', "−"), at_px, SIDE_PX - 50);
     }
     write_picture(path, &picture_from(&canvas))
 }
 
-fn write(canvas: &mut Pixmap, text: &str, at_px: [u32; 2], max_px: u32) -> anyhow::Result<()> {
+fn write(canvas: &mut Pixmap, text: &str, at_px: [u32; 2], max_px: u32) {
     let caption = Caption {
         text,
         at_px: at_px.map(|c| c as f32),
@@ -104,7 +105,7 @@ fn write(canvas: &mut Pixmap, text: &str, at_px: [u32; 2], max_px: u32) -> anyho
         max_width_px: max_px as f32,
         color: INK,
     };
-    write_caption(canvas, &caption)
+    write_caption(canvas, &caption);
 }
 
 /// The square of an image that is shown.
@@ -174,7 +175,7 @@ impl Crop {
         match (edge, object) {
             (true, true) => [255; 3],
             (true, false) => [0; 3],
-            (false, _) => tile.image.get_pixel(u, v).0,
+            (false, _) => tile.image.get_pixel(u, v),
         }
     }
 

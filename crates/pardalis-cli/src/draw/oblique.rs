@@ -10,7 +10,7 @@ use super::limits::{clipped, is_inside};
 use super::panel::{tick_label, ticks, write_note};
 use super::paths::CameraSymbol;
 use super::plots::{Figures, Point, Trace, WIDTH_PX, free_row};
-use super::svg::{Area, document, fill, line, text_style, units, write_text};
+use super::svg::{Area, Drawing, drawing, fill, line, text_style, units, write_text};
 use super::{INK, Rgb, shortened};
 
 /// How far above the horizon the viewer is.
@@ -373,7 +373,7 @@ impl Stage {
 
 impl Figures<'_> {
     /// The oblique view of all paths with their shadows on floor and rear wall, and of the cameras: an SVG document.
-    pub(super) fn oblique(&self) -> anyhow::Result<String> {
+    pub(super) fn oblique(&self) -> anyhow::Result<Drawing> {
         let mut shown_m = [0, 1, 2].map(|axis| self.range_m(axis));
         // The floor belongs to the picture, unless all is far above it.
         let [x_m, y_m] = [&shown_m[0], &shown_m[1]].map(|r| r.end - r.start);
@@ -384,7 +384,7 @@ impl Figures<'_> {
         let stage = Stage::new(shown_m, View::of_most_spread(&self.main_path_m()));
         let inside = |point: &Point| is_inside(&point.position_m, &stage.ranges_m);
         let outside = self.estimates().filter(|point| !inside(point)).count();
-        document([WIDTH_PX, stage.height_px], |area| {
+        drawing([WIDTH_PX, stage.height_px], |area| {
             let picture = self.draw_legend(area, false)?;
             stage.draw_room(&picture)?;
             self.draw_shadows(&picture, &stage)?;

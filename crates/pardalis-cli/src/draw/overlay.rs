@@ -1,12 +1,13 @@
 //! What was estimated, drawn over the image it was estimated from.
 
-use image::{RgbImage, imageops};
-use resvg::tiny_skia::{
+use pardalis_images::RgbImage;
+use tiny_skia::{
     FillRule, LineCap, LineJoin, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, Transform,
 };
 
 use super::Rgb;
-use super::picture::{Caption, canvas_of, opaque, picture_from, write_caption};
+use super::picture::{canvas_of, opaque, picture_from};
+use super::text::{Caption, write_caption};
 
 /// How the points of a mark are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,18 +55,18 @@ const LINE_WIDTH_PX: f32 = 1.2;
 const FRAME_COLOR: Rgb = [255, 255, 255];
 
 /// Draws an overlay over an image.
-pub(crate) fn annotated(image: &RgbImage, overlay: &Overlay) -> anyhow::Result<RgbImage> {
+pub(crate) fn annotated(image: &RgbImage, overlay: &Overlay) -> RgbImage {
     let Some(mut canvas) = canvas_of(image) else {
-        return Ok(image.clone());
+        return image.clone();
     };
     View::WHOLE.draw_marks(&mut canvas, &overlay.marks);
     if let Some(inset) = Inset::at(image, overlay.zoom_at_px) {
         inset.draw(&mut canvas, image, &overlay.marks);
     }
     if !overlay.label.is_empty() {
-        draw_label(&mut canvas, &overlay.label)?;
+        draw_label(&mut canvas, &overlay.label);
     }
-    Ok(picture_from(&canvas))
+    picture_from(&canvas)
 }
 
 /// Which part of the image a canvas shows, and how large.
@@ -246,9 +247,9 @@ impl Inset {
 
     fn draw(&self, canvas: &mut Pixmap, image: &RgbImage, marks: &[Mark]) {
         let [u, v] = self.view.origin_px;
-        let part = imageops::crop_imm(image, u, v, ZOOMED_SIDE_PX, ZOOMED_SIDE_PX).to_image();
         let side = self.side_px;
-        let enlarged = imageops::resize(&part, side, side, imageops::FilterType::Nearest);
+        let part = image.crop(u, v, ZOOMED_SIDE_PX, ZOOMED_SIDE_PX);
+        let enlarged = part.repeat(self.view.zoom);
         let Some(mut inset) = canvas_of(&enlarged) else {
             return;
         };
@@ -288,7 +289,7 @@ fn draw_frame(canvas: &mut Pixmap, corner_px: [u32; 2], side_px: u32, width_px: 
 }
 
 /// Writes the label white on a dark strip along the top.
-fn draw_label(canvas: &mut Pixmap, label: &str) -> anyhow::Result<()> {
+fn draw_label(canvas: &mut Pixmap, label: &str) {
     let width_px = canvas.width() as f32;
     let height_px = (width_px / 45.0).clamp(9.0, 24.0);
     let mut strip = paint([0; 3]);
@@ -303,7 +304,7 @@ fn draw_label(canvas: &mut Pixmap, label: &str) -> anyhow::Result<()> {
         max_width_px: width_px - height_px,
         color: [255; 3],
     };
-    write_caption(canvas, &caption)
+    write_caption(canvas, &caption);
 }
 
 #[cfg(test)]

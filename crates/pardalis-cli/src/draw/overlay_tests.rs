@@ -1,11 +1,10 @@
-use image::Rgb as Pixel;
-
 use super::*;
 use crate::draw::picture::{picture_of, write_picture};
 use crate::draw::test_folder;
+use crate::source::decode::decode_image;
 
 fn grey(width: u32, height: u32) -> RgbImage {
-    RgbImage::from_pixel(width, height, Pixel([100; 3]))
+    RgbImage::from_pixel(width, height, [100; 3])
 }
 
 fn circle(centre_px: [f64; 2], radius_px: f64) -> Vec<Option<[f64; 2]>> {
@@ -34,11 +33,11 @@ fn mark(shape: Shape, points_px: Vec<Option<[f64; 2]>>, color: Rgb) -> Overlay {
 #[test]
 fn a_dot_colours_the_pixel_it_lies_on() {
     let overlay = mark(Shape::Dots, vec![Some([7.0, 3.0])], [255, 0, 0]);
-    let picture = annotated(&grey(20, 10), &overlay).unwrap();
-    let [r, g, _] = picture.get_pixel(7, 3).0;
+    let picture = annotated(&grey(20, 10), &overlay);
+    let [r, g, _] = picture.get_pixel(7, 3);
     assert!(r > 150 && g < 80, "{r} {g}");
-    assert_eq!(picture.get_pixel(5, 3).0, [100; 3]);
-    assert_eq!(picture.get_pixel(9, 3).0, [100; 3]);
+    assert_eq!(picture.get_pixel(5, 3), [100; 3]);
+    assert_eq!(picture.get_pixel(9, 3), [100; 3]);
 }
 
 #[test]
@@ -50,11 +49,11 @@ fn a_line_runs_through_pixel_centres_and_stops_at_gaps() {
         Some([12.0, 5.0]),
         Some([18.0, 5.0]),
     ];
-    let picture = annotated(&grey(20, 10), &mark(Shape::Line, points, [255; 3])).unwrap();
-    assert_eq!(picture.get_pixel(5, 5).0, [255; 3]);
-    assert_eq!(picture.get_pixel(15, 5).0, [255; 3]);
-    assert_eq!(picture.get_pixel(10, 5).0, [100; 3]);
-    assert_eq!(picture.get_pixel(5, 4).0, picture.get_pixel(5, 6).0);
+    let picture = annotated(&grey(20, 10), &mark(Shape::Line, points, [255; 3]));
+    assert_eq!(picture.get_pixel(5, 5), [255; 3]);
+    assert_eq!(picture.get_pixel(15, 5), [255; 3]);
+    assert_eq!(picture.get_pixel(10, 5), [100; 3]);
+    assert_eq!(picture.get_pixel(5, 4), picture.get_pixel(5, 6));
 }
 
 #[test]
@@ -66,8 +65,8 @@ fn a_contour_is_closed_and_a_line_is_not() {
         Some([2.0, 7.0]),
     ];
     let left = |shape| {
-        let picture = annotated(&grey(20, 10), &mark(shape, corners.clone(), [0; 3])).unwrap();
-        picture.get_pixel(2, 4).0[0]
+        let picture = annotated(&grey(20, 10), &mark(shape, corners.clone(), [0; 3]));
+        picture.get_pixel(2, 4)[0]
     };
     assert!(left(Shape::Contour) < 10);
     assert_eq!(left(Shape::Line), 100);
@@ -88,28 +87,28 @@ fn points_far_outside_or_not_finite_are_harmless() {
                 ..mark(shape, points.clone(), [255; 3])
             };
             for (width, height) in [(1, 1), (41, 1), (320, 240), (100, 400)] {
-                annotated(&grey(width, height), &overlay).unwrap();
+                annotated(&grey(width, height), &overlay);
             }
         }
     }
     let through = vec![Some([-1e9, 5.0]), Some([1e9, 5.0])];
-    let picture = annotated(&grey(20, 10), &mark(Shape::Line, through, [255; 3])).unwrap();
-    assert!((0..20).all(|x| picture.get_pixel(x, 5).0 == [255; 3]));
-    annotated(&grey(0, 0), &mark(Shape::Line, vec![], [0; 3])).unwrap();
+    let picture = annotated(&grey(20, 10), &mark(Shape::Line, through, [255; 3]));
+    assert!((0..20).all(|x| picture.get_pixel(x, 5) == [255; 3]));
+    annotated(&grey(0, 0), &mark(Shape::Line, vec![], [0; 3]));
 }
 
 #[test]
 fn the_inset_shows_the_neighbourhood_enlarged_away_from_it() {
     let mut image = grey(640, 480);
-    image.put_pixel(600, 440, Pixel([0, 255, 0]));
+    image.put_pixel(600, 440, [0, 255, 0]);
     let overlay = Overlay {
         zoom_at_px: Some([600.0, 440.0]),
         ..mark(Shape::Contour, circle([600.0, 440.0], 8.0), [255; 3])
     };
-    let picture = annotated(&image, &overlay).unwrap();
+    let picture = annotated(&image, &overlay);
     let green: Vec<_> = picture
         .enumerate_pixels()
-        .filter(|(_, _, p)| p.0 == [0, 255, 0])
+        .filter(|(_, _, p)| *p == [0, 255, 0])
         .collect();
     // The pixel itself, and five by five in the inset.
     assert_eq!(green.len(), 1 + 25);
@@ -127,11 +126,11 @@ fn pictures_are_written_as_their_names_say() {
     for name in ["a.jpg", "a.JPEG", "a.png"] {
         let path = folder.join(name);
         write_picture(&path, &image).unwrap();
-        let back = image::open(&path).unwrap().to_rgb8();
+        let back = decode_image(&path).unwrap();
         assert_eq!(back.dimensions(), (64, 48));
         assert!(
             back.pixels()
-                .all(|p| p.0.iter().all(|c| c.abs_diff(100) <= 2))
+                .all(|p| p.iter().all(|c| c.abs_diff(100) <= 2))
         );
     }
     for name in ["a", "a.gif", "none/a.png"] {
@@ -143,9 +142,7 @@ fn pictures_are_written_as_their_names_say() {
 #[test]
 fn a_real_frame_is_annotated() {
     let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/dioptric-jump");
-    let image = image::open(format!("{data}/frames/000000.jpg"))
-        .unwrap()
-        .to_rgb8();
+    let image = decode_image(format!("{data}/frames/000000.jpg").as_ref()).unwrap();
     // Frame 0 of truth.csv.
     let centre_px = [459.9, 87.9];
     let cloud = (0..400).map(|i| {
@@ -168,12 +165,12 @@ fn a_real_frame_is_annotated() {
         "frame 0   0.000 s   ball: tracking   x 1.350  y −1.250  z 0.620 m   confidence 0.98"
             .to_owned();
     overlay.zoom_at_px = Some(centre_px);
-    let picture = annotated(&image, &overlay).unwrap();
+    let picture = annotated(&image, &overlay);
     let folder = test_folder("overlay-real");
     write_picture(&folder.join("frame.png"), &picture).unwrap();
     let strip = (0..300).flat_map(|x| (0..22).map(move |y| (x, y)));
     let white = strip
-        .filter(|&(x, y)| picture.get_pixel(x, y).0[0] > 230)
+        .filter(|&(x, y)| picture.get_pixel(x, y)[0] > 230)
         .count();
     assert!(white > 200, "{white} pixels of text");
 }

@@ -7,12 +7,13 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
+use super::sheet::Sheet;
 use super::svg::{Area, fill, line, size_px, text_style, units, write_text};
 use super::{INK, Rgb, shortened};
 
 /// A panel to draw into, in the coordinates of its axes.
 pub(super) type Panel<'a> =
-    ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+    ChartContext<'a, Sheet<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// Space around the plot itself, for tick labels and the axes' names.
 pub(super) const LEFT_PX: f64 = 78.0;

@@ -5,6 +5,7 @@ use nalgebra::{Rotation3, Vector3};
 use super::*;
 use crate::draw::plots::Sample;
 use crate::draw::test_folder;
+use crate::source::decode::decode_image;
 
 const ROWS: u32 = 60;
 
@@ -80,8 +81,8 @@ fn drawn(
         names.map(|name| folder.join(format!("{stem}-{name}")))
     );
     for png in [&files[1], &files[3]] {
-        let picture = image::open(png).unwrap().to_rgb8();
-        assert!(picture.pixels().any(|p| p.0[0] < 80));
+        let picture = decode_image(png).unwrap();
+        assert!(picture.pixels().any(|p| p[0] < 80));
     }
     [0, 2].map(|i| {
         let svg = std::fs::read_to_string(&files[i]).unwrap();

@@ -13,7 +13,7 @@ use super::panel::{
     panel, runs, write_note,
 };
 use super::paths::CameraSymbol;
-use super::svg::{Area, document, fill, line, text_style, units, write_svg_and_png};
+use super::svg::{Area, Drawing, drawing, fill, line, text_style, units, write_svg_and_png};
 use super::{INK, PALETTE, Rgb, shortened};
 
 /// One row of a track.
@@ -260,7 +260,7 @@ impl<'a> Figures<'a> {
     }
 
     /// All from above: an SVG document.
-    pub(super) fn above(&self) -> anyhow::Result<String> {
+    pub(super) fn above(&self) -> anyhow::Result<Drawing> {
         let ranges = [self.range_m(0), self.range_m(1)];
         let [x_span, y_span] = [&ranges[0], &ranges[1]].map(|r| r.end - r.start);
         let plot_px = [
@@ -268,14 +268,14 @@ impl<'a> Figures<'a> {
             PLOT_WIDTH_PX * (y_span / x_span).clamp(0.4, 1.0),
         ];
         let size_px = [WIDTH_PX, plot_px[1] + TOP_PX + BOTTOM_PX];
-        document(size_px, |area| {
+        drawing(size_px, |area| {
             let plots = self.draw_legend(area, false)?;
             let (x, y) = equal_scales(&ranges[0], &ranges[1], plot_px);
             self.draw_map(&plots, [0, 1], [x, y])
         })
     }
 
-    fn side(&self) -> anyhow::Result<String> {
+    fn side(&self) -> anyhow::Result<Drawing> {
         let ranges = [0, 1, 2].map(|axis| self.range_m(axis));
         let [x_span, y_span, z_span] = ranges.each_ref().map(|r| r.end - r.start);
         // The same scale in both panels: both are as wide as the longer of x and y asks for.
@@ -285,7 +285,7 @@ impl<'a> Figures<'a> {
             PLOT_WIDTH_PX * (z_span / span).clamp(0.25, 0.6),
         ];
         let panel_px = plot_px[1] + TOP_PX + BOTTOM_PX;
-        document([WIDTH_PX, 2.0 * panel_px], |area| {
+        drawing([WIDTH_PX, 2.0 * panel_px], |area| {
             let plots = self.draw_legend(area, false)?;
             for (panel, axis) in plots.split_evenly((2, 1)).iter().zip([0, 1]) {
                 let middle = 0.5 * (ranges[axis].start + ranges[axis].end);
@@ -297,13 +297,13 @@ impl<'a> Figures<'a> {
         })
     }
 
-    fn coordinates(&self) -> anyhow::Result<String> {
+    fn coordinates(&self) -> anyhow::Result<Drawing> {
         let times = extent(self.points().map(|point| point.time_s));
         let largest_s = times
             .as_ref()
             .map_or(0.0, |t| t.start().abs().max(t.end().abs()));
         let time_s = padded(times, (1e-9 * largest_s).max(0.1));
-        document([WIDTH_PX, 3.0 * 230.0], |area| {
+        drawing([WIDTH_PX, 3.0 * 230.0], |area| {
             let plots = self.draw_legend(area, true)?;
             for (axis, area) in plots.split_evenly((3, 1)).iter().enumerate() {
                 let range_m = self.range_with_bands_m(axis);

@@ -7,7 +7,7 @@ use plotters::prelude::*;
 
 use super::legend::{self, Key, group_mark};
 use super::panel::{Axis, Panel, draw_path, panel, write_note};
-use super::svg::{Area, document, line, units, write_svg_and_png};
+use super::svg::{Area, drawing, line, units, write_svg_and_png};
 use super::{INK, PALETTE};
 
 /// Width of the panels, and their heights.
@@ -38,7 +38,7 @@ pub(crate) fn write_reliability_figures(
         PANEL_WIDTH_PX + legend::WIDTH_PX,
         SHARES_HEIGHT_PX + ROWS_HEIGHT_PX,
     ];
-    let drawing = document(size_px, |area| {
+    let drawing = drawing(size_px, |area| {
         let (plots, column) = area.split_horizontally(units(PANEL_WIDTH_PX));
         let named = |(i, group): (usize, &ReliabilityGroup)| {
             let error = group.reliability.calibration_error;
@@ -114,7 +114,7 @@ mod tests {
         };
         let groups = [group("clutter", 2), group("plain", 7)];
         let files = write_reliability_figures(&folder, "two", &groups).unwrap();
-        assert!(image::open(&files[1]).is_ok());
+        assert!(crate::source::decode::decode_image(&files[1]).is_ok());
         let svg = std::fs::read_to_string(&files[0]).unwrap();
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
         for text in ["share that is right", "rows", "plain: error"] {

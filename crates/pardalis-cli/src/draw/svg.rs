@@ -1,31 +1,27 @@
-//! Drawing as SVG, and rendering SVG with the bundled font.
+//! Drawings of plots: an SVG document and the same in pixels.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, LazyLock};
 
+use pardalis_images::encode_png;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use resvg::tiny_skia::{Color, Pixmap, Transform};
-use resvg::usvg;
+use tiny_skia::Pixmap;
 
+use super::picture::picture_from;
+use super::sheet::Sheet;
+use super::text::FONT_FAMILY;
 use super::{INK, Rgb, shortened};
 use crate::files::write_file;
-
-/// Latin-1, Greek and some mathematical signs. Its licence lies beside it.
-static FONT: &[u8] = include_bytes!("../../assets/DejaVuSans-subset.ttf");
-
-/// The font as SVG names it; readers without it take their own.
-pub(super) const FONT_FAMILY: &str = "DejaVu Sans, sans-serif";
 
 /// Plotters rounds to whole units: this many make a pixel, so that curves stay smooth.
 const UNITS_PER_PX: f64 = 10.0;
 
 /// Pixels of the PNG for each pixel of the SVG, for sharp text on dense screens.
-const PNG_SCALE: f32 = 2.0;
+const PNG_SCALE: f64 = 2.0;
 
 /// A part of a drawing; its coordinates are units.
-pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(super) type Area<'a> = DrawingArea<Sheet<'a>, Shift>;
 
 /// Pixels in plotters' units.
 pub(super) fn units(px: f64) -> i32 {
@@ -73,108 +69,136 @@ pub(super) fn write_text(
     Ok(())
 }
 
-/// An SVG document of this size in pixels, white where nothing is drawn.
-pub(super) fn document(
+/// A finished drawing.
+pub(crate) struct Drawing {
+    /// An SVG document.
+    pub(crate) svg: String,
+    /// The same in twice as many pixels.
+    pixels: Pixmap,
+}
+
+/// Draws on a white sheet of this size in pixels.
+pub(super) fn drawing(
     size_px: [f64; 2],
     draw: impl FnOnce(&Area<'_>) -> anyhow::Result<()>,
-) -> anyhow::Result<String> {
+) -> anyhow::Result<Drawing> {
     let [width, height] = size_px.map(units);
-    let mut drawing = String::new();
+    let [columns, rows] = size_px.map(|side| (PNG_SCALE * side).ceil() as u32);
+    let mut pixels = Pixmap::new(columns, rows)
+        .ok_or_else(|| anyhow::anyhow!("a picture of {columns} x {rows} pixels is too large"))?;
+    pixels.fill(tiny_skia::Color::WHITE);
+    let mut svg = String::new();
     {
-        let backend = SVGBackend::with_string(&mut drawing, (width as u32, height as u32));
-        let area = backend.into_drawing_area();
+        let sheet = Sheet::new(&mut svg, (width as u32, height as u32), &mut pixels);
+        let area = sheet.into_drawing_area();
         area.fill(&WHITE)?;
         draw(&area)?;
         area.present()?;
     }
     let [width_px, height_px] = size_px;
     // Round ends make a dot of a line without length: a target that stands still.
-    Ok(format!(
+    let svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width_px}\" height=\"{height_px}\" \
          viewBox=\"0 0 {width} {height}\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n\
-         {drawing}</svg>\n"
-    ))
+         {svg}</svg>\n"
+    );
+    Ok(Drawing { svg, pixels })
 }
 
-/// Writes a document as `NAME.svg` and, rendered, as `NAME.png`.
+/// Writes a drawing as `NAME.svg` and as `NAME.png`.
 pub(super) fn write_svg_and_png(
     folder: &Path,
     name: &str,
-    document: &str,
+    drawing: &Drawing,
 ) -> anyhow::Result<[PathBuf; 2]> {
     let svg_path = folder.join(format!("{name}.svg"));
     let png_path = folder.join(format!("{name}.png"));
-    let png = rendered(document, PNG_SCALE)?.encode_png()?;
-    write_file(&svg_path, document.as_bytes())?;
-    write_file(&png_path, &png)?;
+    write_file(&svg_path, drawing.svg.as_bytes())?;
+    write_file(&png_path, &encode_png(&picture_from(&drawing.pixels))?)?;
     Ok([svg_path, png_path])
-}
-
-/// Parses a document; its text can only be in the bundled font.
-pub(super) fn parsed(document: &str) -> anyhow::Result<usvg::Tree> {
-    static FONTS: LazyLock<Arc<usvg::fontdb::Database>> = LazyLock::new(|| {
-        let mut fonts = usvg::fontdb::Database::new();
-        fonts.load_font_data(FONT.to_vec());
-        fonts.set_sans_serif_family("DejaVu Sans");
-        Arc::new(fonts)
-    });
-    let options = usvg::Options {
-        fontdb: Arc::clone(&FONTS),
-        ..usvg::Options::default()
-    };
-    Ok(usvg::Tree::from_str(document, &options)?)
-}
-
-/// The brightness of a document at `scale` pixels for each of its own.
-#[cfg(test)]
-pub(crate) fn rendered_grey(document: &str, scale: f32) -> image::GrayImage {
-    let pixmap = rendered(document, scale).expect("a document that can be drawn");
-    let red = pixmap.pixels().iter().map(|pixel| pixel.red()).collect();
-    image::GrayImage::from_raw(pixmap.width(), pixmap.height(), red).expect("as many pixels")
-}
-
-/// The pixels of a document at `scale` pixels for each of its own.
-fn rendered(document: &str, scale: f32) -> anyhow::Result<Pixmap> {
-    let tree = parsed(document)?;
-    let [width, height] =
-        [tree.size().width(), tree.size().height()].map(|side| (side * scale).ceil() as u32);
-    let mut pixmap = Pixmap::new(width, height)
-        .ok_or_else(|| anyhow::anyhow!("a picture of {width} x {height} pixels is too large"))?;
-    pixmap.fill(Color::WHITE);
-    resvg::render(
-        &tree,
-        Transform::from_scale(scale, scale),
-        &mut pixmap.as_mut(),
-    );
-    Ok(pixmap)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const SIZE_PX: [f64; 2] = [80.0, 20.0];
+
+    /// How many pixels are darker than half.
+    fn dark(draw: impl FnOnce(&Area<'_>) -> anyhow::Result<()>) -> usize {
+        let pixels = drawing(SIZE_PX, draw).unwrap().pixels;
+        pixels.pixels().iter().filter(|p| p.red() < 128).count()
+    }
+
     #[test]
     fn text_is_drawn_with_the_bundled_font_and_hostile_names_are_harmless() {
-        let draw = |text: &str| {
-            let document = document([80.0, 20.0], |area| {
-                write_text(area, text, [2.0, 10.0], &text_style(12.0, HPos::Left))
-            });
-            rendered(&document.unwrap(), 1.0).unwrap()
+        let count = |text: &str| {
+            dark(|area| write_text(area, text, [2.0, 10.0], &text_style(12.0, HPos::Left)))
         };
-        let dark = |pixmap: &Pixmap| pixmap.pixels().iter().filter(|p| p.red() < 128).count();
-        assert_eq!(dark(&draw("")), 0);
-        assert!(dark(&draw("ball σ −")) > 50);
-        assert!(dark(&draw("<&\"'>\u{1}\u{0}")) > 10);
+        assert_eq!(count(""), 0);
+        assert!(count("ball σ −") > 200);
+        assert!(count("<&\"'>\u{1}\u{0}") > 40);
+    }
+
+    #[test]
+    fn shapes_have_their_size_in_pixels() {
+        let rectangle = |area: &Area<'_>| {
+            let corners = [(units(10.0), units(5.0)), (units(30.0), units(15.0))];
+            area.draw(&Rectangle::new(corners, fill([0; 3], 1.0)))?;
+            Ok(())
+        };
+        assert_eq!(dark(rectangle), 4 * 20 * 10);
+        let row = |area: &Area<'_>| {
+            let points = [10.0, 20.0, 30.0].map(|x| (units(x), units(10.0)));
+            area.draw(&PathElement::new(points, line([0; 3], 1.0, 4.0)))?;
+            Ok(())
+        };
+        // 20 pixels long and 4 wide, with a disc of 4 at its ends together.
+        let expected = 4.0 * (20.0 * 4.0 + std::f64::consts::PI * 4.0);
+        assert!((dark(row) as f64 - expected).abs() < 0.03 * expected);
+        let point = |area: &Area<'_>| {
+            let points = [(units(10.0), units(10.0)); 2];
+            area.draw(&PathElement::new(points, line([0; 3], 1.0, 4.0)))?;
+            Ok(())
+        };
+        assert!(dark(point) > 40, "a line without length is a dot");
+    }
+
+    #[test]
+    fn text_is_set_where_its_style_says_and_turned() {
+        let bounds = |style: TextStyle<'_>| {
+            let text = |area: &Area<'_>| {
+                area.draw_text("HHHH", &style, (units(40.0), units(10.0)))?;
+                Ok(())
+            };
+            let pixels = drawing(SIZE_PX, text).unwrap().pixels;
+            let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
+            for (i, _) in pixels
+                .pixels()
+                .iter()
+                .enumerate()
+                .filter(|p| p.1.red() < 128)
+            {
+                let at = [i % 160, i / 160].map(|c| 0.5 * (c as f64 + 0.5));
+                low = [0, 1].map(|c| low[c].min(at[c]));
+                high = [0, 1].map(|c| high[c].max(at[c]));
+            }
+            [low[0], low[1], high[0], high[1]]
+        };
+        let [left, top, right, bottom] = bounds(text_style(8.0, HPos::Center));
+        assert!((0.5 * (left + right) - 40.0).abs() < 0.5 && right - left > 20.0);
+        assert!((0.5 * (top + bottom) - 10.0).abs() < 1.5 && bottom - top < 8.0);
+        assert!(bounds(text_style(8.0, HPos::Right))[2] <= 40.0);
+        assert!(bounds(text_style(8.0, HPos::Left))[0] >= 40.0);
+        let turned = text_style(4.0, HPos::Center).transform(FontTransform::Rotate270);
+        let [left, top, right, bottom] = bounds(turned);
+        assert!(bottom - top > 10.0 && right - left < 4.0);
     }
 
     #[test]
     fn a_folder_that_does_not_exist_is_named() {
-        let error = write_svg_and_png(
-            Path::new("/nowhere/at/all"),
-            "above",
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"1\" height=\"1\"/>",
-        )
-        .unwrap_err();
+        let empty = drawing([1.0, 1.0], |_| Ok(())).unwrap();
+        let error = write_svg_and_png(Path::new("/nowhere/at/all"), "above", &empty).unwrap_err();
         assert!(error.is::<crate::user_error::UserError>());
         assert!(error.to_string().contains("/nowhere/at/all"), "{error}");
     }

@@ -8,7 +8,7 @@ use plotters::style::text_anchor::HPos;
 
 use super::legend::{self, Key, group_mark};
 use super::panel::{Axis, Panel, draw_path, extent, padded, panel, write_note};
-use super::svg::{Area, document, line, text_style, units, write_svg_and_png};
+use super::svg::{Area, drawing, line, text_style, units, write_svg_and_png};
 use super::{PALETTE, Rgb, shortened};
 
 /// Width of each panel, and height of the figure.
@@ -76,7 +76,7 @@ pub(crate) fn write_sweep_figures(
     let has_times = sweep.points().any(|point| usable_time(point).is_some());
     let panels = if has_times { 2 } else { 1 };
     let width_px = PANEL_WIDTH_PX * panels as f64 + legend::WIDTH_PX;
-    let drawing = document([width_px, HEIGHT_PX], |area| {
+    let drawing = drawing([width_px, HEIGHT_PX], |area| {
         let (plots, column) = area.split_horizontally(units(width_px - legend::WIDTH_PX));
         let names = sweep.series.iter().enumerate();
         let mut entries: Vec<_> = names

@@ -4,16 +4,14 @@
 
 use std::f64::consts::PI;
 
-use image::GrayImage;
-use imageproc::edges::canny;
-use imageproc::filter::gaussian_blur_f32;
-use imageproc::gradients::{horizontal_sobel, vertical_sobel};
-use imageproc::hough::{LineDetectionOptions, detect_lines};
+use pardalis_images::GrayImage;
+
+use super::{canny, hough};
 
 /// Edges that are followed and edges from which this starts, as gradients of Sobel's kernels: steps of about 8 and 16 grey levels.
 const CANNY_THRESHOLDS: [f32; 2] = [16.0, 32.0];
 
-/// As in Canny's edges, so that directions are those of the same edges.
+/// Standard deviation of the blur before gradients are taken.
 const BLUR_PX: f32 = 1.4;
 
 /// What Sobel's kernels give for one grey level a pixel.
@@ -25,7 +23,7 @@ const SECTOR_HALF_RAD: f64 = 22.0 * PI / 180.0;
 
 /// The least votes, as a share of the image's shorter side.
 const MIN_VOTES_SHARE: f64 = 0.06;
-const SUPPRESSION_RADIUS: u32 = 3;
+const SUPPRESSION_RADIUS: usize = 3;
 
 /// An edge belongs to a line within this distance and this angle.
 const HIT_DISTANCE_PX: f64 = 1.5;
@@ -103,26 +101,20 @@ pub(super) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
 pub(super) fn find(image: &GrayImage) -> Vec<Line> {
     let edges = edge_pixels(image);
     let (width, height) = image.dimensions();
-    let options = LineDetectionOptions {
-        vote_threshold: (MIN_VOTES_SHARE * f64::from(width.min(height))).max(16.0) as u32,
-        suppression_radius: SUPPRESSION_RADIUS,
-    };
+    let least_votes = (MIN_VOTES_SHARE * f64::from(width.min(height))).max(16.0) as u32;
     let mut found = Vec::new();
     for sector in 0..SECTORS {
         let middle_rad = 2.0 * PI * sector as f64 / SECTORS as f64;
         let is_near = |e: &&EdgePixel| turn(e.direction_rad, middle_rad) <= SECTOR_HALF_RAD;
         let near: Vec<EdgePixel> = edges.iter().filter(is_near).copied().collect();
-        let mut votes = GrayImage::new(width, height);
-        for edge in &near {
-            votes.put_pixel(edge.pixel[0] as u32, edge.pixel[1] as u32, [255].into());
-        }
-        for polar in detect_lines(&votes, options) {
-            let angle_rad = f64::from(polar.angle_in_degrees).to_radians();
+        let voters = near.iter().map(|e| e.pixel.map(|c| c as u32));
+        for polar in hough::lines(voters, (width, height), least_votes, SUPPRESSION_RADIUS) {
+            let angle_rad = f64::from(polar.angle_deg as u32).to_radians();
             // Hough's lines have no sides.
             let (angle_rad, offset_px) = if turn(angle_rad, middle_rad) <= PI / 2.0 {
-                (angle_rad, f64::from(polar.r))
+                (angle_rad, f64::from(polar.offset_px))
             } else {
-                (angle_rad + PI, -f64::from(polar.r))
+                (angle_rad + PI, -f64::from(polar.offset_px))
             };
             if turn(angle_rad, middle_rad) <= SECTOR_HALF_RAD {
                 found.extend(fitted(&near, angle_rad, offset_px));
@@ -146,15 +138,13 @@ fn turn(a_rad: f64, b_rad: f64) -> f64 {
 }
 
 fn edge_pixels(image: &GrayImage) -> Vec<EdgePixel> {
-    let [low, high] = CANNY_THRESHOLDS;
-    let edges = canny(image, low, high);
-    let blurred = gaussian_blur_f32(image, BLUR_PX);
-    let (gx, gy) = (horizontal_sobel(&blurred), vertical_sobel(&blurred));
+    let gradients = canny::blurred_gradients(image, BLUR_PX);
+    let edges = canny::edges(&gradients, CANNY_THRESHOLDS);
     edges
         .enumerate_pixels()
         .filter(|(_, _, value)| value[0] > 0)
         .map(|(x, y, _)| {
-            let [gx, gy] = [&gx, &gy].map(|g| f64::from(g.get_pixel(x, y)[0]));
+            let [gx, gy] = gradients.get_pixel(x, y).map(f64::from);
             EdgePixel {
                 pixel: [f64::from(x), f64::from(y)],
                 direction_rad: gy.atan2(gx),

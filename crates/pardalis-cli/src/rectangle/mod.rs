@@ -3,6 +3,8 @@
 //! Straight edges (`lines`) are joined to quadrilaterals with edges along all their sides, everywhere brighter on the same side (`quads`), in the mean
 //! of all images. The best of them must stand out; its sides are then measured in each image (`sides`), and a tape is fitted whole (`tape`).
 
+mod canny;
+mod hough;
 mod in_scene;
 mod lines;
 mod quads;
@@ -10,10 +12,8 @@ mod sides;
 mod tape;
 
 use anyhow::Result;
-use image::imageops::{FilterType, resize};
-use image::{GrayImage, RgbImage};
-use imageproc::map::map_pixels;
 use pardalis::Frame;
+use pardalis_images::{GrayImage, RgbImage};
 use pardalis_simulate::linear_from_srgb;
 
 use crate::user_error::user_error;
@@ -113,7 +113,7 @@ fn blue(rgb: [u8; 3]) -> u8 {
 
 fn grey(frame: &Frame, channel: Channel) -> GrayImage {
     GrayImage::from_fn(frame.width() as u32, frame.height() as u32, |x, y| {
-        [channel(frame.rgb(x as usize, y as usize))].into()
+        [channel(frame.rgb(x as usize, y as usize))]
     })
 }
 
@@ -122,12 +122,7 @@ fn searched(mean: &GrayImage) -> (GrayImage, f64) {
     let longer_px = f64::from(mean.width().max(mean.height()));
     let scale = (SEARCHED_SIDE_PX / longer_px).min(1.0);
     let side = |px: u32| ((f64::from(px) * scale).round() as u32).max(1);
-    let level = resize(
-        mean,
-        side(mean.width()),
-        side(mean.height()),
-        FilterType::Triangle,
-    );
+    let level = mean.resized(side(mean.width()), side(mean.height()));
     (level, scale)
 }
 
@@ -268,7 +263,7 @@ fn find_in(frames: &[Frame], channel: Channel, edge: Edge) -> Result<Option<Foun
 fn linear(image: &GrayImage) -> Light {
     let light = |level: u8| (255.0 * linear_from_srgb([f64::from(level); 3])[0]) as f32;
     let table: [f32; 256] = std::array::from_fn(|level| light(level as u8));
-    map_pixels(image, |pixel| [table[usize::from(pixel[0])]].into())
+    image.map(|[level]| [table[usize::from(level)]])
 }
 
 /// The corners of a tape's outer and of its inner edge, in all images together; none of a patch, and where too little is seen.
@@ -279,10 +274,10 @@ fn fitted_tape(
 ) -> Option<[[[f64; 2]; 4]; 2]> {
     let still = median_of(frames).filter(|_| rectangle.is_tape)?;
     let levels = GrayImage::from_fn(still.width(), still.height(), |x, y| {
-        [channel(still.get_pixel(x, y).0)].into()
+        [channel(still.get_pixel(x, y))]
     });
     let light = linear(&levels);
-    let is_saturated = |x, y| still.get_pixel(x, y).0.iter().any(|c| *c >= SATURATED);
+    let is_saturated = |x, y| still.get_pixel(x, y).iter().any(|c| *c >= SATURATED);
     let [outer, inner] = [&rectangle.outer, &rectangle.inner].map(|quad| measure(&light, quad));
     tape::fitted(&light, is_saturated, &outer?, &inner?)
 }
@@ -299,7 +294,7 @@ fn median_of(frames: &[Frame]) -> Option<RgbImage> {
             let mut levels: Vec<u8> = colors.iter().map(|color| color[c]).collect();
             *levels.select_nth_unstable(colors.len() / 2).1
         };
-        [0, 1, 2].map(median).into()
+        [0, 1, 2].map(median)
     };
     Some(RgbImage::from_fn(
         first.width() as u32,
@@ -311,7 +306,7 @@ fn median_of(frames: &[Frame]) -> Option<RgbImage> {
 /// The mean of images of one size, so that noise and what moves hardly count.
 fn mean_of(images: &[GrayImage]) -> Option<GrayImage> {
     let first = images.first()?;
-    let mut sums = vec![0_u32; first.len()];
+    let mut sums = vec![0_u32; first.as_raw().len()];
     for image in images {
         for (sum, value) in sums.iter_mut().zip(image.as_raw()) {
             *sum += u32::from(*value);

@@ -1,11 +1,11 @@
 //! A rectangle's corners to a fraction of a pixel: straight lines through the places along its sides at which the brightness changes most.
 
-use image::{ImageBuffer, Luma};
+use pardalis_images::Image;
 
 use super::quads::Quad;
 
 /// An image of light in place of grey levels.
-pub(super) type Light = ImageBuffer<Luma<f32>, Vec<f32>>;
+pub(super) type Light = Image<f32, 1>;
 
 /// How far edges are looked for to either side of where they are thought to be, round by round.
 const REACH_PX: [f64; 2] = [4.0, 2.0];

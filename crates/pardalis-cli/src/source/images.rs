@@ -112,18 +112,18 @@ impl Iterator for ImageFrames {
         let (file, times) = self.files.next()?;
         let timed = decode_image(&file).and_then(|image| {
             let (width, height) = self.size_px;
-            if (image.width, image.height) != self.size_px {
+            if image.size_px() != self.size_px {
                 return Err(user_error!(
                     "{}: the image is {} x {} pixels where {} has {width} x {height}; \
                      all images must have one size",
                     file.display(),
-                    image.width,
-                    image.height,
+                    image.width(),
+                    image.height(),
                     self.first_file.display()
                 ));
             }
             Ok(TimedBytes {
-                bytes: image.bytes,
+                bytes: image.into_raw(),
                 time_s: times.time_s,
                 arrival_s: times.arrival_s,
             })

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use pardalis::TargetId;
 use pardalis::view::View;
 use pardalis_filter::Particles;
 use pardalis_filter::estimate::StateEstimate;
@@ -84,7 +85,7 @@ impl Annotator {
     }
 
     /// The trail of each target, its cloud, the contours of the best particle in white and those of the mean in black, as the paper draws them.
-    fn marks(&self, instant: &Instant, view: &View) -> Vec<Mark> {
+    fn marks(&self, instant: &Instant, view: &View) -> Result<Vec<Mark>> {
         let mut marks = Vec::new();
         for (number, estimate) in instant.estimates.iter().enumerate() {
             let points_px = self.trails[number]
@@ -97,8 +98,9 @@ impl Annotator {
                 color: PALETTE[number % PALETTE.len()],
             });
             let color = PALETTE[number % PALETTE.len()];
-            let tracked = instant.tracker.bodies_at(number, instant.time_s);
-            let clouds = instant.tracker.particles(number);
+            let target = TargetId::new(number);
+            let tracked = instant.tracker.bodies_at(target, instant.time_s)?;
+            let clouds = instant.tracker.particles(target)?;
             let target = &self.targets[number];
             for ((body, now), particles) in target.bodies.iter().zip(&tracked).zip(clouds) {
                 let Some(kinematics) = &now.kinematics else {
@@ -113,7 +115,7 @@ impl Annotator {
                 marks.push(arrow(known.position_m, front.position_m, view, color));
             }
         }
-        marks
+        Ok(marks)
     }
 
     fn label(&self, instant: &Instant) -> String {
@@ -232,16 +234,19 @@ impl Sink for Annotator {
                 .iter()
                 .enumerate()
                 .find_map(|(number, target)| {
-                    let bodies = instant.tracker.bodies_at(number, instant.time_s);
+                    let bodies = instant
+                        .tracker
+                        .bodies_at(TargetId::new(number), instant.time_s);
+                    let bodies = bodies.ok()?;
                     let known = bodies.first()?.kinematics.as_ref()?;
                     Some(shown_m(&target.bodies[0], known.position_m))
                 });
             let overlay = Overlay {
-                marks: self.marks(instant, view),
+                marks: self.marks(instant, view)?,
                 label: self.label(instant),
                 zoom_at_px: first_shown_m.and_then(|place_m| pixel_of(view, place_m)),
             };
-            let picture = annotated(&picture_of(frame), &overlay)?;
+            let picture = annotated(&picture_of(frame), &overlay);
             write_picture(
                 &self.camera_folders[*camera].join(format!("{:06}.jpg", instant.index)),
                 &picture,

@@ -1,6 +1,6 @@
 //! Frames of several cameras, taken as they arrive and handed on in order of time. It knows no sources and no clock.
 
-use pardalis::Frame;
+use pardalis::{CameraId, Error, Frame};
 use serde::Serialize;
 
 /// Frames closer in time than this belong to one set, in seconds: triggered cameras whose time stamps were rounded.
@@ -19,11 +19,17 @@ pub(crate) struct FrameSet {
 }
 
 impl FrameSet {
-    /// The frames that tell something new.
-    pub(crate) fn fresh(&self) -> Vec<(usize, Frame)> {
-        let frames = self.frames.iter();
-        let fresh = frames.filter(|(camera, _)| !self.frozen.contains(camera));
-        fresh.cloned().collect()
+    /// All its frames, for the tracker.
+    pub(crate) fn whole(&self) -> Result<pardalis::FrameSet, Error> {
+        let frames = self.frames.iter().cloned();
+        pardalis::FrameSet::new(frames.map(|(camera, frame)| (CameraId::new(camera), frame)))
+    }
+
+    /// Its frames without frozen images, which carry no new information; the time stays.
+    pub(crate) fn fresh(&self) -> Result<pardalis::FrameSet, Error> {
+        let mut set = self.whole()?;
+        set.retain(|camera, _| !self.frozen.contains(&camera.index()));
+        Ok(set)
     }
 }
 

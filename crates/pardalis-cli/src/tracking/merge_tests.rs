@@ -124,7 +124,13 @@ fn an_image_that_is_the_one_before_again_is_not_fresh() {
     let sets: Vec<FrameSet> = std::iter::from_fn(|| merge.hand_on(f64::INFINITY)).collect();
     let fresh: Vec<Vec<usize>> = sets
         .iter()
-        .map(|set| set.fresh().iter().map(|(camera, _)| *camera).collect())
+        .map(|set| {
+            set.fresh()
+                .unwrap()
+                .frames()
+                .map(|(camera, _)| camera.index())
+                .collect()
+        })
         .collect();
     assert_eq!(fresh, [vec![0, 1], vec![1], vec![]]);
     assert!(sets.iter().all(|set| set.frames.len() == 2));

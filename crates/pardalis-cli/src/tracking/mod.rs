@@ -3,6 +3,7 @@
 mod annotate;
 mod frame_sets;
 mod merge;
+mod particle_rows;
 mod rows;
 mod series;
 mod summary;
@@ -25,6 +26,7 @@ use annotate::Annotator;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
 pub(crate) use merge::FrameSet;
+use particle_rows::ParticleRows;
 use rows::Rows;
 pub(crate) use series::{SeriesCollector, truth_series};
 
@@ -39,6 +41,8 @@ pub(crate) struct Options {
     pub(crate) threads: Option<usize>,
     /// Whether to write annotated frames.
     pub(crate) annotate: Annotate,
+    /// A file for the particles behind each estimate.
+    pub(crate) particles: Option<PathBuf>,
     /// Whether to draw plots.
     pub(crate) plots: bool,
     /// Whether to show how far it is, on a terminal.
@@ -132,10 +136,12 @@ pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> R
 
 /// One step of tracking. Where every image is one that was weighed before, the state is only predicted.
 fn observe(tracker: &mut Tracker, set: &FrameSet) -> Result<Vec<Estimate>> {
-    let observed = tracker.observe(&set.fresh(), set.time_s);
-    observed.map_err(|error| user_error!("frame {}: {error}", set.index))?;
-    let estimate = |target| tracker.estimate_at(target, set.time_s);
-    Ok((0..tracker.target_count()).map(estimate).collect())
+    let mut observe = || -> Result<Vec<Estimate>, pardalis_core::Error> {
+        tracker.observe(&set.fresh()?)?;
+        let estimate = |target| tracker.estimate_at(target, set.time_s);
+        tracker.targets().map(estimate).collect()
+    };
+    observe().map_err(|error| user_error!("frame {}: {error}", set.index))
 }
 
 /// Takes a scene, read from the file of that name, through all its frames, or through `stills` in their place, by these steps. Results
@@ -157,6 +163,10 @@ pub(crate) fn run_steps(
         }
         _ => None,
     };
+    let mut particle_rows = match &options.particles {
+        Some(path) => Some(ParticleRows::create(path, &open.scene)?),
+        None => None,
+    };
     let mut series = SeriesCollector::new(&names);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads.unwrap_or(0))
@@ -165,6 +175,9 @@ pub(crate) fn run_steps(
     let mut sinks: Vec<&mut dyn Sink> = vec![&mut rows, &mut series];
     if let Some(annotator) = &mut annotator {
         sinks.push(annotator);
+    }
+    if let Some(particle_rows) = &mut particle_rows {
+        sinks.push(particle_rows);
     }
     let (outcome, ended_by) = pool.install(|| track(&mut open, step, &mut sinks, options.progress));
     let mut files = Vec::new();
@@ -182,6 +195,7 @@ pub(crate) fn run_steps(
             files.extend(series.draw(folder, &open.scene, &[])?);
         }
         files.extend(annotator.map(|annotator| annotator.folder().to_owned()));
+        files.extend(options.particles.clone());
     }
     match ended_by {
         Some(error) => Err(error),

@@ -12,7 +12,7 @@ use crate::user_error::user_error;
 
 /// The first line. Further columns may follow in later versions.
 const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
-                      xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence\n";
+                      xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence,best_x_m,best_y_m,best_z_m\n";
 
 /// Writes rows to a file or to standard output.
 pub(crate) struct Rows {
@@ -96,7 +96,8 @@ fn write_row(text: &mut String, instant: &Instant, name: &str, estimate: &Estima
         .chain([
             kinematics.map(|k| k.effective_sample_size),
             Some(estimate.confidence),
-        ]);
+        ])
+        .chain((0..3).map(|axis| kinematics.map(|k| k.best_position_m[axis])));
     for field in fields {
         text.push(',');
         if let Some(value) = field {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use pardalis::TargetId;
 use serde_json::{Map, json};
 
 use super::{Outcome, SeriesCollector};
@@ -38,10 +39,10 @@ pub(crate) fn write(
     let mut targets = Map::new();
     for (number, (target, states)) in open.scene.targets.iter().zip(series.states()).enumerate() {
         let mut told = Map::new();
-        let contributions = open.tracker.contributions(number);
+        let contributions = open.tracker.contributions(TargetId::new(number))?;
         for (camera, contribution) in open.scene.cameras.iter().zip(contributions) {
             let frames = contribution.frames;
-            let mean_nats = (frames > 0).then(|| contribution.evidence_nats / frames as f64);
+            let mean_nats = (frames > 0).then(|| contribution.log_likelihood_ratio / frames as f64);
             let entry = json!({
                 "weighed_frames": frames,
                 "seen_frames": contribution.seen_frames,

@@ -107,12 +107,12 @@ fn other_numbers_and_types_name_their_key_and_line() {
         (
             "[0, 0, -1, 0.9]",
             "[0, 0, 1, 0.9]",
-            "line 6: cameras.cam1.world_from_camera: the pose matrix is no rotation",
+            "line 6: cameras.cam1.world_from_camera: the pose matrix is not a rotation",
         ),
         (
             "[0, 0, -1, 0.9]",
             "[0, 0, -1.1, 0.9]",
-            "line 6: cameras.cam1.world_from_camera: the pose matrix is no rotation",
+            "line 6: cameras.cam1.world_from_camera: the pose matrix is not a rotation",
         ),
         (
             "[0, 0, -1, 0.9]",
@@ -252,17 +252,17 @@ fn all_problems_of_a_scene_in_one_run() {
     let run = place.track(scene);
     run.refused(&[
         "scene.toml: ",
-        "line 2: the key seed stands there twice",
+        "line 2: the key seed is given twice",
         "line 3: sead: is not a key; did you mean seed?",
         "line 7: cameras.cam1.mask: is 7; allowed: a text",
-        "line 8: the key mask stands there twice",
+        "line 8: the key mask is given twice",
         "line 11: targets.ball.colors: is missing",
         "line 12: targets.ball.shape.sphere.radius_m: is 0; allowed: above 0",
         "line 13: targets.ball.shape.cube: is not a key; allowed here: sphere",
-        "line 21: the key filter stands there twice",
+        "line 21: the key filter is given twice",
         "line 22: targets.ball.filter.x: is not a key; allowed here: particles",
         "line 23: extra: is not a key; allowed here: cameras, seed, targets",
-        "line 24: cameras.cam2: says no input; give images",
+        "line 24: cameras.cam2: has no input; give images",
         "line 24: cameras.cam2.world_from_camera: is missing",
         "line 25: cameras.cam2.model.unified.l: is missing",
         "line 25: cameras.cam2.model.unified.center_px: is [1]; allowed: two finite",
@@ -364,7 +364,7 @@ fn deep_and_long_scenes_end_soon() {
         .refused(&["line 1: ", "is not a key", "more"]);
     place
         .track("a = 1\n".repeat(50_000))
-        .refused(&["line 2: the key a stands there twice"]);
+        .refused(&["line 2: the key a is given twice"]);
     let long = place.track(format!(
         "{} = {}",
         "k".repeat(1_000_000),
@@ -433,7 +433,7 @@ fn faulty_color_models() {
 fn clicked_pixels_where_there_is_no_ray() {
     let place = Workplace::with_frames(1);
     let (before, _) = SCENE.split_once("[targets.ball.start").unwrap();
-    let scene = |pixel: &str| format!("{before}[targets.ball.start.pixel]\npixel = {pixel}\n");
+    let scene = |pixel: &str| format!("{before}[targets.ball.start.pixel]\npixel_px = {pixel}\n");
     for pixel in [
         "[9999, 5]",
         "[-5, 100]",
@@ -445,7 +445,7 @@ fn clicked_pixels_where_there_is_no_ray() {
         let run = place.track(scene(pixel));
         run.refused(&[
             "scene.toml",
-            "line 15: targets.ball.start.pixel.pixel: ",
+            "line 15: targets.ball.start.pixel.pixel_px: ",
             "allowed: a pixel of the 640 x 480 image",
             "field of view",
         ]);

@@ -1,4 +1,4 @@
-//! `pardalis calibrate` with the real program: what it finds from points and boards, and what it refuses.
+//! Tests of `pardalis calibrate` with the real program: calibration from points and boards, and errors.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,11 +6,11 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
-// Only what became of a run is used here.
+// This file uses only some of the helpers.
 #[allow(dead_code)]
 use crate::common::Run;
 
-/// The columns of the rendered points.
+/// Columns of the rendered points with noise.
 const NOISY: &str = "--columns u=u_noisy_px,v=v_noisy_px";
 
 fn data(name: &str) -> PathBuf {
@@ -19,7 +19,7 @@ fn data(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// Runs `pardalis ARGUMENTS` in a folder, where the data lies under `data`.
+/// Runs `pardalis ARGUMENTS` in a folder that contains the repository's data as `data`.
 fn pardalis(folder: &TempDir, arguments: &str) -> Run {
     let data = data("").display().to_string();
     let arguments = arguments
@@ -36,7 +36,7 @@ fn folder() -> TempDir {
     tempfile::tempdir().unwrap()
 }
 
-/// A table of the results, with its header, as texts.
+/// Reads a table of results including its header.
 fn table(folder: &TempDir, name: &str) -> Vec<Vec<String>> {
     let text = fs::read_to_string(folder.path().join(name)).unwrap();
     text.lines()
@@ -44,7 +44,7 @@ fn table(folder: &TempDir, name: &str) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// A figure of a table: of the row with this first cell, in this column.
+/// Returns the number in this column of the row with this first cell.
 #[track_caller]
 fn figure(table: &[Vec<String>], row: &str, column: &str) -> f64 {
     let place = table[0].iter().position(|name| name == column).unwrap();
@@ -52,7 +52,7 @@ fn figure(table: &[Vec<String>], row: &str, column: &str) -> f64 {
     row[place].parse().unwrap()
 }
 
-/// The only or named camera of a calibration file.
+/// Reads the camera with this name, or the only one, from a calibration file.
 fn camera(folder: &TempDir, file: &str, name: &str) -> toml::Table {
     let text = fs::read_to_string(folder.path().join(file)).unwrap();
     let mut file: toml::Table = text.parse().unwrap();
@@ -70,13 +70,13 @@ fn numbers(value: &toml::Value) -> Vec<f64> {
     values.map(|value| value.as_float().unwrap()).collect()
 }
 
-/// Rows of `world_from_camera`.
+/// Returns the rows of `world_from_camera`.
 fn pose(camera: &toml::Table) -> Vec<Vec<f64>> {
     let rows = camera["world_from_camera"].as_array().unwrap();
     rows.iter().map(numbers).collect()
 }
 
-/// The distance between two positions and, for small turns, the angle between two orientations.
+/// Returns the distance between two positions and, for small rotations, the angle between two orientations.
 fn pose_error(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
     let difference = |row: usize, column: usize| a[row][column] - b[row][column];
     let shift: f64 = (0..3).map(|row| difference(row, 3).powi(2)).sum();
@@ -94,17 +94,23 @@ fn json(name: &str) -> serde_json::Value {
 
 #[track_caller]
 fn assert_near(value: f64, truth: f64, bound: f64) {
-    assert!((value - truth).abs() <= bound, "{value}, not {truth}");
+    assert!(
+        (value - truth).abs() <= bound,
+        "found {value}, expected {truth}"
+    );
 }
 
 #[test]
-fn points_give_the_fisheye_and_its_pose() {
+fn calibrates_fisheye_and_pose_from_points() {
     let folder = folder();
     let run = format!(
         "calibrate points data/dioptric/correspondences.csv --size 640x480 --model equidistant,pinhole {NOISY}"
     );
     let run = pardalis(&folder, &run).fine();
-    assert!(run.stdout.contains("pinhole: no camera of this model"));
+    assert!(
+        run.stdout
+            .contains("pinhole: the best camera of this model")
+    );
 
     let truth = json("dioptric/camera.json");
     let found = camera(&folder, "correspondences-calibration/camera.toml", "camera");
@@ -137,13 +143,13 @@ fn points_give_the_fisheye_and_its_pose() {
 }
 
 #[test]
-fn test_views_are_tried_with_all_their_points() {
+fn evaluates_test_views_with_all_points() {
     let folder = folder();
     let text = fs::read_to_string(data("dioptric/correspondences.csv")).unwrap();
     let lines: Vec<&str> = text.lines().collect();
     let table_of = |rows: &[&str]| format!("{}\n{}\n", lines[0], rows.join("\n"));
     fs::write(folder.path().join("train.csv"), table_of(&lines[1..31])).unwrap();
-    // The last point is above the camera: it is in no image of this lens.
+    // The last point is above the camera, where this lens does not project.
     let unseen = "40,0.1,0.2,3.0,320,240,320,240";
     let test = [&lines[31..], &[unseen]].concat();
     fs::write(folder.path().join("test.csv"), table_of(&test)).unwrap();
@@ -164,7 +170,7 @@ fn test_views_are_tried_with_all_their_points() {
 }
 
 #[test]
-fn a_board_gives_the_fisheye_and_where_the_board_stood() {
+fn calibrates_fisheye_from_a_board() {
     let folder = folder();
     let run = "calibrate board data/dioptric --board checkerboard:9x6:0.06 --model equidistant --distance board_0.jpg=0.686";
     let run = pardalis(&folder, run).fine();
@@ -176,7 +182,7 @@ fn a_board_gives_the_fisheye_and_where_the_board_stood() {
         let truth = json(&format!("dioptric/board_{number}.json"));
         let truth = json_matrix(&truth["T_camera_from_board"]);
         let of = |column| figure(&views, &format!("board_{number}.jpg"), column);
-        // A board of 9 x 6 corners has only one first corner.
+        // The first corner of a board with 9 x 6 corners is unambiguous.
         for (row, column) in ["x_m", "y_m", "z_m"].into_iter().enumerate() {
             assert_near(of(column), truth[row][3], 10e-3);
         }
@@ -184,14 +190,14 @@ fn a_board_gives_the_fisheye_and_where_the_board_stood() {
 
     let wrong = "calibrate board data/dioptric --board checkerboard:9x6:0.05 --model equidistant --distance board_0.jpg=0.686";
     pardalis(&folder, wrong).refused(&[
-        "--distance board_0.jpg: measured 0.686 m, but 0.57",
+        "--distance board_0.jpg: measured 0.686 m, but the calibration gives 0.57",
         "a square of 0.0599",
         "measure the board",
     ]);
 }
 
 #[test]
-fn a_stereo_pair_agrees_with_the_published_intrinsics() {
+fn stereo_pair_matches_the_published_intrinsics() {
     let folder = folder();
     let run = "calibrate board --rig left=data/opencv-stereo/left*.jpg --rig right=data/opencv-stereo/right*.jpg --board checkerboard:9x6:0.025 --model pinhole";
     let run = pardalis(&folder, run).fine();
@@ -207,7 +213,7 @@ fn a_stereo_pair_agrees_with_the_published_intrinsics() {
         assert_near(f, 535.915_733_961_632, 0.01 * 535.9);
     }
     let right = pose(&camera(&folder, "rig-calibration/rig.toml", "right"));
-    // The squares' size is only supposed; the right camera is to the right at any size.
+    // The size of the squares is assumed, but the right camera is to the right for any size.
     assert!(right[0][3] > 0.05 && right[0][3] < 0.12);
     assert!(right[1][3].abs() < 0.01 && right[2][3].abs() < 0.01);
     let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
@@ -215,14 +221,14 @@ fn a_stereo_pair_agrees_with_the_published_intrinsics() {
     let page = read("rig-calibration/report.html");
     assert_eq!(page.matches("<figure>").count(), 4);
     for text in [&run.stdout, &page] {
-        assert!(text.contains("one pose a shot"));
+        assert!(text.contains("one pose per shot"));
         assert!(text.contains("RMS on its own (px)"));
         assert!(text.contains("0.083169 ± 0.0000"), "{text}");
     }
 }
 
 #[test]
-fn mirror_models_are_compared_and_their_poses_found() {
+fn compares_mirror_models_and_their_poses() {
     let folder = folder();
     let points = "data/catadioptric/correspondences.csv";
     let run = format!(
@@ -232,14 +238,14 @@ fn mirror_models_are_compared_and_their_poses_found() {
     assert!(run.stdout.contains("unified (best)"));
     let models = table(&folder, "mirror/models.csv");
     let rms = |model| figure(&models, model, "rms_px");
-    // No mirror of this shape has one viewpoint; the second parameter helps.
+    // A mirror of this shape has no single viewpoint; the second parameter improves the fit.
     assert!(rms("unified") < rms("perspective_mirror"));
     assert!(rms("perspective_mirror") < 0.7);
     assert!(run.stdout.contains("0.470") && run.stdout.contains("0.621"));
 
     let run = format!("calibrate pose {points} --camera mirror/camera.toml {NOISY}");
     let run = pardalis(&folder, &run).fine();
-    // From the axis that the mirror looks along, as when it was calibrated.
+    // Measured from the axis of the mirror's view, as in the calibration.
     assert!(run.stdout.contains("78.2"), "{}", run.stdout);
     let again = camera(&folder, "correspondences-pose/camera.toml", "camera");
     let before = camera(&folder, "mirror/camera.toml", "camera");
@@ -248,7 +254,7 @@ fn mirror_models_are_compared_and_their_poses_found() {
 }
 
 #[test]
-fn a_true_camera_finds_its_pose_from_true_points() {
+fn exact_camera_and_points_give_the_exact_pose() {
     let folder = folder();
     let truth = json("dioptric/camera.json");
     let camera_file = "[cameras.lens]\nsize_px = [640, 480]\nmodel.equidistant = \
@@ -262,5 +268,5 @@ fn a_true_camera_finds_its_pose_from_true_points() {
     assert!(shift_m < 1e-5 && turn_rad < 1e-5, "{shift_m} {turn_rad}");
 }
 
-mod refusals;
-mod words;
+mod errors;
+mod reports;

@@ -63,8 +63,8 @@ fn a_calibration_file_tracks_as_the_model_in_the_scene() {
         (run.code, &*run.stderr),
         (
             Some(0),
-            "warning: scene.toml: line 6: cameras.cam1.world_from_camera: stands in place of the pose in moved.toml; \
-             take it out to use that one\n"
+            "warning: scene.toml: line 6: cameras.cam1.world_from_camera: overrides the pose in the calibration file; \
+             remove it to use that pose\n"
         )
     );
     assert_eq!(place.rows(), expected);
@@ -80,7 +80,7 @@ fn a_calibration_file_tracks_as_the_model_in_the_scene() {
     place.write("lens.yml", OPENCV);
     place
         .track(scene(
-            "calibration = \"lens.yml\"\ncalibration_as = \"fisheye\"",
+            "calibration = \"lens.yml\"\ncalibration_lens = \"fisheye\"",
             true,
         ))
         .fine();
@@ -135,21 +135,21 @@ fn faulty_calibrations() {
     refused(
         scene("calibration = \"lens.yml\"", true),
         &[
-            "line 5: cameras.cam1.calibration: lens.yml: line 10: D: has 4 numbers, which may be a pinhole's",
+            "line 5: cameras.cam1.calibration: lens.yml: line 10: D: has 4 numbers, which may be those of a pinhole",
         ],
     );
     refused(
         scene(
-            "calibration = \"lens.yml\"\ncalibration_as = \"fish\"",
+            "calibration = \"lens.yml\"\ncalibration_lens = \"fish\"",
             true,
         ),
         &[
-            "line 6: cameras.cam1.calibration_as: is the text \"fish\"; allowed: \"pinhole\", \"fisheye\"",
+            "line 6: cameras.cam1.calibration_lens: is the text \"fish\"; allowed: \"pinhole\", \"fisheye\"",
         ],
     );
     refused(
         scene(
-            "calibration = \"lens.yml\"\ncalibration_as = \"fisheye\"",
+            "calibration = \"lens.yml\"\ncalibration_lens = \"fisheye\"",
             false,
         ),
         &[
@@ -158,7 +158,7 @@ fn faulty_calibrations() {
     );
     refused(
         scene(&format!("{file}\n{MODEL}"), true),
-        &["line 6: cameras.cam1.model: stands beside calibration; keep one of them"],
+        &["line 6: cameras.cam1.model: cannot be combined with calibration; remove one of them"],
     );
     refused(
         scene(&format!("{file}\nsize_px = [320, 240]"), true),

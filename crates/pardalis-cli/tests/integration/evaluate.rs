@@ -150,6 +150,28 @@ fn a_known_offset_is_found_again() {
 }
 
 #[test]
+fn the_best_particle_is_scored_beside_the_mean() {
+    let folder = Folder::new("best");
+    let plain = tracks(&truth("dioptric-jump"), [0.03, -0.04, 0.12]);
+    folder.write("tracks.csv", &plain);
+    let without = figures(&folder.0, &sequence("dioptric-jump"), &[]);
+    let errors = |all: &Value| all["targets"][0]["all"]["errors"].clone();
+    assert_eq!(errors(&without)["best_position_m"], Value::Null);
+
+    let rows = truth("dioptric-jump");
+    let mut lines = plain.lines();
+    let mut text = format!("{},best_x_m,best_y_m,best_z_m\n", lines.next().unwrap());
+    for (line, row) in lines.zip(&rows) {
+        let [x, y, z] = row.position_m;
+        writeln!(text, "{line},{x},{},{}", y + 0.3, z - 0.4).unwrap();
+    }
+    folder.write("tracks.csv", text);
+    let with = errors(&figures(&folder.0, &sequence("dioptric-jump"), &[]));
+    assert_near(&with["best_position_m"]["rmse"], 0.5);
+    assert_near(&with["position_m"]["rmse"], 0.13);
+}
+
+#[test]
 fn the_table_says_the_same_as_the_json_file() {
     let folder = Folder::new("table");
     let file = folder.write(

@@ -100,7 +100,7 @@ fn only_guesses_are_marked() {
     for line in [
         "fps = 5.0",
         "shape.sphere.radius_m = 0.2",
-        "pixel = [460.0, 88.0]",
+        "pixel_px = [460.0, 88.0]",
     ] {
         assert!(text.lines().any(|l| l == line), "{line}");
     }
@@ -269,7 +269,7 @@ fn scenes_refer_to_calibrations_of_any_format() {
     let text = scene(&place);
     for line in [
         "calibration = \"lens/cam.yml\"",
-        "calibration_as = \"fisheye\"",
+        "calibration_lens = \"fisheye\"",
     ] {
         assert!(text.lines().any(|l| l.starts_with(line)), "{line}: {text}");
     }

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use image::{GrayImage, Luma, Rgb, RgbImage};
 use pardalis::color::{ColorModel, Palette};
+use pardalis_images::{GrayImage, RgbImage, decode, decode_grey, encode_png};
 use tempfile::TempDir;
 
 /// Returns a folder of the repository's data.
@@ -53,9 +53,9 @@ fn assert_contains(text: &str, parts: &[&str]) {
     }
 }
 
-const ORANGE: Rgb<u8> = Rgb([230, 110, 20]);
-const GREEN: Rgb<u8> = Rgb([40, 90, 40]);
-const BLUE: Rgb<u8> = Rgb([20, 40, 220]);
+const ORANGE: [u8; 3] = [230, 110, 20];
+const GREEN: [u8; 3] = [40, 90, 40];
+const BLUE: [u8; 3] = [20, 40, 220];
 
 /// Creates a folder of small images: `a.png` and `b.png`, green with an orange square of 10 x 10 pixels at
 /// 4,6 and, in `b.png`, a blue one at 20,6; and `a_mask.png` of the orange square.
@@ -68,7 +68,7 @@ fn small_images() -> TempDir {
             (_, true) if with_blue => BLUE,
             _ => GREEN,
         });
-        image.save(folder.path().join(name)).unwrap();
+        fs::write(folder.path().join(name), encode_png(&image).unwrap()).unwrap();
     };
     save("a.png", false);
     save("b.png", true);
@@ -79,8 +79,8 @@ fn small_images() -> TempDir {
 }
 
 fn mask(folder: &TempDir, name: &str, size: (u32, u32), grey: impl Fn(u32, u32) -> u8) {
-    let mask = GrayImage::from_fn(size.0, size.1, |x, y| Luma([grey(x, y)]));
-    mask.save(folder.path().join(name)).unwrap();
+    let mask = GrayImage::from_fn(size.0, size.1, |x, y| [grey(x, y)]);
+    fs::write(folder.path().join(name), encode_png(&mask).unwrap()).unwrap();
 }
 
 #[test]
@@ -110,9 +110,7 @@ fn a_folder_with_masks_is_learnt_and_the_model_is_read_back() {
     assert!(!text.contains("bad label"), "{text}");
 
     let masks = (0..6).map(|i| {
-        image::open(training.join(format!("00{i}_ball_mask.png")))
-            .unwrap()
-            .to_luma8()
+        decode_grey(&fs::read(training.join(format!("00{i}_ball_mask.png"))).unwrap()).unwrap()
     });
     let labelled: usize = masks
         .map(|m| m.pixels().filter(|p| p[0] >= 128).count())
@@ -135,10 +133,8 @@ fn a_folder_with_masks_is_learnt_and_the_model_is_read_back() {
 
     let pictures = folder.path().join("orange-learnt");
     for name in ["histogram.png", "mosaic.png"] {
-        assert!(
-            image::open(pictures.join(name)).unwrap().width() > 800,
-            "{name}"
-        );
+        let picture = decode(&fs::read(pictures.join(name)).unwrap()).unwrap();
+        assert!(picture.width() > 800, "{name}");
     }
     assert!(pictures.join("histogram.svg").is_file());
     // There are no other files, and a second run gives the same bytes.
@@ -208,8 +204,8 @@ fn ranges_of_hue_and_saturation_are_learnt_reported_and_stored() {
         "a desk: {ranges:?}"
     );
     // Grey has no hue.
-    let grey = RgbImage::from_pixel(20, 20, Rgb([128; 3]));
-    grey.save(folder.path().join("grey.png")).unwrap();
+    let grey = RgbImage::from_pixel(20, 20, [128; 3]);
+    fs::write(folder.path().join("grey.png"), encode_png(&grey).unwrap()).unwrap();
     let text = report(
         &folder,
         &[

@@ -293,7 +293,7 @@ fn starts_accept_a_covariance() {
         ),
         (
             "covariance_m2 = [1, 0, 0, 1, 0, 1]\nposition_sigma_m = 1",
-            "line 17: targets.ball.start.gaussian.position_sigma_m: stands beside covariance_m2; keep one of them",
+            "line 17: targets.ball.start.gaussian.position_sigma_m: cannot be combined with covariance_m2; remove one of them",
         ),
     ] {
         place.track(with(given)).refused(&[wanted]);
@@ -412,7 +412,7 @@ fn unusable_tracks_are_rejected_as_starts() {
             "world_from_other = [[1, 0, 0, 1], [0, 2, 0, 2], [0, 0, 1, 0], [0, 0, 0, 1]]",
         ))
         .refused(&[
-            "line 17: targets.ball.start.track.world_from_other: the pose matrix is no rotation",
+            "line 17: targets.ball.start.track.world_from_other: the pose matrix is not a rotation",
         ]);
     place
         .track(from_track(1, "velocity_sigma_mps = -1"))

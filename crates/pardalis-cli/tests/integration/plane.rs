@@ -1,4 +1,4 @@
-//! `pardalis calibrate plane`: rectangles on real and made-up floors, points, and what is refused.
+//! Tests of `pardalis calibrate plane`: rectangles on real and simulated floors, points, and errors.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,8 @@ use std::process::Command;
 
 use crate::common::run::Run;
 
-/// Corners of the tape's outer edge on data/plane-robot, in the image and in the world, from the one nearest the image's bottom left.
+/// Corners of the tape's outer edge in data/plane-robot, in the image (pixels) and in the world (metres), beginning with the
+/// one nearest to the image's bottom left.
 const CORNERS: [[f64; 4]; 4] = [
     [184.3446, 327.5206, -0.845_247, -0.267_930],
     [448.7292, 304.7143, 1.149_881, -0.128_417],
@@ -14,8 +15,8 @@ const CORNERS: [[f64; 4]; 4] = [
     [195.5667, 212.6953, -0.949_881, 1.228_417],
 ];
 
-/// Where these corners of the tape are seen: the tape was drawn 1.5 mm over the floor.
-const SEEN: [[f64; 2]; 4] = [
+/// Pixels of these corners: the tape was rendered 1.5 mm above the floor.
+const CORNERS_PX: [[f64; 2]; 4] = [
     [184.3148, 327.3772],
     [448.7564, 304.5625],
     [402.4363, 198.6923],
@@ -33,7 +34,7 @@ fn pardalis(folder: &Path, arguments: &[&str]) -> Run {
     Run::of(command.current_dir(folder).args(arguments))
 }
 
-/// The corners in pixels that a run reports.
+/// Parses the reported corners, in pixels.
 fn corners(run: &Run) -> Vec<[f64; 2]> {
     let corner = |line: &str| {
         let (pixel, _) = line.split_once(": (")?.1.split_once(") px")?;
@@ -44,19 +45,19 @@ fn corners(run: &Run) -> Vec<[f64; 2]> {
 }
 
 #[track_caller]
-fn assert_within(found: &[[f64; 2]], wanted: &[[f64; 2]], limit_px: f64) {
-    assert_eq!(found.len(), wanted.len());
-    for (a, b) in found.iter().zip(wanted) {
+fn assert_within(found: &[[f64; 2]], expected: &[[f64; 2]], limit_px: f64) {
+    assert_eq!(found.len(), expected.len());
+    for (a, b) in found.iter().zip(expected) {
         assert!(
             (a[0] - b[0]).hypot(a[1] - b[1]) < limit_px,
-            "{found:?} {wanted:?}"
+            "{found:?} {expected:?}"
         );
     }
 }
 
-/// The tape of plane-robot, which is brighter than white, within 0.12 px, and the camera where it stands: (0, -3.2, 3.0) in the floor's frame.
+/// Finds the overexposed tape of plane-robot within 0.12 px, and the camera at (0, -3.2, 3.0) in the floor's frame.
 #[test]
-fn tape_on_the_floor_of_plane_robot() {
+fn finds_tape_of_plane_robot() {
     let folder = tempfile::tempdir().unwrap();
     let frames = data("plane-robot/frames");
     let world = CORNERS.map(|[_, _, x, y]| format!("{x},{y}")).join(" ");
@@ -75,7 +76,7 @@ fn tape_on_the_floor_of_plane_robot() {
         ],
     )
     .fine();
-    assert_within(&corners(&run), &SEEN, 0.12);
+    assert_within(&corners(&run), &CORNERS_PX, 0.12);
     assert!(run.stdout.contains("bright tape"), "{}", run.stdout);
     let line = run
         .stdout
@@ -86,13 +87,13 @@ fn tape_on_the_floor_of_plane_robot() {
         .split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'))
         .filter_map(|n| n.parse().ok())
         .collect();
-    for (found, wanted) in numbers.iter().zip([3.0, 0.0, -3.2]) {
-        assert!((found - wanted).abs() < 0.05, "{line}");
+    for (found, expected) in numbers.iter().zip([3.0, 0.0, -3.2]) {
+        assert!((found - expected).abs() < 0.05, "{line}");
     }
     assert!(folder.path().join("floor/corners.png").exists());
-    // The file is a camera that the program reads.
+    // The program reads the camera file.
     pardalis(folder.path(), &["camera", "show", "floor/camera.toml"]).fine();
-    // The same images give the same bytes.
+    // The result is deterministic.
     let first = fs::read(folder.path().join("floor/camera.toml")).unwrap();
     pardalis(
         folder.path(),
@@ -115,9 +116,9 @@ fn tape_on_the_floor_of_plane_robot() {
     );
 }
 
-/// The inner edge is the tape's width, 0.05 m, further in.
+/// The inner edge is inset by the tape's width of 0.05 m.
 #[test]
-fn the_inner_edge_of_the_tape() {
+fn finds_inner_edge_of_the_tape() {
     let folder = tempfile::tempdir().unwrap();
     let frames = data("plane-robot/frames");
     let run = pardalis(
@@ -142,7 +143,7 @@ fn the_inner_edge_of_the_tape() {
     assert_within(&corners(&run), &inner, 0.5);
 }
 
-/// A world of a rectangle of 2 x 1.4 m around the origin, 9 images; and its corners as seen by the camera.
+/// Simulates 9 images of a rectangle of 2 x 1.4 m around the origin, and runs the command on them.
 fn simulated(folder: &Path, tape: &str, texture: &str, image: &str) -> Run {
     let text = format!(
         "seed = 1\nduration_s = 0.6\n[cameras.cam]\nsize_px = [640, 480]\n\
@@ -160,25 +161,25 @@ fn simulated(folder: &Path, tape: &str, texture: &str, image: &str) -> Run {
     )
 }
 
-/// Where the corners of [`simulated`] are seen.
+/// Returns the pixels of the corners of [`simulated`].
 fn simulated_corners() -> Vec<[f64; 2]> {
     use nalgebra::Vector3;
     let center = Vector3::new(-2.2, -2.4, 2.6);
     let forward = (Vector3::new(0.1, 0.0, 0.0) - center).normalize();
     let right = forward.cross(&Vector3::z()).normalize();
     let down = forward.cross(&right);
-    let seen = |[x, y]: [f64; 2]| {
+    let pixel_of = |[x, y]: [f64; 2]| {
         let p = Vector3::new(x, y, 0.0) - center;
         let scale = 500.0 / forward.dot(&p);
         [319.5 + scale * right.dot(&p), 239.5 + scale * down.dot(&p)]
     };
     let world = [[-1.0, 0.7], [-1.0, -0.7], [1.0, -0.7], [1.0, 0.7]];
-    world.map(seen).to_vec()
+    world.map(pixel_of).to_vec()
 }
 
-/// Dark tape on bright, noisy tiles; a robot stands on its far side.
+/// Dark tape on bright, noisy tiles, with a robot on the far side.
 #[test]
-fn dark_tape_on_tiles() {
+fn finds_dark_tape_on_tiles() {
     let folder = tempfile::tempdir().unwrap();
     let run = simulated(
         folder.path(),
@@ -191,9 +192,9 @@ fn dark_tape_on_tiles() {
     assert!(run.stdout.contains("dark tape"), "{}", run.stdout);
 }
 
-/// Thin tape, seen two to four pixels wide through a soft lens: its steepest places are not its edges.
+/// Thin tape, two to four pixels wide in a blurred image: the steepest gradients are not at its edges.
 #[test]
-fn thin_tape() {
+fn finds_thin_tape() {
     let folder = tempfile::tempdir().unwrap();
     let run = simulated(
         folder.path(),
@@ -205,9 +206,9 @@ fn thin_tape() {
     assert_within(&corners(&run), &simulated_corners(), 0.06);
 }
 
-/// Tape a fifth brighter than white: every edge seems farther out.
+/// Tape 20 % brighter than white: every edge seems farther out.
 #[test]
-fn saturated_tape() {
+fn finds_saturated_tape() {
     let folder = tempfile::tempdir().unwrap();
     let run = simulated(
         folder.path(),
@@ -220,18 +221,18 @@ fn saturated_tape() {
     assert_within(&corners(&run), &simulated_corners(), 0.25);
 }
 
-/// A floor of planks alone is refused.
+/// Planks alone form no rectangle.
 #[test]
-fn a_floor_without_a_rectangle() {
+fn rejects_floor_without_rectangle() {
     let folder = tempfile::tempdir().unwrap();
-    let planks = "texture.stripes = { width_m = 0.12, turn_deg = 30, colors_srgb = [[150, 120, 90], [165, 132, 98]] }";
+    let planks = "texture.stripes = { width_m = 0.12, rotation_deg = 30, colors_srgb = [[150, 120, 90], [165, 132, 98]] }";
     let noise = "read_noise = 2.5\nblur_px = 0.7\njpeg_quality = 90";
     simulated(folder.path(), "", planks, noise).refused(&["world/frames: "]);
 }
 
-/// Scenes of other sequences have none either.
+/// Other sequences contain no rectangle.
 #[test]
-fn scenes_without_a_rectangle() {
+fn rejects_scenes_without_rectangle() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["dioptric-jump/frames", "webcams-two/frames/cam1"] {
         let frames = data(name);
@@ -251,11 +252,11 @@ fn scenes_without_a_rectangle() {
 }
 
 #[test]
-fn points_with_a_wrong_one() {
+fn reports_wrong_points() {
     let folder = tempfile::tempdir().unwrap();
     let row = |[u, v, x, y]: &[f64; 4]| format!("{u},{v},{x},{y}\n");
     let rows: String = CORNERS.iter().map(row).collect();
-    // Two more by the true camera, and a mistaken row.
+    // Two more points from the true camera, and a wrong row.
     let more = "358.5911,271.3232,0.5,0.3\n263.7491,224.7336,-0.3,1.0\n300,250,5,5\n";
     let path = folder.path().join("points.csv");
     fs::write(&path, format!("u_px,v_px,x_m,y_m\n{rows}{more}")).unwrap();
@@ -263,7 +264,8 @@ fn points_with_a_wrong_one() {
     let run = pardalis(folder.path(), &all).fine();
     assert!(run.stdout.contains("6 of 7 points"), "{}", run.stdout);
     assert!(
-        run.stdout.contains("line 8: the others put this point"),
+        run.stdout
+            .contains("line 8: ignored, because the other points place it"),
         "{}",
         run.stdout
     );
@@ -293,13 +295,13 @@ fn points_with_a_wrong_one() {
             "2x1",
         ],
     )
-    .refused_by_usage();
+    .rejected_by_usage();
 }
 
 impl Run {
-    /// Checks that the command line itself was refused.
+    /// Checks that the command line itself is rejected.
     #[track_caller]
-    fn refused_by_usage(&self) {
+    fn rejected_by_usage(&self) {
         assert_eq!(self.code, Some(2), "{}", self.stderr);
         assert!(
             self.stderr.contains("cannot be used with"),

@@ -6,6 +6,8 @@ use std::process::Command;
 
 use crate::common::{Run, SCENE, Workplace, rows_in, scene_with};
 
+use pardalis_images::decode_grey;
+
 /// The robot with two landmarks on data/plane-robot, by the corners of the tape, with colour and motion
 /// fused. The rear landmark comes first.
 const ROBOT: &str = r#"seed = 1
@@ -52,7 +54,7 @@ fn read(place: &Workplace, name: &str) -> String {
 
 /// Returns the size and the grey values of a picture.
 fn grey(place: &Workplace, name: &str) -> ((u32, u32), Vec<u8>) {
-    let picture = image::open(place.path(name)).unwrap().to_luma8();
+    let picture = decode_grey(&fs::read(place.path(name)).unwrap()).unwrap();
     (picture.dimensions(), picture.into_raw())
 }
 
@@ -128,7 +130,7 @@ fn fisheye_maps_have_a_mask_times_and_the_converted_click() {
     let scene = scene_with("fps = 25\n", "time_offset_s = 2\nmask_radius_px = 150\n");
     let scene = scene.replace(
         "[targets.ball.start.gaussian]\nposition_m = [1.35, -1.25, 0.62]\nposition_sigma_m = 0.1\n",
-        "[targets.ball.start.pixel]\npixel = [419.5, 239.5]\n",
+        "[targets.ball.start.pixel]\npixel_px = [419.5, 239.5]\n",
     );
     place.write(
         "images/times.csv",
@@ -171,7 +173,7 @@ fn fisheye_maps_have_a_mask_times_and_the_converted_click() {
     let ground_m = 0.9 * (100.0_f64 / 145.562_250_654_857_8).tan();
     let (u, v) = (3.0 / 0.02 - 0.5, (2.02 + ground_m) / 0.02 - 0.5);
     assert!(
-        scene.contains(&format!("pixel = [{u:.2}, {v:.2}]")),
+        scene.contains(&format!("pixel_px = [{u:.2}, {v:.2}]")),
         "{scene}"
     );
     assert!(

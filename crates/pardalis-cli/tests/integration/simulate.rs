@@ -297,8 +297,8 @@ fn bad_worlds_are_refused_with_every_key_and_line() {
         ),
         (
             "path.circle = { center_m = [0, 0, 0.25], radius_m = 0.15, period_s = 2 }",
-            "path.rides = { on = \"robot\", offset_m = [0, 0, 0] }",
-            "line 30: objects.ball.path.rides.on: is \"robot\"",
+            "path.attached = { to = \"robot\", offset_m = [0, 0, 0] }",
+            "line 30: objects.ball.path.attached.to: is \"robot\"",
         ),
         ("path.circle", "path.spiral", "objects.ball.path"),
     ];
@@ -329,7 +329,7 @@ fn colours_lie_where_the_body_is_seen() {
     let mut off_px = [0.0; 2];
     for (index, seen) in truth.iter().enumerate() {
         let file = format!("out/frames/{index:06}.jpg");
-        let picture = image::open(place.path(&file)).unwrap().to_rgb8();
+        let picture = pardalis_images::decode(&fs::read(place.path(&file)).unwrap()).unwrap();
         let (mut sums, mut total) = ([0.0; 2], 0.0);
         for (x, y, pixel) in picture.enumerate_pixels() {
             // What the room has of red beyond green says nothing.

@@ -3,6 +3,8 @@
 use std::fs;
 
 use crate::common::{SCENE, Workplace, data, frame_file, rows_in, scene_with};
+
+use pardalis_images::{GrayImage, decode, encode_png};
 use serde_json::Value;
 
 /// The ball's true position in frame 0, of data/dioptric-jump/truth.csv.
@@ -237,14 +239,14 @@ fn pictures_and_quiet() {
     );
     for frame in 0..3 {
         let name = format!("scene-tracks/annotated/{frame:06}.jpg");
-        let drawn = image::open(place.path(&name)).unwrap().into_rgb8();
-        let raw = image::open(place.image(frame)).unwrap().into_rgb8();
+        let drawn = decode(&fs::read(place.path(&name)).unwrap()).unwrap();
+        let raw = decode(&fs::read(place.image(frame)).unwrap()).unwrap();
         assert_eq!(drawn.width(), 640);
         // Around the ball, at (460, 88).
         let differing = (430..490)
             .flat_map(|x| (58..118).map(move |y| (x, y)))
             .filter(|&(x, y)| {
-                let [a, b] = [&drawn, &raw].map(|image| image.get_pixel(x, y).0);
+                let [a, b] = [&drawn, &raw].map(|image| image.get_pixel(x, y));
                 a.iter().zip(b).any(|(a, b)| a.abs_diff(b) > 60)
             })
             .count();
@@ -258,11 +260,11 @@ fn pictures_and_quiet() {
 fn masked_pixels_carry_no_evidence() {
     let place = Workplace::with_frames(2);
     // Black where the ball is.
-    let mask = image::GrayImage::from_fn(640, 480, |x, y| {
+    let mask = GrayImage::from_fn(640, 480, |x, y| {
         let black = x.abs_diff(460) < 60 && y.abs_diff(88) < 60;
-        image::Luma([if black { 0 } else { 255 }])
+        [if black { 0 } else { 255 }]
     });
-    mask.save(place.path("mask.png")).unwrap();
+    fs::write(place.path("mask.png"), encode_png(&mask).unwrap()).unwrap();
     place
         .track(scene_with("fps = 25", "fps = 25\nmask = \"mask.png\""))
         .fine();
@@ -282,7 +284,7 @@ fn masked_pixels_carry_no_evidence() {
 fn a_click_finds_the_ball() {
     let place = Workplace::with_frames(1);
     let (before, _) = SCENE.split_once("[targets.ball.start").unwrap();
-    let scene = format!("{before}[targets.ball.start.pixel]\npixel = [460, 88]\n")
+    let scene = format!("{before}[targets.ball.start.pixel]\npixel_px = [460, 88]\n")
         .replace("particles = 100", "particles = 2000");
     let errors_m: Vec<f64> = (1..=10)
         .map(|seed| {
@@ -347,7 +349,7 @@ fn two_cameras() {
     // Of two cameras a click must name one.
     let (before, _) = scene.split_once("[targets.ball.start").unwrap();
     let click =
-        format!("{before}[targets.ball.start.pixel]\npixel = [460, 88]\n[cameras.cam2]{second}");
+        format!("{before}[targets.ball.start.pixel]\npixel_px = [460, 88]\n[cameras.cam2]{second}");
     let run = place.track(&click);
     run.refused(&["targets.ball.start.pixel.camera: is missing"]);
     place

@@ -112,21 +112,23 @@ fn scenes_that_cannot_be_name_their_key_and_line() {
         center,
         "",
         &[
-            "line 15: targets.robot.shape: rises over the plane, but where camera \"mast\" stands is not known",
+            "line 15: targets.robot.shape: rises over the plane, but the place of camera \"mast\" is not known",
             "give cameras.mast.model.plane.camera_center_m",
         ],
     );
     refused(
         "region = {}",
         "region = {}\ncolors = \"c\"",
-        &["line 19: targets.robot.colors: stands beside landmarks; give each landmark its own"],
+        &[
+            "line 19: targets.robot.colors: cannot be combined with landmarks; move it into each landmark",
+        ],
     );
     let disc = "shape.disc = { radius_m = 0.06, height_m = 0.406 }";
     refused(
         disc,
         "shape.sphere.radius_m = 0.06",
         &[
-            "line 18: targets.robot.region: looks at a flat region; give shape.disc or shape.rectangle",
+            "line 18: targets.robot.region: applies to flat targets only; give shape.disc or shape.rectangle",
         ],
     );
     fs::write(folder.path().join("old.toml"), OLD_COLORS).unwrap();

@@ -1,50 +1,55 @@
-//! Forward-mode dual numbers: a value with its derivatives, so that what is written once for any [`Real`] can be differentiated exactly.
+//! Forward-mode automatic differentiation: code that is generic over [`Real`] is differentiated
+//! exactly by evaluating it with [`Dual`] numbers.
 
 use std::cmp::Ordering;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::Real;
 
-/// A number with its derivatives by `N` variables. Compared by its value alone.
+/// A number and its partial derivatives with respect to `N` variables. Comparisons use the value
+/// alone.
 #[derive(Debug, Clone, Copy)]
 pub struct Dual<const N: usize> {
-    /// The number.
+    /// The value.
     pub value: f64,
-    /// Its derivatives.
-    pub slopes: [f64; N],
+    /// The partial derivatives.
+    pub derivatives: [f64; N],
 }
 
 impl<const N: usize> Dual<N> {
-    /// A number that depends on nothing.
+    /// Creates a constant, whose derivatives are zero.
     pub fn constant(value: f64) -> Self {
         Self {
             value,
-            slopes: [0.0; N],
+            derivatives: [0.0; N],
         }
     }
 
-    /// The variable number `i`.
+    /// Creates the variable with index `i`, whose derivative with respect to itself is 1.
     pub fn variable(value: f64, i: usize) -> Self {
-        let mut slopes = [0.0; N];
-        slopes[i] = 1.0;
-        Self { value, slopes }
+        let mut derivatives = [0.0; N];
+        derivatives[i] = 1.0;
+        Self { value, derivatives }
     }
 
-    /// A function of this number with this value and slope.
+    /// Applies the chain rule for a function of one number with the given value and derivative.
     #[inline(always)]
-    fn chain(self, value: f64, slope: f64) -> Self {
+    fn chain(self, value: f64, derivative: f64) -> Self {
         Self {
             value,
-            slopes: self.slopes.map(|s| s * slope),
+            derivatives: self.derivatives.map(|s| s * derivative),
         }
     }
 
-    /// A function of two numbers with this value and these slopes.
+    /// Applies the chain rule for a function of two numbers with the given value and partial
+    /// derivatives.
     #[inline(always)]
-    fn chain2(self, other: Self, value: f64, slope: f64, other_slope: f64) -> Self {
+    fn chain2(self, other: Self, value: f64, derivative: f64, other_derivative: f64) -> Self {
         Self {
             value,
-            slopes: std::array::from_fn(|i| self.slopes[i] * slope + other.slopes[i] * other_slope),
+            derivatives: std::array::from_fn(|i| {
+                self.derivatives[i] * derivative + other.derivatives[i] * other_derivative
+            }),
         }
     }
 }
@@ -106,9 +111,10 @@ impl<const N: usize> Real for Dual<N> {
     }
     fn sqrt(self) -> Self {
         let root = Real::sqrt(self.value);
-        // At zero the slope is infinite; what is differentiated here is smooth in the square (a radius on the axis), so that it does not count.
-        let slope = if root > 0.0 { 0.5 / root } else { 0.0 };
-        self.chain(root, slope)
+        // The derivative at zero is infinite. The differentiated functions are smooth in the square
+        // (a radius near the axis), so that its value does not matter.
+        let derivative = if root > 0.0 { 0.5 / root } else { 0.0 };
+        self.chain(root, derivative)
     }
     fn abs(self) -> Self {
         self.chain(Real::abs(self.value), Real::signum(self.value))
@@ -143,7 +149,7 @@ impl<const N: usize> Real for Dual<N> {
 mod tests {
     use super::*;
 
-    /// Everything that a number can do, in one formula of two variables.
+    /// Combines every operation of [`Real`] in one formula of two variables.
     fn formula<R: Real>(x: R, y: R) -> R {
         let (sin, cos) = (x * y).sin_cos();
         let (sine, cosine) = (x + y).sin_cos_turns();
@@ -155,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn derivatives_agree_with_differences() {
+    fn derivatives_agree_with_finite_differences() {
         for (x, y) in [(0.3, 1.7), (2.1, 0.4), (-0.7, 1.1), (0.9, -2.3)] {
             let dual = formula(Dual::<2>::variable(x, 0), Dual::variable(y, 1));
             assert_eq!(dual.value, formula(x, y));
@@ -164,10 +170,10 @@ mod tests {
                 (formula(x + h, y) - formula(x - h, y)) / (2.0 * h),
                 (formula(x, y + h) - formula(x, y - h)) / (2.0 * h),
             ];
-            for (slope, numeric) in dual.slopes.into_iter().zip(numeric) {
+            for (derivative, numeric) in dual.derivatives.into_iter().zip(numeric) {
                 assert!(
-                    (slope - numeric).abs() < 1e-7 * (1.0 + numeric.abs()),
-                    "{slope} {numeric} at {x}, {y}"
+                    (derivative - numeric).abs() < 1e-7 * (1.0 + numeric.abs()),
+                    "{derivative} {numeric} at {x}, {y}"
                 );
             }
         }

@@ -1,8 +1,9 @@
-//! The arithmetic that kernels are generic over: `f32` for speed, `f64` for the reference and for calibration.
+//! Arithmetic for kernels that are generic over the precision: `f32` for speed, `f64` for reference
+//! implementations and calibration.
 //!
-//! IEEE + − × ÷ √ are correctly rounded everywhere; the transcendentals here are our own polynomials (`f32`, without
-//! branches, so that loops over particles become vector code) or `libm` (`f64`). Results therefore depend neither on the
-//! platform's mathematics library nor on the instruction set.
+//! IEEE 754 rounds + − × ÷ √ correctly on every platform. The transcendental functions are
+//! branch-free polynomials for `f32`, which vectorise over particles, and `libm` for `f64`. Results
+//! therefore depend neither on the platform's mathematics library nor on the instruction set.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -23,23 +24,23 @@ pub trait Real:
     + Sync
     + 'static
 {
-    /// The nearest representable number.
+    /// Returns the nearest representable number.
     fn of(value: f64) -> Self;
-    /// The same number in double precision.
+    /// Converts to double precision.
     fn to_f64(self) -> f64;
-    /// Square root.
+    /// Returns the square root.
     fn sqrt(self) -> Self;
-    /// Absolute value.
+    /// Returns the absolute value.
     fn abs(self) -> Self;
-    /// The angle of the point `(x, self)` from the x axis, in radians.
+    /// Returns the angle of the point `(x, self)` from the x axis, in radians.
     fn atan2(self, x: Self) -> Self;
-    /// Sine and cosine of an angle in radians.
+    /// Returns the sine and cosine of an angle in radians.
     fn sin_cos(self) -> (Self, Self);
-    /// Sine and cosine of an angle in full turns.
+    /// Returns the sine and cosine of an angle in full turns.
     fn sin_cos_turns(self) -> (Self, Self);
-    /// `magnitude` 1 with the sign of `self`.
+    /// Returns 1 with the sign of `self`.
     fn signum(self) -> Self;
-    /// The greatest whole number that is not greater.
+    /// Returns the largest integer that is not greater than `self`.
     fn floor(self) -> Self;
 }
 
@@ -117,13 +118,14 @@ impl Real for f32 {
     }
 }
 
-/// `atan2` within 4e-7 rad (half a unit in the last place of pi is 1.2e-7), without branches.
+/// Computes `atan2` without branches. The error is below 4e-7 rad (half a unit in the last place of
+/// π is 1.2e-7).
 #[inline(always)]
 fn atan2_f32(y: f32, x: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
     let steep = ay > ax;
     let (small, large) = if steep { (ax, ay) } else { (ay, ax) };
-    // Both zero: the quotient is 0/tiny = 0, and the angle of the origin is 0 or pi.
+    // For the origin the quotient is 0/MIN_POSITIVE = 0, and the angle is 0 or π.
     let t = small
         / if large > f32::MIN_POSITIVE {
             large
@@ -131,7 +133,7 @@ fn atan2_f32(y: f32, x: f32) -> f32 {
             f32::MIN_POSITIVE
         };
     let s = t * t;
-    // Minimax polynomial of atan(t) on 0..=1.
+    // Minimax polynomial of atan(t) for t from 0 to 1.
     let mut p = 0.002_823_639_f32;
     p = p * s - 0.015_956_903;
     p = p * s + 0.042_504_99;
@@ -154,10 +156,11 @@ fn atan2_f32(y: f32, x: f32) -> f32 {
     angle.copysign(y)
 }
 
-/// Natural logarithm of a normal positive number within 2e-7 relative, without branches.
+/// Computes the natural logarithm of a normal positive number without branches. The relative error
+/// is below 2e-7.
 #[inline(always)]
 pub fn ln_f32(x: f32) -> f32 {
-    // x = m 2^e with m in 0.75..1.5, so that the series is centred on 1.
+    // x = m·2^e with m from 0.75 to 1.5 centres the series on 1.
     let bits = x.to_bits();
     let shifted = bits.wrapping_sub(0x3f40_0000);
     let e = (shifted as i32) >> 23;
@@ -172,13 +175,14 @@ pub fn ln_f32(x: f32) -> f32 {
     s * p + e as f32 * std::f32::consts::LN_2
 }
 
-/// Sine and cosine of `turns` full turns, for `turns` from 0 to 1, within 2e-7, without branches.
+/// Computes the sine and cosine of `turns` full turns, 0 to 1, without branches. The error is below
+/// 2e-7.
 #[inline(always)]
 pub fn sin_cos_turns_f32(turns: f32) -> (f32, f32) {
     let quadrant = (turns * 4.0 + 0.5) as i32;
     let x = (turns - quadrant as f32 * 0.25) * std::f32::consts::TAU;
     let s = x * x;
-    // Taylor to the 9th and 8th power: the argument is at most pi/4.
+    // Taylor series to the 9th and 8th power; the argument is at most π/4.
     let sin =
         x + x * s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0 + s * (1.0 / 362_880.0))));
     let cos = 1.0 + s * (-0.5 + s * (1.0 / 24.0 + s * (-1.0 / 720.0 + s * (1.0 / 40_320.0))));
@@ -194,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn atan2_agrees_with_libm_all_around() {
+    fn atan2_agrees_with_libm_in_all_quadrants() {
         for i in 0..100_000 {
             let angle = (i as f64 / 100_000.0 - 0.5) * 1.999_99 * std::f64::consts::PI;
             for radius in [1e-6, 1.0, 3e5] {

@@ -1,4 +1,4 @@
-//! New particles: drawn from what each before predicts and from the peaks, and weighed by what the images say.
+//! Draws new particles from the predictions of the old ones and from measurement components, and weights them.
 
 use super::kinematics::Kinematics;
 use super::proposal::{Prediction, log_add};
@@ -6,56 +6,56 @@ use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
 use crate::resample;
 use pardalis_core::rng::Stage;
 
-/// Survivors are drawn when the effective sample size is at most this share of the number of particles.
+/// Particles are resampled when the effective sample size is at most this share of their number. Origin: the usual choice.
 const RESAMPLE_BELOW: f64 = 0.5;
-/// Of so many particles one is kicked.
-const KICKED_ONE_IN: usize = 4;
+/// One particle in this many has a velocity jump, however seldom jumps are: its weight corrects for it. Hand-set.
+const JUMP_ONE_IN: usize = 4;
 
 impl BernoulliFilter {
-    /// The probability that a kick came in the time since the last update, and what is known of steps with one.
-    pub(super) fn kick(&self, dt_s: f64) -> Option<(f64, Kinematics)> {
+    /// The probability of a velocity jump since the last update, and the kinematics of a step with one.
+    pub(super) fn velocity_jump(&self, dt_s: f64) -> Option<(f64, Kinematics)> {
         let chance = -libm::expm1(-self.settings.velocity_jump_rate_hz * dt_s);
-        let kicked = self
+        let jumped = self
             .kinematics
-            .kicked(self.settings.velocity_jump_sigma_mps, dt_s)?;
-        (chance > 0.0).then_some((chance, kicked))
+            .jumped(self.settings.velocity_jump_sigma_mps, dt_s)?;
+        (chance > 0.0).then_some((chance, jumped))
     }
 
-    /// Draws new particles. Their log weights are those of the prior, existence included, over the proposal.
+    /// Draws new particles. Their log-weights are the logarithm of prior density, existence included, over proposal density.
     pub(super) fn draw_new(&mut self, prior: &Prior) {
         let (draws, observation) = (self.draws, self.observation);
         let dt_s = self.pending_s;
         let free_axes = self.settings.motion.free_axes();
         let count = self.weights.len();
-        let is_worn = self.effective_sample_size() <= RESAMPLE_BELOW * count as f64;
-        if is_worn {
+        let is_depleted = self.effective_sample_size() <= RESAMPLE_BELOW * count as f64;
+        if is_depleted {
             let uniform = |_| draws.uniform(0, observation, Stage::Resampling);
             resample::systematic(&self.weights, uniform, &mut self.ancestors);
         }
         let log_located = libm::log(prior.located);
-        let log_elsewhere = if self.proposal.is_blind() {
+        let log_elsewhere = if self.proposal.is_empty() {
             f64::NEG_INFINITY
         } else {
             libm::log(prior.elsewhere) + libm::log(self.settings.birth_density)
         };
         let height_m = self.proposal.height_m();
-        let kick = self.kick(dt_s);
+        let velocity_jump = self.velocity_jump(dt_s);
         let offset = draws.uniform(count as u32, observation, Stage::Proposal);
         for i in 0..count {
-            let (ancestor, weight) = if is_worn {
+            let (ancestor, weight) = if is_depleted {
                 (self.ancestors[i] as usize, 1.0 / count as f64)
             } else {
                 (i, self.weights[i])
             };
             let before = &self.hypotheses[ancestor];
-            // One particle in four is kicked, however seldom that is: its weight makes up for it.
-            let (kinematics, log_chance) = match kick {
+            // One particle in four has a velocity jump, however seldom jumps are: its weight corrects for it.
+            let (kinematics, log_chance) = match velocity_jump {
                 None => (self.kinematics, 0.0),
-                Some((chance, kicked)) if i % KICKED_ONE_IN == 0 => {
-                    (kicked, libm::log(chance * KICKED_ONE_IN as f64))
+                Some((chance, jumped)) if i % JUMP_ONE_IN == 0 => {
+                    (jumped, libm::log(chance * JUMP_ONE_IN as f64))
                 }
                 Some((chance, _)) => {
-                    let share = 1.0 - 1.0 / KICKED_ONE_IN as f64;
+                    let share = 1.0 - 1.0 / JUMP_ONE_IN as f64;
                     (self.kinematics, libm::log((1.0 - chance) / share))
                 }
             };
@@ -98,7 +98,7 @@ impl BernoulliFilter {
         write(&self.new_hypotheses, &mut self.new_particles);
     }
 
-    /// A target that came into being, or was put down, at a place.
+    /// A target that appeared, or was put down, at a position.
     pub(super) fn born_at(&self, position_m: [f64; 3]) -> Hypothesis {
         let mut born = Hypothesis {
             position_m,
@@ -110,8 +110,8 @@ impl BernoulliFilter {
         born
     }
 
-    /// Multiplies the new weights by the ratios and normalises them. Returns the logarithm of their sum, -∞ where all are impossible.
-    pub(super) fn weigh_new(&mut self) -> f64 {
+    /// Multiplies the new weights by the likelihood ratios and normalises them. Returns the logarithm of their sum; -∞ if all are impossible.
+    pub(super) fn weight_new(&mut self) -> f64 {
         let log_weights = &mut self.new_particles.log_weights;
         let mut greatest = f64::NEG_INFINITY;
         for (log_weight, &log_ratio) in log_weights.iter_mut().zip(&self.log_ratios) {

@@ -1,45 +1,47 @@
 //! The motion of one particle whose position is known and whose velocity is a Gaussian, on one axis.
 
-use crate::motion::{Disturbance, Model, Motion, Stray};
+use crate::motion::{Model, Motion, PositionNoise, VelocityNoise};
 use pardalis_core::Error;
 
-/// Variance that every step adds to a position, in m²: 10 µm keep densities finite where no time has passed or nothing disturbs the target.
+/// The variance that every step adds to a position, m²: 10 µm squared. Keeps densities finite if no time has passed or nothing disturbs the target.
 const STEP_VARIANCE_M2: f64 = 1e-10;
 
 /// White noise on each axis, so that steps compose: predicting twice is predicting once.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kinematics {
-    /// No velocity: the position's variance grows by this much a second.
+    /// No velocity: the position's variance grows by this much per second.
     Walk { diffusion_m2ps: f64 },
-    /// Constant velocity: its variance grows by this much a second.
+    /// Constant velocity: its variance grows by this much per second.
     Velocity { acceleration_density_m2ps3: f64 },
 }
 
-/// Where a particle is after a step on one axis, and what its velocity is given where it came to be.
+/// A particle's position after a step on one axis, and its velocity given that position.
 pub(super) struct Step {
     /// Variance of the position around position + velocity·time, m².
     pub(super) variance_m2: f64,
-    /// How much faster a target is that came to be a metre farther, 1/s: the covariance of position and velocity over the former's variance.
+    /// The regression of the velocity on the position, 1/s: their covariance over the variance of the position.
     pub(super) gain_hz: f64,
     /// Variance of the velocity given the new position, m²/s².
     pub(super) velocity_variance_m2ps2: f64,
 }
 
 impl Kinematics {
-    /// Refuses what is not white noise on a random walk or on constant velocity.
+    /// Returns an error for motion that is not white noise on a random walk or on constant velocity.
     pub(super) fn of(motion: &Motion) -> Result<Self, Error> {
         match motion.model() {
             Model::RandomWalk(walk) => {
-                if let (Stray::Diffusion { density_m2ps }, None) = (walk.stray(), walk.jumps()) {
+                if let (PositionNoise::Diffusion { density_m2ps }, None) =
+                    (walk.process_noise(), walk.jumps())
+                {
                     return Ok(Self::Walk {
                         diffusion_m2ps: density_m2ps,
                     });
                 }
             }
             Model::ConstantVelocity(velocity) => {
-                if let Disturbance::White {
+                if let VelocityNoise::White {
                     acceleration_density_m2ps3,
-                } = velocity.disturbance()
+                } = velocity.process_noise()
                 {
                     return Ok(Self::Velocity {
                         acceleration_density_m2ps3,
@@ -58,9 +60,8 @@ impl Kinematics {
         matches!(self, Self::Velocity { .. })
     }
 
-    /// The same for a step of `dt_s` seconds in which the velocity changes by this standard deviation as well, at any time; nothing for what has no velocity, and in no
-    /// time.
-    pub(super) fn kicked(self, velocity_jump_sigma_mps: f64, dt_s: f64) -> Option<Self> {
+    /// The kinematics of a step of `dt_s` seconds with a velocity jump of this standard deviation at any time; `None` without velocity or time.
+    pub(super) fn jumped(self, velocity_jump_sigma_mps: f64, dt_s: f64) -> Option<Self> {
         match self {
             Self::Velocity {
                 acceleration_density_m2ps3,
@@ -72,7 +73,7 @@ impl Kinematics {
         }
     }
 
-    /// Variance of the position, in m², `dt_s` seconds after it was known, where the velocity had this variance. Back in time there is no noise.
+    /// The variance of the position, m², `dt_s` seconds after it was known, if the velocity had this variance. Steps back in time add no noise.
     pub(super) fn variance_m2(self, velocity_variance_m2ps2: f64, dt_s: f64) -> f64 {
         let forward_s = dt_s.max(0.0);
         match self {

@@ -1,21 +1,20 @@
-//! A Bernoulli particle filter (Ristic, Vo, Vo and Farina 2013, "A tutorial on Bernoulli filters"): whether the target exists, and if so where. It knows
-//! nothing of images.
+//! A Bernoulli particle filter (Ristic, Vo, Vo and Farina 2013, "A tutorial on Bernoulli filters"): the probability that a target exists, and its position. It knows nothing
+//! of images.
 //!
-//! Particles are positions; each has the mean and the variance of its velocity given its path (Rao-Blackwellised). A target comes into being and
-//! ceases to be at constant rates over true time, and one that exists may be taken elsewhere. With r the chance that it is where particles were and moved
-//! on, e the chance that it exists elsewhere, uniformly with density B, and N the prediction of particle i, the prior density is
-//! Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New positions come from a mixture of predictions and of peaks, whose whole density divides the weights
-//! (Isard and Blake 1998, ICONDENSATION): peaks say where to look and nothing else. Where few particles agree with the images, they are drawn anew and weighed by
-//! the moments of all predictions. Of the places elsewhere only those at peaks are looked at; no others
-//! are thought to show the target.
+//! Particles are positions; each carries the mean and the variance of its velocity given its path (Rao-Blackwellised). A target appears and disappears at constant
+//! rates over time, and one that exists may be carried elsewhere. With the probability r that it is where the particles moved, the probability e that it exists elsewhere,
+//! uniformly with density B, and the prediction N of particle i, the prior density is Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New positions come from a mixture of predictions and of
+//! measurement components, whose whole density divides the weights (Isard and Blake 1998, ICONDENSATION): components say where to look and nothing else.
+//! If few particles agree with the images, a moment-matched proposal replaces the predictions. Elsewhere, only positions at components are looked at; others are taken not to show the
+//! target.
 
 mod draw;
 mod kinematics;
-mod moments;
-mod overlap;
+mod moment_matched;
+mod predicted_density;
 mod proposal;
 
-pub use proposal::Peak;
+pub use proposal::MeasurementComponent;
 
 use kinematics::Kinematics;
 use proposal::{Proposal, log_add};
@@ -25,41 +24,41 @@ use crate::gaussian::{GaussianStart, check_sigma};
 use crate::motion::Motion;
 use crate::particle_filter::MAX_PARTICLES;
 use crate::particles::Particles;
-use crate::weighted::{add_scatter, heaviest, weight_within};
+use crate::weighted::{add_scatter, likeliest, weight_within};
 use pardalis_core::Error;
 use pardalis_core::rng::{Draws, Stage};
 
-/// Longer times without an update count as this, seconds: nothing is known of the target by then.
+/// Longer times without an update count as this long, seconds. Derivation: bounds variances; nothing is known of the target by then.
 const MAX_PENDING_S: f64 = 1e6;
-/// The golden ratio's fraction: its multiples fill [0, 1) evenly, any run of them too, so that the copies of a particle are drawn from all parts of the proposal.
+/// The fractional part of the golden ratio: any run of its multiples fills [0, 1) evenly, so that the copies of a particle are drawn from all parts of the
+/// proposal.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// What a Bernoulli filter is made of.
+/// Settings of a Bernoulli filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BernoulliSettings {
-    /// The number of particles. The fewer, the surer the filter is of a position that is measured much less surely than it is predicted: velocities that were
-    /// sampled with it are then remembered for long.
+    /// The number of particles. With few particles the filter is overconfident if positions are measured much less precisely than they are predicted.
     pub particle_count: usize,
     /// How the target moves: constant velocity with white acceleration, or a random walk that diffuses.
     pub motion: Motion,
-    /// How often a target comes into being where there is none, 1/s.
+    /// Appearances per second while there is no target, 1/s.
     pub birth_rate_hz: f64,
-    /// How often a target ceases to be, 1/s.
+    /// Disappearances per second of a target that exists, 1/s.
     pub death_rate_hz: f64,
-    /// How often a target is elsewhere, taken away and put down again, 1/s.
+    /// How often a target is carried elsewhere, 1/s.
     pub relocation_rate_hz: f64,
-    /// The density of the places where targets come into being or are put down, 1/m³ (1/m² in a plane): one over the volume that they may be in.
+    /// The density of the positions where targets appear or are put down, 1/m³ (1/m² in a plane): one over the volume that they may be in.
     pub birth_density: f64,
     /// Standard deviation of the velocity there, an axis, m/s.
     pub birth_velocity_sigma_mps: f64,
-    /// How often something kicks a target that has a velocity, or it bounces, 1/s; at most once between two updates, ...
+    /// Velocity jumps per second (kicks, bounces), 1/s; at most one between two updates, ...
     pub velocity_jump_rate_hz: f64,
-    /// ... and the standard deviation, an axis, by which that changes the velocity, m/s.
+    /// ... and their standard deviation on each axis, m/s.
     pub velocity_jump_sigma_mps: f64,
 }
 
 impl BernoulliSettings {
-    /// 500 particles; a target comes, goes and is put elsewhere once in ten seconds, in 100 m³ (m²), at up to some m/s; nothing kicks it.
+    /// 500 particles; a target appears, disappears and is carried elsewhere once in ten seconds, in 100 m³ (m²), at about 1 m/s; its velocity does not jump.
     pub const fn of(motion: Motion) -> Self {
         Self {
             particle_count: 500,
@@ -74,7 +73,7 @@ impl BernoulliSettings {
         }
     }
 
-    /// Refuses what makes no filter.
+    /// Returns an error for settings that make no filter.
     fn check(&self) -> Result<(), Error> {
         if !(1..=MAX_PARTICLES).contains(&self.particle_count) {
             return Err(Error::out_of_range(
@@ -102,7 +101,7 @@ impl BernoulliSettings {
     }
 }
 
-/// Refuses motion models that are not white noise on positions or velocities.
+/// Returns an error for motion models that are not white noise on positions or velocities.
 pub fn check_motion(motion: &Motion) -> Result<(), Error> {
     Kinematics::of(motion).map(|_| ())
 }
@@ -124,13 +123,13 @@ impl Hypothesis {
     }
 }
 
-/// What is believed of existence before the images are looked at.
+/// The predicted probabilities of existence.
 struct Prior {
-    /// The target exists and is where particles were and moved on.
+    /// The target exists and is where the particles moved.
     located: f64,
-    /// It exists elsewhere: it came into being, or was put down.
+    /// It exists elsewhere: it appeared, or was put down.
     elsewhere: f64,
-    /// There is none.
+    /// It does not exist.
     absent: f64,
 }
 
@@ -144,22 +143,24 @@ pub struct BernoulliFilter {
     observation: u32,
     /// The probability that the target exists, at the last update.
     existence: f64,
-    /// Time since then, seconds. White noise composes, so that this is all that there is to predict.
+    /// The time since then, seconds. White noise composes, so that prediction needs nothing else.
     pending_s: f64,
     hypotheses: Vec<Hypothesis>,
     /// Their positions and velocities, for kernels.
     particles: Particles,
     weights: Vec<f64>,
     proposal: Proposal,
-    /// Where an update gathers what is new before the two are swapped.
+    /// The particles of an update in progress, which then replace the others.
     new_hypotheses: Vec<Hypothesis>,
     new_particles: Particles,
     ancestors: Vec<u32>,
     log_ratios: Vec<f32>,
+    /// The particle to which the last update gave the greatest ratio; of equals the heaviest.
+    likeliest: usize,
 }
 
 impl BernoulliFilter {
-    /// A filter of a target that does not exist yet. Motion models that are not white noise on positions or velocities are refused, and so are settings out of range.
+    /// A filter of a target that does not exist yet. Errors: settings out of range, a motion model that is not white noise on positions or velocities.
     pub fn new(settings: BernoulliSettings, draws: Draws) -> Result<Self, Error> {
         settings.check()?;
         let kinematics = Kinematics::of(&settings.motion)?;
@@ -180,11 +181,12 @@ impl BernoulliFilter {
             new_particles: particles,
             ancestors: vec![0; count],
             log_ratios: vec![0.0; count],
+            likeliest: 0,
         })
     }
 
-    /// Draws all particles anew around a start, by numbers that no start had before; in a plane at its height, without vertical velocity. The target exists with this
-    /// probability, 0 to 1.
+    /// Draws all particles around a start, by random numbers that no start had before; with planar motion at its height and without vertical velocity. `existence` is
+    /// the probability, 0 to 1, that the target exists.
     pub fn start(&mut self, start: &GaussianStart, existence: f64) -> Result<(), Error> {
         start.check()?;
         if !(0.0..=1.0).contains(&existence) {
@@ -225,31 +227,32 @@ impl BernoulliFilter {
         }
         write(&self.hypotheses, &mut self.particles);
         self.particles.reset_weights();
+        self.likeliest = 0;
         let count = self.weights.len() as f64;
         self.weights.fill(1.0 / count);
         Ok(())
     }
 
-    /// Lets `dt_s` seconds pass; no time passes where that is not above 0. Predicting in pieces is predicting at once.
+    /// Predicts by `dt_s` seconds; does nothing unless that is above 0. Several short steps equal one long step.
     pub fn predict(&mut self, dt_s: f64) {
         if dt_s > 0.0 {
             self.pending_s = (self.pending_s + dt_s).min(MAX_PENDING_S);
         }
     }
 
-    /// The probability that the target exists, wherever.
+    /// The probability that the target exists, anywhere.
     pub fn existence(&self) -> f64 {
         let prior = self.prior();
         (prior.located + prior.elsewhere).min(1.0)
     }
 
-    /// The probability that it exists and is where the particles and its motion say: after an update the whole of [`BernoulliFilter::existence`], later
-    /// without what came into being or was put elsewhere since.
+    /// The probability that the target exists and is where the particles predict: [`BernoulliFilter::existence`] after an update, later without targets that appeared or
+    /// were carried elsewhere since.
     pub fn located(&self) -> f64 {
         self.prior().located
     }
 
-    /// Two states that change into one another at constant rates, solved over the time since the last update.
+    /// The solution of a Markov chain of two states with constant rates over the time since the last update.
     fn prior(&self) -> Prior {
         let settings = &self.settings;
         let (born, dead) = (settings.birth_rate_hz, settings.death_rate_hz);
@@ -265,17 +268,16 @@ impl BernoulliFilter {
         }
     }
 
-    /// Draws new particles from the prediction and the peaks and weighs them by what the images say: `log_ratios` is given the particles and writes ln p(images |
-    /// target there) − ln p(images | no target) for each, anew where particles are drawn again. What is no number counts as
-    /// impossible. It is not called where there is nothing to weigh: the target does not exist and there is no peak.
+    /// Draws new particles from the prediction and the components and weights them: `log_ratios` gets the particles and writes ln p(images | target there) −
+    /// ln p(images | no target) for each. It is called again if particles are drawn again, and not at all if the target does not exist and there is no component.
+    /// NaN counts as impossible.
     ///
-    /// Where all is impossible, the target does not exist; one that certainly does stays as predicted. A time at which nobody looked is no update: it is predicted
-    /// only. `most_nats` is ln of the greatest ratio by which existence may become likelier, over all places: ratios may tell places apart better than
-    /// existence.
+    /// If all particles are impossible the target does not exist; a target that certainly exists stays as predicted. Do not update at times without images: predict
+    /// only. `max_log_ratio` bounds the log-ratio, in nats, by which existence becomes more likely: likelihoods may tell positions apart better than existence.
     pub fn update(
         &mut self,
-        peaks: &[Peak],
-        most_nats: f64,
+        components: &[MeasurementComponent],
+        max_log_ratio: f64,
         mut log_ratios: impl FnMut(&Particles, &mut [f32]),
     ) {
         self.observation = self.observation.wrapping_add(1);
@@ -286,22 +288,22 @@ impl BernoulliFilter {
         } else {
             0.0
         };
-        self.proposal.aim(peaks, elsewhere_share);
-        let is_nowhere = prior.located == 0.0 && (self.proposal.is_blind() || exists == 0.0);
+        self.proposal.condition_on(components, elsewhere_share);
+        let is_nowhere = prior.located == 0.0 && (self.proposal.is_empty() || exists == 0.0);
         let log_exists = if is_nowhere {
             f64::NEG_INFINITY
         } else {
             self.draw_new(&prior);
             log_ratios(&self.new_particles, &mut self.log_ratios);
-            let log_exists = self.weigh_new();
+            let log_exists = self.weight_new();
             // Where it is, is told better by these; whether it is, by all predictions.
-            if self.agrees_too_little(&prior) && self.draw_from_moments(&prior) {
+            if self.agrees_too_little(&prior) && self.draw_moment_matched(&prior) {
                 log_ratios(&self.new_particles, &mut self.log_ratios);
-                if self.weigh_new() == f64::NEG_INFINITY {
+                if self.weight_new() == f64::NEG_INFINITY {
                     // None of them is possible: the first were, and the same numbers draw them again.
                     self.draw_new(&prior);
                     log_ratios(&self.new_particles, &mut self.log_ratios);
-                    self.weigh_new();
+                    self.weight_new();
                 }
             }
             log_exists
@@ -313,10 +315,11 @@ impl BernoulliFilter {
             }
             return;
         }
-        let log_exists = log_exists.min(libm::log(exists) + most_nats);
+        let log_exists = log_exists.min(libm::log(exists) + max_log_ratio);
         let log_absent = libm::log(prior.absent);
         self.existence = libm::exp(log_exists - log_add(log_exists, log_absent)).min(1.0);
         self.pending_s = 0.0;
+        self.likeliest = likeliest(&self.log_ratios, &self.new_particles.log_weights);
         std::mem::swap(&mut self.hypotheses, &mut self.new_hypotheses);
         std::mem::swap(&mut self.particles, &mut self.new_particles);
         for (weight, log_weight) in self.weights.iter_mut().zip(&self.particles.log_weights) {
@@ -339,17 +342,17 @@ impl BernoulliFilter {
         1.0 / self.weights.iter().map(|w| w * w).sum::<f64>()
     }
 
-    /// Where the target is, if it is located, `ahead_s` seconds after what was predicted; nothing changes. Straight after [`BernoulliFilter::predict`], and 0 s ahead, it is the
-    /// predicted mixture's mean and covariance, without births. `None` where the target does not exist.
+    /// Estimates the target, if it is located, `ahead_s` seconds after the predicted time; nothing changes. Right after [`BernoulliFilter::predict`], and 0 s ahead, it is the
+    /// predicted mixture's mean and covariance, without births. `None` if the target does not exist.
     pub fn estimate(&self, ahead_s: f64) -> Option<StateEstimate> {
         if self.located() == 0.0 {
             return None;
         }
         let dt_s = self.pending_s + ahead_s;
         let (mut position_m, mut velocity_mps, mut spread_m2) = ([0.0; 3], [0.0; 3], 0.0);
-        if let Some((chance, kicked)) = self.kick(dt_s) {
+        if let Some((chance, jumped)) = self.velocity_jump(dt_s) {
             spread_m2 +=
-                chance * (kicked.variance_m2(0.0, dt_s) - self.kinematics.variance_m2(0.0, dt_s));
+                chance * (jumped.variance_m2(0.0, dt_s) - self.kinematics.variance_m2(0.0, dt_s));
         }
         for (hypothesis, w) in self.hypotheses.iter().zip(&self.weights) {
             let ahead_m = hypothesis.ahead(dt_s);
@@ -365,29 +368,28 @@ impl BernoulliFilter {
             covariance_m2[diagonal] = spread_m2;
         }
         add_scatter(self.places_m(dt_s), position_m, &mut covariance_m2);
-        let best = heaviest(&self.weights);
         Some(StateEstimate {
             position_m,
             velocity_mps: self.kinematics.has_velocity().then_some(velocity_mps),
             covariance_m2,
-            best_position_m: self.hypotheses[best].ahead(dt_s),
+            best_position_m: self.hypotheses[self.likeliest].ahead(dt_s),
             effective_sample_size: self.effective_sample_size(),
         })
     }
 
-    /// The share of the weight within `distance_m` of a point, each particle where it is predicted on average.
+    /// The share of the weight within `distance_m` of a point (metres), each particle at its mean prediction.
     pub fn weight_within(&self, point_m: [f64; 3], distance_m: f64) -> f64 {
         weight_within(self.places_m(self.pending_s), point_m, distance_m)
     }
 
-    /// Where each particle is predicted on average after so many seconds, and its weight.
+    /// The mean prediction of each particle after `dt_s` seconds, and its weight.
     fn places_m(&self, dt_s: f64) -> impl Iterator<Item = ([f64; 3], f64)> {
         let weighted = self.hypotheses.iter().zip(&self.weights);
         weighted.map(move |(hypothesis, &weight)| (hypothesis.ahead(dt_s), weight))
     }
 }
 
-/// Writes the columns.
+/// Writes positions and velocities into the columns of the particles.
 fn write(hypotheses: &[Hypothesis], particles: &mut Particles) {
     // A random walk has no columns for velocities.
     for (order, axes) in particles.columns_mut().chunks_exact_mut(3).enumerate() {

@@ -1,34 +1,34 @@
-//! Where new particles are drawn from: the prediction, what it agrees on with the peaks nearby, and the peaks alone.
+//! The proposal density of new particles: a mixture of the prediction, of its products with measurement components nearby, and of births at components.
 
 use std::f64::consts::PI;
 
 use crate::gaussian::MAX_START;
 
-/// The share of particles that come from the peaks alone where one is near, at least.
-const FRESH_SHARE: f64 = 0.1;
-/// Of the others, the share that come from the prediction alone.
+/// The least share of particles that are born at components, independently of the prediction. Hand-set.
+const BIRTH_SHARE: f64 = 0.1;
+/// Of the others, the share that come from the prediction alone. Hand-set: defensive mixture against components that are wrong.
 const PREDICTED_SHARE: f64 = 0.25;
-/// Peaks alone are widened by this factor (standard deviations): their likelihood may have wider tails than they say.
-const FRESH_WIDENING: f64 = 2.0;
-/// A peak is near a prediction within this squared Mahalanobis distance, 6²: nothing farther agrees with it.
+/// Births widen components by this factor (standard deviations). Hand-set: likelihoods may have wider tails than components.
+const BIRTH_WIDENING: f64 = 2.0;
+/// A component is near a prediction within this squared Mahalanobis distance: six standard deviations. Derivation: 1e-8 of the density lies farther.
 const NEAR_SQUARED: f64 = 36.0;
-/// No axis of a peak is surer than 1 µm, in m².
+/// The least variance of a component along any axis, m²: 1 µm squared. Keeps densities finite.
 const MIN_VARIANCE_M2: f64 = 1e-12;
-/// Each sweep of Jacobi's rotations squares what is off the diagonal.
+/// Sweeps of Jacobi's rotations; each squares what is off the diagonal.
 const SWEEPS: usize = 10;
 
-/// A place that the images speak for: a Gaussian in the world to draw proposals from. It has no say in the weights, which correct for it.
+/// A Gaussian in the world that a detection contributes to the proposal. It does not bias the posterior: importance weights correct for it.
 ///
-/// Numbers that are not finite, positions beyond 1e6 m and covariances beyond 1e12 m² make it no peak: it is left out. Of a matrix that is not positive
-/// definite the variances along its principal axes count as 1 µm² at least.
+/// Components with numbers that are not finite, positions beyond 1e6 m or covariances beyond 1e12 m² are ignored. Variances along the principal axes
+/// count as 1 µm² at least.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Peak {
-    /// Mean in the world, metres. In a plane its height is the particles' from then on.
+pub struct MeasurementComponent {
+    /// Mean in the world, metres. With planar motion the particles take its height.
     pub position_m: [f64; 3],
     /// Covariance: xx, xy, xz, yy, yz, zz in m².
     pub covariance_m2: [f64; 6],
-    /// How much the images speak for it beside the other peaks: a logarithm, of any common scale.
-    pub log_evidence: f64,
+    /// The logarithm of its weight beside the other components, up to a common constant, in nats.
+    pub log_weight: f64,
 }
 
 /// The prediction for one particle: a Gaussian of one variance along each free axis.
@@ -37,77 +37,79 @@ pub(super) struct Prediction {
     pub(super) variance_m2: f64,
 }
 
-/// A peak along its principal axes.
+/// A component along its principal axes.
 #[derive(Debug)]
-struct Place {
+struct Component {
     mean_m: [f64; 3],
-    /// Unit vectors in the world, ...
+    /// Its principal axes: unit vectors in the world, ...
     axes: [[f64; 3]; 3],
     /// ... and the variances along them, m².
     variances_m2: [f64; 3],
-    /// The evidence, its greatest among the peaks being 0.
-    log_evidence: f64,
-    /// Its share of the particles that come from peaks alone, 0 to 1.
-    fresh_share: f64,
-    /// Whether the prediction at hand is near: the logarithm of evidence times agreement, else -∞.
+    /// The logarithm of its weight; the greatest of all components is 0.
+    log_weight: f64,
+    /// Its share of the births, 0 to 1.
+    birth_share: f64,
+    /// For the current prediction: the logarithm of weight times overlap if that is near, else -∞.
     log_agreement: f64,
 }
 
-/// The proposal density. A warm step of no more peaks than before allocates nothing.
+/// The proposal density. A warm step of no more components than before allocates nothing.
 #[derive(Debug)]
 pub(super) struct Proposal {
     free_axes: usize,
-    places: Vec<Place>,
-    /// The share of particles that come from the peaks alone where one is near.
-    fresh_share: f64,
+    components: Vec<Component>,
+    /// The share of particles that are born at components, if one is near.
+    birth_share: f64,
 }
 
 impl Proposal {
     pub(super) fn new(free_axes: usize) -> Self {
         Self {
             free_axes,
-            places: Vec::new(),
-            fresh_share: 0.0,
+            components: Vec::new(),
+            birth_share: 0.0,
         }
     }
 
-    /// Takes new peaks. `elsewhere` is the chance, 0 to 1, that a target, if there is one, is not where particles were.
-    pub(super) fn aim(&mut self, peaks: &[Peak], elsewhere: f64) {
-        self.places.clear();
+    /// Builds the proposal from new components. `elsewhere` is the probability that a target, if it exists, is not where particles were.
+    pub(super) fn condition_on(&mut self, components: &[MeasurementComponent], elsewhere: f64) {
+        self.components.clear();
         let free_axes = self.free_axes;
-        let places = peaks.iter().filter_map(|peak| Place::of(peak, free_axes));
-        self.places.extend(places);
-        let log_evidences = self.places.iter().map(|place| place.log_evidence);
-        let greatest = log_evidences.fold(f64::NEG_INFINITY, f64::max);
+        let components = components
+            .iter()
+            .filter_map(|component| Component::of(component, free_axes));
+        self.components.extend(components);
+        let log_weights = self.components.iter().map(|component| component.log_weight);
+        let greatest = log_weights.fold(f64::NEG_INFINITY, f64::max);
         let mut total = 0.0;
-        for place in &mut self.places {
-            place.log_evidence -= greatest;
-            total += libm::exp(place.log_evidence);
+        for component in &mut self.components {
+            component.log_weight -= greatest;
+            total += libm::exp(component.log_weight);
         }
-        // Half of them go to all peaks alike: what one frame speaks for is not all that may be.
-        let even = 1.0 / self.places.len() as f64;
-        for place in &mut self.places {
-            place.fresh_share = 0.5 * even + 0.5 * libm::exp(place.log_evidence) / total;
+        // Half of the births are spread evenly: the weights come from one frame only.
+        let even = 1.0 / self.components.len() as f64;
+        for component in &mut self.components {
+            component.birth_share = 0.5 * even + 0.5 * libm::exp(component.log_weight) / total;
         }
-        self.fresh_share = if self.places.is_empty() {
+        self.birth_share = if self.components.is_empty() {
             0.0
         } else {
-            FRESH_SHARE + (1.0 - FRESH_SHARE) * elsewhere
+            BIRTH_SHARE + (1.0 - BIRTH_SHARE) * elsewhere
         };
     }
 
-    /// Whether no peak was left.
-    pub(super) fn is_blind(&self) -> bool {
-        self.places.is_empty()
+    /// Whether there is no component.
+    pub(super) fn is_empty(&self) -> bool {
+        self.components.is_empty()
     }
 
-    /// The height of the peaks, where there are any.
+    /// The height of the components, if there are any, metres.
     pub(super) fn height_m(&self) -> Option<f64> {
-        self.places.first().map(|place| place.mean_m[2])
+        self.components.first().map(|component| component.mean_m[2])
     }
 
-    /// A position for one particle and the logarithm of the density, of all parts together, that it was drawn from. `share` in [0, 1) tells which part, `normals`
-    /// are standard normal.
+    /// Draws a position for one particle. Returns it with the logarithm of the whole proposal density there. `share` in [0, 1) selects the part of the
+    /// mixture, `normals` are standard normal.
     pub(super) fn draw(
         &mut self,
         prediction: &Prediction,
@@ -115,98 +117,100 @@ impl Proposal {
         normals: [f64; 3],
     ) -> ([f64; 3], f64) {
         let mut log_near = f64::NEG_INFINITY;
-        for place in &mut self.places {
-            place.log_agreement = place.log_agreement(prediction, self.free_axes);
-            log_near = log_add(log_near, place.log_agreement);
+        for component in &mut self.components {
+            component.log_agreement = component.log_agreement(prediction, self.free_axes);
+            log_near = log_add(log_near, component.log_agreement);
         }
-        // What would have gone to peaks nearby goes to either side where there are none.
-        let rest = 1.0 - self.fresh_share;
-        let [fresh_share, near_share] = if log_near > f64::NEG_INFINITY {
-            [self.fresh_share, rest * (1.0 - PREDICTED_SHARE)]
-        } else if self.is_blind() {
+        // Without components nearby, their share is divided between births and the prediction.
+        let rest = 1.0 - self.birth_share;
+        let [birth_share, near_share] = if log_near > f64::NEG_INFINITY {
+            [self.birth_share, rest * (1.0 - PREDICTED_SHARE)]
+        } else if self.is_empty() {
             [0.0; 2]
         } else {
-            [self.fresh_share + rest * (1.0 - PREDICTED_SHARE) / 2.0, 0.0]
+            [self.birth_share + rest * (1.0 - PREDICTED_SHARE) / 2.0, 0.0]
         };
-        let [mut left_fresh, mut left_near] = [share, share - fresh_share];
-        let position_m = if left_fresh < fresh_share {
-            let place = self.pick(|place| {
-                left_fresh -= fresh_share * place.fresh_share;
-                left_fresh < 0.0
+        let [mut left_birth, mut left_near] = [share, share - birth_share];
+        let position_m = if left_birth < birth_share {
+            let component = self.pick(|component| {
+                left_birth -= birth_share * component.birth_share;
+                left_birth < 0.0
             });
-            place.fresh(normals, self.free_axes)
+            component.draw_birth(normals, self.free_axes)
         } else if left_near < near_share {
-            let place = self.pick(|place| {
-                left_near -= near_share * libm::exp(place.log_agreement - log_near);
+            let component = self.pick(|component| {
+                left_near -= near_share * libm::exp(component.log_agreement - log_near);
                 left_near < 0.0
             });
-            place.agreed(prediction, normals, self.free_axes)
+            component.agreed(prediction, normals, self.free_axes)
         } else {
             prediction.draw(normals, self.free_axes)
         };
         let log_density =
-            self.log_density(position_m, prediction, log_near, [fresh_share, near_share]);
+            self.log_density(position_m, prediction, log_near, [birth_share, near_share]);
         (position_m, log_density)
     }
 
-    /// A position from the peaks alone, of which `share` in [0, 1) tells the peak.
-    pub(super) fn fresh(&self, share: f64, normals: [f64; 3]) -> [f64; 3] {
+    /// Draws a birth; `share` in [0, 1) selects the component.
+    pub(super) fn draw_birth(&self, share: f64, normals: [f64; 3]) -> [f64; 3] {
         let mut left = share;
-        let is_it = |place: &&Place| {
-            left -= place.fresh_share;
+        let is_it = |component: &&Component| {
+            left -= component.birth_share;
             left < 0.0
         };
-        let found = self.places.iter().find(is_it);
-        let place = found.unwrap_or(&self.places[self.places.len() - 1]);
-        place.fresh(normals, self.free_axes)
+        let found = self.components.iter().find(is_it);
+        let component = found.unwrap_or(&self.components[self.components.len() - 1]);
+        component.draw_birth(normals, self.free_axes)
     }
 
-    /// The logarithm of the density that these are drawn from.
-    pub(super) fn log_fresh_density(&self, position_m: [f64; 3]) -> f64 {
-        let of_place = |place: &Place| {
-            let (squared, log_height) = place.squared_and_log_height(position_m, self.free_axes);
-            place.log_fresh_density(squared, log_height, self.free_axes)
+    /// The logarithm of the density of births.
+    pub(super) fn log_birth_density(&self, position_m: [f64; 3]) -> f64 {
+        let of_place = |component: &Component| {
+            let (squared, log_height) =
+                component.squared_and_log_height(position_m, self.free_axes);
+            component.log_birth_density(squared, log_height, self.free_axes)
         };
-        let logs = self.places.iter().map(of_place);
+        let logs = self.components.iter().map(of_place);
         logs.fold(f64::NEG_INFINITY, log_add)
     }
 
-    /// The first place where `is_it`, or, as shares sum to one but for rounding, the last that agrees with anything.
-    fn pick(&self, mut is_it: impl FnMut(&Place) -> bool) -> &Place {
-        let found = self.places.iter().find(|place| is_it(place));
+    /// Returns the first component for which `is_it` holds or, because of rounding, the last one near the prediction.
+    fn pick(&self, mut is_it: impl FnMut(&Component) -> bool) -> &Component {
+        let found = self.components.iter().find(|component| is_it(component));
         found.unwrap_or_else(|| {
-            let agrees = |place: &&Place| place.log_agreement > f64::NEG_INFINITY;
-            let last = self.places.iter().rfind(agrees);
-            last.unwrap_or(&self.places[self.places.len() - 1])
+            let agrees = |component: &&Component| component.log_agreement > f64::NEG_INFINITY;
+            let last = self.components.iter().rfind(agrees);
+            last.unwrap_or(&self.components[self.components.len() - 1])
         })
     }
 
-    /// The product of a prediction and a peak, N(x; μ, P)·N(x; c, Σ), is N(c; μ, P + Σ) times the density of what they agree on: so the densities of all that is
-    /// agreed on, each with its share, sum up to the prediction's times the sum of the peaks'.
+    /// The product of a prediction and a component, N(x; μ, P)·N(x; c, Σ), is N(c; μ, P + Σ) times the density of the normalised product. The densities of all
+    /// products, each with its share, therefore sum to the prediction's density times the sum of the components'.
     fn log_density(
         &self,
         position_m: [f64; 3],
         prediction: &Prediction,
         log_near: f64,
-        [fresh_share, near_share]: [f64; 2],
+        [birth_share, near_share]: [f64; 2],
     ) -> f64 {
-        let [mut log_fresh, mut log_peaks] = [f64::NEG_INFINITY; 2];
-        for place in &self.places {
-            let (squared, log_height) = place.squared_and_log_height(position_m, self.free_axes);
-            let of_place = place.log_fresh_density(squared, log_height, self.free_axes);
-            log_fresh = log_add(log_fresh, of_place);
-            if place.log_agreement > f64::NEG_INFINITY {
-                log_peaks = log_add(log_peaks, place.log_evidence + log_height - squared / 2.0);
+        let [mut log_birth, mut log_peaks] = [f64::NEG_INFINITY; 2];
+        for component in &self.components {
+            let (squared, log_height) =
+                component.squared_and_log_height(position_m, self.free_axes);
+            let of_place = component.log_birth_density(squared, log_height, self.free_axes);
+            log_birth = log_add(log_birth, of_place);
+            if component.log_agreement > f64::NEG_INFINITY {
+                log_peaks = log_add(log_peaks, component.log_weight + log_height - squared / 2.0);
             }
         }
-        let predicted_share = 1.0 - fresh_share - near_share;
+        let predicted_share = 1.0 - birth_share - near_share;
         let mut log_predicted = libm::log(predicted_share);
         if near_share > 0.0 {
             log_predicted = log_add(log_predicted, libm::log(near_share) + log_peaks - log_near);
         }
         log_add(
             log_predicted + prediction.log_density(position_m, self.free_axes),
-            libm::log(fresh_share) + log_fresh,
+            libm::log(birth_share) + log_birth,
         )
     }
 }
@@ -231,34 +235,34 @@ impl Prediction {
     }
 }
 
-impl Place {
-    fn of(peak: &Peak, free_axes: usize) -> Option<Self> {
+impl Component {
+    fn of(component: &MeasurementComponent, free_axes: usize) -> Option<Self> {
         let fits = |values: &[f64], most: f64| values.iter().all(|value| value.abs() <= most);
-        if !(fits(&peak.position_m, MAX_START)
-            && fits(&peak.covariance_m2, MAX_START * MAX_START)
-            && peak.log_evidence.is_finite())
+        if !(fits(&component.position_m, MAX_START)
+            && fits(&component.covariance_m2, MAX_START * MAX_START)
+            && component.log_weight.is_finite())
         {
             return None;
         }
-        let (axes, variances_m2) = principal_axes(peak.covariance_m2, free_axes);
+        let (axes, variances_m2) = principal_axes(component.covariance_m2, free_axes);
         Some(Self {
-            mean_m: peak.position_m,
+            mean_m: component.position_m,
             axes,
             variances_m2: variances_m2.map(|variance| variance.max(MIN_VARIANCE_M2)),
-            log_evidence: peak.log_evidence,
-            fresh_share: 0.0,
+            log_weight: component.log_weight,
+            birth_share: 0.0,
             log_agreement: f64::NEG_INFINITY,
         })
     }
 
-    /// How far it is along one of its axes from a position, metres.
+    /// The distance of its mean from a position along one of its axes, metres.
     fn along(&self, axis: usize, position_m: [f64; 3], free_axes: usize) -> f64 {
         (0..free_axes)
             .map(|i| self.axes[axis][i] * (self.mean_m[i] - position_m[i]))
             .sum()
     }
 
-    /// Evidence times N(c; μ, P + Σ) as a logarithm, -∞ where that is far.
+    /// The logarithm of its weight times N(c; μ, P + Σ); -∞ if that is far.
     fn log_agreement(&self, prediction: &Prediction, free_axes: usize) -> f64 {
         let (mut squared, mut determinant) = (0.0, 1.0);
         for axis in 0..free_axes {
@@ -267,13 +271,13 @@ impl Place {
             determinant *= 2.0 * PI * variance_m2;
         }
         if squared <= NEAR_SQUARED {
-            self.log_evidence - 0.5 * (squared + libm::log(determinant))
+            self.log_weight - 0.5 * (squared + libm::log(determinant))
         } else {
             f64::NEG_INFINITY
         }
     }
 
-    /// The squared Mahalanobis distance of a position, and the logarithm of the density in the middle.
+    /// The squared Mahalanobis distance of a position, and the logarithm of the density at the mean.
     fn squared_and_log_height(&self, position_m: [f64; 3], free_axes: usize) -> (f64, f64) {
         let (mut squared, mut determinant) = (0.0, 1.0);
         for axis in 0..free_axes {
@@ -283,24 +287,24 @@ impl Place {
         (squared, -0.5 * libm::log(determinant))
     }
 
-    /// The logarithm of its share of what the widened peaks alone make of a position.
-    fn log_fresh_density(&self, squared: f64, log_height: f64, free_axes: usize) -> f64 {
-        let widened = squared / FRESH_WIDENING.powi(2);
-        let log_widening = free_axes as f64 * libm::log(FRESH_WIDENING);
-        libm::log(self.fresh_share) + log_height - log_widening - widened / 2.0
+    /// The logarithm of its part of the density of births.
+    fn log_birth_density(&self, squared: f64, log_height: f64, free_axes: usize) -> f64 {
+        let widened = squared / BIRTH_WIDENING.powi(2);
+        let log_widening = free_axes as f64 * libm::log(BIRTH_WIDENING);
+        libm::log(self.birth_share) + log_height - log_widening - widened / 2.0
     }
 
-    /// A position from the widened peak alone.
-    fn fresh(&self, normals: [f64; 3], free_axes: usize) -> [f64; 3] {
+    /// Draws a birth from the widened component.
+    fn draw_birth(&self, normals: [f64; 3], free_axes: usize) -> [f64; 3] {
         let mut position_m = self.mean_m;
         for axis in 0..free_axes {
-            let step_m = FRESH_WIDENING * self.variances_m2[axis].sqrt() * normals[axis];
+            let step_m = BIRTH_WIDENING * self.variances_m2[axis].sqrt() * normals[axis];
             self.go(&mut position_m, axis, step_m, free_axes);
         }
         position_m
     }
 
-    /// A position from what the peak and a prediction agree on: the Gaussian that their product is, but for scale.
+    /// Draws a position from the normalised product of the component and a prediction.
     fn agreed(&self, prediction: &Prediction, normals: [f64; 3], free_axes: usize) -> [f64; 3] {
         let mut position_m = prediction.mean_m;
         for axis in 0..free_axes {

@@ -1,52 +1,55 @@
-//! Constant acceleration, disturbed at random. Particles start without acceleration.
+//! Constant acceleration with process noise. Particles start with zero acceleration.
 
 use super::check_strength;
 use pardalis_core::Error;
 
-/// How the acceleration changes over a step of Δt.
+/// Process noise of the acceleration over a step of Δt.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Jerk {
-    /// As published, for one fixed frame rate: x += vΔt + aΔt²/2, v += aΔt, a += e, e ~ N(0, σ²I) per step, however long (Campos 2009, eq. 15).
+pub enum AccelerationNoise {
+    /// x += vΔt + aΔt²/2, v += aΔt, a += e, e ~ N(0, σ²I) per step regardless of its length, as
+    /// published for a fixed frame rate (Campos 2009, eq. 15).
     PerStep {
         /// σ, in m/s².
         acceleration_step_sigma_mps2: f64,
     },
-    /// Continuous white noise of density q in m²/s⁵: covariance q·[Δt⁵/20, Δt⁴/8, Δt³/6; Δt⁴/8, Δt³/3, Δt²/2; Δt³/6, Δt²/2, Δt] an axis, so
-    /// that two half steps have the distribution of one.
+    /// Continuous white jerk noise of density q: covariance q·[Δt⁵/20, Δt⁴/8, Δt³/6; Δt⁴/8, Δt³/3,
+    /// Δt²/2; Δt³/6, Δt²/2, Δt] per axis, so that two half steps have the distribution of one whole
+    /// step.
     White {
-        /// q, in m²/s⁵: in one second the acceleration's variance grows by q.
+        /// q, in m²/s⁵: the acceleration variance added per second.
         jerk_density_m2ps5: f64,
     },
 }
 
-/// Constant acceleration.
+/// Constant acceleration with process noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConstantAcceleration {
-    jerk: Jerk,
+    noise: AccelerationNoise,
 }
 
 impl ConstantAcceleration {
-    /// Constant acceleration under this jerk, whose strength may be 0 to 1e9.
-    pub fn new(jerk: Jerk) -> Result<Self, Error> {
-        check_strength(match jerk {
-            Jerk::PerStep {
+    /// Creates the model. The strength of the noise must lie between 0 and 1e9.
+    pub fn new(noise: AccelerationNoise) -> Result<Self, Error> {
+        check_strength(match noise {
+            AccelerationNoise::PerStep {
                 acceleration_step_sigma_mps2: sigma,
             } => ("acceleration_step_sigma_mps2", sigma),
-            Jerk::White {
+            AccelerationNoise::White {
                 jerk_density_m2ps5: q,
             } => ("jerk_density_m2ps5", q),
         })?;
-        Ok(Self { jerk })
+        Ok(Self { noise })
     }
 
-    /// The noise of position (m), velocity (m/s) and acceleration (m/s²) on an axis, as L·n of three standard normals n: the lower
-    /// triangular factor L of the covariance L·Lᵀ.
+    /// Returns the lower triangular factor L of the noise covariance L·Lᵀ of position (m), velocity
+    /// (m/s) and acceleration (m/s²) on one axis. The noise is L·n with three standard normal
+    /// numbers n.
     pub fn noise_factor(&self, dt_s: f64) -> [[f64; 3]; 3] {
-        match self.jerk {
-            Jerk::PerStep {
+        match self.noise {
+            AccelerationNoise::PerStep {
                 acceleration_step_sigma_mps2: sigma,
             } => [[0.0; 3], [0.0; 3], [0.0, 0.0, sigma]],
-            Jerk::White {
+            AccelerationNoise::White {
                 jerk_density_m2ps5: q,
             } => {
                 let acceleration = (q * dt_s).sqrt();
@@ -72,16 +75,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faulty_settings_are_refused() {
-        for jerk in [
-            Jerk::White {
+    fn invalid_noise_is_rejected() {
+        for noise in [
+            AccelerationNoise::White {
                 jerk_density_m2ps5: -1.0,
             },
-            Jerk::PerStep {
+            AccelerationNoise::PerStep {
                 acceleration_step_sigma_mps2: f64::NAN,
             },
         ] {
-            assert!(ConstantAcceleration::new(jerk).is_err());
+            assert!(ConstantAcceleration::new(noise).is_err());
         }
     }
 }

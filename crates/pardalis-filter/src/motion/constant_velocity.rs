@@ -1,78 +1,82 @@
-//! Constant velocity, disturbed at random.
+//! Constant velocity with process noise.
 
 use super::check_strength;
 use pardalis_core::Error;
 
-/// How the velocity changes over a step of Δt.
+/// Process noise of the velocity over a step of Δt.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Disturbance {
-    /// As published, for one fixed frame rate: x += vΔt + aΔt²/2, v += aΔt, a ~ N(0, σ²I) with σ in m/s² (Taiana 2007, eqs. 5.7 and 5.8).
+pub enum VelocityNoise {
+    /// Acceleration that is constant during a step: x += vΔt + aΔt²/2, v += aΔt, a ~ N(0, σ²I), as
+    /// published for a fixed frame rate (Taiana 2007, eqs. 5.7 and 5.8).
     PiecewiseConstant {
         /// σ, in m/s².
         acceleration_sigma_mps2: f64,
     },
-    /// Continuous white noise of density q in m²/s³: covariance q·[Δt³/3, Δt²/2; Δt²/2, Δt] an axis, so that two half steps have the distribution of one.
+    /// Continuous white acceleration noise of density q: covariance q·[Δt³/3, Δt²/2; Δt²/2, Δt] per
+    /// axis, so that two half steps have the distribution of one whole step.
     White {
-        /// q, in m²/s³: in one second the velocity's variance grows by q.
+        /// q, in m²/s³: the velocity variance added per second.
         acceleration_density_m2ps3: f64,
     },
-    /// As published, for one fixed frame rate: x += vΔt, v += e, e ~ N(0, σ²I) per step, however long (Campos 2009, eq. 14).
+    /// x += vΔt, v += e, e ~ N(0, σ²I) per step regardless of its length, as published for a fixed
+    /// frame rate (Campos 2009, eq. 14).
     PerStep {
         /// σ, in m/s.
         velocity_sigma_mps: f64,
     },
 }
 
-/// Constant velocity.
+/// Constant velocity with process noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConstantVelocity {
-    disturbance: Disturbance,
+    noise: VelocityNoise,
 }
 
 impl ConstantVelocity {
-    /// Ours: white noise strong enough for a ball that is thrown and bounces.
+    /// The default: white noise strong enough for a ball that is thrown and bounces.
     pub const DEFAULT: Self = Self {
-        disturbance: Disturbance::White {
+        noise: VelocityNoise::White {
             acceleration_density_m2ps3: 100.0,
         },
     };
 
-    /// Of a filter that knows of kicks and bounces by themselves: gravity and friction are left.
-    pub const BETWEEN_KICKS: Self = Self {
-        disturbance: Disturbance::White {
+    /// For filters that model velocity jumps (kicks and bounces) separately: the noise covers
+    /// gravity and friction only.
+    pub const BETWEEN_VELOCITY_JUMPS: Self = Self {
+        noise: VelocityNoise::White {
             acceleration_density_m2ps3: 20.0,
         },
     };
 
-    /// Constant velocity under this disturbance, whose strength may be 0 to 1e9.
-    pub fn new(disturbance: Disturbance) -> Result<Self, Error> {
-        check_strength(match disturbance {
-            Disturbance::PiecewiseConstant {
+    /// Creates the model. The strength of the noise must lie between 0 and 1e9.
+    pub fn new(noise: VelocityNoise) -> Result<Self, Error> {
+        check_strength(match noise {
+            VelocityNoise::PiecewiseConstant {
                 acceleration_sigma_mps2: sigma,
             } => ("acceleration_sigma_mps2", sigma),
-            Disturbance::White {
+            VelocityNoise::White {
                 acceleration_density_m2ps3: q,
             } => ("acceleration_density_m2ps3", q),
-            Disturbance::PerStep {
+            VelocityNoise::PerStep {
                 velocity_sigma_mps: sigma,
             } => ("velocity_sigma_mps", sigma),
         })?;
-        Ok(Self { disturbance })
+        Ok(Self { noise })
     }
 
-    /// How the velocity changes.
-    pub fn disturbance(&self) -> Disturbance {
-        self.disturbance
+    /// Returns the process noise.
+    pub fn process_noise(&self) -> VelocityNoise {
+        self.noise
     }
 
-    /// The noise of position (m) and velocity (m/s) on an axis, as L·n of two standard normals n: the lower triangular factor L of the
-    /// covariance L·Lᵀ.
+    /// Returns the lower triangular factor L of the noise covariance L·Lᵀ of position (m) and
+    /// velocity (m/s) on one axis. The noise is L·n with two standard normal numbers n.
     pub fn noise_factor(&self, dt_s: f64) -> [[f64; 2]; 2] {
-        match self.disturbance {
-            Disturbance::PiecewiseConstant {
+        match self.noise {
+            VelocityNoise::PiecewiseConstant {
                 acceleration_sigma_mps2: sigma,
             } => [[0.5 * sigma * dt_s * dt_s, 0.0], [sigma * dt_s, 0.0]],
-            Disturbance::White {
+            VelocityNoise::White {
                 acceleration_density_m2ps3: q,
             } => {
                 let velocity = (q * dt_s).sqrt();
@@ -82,7 +86,7 @@ impl ConstantVelocity {
                     [velocity * root / 2.0, velocity / 2.0],
                 ]
             }
-            Disturbance::PerStep {
+            VelocityNoise::PerStep {
                 velocity_sigma_mps: sigma,
             } => [[0.0, 0.0], [0.0, sigma]],
         }
@@ -94,19 +98,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faulty_settings_are_refused() {
-        for disturbance in [
-            Disturbance::White {
+    fn invalid_noise_is_rejected() {
+        for noise in [
+            VelocityNoise::White {
                 acceleration_density_m2ps3: f64::NAN,
             },
-            Disturbance::PiecewiseConstant {
+            VelocityNoise::PiecewiseConstant {
                 acceleration_sigma_mps2: -1.0,
             },
-            Disturbance::PerStep {
+            VelocityNoise::PerStep {
                 velocity_sigma_mps: f64::INFINITY,
             },
         ] {
-            assert!(ConstantVelocity::new(disturbance).is_err());
+            assert!(ConstantVelocity::new(noise).is_err());
         }
     }
 }

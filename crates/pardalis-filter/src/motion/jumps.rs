@@ -1,4 +1,4 @@
-//! Jumps: now and then a particle is put anywhere in an area, to find what a walk has lost (Campos 2009, eq. 13).
+//! Random jumps of particles into a search area, which recover a lost target (Campos 2009, eq. 13).
 
 use super::check_strength;
 use super::linear::{Step, in_chunks};
@@ -7,22 +7,24 @@ use crate::particles::Particles;
 use pardalis_core::Error;
 use pardalis_core::rng::Stage;
 
-/// How often particles jump.
+/// Probability that a particle jumps in a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum JumpChance {
-    /// As published, for one fixed frame rate: with probability β per step, however long.
+    /// Probability β per step regardless of its length, as published for a fixed frame rate.
     PerStep {
         /// β, 0 to 1.
         share: f64,
     },
-    /// At a rate r: with probability 1 − exp(−rΔt) over a step of Δt, so that as many have jumped after two half steps as after one.
+    /// Rate r: probability 1 − exp(−rΔt) over a step of Δt, so that two half steps move as many
+    /// particles as one whole step.
     Rate {
-        /// r, in jumps a second.
+        /// r, in jumps per second.
         rate_hz: f64,
     },
 }
 
-/// Uniform jumps into an axis-aligned box of the world; in a plane into its rectangle, at the height that the particle has.
+/// Uniform jumps into an axis-aligned box of the world frame. In a plane, particles jump within the
+/// box's rectangle and keep their height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jumps {
     chance: JumpChance,
@@ -31,25 +33,26 @@ pub struct Jumps {
 }
 
 impl Jumps {
-    /// Jumps into the box between two corners; coordinates lie between -1e6 and 1e6 and none of `max_m` below that of `min_m`.
+    /// Creates jumps into the box between two corners. Coordinates must lie between -1e6 and 1e6,
+    /// and no coordinate of `max_m` may be smaller than that of `min_m`.
     pub fn new(chance: JumpChance, min_m: [f64; 3], max_m: [f64; 3]) -> Result<Self, Error> {
         match chance {
             JumpChance::PerStep { share } if !(0.0..=1.0).contains(&share) => {
-                return Err(Error::out_of_range("share", share, "0 to 1"));
+                return Err(Error::out_of_range("probability", share, "0 to 1"));
             }
             JumpChance::PerStep { .. } => {}
             JumpChance::Rate { rate_hz } => check_strength(("rate_hz", rate_hz))?,
         }
-        let refused = |name, corner: [f64; 3], allowed| {
+        let reject = |name, corner: [f64; 3], allowed| {
             Err(Error::out_of_range(name, format!("{corner:?}"), allowed))
         };
         for (name, corner) in [("min_m", min_m), ("max_m", max_m)] {
             if corner.iter().any(|v| !(v.abs() <= MAX_START)) {
-                return refused(name, corner, "numbers between -1e6 and 1e6");
+                return reject(name, corner, "numbers between -1e6 and 1e6");
             }
         }
         if min_m.iter().zip(max_m).any(|(&min, max)| max < min) {
-            return refused("max_m", max_m, "no number below that of min_m");
+            return reject("max_m", max_m, "no coordinate below that of min_m");
         }
         Ok(Self {
             chance,
@@ -58,7 +61,7 @@ impl Jumps {
         })
     }
 
-    /// The probability that a particle jumps in a step of `dt_s` seconds, above 0.
+    /// Returns the probability that a particle jumps during a step of `dt_s` > 0 seconds.
     pub fn probability(&self, dt_s: f64) -> f64 {
         match self.chance {
             JumpChance::PerStep { share } => share,
@@ -66,18 +69,18 @@ impl Jumps {
         }
     }
 
-    /// Puts those particles elsewhere whose turn it is.
+    /// Moves the particles that jump in this step.
     pub(super) fn propagate(&self, particles: &mut Particles, step: &Step) {
         let probability = self.probability(step.dt_s);
         in_chunks::<3>(particles, &|first, columns| {
             for i in 0..columns[0].len() {
                 let particle = first + i as u32;
-                let [chance, place @ ..] =
+                let [chance, position @ ..] =
                     step.draws.uniforms(particle, step.observation, Stage::Jump);
                 if chance < probability {
                     for axis in 0..step.free_axes {
                         let (min_m, max_m) = (self.min_m[axis], self.max_m[axis]);
-                        columns[axis][i] = (min_m + place[axis] * (max_m - min_m)) as f32;
+                        columns[axis][i] = (min_m + position[axis] * (max_m - min_m)) as f32;
                     }
                 }
             }
@@ -88,7 +91,7 @@ impl Jumps {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{Motion, RandomWalk, Stray};
+    use crate::motion::{Motion, PositionNoise, RandomWalk};
     use pardalis_core::rng::Draws;
     use pardalis_core::simd::Level;
 
@@ -96,9 +99,9 @@ mod tests {
     const MAX_M: [f64; 3] = [3.0, 1.5, 0.75];
     const COUNT: usize = 50_000;
 
-    /// A walk from the origin with these jumps, after so many steps that make up a second.
+    /// Runs a random walk with jumps from the origin for one second, divided into `steps` steps.
     fn walked(chance: JumpChance, planar: bool, steps: u32) -> Particles {
-        let walk = RandomWalk::new(Stray::PerStep { sigma_m: 0.01 }).unwrap();
+        let walk = RandomWalk::new(PositionNoise::PerStep { sigma_m: 0.01 }).unwrap();
         let mut motion = Motion::from(walk.with_jumps(Jumps::new(chance, MIN_M, MAX_M).unwrap()));
         if planar {
             motion = motion.in_plane();
@@ -111,14 +114,14 @@ mod tests {
         particles
     }
 
-    /// The particles that jumped: the walk never reaches y = 0.9.
+    /// Returns the indices of the particles that jumped: the walk never reaches y = 0.9.
     fn jumped(particles: &Particles) -> Vec<usize> {
         let y = &particles.columns()[1];
         (0..COUNT).filter(|&i| y[i] > 0.9).collect()
     }
 
     #[test]
-    fn as_many_jump_as_stated_whatever_way_the_time_is_divided() {
+    fn share_of_jumps_is_as_stated_however_the_time_is_divided() {
         let rate = JumpChance::Rate { rate_hz: 0.3 };
         for (chance, steps, expected) in [
             (JumpChance::PerStep { share: 0.0 }, 1, 0.0),
@@ -141,11 +144,11 @@ mod tests {
         let chance = JumpChance::PerStep { share: 0.5 };
         let space = walked(chance, false, 1);
         for axis in 0..3 {
-            // Eight equal parts of the box on each axis.
+            // Eight equal parts of the box per axis.
             let mut parts = [0.0; 8];
             for i in jumped(&space) {
-                let place = f64::from(space.columns()[axis][i]) - MIN_M[axis];
-                parts[(8.0 * place / (MAX_M[axis] - MIN_M[axis])).min(7.0) as usize] += 1.0;
+                let offset = f64::from(space.columns()[axis][i]) - MIN_M[axis];
+                parts[(8.0 * offset / (MAX_M[axis] - MIN_M[axis])).min(7.0) as usize] += 1.0;
             }
             let total: f64 = parts.iter().sum();
             for part in parts {
@@ -164,7 +167,7 @@ mod tests {
 
     #[test]
     fn a_walk_without_jumps_draws_the_same_numbers() {
-        let walk = RandomWalk::new(Stray::PerStep { sigma_m: 0.01 }).unwrap();
+        let walk = RandomWalk::new(PositionNoise::PerStep { sigma_m: 0.01 }).unwrap();
         let mut plain = Particles::new(COUNT, 3);
         Motion::from(walk).propagate(&mut plain, 1.0, Draws::new(9, 1), 0, Level::best());
         let jumping = walked(JumpChance::PerStep { share: 0.1 }, false, 1);
@@ -176,16 +179,21 @@ mod tests {
     }
 
     #[test]
-    fn faulty_settings_are_refused_by_name() {
+    fn invalid_settings_are_rejected_by_name() {
         let share = JumpChance::PerStep { share: 0.1 };
         let lower = [MIN_M[0], MIN_M[1], 0.4];
         for (chance, min_m, max_m, name) in [
-            (JumpChance::PerStep { share: 1.1 }, MIN_M, MAX_M, "share"),
+            (
+                JumpChance::PerStep { share: 1.1 },
+                MIN_M,
+                MAX_M,
+                "probability",
+            ),
             (
                 JumpChance::PerStep { share: f64::NAN },
                 MIN_M,
                 MAX_M,
-                "share",
+                "probability",
             ),
             (JumpChance::Rate { rate_hz: -1.0 }, MIN_M, MAX_M, "rate_hz"),
             (share, [f64::NAN; 3], MAX_M, "min_m"),

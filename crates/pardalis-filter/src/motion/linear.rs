@@ -1,33 +1,35 @@
-//! The step of every linear model: on each axis the position and its derivatives run on, and Gaussian noise is added.
+//! Prediction step of the linear motion models with Gaussian noise.
 
 use crate::particles::Particles;
 use pardalis_core::rng::{Draws, Stage};
 use pardalis_core::simd::Level;
 
-/// Particles a piece of work for one thread.
+/// Number of particles per unit of parallel work.
 const CHUNK: usize = 1024;
 
-/// One step of all particles.
+/// Parameters of one prediction step.
 pub(super) struct Step {
-    /// How long it is, above 0.
+    /// Duration in seconds, above 0.
     pub(super) dt_s: f64,
-    /// The axes along which particles move, from the first.
+    /// Number of axes along which particles move.
     pub(super) free_axes: usize,
-    /// Where its noise comes from, ...
+    /// Source of the noise.
     pub(super) draws: Draws,
-    /// ... for which observation ...
+    /// Index of the observation.
     pub(super) observation: u32,
-    /// ... and by which instructions.
+    /// Instruction set of the kernels.
     pub(super) level: Level,
 }
 
-/// What a position, velocity and acceleration are worth for the position after `dt_s` seconds: 1, Δt and Δt²/2.
+/// Returns the contributions of position, velocity and acceleration to the position after `dt_s`
+/// seconds: 1, Δt and Δt²/2.
 pub(crate) fn taylor(dt_s: f64) -> [f64; 3] {
     [1.0, dt_s, dt_s * dt_s / 2.0]
 }
 
-/// Moves every particle: on each axis the state s of `ORDERS` numbers becomes F·s + L·n, where F is [`taylor`]'s, L the lower triangular
-/// `noise_factor` and n standard normal. `COLUMNS` is 3·`ORDERS`, the particles' number of columns.
+/// Moves every particle: on each axis the state s of `ORDERS` numbers becomes F·s + L·n, where F is
+/// the transition matrix of [`taylor`], L the lower triangular `noise_factor` and n standard
+/// normal. `COLUMNS` is 3·`ORDERS`, the number of columns of the particles.
 pub(super) fn propagate<const ORDERS: usize, const COLUMNS: usize>(
     particles: &mut Particles,
     step: &Step,
@@ -64,18 +66,19 @@ pub(super) fn propagate<const ORDERS: usize, const COLUMNS: usize>(
     });
 }
 
-/// Gives the columns to `work` in pieces of at most [`CHUNK`] particles, each with the number of its first particle.
+/// Calls `work` for chunks of at most [`CHUNK`] particles, with the index of the chunk's first
+/// particle and its columns. Chunks run in parallel.
 pub(super) fn in_chunks<const COLUMNS: usize>(
     particles: &mut Particles,
     work: &(impl Fn(u32, [&mut [f32]; COLUMNS]) + Sync),
 ) {
     let Ok(columns) = <&mut [Vec<f32>; COLUMNS]>::try_from(particles.columns_mut()) else {
-        unreachable!("the filter makes particles of the model's number of columns")
+        unreachable!("the filter allocates the number of columns that the model requires")
     };
     divide(0, columns.each_mut().map(Vec::as_mut_slice), work);
 }
 
-/// Halves the columns, half for another thread, until they are small enough.
+/// Splits the columns in halves, one of them for another thread, down to chunks.
 fn divide<const COLUMNS: usize>(
     first: usize,
     columns: [&mut [f32]; COLUMNS],
@@ -99,7 +102,8 @@ fn divide<const COLUMNS: usize>(
 mod tests {
     use super::*;
     use crate::motion::{
-        ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, Motion, RandomWalk, Stray,
+        AccelerationNoise, ConstantAcceleration, ConstantVelocity, Motion, PositionNoise,
+        RandomWalk, VelocityNoise,
     };
     use nalgebra::SMatrix;
 
@@ -122,7 +126,8 @@ mod tests {
         })
     }
 
-    /// The covariance that a model states for a step, and that two half steps have the distribution of one.
+    /// Checks the noise covariance of a step, and that two half steps have the distribution of one
+    /// whole step.
     fn check_white<const N: usize>(
         noise_factor: impl Fn(f64) -> [[f64; N]; N],
         stated: impl Fn(f64) -> [[f64; N]; N],
@@ -141,13 +146,13 @@ mod tests {
 
     #[test]
     fn two_half_steps_of_white_noise_have_the_distribution_of_one() {
-        let stray = Stray::Diffusion { density_m2ps: 0.5 };
-        let walk = RandomWalk::new(stray).unwrap();
+        let noise = PositionNoise::Diffusion { density_m2ps: 0.5 };
+        let walk = RandomWalk::new(noise).unwrap();
         check_white(|dt| walk.noise_factor(dt), |dt| [[0.5 * dt]]);
-        let disturbance = Disturbance::White {
+        let noise = VelocityNoise::White {
             acceleration_density_m2ps3: 3.0,
         };
-        let velocity = ConstantVelocity::new(disturbance).unwrap();
+        let velocity = ConstantVelocity::new(noise).unwrap();
         check_white(
             |dt| velocity.noise_factor(dt),
             |dt| {
@@ -155,10 +160,10 @@ mod tests {
                 [[position, mixed], [mixed, dt]].map(|row| row.map(|v| 3.0 * v))
             },
         );
-        let jerk = Jerk::White {
+        let noise = AccelerationNoise::White {
             jerk_density_m2ps5: 7.0,
         };
-        let acceleration = ConstantAcceleration::new(jerk).unwrap();
+        let acceleration = ConstantAcceleration::new(noise).unwrap();
         check_white(
             |dt| acceleration.noise_factor(dt),
             |dt| {
@@ -175,7 +180,7 @@ mod tests {
     const COUNT: usize = 100_000;
     const STATE: [f64; 9] = [1.0, 0.0, -0.5, 2.0, 0.0, -4.0, 30.0, 0.0, -9.0];
 
-    /// Particles of this state, after a step.
+    /// Returns particles after one step from `STATE`.
     fn moved(motion: Motion, dt_s: f64) -> Particles {
         let mut particles = Particles::new(COUNT, motion.column_count());
         for (column, value) in particles.columns_mut().iter_mut().zip(STATE) {
@@ -185,7 +190,8 @@ mod tests {
         particles
     }
 
-    /// Mean and covariance of the particles on each axis are those of F·s and L·Lᵀ, within what so many draws allow.
+    /// Checks that mean and covariance of the particles on each axis are F·s and L·Lᵀ within the
+    /// sampling error.
     fn check_moments<const N: usize>(motion: Motion, noise_factor: impl Fn(f64) -> [[f64; N]; N]) {
         let dt_s = 0.04;
         let particles = moved(motion, dt_s);
@@ -193,7 +199,7 @@ mod tests {
         for axis in 0..3 {
             let state = SMatrix::<f64, N, 1>::from_fn(|order, _| STATE[3 * order + axis]);
             let means = transition::<N>(dt_s) * state;
-            // Single precision rounds, with noise or without.
+            // Single precision rounds with or without noise.
             let rounding = means.map(|mean| 1e-6 * mean.abs());
             let sigmas = expected.diagonal().map(f64::sqrt);
             let deviation = |order: usize, i: usize| {
@@ -216,47 +222,47 @@ mod tests {
 
     #[test]
     fn particles_move_with_the_stated_mean_and_covariance() {
-        let diffusion = Stray::Diffusion { density_m2ps: 0.5 };
-        for stray in [Stray::PerStep { sigma_m: 0.03 }, diffusion] {
-            let model = RandomWalk::new(stray).unwrap();
+        let diffusion = PositionNoise::Diffusion { density_m2ps: 0.5 };
+        for noise in [PositionNoise::PerStep { sigma_m: 0.03 }, diffusion] {
+            let model = RandomWalk::new(noise).unwrap();
             check_moments(model.into(), |dt| model.noise_factor(dt));
         }
-        for disturbance in [
-            Disturbance::PiecewiseConstant {
+        for noise in [
+            VelocityNoise::PiecewiseConstant {
                 acceleration_sigma_mps2: 56.25,
             },
-            Disturbance::White {
+            VelocityNoise::White {
                 acceleration_density_m2ps3: 100.0,
             },
-            Disturbance::PerStep {
+            VelocityNoise::PerStep {
                 velocity_sigma_mps: 0.2,
             },
         ] {
-            let model = ConstantVelocity::new(disturbance).unwrap();
+            let model = ConstantVelocity::new(noise).unwrap();
             check_moments(model.into(), |dt| model.noise_factor(dt));
         }
-        for jerk in [
-            Jerk::White {
+        for noise in [
+            AccelerationNoise::White {
                 jerk_density_m2ps5: 2e5,
             },
-            Jerk::PerStep {
+            AccelerationNoise::PerStep {
                 acceleration_step_sigma_mps2: 3.0,
             },
         ] {
-            let model = ConstantAcceleration::new(jerk).unwrap();
+            let model = ConstantAcceleration::new(noise).unwrap();
             check_moments(model.into(), |dt| model.noise_factor(dt));
         }
     }
 
-    /// One of each model, disturbed on all its orders.
+    /// One of each model, with noise on the highest derivative.
     fn models() -> [Motion; 3] {
-        let jerk = Jerk::White {
+        let noise = AccelerationNoise::White {
             jerk_density_m2ps5: 100.0,
         };
         [
             RandomWalk::PUBLISHED.into(),
             ConstantVelocity::DEFAULT.into(),
-            ConstantAcceleration::new(jerk).unwrap().into(),
+            ConstantAcceleration::new(noise).unwrap().into(),
         ]
     }
 
@@ -280,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_are_each_particle_once_with_its_number() {
+    fn chunks_cover_each_particle_once_with_its_index() {
         for count in [1, 1023, 1024, 1025, 4097, 30_000] {
             let mut particles = Particles::new(count, 3);
             in_chunks::<3>(&mut particles, &|first, columns| {

@@ -1,4 +1,4 @@
-//! Motion models: how a state changes over the true time between two images.
+//! Motion models: how a state changes over the time between two observations.
 
 mod constant_acceleration;
 mod constant_velocity;
@@ -6,11 +6,11 @@ mod jumps;
 mod linear;
 mod random_walk;
 
-pub use constant_acceleration::{ConstantAcceleration, Jerk};
-pub use constant_velocity::{ConstantVelocity, Disturbance};
+pub use constant_acceleration::{AccelerationNoise, ConstantAcceleration};
+pub use constant_velocity::{ConstantVelocity, VelocityNoise};
 pub use jumps::{JumpChance, Jumps};
 pub(crate) use linear::taylor;
-pub use random_walk::{RandomWalk, Stray};
+pub use random_walk::{PositionNoise, RandomWalk};
 
 use linear::Step;
 
@@ -19,7 +19,7 @@ use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
 
-/// What a state holds and how it is disturbed.
+/// State vector and process noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Model {
     RandomWalk(RandomWalk),
@@ -27,18 +27,19 @@ pub(crate) enum Model {
     ConstantAcceleration(ConstantAcceleration),
 }
 
-/// Any motion model, made of one of them (`Motion::from`), in space or in a horizontal plane.
+/// A motion model in space or in a horizontal plane. Construct it with `Motion::from`.
 ///
-/// Columns of its particles: x, y, z (m), then, where it has them, the velocity vx, vy, vz (m/s), then the acceleration ax, ay, az (m/s²).
+/// The columns of its particles are the position x, y, z (m), then the velocity vx, vy, vz (m/s)
+/// and the acceleration ax, ay, az (m/s²) if the model has them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
     model: Model,
-    /// Whether the target stays at the height of its start.
+    /// Whether the target stays at its initial height.
     planar: bool,
 }
 
 impl Motion {
-    /// Ours: constant velocity in space.
+    /// The default: constant velocity in space.
     pub const DEFAULT: Self = Self::in_space(Model::ConstantVelocity(ConstantVelocity::DEFAULT));
 
     const fn in_space(model: Model) -> Self {
@@ -48,7 +49,8 @@ impl Motion {
         }
     }
 
-    /// The same in a horizontal plane: the height is that of the start (Taiana 2007, section 6.1.2).
+    /// Restricts the motion to a horizontal plane at the initial height (Taiana 2007, section
+    /// 6.1.2).
     pub const fn in_plane(self) -> Self {
         Self {
             planar: true,
@@ -56,22 +58,23 @@ impl Motion {
         }
     }
 
-    /// What a state holds and how it is disturbed.
+    /// Returns the state vector and process noise.
     pub(crate) fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Whether the height is fixed: particles then start at one height, without vertical velocity.
+    /// Reports whether the height is fixed. Particles then start at one height, without vertical
+    /// velocity.
     pub fn is_planar(&self) -> bool {
         self.planar
     }
 
-    /// How many axes the target may move along: the first two, or all three.
+    /// Returns the number of axes along which the target can move: 2 (x and y) or 3.
     pub fn free_axes(&self) -> usize {
         if self.planar { 2 } else { 3 }
     }
 
-    /// How many numbers a state has on each axis: the position, then its derivatives.
+    /// Returns the number of state components per axis: the position and its derivatives.
     pub fn orders(&self) -> usize {
         match self.model {
             Model::RandomWalk(_) => 1,
@@ -80,12 +83,13 @@ impl Motion {
         }
     }
 
-    /// The number of columns of its particles.
+    /// Returns the number of columns of its particles.
     pub fn column_count(&self) -> usize {
         3 * self.orders()
     }
 
-    /// Moves every particle by `dt_s` seconds, above 0. The noise is a function of the draws' key, the observation's number and the particle's.
+    /// Moves every particle by `dt_s` > 0 seconds. The noise is a function of the key of `draws`,
+    /// the observation's index and the particle's index.
     pub fn propagate(
         &self,
         particles: &mut Particles,
@@ -117,8 +121,9 @@ impl Motion {
         }
     }
 
-    /// The variance, on each axis along which the target may move, that the noise adds to the position over `dt_s` seconds, in m². Jumps
-    /// are a way to search and no belief about the target: they do not count.
+    /// Returns the variance in m² that the process noise adds to the position over `dt_s` seconds,
+    /// on each axis along which the target can move. Jumps do not count: they only serve the search
+    /// and do not describe the target's motion.
     pub fn position_variance_m2(&self, dt_s: f64) -> f64 {
         if dt_s <= 0.0 {
             return 0.0;
@@ -150,7 +155,7 @@ impl From<ConstantAcceleration> for Motion {
     }
 }
 
-/// Refuses a strength of noise, or a rate, that is negative, beyond 1e9 or no number.
+/// Rejects noise strengths and rates outside 0 to 1e9, including NaN.
 fn check_strength((name, value): (&str, f64)) -> Result<(), Error> {
     if (0.0..=1e9).contains(&value) {
         Ok(())

@@ -1,47 +1,49 @@
-//! A random walk: the target may go anywhere, with no memory of where it went.
+//! Random walk: a motion model without velocity.
 
 use super::{Jumps, check_strength};
 use pardalis_core::Error;
 
-/// How far a target strays over a step of Δt.
+/// Process noise of the position over a step of Δt.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Stray {
-    /// As published, for one fixed frame rate: N(0, σ²) on each axis and step, however long (Barrera 2005, eqs. 1 to 3).
+pub enum PositionNoise {
+    /// N(0, σ²) per axis and step regardless of the step's length, as published for a fixed frame
+    /// rate (Barrera 2005, eqs. 1 to 3).
     PerStep {
         /// σ, in m.
         sigma_m: f64,
     },
-    /// Diffusion: variance q·Δt on each axis, so that two half steps have the distribution of one.
+    /// Diffusion: variance q·Δt per axis, so that two half steps have the distribution of one whole
+    /// step.
     Diffusion {
-        /// q, in m²/s: the variance that one second adds.
+        /// q, in m²/s: the variance added per second.
         density_m2ps: f64,
     },
 }
 
-/// A random walk, in which some particles may jump instead.
+/// A random walk with optional jumps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RandomWalk {
-    stray: Stray,
+    noise: PositionNoise,
     jumps: Option<Jumps>,
 }
 
 impl RandomWalk {
-    /// As published: σ = 0.03 m a step (Barrera 2005, section III).
+    /// The published model: σ = 0.03 m per step (Barrera 2005, section III).
     pub const PUBLISHED: Self = Self {
-        stray: Stray::PerStep { sigma_m: 0.03 },
+        noise: PositionNoise::PerStep { sigma_m: 0.03 },
         jumps: None,
     };
 
-    /// A target that strays so; the strength may be 0 to 1e9.
-    pub fn new(stray: Stray) -> Result<Self, Error> {
-        check_strength(match stray {
-            Stray::PerStep { sigma_m } => ("sigma_m", sigma_m),
-            Stray::Diffusion { density_m2ps } => ("density_m2ps", density_m2ps),
+    /// Creates a random walk. The strength of the noise must lie between 0 and 1e9.
+    pub fn new(noise: PositionNoise) -> Result<Self, Error> {
+        check_strength(match noise {
+            PositionNoise::PerStep { sigma_m } => ("sigma_m", sigma_m),
+            PositionNoise::Diffusion { density_m2ps } => ("density_m2ps", density_m2ps),
         })?;
-        Ok(Self { stray, jumps: None })
+        Ok(Self { noise, jumps: None })
     }
 
-    /// The same with jumps.
+    /// Adds jumps to the random walk.
     pub fn with_jumps(self, jumps: Jumps) -> Self {
         Self {
             jumps: Some(jumps),
@@ -49,21 +51,22 @@ impl RandomWalk {
         }
     }
 
-    /// How far it strays.
-    pub fn stray(&self) -> Stray {
-        self.stray
+    /// Returns the process noise.
+    pub fn process_noise(&self) -> PositionNoise {
+        self.noise
     }
 
-    /// The jumps, where it has them.
+    /// Returns the jumps, or `None` if the model has none.
     pub fn jumps(&self) -> Option<&Jumps> {
         self.jumps.as_ref()
     }
 
-    /// The standard deviation on each axis after `dt_s` seconds, above 0, in metres, as a factor of a single standard normal.
+    /// Returns the standard deviation per axis over `dt_s` > 0 seconds, in metres, as a 1×1 factor
+    /// of a standard normal number.
     pub fn noise_factor(&self, dt_s: f64) -> [[f64; 1]; 1] {
-        match self.stray {
-            Stray::PerStep { sigma_m } => [[sigma_m]],
-            Stray::Diffusion { density_m2ps } => [[(density_m2ps * dt_s).sqrt()]],
+        match self.noise {
+            PositionNoise::PerStep { sigma_m } => [[sigma_m]],
+            PositionNoise::Diffusion { density_m2ps } => [[(density_m2ps * dt_s).sqrt()]],
         }
     }
 }
@@ -73,14 +76,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faulty_settings_are_refused() {
-        for stray in [
-            Stray::PerStep { sigma_m: -0.1 },
-            Stray::Diffusion {
+    fn invalid_noise_is_rejected() {
+        for noise in [
+            PositionNoise::PerStep { sigma_m: -0.1 },
+            PositionNoise::Diffusion {
                 density_m2ps: f64::NAN,
             },
         ] {
-            assert!(RandomWalk::new(stray).is_err(), "{stray:?}");
+            assert!(RandomWalk::new(noise).is_err(), "{noise:?}");
         }
     }
 }

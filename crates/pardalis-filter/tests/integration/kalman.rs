@@ -1,5 +1,6 @@
-//! The filter against a Kalman filter: constant velocity or acceleration, Gaussian start, Gaussian likelihood of the position. The particle filter must
-//! converge to it as σ/√N.
+//! Comparison of the particle filter with a Kalman filter for constant velocity or acceleration, a
+//! Gaussian prior and a Gaussian likelihood of the position. The particle filter must converge to
+//! it as σ/√N.
 
 use nalgebra::{Matrix3, Vector3};
 use pardalis_core::rng::Draws;
@@ -8,8 +9,10 @@ use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-use pardalis_filter::motion::{ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, Motion};
-use pardalis_filter::particle_filter::{Filter, FilterSettings, Update};
+use pardalis_filter::motion::{
+    AccelerationNoise, ConstantAcceleration, ConstantVelocity, Motion, VelocityNoise,
+};
+use pardalis_filter::particle_filter::{FilterSettings, ParticleFilter, Update};
 use pardalis_filter::resample::Resampling;
 use proptest::prelude::*;
 
@@ -22,23 +25,23 @@ const SCHEMES: [Resampling; 4] = [
 /// A linear model and its noise on one axis.
 #[derive(Debug, Clone, Copy)]
 enum Noise {
-    Velocity(Disturbance),
-    Acceleration(Jerk),
+    Velocity(VelocityNoise),
+    Acceleration(AccelerationNoise),
 }
 const NOISES: [Noise; 5] = [
-    Noise::Velocity(Disturbance::White {
+    Noise::Velocity(VelocityNoise::White {
         acceleration_density_m2ps3: 0.5,
     }),
-    Noise::Velocity(Disturbance::PiecewiseConstant {
+    Noise::Velocity(VelocityNoise::PiecewiseConstant {
         acceleration_sigma_mps2: 2.0,
     }),
-    Noise::Velocity(Disturbance::PerStep {
+    Noise::Velocity(VelocityNoise::PerStep {
         velocity_sigma_mps: 0.2,
     }),
-    Noise::Acceleration(Jerk::White {
+    Noise::Acceleration(AccelerationNoise::White {
         jerk_density_m2ps5: 0.2,
     }),
-    Noise::Acceleration(Jerk::PerStep {
+    Noise::Acceleration(AccelerationNoise::PerStep {
         acceleration_step_sigma_mps2: 0.2,
     }),
 ];
@@ -46,13 +49,14 @@ const NOISES: [Noise; 5] = [
 impl Noise {
     fn motion(self) -> Motion {
         match self {
-            Self::Velocity(disturbance) => ConstantVelocity::new(disturbance).unwrap().into(),
-            Self::Acceleration(jerk) => ConstantAcceleration::new(jerk).unwrap().into(),
+            Self::Velocity(noise) => ConstantVelocity::new(noise).unwrap().into(),
+            Self::Acceleration(noise) => ConstantAcceleration::new(noise).unwrap().into(),
         }
     }
 
-    /// Enough particles, and the most that their errors may scatter on average and at worst, in σ/√N. Noise that reaches the position only
-    /// by way of the acceleration parts the copies of a particle slowly: errors carry over further.
+    /// Returns the number of particles and the largest average and worst scatter of the errors, in
+    /// σ/√N. Noise that reaches the position only through the acceleration separates the copies of
+    /// a particle slowly, so that errors persist longer.
     fn particles_and_scatters(self) -> (usize, f64, f64) {
         match self {
             Self::Velocity(_) => (3000, 4.0, 10.0),
@@ -60,44 +64,44 @@ impl Noise {
         }
     }
 
-    /// The covariance of position, velocity and acceleration that a step adds.
+    /// Returns the covariance of position, velocity and acceleration that a step adds.
     fn covariance(self, dt_s: f64) -> Matrix3<f64> {
         let t = |power: i32| dt_s.powi(power);
         match self {
-            Self::Velocity(Disturbance::White {
+            Self::Velocity(VelocityNoise::White {
                 acceleration_density_m2ps3: q,
             }) => {
                 let mixed = t(2) / 2.0;
                 q * Matrix3::new(t(3) / 3.0, mixed, 0.0, mixed, t(1), 0.0, 0.0, 0.0, 0.0)
             }
-            Self::Velocity(Disturbance::PiecewiseConstant {
+            Self::Velocity(VelocityNoise::PiecewiseConstant {
                 acceleration_sigma_mps2: sigma,
             }) => {
                 let gain = sigma * Vector3::new(t(2) / 2.0, t(1), 0.0);
                 gain * gain.transpose()
             }
-            Self::Velocity(Disturbance::PerStep {
+            Self::Velocity(VelocityNoise::PerStep {
                 velocity_sigma_mps: sigma,
             }) => Matrix3::from_diagonal(&Vector3::new(0.0, sigma * sigma, 0.0)),
-            Self::Acceleration(Jerk::White {
+            Self::Acceleration(AccelerationNoise::White {
                 jerk_density_m2ps5: q,
             }) => {
                 let [pv, pa, va] = [t(4) / 8.0, t(3) / 6.0, t(2) / 2.0];
                 q * Matrix3::new(t(5) / 20.0, pv, pa, pv, t(3) / 3.0, va, pa, va, t(1))
             }
-            Self::Acceleration(Jerk::PerStep {
+            Self::Acceleration(AccelerationNoise::PerStep {
                 acceleration_step_sigma_mps2: sigma,
             }) => Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, sigma * sigma)),
         }
     }
 }
-/// Irregular steps in seconds, among them a repeated time stamp and a long gap.
+/// Irregular steps in seconds, including a repeated time stamp and a long gap.
 const STEPS_S: [f64; 12] = [
     0.12, 0.1, 0.06, 0.0, 0.15, 0.1, 0.35, 0.1, 0.12, 0.08, 0.2, 0.1,
 ];
-/// How far ahead of the last step the target is predicted, seconds.
+/// Extrapolation beyond the last step, in seconds.
 const AHEAD_S: f64 = 0.15;
-/// Standard deviation of the measured position on each axis, metres.
+/// Standard deviation of the measured position per axis, in metres.
 const MEASUREMENT_SIGMA_M: [f64; 3] = [0.08, 0.1, 0.09];
 const START: GaussianStart = GaussianStart {
     position_m: [1.0, -0.5, 0.3],
@@ -106,7 +110,7 @@ const START: GaussianStart = GaussianStart {
     velocity_sigma_mps: [0.2, 0.15, 0.25],
 };
 
-/// A measured position with independent Gaussian errors on the axes.
+/// A measured position with independent Gaussian errors per axis.
 struct Measurement([f64; 3]);
 
 impl Likelihood for Measurement {
@@ -122,7 +126,7 @@ impl Likelihood for Measurement {
     }
 }
 
-/// What was measured at a step: a target at constant velocity, with some fixed errors.
+/// Returns the measurement at a step: a target at constant velocity with fixed errors.
 fn measured(step: usize, time_s: f64) -> Measurement {
     let error = |axis: usize| MEASUREMENT_SIGMA_M[axis] * (step as f64 * 2.3 + axis as f64).sin();
     let truth = [
@@ -156,7 +160,7 @@ impl Kalman {
         let f = Matrix3::new(1.0, dt_s, dt_s.powi(2) / 2.0, 0.0, 1.0, dt_s, 0.0, 0.0, 1.0);
         self.mean = f * self.mean;
         self.covariance = f * self.covariance * f.transpose();
-        // At no step of time is there noise, per step or not.
+        // A step of zero duration adds no noise, not even noise per step.
         if dt_s > 0.0 {
             self.covariance += noise.covariance(dt_s);
         }
@@ -169,16 +173,16 @@ impl Kalman {
     }
 }
 
-/// What is known after a step on each axis: position, velocity and the position's variance.
-type Known = [[f64; 3]; 3];
+/// Position, velocity and variance of the position on each axis.
+type Posterior = [[f64; 3]; 3];
 
-fn known(axes: &[Kalman; 3]) -> Known {
+fn posterior(axes: &[Kalman; 3]) -> Posterior {
     axes.each_ref()
         .map(|k| [k.mean.x, k.mean.y, k.covariance[(0, 0)]])
 }
 
-/// What is known after each step, and then ahead of the last.
-fn kalman_steps(noise: Noise) -> Vec<Known> {
+/// Returns the posterior after each step and the extrapolation beyond the last.
+fn kalman_steps(noise: Noise) -> Vec<Posterior> {
     let mut axes = [0, 1, 2].map(Kalman::new);
     let mut time_s = 0.0;
     let steps = STEPS_S.iter().enumerate().map(|(step, dt_s)| {
@@ -188,13 +192,13 @@ fn kalman_steps(noise: Noise) -> Vec<Known> {
             kalman.predict(*dt_s, noise);
             kalman.update(position_m[axis], MEASUREMENT_SIGMA_M[axis]);
         }
-        known(&axes)
+        posterior(&axes)
     });
-    let mut steps: Vec<Known> = steps.collect();
+    let mut steps: Vec<Posterior> = steps.collect();
     for kalman in &mut axes {
         kalman.predict(AHEAD_S, noise);
     }
-    steps.push(known(&axes));
+    steps.push(posterior(&axes));
     steps
 }
 
@@ -204,18 +208,18 @@ fn filter(
     resample_below: f64,
     particle_count: usize,
     seed: u32,
-) -> Filter {
+) -> ParticleFilter {
     let settings = FilterSettings {
         particle_count,
         motion: noise.motion(),
         resampling,
         resample_below,
     };
-    Filter::new(settings, &START, Draws::new(seed, 0), Level::best()).unwrap()
+    ParticleFilter::new(settings, &START, Draws::new(seed, 0), Level::best()).unwrap()
 }
 
-/// The estimates of each step, and then ahead of the last.
-fn particle_steps(mut filter: Filter) -> Vec<StateEstimate> {
+/// Returns the estimates after each step and the extrapolation beyond the last.
+fn particle_steps(mut filter: ParticleFilter) -> Vec<StateEstimate> {
     let mut time_s = 0.0;
     let steps = STEPS_S.iter().enumerate().map(|(step, dt_s)| {
         time_s += dt_s;
@@ -232,7 +236,7 @@ fn particle_steps(mut filter: Filter) -> Vec<StateEstimate> {
 fn particles_start_without_acceleration_again() {
     let mut filter = filter(NOISES[3], Resampling::Systematic, 1.0, 50, 1);
     filter.predict(0.1);
-    let has_acceleration = |filter: &Filter| {
+    let has_acceleration = |filter: &ParticleFilter| {
         let accelerations = filter.particles().columns()[6..].iter().flatten();
         accelerations.copied().any(|a| a != 0.0)
     };
@@ -241,15 +245,17 @@ fn particles_start_without_acceleration_again() {
     assert!(!has_acceleration(&filter));
 }
 
-/// Single runs: the error of N particles scatters with c·σ/√N, where σ is the posterior's standard deviation. c is 1 for independent draws
-/// from the posterior. It is larger where the likelihood is much narrower than the prediction (three axes at once, after the long gap)
-/// and where errors carry over from step to step, most of all under accelerations that move position and velocity by one and the
-/// same number. Measured over the seeds it is 3.3 on average and 9.0 at worst where only the velocity is disturbed, both asserted; a
-/// single run may be off by five times the worst.
+/// Single runs: the error of N particles scatters with c·σ/√N, where σ is the posterior's standard
+/// deviation. For independent draws from the posterior, c is 1. It is larger where the likelihood
+/// is much narrower than the prediction (on three axes at once, after the long gap) and where
+/// errors persist from step to step, most of all for accelerations that change position and
+/// velocity by the same random number. With noise on the velocity only, it is 3.3 on average and
+/// 9.0 at worst over the seeds; both are asserted. A single run may deviate by 4.5 times the worst.
 ///
-/// The mean over seeds shows a bias that single runs hide. It must lie within 4.5 of its standard errors, taken from the scatter
-/// of the seeds at that step, so that correlation between steps does not matter. (4 would be exceeded by chance alone: some
-/// thousand numbers are looked at.)
+/// The mean over seeds reveals bias that single runs hide. It must lie within 4.5 of its standard
+/// errors, estimated from the scatter of the seeds at that step, so that correlation between steps
+/// does not matter. (A bound of 4 would be exceeded by chance, since thousands of numbers are
+/// compared.)
 #[test]
 fn the_particle_filter_agrees_with_the_kalman_filter() {
     const SEEDS: u32 = 24;
@@ -269,7 +275,7 @@ fn the_particle_filter_agrees_with_the_kalman_filter() {
                     for (axis, &[position_m, velocity_mps, variance_m2]) in
                         expected.iter().enumerate()
                     {
-                        let place = format!(
+                        let context = format!(
                             "{noise:?}, {scheme:?} below {resample_below}, step {step}, axis {axis}"
                         );
                         let sigma_m = variance_m2.sqrt();
@@ -280,15 +286,15 @@ fn the_particle_filter_agrees_with_the_kalman_filter() {
                         for error in &errors {
                             assert!(
                                 error.abs() < 4.5 * widest_scatter * sigma_m / root_n,
-                                "{place}: off by {error} with sigma {sigma_m}"
+                                "{context}: off by {error} with sigma {sigma_m}"
                             );
                         }
-                        scatters.push(check_unbiased(&errors, &place) * root_n / sigma_m);
+                        scatters.push(check_unbiased(&errors, &context) * root_n / sigma_m);
                         let velocity_errors: Vec<f64> = runs
                             .iter()
                             .map(|run| run[step].velocity_mps.unwrap()[axis] - velocity_mps)
                             .collect();
-                        check_unbiased(&velocity_errors, &place);
+                        check_unbiased(&velocity_errors, &context);
                         let diagonal = [0, 3, 5][axis];
                         let mean = runs
                             .iter()
@@ -297,7 +303,7 @@ fn the_particle_filter_agrees_with_the_kalman_filter() {
                             / f64::from(SEEDS);
                         assert!(
                             (mean / variance_m2 - 1.0).abs() < 0.1,
-                            "{place}: variance {mean} for {variance_m2}"
+                            "{context}: variance {mean} for {variance_m2}"
                         );
                         // The axes are independent.
                         for (off_diagonal, [a, b]) in [(1, [0, 1]), (2, [0, 2]), (4, [1, 2])] {
@@ -310,7 +316,7 @@ fn the_particle_filter_agrees_with_the_kalman_filter() {
                                 / scale;
                             assert!(
                                 correlation.abs() < 0.1,
-                                "{place}: correlation {correlation}"
+                                "{context}: correlation {correlation}"
                             );
                         }
                     }
@@ -330,19 +336,20 @@ fn the_particle_filter_agrees_with_the_kalman_filter() {
     }
 }
 
-/// The mean of the errors is zero within 4.5 standard errors; returns the scatter of the single ones.
-fn check_unbiased(errors: &[f64], place: &str) -> f64 {
+/// Checks that the mean error is zero within 4.5 standard errors and returns the scatter of single
+/// errors.
+fn check_unbiased(errors: &[f64], context: &str) -> f64 {
     let count = errors.len() as f64;
     let mean = errors.iter().sum::<f64>() / count;
     let scatter = (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
     assert!(
         mean.abs() < 4.5 * scatter / count.sqrt(),
-        "{place}: mean error {mean}, scatter {scatter}"
+        "{context}: mean error {mean}, scatter {scatter}"
     );
     scatter
 }
 
-/// A likelihood that says the same of every particle, or whatever the closure says of its index.
+/// A likelihood that depends on the particle's index alone.
 struct Values<F: Fn(usize) -> f32>(F);
 
 impl<F: Fn(usize) -> f32> Likelihood for Values<F> {
@@ -353,12 +360,12 @@ impl<F: Fn(usize) -> f32> Likelihood for Values<F> {
     }
 }
 
-fn small_filter(particle_count: usize) -> Filter {
+fn small_filter(particle_count: usize) -> ParticleFilter {
     filter(NOISES[0], Resampling::Systematic, 1.0, particle_count, 3)
 }
 
 #[test]
-fn the_share_of_weight_goes_from_zero_to_one() {
+fn weight_within_a_radius_ranges_from_zero_to_one() {
     let filter = small_filter(100);
     let nowhere = filter.weight_within([1e6; 3], 1.0);
     assert!(nowhere == 0.0 && nowhere.is_sign_positive(), "{nowhere}");
@@ -367,7 +374,7 @@ fn the_share_of_weight_goes_from_zero_to_one() {
 }
 
 #[test]
-fn impossible_likelihoods_leave_the_state_and_say_so() {
+fn impossible_likelihoods_are_reported_and_leave_the_state_unchanged() {
     for impossible in [f32::NEG_INFINITY, f32::NAN] {
         let mut filter = small_filter(100);
         filter.predict(0.04);
@@ -386,14 +393,14 @@ fn impossible_likelihoods_leave_the_state_and_say_so() {
             (&particles, &weights[..])
         );
         assert_eq!(filter.estimate(0.0), estimate);
-        // And it goes on from there.
+        // The filter recovers with the next observation.
         filter.predict(0.04);
         assert_eq!(filter.update(&mut measured(1, 0.08)), Update::Weighted);
         assert_finite(&filter);
     }
 }
 
-fn assert_finite(filter: &Filter) {
+fn assert_finite(filter: &ParticleFilter) {
     let estimate = filter.estimate(0.1);
     let numbers = [
         estimate.position_m,
@@ -418,7 +425,7 @@ fn assert_finite(filter: &Filter) {
 }
 
 #[test]
-fn single_nans_and_infinities_poison_nothing() {
+fn single_nans_and_infinities_do_not_spread() {
     let poison = |i: usize| match i % 4 {
         0 => f32::NAN,
         1 => f32::NEG_INFINITY,
@@ -438,7 +445,8 @@ fn single_nans_and_infinities_poison_nothing() {
                 .all(|(i, w)| (*w == 0.0) || i % 4 == 3)
         );
     }
-    // Infinitely likely is no weight either: the update is refused as a whole, or that particle alone is, but nothing turns NaN.
+    // An infinite likelihood is invalid: the filter may reject the update or the particle, but
+    // nothing may become NaN.
     filter.update(&mut Values(|i| if i == 7 { f32::INFINITY } else { -1.0 }));
     assert_finite(&filter);
     filter.predict(0.04);
@@ -446,7 +454,7 @@ fn single_nans_and_infinities_poison_nothing() {
 }
 
 #[test]
-fn one_particle_follows_its_own_noise() {
+fn a_single_particle_is_its_own_estimate() {
     let mut filter = small_filter(1);
     for (step, dt_s) in STEPS_S.iter().enumerate() {
         filter.predict(*dt_s);
@@ -482,7 +490,7 @@ proptest! {
     }
 
     #[test]
-    fn survivors_exist_have_weight_and_are_as_many_as_their_weight_says(
+    fn survivors_have_weight_and_their_expected_number_of_copies(
         parts in prop::collection::vec(prop_oneof![4 => 0.0..1.0_f64, 1 => Just(0.0), 1 => Just(1e-300)], 1..60),
         survivors in 1_usize..200,
         seed in any::<u32>(),
@@ -503,7 +511,8 @@ proptest! {
             for (n, weight) in copies.iter().zip(&weights) {
                 let expected = weight * survivors as f64;
                 prop_assert!(*n == 0.0 || *weight > 0.0, "{:?} copies a particle without weight", scheme);
-                // Copies never stray further than the scheme allows; the others are bounded by chance alone, seven sigma and some.
+                // The scheme bounds the number of copies on some sides; chance alone bounds the
+                // others, at about seven sigma.
                 let (fewer, more) = match scheme {
                     Resampling::Systematic => (1.0, 1.0),
                     Resampling::Stratified => (2.0, 2.0),

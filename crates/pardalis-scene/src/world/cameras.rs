@@ -4,9 +4,11 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use super::super::camera::{ReadCalibration, read_calibrated, read_model, read_pose};
+use super::super::camera::{ReadCalibration, read_calibrated, read_pose};
+use super::super::description::Presence;
+use super::super::model::read_model;
 use super::super::reader::Table;
-use super::{bounded, length, non_negative, read_point, share};
+use super::{MAX_DISTANCE_M, length, read_point};
 use pardalis_camera::Camera;
 use pardalis_camera::formats::MAX_CAMERAS;
 use pardalis_camera::{Pose, looking_at};
@@ -19,7 +21,7 @@ const MAX_EXPOSURES: f64 = 100_000.0;
 /// Stamps whose errors are this share of a frame's interval at most still ascend: errors are cut at three times their standard deviation.
 const MAX_JITTER: f64 = 0.15;
 
-/// Reads the cameras; those with a problem, which the journal then says, are left out.
+/// Reads the cameras; those with a problem are left out and reported to the journal.
 pub(super) fn read(
     table: &Table,
     duration_s: Option<f64>,
@@ -28,20 +30,26 @@ pub(super) fn read(
     let duration_s = duration_s.unwrap_or(0.0);
     let image = read_image(table, ImageSettings::default());
     let timing = read_timing(table, &Timing::default());
+    let about = "Cameras at even angles around a point, all looking at it: `cam1`, `cam2`, ... counterclockwise.";
     let mut cameras = table
-        .table("ring")
-        .map(|ring| read_ring(ring, image, &timing, read_calibration))
+        .section("ring", about, |ring| {
+            Some(read_ring(ring, image, &timing, read_calibration))
+        })
         .unwrap_or_default();
-    if !table.has("ring") || table.has("cameras") {
-        for (name, table) in table.named_tables("cameras", "camera") {
-            if cameras.iter().any(|camera| camera.name == name) {
-                table.problem_here("is the name of a camera of the ring; give it another name");
-            }
-            let image = read_image(&table, image);
-            let timing = read_timing(&table, &timing);
-            cameras.extend(read_camera(name, &table, image, timing, read_calibration));
-            table.finish();
+    let presence = if table.has("ring") {
+        Presence::Optional("")
+    } else {
+        Presence::RequiredIf("unless there is a `ring`")
+    };
+    let about = "The cameras, each by its name.";
+    for (name, table) in table.named_tables("cameras", about, presence) {
+        if cameras.iter().any(|camera| camera.name == name) {
+            table.problem_here("is the name of a camera of the ring; rename it");
         }
+        let image = read_image(&table, image);
+        let timing = read_timing(&table, &timing);
+        cameras.extend(read_camera(name, &table, image, timing, read_calibration));
+        table.finish();
     }
     let exposures = |camera: &&WorldCamera| camera.timing.fps * duration_s > MAX_EXPOSURES;
     if let Some(camera) = cameras.iter().find(exposures) {
@@ -60,26 +68,26 @@ pub(super) fn read(
 
 /// Cameras evenly around a point, all looking at it; counter-clockwise from the direction of x.
 fn read_ring(
-    table: Table,
+    table: &Table,
     image: ImageSettings,
     timing: &Timing,
     read_calibration: ReadCalibration,
 ) -> Vec<WorldCamera> {
-    let count = table.required::<usize>("count");
-    let count = count.filter(|&count| {
-        let allowed = (1..=MAX_CAMERAS).contains(&count);
-        if !allowed {
-            table.refuse("count", &format!("1 to {MAX_CAMERAS}"));
-        }
-        allowed
-    });
-    let center_m = read_point(&table, "center_m");
-    let radius_m = length(&table, "radius_m");
-    let height_m = bounded(&table, "height_m", 0.0, -1e4..=1e4);
-    let start_deg: f64 = table.or("start_deg", 0.0);
-    let roll_deg: f64 = table.or("roll_deg", 0.0);
-    let optics = read_optics("cam1", &table, read_calibration);
-    table.finish();
+    let count = table
+        .key("count", "Number of cameras.")
+        .within(1.0..=MAX_CAMERAS as f64)
+        .required::<usize>();
+    let center_m = read_point(table, "center_m", "The point at which they look.");
+    let radius_m = length(table, "radius_m", "Radius of the ring.");
+    let height_m = table
+        .key("height_m", "Height of the ring over that point.")
+        .within(-MAX_DISTANCE_M..=MAX_DISTANCE_M)
+        .or(0.0);
+    let start_deg: f64 = table
+        .key("start_deg", "Angle of the first camera from the x axis.")
+        .or(0.0);
+    let roll_deg = read_roll_deg(table);
+    let optics = read_optics("cam1", table, read_calibration);
     let all = || Some((count?, center_m?, radius_m?, optics?));
     let Some((count, center_m, radius_m, (camera, size_px, _))) = all() else {
         return Vec::new();
@@ -131,7 +139,7 @@ fn read_optics(
     let file = read_calibrated(name, table, read_calibration);
     let model = if table.has("calibration") {
         if table.knows("model") {
-            table.problem("model", "stands beside calibration; keep one of them");
+            table.conflict("model", "calibration");
         }
         file.as_ref().map(|file| file.camera.clone())
     } else {
@@ -143,15 +151,26 @@ fn read_optics(
         } else {
             "calibration"
         };
-        let message = "is known by a plane alone, and a world has more than that to see; give a camera such as model.pinhole with a pose";
+        let message = "is a plane, which does not determine what a camera sees of a world; give a model such as model.pinhole";
         table.problem(key, message);
         return None;
     }
     let file_size = file.as_ref().and_then(|file| file.size_px);
-    let size_px = if file_size.is_some() && !table.has("size_px") {
-        file_size.map(|(width, height)| [width as f64, height as f64])
+    let given_size = table
+        .key("size_px", "Width and height of the images, whole numbers.")
+        .within(1.0..=MAX_SIDE_PX)
+        .depends("unless the calibration file contains it")
+        .conditional::<[f64; 2]>();
+    let size_px = if table.has("size_px") {
+        given_size
     } else {
-        table.required::<[f64; 2]>("size_px")
+        if file_size.is_none() {
+            table.problem(
+                "size_px",
+                "is missing; give two whole numbers, [width, height]",
+            );
+        }
+        file_size.map(|(width, height)| [width as f64, height as f64])
     };
     let whole = |v: f64| v.fract() == 0.0 && (1.0..=MAX_SIDE_PX).contains(&v);
     if size_px.is_some_and(|size| !size.into_iter().all(whole)) {
@@ -160,7 +179,7 @@ fn read_optics(
         } else {
             "calibration"
         };
-        table.problem(key, "says a size that cannot be simulated; allowed: two whole numbers from 1 to 4096, [width, height]");
+        table.problem(key, "has a size that cannot be simulated; allowed: two whole numbers from 1 to 4096, [width, height]");
         return None;
     }
     let [width, height] = size_px?;
@@ -171,10 +190,27 @@ fn read_optics(
     ))
 }
 
-/// The pose: a matrix, where it looks from and at, or the calibration file's.
+fn read_roll_deg(table: &Table) -> f64 {
+    table
+        .key(
+            "roll_deg",
+            "Rotation about the viewing direction, from upright.",
+        )
+        .or(0.0)
+}
+
+/// Reads the pose: a matrix, or the points from and at which the camera looks, or that of the calibration file.
 fn read_view(table: &Table, file_pose: Option<Pose>) -> Option<Pose> {
     let given = read_pose(table);
     let looks = ["look_from_m", "look_at_m", "roll_deg"].map(|key| table.knows(key));
+    if table.is_describing() {
+        for (key, about) in LOOKS {
+            let key = table.key(key, about);
+            key.depends("unless another pose is given")
+                .conditional::<[f64; 3]>();
+        }
+        read_roll_deg(table);
+    }
     if looks == [false; 3] {
         let is_missing = file_pose.is_none() && !table.has("world_from_camera");
         if is_missing {
@@ -185,16 +221,10 @@ fn read_view(table: &Table, file_pose: Option<Pose>) -> Option<Pose> {
         return given.or(file_pose);
     }
     if table.has("world_from_camera") {
-        table.problem(
-            "world_from_camera",
-            "stands beside look_from_m and look_at_m; keep one of them",
-        );
+        table.conflict("world_from_camera", "look_from_m and look_at_m");
     }
-    let (from_m, at_m) = (
-        read_point(table, "look_from_m"),
-        read_point(table, "look_at_m"),
-    );
-    let roll_deg: f64 = table.or("roll_deg", 0.0);
+    let [from_m, at_m] = LOOKS.map(|(key, about)| read_point(table, key, about));
+    let roll_deg = read_roll_deg(table);
     let pose = looking_at(from_m?, at_m?, roll_deg.to_radians());
     if pose.is_none() {
         table.refuse("look_at_m", "another point than look_from_m");
@@ -202,87 +232,198 @@ fn read_view(table: &Table, file_pose: Option<Pose>) -> Option<Pose> {
     pose
 }
 
-/// The table `image`, or what stands in its place.
+/// The points that state a pose.
+const LOOKS: [(&str, &str); 2] = [
+    (
+        "look_from_m",
+        "Position of the camera, in place of `world_from_camera`.",
+    ),
+    (
+        "look_at_m",
+        "The point in the middle of its view, in place of `world_from_camera`.",
+    ),
+];
+
+/// Reads the table `image`, or returns the default.
 fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
-    let Some(table) = table.table("image") else {
-        return default;
-    };
-    let samples = table.or("samples", default.samples);
-    if !(1..=16).contains(&samples) {
-        table.refuse("samples", "1 to 16");
-    }
-    let instants = table.or("instants", default.instants);
-    if !(1..=64).contains(&instants) {
-        table.refuse("instants", "1 to 64");
-    }
-    let jpeg_quality = table.or("jpeg_quality", default.jpeg_quality.map_or(0, usize::from));
-    if jpeg_quality > 100 {
-        table.refuse("jpeg_quality", "1 to 100, or 0 for PNG");
-    }
-    let settings = ImageSettings {
-        samples,
-        shutter_s: non_negative(&table, "shutter_s", default.shutter_s, 10.0),
-        instants,
-        blur_px: non_negative(&table, "blur_px", default.blur_px, 20.0),
-        shot_noise: share(&table, "shot_noise", default.shot_noise),
-        read_noise: non_negative(&table, "read_noise", default.read_noise, 100.0),
-        gain_drift: non_negative(&table, "gain_drift", default.gain_drift, 0.9),
-        white_balance_drift: non_negative(
-            &table,
+    let about = "What the images are like. At the top level for all cameras; a camera's own table overrides it.";
+    let settings = table.section("image", about, |table| {
+        let samples = table
+            .key("samples", "Rays along each side of a pixel.")
+            .within(1.0..=16.0)
+            .or(default.samples);
+        let non_negative = |name, about, default: f64, greatest: f64| {
+            table.key(name, about).within(0.0..=greatest).or(default)
+        };
+        let shutter_s = non_negative(
+            "shutter_s",
+            "How long the shutter is open.",
+            default.shutter_s,
+            10.0,
+        );
+        let instants = table
+            .key(
+                "instants",
+                "Instants within that time whose images are averaged.",
+            )
+            .within(1.0..=64.0)
+            .or(default.instants);
+        let blur_px = non_negative(
+            "blur_px",
+            "Standard deviation of the lens blur.",
+            default.blur_px,
+            20.0,
+        );
+        let shot_noise = non_negative(
+            "shot_noise",
+            "Standard deviation of the shot noise of white, as a share of white.",
+            default.shot_noise,
+            1.0,
+        );
+        let read_noise = table
+            .key("read_noise", "Standard deviation of the read noise.")
+            .unit("grey levels of 255")
+            .within(0.0..=100.0)
+            .or(default.read_noise);
+        let gain_drift = non_negative(
+            "gain_drift",
+            "Amplitude of the drift of the exposure, as a share.",
+            default.gain_drift,
+            0.9,
+        );
+        let white_balance_drift = non_negative(
             "white_balance_drift",
+            "Amplitude of the drift of red against blue, as a share.",
             default.white_balance_drift,
             0.9,
-        ),
-        drift_period_s: bounded(&table, "drift_period_s", default.drift_period_s, 0.01..=1e6),
-        jpeg_quality: (jpeg_quality > 0).then_some(jpeg_quality as u8),
-    };
-    table.finish();
-    settings
-}
-
-/// The table `timing`, or what stands in its place.
-fn read_timing(table: &Table, default: &Timing) -> Timing {
-    let Some(table) = table.table("timing") else {
-        return default.clone();
-    };
-    let d = default;
-    let fps = bounded(&table, "fps", d.fps, 0.001..=10_000.0);
-    let stamp_jitter_s = non_negative(&table, "stamp_jitter_s", d.stamp_jitter_s, 1e6);
-    if stamp_jitter_s * fps > MAX_JITTER {
-        let allowed = format!("at most {MAX_JITTER} / fps, so that stamps ascend");
-        table.problem(
-            "stamp_jitter_s",
-            format!("is {stamp_jitter_s}; allowed: {allowed}"),
         );
-    }
-    let timing = Timing {
-        fps,
-        phase_s: non_negative(&table, "phase_s", d.phase_s, 1e6),
-        random_phase: table.or("random_phase", d.random_phase),
-        rate_sigma: non_negative(&table, "rate_sigma", d.rate_sigma, 0.1),
-        clock_offset_s: bounded(&table, "clock_offset_s", d.clock_offset_s, -1e9..=1e9),
-        clock_offset_sigma_s: non_negative(
-            &table,
-            "clock_offset_sigma_s",
-            d.clock_offset_sigma_s,
-            1e6,
-        ),
-        stamp_jitter_s,
-        drop_probability: non_negative(&table, "drop_probability", d.drop_probability, 0.99),
-        drops_s: read_spans(&table, "drops_s", &d.drops_s),
-        freezes_s: read_spans(&table, "freezes_s", &d.freezes_s),
-        delay_s: non_negative(&table, "delay_s", d.delay_s, 1e6),
-        delay_jitter_s: non_negative(&table, "delay_jitter_s", d.delay_jitter_s, 1e6),
-        broken_frames: table.or("broken_frames", d.broken_frames.clone()),
-    };
-    table.finish();
-    timing
+        let drift_period_s = table
+            .key("drift_period_s", "Period of both drifts.")
+            .within(0.01..=1e6)
+            .or(default.drift_period_s);
+        let jpeg_quality = table
+            .key("jpeg_quality", "JPEG quality; 0 writes PNG.")
+            .within(0.0..=100.0)
+            .or(default.jpeg_quality.map_or(0, usize::from));
+        Some(ImageSettings {
+            samples,
+            shutter_s,
+            instants,
+            blur_px,
+            shot_noise,
+            read_noise,
+            gain_drift,
+            white_balance_drift,
+            drift_period_s,
+            jpeg_quality: (jpeg_quality > 0).then_some(jpeg_quality as u8),
+        })
+    });
+    settings.unwrap_or(default)
 }
 
-/// Spans of time in seconds.
-fn read_spans(table: &Table, key: &'static str, default: &[[f64; 2]]) -> Vec<[f64; 2]> {
+/// Reads the table `timing`, or returns the default.
+fn read_timing(table: &Table, default: &Timing) -> Timing {
+    let about = "When images are taken, what their time stamps say and which of them arrive. At the top level for all cameras; a camera's own table overrides it.";
+    let timing = table.section("timing", about, |table| {
+        let d = default;
+        let non_negative = |name, about, default: f64, greatest: f64| {
+            table.key(name, about).within(0.0..=greatest).or(default)
+        };
+        let fps = table
+            .key("fps", "Frame rate.")
+            .within(0.001..=10_000.0)
+            .or(d.fps);
+        let stamp_jitter_s = non_negative(
+            "stamp_jitter_s",
+            "Standard deviation of each time stamp's own error, cut at three times that; at most 0.15 / `fps`.",
+            d.stamp_jitter_s,
+            1e6,
+        );
+        if stamp_jitter_s * fps > MAX_JITTER {
+            let allowed = format!("at most {MAX_JITTER} / fps, so that time stamps ascend");
+            table.problem(
+                "stamp_jitter_s",
+                format!("is {stamp_jitter_s}; allowed: {allowed}"),
+            );
+        }
+        Some(Timing {
+            fps,
+            phase_s: non_negative(
+                "phase_s",
+                "Middle of the first exposure.",
+                d.phase_s,
+                1e6,
+            ),
+            random_phase: table
+                .key(
+                    "random_phase",
+                    "Whether a random part of the frame interval is added to `phase_s`, as for cameras without a trigger.",
+                )
+                .or(d.random_phase),
+            rate_sigma: non_negative(
+                "rate_sigma",
+                "Standard deviation of the relative error of the frame rate.",
+                d.rate_sigma,
+                0.1,
+            ),
+            clock_offset_s: table
+                .key("clock_offset_s", "Offset of the camera's clock: time stamp minus true time.")
+                .within(-1e9..=1e9)
+                .or(d.clock_offset_s),
+            clock_offset_sigma_s: non_negative(
+                "clock_offset_sigma_s",
+                "Standard deviation of a random part of that offset, the same for all frames.",
+                d.clock_offset_sigma_s,
+                1e6,
+            ),
+            stamp_jitter_s,
+            drop_probability: non_negative(
+                "drop_probability",
+                "Probability that a frame is dropped.",
+                d.drop_probability,
+                0.99,
+            ),
+            drops_s: read_spans(
+                table,
+                "drops_s",
+                "Spans [from, to] of time in which all frames are dropped.",
+                &d.drops_s,
+            ),
+            freezes_s: read_spans(
+                table,
+                "freezes_s",
+                "Spans [from, to] of time in which the previous image is delivered again.",
+                &d.freezes_s,
+            ),
+            delay_s: non_negative(
+                "delay_s",
+                "Time from the middle of the exposure to the image's arrival.",
+                d.delay_s,
+                1e6,
+            ),
+            delay_jitter_s: non_negative(
+                "delay_jitter_s",
+                "Standard deviation of an additional delay, of which the magnitude counts.",
+                d.delay_jitter_s,
+                1e6,
+            ),
+            broken_frames: table
+                .key("broken_frames", "Numbers of delivered images whose files are truncated.")
+                .or(d.broken_frames.clone()),
+        })
+    });
+    timing.unwrap_or_else(|| default.clone())
+}
+
+/// Reads spans of time in seconds.
+fn read_spans(
+    table: &Table,
+    key: &'static str,
+    about: &'static str,
+    default: &[[f64; 2]],
+) -> Vec<[f64; 2]> {
     let default: Vec<Vec<f64>> = default.iter().map(|span| span.to_vec()).collect();
-    let rows: Vec<Vec<f64>> = table.or(key, default);
+    let rows: Vec<Vec<f64>> = table.key(key, about).or(default);
     let span = |row: &Vec<f64>| match row[..] {
         [from, to] if from < to => Some([from, to]),
         _ => None,

@@ -1,20 +1,21 @@
-//! The things of a world.
+//! The objects of a world.
 
 use nalgebra::Vector3;
 
-use super::super::reader::{Journal, Located, Table};
-use super::super::target::kind_of;
-use super::{MAX_DISTANCE_M, bounded, check_within, length, read_color, read_point, share};
+use super::super::description::Presence;
+use super::super::reader::{Journal, Kind, Located, Table};
+use super::{MAX_DISTANCE_M, MIN_LENGTH_M, length, read_color, read_point};
 use pardalis_simulate::{Body, Course, Object, Path, Sine, Throw, Waypoints};
 
-/// The most things of one world.
+/// The most objects of one world.
 const MAX_OBJECTS: usize = 100;
 /// The most points of a path, and sines of an axis.
 const MAX_POINTS: usize = 10_000;
 
-/// Reads the things; those with a problem, which the journal then says, are left out.
+/// Reads the objects; those with a problem are left out and reported to the journal.
 pub(super) fn read(journal: &Journal, table: &Table) -> Vec<Object> {
-    let tables = table.named_tables("objects", "object");
+    let about = "The objects, each by its name.";
+    let tables = table.named_tables("objects", about, Presence::Required);
     if tables.len() > MAX_OBJECTS {
         let message = format!(
             "has {} objects; allowed: at most {MAX_OBJECTS}",
@@ -35,13 +36,16 @@ pub(super) fn read(journal: &Journal, table: &Table) -> Vec<Object> {
         }) = &objects[carrier]
         {
             let message =
-                "rides on another object itself; allowed: an object with a path of its own";
+                "is attached to another object itself; allowed: an object with a path of its own";
             journal.report(place.problem(message));
         }
     }
     let objects: Vec<Object> = objects.into_iter().flatten().collect();
     if objects.len() == names.len() && !objects.is_empty() && !objects.iter().any(|o| o.is_target) {
-        table.problem("objects", "holds no target; give one object target = true");
+        table.problem(
+            "objects",
+            "contain no target; set target = true in one of them",
+        );
     }
     objects
 }
@@ -53,10 +57,27 @@ fn read_object(
     carriers: &mut Vec<(usize, Located<()>)>,
 ) -> Option<Object> {
     let body = read_body(&table);
-    let color = read_color(&table, "color_srgb");
-    let highlight = share(&table, "highlight", 0.0);
-    let heading_deg: Option<f64> = table.optional("heading_deg");
-    let is_target = table.or("target", false);
+    let color = read_color(&table);
+    let highlight = table
+        .key(
+            "highlight",
+            "Strength of the highlight: 0 is none, 1 is white.",
+        )
+        .within(0.0..=1.0)
+        .or(0.0);
+    let heading_deg: Option<f64> = table
+        .key(
+            "heading_deg",
+            "Fixed heading, counterclockwise from the x axis.",
+        )
+        .depends("the direction in which it moves")
+        .optional();
+    let is_target = table
+        .key(
+            "target",
+            "Whether the object is to be tracked: it is a target of the scene, and its colours are learned.",
+        )
+        .or(false);
     if is_target && let Some(Body::Box { .. }) = body {
         table.problem("target", "is true of a box; allowed: spheres and cylinders");
     }
@@ -73,31 +94,55 @@ fn read_object(
     })
 }
 
+const BODIES: [Kind; 3] = [
+    ("sphere", "A ball."),
+    ("cylinder", "An upright cylinder that stands on its base."),
+    ("box", "An upright box that stands on its base."),
+];
+
 fn read_body(table: &Table) -> Option<Body> {
-    let (kind, shape) = kind_of(table, "shape", &["sphere", "cylinder", "box"])?;
-    let body = match kind {
-        "sphere" => length(&shape, "radius_m").map(|radius_m| Body::Sphere { radius_m }),
-        "cylinder" => {
-            let (radius_m, height_m) = (length(&shape, "radius_m"), length(&shape, "height_m"));
-            radius_m
-                .zip(height_m)
-                .map(|(radius_m, height_m)| Body::Cylinder { radius_m, height_m })
-        }
-        _ => shape.required::<[f64; 3]>("size_m").and_then(|size_m| {
-            let allowed = "three sides from 1e-6 to 10000 metres";
-            let inside = |side_m: &f64| (1e-6..=MAX_DISTANCE_M).contains(side_m);
-            if !size_m.iter().all(inside) {
-                shape.refuse("size_m", allowed);
-                return None;
+    let about = "Shape and size.";
+    table.choice(
+        "shape",
+        about,
+        &BODIES,
+        Presence::Required,
+        |kind, shape| match kind {
+            "sphere" => {
+                length(shape, "radius_m", "Radius.").map(|radius_m| Body::Sphere { radius_m })
             }
-            Some(Body::Box {
-                size_m: size_m.into(),
-            })
-        }),
-    };
-    shape.finish();
-    body
+            "cylinder" => {
+                let radius_m = length(shape, "radius_m", "Radius.");
+                let height_m = length(shape, "height_m", "Height.");
+                radius_m
+                    .zip(height_m)
+                    .map(|(radius_m, height_m)| Body::Cylinder { radius_m, height_m })
+            }
+            _ => {
+                let size_m = shape
+                    .key("size_m", "Length ahead, width and height.")
+                    .within(MIN_LENGTH_M..=MAX_DISTANCE_M)
+                    .required::<[f64; 3]>();
+                size_m.map(|size_m| Body::Box {
+                    size_m: size_m.into(),
+                })
+            }
+        },
+    )
 }
+
+const PATHS: [Kind; 7] = [
+    ("still", "At rest."),
+    ("line", "Along a line at constant velocity."),
+    ("circle", "Along a horizontal circle at constant speed."),
+    (
+        "waypoints",
+        "Along a smooth curve through points; at rest before and after.",
+    ),
+    ("harmonic", "A sum of sines on each axis."),
+    ("throw", "Thrown: a parabola, then bounces on the floor."),
+    ("attached", "Attached to another object."),
+];
 
 fn read_course(
     table: &Table,
@@ -105,67 +150,87 @@ fn read_course(
     names: &[String],
     carriers: &mut Vec<(usize, Located<()>)>,
 ) -> Option<Course> {
-    let kinds = [
-        "still",
-        "line",
-        "circle",
-        "waypoints",
-        "harmonic",
-        "throw",
-        "rides",
-    ];
-    let (kind, path) = kind_of(table, "path", &kinds)?;
-    let course = match kind {
-        "still" => read_point(&path, "position_m").map(|position_m| Path::Still { position_m }),
-        "line" => {
-            let (position_m, velocity_mps) = (
-                read_point(&path, "position_m"),
-                read_point(&path, "velocity_mps"),
-            );
-            position_m
-                .zip(velocity_mps)
-                .map(|(position_m, velocity_mps)| Path::Line {
-                    position_m,
-                    velocity_mps,
-                })
-        }
-        "circle" => read_circle(&path),
-        "waypoints" => read_waypoints(&path),
-        "harmonic" => read_harmonic(&path),
-        "throw" => read_throw(&path),
-        _ => {
-            let carrier = read_carrier(&path, name, names);
-            let offset_m = read_point(&path, "offset_m");
-            carriers.extend(carrier.map(|carrier| (carrier, path.at("on", ()))));
-            path.finish();
-            return Some(Course::Rides {
-                carrier: carrier?,
-                offset_m: offset_m?,
-            });
-        }
-    };
-    path.finish();
-    course.map(Course::Path)
+    let about = "How the object moves. A ball's position is its centre, that of any other body the centre of its base.";
+    table.choice("path", about, &PATHS, Presence::Required, |kind, path| {
+        let path = match kind {
+            "still" => {
+                let position_m = read_point(path, "position_m", "Position.");
+                position_m.map(|position_m| Path::Still { position_m })
+            }
+            "line" => {
+                let position_m = read_point(path, "position_m", "Position at 0 s.");
+                let velocity_mps = read_point(path, "velocity_mps", "Velocity.");
+                position_m
+                    .zip(velocity_mps)
+                    .map(|(position_m, velocity_mps)| Path::Line {
+                        position_m,
+                        velocity_mps,
+                    })
+            }
+            "circle" => read_circle(path),
+            "waypoints" => read_waypoints(path),
+            "harmonic" => read_harmonic(path),
+            "throw" => read_throw(path),
+            _ => {
+                let carrier = read_carrier(path, name, names);
+                let about = "Offset in the other object's frame: x ahead, y to its left, z up.";
+                let offset_m = read_point(path, "offset_m", about);
+                carriers.extend(carrier.map(|carrier| (carrier, path.at("to", ()))));
+                return Some(Course::Rides {
+                    carrier: carrier?,
+                    offset_m: offset_m?,
+                });
+            }
+        };
+        path.map(Course::Path)
+    })
 }
 
 fn read_carrier(path: &Table, name: &str, names: &[String]) -> Option<usize> {
-    let on: String = path.required("on")?;
-    let carrier = names.iter().position(|other| *other == on && on != name);
+    let to: String = path
+        .key(
+            "to",
+            "Name of the other object, which has a path of its own.",
+        )
+        .required()?;
+    let carrier = names.iter().position(|other| *other == to && to != name);
     if carrier.is_none() {
         let others: Vec<_> = names
             .iter()
             .filter(|other| *other != name)
             .cloned()
             .collect();
-        path.problem("on", format!("is \"{on}\"; allowed: {}", others.join(", ")));
+        path.refuse("to", &others.join(", "));
     }
     carrier
 }
 
 fn read_circle(path: &Table) -> Option<Path> {
-    let (center_m, radius_m) = (read_point(path, "center_m"), length(path, "radius_m"));
-    let period_s = read_period(path);
-    let phase_deg: f64 = path.or("phase_deg", 0.0);
+    let center_m = read_point(path, "center_m", "Centre.");
+    let radius_m = length(path, "radius_m", "Radius.");
+    let period_s: Option<f64> = path
+        .key(
+            "period_s",
+            "Time of one turn, 0.01 to 1000000 in magnitude; negative turns clockwise.",
+        )
+        .within(-GREATEST_PERIOD_S..=GREATEST_PERIOD_S)
+        .required();
+    let period_s = period_s.filter(|period_s| {
+        let allowed = (LEAST_PERIOD_S..=GREATEST_PERIOD_S).contains(&period_s.abs());
+        if !allowed {
+            path.refuse(
+                "period_s",
+                "0.01 to 1000000 seconds, or the negative of that to turn clockwise",
+            );
+        }
+        allowed
+    });
+    let phase_deg: f64 = path
+        .key(
+            "phase_deg",
+            "Angle from the x axis at 0 s, counterclockwise.",
+        )
+        .or(0.0);
     Some(Path::Circle {
         center_m: center_m?,
         radius_m: radius_m?,
@@ -174,29 +239,24 @@ fn read_circle(path: &Table) -> Option<Path> {
     })
 }
 
-/// A period in seconds; negative ones turn the other way.
-fn read_period(path: &Table) -> Option<f64> {
-    let period_s: f64 = path.required("period_s")?;
-    let allowed = "0.01 to 1000000 seconds, or the negative of that to turn the other way";
-    check_within(path, "period_s", period_s.abs(), PERIODS_S, allowed).then_some(period_s)
-}
-
-const PERIODS_S: std::ops::RangeInclusive<f64> = 0.01..=1e6;
+/// The shortest period, in seconds.
+const LEAST_PERIOD_S: f64 = 0.01;
+/// The longest period, in seconds.
+const GREATEST_PERIOD_S: f64 = 1e6;
 
 fn read_waypoints(path: &Table) -> Option<Path> {
-    let times_s: Option<Vec<f64>> = path.required("times_s");
-    let rows: Option<Vec<Vec<f64>>> = path.required("positions_m");
+    let times_s: Option<Vec<f64>> = path
+        .key("times_s", "Time of each point, ascending.")
+        .required();
+    let rows: Option<Vec<Vec<f64>>> = path
+        .key("positions_m", "The points [x, y, z], 2 to 10000.")
+        .within(-MAX_DISTANCE_M..=MAX_DISTANCE_M)
+        .required();
     let (times_s, rows) = (times_s?, rows?);
-    let point = |row: &Vec<f64>| {
-        let point: [f64; 3] = row[..].try_into().ok()?;
-        let near = point.iter().all(|c| c.abs() <= MAX_DISTANCE_M);
-        near.then(|| Vector3::from(point))
-    };
+    let point = |row: &Vec<f64>| <[f64; 3]>::try_from(&row[..]).ok().map(Vector3::from);
     let points: Option<Vec<_>> = rows.iter().map(point).collect();
-    let few = rows.len() <= MAX_POINTS;
-    let Some(points) = points.filter(|_| few) else {
-        let allowed = "at most 10000 points [x, y, z], each coordinate from -10000 to 10000 metres";
-        path.refuse("positions_m", allowed);
+    let Some(points) = points.filter(|_| rows.len() <= MAX_POINTS) else {
+        path.refuse("positions_m", "at most 10000 points [x, y, z]");
         return None;
     };
     path.checked(Waypoints::new(times_s, points))
@@ -204,9 +264,8 @@ fn read_waypoints(path: &Table) -> Option<Path> {
 }
 
 fn read_harmonic(path: &Table) -> Option<Path> {
-    let center_m = read_point(path, "center_m");
-    let sines = ["x", "y", "z"].map(|axis| read_sines(path, axis));
-    let [x, y, z] = sines;
+    let center_m = read_point(path, "center_m", "Centre of the motion.");
+    let [x, y, z] = ["x", "y", "z"].map(|axis| read_sines(path, axis));
     Some(Path::Harmonic {
         center_m: center_m?,
         sines: [x?, y?, z?],
@@ -214,10 +273,13 @@ fn read_harmonic(path: &Table) -> Option<Path> {
 }
 
 fn read_sines(path: &Table, axis: &'static str) -> Option<Vec<Sine>> {
-    let rows: Vec<Vec<f64>> = path.or(axis, Vec::new());
+    let about =
+        "Sines on this axis: rows of [amplitude in metres, period in seconds, phase in degrees].";
+    let rows: Vec<Vec<f64>> = path.key(axis, about).unit("m, s, degrees").or(Vec::new());
     let sine = |row: &Vec<f64>| match row[..] {
         [amplitude_m, period_s, phase_deg]
-            if amplitude_m.abs() <= MAX_DISTANCE_M && PERIODS_S.contains(&period_s) =>
+            if amplitude_m.abs() <= MAX_DISTANCE_M
+                && (LEAST_PERIOD_S..=GREATEST_PERIOD_S).contains(&period_s) =>
         {
             Some(Sine {
                 amplitude_m,
@@ -237,15 +299,28 @@ fn read_sines(path: &Table, axis: &'static str) -> Option<Vec<Sine>> {
 }
 
 fn read_throw(path: &Table) -> Option<Path> {
-    let (position_m, velocity_mps) = (
-        read_point(path, "position_m"),
-        read_point(path, "velocity_mps"),
-    );
-    let start_s = bounded(path, "start_s", 0.0, -1e6..=1e6);
-    let rest_z_m: Option<f64> = path.required("rest_z_m");
-    let bounce = bounded(path, "bounce", 0.7, 0.0..=0.95);
+    let position_m = read_point(path, "position_m", "Where it is thrown.");
+    let velocity_mps = read_point(path, "velocity_mps", "Velocity with which it is thrown.");
+    let start_s = path
+        .key("start_s", "When it is thrown; it is at rest before.")
+        .within(-1e6..=1e6)
+        .or(0.0);
+    let rest_z_m: Option<f64> = path
+        .key(
+            "rest_z_m",
+            "Height of its position at a bounce and at rest; not above `position_m`.",
+        )
+        .within(-MAX_DISTANCE_M..=MAX_DISTANCE_M)
+        .required();
+    let restitution = path
+        .key(
+            "restitution",
+            "Share of the vertical speed that a bounce leaves.",
+        )
+        .within(0.0..=0.95)
+        .or(Throw::DEFAULT_RESTITUTION);
     let (position_m, rest_z_m) = (position_m?, rest_z_m?);
-    if !(rest_z_m.abs() <= MAX_DISTANCE_M && rest_z_m <= position_m.z) {
+    if rest_z_m > position_m.z {
         path.refuse(
             "rest_z_m",
             "the height where it bounces, not above where it is thrown",
@@ -257,6 +332,6 @@ fn read_throw(path: &Table) -> Option<Path> {
         velocity_mps: velocity_mps?,
         start_s,
         rest_z_m,
-        bounce,
+        bounce: restitution,
     }))
 }

@@ -33,7 +33,7 @@ fn what_is_unsupported_or_contradictory_is_refused_by_name() {
     }
     assert!(count > 60, "{count}");
     let contradiction = read(&sample("opencv-fisheye.yml"), Some(Lens::Pinhole)).unwrap_err();
-    let wanted = "belongs to a fisheye camera by what the file says";
+    let wanted = "belongs to a fisheye camera according to the file";
     assert!(contradiction.to_string().contains(wanted));
 }
 
@@ -48,14 +48,14 @@ fn texts_that_are_no_calibrations_or_too_large() {
                   T_cam_imu: [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]\n";
     let cameras: Vec<String> = (0..70).map(|i| format!("cam{i}:\n{camera}")).collect();
     let cases: [(String, &str); 13] = [
-        (String::new(), "is no calibration that is understood"),
+        (String::new(), "the calibration format is not recognised"),
         (
             "# a comment\n".to_owned(),
-            "is no calibration that is understood",
+            "the calibration format is not recognised",
         ),
         (
             "- 1\n- 2\n".to_owned(),
-            "is no calibration that is understood",
+            "the calibration format is not recognised",
         ),
         ("[".repeat(100_000), "line 1"),
         (
@@ -72,13 +72,13 @@ fn texts_that_are_no_calibrations_or_too_large() {
                 "<a>".repeat(5_000),
                 "</a>".repeat(5_000)
             ),
-            "elements lie too deep",
+            "elements are nested too deeply",
         ),
         (entities.to_owned(), "XML"),
         (bomb, "line "),
         (format!("K: [{}]", "1,".repeat(1_000_000)), "line 1"),
         ("x".repeat(MAX_TEXT_BYTES + 1), "bytes; allowed: at most"),
-        (cameras.concat(), "holds 70 cameras; allowed: at most 64"),
+        (cameras.concat(), "contains 70 cameras; allowed: at most 64"),
         (
             "[cameras.a]\nmodel.pinhole = { f_px = [1, 1] }\nsize_px = [0, 4]\n".to_owned(),
             "line 2: cameras.a.model.pinhole.center_px: is missing",

@@ -359,10 +359,7 @@ fn rigs_of_several_cameras() {
     assert!(write(Foreign(Format::Basalt), &[]).is_err());
     let twice = [pair[0].clone(), pair[0].clone()];
     let message = write(Pardalis, &twice).unwrap_err().to_string();
-    assert!(
-        message.contains("is a; allowed: each name once"),
-        "{message}"
-    );
+    assert!(message.contains("is a; allowed: unique names"), "{message}");
 }
 
 #[test]

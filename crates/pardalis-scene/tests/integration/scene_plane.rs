@@ -89,8 +89,8 @@ fn a_target_of_landmarks_has_its_settings_for_all_of_them() {
         Cue::Difference(difference).into(),
     ];
     for body in [front, rear] {
-        assert_eq!(body.cues, cues);
-        assert!(body.filter.motion.is_planar(), "landmarks stay level");
+        assert_eq!(body.cues(), cues);
+        assert!(body.motion().is_planar(), "landmarks stay level");
     }
     // The difference alone needs no colours.
     let bare = [
@@ -164,7 +164,7 @@ fn cameras_know_a_plane_by_points_or_homography_and_their_place_by_numbers_or_le
     assert_eq!(seen(image, [12.0, 34.5, 0.0]), [12.0, 34.5]);
     refused(
         &[(CENTER, "")],
-        "line 13: targets.robot.shape: rises over the plane, but where camera \"mast\" stands is not known",
+        "line 13: targets.robot.shape: rises over the plane, but the place of camera \"mast\" is not known",
     );
 }
 
@@ -183,7 +183,7 @@ fn a_point_that_does_not_agree_is_named() {
     let scene = scene_with(&[("\n]", &rows)]).unwrap();
     let warning = scene.warnings[0].to_string();
     assert!(
-        warning.contains("line 5: cameras.mast.model.plane.points: point 6 does not agree with the others, which put it 30.0 px from there"),
+        warning.contains("line 5: cameras.mast.model.plane.points: point 6 disagrees with the others, which put it 30.0 px away"),
         "{warning}"
     );
     let [u, v] = Camera::Plane(plane(&scene))
@@ -224,7 +224,7 @@ fn planes_that_cannot_be_are_refused_by_their_keys() {
         (
             "points = [",
             "homography = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]\npoints = [",
-            format!("{}stands beside points; keep one", key("homography")),
+            format!("{}cannot be combined with points", key("homography")),
         ),
         (
             CENTER,
@@ -235,7 +235,7 @@ fn planes_that_cannot_be_are_refused_by_their_keys() {
         (
             CENTER,
             "camera_center_m = [0, 0, 3]\nf_px = [560, 560]",
-            format!("{}stands beside camera_center_m", key("f_px")),
+            format!("{}cannot be combined with camera_center_m", key("f_px")),
         ),
         (
             CENTER,
@@ -261,7 +261,8 @@ fn planes_that_cannot_be_are_refused_by_their_keys() {
         (
             "fps = 15",
             "fps = 15\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
-            "line 4: cameras.mast.world_from_camera: stands beside a camera of a plane".to_owned(),
+            "line 4: cameras.mast.world_from_camera: cannot be combined with a camera of a plane"
+                .to_owned(),
         ),
     ] {
         refused(&[(piece, other)], &wanted);
@@ -319,7 +320,7 @@ fn landmarks_and_regions_that_cannot_be_are_refused_by_their_keys() {
         (
             disc,
             "shape.sphere.radius_m = 0.1",
-            "targets.robot.region: looks at a flat region; give shape.disc or shape.rectangle",
+            "targets.robot.region: applies to flat targets only; give shape.disc or shape.rectangle",
         ),
         (disc, "", "landmarks.front.shape: is missing"),
         (
@@ -360,12 +361,12 @@ fn landmarks_and_regions_that_cannot_be_are_refused_by_their_keys() {
         (
             "region = {}",
             "region = {}\ncolors = \"red.toml\"",
-            "line 15: targets.robot.colors: stands beside landmarks",
+            "line 15: targets.robot.colors: cannot be combined with landmarks",
         ),
         (
             "region = {}",
             "region = {}\nstart.gaussian.position_m = [0, 0, 0]",
-            "line 15: targets.robot.start: stands beside landmarks",
+            "line 15: targets.robot.start: cannot be combined with landmarks",
         ),
         (
             start,

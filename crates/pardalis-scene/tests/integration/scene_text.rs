@@ -2,16 +2,15 @@
 
 use pardalis::color::{ColorModel, ColorRanges};
 use pardalis::likelihood::{Cue, CueSettings, EdgeSettings, Sampling, WindowSettings};
-use pardalis::start::Start;
-use pardalis::tracker::ExistenceSettings;
+use pardalis::tracker::{BodySettings, DetectedSettings, ExistenceSettings};
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::formats::Lens;
 use pardalis_core::Error;
 use pardalis_filter::motion::{
-    ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, JumpChance, Jumps, Motion,
-    RandomWalk,
+    AccelerationNoise, ConstantAcceleration, ConstantVelocity, JumpChance, Jumps, Motion,
+    RandomWalk, VelocityNoise,
 };
-use pardalis_scene::{BodyConfig, Scene, StartConfig};
+use pardalis_scene::{BodyConfig, Scene, StartConfig, TrackingConfig};
 
 const SCENE: &str = r#"# Everything that a scene may say.
 seed = 7
@@ -42,9 +41,9 @@ world_from_camera = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0.82], [0, 0, 0, 1]]
 [cameras.mirror.model.exact_mirror]
 f_px = [579, 579]
 center_px = [319.5, 239.5]
-constant_resolution = { vertex_m = 0.16, rim_m = 0.08, plane_z_m = -0.82, rim_shows_m = 5, offset = 0 }
+constant_resolution = { vertex_m = 0.16, rim_m = 0.08, plane_z_m = -0.82, rim_view_m = 5, offset = 0 }
 [targets.robot]
-shape.prism = { sides = 8, across_flats_m = 0.5, height_m = 0.8, turn_deg = 22.5, outline = "facing" }
+shape.prism = { sides = 8, across_flats_m = 0.5, height_m = 0.8, rotation_deg = 22.5, outline = "facing" }
 colors = "robot.toml"
 contour.spline = { control_points = 30, reach_px = 1.5, steps = 2, middle = false }
 motion.planar_constant_velocity.acceleration_density_m2ps3 = 2
@@ -52,7 +51,7 @@ start.gaussian = { position_m = [1, 2, 0], covariance_m2 = [0.04, 0.03, 0, 0.09,
 [targets.post]
 shape.cylinder = { radius_m = 0.1, height_m = 1, outline = "exact" }
 colors = "post.toml"
-contour.overlap = { max_share = 0.4, distance_px = 3 }
+contour.shared_pixels = { max_share = 0.4, distance_px = 3 }
 start.track = { file = "theirs.csv", target = "post2", velocity_sigma_mps = 0.1, world_from_other = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]] }
 [targets.ball]
 shape.sphere = { radius_m = 0.11, outline = "tangent" }
@@ -62,13 +61,13 @@ filter = { particles = 1_000, resampling = "residual", resample_below = 0.5 }
 motion.constant_velocity.acceleration_sigma_mps2 = 3
 [targets.ball.start.pixel]
 camera = "web"
-pixel = [46, 0x58]
+pixel_px = [46, 0x58]
 min_range_m = 0.2
 max_range_m = 5
 [targets.other]
 shape.sphere.radius_m = 0.2
 colors = """other.toml"""
-motion.planar_random_walk = { density_m2ps = 0.1, jumps = { share = 0.1, min_m = [-1, 2], max_m = [3, 4] } }
+motion.planar_random_walk = { density_m2ps = 0.1, jumps = { probability = 0.1, min_m = [-1, 2], max_m = [3, 4] } }
 start.gaussian = { position_m = [1, 2, 3], position_sigma_m = [0.1, 0.2, 0.3], velocity_mps = [0, 0, 1] }
 "#;
 
@@ -200,20 +199,19 @@ fn robots_have_settings_of_their_own_that_each_scene_may_change() {
         panic!("{:?}", robot.contour().unwrap())
     };
     assert_eq!((scaled.inner_scale, scaled.outer_scale), (0.75, 1.25));
-    assert_eq!(scaled.overlap, None);
-    assert!(robot.filter.motion.is_planar(), "robots stay on the ground");
+    assert_eq!(scaled.shared_pixels, None);
+    assert!(robot.motion().is_planar(), "robots stay on the ground");
     let flying = format!("{cylinder}\nmotion.constant_velocity.acceleration_density_m2ps3 = 2");
     assert!(
         !target(&flying).unwrap().targets[0].bodies[0]
-            .filter
-            .motion
+            .motion()
             .is_planar()
     );
     let ball = &target("shape.sphere.radius_m = 0.11\ncontour.spline = {}")
         .unwrap()
         .targets[0]
         .bodies[0];
-    assert!(!ball.filter.motion.is_planar());
+    assert!(!ball.motion().is_planar());
     let Sampling::Spline(spline) = ball.contour().unwrap().sampling else {
         panic!("{:?}", ball.contour().unwrap())
     };
@@ -229,8 +227,8 @@ fn cues_are_those_that_have_a_table_and_look_at_the_cameras_they_name() {
     let ball = "shape.sphere.radius_m = 0.11\n";
     let cues = |settings: &str| {
         target(&format!("{ball}{settings}")).unwrap().targets[0].bodies[0]
-            .cues
-            .clone()
+            .cues()
+            .to_vec()
     };
     assert!(matches!(
         cues("")[..],
@@ -318,7 +316,7 @@ fn motions_that_cannot_be_are_refused_by_their_keys() {
             (
                 "motion.random_walk = { sigma_m = 1, density_m2ps = 2 }",
                 "random_walk.density_m2ps",
-                "keep one",
+                "remove one",
             ),
             (
                 "motion.random_walk.sigma_m = -1",
@@ -328,7 +326,7 @@ fn motions_that_cannot_be_are_refused_by_their_keys() {
             (
                 "motion.constant_velocity = { acceleration_sigma_mps2 = 1, velocity_sigma_mps = 2 }",
                 "constant_velocity.velocity_sigma_mps",
-                "keep one",
+                "remove one",
             ),
             (
                 "motion.constant_velocity.velocity_sigma_mps = -1",
@@ -348,20 +346,20 @@ fn motions_that_cannot_be_are_refused_by_their_keys() {
             (
                 "motion.random_walk.jumps = { min_m = [0, 0, 0], max_m = [1, 1, 1] }",
                 "random_walk.jumps",
-                "give share or rate_hz",
+                "give probability or rate_hz",
             ),
             (
-                "motion.random_walk.jumps = { share = 2, min_m = [0, 0, 0], max_m = [1, 1, 1] }",
-                "jumps.share",
+                "motion.random_walk.jumps = { probability = 2, min_m = [0, 0, 0], max_m = [1, 1, 1] }",
+                "jumps.probability",
                 "0 to 1",
             ),
             (
-                "motion.random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
+                "motion.random_walk.jumps = { probability = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
                 "jumps.min_m",
                 "three",
             ),
             (
-                "motion.planar_random_walk.jumps = { share = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
+                "motion.planar_random_walk.jumps = { probability = 0.1, min_m = [0, 0], max_m = [1, 1, 1] }",
                 "jumps.max_m",
                 "two",
             ),
@@ -371,9 +369,9 @@ fn motions_that_cannot_be_are_refused_by_their_keys() {
                 "below that of min_m",
             ),
             (
-                "motion.random_walk.jumps = { rate_hz = 1, share = 0.1, area = 3 }",
+                "motion.random_walk.jumps = { rate_hz = 1, probability = 0.1, area = 3 }",
                 "jumps.area",
-                "max_m, min_m, rate_hz, share",
+                "max_m, min_m, probability, rate_hz",
             ),
         ],
     );
@@ -441,12 +439,12 @@ fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
                 "true or false",
             ),
             (
-                &format!("{cylinder}\ncontour.overlap.max_share = 1"),
+                &format!("{cylinder}\ncontour.shared_pixels.max_share = 1"),
                 "max_share",
                 "below 1",
             ),
             (
-                &format!("{cylinder}\ncontour.overlap.reach_px = 1"),
+                &format!("{cylinder}\ncontour.shared_pixels.reach_px = 1"),
                 "reach_px",
                 "distance_px",
             ),
@@ -465,23 +463,25 @@ fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
 fn motions_are_read_as_they_are_said() {
     let read = |settings: &str| {
         let text = format!("shape.sphere.radius_m = 0.1\nmotion.{settings}");
-        target(&text).unwrap().targets[0].bodies[0].filter.motion
+        target(&text).unwrap().targets[0].bodies[0]
+            .motion()
+            .to_owned()
     };
-    let velocity = Disturbance::PerStep {
+    let velocity = VelocityNoise::PerStep {
         velocity_sigma_mps: 0.3,
     };
     assert_eq!(
         read("constant_velocity.velocity_sigma_mps = 0.3"),
         ConstantVelocity::new(velocity).unwrap().into()
     );
-    let published = Jerk::PerStep {
+    let published = AccelerationNoise::PerStep {
         acceleration_step_sigma_mps2: 2.0,
     };
     assert_eq!(
         read("constant_acceleration.acceleration_step_sigma_mps2 = 2"),
         ConstantAcceleration::new(published).unwrap().into()
     );
-    let white = Jerk::White {
+    let white = AccelerationNoise::White {
         jerk_density_m2ps5: 5.0,
     };
     assert_eq!(
@@ -494,7 +494,7 @@ fn motions_are_read_as_they_are_said() {
     ];
     let jumps = Jumps::new(share, [-1.0, 2.0, 0.0], [3.0, 4.0, 1.0]).unwrap();
     assert_eq!(
-        read("random_walk.jumps = { share = 0.1, min_m = [-1, 2, 0], max_m = [3, 4, 1] }"),
+        read("random_walk.jumps = { probability = 0.1, min_m = [-1, 2, 0], max_m = [3, 4, 1] }"),
         RandomWalk::PUBLISHED.with_jumps(jumps).into()
     );
     let jumps = Jumps::new(rate, [-1.0, 2.0, 0.0], [3.0, 4.0, 0.0]).unwrap();
@@ -522,9 +522,13 @@ fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
     let scene = Scene::parse_with(SCENE, &replaced, &no_calibration).unwrap();
     let plain = Scene::parse(SCENE, &no_calibration).unwrap();
     let [ball, plain_ball] = [&scene, &plain].map(|scene| target_of(scene, "ball"));
-    assert_eq!(ball.filter.particle_count, 77);
-    assert_eq!(ball.filter.resampling, plain_ball.filter.resampling);
-    assert_ne!(ball.start.value, plain_ball.start.value);
+    assert_eq!(ball.particle_count(), 77);
+    let resampling = |body: &BodyConfig| match &body.tracking {
+        TrackingConfig::Initialized { filter, .. } => filter.resampling,
+        TrackingConfig::Detected { .. } => panic!("{body:?}"),
+    };
+    assert_eq!(resampling(ball), resampling(plain_ball));
+    assert_ne!(ball.start(), plain_ball.start());
     assert_eq!(target_of(&scene, "other").contour().unwrap().points, 30);
     assert_eq!(scene.cameras, plain.cameras);
 
@@ -556,7 +560,7 @@ fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
 }
 
 /// A scene with a ball that has these settings, and no start unless they say one.
-fn sought(settings: &str) -> Result<Scene, Vec<String>> {
+fn without_start(settings: &str) -> Result<Scene, Vec<String>> {
     let (cameras, _) = SCENE.split_once("[targets.robot]").unwrap();
     let text = format!(
         "{cameras}[targets.ball]\nshape.sphere.radius_m = 0.1\ncolors = \"ball.toml\"\n{settings}\n"
@@ -564,19 +568,37 @@ fn sought(settings: &str) -> Result<Scene, Vec<String>> {
     parsed(&text)
 }
 
-#[test]
-fn what_has_no_start_is_sought_by_the_edge_cue() {
-    let scene = sought("").unwrap();
+/// The settings of a scene's ball, which must be detected.
+fn detected(settings: &str) -> DetectedSettings {
+    let scene = without_start(settings).unwrap();
     let body = &scene.targets[0].bodies[0];
-    assert_eq!(body.cues, [Cue::Edge(EdgeSettings::default()).into()]);
-    assert_eq!(body.start.value, StartConfig::Here(Start::Anywhere));
-    assert_eq!(body.existence, ExistenceSettings::default());
-    assert_eq!(body.filter.particle_count, 500);
+    let start = body.start().map(|start| match start.value {
+        StartConfig::Here(start) => start,
+        StartConfig::Track(_) => panic!("no track is given"),
+    });
+    let colors = include_str!("../../../../data/colors/pink-ball.hsi.colors.toml");
+    let colors = ColorModel::from_text(colors).unwrap();
+    match body.settings(Some(colors), start).unwrap() {
+        BodySettings::Detected(settings) => settings,
+        BodySettings::Initialized(settings) => panic!("{settings:?}"),
+    }
+}
 
-    let settings = "edge = { correspondence_lines = 100, likelihood_exponent = 0.3, shared_sigma_px = 0.1, learned_profile = false, lit_and_shaded_profiles = false, color_evidence = false, illumination_adaptation = false }\nexistence = { birth_rate_hz = 2, occlusion_rate_hz = 0.25 }\n\
-                    start.gaussian.position_m = [1, 2, 3]";
-    let scene = sought(settings).unwrap();
-    let body = &scene.targets[0].bodies[0];
+#[test]
+fn targets_without_start_are_detected_with_the_defaults_of_the_library() {
+    let found = detected("");
+    assert_eq!(found.edge, EdgeSettings::default());
+    assert_eq!(found.start, None);
+    assert_eq!(found.existence, ExistenceSettings::default());
+    assert_eq!(found.particle_count, 500);
+    let default = DetectedSettings::new(found.shape, found.colors.clone());
+    assert_eq!(found.motion, default.motion);
+    assert_eq!(found.particle_count, default.particle_count);
+
+    let found = detected(
+        "edge = { correspondence_lines = 100, likelihood_exponent = 0.3, shared_sigma_px = 0.1, learned_profile = false, lit_and_shaded_profiles = false, color_evidence = false, illumination_adaptation = false }\nexistence = { birth_rate_hz = 2, occlusion_rate_hz = 0.25 }\n\
+         start.gaussian.position_m = [1, 2, 3]",
+    );
     let edge = EdgeSettings {
         correspondence_lines: 100,
         likelihood_exponent: 0.3,
@@ -587,16 +609,13 @@ fn what_has_no_start_is_sought_by_the_edge_cue() {
         color_evidence: false,
         illumination_adaptation: false,
     };
-    assert_eq!(body.cues, [Cue::Edge(edge).into()]);
-    assert!(matches!(
-        body.start.value,
-        StartConfig::Here(Start::Gaussian(_))
-    ));
-    assert_eq!(body.existence.birth_rate_hz, 2.0);
-    assert_eq!(body.existence.occlusion.occlusion_hz, 0.25);
+    assert_eq!(found.edge, edge);
+    assert_eq!(found.start.unwrap().position_m, [1.0, 2.0, 3.0]);
+    assert_eq!(found.existence.birth_rate_hz, 2.0);
+    assert_eq!(found.existence.occlusion.occlusion_hz, 0.25);
 
-    let scene = sought("start.gaussian.position_m = [1, 2, 3]").unwrap();
-    let cues = &scene.targets[0].bodies[0].cues;
+    let scene = without_start("start.gaussian.position_m = [1, 2, 3]").unwrap();
+    let cues = scene.targets[0].bodies[0].cues();
     assert!(
         matches!(cues[0].cue, Cue::Contour(_)),
         "a start without a cue is published"
@@ -604,13 +623,23 @@ fn what_has_no_start_is_sought_by_the_edge_cue() {
 }
 
 #[test]
-fn what_is_sought_cannot_be_told_everything() {
+fn settings_without_what_they_need_are_refused() {
+    let body = |settings: &str| without_start(settings).unwrap().targets[0].bodies[0].clone();
+    let error = body("").settings(None, None).unwrap_err();
+    assert!(error.to_string().contains("colour model"), "{error}");
+    let published = body("start.gaussian.position_m = [1, 2, 3]");
+    let error = published.settings(None, None).unwrap_err();
+    assert!(error.to_string().contains("start"), "{error}");
+}
+
+#[test]
+fn contradictory_settings_of_detected_targets_are_refused_by_key() {
     refused(
-        sought,
+        without_start,
         &[
-            ("edge = {}\ncontour = {}", "targets.ball.edge", "alone"),
+            ("edge = {}\ncontour = {}", "targets.ball.edge", "combined"),
             (
-                "edge = {}\nstart.pixel.pixel = [3, 4]\nstart.pixel.camera = \"web\"",
+                "edge = {}\nstart.pixel.pixel_px = [3, 4]\nstart.pixel.camera = \"web\"",
                 "targets.ball.start",
                 "pixel",
             ),
@@ -652,8 +681,10 @@ fn what_is_sought_cannot_be_told_everything() {
             (
                 "contour = {}\nexistence = {}\nstart.gaussian.position_m = [1, 2, 3]",
                 "targets.ball.existence",
-                "existence",
+                "edge",
             ),
+            ("contour = {}", "targets.ball.start", "start.gaussian"),
+            ("window = {}\nedge = {}", "targets.ball.edge", "alone"),
         ],
     );
 }

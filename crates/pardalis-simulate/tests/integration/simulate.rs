@@ -1,19 +1,19 @@
-//! Simulated images against the exact outlines of the tracker's own cameras, and truth against what was asked for.
+//! Rendered images against the exact outlines of the camera models, and ground truth against its specification.
 
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis_scene::WorldConfig;
 use pardalis_simulate::{Body, Course, Path, Renderer, World, truth};
 
-/// A world of a text without calibration files.
+/// Parses a world that refers to no calibration files.
 #[track_caller]
 fn world(text: &str) -> World {
-    let config = WorldConfig::parse(text, &|_, _| Err("no files here".to_owned()));
+    let config = WorldConfig::parse(text, &|_, _| Err("no files in this test".to_owned()));
     config
         .unwrap_or_else(|problems| panic!("{problems:#?}"))
         .world
 }
 
-/// Every model, and where a ball is in front of it, in its own frame.
+/// All camera models, each with a ball position in the camera's frame.
 const MODELS: [(&str, [f64; 3]); 10] = [
     (
         "pinhole = { f_px = [300, 310], center_px = [159.5, 119.5], distortion = [-0.2, 0.05, 0.001, -0.002, 0] }",
@@ -79,7 +79,7 @@ fn world_of(model: &str, [x, y, z]: [f64; 3], more: &str) -> World {
     ))
 }
 
-/// Area and centroid of a polygon.
+/// Returns area and centroid of a polygon.
 fn moments(corners: &[[f64; 2]]) -> (f64, [f64; 2]) {
     let (mut area, mut moment) = (0.0, [0.0; 2]);
     for (i, a) in corners.iter().enumerate() {
@@ -94,7 +94,7 @@ fn moments(corners: &[[f64; 2]]) -> (f64, [f64; 2]) {
 }
 
 #[test]
-fn silhouettes_are_the_exact_outlines_through_every_camera_model() {
+fn silhouettes_match_exact_outlines_for_every_camera_model() {
     for (model, position_m) in MODELS {
         let world = world_of(model, position_m, "");
         let renderer = Renderer::new(&world, 0);
@@ -116,9 +116,12 @@ fn silhouettes_are_the_exact_outlines_through_every_camera_model() {
         );
         let outline: Vec<_> = outline.into_iter().map(Option::unwrap).collect();
         let (true_area, center) = moments(&outline);
-        assert!(true_area > 80.0, "{model}: {true_area} pixels are few");
+        assert!(
+            true_area > 80.0,
+            "{model}: an area of {true_area} pixels is too small for this test"
+        );
         let off_px = (moment[0] / area - center[0]).hypot(moment[1] / area - center[1]);
-        // The exact mirror has no one point from which its outline is seen.
+        // The exact mirror has no single viewpoint for its outline.
         let (area_limit, off_limit) = if model.starts_with("exact") {
             (0.01, 0.15)
         } else {
@@ -133,7 +136,7 @@ fn silhouettes_are_the_exact_outlines_through_every_camera_model() {
 }
 
 #[test]
-fn what_moves_is_rendered_as_if_all_were_rendered_anew() {
+fn incremental_rendering_equals_complete_rendering() {
     let more = "[light]
         ambient = 0.3
         [cameras.eye.image]
@@ -169,7 +172,7 @@ fn what_moves_is_rendered_as_if_all_were_rendered_anew() {
 }
 
 #[test]
-fn half_of_a_ball_behind_a_box_is_half_visible_and_the_image_ends_what_is_seen() {
+fn occlusion_and_image_border_reduce_the_visible_fraction() {
     let scene = |ball_y: f64, box_height: f64| {
         world(&format!(
             "duration_s = 1
@@ -191,7 +194,7 @@ fn half_of_a_ball_behind_a_box_is_half_visible_and_the_image_ends_what_is_seen()
     };
     let visible = |world: &World| truth(world, &world.cameras[0], 0.0)[0].visible_fraction;
     assert!((visible(&scene(0.0, 1.0)) - 0.5).abs() < 0.01);
-    // The lower left quarter is hidden by a wall that ends at the ball's height.
+    // A wall that ends at the ball's height occludes the lower left quarter.
     assert!((visible(&scene(0.0, 0.5)) - 0.75).abs() < 0.01);
     assert_eq!(visible(&scene(-0.3, 1.0)), 1.0);
     assert_eq!(visible(&scene(0.3, 1.0)), 0.0);
@@ -204,7 +207,7 @@ fn half_of_a_ball_behind_a_box_is_half_visible_and_the_image_ends_what_is_seen()
 }
 
 #[test]
-fn riders_turn_with_what_carries_them() {
+fn riders_turn_with_their_carrier() {
     let world = world(
         "duration_s = 1
         [ring]
@@ -221,16 +224,16 @@ fn riders_turn_with_what_carries_them() {
         target = true
         shape.cylinder = { radius_m = 0.05, height_m = 0.006 }
         color_srgb = [230, 30, 30]
-        path.rides = { on = \"robot\", offset_m = [0.15, 0.05, 0.4] }",
+        path.attached = { to = \"robot\", offset_m = [0.15, 0.05, 0.4] }",
     );
     assert!(matches!(world.objects[1].body, Body::Cylinder { .. }));
-    // After a quarter of a round the robot is at (1, 4), heading to -x.
+    // After a quarter turn the robot is at (1, 4) and faces -x.
     let placed = world.placed(1.0);
     let close = |a: [f64; 3], b: [f64; 3]| (0..3).all(|i| (a[i] - b[i]).abs() < 1e-9);
     assert!(close(placed[0].position_m.into(), [1.0, 4.0, 0.0]));
     assert!((placed[0].heading_rad - std::f64::consts::PI).abs() < 1e-9);
     assert!(close(placed[1].position_m.into(), [0.85, 3.95, 0.4]));
-    // It turns with the robot about (1, 2).
+    // The rider turns with the robot about (1, 2).
     let rate = std::f64::consts::FRAC_PI_2;
     let velocity = placed[1].velocity_mps;
     assert!((velocity.x + 1.95 * rate).abs() < 1e-6, "{velocity}");

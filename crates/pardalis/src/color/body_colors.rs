@@ -6,9 +6,9 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 
 /// Standard deviations by which illumination absent from the labelled images changes the two ratios of chroma
-/// to luma, and ln of the luma.
+/// to luma, and ln of the luma. Hand-set.
 const UNSEEN_ILLUMINATION: [f64; 3] = [0.045, 0.045, 0.3];
-/// Widths over which the same three features spread among objects that resemble the target.
+/// Widths of the uniform distribution of clutter over the same three features. Hand-set.
 const LOOKALIKE_SPREAD: [f64; 3] = [0.3, 0.3, 1.0];
 
 /// The mean colours of labelled bodies, one per body and image.
@@ -28,7 +28,7 @@ fn features([y, u, v]: [f32; 3]) -> [f64; 3] {
 
 impl BodyColors {
     /// Distances from the outline, in pixels and negative inside, of the pixels that enter a body's mean
-    /// colour.
+    /// colour: inside the blur of the edge. Hand-set.
     pub const DEPTH_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
 
     /// Summarises mean colours; `None` if there are none.
@@ -53,8 +53,8 @@ impl BodyColors {
         [0, 1, 2].map(|i| self.means.iter().map(|mean| mean[i]).sum::<f32>() / count)
     }
 
-    /// Returns the log-likelihood ratio of a body's mean colour (Y, U and V): the target against another
-    /// object whose single pixels could be the target's.
+    /// Returns the log-likelihood ratio, in nats, of a body's mean colour (Y, U and V): the target against
+    /// clutter whose single pixels could be the target's.
     pub fn log_ratio(&self, mean: [f32; 3]) -> f64 {
         let values = features(mean).into_iter().zip(&self.features);
         let terms = values

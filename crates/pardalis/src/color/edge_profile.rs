@@ -12,20 +12,20 @@ use super::body_colors::BodyColors;
 use super::membership::{EdgePixel, Side, Surroundings};
 use super::outline_distance::OutlineDistance;
 
-/// Standard deviation of the kernel that smooths over distance, in pixels.
+/// Standard deviation of the kernel that smooths over distance, pixels. Hand-set.
 const SMOOTHING_PX: f64 = 0.35;
-/// Pseudo-count of every bin, which keeps all probabilities above zero.
+/// Pseudo-count of every bin, which keeps all probabilities above zero. Hand-set.
 const PSEUDO_COUNT: f64 = 0.1;
-/// Number of outermost rows that describe the surroundings of bodies.
+/// Number of outermost rows that describe the surroundings of bodies. Hand-set.
 const OUTSIDE_ROWS: usize = 3;
-/// Weight of the counts of the other side, which support a side with few counts of its own.
+/// Weight of the counts of the other side, which support a side with few counts of its own. Hand-set.
 const OTHER_SIDE_WEIGHT: f64 = 0.05;
-/// The default edge if no profile was learnt: its blur as a standard deviation in pixels, as in the bundled
-/// sequences.
+/// The default edge if no profile was learnt: its blur as a standard deviation and its offset towards the
+/// inside, in pixels. Origin: as in the bundled training sets.
 const SOFT_PX: f64 = 1.3;
 const SOFT_INSIDE_PX: f64 = 0.35;
-/// Noise of the default edge as standard deviations: outside, then the additions in the middle of the edge
-/// and inside.
+/// Noise of the default edge as standard deviations in units of membership: outside, then the additions in
+/// the middle of the edge and inside. Hand-set.
 const SOFT_NOISE: [f64; 3] = [0.1, 0.5, 0.08];
 
 /// Pixel counts per bin of membership, at each distance.

@@ -1,23 +1,22 @@
 //! Illumination of a scene: its effect on colours as gains of red, green and blue (von Kries 1902), along the
-//! two directions in which illumination varies: brightness and warmth.
+//! two directions in which illumination mostly varies: brightness and warmth.
 
 use super::palette::PixelKind;
 use crate::color_space::YuvEncoding;
 
-/// ln of the gains of red, green and blue in an illumination that is warmer by one, roughly as for black
-/// bodies (Wien's law).
+/// ln of the gains of red, green and blue per unit of warmth. Derivation: black bodies, roughly (Wien's law).
 const WARMER: [f64; 3] = [0.5, 0.0, -1.0];
-/// Standard deviation of other errors of mean colours, in grey levels of 255.
+/// Standard deviation of the errors of mean red, green and blue, in grey levels of 255. Hand-set.
 const MEAN_SIGMA: f64 = 5.0;
-/// Prior standard deviations of brightness and warmth.
+/// Prior standard deviations of changes of brightness and warmth. Hand-set.
 const PRIOR_SIGMA: [f64; 2] = [1.0, 0.3];
 
-/// Raw bytes around which gains are linearised, for any kind of pixels: far from the borders of the gamut,
-/// also in a brighter illumination.
+/// Raw bytes around which gains are linearised, for any kind of pixels. Derivation: far from the borders of
+/// the gamut, also in a brighter illumination.
 const GREY: [f64; 3] = [40.0, 128.0, 128.0];
 
-/// The difference between two illuminations, in terms of grey levels rather than radiance. This is valid for
-/// gamma-encoded images, because a power law maps gains to gains.
+/// The difference between two illuminations, as gains of grey levels rather than of radiance. Camera gamma, a
+/// power law, turns gains of radiance into gains of grey levels.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Illumination {
     /// ln of the gain of green.
@@ -27,8 +26,8 @@ pub struct Illumination {
 }
 
 impl Illumination {
-    /// Estimates the illumination in which a mean colour `known` (Y, U and V of BT.601, full range) becomes
-    /// `now`: a least-squares fit, in which bright channels have the most weight.
+    /// Estimates the change of illumination in which a mean colour `known` (Y, U and V of BT.601, full range)
+    /// becomes `now`: a least-squares fit, in which bright channels have the most weight.
     pub fn between(known: [f32; 3], now: [f32; 3]) -> Self {
         let [known, now] = [known, now].map(|yuv| {
             let rgb = YuvEncoding::default().rgb_from_yuv(yuv.map(f64::from));
@@ -54,7 +53,7 @@ impl Illumination {
         }
     }
 
-    /// Returns the correction that maps pixels of a kind in this illumination back to the original one.
+    /// Returns the correction that undoes this change for pixels of a kind.
     pub fn correction(self, kind: PixelKind) -> IlluminationCorrection {
         if self == Self::default() {
             return IlluminationCorrection::NONE;
@@ -85,7 +84,7 @@ impl Illumination {
     }
 }
 
-/// A correction of the raw bytes of pixels from one illumination to another: an affine map.
+/// A correction of the bytes of pixels from one illumination to another: a linear map and a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IlluminationCorrection {
     rows: Option<[[f32; 4]; 3]>,

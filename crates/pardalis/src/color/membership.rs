@@ -15,24 +15,24 @@ pub struct EdgePixel {
     pub turn: f32,
 }
 
-/// Sectors of the turn, each with colours of its own.
+/// Sectors of the turn around an outline, each with colours of its own. Hand-set.
 const SECTORS: usize = 64;
-/// Depth in pixels from which pixels show only the body.
+/// Signed distance in pixels below which pixels show only the body. Hand-set: beyond the blur of edges.
 const BODY_DEPTH_PX: f32 = -2.0;
-/// Minimum number of pixels of the body; if fewer lie deep enough, the deepest ones are used.
+/// Minimum number of pixels of the body; if fewer lie deep enough, the deepest ones are used. Hand-set.
 const MIN_BODY_PIXELS: usize = 6;
-/// Distances from the outline, in pixels, at which pixels show the surroundings.
+/// Signed distances from the outline, in pixels, at which pixels show the surroundings. Hand-set.
 const SURROUNDINGS_PX: std::ops::Range<f32> = 3.0..7.0;
 /// Concentrations of the von Mises densities that weight colours around the turn, for the body and for its
-/// surroundings.
+/// surroundings. Hand-set.
 const CONCENTRATION: [f64; 2] = [2.0, 4.0];
-/// Concentration of the von Mises density that weights brightness around the turn, and the distances from the
-/// outline, in pixels, of the pixels used for it.
+/// Concentration of the von Mises density that weights brightness around the turn, and the signed distances
+/// from the outline, in pixels, of the pixels used for it. Hand-set.
 const SHADING_CONCENTRATION: f64 = 4.0;
 const SHADING_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
-/// Weights of differences in Y, U and V: chroma separates bodies that shadows do not.
+/// Weights of squared differences in Y, U and V. Hand-set: chroma changes less with shadows.
 const CHANNEL_WEIGHTS: [f32; 3] = [1.0, 15.0, 15.0];
-/// Minimum contrast (squared, weighted as above) at which two colours count as different.
+/// Minimum squared weighted difference of two colours; closer colours have no membership. Hand-set.
 const MIN_CONTRAST: f32 = 100.0;
 
 /// Weights over the sectors of the turn, by their offset.
@@ -77,9 +77,7 @@ impl Surroundings {
         let deepest_px = if pixels.iter().filter(is_deep).count() >= MIN_BODY_PIXELS {
             BODY_DEPTH_PX
         } else {
-            let mut distances: Vec<f32> = pixels.iter().map(|pixel| pixel.distance_px).collect();
-            distances.sort_by(f32::total_cmp);
-            (*distances.get(MIN_BODY_PIXELS - 1)?).min(0.0)
+            deepest(pixels)?[MIN_BODY_PIXELS - 1].min(0.0)
         };
         let body = mean_colors(pixels, &WEIGHTS[0], |distance| distance <= deepest_px)?;
         let outside = mean_colors(pixels, &WEIGHTS[1], |distance| {
@@ -115,6 +113,24 @@ impl Surroundings {
             along / whole
         }
     }
+}
+
+/// Returns the distances of the deepest pixels in ascending order; `None` if there are too few pixels.
+fn deepest(pixels: &[EdgePixel]) -> Option<[f32; MIN_BODY_PIXELS]> {
+    if pixels.len() < MIN_BODY_PIXELS {
+        return None;
+    }
+    // Positive NaN is the last in the total order.
+    let mut deepest = [f32::NAN; MIN_BODY_PIXELS];
+    for pixel in pixels {
+        let mut distance_px = pixel.distance_px;
+        for kept in &mut deepest {
+            if distance_px.total_cmp(kept).is_lt() {
+                std::mem::swap(kept, &mut distance_px);
+            }
+        }
+    }
+    Some(deepest)
 }
 
 /// Classifies each sector as shaded or lit; `None` if no pixel lies at a suitable distance.

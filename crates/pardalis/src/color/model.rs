@@ -51,6 +51,18 @@ struct ColorModelText {
 }
 
 impl ColorModel {
+    /// Learns a model from one image, in HSI. `is_target` states for each pixel, row by row, whether it shows
+    /// the target. To learn from several images, use [`ColorLearner`].
+    ///
+    /// # Errors
+    ///
+    /// The mask has another size or marks no pixel.
+    pub fn from_image(frame: &Frame, is_target: &[bool]) -> Result<Self, Error> {
+        let mut learner = ColorLearner::new(Palette::HSI)?;
+        learner.add(frame, is_target)?;
+        learner.learn()
+    }
+
     /// Returns the division of colour space into bins.
     pub fn palette(&self) -> Palette {
         self.palette

@@ -5,14 +5,15 @@
 
 use std::collections::VecDeque;
 
-/// Parts with fewer pixels are ignored.
+/// Labelled parts with fewer pixels are ignored. Hand-set.
 const MIN_AREA_PX: usize = 20;
-/// Minimum intersection over union of an ellipse with the labels.
+/// Minimum intersection over union of a fitted ellipse with the labels. Hand-set.
 const MIN_IOU: f64 = 0.92;
-/// Distances are computed up to this many pixels inside and outside.
+/// Distances are computed up to this many pixels inside and outside. Derivation: covers the bands that are
+/// evaluated.
 const NEAR_PX: f64 = 9.0;
 /// Standard deviation of the smoothing of labels in pixels, and the largest distance, in standard deviations,
-/// that the smoothed labels determine.
+/// that the smoothed labels determine. Hand-set.
 const SMOOTH_PX: f64 = 1.5;
 const TRUSTED: f64 = 2.5;
 

@@ -26,20 +26,20 @@ pub struct ScaledSampling {
     /// Scale of the outer contour relative to the outline of the shape, above 1.
     pub outer_scale: f64,
     /// The remedy for projections so small that both contours share pixels; `None` to apply none.
-    pub overlap: Option<Overlap>,
+    pub shared_pixels: Option<SharedPixels>,
 }
 
 /// A remedy for small projections: if the inner contour shares too many pixels with the outer one, both are
 /// replaced by points at a fixed distance from the outline along its normals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Overlap {
+pub struct SharedPixels {
     /// Maximum share of the inner contour's pixels that may also be on the outer contour.
     pub max_share: f64,
     /// Distance of the points from the outline, in pixels.
     pub distance_px: f64,
 }
 
-impl Default for Overlap {
+impl Default for SharedPixels {
     /// The paper's distance. The paper does not give the share.
     fn default() -> Self {
         Self {
@@ -60,6 +60,18 @@ pub struct SplineSampling {
     pub steps: usize,
     /// Whether the point on the outline itself counts on both sides.
     pub middle: bool,
+}
+
+impl SplineSampling {
+    /// Returns the default for an outline of this many points: a control point for every fourth, and samples 1 and 2 pixels from the outline.
+    pub fn of_points(points: usize) -> Self {
+        Self {
+            control_points: (points / 4).max(3),
+            reach_px: 2.0,
+            steps: 2,
+            middle: false,
+        }
+    }
 }
 
 impl Sampling {
@@ -96,16 +108,16 @@ impl Sampling {
             Self::Scaled(ScaledSampling {
                 inner_scale: inner,
                 outer_scale: outer,
-                overlap,
+                shared_pixels,
             }) => {
                 let (inner_ok, outer_ok) =
                     (inner > 0.0 && inner < 1.0, outer > 1.0 && outer <= 10.0);
                 inside("inner_scale", inner, inner_ok, "above 0 and below 1")?;
                 inside("outer_scale", outer, outer_ok, "above 1 and at most 10")?;
-                let Some(Overlap {
+                let Some(SharedPixels {
                     max_share,
                     distance_px,
-                }) = overlap
+                }) = shared_pixels
                 else {
                     return Ok(());
                 };

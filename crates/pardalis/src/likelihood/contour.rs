@@ -10,7 +10,7 @@ use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster, share_pixels};
 use crate::color::{ColorModel, Palette};
 use crate::frame::with_pixels;
 use crate::shape::Shape;
-use crate::view::{Evidence, View};
+use crate::view::{PreparedFrame, View};
 use pardalis_camera::{LANES, Mask};
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
@@ -37,7 +37,7 @@ impl Default for ContourSettings {
             sampling: Sampling::Scaled(ScaledSampling {
                 inner_scale: 0.9,
                 outer_scale: 1.1,
-                overlap: None,
+                shared_pixels: None,
             }),
             kappa: 1.5,
             b: 1.0 / 30.0,
@@ -57,7 +57,7 @@ impl ContourSettings {
                 sampling: Sampling::Scaled(ScaledSampling {
                     inner_scale: 0.75,
                     outer_scale: 1.25,
-                    overlap: None,
+                    shared_pixels: None,
                 }),
                 ..ball
             },
@@ -195,7 +195,7 @@ impl ContourCue {
     /// Adds one camera's log-likelihood of each particle.
     pub(super) fn add_camera(
         &mut self,
-        evidence: &Evidence,
+        prepared: &PreparedFrame,
         [x, y, z]: [&[f32]; 3],
         out: &mut [f32],
     ) {
@@ -218,13 +218,13 @@ impl ContourCue {
             };
             self.scratch.resize(chunks, empty);
         }
-        self.bin_image(evidence, 2 * self.samples * out.len());
+        self.bin_image(prepared, 2 * self.samples * out.len());
         let mut scratch = std::mem::take(&mut self.scratch);
         let this = &*self;
         let work = |(chunk, (out, scratch)): (usize, (&mut [f32], &mut Scratch))| {
             let range = chunk * CHUNK..chunk * CHUNK + out.len();
             let positions = [&x[range.clone()], &y[range.clone()], &z[range]];
-            this.add_chunk(evidence, positions, out, scratch);
+            this.add_chunk(prepared, positions, out, scratch);
         };
         if chunks == 1 || rayon::current_num_threads() == 1 {
             out.chunks_mut(CHUNK)
@@ -241,17 +241,17 @@ impl ContourCue {
     }
 
     /// Bins the whole image if that is cheaper than `look_ups` single look-ups.
-    fn bin_image(&mut self, evidence: &Evidence, look_ups: usize) {
-        let (width, height) = evidence.view().size();
+    fn bin_image(&mut self, prepared: &PreparedFrame, look_ups: usize) {
+        let (width, height) = prepared.view().size();
         self.binned.clear();
         if look_ups < LOOK_UPS_PER_PIXEL * width * height {
             return;
         }
         let no_bin = self.palette.bin_count() as u16;
         self.binned.resize(width * height, no_bin);
-        let table = evidence.table(self.palette);
-        let open = evidence.view().mask().map(Mask::open);
-        with_pixels!(evidence.frame(), components => {
+        let table = prepared.table(self.palette);
+        let open = prepared.view().mask().map(Mask::open);
+        with_pixels!(prepared.frame(), components => {
             self.binned.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
                 for (x, bin) in row.iter_mut().enumerate() {
                     if open.is_none_or(|open| open[y * width + x]) {
@@ -264,20 +264,20 @@ impl ContourCue {
 
     fn add_chunk(
         &self,
-        evidence: &Evidence,
+        prepared: &PreparedFrame,
         [x, y, z]: [&[f32]; 3],
         out: &mut [f32],
         scratch: &mut Scratch,
     ) {
-        let (width, _) = evidence.view().size();
+        let (width, _) = prepared.view().size();
         let stride = if self.binned.is_empty() {
             COORDINATES_STRIDE
         } else {
             width as u32
         };
-        let projector = Projector::new(evidence.view());
-        let raster = Raster::new(evidence.view(), stride);
-        let table = evidence.table(self.palette);
+        let projector = Projector::new(prepared.view());
+        let raster = Raster::new(prepared.view(), stride);
+        let table = prepared.table(self.palette);
         let no_bin = self.palette.bin_count() as u16;
         for start in (0..out.len()).step_by(LANES) {
             let lanes = LANES.min(out.len() - start);
@@ -288,8 +288,8 @@ impl ContourCue {
             self.find_pixels(&projector, raster, &centers, scratch);
             let out = &mut out[start..start + lanes];
             if self.binned.is_empty() {
-                Self::close_masked(evidence.view(), &mut scratch.pixels);
-                with_pixels!(evidence.frame(), components => {
+                Self::close_masked(prepared.view(), &mut scratch.pixels);
+                with_pixels!(prepared.frame(), components => {
                     let bin_at = |pixel: u32| {
                         let (x, y) = (pixel % COORDINATES_STRIDE, pixel / COORDINATES_STRIDE);
                         if pixel == NO_PIXEL { no_bin } else { table.bin(components(x as usize, y as usize)) }
@@ -336,18 +336,18 @@ impl ContourCue {
                         || raster.write_pixels(coordinates, pixels),
                     );
                 }
-                let Some(overlap) = scaled.overlap else {
+                let Some(shared_pixels) = scaled.shared_pixels else {
                     return;
                 };
                 let mut spread = [false; LANES];
                 level.run(
                     #[inline(always)]
-                    || spread = share_pixels(inner, outer, overlap.max_share as f32),
+                    || spread = share_pixels(inner, outer, shared_pixels.max_share as f32),
                 );
                 if spread.contains(&true) {
                     self.outline
                         .project(level, projector, positions, 1.0, points, coordinates);
-                    let distance_px = overlap.distance_px as f32;
+                    let distance_px = shared_pixels.distance_px as f32;
                     level.run(
                         #[inline(always)]
                         || {

@@ -3,7 +3,6 @@
 
 use super::contour::{ContourCue, ContourSettings};
 use super::difference::DifferenceCue;
-use super::edge::EdgeSettings;
 use super::patch::PatchSettings;
 use super::region::RegionCue;
 use super::window::{WindowCounting, WindowCue, WindowSettings};
@@ -36,16 +35,13 @@ pub enum Cue {
     Region(PatchSettings),
     /// Changes since the previous frame in a region.
     Difference(PatchSettings),
-    /// The position of the outline with subpixel accuracy. This cue must be the only one, because it detects
-    /// its target by itself; it cannot be part of [`Cues`].
-    Edge(EdgeSettings),
 }
 
 impl Cue {
     /// Reports whether the cue works without a colour model.
     pub fn works_without_color_model(&self) -> bool {
         match self {
-            Self::Contour(_) | Self::Region(_) | Self::Edge(_) => false,
+            Self::Contour(_) | Self::Region(_) => false,
             Self::Window(window) => window.ranges.is_some(),
             Self::Difference(_) => true,
         }
@@ -54,13 +50,6 @@ impl Cue {
     /// Reports whether the cue evaluates a flat region, which requires a flat shape.
     pub fn needs_flat_shape(&self) -> bool {
         matches!(self, Self::Region(_) | Self::Difference(_))
-    }
-}
-
-impl CueSettings {
-    /// Reports whether this is the edge cue.
-    pub fn is_edge(&self) -> bool {
-        matches!(self.cue, Cue::Edge(_))
     }
 }
 
@@ -149,10 +138,6 @@ impl Cues {
                 Cue::Difference(difference) => {
                     Kernel::Difference(Box::new(DifferenceCue::new(difference, &shape, level)?))
                 }
-                Cue::Edge(_) => {
-                    let allowed = "a cue that compares every particle with the image";
-                    return Err(Error::out_of_range("cues", "edge", allowed));
-                }
             };
             Ok((kernel, settings.cameras.clone()))
         };
@@ -234,7 +219,7 @@ impl Likelihood for CuesLikelihood<'_> {
         }
         out.fill(0.0);
         for (camera, frame) in self.frames {
-            let evidence = self.views[*camera].evidence(frame);
+            let prepared = self.views[*camera].prepared(frame);
             let of_camera = &mut of_cameras[*camera];
             of_camera.clear();
             of_camera.resize(out.len(), 0.0);
@@ -242,11 +227,11 @@ impl Likelihood for CuesLikelihood<'_> {
                 if uses_camera(cameras.as_deref(), *camera) {
                     let positions_m = particles.positions_m();
                     match kernel {
-                        Kernel::Contour(cue) => cue.add_camera(&evidence, positions_m, of_camera),
-                        Kernel::Window(cue) => cue.add_camera(&evidence, positions_m, of_camera),
-                        Kernel::Region(cue) => cue.add_camera(&evidence, positions_m, of_camera),
+                        Kernel::Contour(cue) => cue.add_camera(&prepared, positions_m, of_camera),
+                        Kernel::Window(cue) => cue.add_camera(&prepared, positions_m, of_camera),
+                        Kernel::Region(cue) => cue.add_camera(&prepared, positions_m, of_camera),
                         Kernel::Difference(cue) => {
-                            cue.add_camera(&evidence, positions_m, of_camera);
+                            cue.add_camera(&prepared, positions_m, of_camera);
                         }
                     }
                 }

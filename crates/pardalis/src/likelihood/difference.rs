@@ -7,7 +7,7 @@ use super::patch::{Patch, PatchSettings, squared_distance};
 use crate::Frame;
 use crate::frame::{PixelFormat, with_pixels};
 use crate::shape::Shape;
-use crate::view::Evidence;
+use crate::view::PreparedFrame;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
 
@@ -44,18 +44,18 @@ impl DifferenceCue {
     /// all.
     pub(super) fn add_camera(
         &mut self,
-        evidence: &Evidence,
+        prepared: &PreparedFrame,
         positions: [&[f32]; 3],
         out: &mut [f32],
     ) {
-        let Some(before) = evidence.before() else {
+        let Some(before) = prepared.before() else {
             let still = self.still as f32;
             for out in out {
                 *out += still;
             }
             return;
         };
-        let frame = evidence.frame();
+        let frame = prepared.frame();
         let width = frame.width();
         let shift = 8 - self.patch.settings().bins.count().ilog2();
         self.differences.resize(width * frame.height(), 0);
@@ -68,7 +68,7 @@ impl DifferenceCue {
             });
         });
         let differences = &self.differences;
-        self.patch.add(evidence.view(), positions, out, |x, y| {
+        self.patch.add(prepared.view(), positions, out, |x, y| {
             [differences[y * width + x]]
         });
     }

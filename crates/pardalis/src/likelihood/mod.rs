@@ -11,7 +11,7 @@ mod raster;
 mod region;
 mod window;
 
-pub use boundary::{Overlap, Sampling, ScaledSampling, SplineSampling};
+pub use boundary::{Sampling, ScaledSampling, SharedPixels, SplineSampling};
 pub use contour::ContourSettings;
 pub use cues::{Cue, CueSettings, Cues, CuesLikelihood};
 pub use edge::EdgeSettings;

@@ -5,7 +5,7 @@ use super::patch::{Patch, PatchSettings, squared_distance};
 use crate::color::{ChannelHistograms, ChannelTable, PixelKind};
 use crate::frame::with_pixels;
 use crate::shape::Shape;
-use crate::view::Evidence;
+use crate::view::PreparedFrame;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
 
@@ -47,11 +47,11 @@ impl RegionCue {
     /// Adds one camera's log-likelihood of each particle.
     pub(super) fn add_camera(
         &mut self,
-        evidence: &Evidence,
+        prepared: &PreparedFrame,
         positions: [&[f32]; 3],
         out: &mut [f32],
     ) {
-        let kind = PixelKind::of(evidence.frame());
+        let kind = PixelKind::of(prepared.frame());
         let known = self.tables.iter().position(|(known, _)| *known == kind);
         let number = known.unwrap_or_else(|| {
             let table = ChannelTable::new(kind, self.patch.settings().bins);
@@ -59,8 +59,8 @@ impl RegionCue {
             self.tables.len() - 1
         });
         let table = &self.tables[number].1;
-        with_pixels!(evidence.frame(), components => {
-            self.patch.add(evidence.view(), positions, out, |x, y| table.bins(components(x, y)));
+        with_pixels!(prepared.frame(), components => {
+            self.patch.add(prepared.view(), positions, out, |x, y| table.bins(components(x, y)));
         });
     }
 }

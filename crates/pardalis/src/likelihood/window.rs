@@ -7,7 +7,7 @@ use super::outline::Projector;
 use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster};
 use crate::color::{ColorRanges, MatchTable};
 use crate::frame::{PixelFormat, with_pixels};
-use crate::view::{Evidence, View};
+use crate::view::{PreparedFrame, View};
 use pardalis_camera::{LANES, Mask};
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
@@ -136,13 +136,13 @@ impl WindowCue {
     /// Adds one camera's log-likelihood of each particle.
     pub(super) fn add_camera(
         &mut self,
-        evidence: &Evidence,
+        prepared: &PreparedFrame,
         positions: [&[f32]; 3],
         out: &mut [f32],
     ) {
-        self.find_pixels(evidence.view(), positions);
+        self.find_pixels(prepared.view(), positions);
         let size = self.settings.size_px;
-        let area = Area::around(&self.pixels, size / 2, evidence.view().size());
+        let area = Area::around(&self.pixels, size / 2, prepared.view().size());
         let by_sums = match self.counting {
             WindowCounting::LookUps => false,
             WindowCounting::Sums => true,
@@ -152,9 +152,9 @@ impl WindowCue {
                 look_ups > LOOK_UPS_PER_SUMMED_PIXEL * area.pixel_count() as f64
             }
         };
-        let table = evidence.match_table(self.ranges);
-        let width = evidence.view().size().0;
-        let open = evidence.view().mask().map(Mask::open);
+        let table = prepared.match_table(self.ranges);
+        let width = prepared.view().size().0;
+        let open = prepared.view().mask().map(Mask::open);
         let Self {
             pixels,
             sums,
@@ -162,7 +162,7 @@ impl WindowCue {
             log_outside,
             ..
         } = self;
-        with_pixels!(evidence.frame(), components => {
+        with_pixels!(prepared.frame(), components => {
             let matches = |x: usize, y: usize| {
                 let is_open = open.is_none_or(|open| open[y * width + x]);
                 u32::from(is_open) & table.matches(components(x, y))
@@ -171,7 +171,7 @@ impl WindowCue {
                 if pixel == NO_PIXEL {
                     return *log_outside;
                 }
-                let window = Area::around(&[pixel], size / 2, evidence.view().size());
+                let window = Area::around(&[pixel], size / 2, prepared.view().size());
                 log_likelihoods[count(window) as usize]
             };
             let chunks = pixels.par_chunks(CHUNK).zip(out.par_chunks_mut(CHUNK));
@@ -183,9 +183,9 @@ impl WindowCue {
                         *out += log_likelihood(pixel, &|window| sums.of(window));
                     }
                 });
-            } else if evidence.frame().format() == PixelFormat::Rgb8 && open.is_none() {
+            } else if prepared.frame().format() == PixelFormat::Rgb8 && open.is_none() {
                 // Fast path for the most common case: the pixels of a row are contiguous.
-                let bytes = evidence.frame().bytes();
+                let bytes = prepared.frame().bytes();
                 chunks.for_each(|(pixels, out)| {
                     for (&pixel, out) in pixels.iter().zip(out) {
                         *out += log_likelihood(pixel, &|window| window.count_rgb(bytes, width, table));

@@ -6,9 +6,15 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+mod detected;
+mod edge;
 mod outline;
 mod patch;
 
+pub use detected::{
+    Rivals, association_log_weight, mixture_log_ratio, predicted_visibility, updated_visibility,
+};
+pub use edge::{EdgeLines, color_posterior};
 pub use outline::{boundary, boundary_along_normals, boundary_of_scales, outline_points};
 pub use patch::{difference_log_likelihood, region_log_likelihood, region_pixels};
 

@@ -289,18 +289,18 @@ pub fn boundary(
         Sampling::Scaled(scaled) => {
             let scales = [scaled.inner_scale, scaled.outer_scale];
             let sides = boundary_of_scales(view, shape, points, position_m, scales);
-            let Some(overlap) = scaled.overlap else {
+            let Some(shared_pixels) = scaled.shared_pixels else {
                 return sides;
             };
             let [inner, outer] = sides.each_ref().map(|side| on_image(view, side));
             let shared = inner.iter().filter(|pixel| outer.contains(pixel)).count();
-            if shared as f64 > overlap.max_share * inner.len() as f64 {
+            if shared as f64 > shared_pixels.max_share * inner.len() as f64 {
                 return boundary_along_normals(
                     view,
                     shape,
                     points,
                     position_m,
-                    overlap.distance_px,
+                    shared_pixels.distance_px,
                 );
             }
             sides

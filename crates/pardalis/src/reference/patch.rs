@@ -49,7 +49,7 @@ pub fn region_pixels(
 /// Computes the region cue's log-likelihood of a target at a position in the world: the product over the
 /// frames of one instant, each with its camera's index.
 ///
-/// D² = 1 − Σ√(h·h_ref) for each of red, green and blue, p = exp(−ΣD²/2σ²) (Campos 2009, eqs. 8 to 10). A
+/// D² = 1 − Σ√(h·h_ref) for each of red, green and blue, p = exp(−ΣD²/2σ²) (Campos 2009, eqs. 9 and 10). A
 /// camera that sees fewer than half the samples contributes D = 1.
 pub fn region_log_likelihood(
     settings: &PatchSettings,
@@ -97,7 +97,7 @@ pub fn difference_log_likelihood(
     let uniform = vec![1.0 / bins as f64; bins];
     let of_camera = |(camera, frame): &(usize, Frame)| {
         let view = &views[*camera];
-        let squared_distance = match view.evidence(frame).before() {
+        let squared_distance = match view.prepared(frame).before() {
             Some(before) => {
                 let pixels = region_pixels(view, shape, settings, position_m);
                 let value = |x, y| grey(frame, x, y).abs_diff(grey(before, x, y));

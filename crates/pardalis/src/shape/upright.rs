@@ -28,6 +28,9 @@ pub enum Section {
 }
 
 impl Section {
+    /// The default number of a polygon's sides.
+    pub const DEFAULT_SIDES: usize = 8;
+
     /// Creates a circle.
     ///
     /// # Errors

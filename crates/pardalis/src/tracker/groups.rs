@@ -1,10 +1,10 @@
-//! Bodies that look the same, and one body apart from all others.
+//! Groups of bodies that look alike, and one body beside all others.
 
-use super::follower::Follower;
-use super::seeker::Alike;
+use super::detected::LookAlikes;
+use super::target_tracker::TargetTracker;
 
-/// The numbers of all bodies, those together that look the same, in their order.
-pub(super) fn groups(bodies: &[Follower]) -> Vec<Vec<usize>> {
+/// Returns the numbers of all bodies, those that look alike together and in ascending order.
+pub(super) fn groups(bodies: &[TargetTracker]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (number, body) in bodies.iter().enumerate() {
         let is_its = |group: &&mut Vec<usize>| body.looks_like(&bodies[group[0]]);
@@ -17,13 +17,17 @@ pub(super) fn groups(bodies: &[Follower]) -> Vec<Vec<usize>> {
 }
 
 /// All bodies but one.
+#[derive(Clone, Copy)]
 pub(super) struct Others<'a> {
-    before: &'a [Follower],
-    after: &'a [Follower],
+    before: &'a [TargetTracker],
+    after: &'a [TargetTracker],
 }
 
-/// A body, and all others.
-pub(super) fn apart(bodies: &mut [Follower], number: usize) -> (&mut Follower, Others<'_>) {
+/// Splits the bodies into the one of this number and all others.
+pub(super) fn split(
+    bodies: &mut [TargetTracker],
+    number: usize,
+) -> (&mut TargetTracker, Others<'_>) {
     let (before, from) = bodies.split_at_mut(number);
     let (body, after) = from
         .split_first_mut()
@@ -32,8 +36,8 @@ pub(super) fn apart(bodies: &mut [Follower], number: usize) -> (&mut Follower, O
 }
 
 impl<'a> Others<'a> {
-    /// The body of this number; none where that is the one which is apart.
-    pub(super) fn get(&self, number: usize) -> Option<&'a Follower> {
+    /// The body of this number; `None` if that is the one which is left out.
+    pub(super) fn get(&self, number: usize) -> Option<&'a TargetTracker> {
         match number.checked_sub(self.before.len()) {
             None => self.before.get(number),
             Some(0) => None,
@@ -41,17 +45,14 @@ impl<'a> Others<'a> {
         }
     }
 
-    /// Those that look like the one which is apart: a group, in the order in which it looks at frames.
-    pub(super) fn alike(&self, group: &[usize]) -> Alike<'a> {
-        let apart = group.iter().position(|&number| number == self.before.len());
-        let (before, after) = group.split_at(apart.unwrap_or(0));
-        let seekers = |numbers: &[usize]| {
-            let others = numbers.iter().filter_map(|&number| self.get(number));
-            others.filter_map(Follower::seeker).collect()
-        };
-        Alike {
-            before: seekers(before),
-            after: seekers(after),
+    /// Those that look like the one which is left out: its group, in the order in which it looks at frames.
+    pub(super) fn look_alikes(self, group: &'a [usize]) -> LookAlikes<'a> {
+        let left_out = group.iter().position(|&number| number == self.before.len());
+        let (updated, predicted) = group.split_at(left_out.unwrap_or(0));
+        LookAlikes {
+            others: self,
+            updated,
+            predicted,
         }
     }
 }

@@ -1,24 +1,34 @@
-//! Tracking: frames in, estimates out, for any number of cameras and targets.
+//! Tracking: frame sets in, estimates out, for any number of cameras and targets.
+//!
+//! A target is tracked in one of two ways, which the types keep apart ([`BodySettings`]): *detected*, where the tracker finds it itself, or *initialised*, where the published cues track it
+//! from a given start.
 
-mod body;
-mod follower;
+mod builder;
+mod detected;
+mod frame_set;
 mod groups;
+mod ids;
+mod initialized;
 mod landmarks;
-mod seeker;
+mod settings;
+mod statistics;
+mod target_tracker;
+mod track;
 
-pub use seeker::{ExistenceSettings, OcclusionRates};
+pub use builder::TrackerBuilder;
+pub use detected::{ExistenceSettings, OcclusionRates};
+pub use frame_set::FrameSet;
+pub use ids::{CameraId, TargetId};
+pub use settings::{BodySettings, DetectedSettings, InitializedSettings, TargetSettings};
 
 use std::ops::Range;
 
-use follower::Follower;
-use groups::{apart, groups};
-use seeker::Seeker;
+use groups::{groups, split};
+use statistics::ImageStatistics;
+use target_tracker::TargetTracker;
+use track::Instant;
 
-use crate::Frame;
-use crate::color::ColorModel;
-use crate::frame::MAX_TIME_S;
-use crate::likelihood::CueSettings;
-use crate::shape::Shape;
+use crate::frame::check_time;
 use crate::start::{PixelStart, Start};
 use crate::view::View;
 use pardalis_core::Error;
@@ -27,62 +37,25 @@ use pardalis_core::simd::Level;
 use pardalis_filter::Particles;
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::{GaussianStart, MAX_START};
-use pardalis_filter::particle_filter::FilterSettings;
 
-/// What a target is and how it is tracked: a body, or several landmarks of one, each of which is tracked on its own (Campos 2009, section 4).
-#[derive(Debug, Clone)]
-pub struct TargetSettings {
-    /// The body or the landmarks; their middle is the target's position.
-    pub bodies: Vec<BodySettings>,
-    /// The numbers of the landmarks in front and behind, where the target has a heading.
-    pub heading: Option<[usize; 2]>,
-}
-
-impl From<BodySettings> for TargetSettings {
-    fn from(body: BodySettings) -> Self {
-        Self {
-            bodies: vec![body],
-            heading: None,
-        }
-    }
-}
-
-/// What a body or landmark is and how it is tracked.
-#[derive(Debug, Clone)]
-pub struct BodySettings {
-    /// Its shape.
-    pub shape: Shape,
-    /// Its colours; cues that know theirs do without.
-    pub colors: Option<ColorModel>,
-    /// How it is compared with the images: one cue or several.
-    pub cues: Vec<CueSettings>,
-    /// Its filter.
-    pub filter: FilterSettings,
-    /// Where its particles start.
-    pub start: Start,
-    /// How it comes, goes and hides, where it is sought by the edge cue.
-    pub existence: ExistenceSettings,
-}
-
-/// What the tracker knows of a target's whereabouts.
+/// The state of a target's track.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TrackState {
     /// Not started yet.
     Searching,
-    /// Seen by a camera at least.
+    /// Visible in one camera at least.
     Tracking,
-    /// In no camera's last frame is any particle more likely than pure background (out of view or masked, say): the motion model alone
-    /// carries the estimate.
+    /// Visible in no camera's latest frame (occluded, out of view or masked): the estimate is predicted by the motion model alone.
     Occluded,
-    /// Every particle is impossible: there is no estimate.
+    /// It was tracked, and it is not known any more where it is: there is no estimate.
     Lost,
 }
 
 impl TrackState {
-    /// All there are.
+    /// All states.
     pub const ALL: [Self; 4] = [Self::Searching, Self::Tracking, Self::Occluded, Self::Lost];
 
-    /// The word for it in files.
+    /// Its name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Searching => "searching",
@@ -93,77 +66,80 @@ impl TrackState {
     }
 }
 
-/// What is known of one target at one instant.
+/// The estimate of one target at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
-    /// Whether there is a state.
+    /// The track's state.
     pub state: TrackState,
-    /// Position, velocity, covariance; only while tracking or occluded.
+    /// Position, velocity and covariance; `None` unless tracking or occluded.
     pub kinematics: Option<StateEstimate>,
-    /// From the rear landmark to the front one, counterclockwise from x, in radians within ±π, where the target has such.
+    /// The direction from the rear landmark to the front one, counterclockwise from x, in radians within ±π, if the target has such.
     pub heading_rad: Option<f64>,
-    /// While there is a state: the share of the particles' weight within one diameter of the position, the filter's own belief
-    /// that the target is there.
+    /// With a position: the probability, by the filter's own account, that the target is there and within one diameter of it. Without: for detected targets the
+    /// probability that the target exists and is visible, else 0.
     pub confidence: f64,
 }
 
-/// What became of the frames of one instant.
+/// What became of a frame set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Observed {
-    /// They were used.
+    /// It was used.
     Used,
-    /// They have the time stamp of the frames before and tell nothing new: they were not weighed a second time.
+    /// It has the time of the set before: nothing new, so that it was not used again.
     Repeated,
-    /// They are older than the frames before and were left out.
-    Late,
 }
 
-/// What one camera told of one target so far.
+/// What one camera has contributed to one target so far.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contribution {
-    /// Frames that were weighed.
+    /// Frames that were used.
     pub frames: usize,
-    /// Frames that showed the target where the filter, after them, believes it to be: their evidence was above [`SEEN_NATS`].
+    /// Frames that show the target at its posterior position: their log-likelihood ratio is above [`SEEN_NATS`].
     pub seen_frames: usize,
-    /// The evidence of all frames added up: how many nats more likely each frame was, in the mean over the posterior, than pure background.
-    pub evidence_nats: f64,
+    /// The sum over all frames of the log-likelihood ratio against background, each the mean over the posterior, in nats.
+    pub log_likelihood_ratio: f64,
 }
 
-/// Evidence, in nats, above which a camera's frame counts as showing the target.
+/// The log-likelihood ratio, in nats, above which a camera's frame shows the target. Hand-set.
 pub const SEEN_NATS: f64 = 1.0;
 
-/// Random numbers of landmarks are told apart by the bits above these of their target's number.
+/// The random numbers of landmarks differ by the bits above these of their target's number.
 const LANDMARK_BITS: u32 = 16;
 
 struct Target {
-    /// Its one body, or its landmarks: their numbers among all.
+    /// The numbers of its one body, or of its landmarks.
     bodies: Range<usize>,
     /// Its front and its rear landmark.
     heading: Option<[usize; 2]>,
-    /// One a camera.
+    /// One per camera.
     contributions: Vec<Contribution>,
 }
 
 /// Tracks targets through cameras.
 pub struct Tracker {
     views: Vec<View>,
-    /// Of all targets.
-    bodies: Vec<Follower>,
+    /// Those of all targets.
+    bodies: Vec<TargetTracker>,
     targets: Vec<Target>,
-    /// The numbers of all bodies, those together that look the same.
+    /// The numbers of all bodies, those that look alike together.
     groups: Vec<Vec<usize>>,
+    /// One per camera.
+    statistics: Vec<ImageStatistics>,
     time_s: Option<f64>,
 }
 
 impl Tracker {
-    /// A tracker of these targets through these cameras. The same seed and frames give the same estimates, whatever the number of threads.
+    /// Creates a tracker whose kernels use an instruction set of the caller's choice, for tests and benchmarks. Use [`Tracker::builder`].
+    ///
+    /// Errors: settings out of range, a target without bodies, a start outside its camera's image.
+    #[doc(hidden)]
     pub fn new(
         views: Vec<View>,
         targets: impl IntoIterator<Item = impl Into<TargetSettings>>,
         seed: u32,
         level: Level,
     ) -> Result<Self, Error> {
-        let mut bodies: Vec<Follower> = Vec::new();
+        let mut bodies: Vec<TargetTracker> = Vec::new();
         let mut target = |(number, settings): (usize, TargetSettings)| {
             let count = settings.bodies.len();
             if count == 0 {
@@ -183,7 +159,7 @@ impl Tracker {
             for (landmark, body) in settings.bodies.iter().enumerate() {
                 let stream = number + (landmark << LANDMARK_BITS);
                 let draws = Draws::new(seed, stream as u32);
-                bodies.push(Follower::new(body, draws, &views, level)?);
+                bodies.push(TargetTracker::new(body, draws, &views, level)?);
             }
             Ok(Target {
                 bodies: first..bodies.len(),
@@ -198,6 +174,7 @@ impl Tracker {
             .map(&mut target)
             .collect::<Result<_, Error>>()?;
         Ok(Self {
+            statistics: views.iter().map(|_| ImageStatistics::default()).collect(),
             views,
             groups: groups(&bodies),
             bodies,
@@ -216,47 +193,58 @@ impl Tracker {
         self.targets.len()
     }
 
-    /// Where each body of a target starts.
-    pub fn starts(&self, target: usize) -> impl Iterator<Item = &Start> {
-        self.bodies_of(target).iter().map(Follower::start)
+    /// The targets.
+    pub fn targets(&self) -> impl ExactSizeIterator<Item = TargetId> + use<> {
+        (0..self.targets.len()).map(TargetId::new)
     }
 
-    /// The time of the last frames, in seconds.
+    /// Where each body of a target starts; `None` for a body that the tracker detects without a start.
+    pub fn starts(&self, target: TargetId) -> Result<impl Iterator<Item = Option<Start>>, Error> {
+        let bodies = self.bodies_of(target)?.iter();
+        Ok(bodies.map(TargetTracker::start))
+    }
+
+    /// The time of the latest frame set, in seconds.
     pub fn time_s(&self) -> Option<f64> {
         self.time_s
     }
 
     /// The particles of a target's bodies that have started.
-    pub fn particles(&self, target: usize) -> impl Iterator<Item = &Particles> {
-        let bodies = self.bodies_of(target).iter();
-        bodies
-            .filter(|body| body.started())
-            .map(Follower::particles)
+    pub fn particles(&self, target: TargetId) -> Result<impl Iterator<Item = &Particles>, Error> {
+        let bodies = self.bodies_of(target)?.iter();
+        let started = bodies.filter(|body| body.track().has_started());
+        Ok(started.map(TargetTracker::particles))
     }
 
-    /// What each camera told of a target so far.
-    pub fn contributions(&self, target: usize) -> &[Contribution] {
-        &self.targets[target].contributions
+    /// What each camera has contributed to a target so far.
+    pub fn contributions(&self, target: TargetId) -> Result<&[Contribution], Error> {
+        Ok(&self.target(target)?.contributions)
     }
 
-    /// Takes the frames of one instant, each with its camera's number; without frames, time passes and no more. Fails only on an image whose size is not its camera's; nothing
-    /// has changed then.
-    pub fn observe(&mut self, frames: &[(usize, Frame)], time_s: f64) -> Result<Observed, Error> {
-        let dt_s = self.time_s.map_or(0.0, |before| time_s - before);
+    /// Uses the frames of one instant; without frames, time passes and no more. A set with the time of the one before is not used again.
+    ///
+    /// Errors, after which nothing has changed: the set's time lies before that of the latest set, a camera is unknown, or an image does not have its
+    /// camera's size.
+    pub fn observe(&mut self, set: &FrameSet) -> Result<Observed, Error> {
+        let (frames, time_s) = (set.numbered(), set.time_s());
+        self.check(set)?;
+        let dt_s = self.time_s.map_or(0.0, |before_s| time_s - before_s);
         if dt_s < 0.0 {
-            return Ok(Observed::Late);
+            let before_s = time_s - dt_s;
+            let allowed = format!("at or after {before_s}, the time of the latest frame set");
+            return Err(Error::out_of_range("time_s", time_s, &allowed));
         }
         if self.time_s.is_some() && dt_s == 0.0 {
             return Ok(Observed::Repeated);
         }
-        self.prepare(frames)?;
+        self.prepare(set);
         for group in 0..self.groups.len() {
-            self.step(group, frames, (time_s, dt_s));
+            self.step(group, set, dt_s);
         }
         for target in &mut self.targets {
-            target.note(&self.bodies[target.bodies.clone()], frames);
+            target.add_contributions(&self.bodies[target.bodies.clone()], set);
         }
-        if self.bodies.iter().any(Follower::compares_frames) {
+        if self.bodies.iter().any(TargetTracker::compares_frames) {
             for (camera, frame) in frames {
                 self.views[*camera].keep(frame.clone());
             }
@@ -265,90 +253,91 @@ impl Tracker {
         Ok(Observed::Used)
     }
 
-    /// One step of bodies that look the same: those of whom more is known first, so that others look for what these leave.
-    fn step(&mut self, group: usize, frames: &[(usize, Frame)], (time_s, dt_s): (f64, f64)) {
+    /// One step of bodies that look alike, those with the greatest confidence first, so that others look for what these leave.
+    fn step(&mut self, group: usize, set: &FrameSet, dt_s: f64) {
         let order = &mut self.groups[group];
         for &number in &*order {
-            self.bodies[number].predict(time_s, dt_s);
+            self.bodies[number].predict(set.time_s(), dt_s);
         }
-        let belief = |number: usize| self.bodies[number].seeker().map_or(0.0, Seeker::belief);
-        order.sort_by(|&a, &b| belief(b).total_cmp(&belief(a)).then(a.cmp(&b)));
+        let rank = |number: usize| self.bodies[number].rank();
+        order.sort_unstable_by(|&a, &b| rank(b).total_cmp(&rank(a)).then(a.cmp(&b)));
+        let instant = Instant {
+            views: &self.views,
+            frames: set.numbered(),
+            time_s: set.time_s(),
+        };
         for &number in &*order {
-            let (body, others) = apart(&mut self.bodies, number);
+            let (body, others) = split(&mut self.bodies, number);
             let target = self.targets.iter().find(|t| t.bodies.contains(&number));
             let landmarks = target.into_iter().flat_map(|target| target.bodies.clone());
-            body.know_others(landmarks.filter_map(|number| others.get(number)?.place_m()));
-            let alike = others.alike(order);
-            body.observe(&self.views, frames, (time_s, dt_s), &alike);
+            body.set_other_landmarks(landmarks.filter_map(|i| others.get(i)?.position_m()));
+            body.observe(&instant, &mut self.statistics, &others.look_alikes(order));
         }
     }
 
-    /// Starts a target anew with its next frames, whatever becomes of it until then: from another robot's estimate, say
-    /// ([`GaussianStart::from_estimate`], [`GaussianStart::moved`]). `time_s` is the time of that estimate; what has passed since then is predicted.
-    pub fn hand_over(
+    /// Starts a target again with its next frames, from another robot's estimate for example ([`GaussianStart::from_estimate`],
+    /// [`GaussianStart::moved`]). `time_s` is the time of that estimate in seconds; what has passed since then is predicted.
+    ///
+    /// Errors: an unknown target, one with several landmarks, a faulty start, a time that is not finite.
+    pub fn reinitialize(
         &mut self,
-        target: usize,
+        target: TargetId,
         start: &GaussianStart,
         time_s: f64,
     ) -> Result<(), Error> {
         start.check()?;
-        if !(time_s.abs() <= MAX_TIME_S) {
-            return Err(Error::out_of_range("time_s", time_s, "-1e12 to 1e12"));
-        }
-        let count = self.targets.len();
-        let Some(found) = self.targets.get(target) else {
-            let allowed = format!("the number of a target, below {count}");
-            return Err(Error::out_of_range("target", target, &allowed));
-        };
-        let [body] = &mut self.bodies[found.bodies.clone()] else {
-            let allowed =
-                "a target of one body; where its landmarks are, its position does not say";
+        check_time(time_s)?;
+        let bodies = self.target(target)?.bodies.clone();
+        let [body] = &mut self.bodies[bodies] else {
+            let allowed = "a target of one body: a position does not say where landmarks are";
             return Err(Error::out_of_range("target", target, allowed));
         };
-        body.hand_over(start, time_s);
+        body.track_mut().reinitialize(start, time_s);
         Ok(())
     }
 
-    /// Locates every target in the frames of one instant, each with its camera's number, by these frames alone: no time passes, velocities
-    /// play no role (thesis 6.1.3). The particles are drawn around the start's mean, then around the mean of what the frames make of them, and so
-    /// on, once for each standard deviation of `passes_sigma_m` (metres), such as [`PASSES_SIGMA_M`]. A start in a pixel is first searched for
-    /// along its ray. There is one start a body: target by target, and landmark by landmark.
+    /// Locates every target in the frames of one instant, by these frames alone: no time passes, velocities play no role (thesis 6.1.3).
     ///
-    /// What is found holds until the next frames, also for [`Tracker::particles`]; where no particle is more likely than background, nothing is.
-    /// Fails on an image whose size is not its camera's and on faulty starts or passes; nothing has changed then.
+    /// The particles of an initialised target are drawn around the start's mean, then around the mean of their posterior, and so on, once for each standard
+    /// deviation of `passes_sigma_m` (metres), such as [`PASSES_SIGMA_M`]. A start in a pixel is first searched for along its ray. There is one start per
+    /// body, target by target and landmark by landmark; detected targets need none, and ignore it.
+    ///
+    /// What is found holds until the next frames, also for [`Tracker::particles`]. Errors, after which nothing has changed: faulty frames as for
+    /// [`Tracker::observe`], faulty starts or passes.
     pub fn locate(
         &mut self,
-        frames: &[(usize, Frame)],
-        time_s: f64,
-        starts: &[Start],
+        set: &FrameSet,
+        starts: &[Option<Start>],
         passes_sigma_m: &[f64],
     ) -> Result<Vec<Estimate>, Error> {
         let count = self.bodies.len();
         if starts.len() != count {
-            let allowed = format!("{count}, one a body");
+            let allowed = format!("{count}, one per body");
             return Err(Error::out_of_range("starts", starts.len(), &allowed));
         }
-        for start in starts {
-            match start {
-                Start::Gaussian(start) => start.check()?,
-                Start::Pixel(start) => check_pixel(start, &self.views)?,
-                Start::Anywhere => {}
-            }
+        for (body, start) in self.bodies.iter().zip(starts) {
+            body.check_start(start.as_ref(), &self.views)?;
         }
         check_passes(passes_sigma_m)?;
-        self.prepare(frames)?;
-        self.time_s = Some(time_s);
-        self.bodies.iter_mut().for_each(Follower::forget);
+        self.check(set)?;
+        self.prepare(set);
+        self.time_s = Some(set.time_s());
+        self.bodies.iter_mut().for_each(TargetTracker::reset);
         for group in &mut self.groups {
             group.sort_unstable();
         }
+        let instant = Instant {
+            views: &self.views,
+            frames: set.numbered(),
+            time_s: set.time_s(),
+        };
         let mut located = Vec::new();
         for (number, start) in starts.iter().enumerate() {
-            let (body, others) = apart(&mut self.bodies, number);
+            let (body, others) = split(&mut self.bodies, number);
             let group = self.groups.iter().find(|group| group.contains(&number));
-            let alike = others.alike(group.expect("every body is of a group"));
-            let start = (start, passes_sigma_m);
-            located.push(body.locate(&self.views, frames, time_s, start, &alike));
+            let look_alikes = others.look_alikes(group.expect("every body is of a group"));
+            let start = (start.as_ref(), passes_sigma_m);
+            located.push(body.locate(&instant, &mut self.statistics, start, &look_alikes));
         }
         let estimate = |target: &Target| {
             let of_bodies = located[target.bodies.clone()].iter();
@@ -357,45 +346,73 @@ impl Tracker {
         Ok(self.targets.iter().map(estimate).collect())
     }
 
-    fn bodies_of(&self, target: usize) -> &[Follower] {
-        &self.bodies[self.targets[target].bodies.clone()]
+    fn target(&self, target: TargetId) -> Result<&Target, Error> {
+        target.check(self.targets.len())?;
+        Ok(&self.targets[target.index()])
     }
 
-    /// Makes sure that the frames can be looked up for every target.
-    fn prepare(&mut self, frames: &[(usize, Frame)]) -> Result<(), Error> {
-        for (camera, frame) in frames {
-            self.views[*camera].check(frame)?;
-        }
-        for (camera, frame) in frames {
-            for body in &self.bodies {
-                body.prepare(&mut self.views[*camera], frame);
-            }
+    fn bodies_of(&self, target: TargetId) -> Result<&[TargetTracker], Error> {
+        Ok(&self.bodies[self.target(target)?.bodies.clone()])
+    }
+
+    /// Returns an error for frames of unknown cameras, or not of their camera's size.
+    fn check(&self, set: &FrameSet) -> Result<(), Error> {
+        for (camera, frame) in set.frames() {
+            camera.check(self.views.len())?;
+            self.views[camera.index()].check(frame)?;
         }
         Ok(())
     }
 
-    /// What is known of a target at this time, at or after the last frames; nothing changes.
-    pub fn estimate_at(&self, target: usize, time_s: f64) -> Estimate {
-        let heading = self.targets[target].heading;
-        landmarks::combined(self.estimates(target, time_s), heading)
+    /// Makes sure that the frames can be looked up for every target.
+    fn prepare(&mut self, set: &FrameSet) {
+        for (camera, frame) in set.numbered() {
+            self.statistics[*camera].clear();
+            for body in &self.bodies {
+                body.prepare(&mut self.views[*camera], frame);
+            }
+        }
     }
 
-    /// The same of each of its bodies.
-    pub fn bodies_at(&self, target: usize, time_s: f64) -> Vec<Estimate> {
-        self.estimates(target, time_s).collect()
+    /// Estimates a target at a time in seconds, at or after the latest frames; nothing changes.
+    ///
+    /// Errors: an unknown target, a time that is not finite.
+    pub fn estimate_at(&self, target: TargetId, time_s: f64) -> Result<Estimate, Error> {
+        let heading = self.target(target)?.heading;
+        Ok(landmarks::combined(
+            self.estimates(target, time_s)?,
+            heading,
+        ))
     }
 
-    fn estimates(&self, target: usize, time_s: f64) -> impl ExactSizeIterator<Item = Estimate> {
-        let ahead_s = self.time_s.map_or(0.0, |before| time_s - before);
-        let bodies = self.bodies_of(target).iter();
-        bodies.map(move |body| body.estimate(ahead_s))
+    /// Returns the estimate of a target at the time of the latest frame set.
+    ///
+    /// Errors: an unknown target.
+    pub fn estimate(&self, target: TargetId) -> Result<Estimate, Error> {
+        self.estimate_at(target, self.time_s.unwrap_or(0.0))
+    }
+
+    /// The same for each of its bodies.
+    pub fn bodies_at(&self, target: TargetId, time_s: f64) -> Result<Vec<Estimate>, Error> {
+        Ok(self.estimates(target, time_s)?.collect())
+    }
+
+    fn estimates(
+        &self,
+        target: TargetId,
+        time_s: f64,
+    ) -> Result<impl ExactSizeIterator<Item = Estimate>, Error> {
+        check_time(time_s)?;
+        let ahead_s = self.time_s.map_or(0.0, |before_s| time_s - before_s);
+        let bodies = self.bodies_of(target)?.iter();
+        Ok(bodies.map(move |body| body.estimate(ahead_s)))
     }
 }
 
 /// The standard deviations around the start, in metres, of the three passes with which single images were published (thesis 6.1.3).
 pub const PASSES_SIGMA_M: [f64; 3] = [0.1, 0.07, 0.04];
 
-/// Refuses standard deviations that [`Tracker::locate`] cannot draw by.
+/// Returns an error for standard deviations that [`Tracker::locate`] cannot draw by.
 pub fn check_passes(passes_sigma_m: &[f64]) -> Result<(), Error> {
     let allowed = "one or more numbers of metres, above 0 and at most 1e6";
     let fine = |sigma: &f64| *sigma > 0.0 && *sigma <= MAX_START;
@@ -406,7 +423,7 @@ pub fn check_passes(passes_sigma_m: &[f64]) -> Result<(), Error> {
     Err(Error::out_of_range("passes_sigma_m", value, allowed))
 }
 
-/// Refuses a start that is no pixel of these cameras.
+/// Returns an error for a start that is no pixel of these cameras.
 fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
     start.check()?;
     let view = views.get(start.camera);
@@ -421,17 +438,17 @@ fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
 }
 
 impl Target {
-    /// Notes what each camera told of its bodies.
-    fn note(&mut self, bodies: &[Follower], frames: &[(usize, Frame)]) {
-        if bodies.iter().any(|body| !body.started()) {
+    /// Adds what each camera contributed to its bodies, once all have started.
+    fn add_contributions(&mut self, bodies: &[TargetTracker], set: &FrameSet) {
+        if bodies.iter().any(|body| !body.track().has_started()) {
             return;
         }
-        for &(camera, _) in frames {
-            let of_bodies = || bodies.iter().map(|body| body.evidence_nats(camera));
+        for &(camera, _) in set.numbered() {
+            let of_bodies = || bodies.iter().map(|body| body.log_likelihood_ratio(camera));
             let contribution = &mut self.contributions[camera];
             contribution.frames += 1;
             contribution.seen_frames += usize::from(of_bodies().all(|nats| nats > SEEN_NATS));
-            contribution.evidence_nats += of_bodies().sum::<f64>();
+            contribution.log_likelihood_ratio += of_bodies().sum::<f64>();
         }
     }
 }

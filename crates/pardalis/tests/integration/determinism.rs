@@ -1,11 +1,11 @@
 //! The same seed and frames give the same bits, for any number of threads and any CPU level.
 
 use crate::common::robot::{self, mast_view, robot_target};
-use crate::common::{FPS, ball_target, fisheye_view, frame, jump_picture};
+use crate::common::{FPS, ball_target, fisheye_view, frame, jump_picture, set_of};
 use pardalis::color::{Palette, YuvEncoding};
 use pardalis::tracker::TargetSettings;
 use pardalis::view::View;
-use pardalis::{Estimate, Frame, PixelFormat, Tracker};
+use pardalis::{Estimate, Frame, PixelFormat, TargetId, Tracker};
 use pardalis_core::simd::Level;
 use rayon::ThreadPoolBuilder;
 
@@ -30,10 +30,10 @@ fn estimates(
         frames
             .iter()
             .map(|frame| {
-                tracker
-                    .observe(&[(0, frame.clone())], frame.time_s())
-                    .unwrap();
-                tracker.estimate_at(0, frame.time_s() + 0.01)
+                tracker.observe(&set_of(frame.clone())).unwrap();
+                let target = TargetId::new(0);
+                let time_s = frame.time_s() + 0.01;
+                tracker.estimate_at(target, time_s).unwrap()
             })
             .collect()
     })

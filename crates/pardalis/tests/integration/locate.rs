@@ -1,12 +1,12 @@
-//! Localisation in single images through mirrors, and re-initialisation from external estimates.
+//! Localisation in single images through mirrors, and re-initialisation from another robot's estimate.
 
-use crate::common::{FPS, ball_target, data, fisheye_view, frame, jump_picture};
+use crate::common::{FPS, ball_target, data, fisheye_view, frame, jump_picture, open, set_of};
 use nalgebra::Point3;
 use pardalis::color::{ColorModel, Palette, YuvEncoding};
 use pardalis::start::{PixelStart, Start};
 use pardalis::tracker::{PASSES_SIGMA_M, TrackState};
 use pardalis::view::View;
-use pardalis::{Estimate, Frame, PixelFormat, Tracker};
+use pardalis::{Estimate, Frame, PixelFormat, TargetId, Tracker};
 use pardalis_camera::{Camera, Mask};
 use pardalis_camera::{Pose, pose_from_matrix};
 use pardalis_core::rng::Draws;
@@ -14,8 +14,10 @@ use pardalis_core::simd::Level;
 use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-use pardalis_filter::particle_filter::Filter;
+use pardalis_filter::particle_filter::ParticleFilter;
 use pardalis_scene::calibration;
+
+const BALL: TargetId = TargetId::new(0);
 
 /// Loads the calibrated mirror camera in a model: unified, perspective or exact.
 fn mirror(model: &str) -> (Camera, Pose) {
@@ -50,8 +52,7 @@ struct Still {
 fn stills(numbers: impl IntoIterator<Item = usize>) -> Vec<Still> {
     let truth = std::fs::read_to_string(data("catadioptric-static/truth.csv")).unwrap();
     let still = |number: usize| {
-        let picture = data(&format!("catadioptric-static/frames/{number:06}.jpg"));
-        let picture = image::open(picture).unwrap().into_rgb8();
+        let picture = open(&format!("catadioptric-static/frames/{number:06}.jpg"));
         let row: Vec<&str> = truth.lines().nth(number + 1).unwrap().split(',').collect();
         let column = |i: usize| row[i].parse::<f64>().unwrap();
         Still {
@@ -80,9 +81,8 @@ fn around(position_m: [f64; 3]) -> Start {
 }
 
 fn located(tracker: &mut Tracker, still: &Still, start: Start) -> Estimate {
-    let frames = [(0, still.frame.clone())];
-    let time_s = still.frame.time_s();
-    let estimates = tracker.locate(&frames, time_s, &[start], &PASSES_SIGMA_M);
+    let set = set_of(still.frame.clone());
+    let estimates = tracker.locate(&set, &[Some(start)], &PASSES_SIGMA_M);
     estimates.unwrap()[0]
 }
 
@@ -137,7 +137,10 @@ fn nothing_is_found_out_of_view() {
         assert_eq!((estimate.kinematics, estimate.confidence), (None, 0.0));
         // The estimate holds until the next frames.
         assert_eq!(
-            tracker.estimate_at(0, still.frame.time_s()).state,
+            tracker
+                .estimate_at(BALL, still.frame.time_s())
+                .unwrap()
+                .state,
             TrackState::Occluded
         );
     }
@@ -165,14 +168,15 @@ fn images_use_their_own_random_numbers_for_any_thread_count() {
 fn invalid_starts_and_passes_are_rejected_without_side_effects() {
     let mut tracker = mirror_tracker("exact");
     let still = &stills([1])[0];
-    let frames = [(0, still.frame.clone())];
-    let fine = around(still.position_m);
-    let no_camera = Start::Pixel(PixelStart::at(1, still.pixel));
+    let set = set_of(still.frame.clone());
+    let fine = Some(around(still.position_m));
+    let no_camera = Some(Start::Pixel(PixelStart::at(1, still.pixel)));
     // The corner of the image lies outside the mirror.
-    let no_ray = Start::Pixel(PixelStart::at(0, [2.0, 2.0]));
-    let nowhere = around([f64::NAN; 3]);
+    let no_ray = Some(Start::Pixel(PixelStart::at(0, [2.0, 2.0])));
+    let nowhere = Some(around([f64::NAN; 3]));
     for (starts, passes, wanted) in [
         (&[fine, fine][..], &[0.1][..], "starts is 2; allowed: 1"),
+        (&[None], &[0.1], "starts is none; allowed"),
         (&[no_camera], &[0.1], "camera is 1; allowed"),
         (&[no_ray], &[0.1], "pixel is [2.0, 2.0]; allowed"),
         (&[nowhere], &[0.1], "position_m is NaN; allowed"),
@@ -183,11 +187,12 @@ fn invalid_starts_and_passes_are_rejected_without_side_effects() {
             "passes_sigma_m is [0.1, 0.0]; allowed",
         ),
     ] {
-        let error = tracker.locate(&frames, 1.0, starts, passes).unwrap_err();
+        let error = tracker.locate(&set, starts, passes).unwrap_err();
         assert!(error.to_string().starts_with(wanted), "{error}");
     }
     assert_eq!(tracker.time_s(), None);
-    assert_eq!(tracker.estimate_at(0, 1.0).state, TrackState::Searching);
+    let state = tracker.estimate_at(BALL, 1.0).unwrap().state;
+    assert_eq!(state, TrackState::Searching);
 }
 
 /// A likelihood that falls with the distance to a point, which records the particles.
@@ -287,7 +292,8 @@ fn particles_have_the_covariance_of_the_start() {
         velocity_sigma_mps: [0.1, 0.2, 0.3],
     };
     let settings = crate::common::ball_filter(200_000);
-    let mut filter = Filter::new(settings, &start, Draws::new(3, 0), Level::best()).unwrap();
+    let mut filter =
+        ParticleFilter::new(settings, &start, Draws::new(3, 0), Level::best()).unwrap();
     let mut check = || {
         let estimate = filter.estimate(0.0);
         for axis in 0..3 {
@@ -359,26 +365,26 @@ fn an_external_estimate_recovers_a_lost_ball() {
     let mut told = None;
     for (index, frame) in jump_frames(0..12).enumerate() {
         let time_s = frame.time_s();
-        let frames = [(0, frame)];
+        let set = set_of(frame);
         if index == 6 {
-            let lost = ours.estimate_at(0, time_s);
+            let lost = ours.estimate_at(BALL, time_s).unwrap();
             let off_m = distance_m(lost.kinematics.unwrap().position_m, jump_truth_m(5));
             assert!(off_m > 1.0, "{off_m}");
             // The external estimate is two frames old when it arrives.
             let (estimate, told_s): (_, f64) = told.unwrap();
-            ours.hand_over(0, &estimate, told_s).unwrap();
+            ours.reinitialize(BALL, &estimate, told_s).unwrap();
             // Nothing changes before the next frames.
-            assert_eq!(ours.estimate_at(0, time_s), lost);
+            assert_eq!(ours.estimate_at(BALL, time_s).unwrap(), lost);
         }
-        other.observe(&frames, time_s).unwrap();
-        ours.observe(&frames, time_s).unwrap();
+        other.observe(&set).unwrap();
+        ours.observe(&set).unwrap();
         if index == 4 {
-            let theirs = other.estimate_at(0, time_s).kinematics.unwrap();
+            let theirs = other.estimate_at(BALL, time_s).unwrap().kinematics.unwrap();
             let there = GaussianStart::from_estimate(&theirs, 0.5).moved(&other_from_world);
             told = Some((there.moved(&other_from_world.inverse()), time_s));
         }
         if index >= 6 {
-            let found = ours.estimate_at(0, time_s);
+            let found = ours.estimate_at(BALL, time_s).unwrap();
             assert_eq!(found.state, TrackState::Tracking);
             let off_m = distance_m(found.kinematics.unwrap().position_m, jump_truth_m(index));
             assert!(off_m < 0.5, "frame {index}: error {off_m} m");
@@ -398,9 +404,10 @@ fn external_estimates_are_predicted_to_the_current_time() {
         velocity_sigma_mps: [0.0; 3],
     };
     // High up, where the images carry no information.
-    tracker.hand_over(0, &start, 0.5).unwrap();
-    tracker.observe(&[(0, still.frame.clone())], 0.75).unwrap();
-    let estimate = tracker.estimate_at(0, 0.75);
+    tracker.reinitialize(BALL, &start, 0.5).unwrap();
+    let later = still.frame.with_time_s(0.75).unwrap();
+    tracker.observe(&set_of(later)).unwrap();
+    let estimate = tracker.estimate_at(BALL, 0.75).unwrap();
     assert_eq!(estimate.state, TrackState::Occluded);
     let found = estimate.kinematics.unwrap();
     let motion = ball_target(Palette::HSI, 1).filter.motion;
@@ -435,7 +442,9 @@ fn invalid_reinitialisations_are_rejected() {
             "covariance_m2 is [1.0, 2.0, 0.0, 1.0, 0.0, 1.0]; allowed",
         ),
     ] {
-        let error = tracker.hand_over(target, &start, time_s).unwrap_err();
+        let error = tracker
+            .reinitialize(TargetId::new(target), &start, time_s)
+            .unwrap_err();
         assert!(error.to_string().starts_with(wanted), "{error}");
     }
 }

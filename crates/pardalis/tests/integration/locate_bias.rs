@@ -2,19 +2,19 @@
 //! or the filter.
 
 use crate::common::frame;
-use image::{Rgb, RgbImage};
 use nalgebra::{Point3, Vector3};
 use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
 use pardalis::likelihood::{ContourSettings, Cue};
 use pardalis::shape::Shape;
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, ExistenceSettings, Tracker};
+use pardalis::tracker::{InitializedSettings, Tracker};
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
 use pardalis_core::simd::Level;
 use pardalis_filter::motion::Motion;
 use pardalis_filter::particle_filter::FilterSettings;
 use pardalis_filter::resample::Resampling;
+use pardalis_images::RgbImage;
 use pardalis_scene::calibration;
 
 const ORANGE: [f64; 3] = [225.0, 105.0, 30.0];
@@ -73,7 +73,7 @@ fn picture(view: &View, center: [f64; 3], is_soft: bool) -> RgbImage {
     };
     RgbImage::from_fn(640, 480, |x, y| {
         let share = share(i64::from(x), i64::from(y));
-        Rgb([0, 1, 2].map(|c| (share * ORANGE[c] + (1.0 - share) * FLOOR[c]).round() as u8))
+        [0, 1, 2].map(|c| (share * ORANGE[c] + (1.0 - share) * FLOOR[c]).round() as u8)
     })
 }
 
@@ -82,7 +82,7 @@ fn rgb_frame(picture: &RgbImage) -> Frame {
 }
 
 fn orange() -> ColorModel {
-    let picture = RgbImage::from_pixel(4, 4, Rgb(ORANGE.map(|c| c as u8)));
+    let picture = RgbImage::from_pixel(4, 4, ORANGE.map(|c| c as u8));
     let mut learner = ColorLearner::new(Palette::HSI).unwrap();
     learner.add(&rgb_frame(&picture), &[true; 16]).unwrap();
     learner.learn().unwrap()
@@ -101,7 +101,7 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
                 position_m: center,
                 ..crate::common::ball_start()
             };
-            let target = BodySettings {
+            let target = InitializedSettings {
                 shape: Shape::Sphere(crate::common::ball()),
                 colors: Some(orange()),
                 cues: vec![Cue::Contour(ContourSettings::default()).into()],
@@ -112,13 +112,13 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
                     resample_below: 1.0,
                 },
                 start: Start::Gaussian(start),
-                existence: ExistenceSettings::default(),
             };
             let mut tracker =
                 Tracker::new(vec![view.clone()], vec![target], 1, Level::best()).unwrap();
-            let frames = [(0, rgb_frame(&picture(&view, center, is_soft)))];
-            let start = *tracker.starts(0).next().unwrap();
-            let found = tracker.locate(&frames, 0.0, &[start], &PASSES_M).unwrap();
+            let set = crate::common::set_of(rgb_frame(&picture(&view, center, is_soft)));
+            let target = tracker.targets().next().unwrap();
+            let start = tracker.starts(target).unwrap().next().unwrap();
+            let found = tracker.locate(&set, &[start], &PASSES_M).unwrap();
             let found = Point3::from(found[0].kinematics.unwrap().position_m);
             errors.push((found - mirror).norm() - (Point3::from(center) - mirror).norm());
         }

@@ -2,8 +2,10 @@
 
 mod common;
 mod determinism;
+mod frame_sets;
 mod kernels;
 mod locate;
 mod locate_bias;
+mod no_io;
 mod rectify;
 mod seek;

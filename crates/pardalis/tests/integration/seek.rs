@@ -1,33 +1,24 @@
 //! Targets without a start: found, followed, hidden, lost and found again, on the rendered fisheye sequence.
 
-use crate::common::{FPS, SIZE, ball_target, data, fisheye_view, frame, jump_picture};
-use image::{Rgb, RgbImage};
-use pardalis::color::{Palette, YuvEncoding};
-use pardalis::likelihood::{Cue, EdgeSettings};
-use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, PASSES_SIGMA_M, TrackState};
-use pardalis::{Estimate, Frame, PixelFormat, Tracker};
+use crate::common::{FPS, SIZE, data, detected_ball, fisheye_view, frame, jump_picture, set_of};
+use pardalis::color::YuvEncoding;
+use pardalis::likelihood::EdgeSettings;
+use pardalis::tracker::{DetectedSettings, PASSES_SIGMA_M, TrackState};
+use pardalis::{Estimate, Frame, PixelFormat, TargetId, Tracker};
 use pardalis_core::simd::Level;
-use pardalis_filter::motion::ConstantVelocity;
-use pardalis_filter::particle_filter::FilterSettings;
+use pardalis_images::RgbImage;
 
 /// The ball, of which nothing but size and colours is known.
-fn sought(edge: EdgeSettings) -> BodySettings {
-    let published = ball_target(Palette::HSI, 500);
-    BodySettings {
-        cues: vec![Cue::Edge(edge).into()],
-        filter: FilterSettings {
-            motion: ConstantVelocity::BETWEEN_KICKS.into(),
-            ..published.filter
-        },
-        start: Start::Anywhere,
-        ..published
+fn detected(edge: EdgeSettings) -> DetectedSettings {
+    DetectedSettings {
+        edge,
+        ..detected_ball()
     }
 }
 
 fn tracker_with(edge: EdgeSettings, seed: u32) -> Tracker {
     let views = vec![fisheye_view()];
-    Tracker::new(views, vec![sought(edge)], seed, Level::best()).unwrap()
+    Tracker::new(views, vec![detected(edge)], seed, Level::best()).unwrap()
 }
 
 fn tracker(seed: u32) -> Tracker {
@@ -48,8 +39,8 @@ fn as_frame(picture: &RgbImage, index: usize, format: PixelFormat) -> Frame {
 fn follow(tracker: &mut Tracker, frames: impl IntoIterator<Item = Frame>) -> Vec<Estimate> {
     let step = |frame: Frame| {
         let time_s = frame.time_s();
-        tracker.observe(&[(0, frame)], time_s).unwrap();
-        tracker.estimate_at(0, time_s)
+        tracker.observe(&set_of(frame)).unwrap();
+        tracker.estimate_at(TargetId::new(0), time_s).unwrap()
     };
     frames.into_iter().map(step).collect()
 }
@@ -72,7 +63,7 @@ fn covered(index: usize) -> RgbImage {
     let [u, v] = view.camera().project(place.into()).unwrap();
     for (x, y, pixel) in picture.enumerate_pixels_mut() {
         if (f64::from(x) - u).abs() < 40.0 && (f64::from(y) - v).abs() < 40.0 {
-            *pixel = Rgb([90, 92, 95]);
+            *pixel = [90, 92, 95];
         }
     }
     picture
@@ -137,7 +128,7 @@ fn with_disc(mut picture: RgbImage, [u, v]: [f64; 2], radius_px: f64, rgb: [f64;
     for (x, y, pixel) in picture.enumerate_pixels_mut() {
         let off_px = (f64::from(x) - u).hypot(f64::from(y) - v) - radius_px;
         let share = 0.5 * libm::erfc(off_px / 1.2);
-        for (value, painted) in pixel.0.iter_mut().zip(rgb) {
+        for (value, painted) in pixel.iter_mut().zip(rgb) {
             *value = (f64::from(*value) * (1.0 - share) + painted * share).round() as u8;
         }
     }
@@ -195,13 +186,14 @@ fn with_balls(index: usize, discs: &[Disc]) -> Frame {
 
 /// What is known of two targets alike after each of these frames.
 fn follow_two(seed: u32, frames: impl IntoIterator<Item = Frame>) -> Vec<[Estimate; 2]> {
-    let ball = || sought(EdgeSettings::default());
+    let ball = || detected(EdgeSettings::default());
     let views = vec![fisheye_view()];
     let mut tracker = Tracker::new(views, vec![ball(), ball()], seed, Level::best()).unwrap();
     let step = |frame: Frame| {
         let time_s = frame.time_s();
-        tracker.observe(&[(0, frame)], time_s).unwrap();
-        [0, 1].map(|target| tracker.estimate_at(target, time_s))
+        tracker.observe(&set_of(frame)).unwrap();
+        let targets = [0, 1].map(TargetId::new);
+        targets.map(|target| tracker.estimate_at(target, time_s).unwrap())
     };
     frames.into_iter().map(step).collect()
 }
@@ -300,14 +292,13 @@ fn two_equal_balls_that_pass_each_other_stay_who_they_are() {
 
 #[test]
 fn two_equal_balls_in_a_single_image_are_one_for_each_target() {
-    let ball = || sought(EdgeSettings::default());
+    let ball = || detected(EdgeSettings::default());
     let views = vec![fisheye_view()];
     let mut tracker = Tracker::new(views, vec![ball(), ball()], 1, Level::best()).unwrap();
     let discs = [([200.0, 150.0], 8.0), ([300.0, 180.0], 8.0)];
     let frame = with_balls(0, &discs);
-    let starts = [Start::Anywhere; 2];
     let located = tracker
-        .locate(&[(0, frame)], 0.0, &starts, &PASSES_SIGMA_M)
+        .locate(&set_of(frame), &[None; 2], &PASSES_SIGMA_M)
         .unwrap();
     let mut found = [0, 1].map(|target: usize| disc_of(&located[target], &discs));
     found.sort_unstable();
@@ -317,7 +308,7 @@ fn two_equal_balls_in_a_single_image_are_one_for_each_target() {
 /// The picture in other light: gains of red, green and blue.
 fn in_light(mut picture: RgbImage, gains: [f64; 3]) -> RgbImage {
     for pixel in picture.pixels_mut() {
-        for (value, gain) in pixel.0.iter_mut().zip(gains) {
+        for (value, gain) in pixel.iter_mut().zip(gains) {
             *value = (f64::from(*value) * gain).round().min(255.0) as u8;
         }
     }
@@ -416,15 +407,21 @@ fn in_light_that_changed_no_other_colour_is_taken_either() {
 }
 
 #[test]
-fn any_number_of_threads_gives_the_same_bits() {
-    let run = |threads: usize| {
+fn any_number_of_threads_and_any_instruction_set_give_the_same_bits() {
+    let run = |threads: usize, level: Level| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.unwrap().install(|| {
             let frames = (0..6).map(|i| as_frame(&jump_picture(i), i, PixelFormat::Rgb8));
-            follow(&mut tracker(6), frames)
+            let target = detected_ball();
+            let mut tracker = Tracker::new(vec![fisheye_view()], vec![target], 6, level).unwrap();
+            follow(&mut tracker, frames)
         })
     };
-    let one = run(1);
-    assert_eq!(one, run(2));
-    assert_eq!(one, run(5));
+    let one = run(1, Level::BASELINE);
+    assert!(one[5].kinematics.is_some());
+    for level in Level::available() {
+        for threads in [1, 2, 5] {
+            assert_eq!(one, run(threads, level), "{threads} threads at {level:?}");
+        }
+    }
 }

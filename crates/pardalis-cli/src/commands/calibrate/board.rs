@@ -1,12 +1,12 @@
 //! `pardalis calibrate board`: cameras from images of a calibration board.
 
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis_calibrate::Calibration;
 use pardalis_scene::{NAMES_ALLOWED, is_name};
 
+use super::board_checks::{check_found, side, side_note};
 use super::fit::Fits;
 use super::images::{self, observations};
 use super::model::ModelOptions;
@@ -15,11 +15,8 @@ use super::{output, rig};
 use crate::board::Board;
 use crate::user_error::user_error;
 
-/// A measured distance may be off by this share of it.
+/// Largest relative deviation of a measured distance.
 const DISTANCE_TOLERANCE: f64 = 0.05;
-
-/// Sides of a board's squares and tags that need no word.
-const USUAL_SIDES_M: RangeInclusive<f64> = 0.002..=0.5;
 
 /// Calibrates a camera, or several at once, from images of a calibration board
 #[derive(Debug, clap::Args)]
@@ -35,7 +32,7 @@ Examples:
   pardalis calibrate board --rig left='stereo/left*.jpg' --rig right='stereo/right*.jpg' \\
     --board checkerboard:9x6:0.025 --model pinhole")]
 pub(crate) struct Arguments {
-    /// A folder of images, or images; also a pattern such as 'left*.jpg'
+    /// A folder of images, or images; a pattern such as 'left*.jpg' is allowed
     #[arg(
         value_name = "FOLDER|IMAGE",
         required_unless_present = "rig",
@@ -47,16 +44,16 @@ pub(crate) struct Arguments {
     board: String,
     #[command(flatten)]
     model: ModelOptions,
-    /// A camera of a rig with its folder or pattern of images; repeated for each. The cameras' images, sorted by name, were taken
-    /// at the same times
+    /// A camera of a rig with its folder or pattern of images; repeat for each camera. Sorted by name, the images of
+    /// all cameras must be simultaneous
     #[arg(long, value_name = "NAME=FOLDER|PATTERN", value_parser = parse_camera)]
     rig: Vec<(String, PathBuf)>,
-    /// Refuses a calibration that does not agree with this measured distance from the camera to the board's first corner in an
-    /// image: a wrong square size shows nowhere else
+    /// A measured distance from the camera to the board's first corner in an image. The calibration fails if it
+    /// differs: nothing else reveals a wrong square size
     #[arg(long, value_name = "IMAGE=METRES", value_parser = parse_distance, conflicts_with = "rig")]
     distance: Vec<(String, f64)>,
-    /// The folder for the results [default: in the current directory, the first folder's, image's or pattern's name with -calibration; of a
-    /// rig, rig-calibration]
+    /// The folder for the results [default: in the current directory, the name of the first folder, image or pattern
+    /// with -calibration; for a rig, rig-calibration]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
 }
@@ -93,23 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     output::write(&folder, &report)
 }
 
-/// Errors: the board was found in no image.
-pub(super) fn check_found(source: &Path, images: &[images::SearchedImage]) -> Result<()> {
-    if images.iter().any(|image| image.found.is_ok()) {
-        return Ok(());
-    }
-    let reasons = images.iter().filter_map(|image| {
-        let reason = image.found.as_ref().err()?;
-        Some(format!("\n  {}: {reason}", image.name))
-    });
-    Err(user_error!(
-        "{}: the board was found in none of the images; see whether --board says what it looks like{}",
-        source.display(),
-        reasons.collect::<String>()
-    ))
-}
-
-/// Errors: the distance to the board is another than measured.
+/// Fails if the fitted distance to the board differs from the measured one.
 fn check_distance(
     board: &Board,
     calibration: &Calibration,
@@ -117,7 +98,7 @@ fn check_distance(
     measured_m: f64,
 ) -> Result<()> {
     let view = calibration.views.iter().find(|view| view.name == image).ok_or_else(|| {
-        user_error!("--distance {image}: the board was found in no image of this name; give the name of a file in which it was")
+        user_error!("--distance {image}: the board was found in no image of this name; give the name of a file in which it was found")
     })?;
     let fitted_m = view.camera_from_target.translation.vector.norm();
     let ratio = measured_m / fitted_m;
@@ -126,28 +107,10 @@ fn check_distance(
     }
     let (what, side_m) = side(board);
     Err(user_error!(
-        "--distance {image}: measured {measured_m} m, but {fitted_m:.3} m by the calibration: the ratio is {ratio:.3}, more than 5 % off; \
-         a {what} of {:.5} m in place of {side_m} m would agree: measure the board, and mend --board or the distance",
+        "--distance {image}: measured {measured_m} m, but the calibration gives {fitted_m:.3} m: the ratio {ratio:.3} is more than 5 % from 1; \
+         a {what} of {:.5} m instead of {side_m} m would match: measure the board, and correct --board or the distance",
         side_m * ratio
     ))
-}
-
-/// What a board is made of, and its side in metres.
-fn side(board: &Board) -> (&'static str, f64) {
-    match board {
-        Board::Checkerboard { square_m, .. } | Board::Charuco { square_m, .. } => {
-            ("square", *square_m)
-        }
-        Board::AprilGrid { tag_m, .. } => ("tag", *tag_m),
-    }
-}
-
-/// A word on a board whose side can hardly be meant in metres.
-pub(super) fn side_note(board: &Board) -> Option<String> {
-    let (what, side_m) = side(board);
-    (!USUAL_SIDES_M.contains(&side_m)).then(|| {
-        format!("a {what} of the board has a side of {side_m} m by --board: is it in metres?")
-    })
 }
 
 /// Parses `NAME=FOLDER`.
@@ -167,5 +130,7 @@ fn parse_distance(text: &str) -> Result<(String, f64), String> {
     text.rsplit_once('=')
         .and_then(|(image, metres)| Some((image.to_owned(), metres.parse().ok()?)))
         .filter(|(_, metres)| (1e-3..=1e4).contains(metres))
-        .ok_or_else(|| "allowed: an image's name, = and metres, such as 000.jpg=0.85".to_owned())
+        .ok_or_else(|| {
+            "allowed: the name of an image, = and metres, such as 000.jpg=0.85".to_owned()
+        })
 }

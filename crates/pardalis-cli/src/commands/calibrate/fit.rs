@@ -1,4 +1,4 @@
-//! Fitting one or several models to the same observations.
+//! Fits of one or several models to the same observations.
 
 use std::path::Path;
 use std::time::Duration;
@@ -13,30 +13,32 @@ use super::trial::Trial;
 use crate::draw::calibration::Sighting;
 use crate::user_error::user_error;
 
-/// Errors within this ratio are alike: then fewer parameters are better, for they leave less to chance where no points were.
-const ALIKE: f64 = 1.03;
+/// Ratio within which errors count as equal. Among equal models, the one with fewer parameters extrapolates
+/// better to regions without points.
+const EQUAL_RATIO: f64 = 1.03;
 
-/// A model that was fitted.
+/// A fitted model.
 pub(super) struct Fit {
-    /// Its camera, poses and residuals.
+    /// Camera, poses and residuals.
     pub(super) calibration: Calibration,
-    /// What it makes of test views, where there are some.
+    /// Result on test views, if there are any.
     pub(super) trial: Option<Trial>,
 }
 
-/// What became of the models.
+/// Results of all models.
 pub(super) struct Fits {
-    /// Those that could be fitted, the best first: the one of fewest free parameters among those whose error is within [`ALIKE`] of the least,
-    /// then the others by their errors. The error is that of held-out points where all models have it, else that of the fitted ones.
+    /// Successful fits, best first: the one with the fewest free parameters among those within
+    /// [`EQUAL_RATIO`] of the smallest error, then the others by their errors. The error is that of held-out
+    /// points if all models have it, else that of the fitted points.
     pub(super) fitted: Vec<Fit>,
-    /// Names of the others, and why.
-    pub(super) refused: Vec<(&'static str, String)>,
+    /// Names of the other models, with the reasons of their failure.
+    pub(super) failed: Vec<(&'static str, String)>,
 }
 
 impl Fits {
-    /// Fits all models. `board`: whether the views are of a board, seen from its printed side.
+    /// Fits all models. `board` states whether the views show a board from its printed side.
     ///
-    /// Errors: none can be fitted; `source` is what the observations came from.
+    /// Fails if no model can be fitted. `source` names the origin of the observations in messages.
     pub(super) fn of(
         source: &Path,
         views: &[CalibrationView],
@@ -64,25 +66,25 @@ impl Fits {
         for outcome in outcomes {
             match outcome {
                 Ok(calibration) => fitted.push(calibration),
-                Err(refused) => refusals.push(refused),
+                Err(failed) => refusals.push(failed),
             }
         }
         sort(&mut fitted);
-        let refused = refusals.into_iter().map(|(name, refusal)| {
-            // Where another model fits, the images are not flipped: it is the wrong kind.
+        let failed = refusals.into_iter().map(|(name, refusal)| {
+            // If another model fits, the images are not flipped; the model is of the wrong kind.
             let other = fitted.first().filter(|_| refusal.seen_from_behind);
             let reason = other.map_or(refusal.to_string(), |other| {
                 let kinds = if other.camera.looks_into_mirror() {
-                    "mirror: it is a model of lenses"
+                    "mirror: it is a model for lenses"
                 } else {
-                    "lens: it is a model of mirrors"
+                    "lens: it is a model for mirrors"
                 };
                 format!("does not fit this {kinds}")
             });
             (name, reason)
         });
         let fits = Self {
-            refused: refused.collect(),
+            failed: failed.collect(),
             fitted: fitted
                 .into_iter()
                 .map(|calibration| Fit {
@@ -93,7 +95,7 @@ impl Fits {
         };
         if fits.fitted.is_empty() {
             let reasons: Vec<String> = fits
-                .refused
+                .failed
                 .iter()
                 .map(|(name, reason)| format!("{}: {name}: {reason}", source.display()))
                 .collect();
@@ -102,15 +104,15 @@ impl Fits {
         Ok(fits)
     }
 
-    /// Tries all fitted models on test views.
-    pub(super) fn try_on(&mut self, views: &[CalibrationView]) {
+    /// Evaluates all fitted models on test views.
+    pub(super) fn test_on(&mut self, views: &[CalibrationView]) {
         for fit in &mut self.fitted {
             fit.trial = Some(Trial::of(&fit.calibration.camera, views));
         }
     }
 }
 
-/// Sorts fits, the best first.
+/// Sorts fits, best first.
 fn sort(fits: &mut [Calibration]) {
     let held_out = fits.iter().all(|fit| fit.held_out_rms_px.is_some());
     let error_px = |fit: &Calibration| match fit.held_out_rms_px {
@@ -121,19 +123,19 @@ fn sort(fits: &mut [Calibration]) {
     let Some(least_px) = fits.first().map(error_px) else {
         return;
     };
-    let alike = fits.partition_point(|fit| error_px(fit) <= ALIKE * least_px);
-    // Of equals the first, whose error is less.
+    let alike = fits.partition_point(|fit| error_px(fit) <= EQUAL_RATIO * least_px);
+    // Among equal ones this takes the first, which has the smaller error.
     if let Some(best) = (0..alike).min_by_key(|&i| free_parameters(&fits[i])) {
         fits[..=best].rotate_right(1);
     }
 }
 
-/// How many parameters were fitted.
+/// Returns the number of free parameters.
 pub(super) fn free_parameters(fit: &Calibration) -> usize {
     fit.parameters.iter().filter(|p| p.sigma.is_some()).count()
 }
 
-/// A moving sign of life on a terminal, as how long a fit takes is not known; nothing elsewhere.
+/// Creates a spinner on a terminal, because the duration of a fit is unknown; hidden elsewhere.
 fn progress_bar(models: usize) -> ProgressBar {
     let bar = ProgressBar::new(models as u64);
     bar.enable_steady_tick(Duration::from_millis(100));
@@ -143,7 +145,7 @@ fn progress_bar(models: usize) -> ProgressBar {
     }
 }
 
-/// The points of a view as they were seen and fitted.
+/// Returns the points of a view as observed and fitted.
 pub(super) fn sightings(
     calibration: &Calibration,
     views: &[CalibrationView],
@@ -161,14 +163,14 @@ pub(super) fn sightings(
         .collect()
 }
 
-/// The points of all views.
+/// Returns the points of all views.
 pub(super) fn all_sightings(calibration: &Calibration, views: &[CalibrationView]) -> Vec<Sighting> {
     (0..views.len())
         .flat_map(|view| sightings(calibration, views, view))
         .collect()
 }
 
-/// The greatest distance between an observed and a projected point that was fitted.
+/// Returns the largest distance between an observed and a projected point that was fitted, in pixels.
 pub(super) fn largest_residual_px(sightings: &[Sighting]) -> f64 {
     sightings
         .iter()

@@ -1,4 +1,4 @@
-//! Boards in images: which files, and what was found in each.
+//! Board detection: the image files and the result for each.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,17 +14,18 @@ use crate::user_error::user_error;
 
 use super::observations::Observations;
 
-/// What became of an image.
+/// Detection result of one image.
 pub(super) struct SearchedImage {
-    /// The file's name.
+    /// File name.
     pub(super) name: String,
-    /// The board's corners in it, or why there are none.
+    /// Corners of the board, or the reason why it was not found.
     pub(super) found: Result<Vec<Corner>, String>,
 }
 
-/// The images of a folder, of a pattern with `*` and `?` in its last part, or a single one; sorted by name.
+/// Returns the images of a folder, of a pattern with `*` and `?` in its last component, or a single image,
+/// sorted by name.
 ///
-/// Errors: there are none.
+/// Fails if there are none.
 pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
     let pattern = path.file_name().unwrap_or_default().to_string_lossy();
     let is_pattern = pattern.contains(['*', '?']) && !path.exists();
@@ -50,7 +51,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
         let name = name_of(&file);
         let extension = file.extension().map(|e| e.to_string_lossy().to_lowercase());
         let is_image = matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png"));
-        let wanted = !is_pattern || fits(pattern.as_bytes(), name.as_bytes());
+        let wanted = !is_pattern || matches(pattern.as_bytes(), name.as_bytes());
         if is_image && wanted && !name.starts_with('.') && file.is_file() {
             files.push(file);
         }
@@ -65,20 +66,20 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Whether a name fits a pattern; `*` stands for any characters, `?` for one.
-fn fits(pattern: &[u8], name: &[u8]) -> bool {
+/// Reports whether a name matches a pattern; `*` matches any characters, `?` exactly one.
+fn matches(pattern: &[u8], name: &[u8]) -> bool {
     match (pattern.split_first(), name.split_first()) {
         (None, None) => true,
-        (Some((b'*', rest)), _) if fits(rest, name) => true,
-        (Some((b'*', _)), Some((_, name))) => fits(pattern, name),
-        (Some((p, rest)), Some((n, name))) => (p == n || *p == b'?') && fits(rest, name),
+        (Some((b'*', rest)), _) if matches(rest, name) => true,
+        (Some((b'*', _)), Some((_, name))) => matches(pattern, name),
+        (Some((p, rest)), Some((n, name))) => (p == n || *p == b'?') && matches(rest, name),
         _ => false,
     }
 }
 
-/// Searches all images for the board; also gives their size, which must be the same.
+/// Searches all images for the board. Also returns their size, which must be the same for all.
 ///
-/// Errors: an image cannot be read, or has another size than the first.
+/// Fails if an image cannot be read or differs in size from the first.
 pub(super) fn search(
     board: &Board,
     files: &[PathBuf],
@@ -88,9 +89,8 @@ pub(super) fn search(
         .par_iter()
         .map(|file| {
             let grey = decode_mask(file)?;
-            let size_px = (grey.width, grey.height);
-            let image = image::GrayImage::from_raw(size_px.0 as u32, size_px.1 as u32, grey.bytes);
-            let found = image.map_or(Err("no pixels".to_owned()), |image| detect(board, &image));
+            let size_px = grey.size_px();
+            let found = detect(board, &grey);
             bar.inc(1);
             Ok((
                 SearchedImage {
@@ -106,7 +106,7 @@ pub(super) fn search(
     for (file, (_, size_px)) in files.iter().zip(&searched) {
         if *size_px != first {
             return Err(user_error!(
-                "{}: has {} x {} pixels, {} has {} x {}; images of one camera have one size",
+                "{}: has {} x {} pixels, but {} has {} x {}; all images of a camera must have the same size",
                 file.display(),
                 size_px.0,
                 size_px.1,
@@ -120,7 +120,7 @@ pub(super) fn search(
     Ok((images, first))
 }
 
-/// A view of the corners in an image, if the board was found.
+/// Returns a view of the corners in an image, if the board was found.
 pub(super) fn view(image: &SearchedImage) -> Option<CalibrationView> {
     let corners = image.found.as_ref().ok()?;
     let correspondence = |corner: &Corner| Correspondence {
@@ -133,7 +133,7 @@ pub(super) fn view(image: &SearchedImage) -> Option<CalibrationView> {
     })
 }
 
-/// The corners of all images in which the board was found.
+/// Collects the corners of all images in which the board was found.
 pub(super) fn observations(images: &[SearchedImage]) -> Observations {
     let found = images.iter().filter_map(|image| image.found.as_ref().ok());
     Observations {
@@ -153,7 +153,7 @@ fn name_of(file: &Path) -> String {
         .into_owned()
 }
 
-/// A bar on a terminal; nothing elsewhere.
+/// Creates a progress bar on a terminal; hidden elsewhere.
 fn progress_bar(images: usize) -> ProgressBar {
     let bar = ProgressBar::new(images as u64);
     match ProgressStyle::with_template("searching {bar:32} {pos}/{len} images, {eta} left") {
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn patterns_fit_names() {
+    fn patterns_match_names() {
         for (pattern, name, wanted) in [
             ("left*.jpg", "left01.jpg", true),
             ("left??.jpg", "left01.jpg", true),
@@ -177,7 +177,7 @@ mod tests {
             ("right*", "left01.jpg", false),
         ] {
             assert_eq!(
-                fits(pattern.as_bytes(), name.as_bytes()),
+                matches(pattern.as_bytes(), name.as_bytes()),
                 wanted,
                 "{pattern} {name}"
             );

@@ -1,7 +1,7 @@
-//! `pardalis calibrate`: cameras from known points or from images of a board, the plane that one sees, and their clocks.
+//! `pardalis calibrate`: intrinsics, poses, rigs, planes and time offsets of cameras.
 
 mod board;
-mod clocks;
+mod board_checks;
 mod fit;
 mod images;
 mod model;
@@ -15,13 +15,12 @@ mod print;
 mod report;
 mod rig;
 mod rig_report;
+mod time;
 mod trial;
 
 use anyhow::Result;
 
-pub(super) use model::parse_size;
-
-/// Calibrates cameras from known points or from images of a board, or finds a camera's pose, its plane, or the time between clocks
+/// Calibrates cameras: intrinsics, poses and rigs from boards or known points, the ground plane, and time offsets
 #[derive(Debug, clap::Args)]
 #[command(arg_required_else_help = true)]
 #[command(after_help = "Examples, in the order of use:
@@ -29,8 +28,8 @@ pub(super) use model::parse_size;
   pardalis calibrate board images --board checkerboard:9x6:0.025 --model all -o lens
   pardalis calibrate pose points.csv --camera lens/camera.toml -o pose
   pardalis calibrate points points.csv --model all --size 640x480   lens and pose without a board
-  pardalis calibrate plane images --size 2.0x1.5 -o floor       a floor by a rectangle on it, the camera unknown
-  pardalis calibrate clocks scene.toml --corrected corrected.toml   several cameras that run on their own clocks")]
+  pardalis calibrate plane images --size 2.0x1.5 -o floor       a floor from a rectangle on it, with an unknown camera
+  pardalis calibrate time scene.toml --corrected corrected.toml   several cameras with unsynchronised clocks")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -43,7 +42,7 @@ enum Command {
     Pose(pose::Arguments),
     Plane(plane::Arguments),
     Print(print::Arguments),
-    Clocks(clocks::Arguments),
+    Time(time::Arguments),
 }
 
 /// Runs the command.
@@ -54,6 +53,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Command::Pose(arguments) => pose::run(arguments),
         Command::Plane(arguments) => plane::run(arguments),
         Command::Print(arguments) => print::run(arguments),
-        Command::Clocks(arguments) => clocks::run(arguments),
+        Command::Time(arguments) => time::run(arguments),
     }
 }

@@ -1,4 +1,4 @@
-//! Which models are fitted, and from what they start.
+//! Options that select the models to fit and their starting values.
 
 use std::path::{Path, PathBuf};
 
@@ -11,13 +11,15 @@ use crate::user_error::user_error;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct ModelOptions {
-    /// The model to fit, or several to compare: names with commas between them, or all
+    /// The model to fit, or several to compare: names separated by commas, or all
     ///
-    /// Of several, the best is that of fewest parameters whose held-out RMS is within 3 % of the least.
+    /// Of several models, the best is the one with the fewest parameters whose held-out RMS is within 3 % of
+    /// the smallest.
     ///
-    /// Ordinary lenses: pinhole (with distortion k1, k2, p1, p2, k3). Fisheyes: equidistant (one focal length), kannala_brandt,
-    /// double_sphere, extended_unified, ocam (a polynomial; mirrors too). Mirrors: unified (shape l, scale m), mei (shape xi, with
-    /// distortion; fisheyes too), perspective_mirror.
+    /// Ordinary lenses: pinhole (with distortion k1, k2, p1, p2, k3). Fisheyes: equidistant (one focal
+    /// length), kannala_brandt, double_sphere, extended_unified, ocam (a polynomial; also for mirrors).
+    /// Mirrors: unified (shape l, scale m), mei (shape xi, with distortion; also for fisheyes),
+    /// perspective_mirror.
     #[arg(
         long,
         value_name = "NAME,NAME|all",
@@ -25,33 +27,33 @@ pub(super) struct ModelOptions {
         required_unless_present = "start"
     )]
     model: Vec<String>,
-    /// In place of --model: a calibration file whose camera is fitted anew, starting from its numbers
+    /// In place of --model: a calibration file with approximate values from which the fit starts
     ///
-    /// Its model is kept, and so is what points cannot tell, such as the shape of an exact mirror.
+    /// The fit keeps the file's model and what points cannot determine, such as the shape of an exact mirror.
     #[arg(long, value_name = "CAMERA.toml", conflicts_with = "model")]
     start: Option<PathBuf>,
-    /// Leaves out points whose residual is more robust standard deviations than this; inf keeps all
+    /// Rejects points whose residual exceeds this number of robust standard deviations; inf keeps all points
     #[arg(long, value_name = "SIGMAS", value_parser = parse_sigmas, default_value_t = OUTLIER_SIGMAS)]
     pub(super) outliers: f64,
 }
 
 /// A model to fit.
 pub(super) struct Model {
-    /// Its name.
+    /// Name.
     pub(super) name: &'static str,
-    /// What it starts from.
+    /// Initial camera.
     pub(super) start: CalibrationStart,
-    /// Robust standard deviations beyond which points are left out.
+    /// Number of robust standard deviations beyond which a point is an outlier.
     pub(super) outlier_sigmas: f64,
 }
 
 impl ModelOptions {
-    /// The models that were asked for, each once.
+    /// Returns the requested models without repetition.
     ///
-    /// Errors: a name is unknown, or the file to start from cannot be read.
+    /// Fails if a name is unknown or the file to start from cannot be read.
     pub(super) fn models(&self) -> Result<Vec<Model>> {
         if let Some(path) = &self.start {
-            let remedy = "take one out with pardalis camera convert --camera NAME";
+            let remedy = "extract one with pardalis camera convert --camera NAME";
             let camera = read_camera(path, None, remedy)?.camera;
             let name = camera.kind();
             let start = CalibrationStart::Near(camera);
@@ -62,7 +64,7 @@ impl ModelOptions {
             let named = match &**name {
                 "all" if self.model.len() > 1 => {
                     return Err(user_error!(
-                        "--model {}: all has every model already; give all alone, or the names of some",
+                        "--model {}: all includes every model; give either all or names",
                         self.model.join(",")
                     ));
                 }
@@ -91,14 +93,15 @@ impl ModelOptions {
 fn unknown_model(name: &str) -> anyhow::Error {
     let known: Vec<&str> = ModelKind::ALL.iter().map(|kind| kind.name()).collect();
     user_error!(
-        "--model {name}: there is no such model; allowed: {}, or all",
+        "--model {name}: unknown model; allowed: {}, or all",
         known.join(", ")
     )
 }
 
-/// A camera of a calibration file: the one of this name, or the only one.
+/// Reads a camera from a calibration file: the one with this name, or the only one.
 ///
-/// Errors: the file cannot be read, has no such camera, or has several and none is named, for which there is the remedy.
+/// Fails if the file cannot be read, has no such camera, or has several and `name` is missing; `remedy` then
+/// says how to choose one.
 pub(super) fn read_camera(
     path: &Path,
     name: Option<&str>,
@@ -126,24 +129,8 @@ pub(super) fn read_camera(
     }
 }
 
-/// Parses robust standard deviations.
+/// Parses a number of robust standard deviations.
 fn parse_sigmas(text: &str) -> Result<f64, String> {
     let sigmas = text.parse().ok().filter(|sigmas| *sigmas >= 2.0);
     sigmas.ok_or_else(|| "allowed: 2 or more, such as 6; inf keeps all points".to_owned())
-}
-
-/// Parses `WIDTHxHEIGHT`.
-pub(in crate::commands) fn parse_size(text: &str) -> Result<(usize, usize), String> {
-    let sides = text
-        .split_once('x')
-        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
-    let allowed = 1..=pardalis_core::error::MAX_IMAGE_SIDE_PX;
-    sides
-        .filter(|(width, height)| allowed.contains(width) && allowed.contains(height))
-        .ok_or_else(|| {
-            format!(
-                "allowed: width and height in pixels up to {}, such as 640x480",
-                allowed.end()
-            )
-        })
 }

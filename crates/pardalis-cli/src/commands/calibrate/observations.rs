@@ -1,4 +1,4 @@
-//! Known points and where they were seen, from a table.
+//! Table of known points and their pixels.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -9,29 +9,30 @@ use pardalis_calibrate::{CalibrationView, Correspondence};
 use crate::tables::{Row, Table};
 use crate::user_error::user_error;
 
-/// The most faulty rows that are listed.
+/// Largest number of faulty rows that are listed.
 const MAX_LISTED: usize = 10;
 
-/// The largest coordinate that can be metres.
+/// Largest plausible coordinate in metres.
 const MAX_COORDINATE_M: f64 = 1e6;
 
-/// What was seen, and how its points are called.
+/// Observations with the numbers that identify their points.
 pub(super) struct Observations {
-    /// For each view its points.
+    /// Points of each view.
     pub(super) views: Vec<CalibrationView>,
-    /// For each view the numbers of its points.
+    /// Numbers of the points of each view.
     pub(super) numbers: Vec<Vec<usize>>,
-    /// What the numbers count: `line` or `corner`.
+    /// Meaning of the numbers: `line` or `corner`.
     pub(super) numbered_by: &'static str,
-    /// How many rows were left out because they repeat others exactly: counted twice, they would make standard deviations too small.
+    /// Number of rows dropped as exact repetitions of others. Counted twice, they would make standard
+    /// deviations too small.
     pub(super) repeated: usize,
 }
 
-/// The names of a table's columns.
+/// Names of a table's columns.
 #[derive(Debug, Clone)]
 pub(super) struct Columns([String; 6]);
 
-/// What [`Columns`] calls them.
+/// Keys of the columns on the command line.
 const KEYS: [&str; 6] = ["x", "y", "z", "u", "v", "view"];
 
 impl Default for Columns {
@@ -51,7 +52,7 @@ impl Columns {
                 .filter(|(_, name)| !name.is_empty());
             let Some((place, name)) = place else {
                 return Err(format!(
-                    "{pair:?} is no column; allowed: {}, each with = and a column's name",
+                    "{pair:?} is not a column; allowed: {}, each with = and the name of a column",
                     KEYS.join(", ")
                 ));
             };
@@ -61,16 +62,16 @@ impl Columns {
     }
 }
 
-/// Reads the points of a table; those with the same `view` share one pose, and without that column all do.
+/// Reads the points of a table. Points with the same `view` share one pose; without that column all points do.
 ///
-/// Errors: the file cannot be read, lacks a column, or has rows that are no points; they are named by line.
+/// Fails if the file cannot be read, lacks a column or has invalid rows, which the message names by line.
 pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
     let [x, y, z, u, v, view] = &columns.0;
     let table = Table::read(path)?;
     let point = table.columns([&**x, &**y, &**z])?;
-    let pixel = table.columns([&**u, &**v]).map_err(|error| {
-        user_error!("{error:#}; say which column is which with --columns u=NAME,v=NAME")
-    })?;
+    let pixel = table
+        .columns([&**u, &**v])
+        .map_err(|error| user_error!("{error:#}; name the columns with --columns u=NAME,v=NAME"))?;
     let view = table.optional_column(view);
     let parse = |row: &Row| -> Result<(String, Correspondence)> {
         let name = view
@@ -110,10 +111,10 @@ pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
     Err(user_error!("{}", faults.join("\n")))
 }
 
-/// What is the same for the same point at the same pixel, and for nothing else.
+/// Returns a key that is equal for equal points at equal pixels only.
 fn bits(correspondence: &Correspondence) -> [u64; 5] {
     let ([x, y, z], [u, v]) = (correspondence.point_m, correspondence.pixel);
-    // Adding zero makes -0 the same as 0.
+    // Adding zero turns -0 into 0.
     [x, y, z, u, v].map(|value| (value + 0.0).to_bits())
 }
 
@@ -132,7 +133,8 @@ impl Observations {
         self.numbers[place].push(number);
     }
 
-    /// Errors: coordinates are beyond what can be metres, or pixels lie outside of the images; they are named by line.
+    /// Fails if coordinates are implausible in metres or pixels lie outside the images; the message names the
+    /// lines.
     pub(super) fn check(&self, path: &Path, (width, height): (usize, usize)) -> Result<()> {
         self.refuse_rows(
             path,
@@ -154,12 +156,12 @@ impl Observations {
                     (-1.0..=width as f64).contains(&u) && (-1.0..=height as f64).contains(&v);
                 (!inside).then(|| format!("({u:?}, {v:?})"))
             },
-            &format!("pixels lie outside of images of {width} x {height}"),
-            "mend these lines, or give the size of the images in which the points were seen",
+            &format!("pixels lie outside images of {width} x {height}"),
+            "correct these lines, or give the size of the images in which the points were observed",
         )
     }
 
-    /// Errors: there are points that `fault` has a word on.
+    /// Fails if `fault` returns text for any point.
     fn refuse_rows(
         &self,
         path: &Path,
@@ -190,7 +192,7 @@ impl Observations {
         ))
     }
 
-    /// The largest extent of all points along one of their axes, in metres.
+    /// Returns the largest extent of all points along an axis, in metres.
     pub(super) fn extent_m(&self) -> f64 {
         let extent = |axis: usize| {
             let points = self.views.iter().flat_map(|view| &view.correspondences);
@@ -203,7 +205,7 @@ impl Observations {
         (0..3).map(extent).fold(0.0, f64::max)
     }
 
-    /// How many points there are in all views.
+    /// Returns the number of points in all views.
     pub(super) fn point_count(&self) -> usize {
         self.views
             .iter()
@@ -217,7 +219,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_renamed_one_by_one() {
+    fn columns_are_renamed_individually() {
         let columns = Columns::parse("v=b,u=a").unwrap();
         assert_eq!(columns.0, ["x_m", "y_m", "z_m", "a", "b", "view"]);
         for wrong in ["", "u", "w=a", "u="] {
@@ -226,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_of_the_same_view_are_gathered() {
+    fn rows_of_the_same_view_are_grouped() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("points.csv");
         std::fs::write(

@@ -1,4 +1,4 @@
-//! The files of a calibration.
+//! Result files of a calibration.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -17,19 +17,20 @@ use crate::files::write_file;
 use crate::output::print;
 use crate::user_error::user_error;
 
-/// The folder that was asked for, or one in the current directory named after the input and what was done: `points-calibration`.
+/// Returns the requested folder, or one in the current directory named after the input and the task, such as
+/// `points-calibration`.
 pub(super) fn folder(asked: Option<&Path>, input: &Path, done: &str) -> PathBuf {
     let stem = input.file_stem().unwrap_or_default().to_string_lossy();
-    // A pattern is named by what is fixed of it.
+    // A pattern is named after its fixed part.
     let stem = stem.replace(['*', '?'], "");
     let parts = [&*stem, done].into_iter().filter(|part| !part.is_empty());
     let name = parts.collect::<Vec<_>>().join("-");
     asked.map_or_else(|| name.into(), Path::to_owned)
 }
 
-/// Writes camera files, residuals and report into a folder, and tells what they say.
+/// Writes camera files, residuals and report into a folder, and prints the report.
 ///
-/// Errors: the folder cannot be made or written to.
+/// Fails if the folder cannot be created or written.
 pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
     make_folder(folder)?;
     let mut written = Vec::new();
@@ -59,7 +60,7 @@ pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
     Ok(())
 }
 
-/// Removes the models of an earlier run, which would pass for this one's.
+/// Removes the models of an earlier run, so that they are not taken for results of this one.
 fn remove_earlier(folder: &Path) -> Result<()> {
     for kind in ModelKind::ALL {
         let path = folder.join(format!("camera-{}.toml", kind.name()));
@@ -76,17 +77,17 @@ fn remove_earlier(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Makes a folder and those it lies in.
+/// Creates a folder and its parents.
 pub(super) fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|error| {
         user_error!(
-            "{}: cannot be made ({error}); give another folder with --output",
+            "{}: cannot be created ({error}); choose another folder with --output",
             folder.display()
         )
     })
 }
 
-/// Tells which files there are.
+/// Prints the names of the written files.
 pub(super) fn say_written(written: &[PathBuf]) {
     print("\nWritten:");
     for path in written {
@@ -94,7 +95,7 @@ pub(super) fn say_written(written: &[PathBuf]) {
     }
 }
 
-/// The camera of a fit. Of a single view the target is the world.
+/// Returns the camera of a fit. With a single view, the target's frame is the world frame.
 fn camera_of(report: &Report, fit: &Calibration) -> CalibratedCamera {
     let world_from_camera = match fit.views.as_slice() {
         [view] => Some(view.camera_from_target.inverse()),
@@ -108,7 +109,7 @@ fn camera_of(report: &Report, fit: &Calibration) -> CalibratedCamera {
     }
 }
 
-/// The figures of all models as a table, a row a model, the best first; what does not apply is empty.
+/// Tabulates the figures of all models, one row per model, best first; cells that do not apply are empty.
 fn models(report: &Report) -> Result<String> {
     let mut table = csv::Writer::from_writer(Vec::new());
     table.write_record([
@@ -144,7 +145,7 @@ fn models(report: &Report) -> Result<String> {
             String::new(),
         ])?;
     }
-    for (name, reason) in &report.fits.refused {
+    for (name, reason) in &report.fits.failed {
         let mut row = [""; 12];
         (row[0], row[11]) = (name, reason);
         table.write_record(row)?;
@@ -152,8 +153,8 @@ fn models(report: &Report) -> Result<String> {
     Ok(String::from_utf8(table.into_inner()?)?)
 }
 
-/// The views of the best fit as a table, a row a view. The pose is `camera_from_target` as OpenCV writes it: the rotation as a vector along its
-/// axis, its length the angle.
+/// Tabulates the views of the best fit, one row per view. The pose `camera_from_target` is in OpenCV's form:
+/// the rotation as a vector along its axis whose length is the angle.
 fn views(report: &Report) -> Result<String> {
     let mut table = csv::Writer::from_writer(Vec::new());
     table.write_record([
@@ -175,7 +176,7 @@ fn views(report: &Report) -> Result<String> {
     Ok(String::from_utf8(table.into_inner()?)?)
 }
 
-/// The residuals of the best fit as a table, a row a point.
+/// Tabulates the residuals of the best fit, one row per point.
 fn residuals(report: &Report) -> Result<String> {
     let mut table = csv::Writer::from_writer(Vec::new());
     let number = report.observations.numbered_by;

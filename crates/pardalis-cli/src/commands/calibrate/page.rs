@@ -1,4 +1,4 @@
-//! The report as one HTML page that needs nothing besides itself.
+//! The calibration report as a self-contained HTML page.
 
 use std::fmt::Write as _;
 
@@ -14,14 +14,14 @@ const STYLE: &str = "body{font:16px/1.45 'DejaVu Sans',sans-serif;color:#282828;
     td,th{padding:.25em .8em;border-bottom:1px solid #ddd;text-align:right;white-space:nowrap}\
     td:first-child,th:first-child{text-align:left}figure{margin:1.5em 0}svg{max-width:100%;height:auto}";
 
-/// The page.
+/// Renders the page.
 pub(super) fn page(report: &Report) -> Result<String> {
     let best = report.best();
     let sightings = report.all_sightings(best);
     let size_px = report.size_px;
     let mut page = begin(&report.title());
     push_table(&mut page, &report.comparison());
-    for (name, reason) in &report.fits.refused {
+    for (name, reason) in &report.fits.failed {
         push_paragraph(&mut page, &format!("{name}: {reason}"));
     }
     push_paragraph(&mut page, &report.coverage());
@@ -36,7 +36,7 @@ pub(super) fn page(report: &Report) -> Result<String> {
     }
     let _ = writeln!(
         page,
-        "<h2>{}: where points were seen and where they are projected</h2>",
+        "<h2>{}: observed and projected points</h2>",
         best.camera.kind()
     );
     for picture in [
@@ -45,17 +45,21 @@ pub(super) fn page(report: &Report) -> Result<String> {
         residual_scatter(&sightings, best.rms_px)?,
         coverage(size_px, &sightings)?,
     ] {
-        let _ = writeln!(page, "<figure>{picture}</figure>");
+        let _ = writeln!(page, "<figure>{}</figure>", picture.svg);
     }
     page.push_str("<h2>Views</h2>\n");
     push_table(&mut page, &report.view_rows());
     let views: Vec<(&str, f64)> = best.views.iter().map(|v| (&*v.name, v.rms_px)).collect();
     if views.len() > 1 {
-        let _ = writeln!(page, "<figure>{}</figure>", rms_bars(&views, best.rms_px)?);
+        let _ = writeln!(
+            page,
+            "<figure>{}</figure>",
+            rms_bars(&views, best.rms_px)?.svg
+        );
     }
     let outliers = report.outliers();
     if !outliers.is_empty() {
-        page.push_str("<h2>Left out as outliers</h2>\n");
+        page.push_str("<h2>Outliers</h2>\n");
         for outlier in outliers {
             push_paragraph(&mut page, &outlier);
         }
@@ -71,7 +75,7 @@ pub(super) fn page(report: &Report) -> Result<String> {
     Ok(page)
 }
 
-/// A page's begin; `</body></html>` ends it.
+/// Begins a page; `</body></html>` ends it.
 pub(super) fn begin(title: &str) -> String {
     let title = escaped(title);
     format!(
@@ -81,7 +85,7 @@ pub(super) fn begin(title: &str) -> String {
     )
 }
 
-/// Adds a table whose first row is its head.
+/// Appends a table whose first row is the header.
 pub(super) fn push_table(page: &mut String, rows: &[Vec<String>]) {
     page.push_str("<table>\n");
     for (number, row) in rows.iter().enumerate() {
@@ -99,7 +103,7 @@ pub(super) fn push_paragraph(page: &mut String, text: &str) {
     let _ = writeln!(page, "<p>{}</p>", escaped(text));
 }
 
-/// The text with what means something in HTML written out.
+/// Escapes characters with a meaning in HTML.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")

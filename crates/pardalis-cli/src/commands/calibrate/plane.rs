@@ -1,14 +1,14 @@
-//! `pardalis calibrate plane`: a camera by the plane that it sees, from a rectangle that is found or from points.
+//! `pardalis calibrate plane`: the plane that a camera sees, from a detected rectangle or from points.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use image::RgbImage;
 use pardalis::Frame;
 use pardalis_calibrate::plane::{OUTLIER_PX, PlaneFit, PointPair, Rectangle, camera_center_m, fit};
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::{Camera, Plane};
+use pardalis_images::RgbImage;
 use pardalis_scene::{FrameRange, calibration};
 
 use super::model::read_camera;
@@ -24,10 +24,11 @@ use crate::source::{SourceConfig, SourceKind, Timing};
 use crate::tables::Table;
 use crate::user_error::user_error;
 
-/// Finds the plane that a camera sees, without knowing the camera: from a rectangle on it, which is looked for, or from points
+/// Finds the plane that an uncalibrated camera sees, from a rectangle that it detects or from points
 ///
-/// The rectangle is tape or a patch that is brighter or darker than the floor, wholly in view; the camera stands still. Look at corners.png: it
-/// shows what was found. The camera's place, which is needed for what stands above the plane, comes from a known focal length or is given.
+/// The rectangle is tape or a patch that is brighter or darker than the floor and completely in view; the
+/// camera must not move. Check corners.png, which shows the detected corners. The camera's position, which is
+/// needed for objects above the plane, follows from a known focal length or can be given.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis calibrate plane images --size 2.0x1.5 -o floor
@@ -39,35 +40,37 @@ pub(crate) struct Arguments {
     /// A folder of images, or a video
     #[arg(value_name = "IMAGES", required_unless_present = "points")]
     images: Option<PathBuf>,
-    /// How many images are looked at, from the first on
+    /// Number of images to use, beginning with the first
     #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = parse_count)]
     frames: usize,
-    /// In place of a rectangle: a table of four or more points with the columns u_px,v_px,x_m,y_m; wrong ones are left out and named
+    /// In place of a rectangle: a table of four or more points with the columns u_px,v_px,x_m,y_m; wrong
+    /// points are reported and ignored
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["size", "corners", "first", "edge"])]
     points: Option<PathBuf>,
-    /// The rectangle's sides in metres: the origin is its corner nearest the image's bottom left, x runs along the side that follows
-    /// counter-clockwise, which is the first number
+    /// Side lengths of the rectangle in metres. The origin is its corner nearest to the image's bottom left;
+    /// x runs along the first side, counter-clockwise from there
     #[arg(long, value_name = "METRESxMETRES", value_parser = parse_sides, required_unless_present_any = ["points", "corners"])]
     size: Option<[f64; 2]>,
     /// In place of --size: the rectangle's corners in the world in metres, counter-clockwise as seen from above
     #[arg(long, value_name = "X,Y X,Y X,Y X,Y", value_parser = parse_corners, conflicts_with = "size", allow_hyphen_values = true)]
     corners: Option<[[f64; 2]; 4]>,
-    /// Which of --corners, from 1, is nearest the image's bottom left
+    /// Which of --corners, counted from 1, is nearest to the image's bottom left
     #[arg(long, value_name = "NUMBER", default_value_t = 1, conflicts_with = "size", value_parser = parse_first)]
     first: usize,
     /// Which edge of a tape was measured
     #[arg(long, value_name = "EDGE", default_value = "outer")]
     edge: Edge,
-    /// The camera's focal length in pixels, if known: gives its place; the lens must hardly bend straight lines
+    /// Focal length in pixels, if known; it determines the camera's position. The lens must hardly bend
+    /// straight lines
     #[arg(long, value_name = "PX", value_parser = parse_length, conflicts_with_all = ["camera", "camera_height"])]
     focal: Option<f64>,
-    /// A calibration file with the camera's pinhole model, in place of --focal
+    /// In place of --focal: a calibration file with the camera's pinhole model
     #[arg(long, value_name = "FILE", conflicts_with = "camera_height")]
     camera: Option<PathBuf>,
-    /// The camera's height over the plane in metres, if measured
+    /// Measured height of the camera above the plane in metres
     #[arg(long, value_name = "METRES", value_parser = parse_length, requires = "camera_foot")]
     camera_height: Option<f64>,
-    /// The point of the plane straight below the camera, in metres
+    /// Point of the plane directly below the camera, in metres
     #[arg(long, value_name = "X,Y", value_parser = parse_point, requires = "camera_height", allow_hyphen_values = true)]
     camera_foot: Option<[f64; 2]>,
     /// The folder for the results [default: in the current directory, the input's name with -plane]
@@ -75,10 +78,10 @@ pub(crate) struct Arguments {
     output: Option<PathBuf>,
 }
 
-/// The points of a plane, and how they came about.
+/// Points of a plane, and their origin.
 struct Known {
     pairs: Vec<PointPair>,
-    /// The line of each in its table; empty for a rectangle.
+    /// Line of each point in its table; empty for a rectangle.
     lines: Vec<u64>,
     found: Option<FoundRectangle>,
 }
@@ -87,7 +90,7 @@ struct Known {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let input = [&arguments.points, &arguments.images];
     let Some(input) = input.into_iter().flatten().next() else {
-        return Err(user_error!("give images, or --points FILE.csv"));
+        return Err(user_error!("give images or --points FILE.csv"));
     };
     let frames = match &arguments.images {
         Some(images) => read_frames(images, arguments.frames)?,
@@ -118,14 +121,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     write_file(&written[0], calibration::write_toml(&[camera]).as_bytes())?;
     if let Some(frame) = frames.first() {
         written.push(folder.join("corners.png"));
-        write_picture(&written[1], &drawn(frame, &known, &fitted)?)?;
+        write_picture(&written[1], &drawn(frame, &known, &fitted))?;
     }
     print(report(&known, &fitted, center_m)?);
     output::say_written(&written);
     Ok(())
 }
 
-/// The first frames of a folder of images or a video.
+/// Reads the first frames of a folder of images or of a video.
 fn read_frames(images: &Path, count: usize) -> Result<Vec<Frame>> {
     let kind = if images.is_dir() {
         SourceKind::Images {
@@ -149,7 +152,7 @@ fn read_frames(images: &Path, count: usize) -> Result<Vec<Frame>> {
     })
 }
 
-/// The rectangle's corners in the images and in the world.
+/// Finds the rectangle's corners in the images and assigns their world positions.
 fn find_corners(arguments: &Arguments, input: &Path, frames: &[Frame]) -> Result<Known> {
     let found = rectangle::find(frames, arguments.edge)
         .map_err(|error| user_error!("{}: {error:#}", input.display()))?;
@@ -160,7 +163,7 @@ fn find_corners(arguments: &Arguments, input: &Path, frames: &[Frame]) -> Result
     let rectangle = arguments.corners.map(of_corners);
     let Some(rectangle) = rectangle.or(arguments.size.map(Rectangle::of_size)) else {
         return Err(user_error!(
-            "give the rectangle's --size or the --corners it has in the world"
+            "give the rectangle's --size or its --corners in the world"
         ));
     };
     Ok(Known {
@@ -189,7 +192,7 @@ fn read_points(path: &Path) -> Result<Known> {
     Ok(known)
 }
 
-/// Where the camera stands, if that is known or follows from its lens.
+/// Returns the camera's position if it is given or follows from the focal length.
 fn center_m(
     arguments: &Arguments,
     fitted: &PlaneFit,
@@ -201,20 +204,20 @@ fn center_m(
     let (option, f_px, center_px) = if let Some(focal_px) = arguments.focal {
         let Some((width, height)) = size_px else {
             return Err(user_error!(
-                "--focal {focal_px}: the middle of the images is needed too; give images beside --points, or --camera FILE"
+                "--focal {focal_px}: also needs the image size; give images in addition to --points, or --camera FILE"
             ));
         };
         let middle_px = [width, height].map(|side| (side - 1) as f64 / 2.0);
         (format!("--focal {focal_px}"), [focal_px; 2], middle_px)
     } else if let Some(path) = &arguments.camera {
-        let remedy = "take one out with pardalis camera convert --camera NAME";
+        let remedy = "extract one with pardalis camera convert --camera NAME";
         let known = read_camera(path, None, remedy)?;
         let option = format!("--camera {}", path.display());
         if let (Some(file), Some(images)) = (known.size_px, size_px)
             && file != images
         {
             return Err(user_error!(
-                "{option}: is for images of {} x {} pixels, these have {} x {}; give the calibration of these images",
+                "{option}: is for images of {} x {} pixels, but these have {} x {}; give the calibration of these images",
                 file.0,
                 file.1,
                 images.0,
@@ -245,8 +248,8 @@ fn center_m(
     ))
 }
 
-/// The points in their order over an image, joined where they are a rectangle; outliers in another colour.
-fn drawn(frame: &Frame, known: &Known, fitted: &PlaneFit) -> Result<RgbImage> {
+/// Draws the points in order over an image: connected if they form a rectangle, outliers in another colour.
+fn drawn(frame: &Frame, known: &Known, fitted: &PlaneFit) -> RgbImage {
     let [_, outlier_color, color, ..] = PALETTE;
     let mut marks = Vec::new();
     if known.found.is_some() {
@@ -280,7 +283,7 @@ fn drawn(frame: &Frame, known: &Known, fitted: &PlaneFit) -> Result<RgbImage> {
     drawn_over(&picture_of(frame), marks, &labels)
 }
 
-/// What was found, for people.
+/// Describes the result for the terminal.
 fn report(known: &Known, fitted: &PlaneFit, center_m: Option<[f64; 3]>) -> Result<String> {
     let mut text = String::new();
     if let Some(found) = &known.found {
@@ -292,13 +295,13 @@ fn report(known: &Known, fitted: &PlaneFit, center_m: Option<[f64; 3]>) -> Resul
         };
         writeln!(
             text,
-            "A rectangle of {kind}; its corners, from the one nearest the image's bottom left counter-clockwise:"
+            "A rectangle of {kind}; its corners counter-clockwise from the one nearest to the image's bottom left:"
         )?;
         for (i, (pair, support)) in known.pairs.iter().zip(found.support).enumerate() {
             let ([u, v], [x, y]) = (pair.pixel, pair.plane_m);
             writeln!(
                 text,
-                "  {}: ({u:.2}, {v:.2}) px, ({x}, {y}) m; {:.0} % of the side to the next is seen",
+                "  {}: ({u:.2}, {v:.2}) px, ({x}, {y}) m; {:.0} % of the side to the next one is visible",
                 i + 1,
                 100.0 * support
             )?;
@@ -317,7 +320,7 @@ fn report(known: &Known, fitted: &PlaneFit, center_m: Option<[f64; 3]>) -> Resul
         }
         writeln!(
             text,
-            "Look whether corners.png shows the rectangle that is meant."
+            "Check whether corners.png shows the intended rectangle."
         )?;
     } else {
         let kept = known.pairs.len() - fitted.outliers.len();
@@ -334,7 +337,7 @@ fn report(known: &Known, fitted: &PlaneFit, center_m: Option<[f64; 3]>) -> Resul
             );
             writeln!(
                 text,
-                "  line {}: the others put this point {distance} (more than {OUTLIER_PX} px); it is left out",
+                "  line {}: ignored, because the other points place it {distance} (more than {OUTLIER_PX} px)",
                 known.lines[outlier]
             )?;
         }
@@ -342,17 +345,17 @@ fn report(known: &Known, fitted: &PlaneFit, center_m: Option<[f64; 3]>) -> Resul
     match center_m {
         Some([x, y, z]) => write!(
             text,
-            "The camera is {z:.3} m over the plane, its foot at ({x:.3}, {y:.3}) m."
+            "The camera is {z:.3} m above the plane, over ({x:.3}, {y:.3}) m."
         )?,
         None => write!(
             text,
-            "Where the camera stands is not known: what is above the plane will seem farther than it is. Give --focal, --camera, or --camera-height."
+            "The camera's position is unknown: objects above the plane will seem farther away than they are. Give --focal, --camera or --camera-height."
         )?,
     }
     Ok(text)
 }
 
-/// Numbers with something between them.
+/// Parses numbers with a separator.
 fn parse_numbers<const N: usize>(text: &str, separator: char) -> Option<[f64; N]> {
     let numbers = text.split(separator).map(|n| n.trim().parse().ok());
     let numbers: Option<Vec<f64>> = numbers.collect();
@@ -364,7 +367,7 @@ fn parse_numbers<const N: usize>(text: &str, separator: char) -> Option<[f64; N]
 fn parse_sides(text: &str) -> Result<[f64; 2], String> {
     parse_numbers(text, 'x')
         .filter(|sides: &[f64; 2]| sides.iter().all(|side| *side > 0.0))
-        .ok_or_else(|| "allowed: two lengths in metres over 0, such as 2.0x1.5".to_owned())
+        .ok_or_else(|| "allowed: two positive lengths in metres, such as 2.0x1.5".to_owned())
 }
 
 /// Parses `0,0 2,0 2,1.5 0,1.5`.
@@ -376,17 +379,17 @@ fn parse_corners(text: &str) -> Result<[[f64; 2]; 4], String> {
         .ok_or_else(|| "allowed: four points in metres, such as \"0,0 2,0 2,1.5 0,1.5\"".to_owned())
 }
 
-/// Parses a place on the plane.
+/// Parses a position on the plane.
 fn parse_point(text: &str) -> Result<[f64; 2], String> {
     parse_numbers(text, ',')
-        .ok_or_else(|| "allowed: two numbers of metres, such as 0,-3.2".to_owned())
+        .ok_or_else(|| "allowed: two coordinates in metres, such as 0,-3.2".to_owned())
 }
 
-/// Parses a length.
+/// Parses a positive length.
 fn parse_length(text: &str) -> Result<f64, String> {
     let length = text.parse().ok();
     let length = length.filter(|length: &f64| *length > 0.0 && length.is_finite());
-    length.ok_or_else(|| "allowed: a number over 0".to_owned())
+    length.ok_or_else(|| "allowed: a positive number".to_owned())
 }
 
 /// Parses the number of images.

@@ -1,19 +1,20 @@
-//! `pardalis calibrate points`: a camera from a table of known points.
+//! `pardalis calibrate points`: intrinsics from a table of known points.
 
 use std::path::PathBuf;
 
 use anyhow::Result;
 
 use super::fit::Fits;
-use super::model::{ModelOptions, parse_size};
+use super::model::ModelOptions;
 use super::observations::{self, Columns};
 use super::output;
 use super::report::Report;
+use crate::arguments::parse_size;
 
-/// Calibrates a camera from known points and the pixels where they were seen
+/// Calibrates a camera from known points and their pixels
 ///
-/// The table has the columns x_m,y_m,z_m,u_px,v_px in any order; further ones are ignored. Points with the same text in the column
-/// `view` share one camera pose; without that column all do, and the pose is written with the camera.
+/// The table has the columns x_m,y_m,z_m,u_px,v_px in any order; other columns are ignored. Points with the same text in the column
+/// `view` share one camera pose; without that column all points do, and the camera file includes the pose.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis calibrate points points.csv --model kannala_brandt --size 640x480
@@ -29,11 +30,11 @@ pub(crate) struct Arguments {
     /// Width and height of the images in pixels
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: (usize, usize),
-    /// A table of test views with the same columns: what each fitted model makes of points that it was not fitted to. Its intrinsics
-    /// are held, the pose of each view is fitted, and no point is left out of the RMS
+    /// A table of test views with the same columns, to evaluate each fitted model: the intrinsics are fixed, the pose
+    /// of each view is fitted, and the RMS includes all points
     #[arg(long, value_name = "FILE.csv")]
     test: Option<PathBuf>,
-    /// The columns that have other names
+    /// Columns with other names
     #[arg(long, value_name = "x=NAME,...,v=NAME", value_parser = Columns::parse)]
     columns: Option<Columns>,
     /// The folder for the results [default: in the current directory, the table's name with -calibration]
@@ -62,7 +63,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         false,
     )?;
     if let Some(test) = &test {
-        fits.try_on(&test.views);
+        fits.test_on(&test.views);
     }
     let report = Report {
         camera: "camera",

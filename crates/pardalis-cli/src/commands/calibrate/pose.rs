@@ -1,4 +1,4 @@
-//! `pardalis calibrate pose`: where a known camera stands, from a table of known points.
+//! `pardalis calibrate pose`: pose of a calibrated camera from a table of known points.
 
 use std::path::PathBuf;
 
@@ -6,32 +6,33 @@ use anyhow::Result;
 use pardalis_calibrate::{Calibration, FittedParameter, FittedView, OUTLIER_SIGMAS, fit_pose};
 
 use super::fit::{Fit, Fits, all_sightings};
-use super::model::{parse_size, read_camera};
+use super::model::read_camera;
 use super::observations::{self, Columns};
 use super::output;
 use super::report::Report;
+use crate::arguments::parse_size;
 use crate::commands::camera::optics::Optics;
 use crate::draw::calibration::{GRID_CELLS, cell_counts};
 use crate::user_error::user_error;
 
-/// Finds the pose of a known camera from known points
+/// Computes the pose of a calibrated camera from known points
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   pardalis calibrate pose points.csv --camera camera.toml")]
 pub(crate) struct Arguments {
-    /// The table, as for `calibrate points`; all its points share one pose: at least four in one plane, or six
+    /// The table, as for `calibrate points`, with a single view: at least four points in one plane, or six
     #[arg(value_name = "FILE.csv")]
     points: PathBuf,
     /// The camera: a calibration file of any format
     #[arg(long, value_name = "FILE")]
     camera: PathBuf,
-    /// The camera's name, where the file has several
+    /// The camera's name, if the file has several
     #[arg(long, value_name = "NAME")]
     camera_name: Option<String>,
-    /// Width and height of the images in pixels, where the camera's file does not say them
+    /// Width and height of the images in pixels, if the camera file does not state them
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<(usize, usize)>,
-    /// The columns that have other names
+    /// Columns with other names
     #[arg(long, value_name = "x=NAME,...,v=NAME", value_parser = Columns::parse)]
     columns: Option<Columns>,
     /// The folder for the results [default: in the current directory, the table's name with -pose]
@@ -48,7 +49,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     )?;
     let size_px = known.size_px.or(arguments.size).ok_or_else(|| {
         user_error!(
-            "{}: does not say the size of the images; give it with --size WIDTHxHEIGHT",
+            "{}: does not state the size of the images; give it with --size WIDTHxHEIGHT",
             arguments.camera.display()
         )
     })?;
@@ -56,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let observations = observations::read(&arguments.points, &columns)?;
     let [view] = observations.views.as_slice() else {
         return Err(user_error!(
-            "{}: has {} views; a pose is found from one: keep the rows of one",
+            "{}: has {} views, but a pose needs exactly one; keep the rows of one view",
             arguments.points.display(),
             observations.views.len()
         ));
@@ -113,7 +114,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
                 calibration,
                 trial: None,
             }],
-            refused: Vec::new(),
+            failed: Vec::new(),
         },
         images: &[],
         note: None,

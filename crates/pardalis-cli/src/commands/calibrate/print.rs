@@ -8,9 +8,9 @@ use crate::board::Board;
 use crate::files::write_file;
 use crate::output::print;
 
-/// Draws a calibration board to print, as an SVG document in true size
+/// Writes a calibration board in true size as an SVG document
 ///
-/// Print it at 100 % (not "fit to page"), glue it onto something flat, and measure a square: printers stretch.
+/// Print it at 100 % (not "fit to page"), glue it to a flat surface, and measure a square: printers stretch.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis calibrate print --board checkerboard:9x6:0.025 -o board.svg
@@ -21,7 +21,7 @@ pub(crate) struct Arguments {
     /// The board, as for `calibrate board`
     #[arg(long, value_name = "BOARD")]
     board: String,
-    /// The document to write
+    /// The file to write
     #[arg(short, long, value_name = "FILE.svg")]
     output: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! What a calibration says, for the terminal; [`super::page`] says the same with pictures.
+//! Calibration report for the terminal; [`super::page`] adds pictures.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -13,45 +13,45 @@ use super::trial::Trial;
 use crate::commands::camera::optics::Optics;
 use crate::draw::calibration::Sighting;
 
-/// The most outliers that are listed.
+/// Largest number of outliers that are listed.
 const MAX_LISTED: usize = 20;
 
-/// Extents of known points, and distances to them, that need no word.
+/// Plausible extents of known points and distances to them, in metres.
 const USUAL_EXTENTS_M: RangeInclusive<f64> = 0.01..=100.0;
 
-/// All there is to say about a calibrated camera.
+/// Report of a camera calibration.
 pub(super) struct Report<'a> {
-    /// The camera's name.
+    /// Name of the camera.
     pub(super) camera: &'a str,
-    /// Width and height of its images in pixels.
+    /// Width and height of the images in pixels.
     pub(super) size_px: (usize, usize),
-    /// What was fitted to.
+    /// Observations of the fit.
     pub(super) observations: &'a Observations,
-    /// At least one fit.
+    /// Fits, at least one.
     pub(super) fits: &'a Fits,
-    /// What was found in images, where the points come from images.
+    /// Detection results, if the points come from images.
     pub(super) images: &'a [SearchedImage],
-    /// What else there is to warn of.
+    /// Additional warning.
     pub(super) note: Option<String>,
 }
 
 impl Report<'_> {
-    /// The fit that is written.
+    /// Returns the fit that is written to the files.
     pub(super) fn best(&self) -> &Calibration {
         &self.fits.fitted[0].calibration
     }
 
-    /// The points of a view of the best fit.
+    /// Returns the points of a view of the best fit.
     pub(super) fn sightings(&self, view: usize) -> Vec<Sighting> {
         sightings(self.best(), &self.observations.views, view)
     }
 
-    /// The points of all views of a fit.
+    /// Returns the points of all views of a fit.
     pub(super) fn all_sightings(&self, fit: &Calibration) -> Vec<Sighting> {
         all_sightings(fit, &self.observations.views)
     }
 
-    /// `40 points in 1 view, images of 640 x 480 pixels`.
+    /// Returns a title such as `40 points in 1 view, images of 640 x 480 pixels`.
     pub(super) fn title(&self) -> String {
         let views = self.observations.views.len();
         format!(
@@ -64,7 +64,7 @@ impl Report<'_> {
         )
     }
 
-    /// A row an image: its name, and what was found in it.
+    /// Returns one row per image: its name and the detection result.
     pub(super) fn image_rows(&self) -> Vec<[String; 2]> {
         let said = |image: &SearchedImage| match &image.found {
             Ok(corners) => format!("{} corners", corners.len()),
@@ -76,7 +76,7 @@ impl Report<'_> {
             .collect()
     }
 
-    /// A table with a column a model, the best first: its figures, then its parameters.
+    /// Returns a table with one column per model, best first: its figures, then its parameters.
     pub(super) fn comparison(&self) -> Vec<Vec<String>> {
         let fits = &self.fits.fitted;
         let row = |name: &str, figure: &dyn Fn(&Calibration) -> String| {
@@ -95,7 +95,7 @@ impl Report<'_> {
         let pixels = |px: f64| format!("{px:.3}");
         let mut rows = vec![
             row("", &best),
-            row("RMS, outliers left out (px)", &|fit| pixels(fit.rms_px)),
+            row("RMS without outliers (px)", &|fit| pixels(fit.rms_px)),
             row("RMS with outliers (px)", &|fit| pixels(fit.rms_all_px)),
             row("RMS of held-out points (px)", &|fit| {
                 fit.held_out_rms_px.map_or_else(|| "-".to_owned(), pixels)
@@ -140,11 +140,11 @@ impl Report<'_> {
         rows
     }
 
-    /// `The points cover 41 % of the image`, with advice where that is little.
+    /// Returns `The points cover 41 % of the image`, with advice if the share is small.
     pub(super) fn coverage(&self) -> String {
         let share = self.best().coverage;
         let advice = if share < 0.4 {
-            ": away from them the camera is extrapolated; add views that fill the rest"
+            "; elsewhere the camera is extrapolated: add views that fill the rest"
         } else {
             ""
         };
@@ -154,7 +154,8 @@ impl Report<'_> {
         )
     }
 
-    /// Where a fitted camera ends that has an end: what it was fitted to chose it, and nothing is tracked beyond.
+    /// States the limit of the fitted camera's domain, if it has one: it follows from the points, and the
+    /// tracker ignores what lies beyond.
     pub(super) fn end(&self) -> Option<String> {
         let fit = self.best();
         if free_parameters(fit) == 0 {
@@ -166,7 +167,7 @@ impl Report<'_> {
             Camera::Ocam(model) => {
                 let optics = Optics::new(&fit.camera, self.size_px);
                 let [u, v] = optics.center_px;
-                // Just inside, for rounding, along the axis that the affine part leaves as it is.
+                // Slightly inside the limit, along the axis that the affine part does not change.
                 let end_rad = optics.angle_rad([u, v + 0.999 * model.max_radius_px()])?;
                 (end_rad, "max_radius_px")
             }
@@ -180,7 +181,7 @@ impl Report<'_> {
         ))
     }
 
-    /// What may be wrong, though a camera could be fitted.
+    /// Returns warnings on a successful fit.
     pub(super) fn warnings(&self) -> Vec<String> {
         let mut warnings: Vec<String> = self.note.iter().cloned().collect();
         if self.images.is_empty() {
@@ -191,13 +192,13 @@ impl Report<'_> {
         let repeated = self.observations.repeated;
         if repeated > 0 {
             warnings.push(format!(
-                "rows that repeat others exactly count once: {repeated} left out"
+                "{repeated} rows repeat others exactly and were ignored"
             ));
         }
         warnings
     }
 
-    /// A word on parameters that take each other's place.
+    /// Warns of parameters that compensate for one another.
     fn exchangeable(&self) -> Option<String> {
         let unsure = |p: &&FittedParameter| {
             let is_focal = p.name.starts_with('f') && p.name.contains("_px");
@@ -205,14 +206,14 @@ impl Report<'_> {
         };
         let focal = self.best().parameters.iter().find(unsure)?;
         Some(format!(
-            "{} is known to {:.0} % only, as other parameters make up for it: the camera as a whole is better known, but a model with fewer \
-             parameters would say the same",
+            "{} is known to {:.0} % only, because other parameters compensate for it: the camera as a whole is known better, \
+             but a model with fewer parameters would be equivalent",
             focal.name,
             100.0 * focal.sigma? / focal.value.abs()
         ))
     }
 
-    /// A word on points that are hardly in metres.
+    /// Warns of points that are implausible in metres.
     fn unlikely_metres(&self) -> Option<String> {
         let extent_m = self.observations.extent_m();
         let distances_m = self.best().views.iter().map(|view| view.camera_from_target);
@@ -231,25 +232,25 @@ impl Report<'_> {
         }
     }
 
-    /// A word on a principal point far from the middle of the images.
+    /// Warns of a principal point far from the image centre.
     fn unlikely_center(&self) -> Option<String> {
         let center_px = Optics::new(&self.best().camera, self.size_px).center_px;
         let sides = [self.size_px.0 as f64, self.size_px.1 as f64];
         let is_far = |i: usize| (center_px[i] - 0.5 * (sides[i] - 1.0)).abs() > 0.2 * sides[i];
         (is_far(0) || is_far(1)).then(|| {
             let size = if self.images.is_empty() {
-                "is --size right, or were the images cut out of larger ones?"
+                "is --size right, or were the images cropped?"
             } else {
-                "were they cut out of larger ones?"
+                "were they cropped?"
             };
             format!(
-                "the principal point ({:.0}, {:.0}) is far from the middle of images of {} x {} pixels: {size}",
+                "the principal point ({:.0}, {:.0}) is far from the centre of images of {} x {} pixels: {size}",
                 center_px[0], center_px[1], self.size_px.0, self.size_px.1
             )
         })
     }
 
-    /// A row a view: name, points, outliers, RMS, distance, standard deviations of its pose.
+    /// Returns one row per view: name, points, outliers, RMS, distance, standard deviations of its pose.
     pub(super) fn view_rows(&self) -> Vec<Vec<String>> {
         let head = [
             "view",
@@ -276,7 +277,7 @@ impl Report<'_> {
         rows
     }
 
-    /// Where the camera stands, of a single view.
+    /// States the camera's pose, for a single view.
     pub(super) fn pose(&self) -> Option<String> {
         let [view] = self.best().views.as_slice() else {
             return None;
@@ -292,7 +293,7 @@ impl Report<'_> {
         ))
     }
 
-    /// The points that were left out, by name, with their residuals.
+    /// Returns the rejected points by name, with their residuals.
     pub(super) fn outliers(&self) -> Vec<String> {
         let views = self.best().views.iter().zip(&self.observations.numbers);
         let outliers = views.flat_map(|(view, numbers)| {
@@ -306,7 +307,7 @@ impl Report<'_> {
     fn outlier(&self, view: &FittedView, index: usize, number: usize) -> String {
         let off = match view.residuals_px[index] {
             Some([du, dv]) => format!("off by {du:.2}, {dv:.2} px"),
-            None => "the camera sees this point nowhere".to_owned(),
+            None => "the camera does not see this point".to_owned(),
         };
         format!(
             "{}, {} {number}: {off}",
@@ -322,7 +323,7 @@ impl fmt::Display for Report<'_> {
         }
         writeln!(f, "{}\n", self.title())?;
         write_table(f, &self.comparison())?;
-        for (name, reason) in &self.fits.refused {
+        for (name, reason) in &self.fits.failed {
             writeln!(f, "{name}: {reason}")?;
         }
         writeln!(f)?;
@@ -340,13 +341,13 @@ impl fmt::Display for Report<'_> {
         }
         let outliers = self.outliers();
         if !outliers.is_empty() {
-            write!(f, "\nLeft out as outliers:\n  {}", outliers.join("\n  "))?;
+            write!(f, "\nOutliers:\n  {}", outliers.join("\n  "))?;
         }
         Ok(())
     }
 }
 
-/// The first of many lines, and how many more there are and where.
+/// Returns the first of many lines, with the number of the others and where to find them.
 pub(super) fn listed(mut lines: Vec<String>, place: &str) -> Vec<String> {
     let more = lines.len().saturating_sub(MAX_LISTED);
     lines.truncate(MAX_LISTED);
@@ -356,12 +357,12 @@ pub(super) fn listed(mut lines: Vec<String>, place: &str) -> Vec<String> {
     lines
 }
 
-/// How many points of all views were left out.
+/// Returns the number of rejected points in all views.
 pub(super) fn outlier_count(fit: &Calibration) -> usize {
     fit.views.iter().map(|view| view.outliers.len()).sum()
 }
 
-/// Columns as wide as their widest cell, all but the first to the right.
+/// Writes columns as wide as their widest cell; all but the first are right-aligned.
 pub(super) fn write_table(f: &mut fmt::Formatter<'_>, rows: &[Vec<String>]) -> fmt::Result {
     let width = |column: usize| {
         let cells = rows.iter().filter_map(|row| row.get(column));
@@ -381,25 +382,25 @@ pub(super) fn write_table(f: &mut fmt::Formatter<'_>, rows: &[Vec<String>]) -> f
     Ok(())
 }
 
-/// Whether a parameter is part of the model: terms that are held at zero are not.
+/// Reports whether a parameter is part of the model; terms held at zero are not.
 fn is_used(parameter: &FittedParameter) -> bool {
     parameter.sigma.is_some() || parameter.value != 0.0
 }
 
-/// Three coordinates to a tenth of a millimetre, none of them minus zero.
+/// Formats three coordinates to a tenth of a millimetre, without minus zero.
 pub(super) fn metres(v: nalgebra::Vector3<f64>) -> String {
     let [x, y, z] = [v.x, v.y, v.z].map(|value| (1e4 * value).round() / 1e4 + 0.0);
     format!("{x:.4}, {y:.4}, {z:.4}")
 }
 
-/// A value with as many digits as its standard deviation justifies.
+/// Formats a value with as many digits as its standard deviation justifies.
 pub(super) fn with_sigma(value: f64, sigma: Option<f64>) -> String {
     let Some(sigma) = sigma else {
-        // Six digits tell it again; the camera's file has all of them.
+        // Six digits identify it; the camera file has all digits.
         let short: f64 = format!("{value:.5e}").parse().unwrap_or(value);
         return format!("{short} (held)");
     };
-    // Two digits of the standard deviation.
+    // Two significant digits of the standard deviation.
     let decimals = (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize;
     if sigma > 0.0 && sigma < 1e-7 {
         return format!("{value:.4e} ± {sigma:.1e}");
@@ -412,7 +413,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_have_the_digits_that_they_are_known_to() {
+    fn values_have_digits_that_match_their_precision() {
         assert_eq!(with_sigma(145.562_25, Some(0.0312)), "145.562 ± 0.031");
         assert_eq!(with_sigma(1234.5, Some(25.0)), "1234 ± 25");
         assert_eq!(with_sigma(1.5e-9, Some(2e-11)), "1.5000e-9 ± 2.0e-11");
@@ -421,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn no_coordinate_is_minus_zero() {
+    fn coordinates_are_never_minus_zero() {
         let shown = metres(nalgebra::Vector3::new(-1e-9, -0.0, -0.5));
         assert_eq!(shown, "0.0000, 0.0000, -0.5000");
     }

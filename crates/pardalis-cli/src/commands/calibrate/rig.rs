@@ -1,4 +1,4 @@
-//! `pardalis calibrate board --rig`: several cameras that saw the same board at the same times.
+//! `pardalis calibrate board --rig`: several cameras that saw the same board at the same time.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use anyhow::Result;
 use pardalis_calibrate::{RigCamera, calibrate_rig};
 use pardalis_scene::calibration;
 
-use super::board::{check_found, side_note};
+use super::board_checks::{check_found, side_note};
 use super::fit::Fits;
 use super::model::ModelOptions;
 use super::report::Report;
@@ -17,7 +17,7 @@ use crate::files::write_file;
 use crate::output::print;
 use crate::user_error::user_error;
 
-/// Calibrates each camera by itself into a folder of its name, then all together into `rig.toml`.
+/// Calibrates each camera on its own into a folder of its name, then all together into `rig.toml`.
 pub(super) fn run(
     board: &Board,
     model: &ModelOptions,
@@ -26,8 +26,8 @@ pub(super) fn run(
 ) -> Result<()> {
     if !board.has_unique_origin() {
         return Err(user_error!(
-            "--board: this checkerboard looks the same upside down, so that cameras cannot agree on its first corner; \
-             take one whose columns and rows of inner corners add up to an odd number, a ChArUco board or an AprilGrid"
+            "--board: this checkerboard is symmetric under rotation by 180 degrees, so that its first corner is ambiguous; \
+             use one whose columns and rows of inner corners add up to an odd number, a ChArUco board or an AprilGrid"
         ));
     }
     let cameras: Vec<(&str, Vec<PathBuf>)> = sources
@@ -64,7 +64,7 @@ pub(super) fn run(
             views: report.images.iter().map(images::view).collect(),
         })
         .collect();
-    // Nothing is written where the cameras do not agree.
+    // Writes nothing if the cameras disagree.
     let calibration =
         calibrate_rig(&rig, model.outliers).map_err(|refusal| user_error!("--rig: {refusal}"))?;
     for report in &reports {
@@ -86,25 +86,25 @@ pub(super) fn run(
     Ok(())
 }
 
-/// Errors: there are too few cameras, a name is given twice, or they have not equally many images.
+/// Fails if there are too few cameras, repeated names or different numbers of images.
 fn check_cameras(cameras: &[(&str, Vec<PathBuf>)]) -> Result<()> {
     let [(first, files), others @ ..] = cameras else {
         return Ok(());
     };
     if others.is_empty() {
         return Err(user_error!(
-            "--rig: {first} is the only camera; give --rig NAME=FOLDER once for each camera"
+            "--rig: {first} is the only camera; give --rig NAME=FOLDER for each camera"
         ));
     }
     for (place, (name, images)) in cameras.iter().enumerate() {
         if cameras[..place].iter().any(|(before, _)| before == name) {
             return Err(user_error!(
-                "--rig {name}: this name is given twice; give each camera its own"
+                "--rig {name}: the name occurs twice; give each camera its own name"
             ));
         }
         if images.len() != files.len() {
             return Err(user_error!(
-                "--rig {name}: has {} images, {first} has {}; the cameras' images, sorted by name, must belong together one by one",
+                "--rig {name}: has {} images, but {first} has {}; sorted by name, the images of all cameras must correspond one to one",
                 images.len(),
                 files.len()
             ));

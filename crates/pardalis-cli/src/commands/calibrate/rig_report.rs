@@ -1,4 +1,4 @@
-//! What the calibration of a rig says, for the terminal and as a page.
+//! Report of a rig calibration for the terminal and as a page.
 
 use std::fmt::{self, Write as _};
 
@@ -10,15 +10,15 @@ use super::page::{begin, push_paragraph, push_table};
 use super::report::{Report, listed, metres, with_sigma, write_table};
 use crate::draw::calibration::{Sighting, residual_arrows, rms_bars};
 
-/// Why a camera's RMS rises in a rig.
-const WHY_LARGER: &str = "On its own, a camera has a pose for each of its images; in the rig, all cameras share one pose a shot, so that the RMS \
-    is larger: much larger where images were not taken at quite the same instants, or the board is not flat.";
+/// Explanation of the larger RMS of a camera in a rig.
+const WHY_LARGER: &str = "On its own, each image of a camera has its own pose. In the rig, all cameras share one pose per shot, so that the RMS \
+    is larger. It is much larger if the images are not exactly simultaneous or the board is not flat.";
 
-/// All there is to say about a calibrated rig.
+/// Report of a rig calibration.
 pub(super) struct RigReport<'a> {
-    /// What was fitted.
+    /// Calibration of the rig.
     pub(super) calibration: &'a RigCalibration,
-    /// What each camera says on its own; its images are the shots.
+    /// Report of each camera on its own; its images are the shots.
     pub(super) cameras: &'a [Report<'a>],
 }
 
@@ -26,7 +26,7 @@ impl RigReport<'_> {
     fn title(&self) -> String {
         let [shots, left_out] = [
             self.cameras[0].images.len(),
-            self.calibration.out_of_step.len(),
+            self.calibration.rejected_shots.len(),
         ];
         format!(
             "Rig of {} cameras in {} shots, in the frame of {}",
@@ -36,7 +36,7 @@ impl RigReport<'_> {
         )
     }
 
-    /// A row a camera: its RMS alone and in the rig, and where it stands.
+    /// Returns one row per camera: its RMS alone and in the rig, and its pose.
     fn rows(&self) -> Vec<Vec<String>> {
         let head = [
             "camera",
@@ -44,7 +44,7 @@ impl RigReport<'_> {
             "RMS in the rig (px)",
             "position (m)",
             "distance (m)",
-            "turned by (deg)",
+            "rotation (deg)",
         ];
         let mut rows = vec![head.map(str::to_owned).to_vec()];
         let rig = self.calibration;
@@ -68,22 +68,22 @@ impl RigReport<'_> {
         rows
     }
 
-    /// The shots that were left out, by their images.
-    fn shots_left_out(&self) -> Vec<String> {
-        let shots = self.calibration.out_of_step.iter();
+    /// Returns the rejected shots, named by their images.
+    fn rejected_shots(&self) -> Vec<String> {
+        let shots = self.calibration.rejected_shots.iter();
         let named = shots.map(|&shot| {
             let images = self.cameras.iter().map(|camera| &camera.images[shot]);
             let seen = images.filter(|image| image.found.is_ok());
             let names: Vec<&str> = seen.map(|image| &*image.name).collect();
             format!(
-                "{}: left out, as they do not belong together: the cameras do not agree on where the board was",
+                "{}: rejected because the images are not simultaneous: the cameras disagree on the position of the board",
                 names.join(" with ")
             )
         });
         listed(named.collect(), "")
     }
 
-    /// The corners that were left out of the other shots.
+    /// Returns the rejected corners of the other shots.
     fn outliers(&self) -> Vec<String> {
         let outliers = self.calibration.outliers.iter();
         let named = outliers.filter_map(|&(camera, shot, point)| {
@@ -95,7 +95,7 @@ impl RigReport<'_> {
         listed(named.collect(), "")
     }
 
-    /// The corners of one camera in one shot.
+    /// Returns the corners of one camera in one shot.
     fn sightings(&self, camera: usize, shot: usize, image: &SearchedImage) -> Vec<Sighting> {
         let residuals = &self.calibration.residuals_px[camera][shot];
         let corners = image.found.iter().flatten().zip(residuals);
@@ -109,12 +109,12 @@ impl RigReport<'_> {
             .collect()
     }
 
-    /// The report as one HTML page.
+    /// Renders the report as an HTML page.
     pub(super) fn page(&self) -> Result<String> {
         let mut page = begin(&self.title());
         push_table(&mut page, &self.rows());
         push_paragraph(&mut page, WHY_LARGER);
-        for shot in self.shots_left_out() {
+        for shot in self.rejected_shots() {
             push_paragraph(&mut page, &shot);
         }
         for (place, camera) in self.cameras.iter().enumerate() {
@@ -132,12 +132,12 @@ impl RigReport<'_> {
                 residual_arrows(camera.size_px, &all)?,
                 rms_bars(&views, rms_px)?,
             ] {
-                let _ = writeln!(page, "<figure>{picture}</figure>");
+                let _ = writeln!(page, "<figure>{}</figure>", picture.svg);
             }
         }
         let outliers = self.outliers();
         if !outliers.is_empty() {
-            page.push_str("<h2>Left out as outliers</h2>\n");
+            page.push_str("<h2>Outliers</h2>\n");
         }
         for outlier in outliers {
             push_paragraph(&mut page, &outlier);
@@ -152,18 +152,18 @@ impl fmt::Display for RigReport<'_> {
         writeln!(f, "{}:\n", self.title())?;
         write_table(f, &self.rows())?;
         write!(f, "\n{WHY_LARGER}")?;
-        for shot in self.shots_left_out() {
+        for shot in self.rejected_shots() {
             write!(f, "\n{shot}")?;
         }
         let outliers = self.outliers();
         if !outliers.is_empty() {
-            write!(f, "\nLeft out as outliers:\n  {}", outliers.join("\n  "))?;
+            write!(f, "\nOutliers:\n  {}", outliers.join("\n  "))?;
         }
         Ok(())
     }
 }
 
-/// The root mean square residual of the points that were fitted, if there are any.
+/// Returns the root mean square residual of the fitted points in pixels; `None` if there are none.
 fn rms_px_of(sightings: &[Sighting]) -> Option<f64> {
     let fitted = sightings.iter().filter(|sighting| !sighting.outlier);
     let squares: Vec<f64> = fitted

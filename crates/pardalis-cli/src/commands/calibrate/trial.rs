@@ -1,22 +1,23 @@
-//! How well a camera sees views that it was not fitted to.
+//! Evaluation of a camera on test views.
 
 use pardalis_calibrate::{CalibrationView, closest_pose};
 use pardalis_camera::Camera;
 use rayon::prelude::*;
 
-/// A camera's figures on test views: its intrinsics held, the pose of each view fitted to all of its points.
+/// Results on test views with fixed intrinsics: the pose of each view is fitted to all of its points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Trial {
-    /// Root mean square distance between observed and projected points, none left out but those unseen; `None` where all are.
+    /// Root mean square distance between observed and projected points in pixels, including outliers; `None`
+    /// if no point projects into the image.
     pub(super) rms_px: Option<f64>,
-    /// How many points there are.
+    /// Number of points.
     pub(super) points: usize,
-    /// How many of them the camera projects nowhere, or belong to a view for which it finds no pose.
+    /// Number of points that do not project into the image or belong to a view without a pose.
     pub(super) unseen: usize,
 }
 
 impl Trial {
-    /// Tries a camera.
+    /// Evaluates a camera.
     pub(super) fn of(camera: &Camera, views: &[CalibrationView]) -> Self {
         let squares_px2: Vec<Option<f64>> = views
             .par_iter()

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use image::RgbImage;
 use nalgebra::Point3;
 use pardalis_camera::Camera;
 use pardalis_camera::{CalibratedCamera, Pose};
+use pardalis_images::RgbImage;
 
 use crate::draw::Rgb;
 use crate::draw::grid::{Label, drawn_over};
@@ -123,7 +123,7 @@ impl GridOptions {
                 camera.name
             ));
         }
-        write_picture(to, &drawn_over(image, marks, &labels)?)
+        write_picture(to, &drawn_over(image, marks, &labels))
     }
 
     /// Returns the ranges of x and y in metres, checked.
@@ -172,7 +172,7 @@ impl GridOptions {
 /// Reads an image and checks that it has the camera's size.
 pub(super) fn read_image(path: &Path, camera: &CalibratedCamera) -> Result<RgbImage> {
     let decoded = decode_image(path)?;
-    let size = (decoded.width, decoded.height);
+    let size = decoded.size_px();
     if let Some((width, height)) = camera.size_px.filter(|stated| *stated != size) {
         return Err(user_error!(
             "--grid {}: the image is {} x {} pixels, but camera {} is calibrated for {width} x {height}; give an image of that size",
@@ -182,10 +182,7 @@ pub(super) fn read_image(path: &Path, camera: &CalibratedCamera) -> Result<RgbIm
             camera.name
         ));
     }
-    Ok(
-        RgbImage::from_raw(size.0 as u32, size.1 as u32, decoded.bytes)
-            .expect("three bytes per pixel"),
-    )
+    Ok(decoded)
 }
 
 impl Grid<'_> {

@@ -8,7 +8,7 @@ use pardalis_camera::CalibratedCamera;
 use pardalis_camera::formats::Lens;
 use pardalis_scene::calibration;
 
-use crate::commands::calibrate::parse_size;
+use crate::arguments::parse_size;
 use crate::scene::{self, read_text};
 use crate::user_error::user_error;
 
@@ -111,7 +111,7 @@ fn cameras_in(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>> 
     }
     if let Some(lens) = lens {
         return Err(user_error!(
-            "--as {}: {} is a scene, which states the lens models of its calibrations itself (calibration_as); remove --as",
+            "--as {}: {} is a scene, which states the lens models of its calibrations itself (calibration_lens); remove --as",
             lens.name(),
             path.display()
         ));

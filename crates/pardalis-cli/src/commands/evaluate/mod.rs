@@ -196,7 +196,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
                 &object_paths[pair.object][window.clone()],
                 &others,
             ),
-            scores: pardalis_evaluate::score(&samples, &settings),
+            scores: pardalis_evaluate::evaluate(&samples, &settings),
             states: diameter_m
                 .and_then(|diameter_m| pardalis_evaluate::states(&samples, diameter_m)),
             samples,

@@ -4,7 +4,9 @@ use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis_evaluate::{Errors, Identities, MeanSd, Reliability, Sample, Scores, States, Summary};
+use pardalis_evaluate::{
+    Errors, Evaluation, Identities, MeanSd, Reliability, Sample, States, Summary,
+};
 use serde::Serialize;
 
 use super::confidence::Confidence;
@@ -67,7 +69,7 @@ pub(crate) struct TargetReport {
     pub(crate) changed_target: Option<bool>,
     /// The figures.
     #[serde(flatten)]
-    pub(crate) scores: Scores,
+    pub(crate) scores: Evaluation,
     /// What its states are worth; none without states or without a diameter.
     #[serde(flatten)]
     pub(crate) states: Option<States>,
@@ -228,7 +230,7 @@ fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fm
 type Figure = (&'static str, fn(&Errors) -> String);
 
 /// The lines about errors, in their order.
-const FIGURES: [Figure; 25] = [
+const FIGURES: [Figure; 27] = [
     ("position error, mean, mm", |e| {
         thousandths(e.position_m.mean)
     }),
@@ -237,6 +239,14 @@ const FIGURES: [Figure; 25] = [
     ("    median", |e| thousandths(e.position_m.median)),
     ("    95 % below", |e| thousandths(e.position_m.p95)),
     ("    maximum", |e| thousandths(e.position_m.max)),
+    ("    best particle, mean, mm", |e| {
+        e.best_position_m
+            .map_or_else(none, |best| thousandths(best.mean))
+    }),
+    ("    best particle, root mean square", |e| {
+        e.best_position_m
+            .map_or_else(none, |best| thousandths(best.rmse))
+    }),
     ("over x and y alone, mean, mm", |e| {
         thousandths(e.planar_m.mean)
     }),

@@ -142,7 +142,7 @@ impl CameraText {
                     "calibration = {file}  # {holds}; see `pardalis camera show`"
                 );
                 if let Some(lens) = lens {
-                    let _ = writeln!(text, "calibration_as = \"{}\"", lens.name());
+                    let _ = writeln!(text, "calibration_lens = \"{}\"", lens.name());
                 }
             }
             Model::Guessed(..) => {
@@ -254,7 +254,7 @@ impl SceneText<'_> {
             "\n# Start: along the ray through a pixel of the first frame. Without this and the contour, the target is detected automatically.\n\
              [targets.{target}.start.pixel]\n\
              camera = \"{camera}\"\n\
-             pixel = {pixel:?}\n\
+             pixel_px = {pixel:?}\n\
              max_range_m = 8.0\n\n\
              # Comparison of the outline with the image. The published real-time settings are 0.7 and 1.3 with 300 particles.\n\
              [targets.{target}.contour]\n\

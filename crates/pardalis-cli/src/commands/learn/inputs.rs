@@ -66,13 +66,20 @@ impl LabelledFile {
     /// Errors: a file cannot be read or decoded, or a label does not fit the image.
     pub(super) fn load(&self) -> Result<(Frame, Vec<bool>)> {
         let image = decode_image(&self.image)?;
-        let (width, height) = (image.width, image.height);
+        let (width, height) = image.size_px();
         let mut is_object = vec![false; width * height];
         for label in &self.labels {
             label.mark(&self.image, (width, height), &mut is_object)?;
         }
         let encoding = YuvEncoding::default();
-        let frame = Frame::new(PixelFormat::Rgb8, encoding, width, height, image.bytes, 0.0)?;
+        let frame = Frame::new(
+            PixelFormat::Rgb8,
+            encoding,
+            width,
+            height,
+            image.into_raw(),
+            0.0,
+        )?;
         Ok((frame, is_object))
     }
 }

@@ -146,26 +146,26 @@ fn mark_mask(
     is_object: &mut [bool],
 ) -> Result<()> {
     let mask = decode_mask(path)?;
-    if (mask.width, mask.height) != size {
+    if mask.size_px() != size {
         return Err(user_error!(
             "{}: the mask has {} x {} pixels, but {} has {} x {}; a mask must have the size of its image",
             path.display(),
-            mask.width,
-            mask.height,
+            mask.width(),
+            mask.height(),
             image.display(),
             size.0,
             size.1
         ));
     }
     let is_bright = |&grey: &u8| grey >= MASK_THRESHOLD;
-    if !mask.bytes.iter().any(is_bright) {
+    if !mask.as_raw().iter().any(is_bright) {
         return Err(user_error!(
             "{}: no pixel of the mask is {MASK_THRESHOLD} or brighter, so it labels nothing; \
              paint the target white, or remove the image",
             path.display()
         ));
     }
-    for (object, grey) in is_object.iter_mut().zip(&mask.bytes) {
+    for (object, grey) in is_object.iter_mut().zip(mask.as_raw()) {
         *object |= is_bright(grey);
     }
     Ok(())

@@ -14,8 +14,9 @@ use crate::output::print;
 use crate::scene;
 use crate::tracking::{self, Annotate, FrameSet, Options, Output, Run};
 use crate::user_error::user_error;
+use starts::Starts;
 pub(crate) use starts::StartsFrom;
-use starts::{Starts, parse_pixel};
+pub(crate) use starts::parse_pixel;
 
 /// Locates the targets of a scene in single images
 ///
@@ -127,6 +128,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         } else {
             Annotate::No
         },
+        particles: None,
         plots: false,
         progress: true,
     };
@@ -170,7 +172,9 @@ pub(crate) fn locate(
     let mut step = |tracker: &mut pardalis::Tracker, set: &FrameSet| {
         let frame = range.first + range.step * set.index;
         let starts_here = starts.of_frame(tracker, frame)?;
-        let located = tracker.locate(&set.frames, set.time_s, &starts_here, &settings.passes_m);
+        let located = set
+            .whole()
+            .and_then(|set| tracker.locate(&set, &starts_here, &settings.passes_m));
         let estimates =
             located.map_err(|error| user_error!("{}: {error}", starts.source_of_frame(frame)))?;
         for (name, estimate) in names.iter().zip(&estimates) {

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::Tracker;
 use pardalis::start::{PixelStart, Start};
+use pardalis::{TargetId, Tracker};
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_scene::Scene;
 
@@ -38,7 +38,7 @@ impl StartsFrom {
 }
 
 /// Parses two numbers separated by a comma.
-pub(super) fn parse_pixel(text: &str) -> Result<[f64; 2], String> {
+pub(crate) fn parse_pixel(text: &str) -> Result<[f64; 2], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     numbers
         .and_then(|numbers| <[f64; 2]>::try_from(numbers).ok())
@@ -58,18 +58,18 @@ pub(super) enum RoughStart {
 impl RoughStart {
     /// Converts to a start. A pixel's ray is searched with the scene's settings if the scene also starts from
     /// a pixel.
-    fn start(self, of_scene: &Start) -> Start {
+    fn start(self, of_scene: Option<&Start>) -> Start {
         match (self, of_scene) {
             (Self::Position(position_m), _) => Start::Gaussian(GaussianStart {
                 position_m,
                 ..GaussianStart::default()
             }),
-            (Self::Pixel(camera, pixel), Start::Pixel(start)) => Start::Pixel(PixelStart {
+            (Self::Pixel(camera, pixel), Some(Start::Pixel(start))) => Start::Pixel(PixelStart {
                 camera,
                 pixel,
                 ..*start
             }),
-            (Self::Pixel(camera, pixel), Start::Gaussian(_) | Start::Anywhere) => {
+            (Self::Pixel(camera, pixel), Some(Start::Gaussian(_)) | None) => {
                 Start::Pixel(PixelStart::at(camera, pixel))
             }
         }
@@ -183,26 +183,28 @@ impl Starts {
     /// Returns the start of each body in the image with the given index, target by target.
     ///
     /// Errors: the table has none.
-    pub(super) fn of_frame(&self, tracker: &Tracker, frame: usize) -> Result<Vec<Start>> {
-        let of_body = |(target, of_scene): (usize, &Start)| match self {
-            Self::Scene => Ok(*of_scene),
-            Self::Same(rough_start) => Ok(rough_start.start(of_scene)),
+    pub(super) fn of_frame(&self, tracker: &Tracker, frame: usize) -> Result<Vec<Option<Start>>> {
+        let of_body = |(target, of_scene): (TargetId, Option<Start>)| match self {
+            Self::Scene => Ok(of_scene),
+            Self::Same(rough_start) => Ok(Some(rough_start.start(of_scene.as_ref()))),
             Self::Listed { file, targets } => {
-                let (name, listed) = &targets[target];
+                let (name, listed) = &targets[target.index()];
                 let Some((rough_start, _)) = listed.get(&frame) else {
                     return Err(user_error!(
                         "{}: has no start of {name} in frame {frame}; give each image a row, or use fewer images (first_frame, frame_limit)",
                         file.display()
                     ));
                 };
-                Ok(rough_start.start(of_scene))
+                Ok(Some(rough_start.start(of_scene.as_ref())))
             }
         };
-        let bodies = |target: usize| tracker.starts(target).map(move |start| (target, start));
-        (0..tracker.target_count())
-            .flat_map(bodies)
-            .map(of_body)
-            .collect()
+        let mut starts = Vec::new();
+        for target in tracker.targets() {
+            for of_scene in tracker.starts(target)? {
+                starts.push(of_body((target, of_scene))?);
+            }
+        }
+        Ok(starts)
     }
 
     /// Returns what an error message about a start of this frame refers to.

@@ -20,7 +20,7 @@ pub(super) struct Measured<'a> {
 type Metric = (&'static str, fn(&Measured) -> Option<f64>);
 
 /// The figures, in the order of the columns; errors over all frames that have an estimate.
-pub(super) const METRICS: [Metric; 39] = [
+pub(super) const METRICS: [Metric; 40] = [
     ("coverage", |m| m.report.scores.coverage),
     ("lost_frames", |m| Some(m.report.scores.lost_frames as f64)),
     ("ends_on_target", |m| {
@@ -42,6 +42,10 @@ pub(super) const METRICS: [Metric; 39] = [
     ("sd_m", |m| errors(m).map(|e| e.position_m.sd)),
     ("rmse_m", |m| errors(m).map(|e| e.position_m.rmse)),
     ("max_m", |m| errors(m).map(|e| e.position_m.max)),
+    // Of the best particle, beside the mean's.
+    ("best_rmse_m", |m| {
+        errors(m)?.best_position_m.map(|best| best.rmse)
+    }),
     ("distance_mean_m", |m| errors(m).map(|e| e.distance_m.mean)),
     ("distance_sd_m", |m| errors(m).map(|e| e.distance_m.sd)),
     ("elevation_mean_rad", |m| {

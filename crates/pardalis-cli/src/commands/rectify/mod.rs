@@ -3,16 +3,16 @@
 mod scene_text;
 
 use std::fmt::Write as _;
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
 use pardalis::rectify::{Area, Rectifier, default_step_m, visible_area_m};
 use pardalis::view::View;
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::Camera;
 use pardalis_scene::calibration::{self, CalibrationFormat};
+
+use pardalis_images::{GrayImage, RgbImage, encode_png};
 use pardalis_scene::{CameraConfig, Scene};
 use rayon::prelude::*;
 
@@ -199,7 +199,7 @@ fn write_frames(
                     RgbImage::from_raw(width as u32, height as u32, rectifier.rectify(&frame)?)
                         .expect("three bytes per pixel");
                 let name = frames.join(format!("{number:06}.png"));
-                folder.write(name, &png(&picture.into())?)?;
+                folder.write(name, &encode_png(&picture)?)?;
                 Ok(Some(Times {
                     frame: number,
                     time_s: frame.time_s(),
@@ -248,13 +248,7 @@ fn png_of_mask(rectifier: &Rectifier) -> Result<Vec<u8>> {
     let grey = rectifier.shown().map(|shown| if shown { 255 } else { 0 });
     let mask = GrayImage::from_raw(width as u32, height as u32, grey.collect())
         .expect("one byte per pixel");
-    png(&mask.into())
-}
-
-fn png(image: &DynamicImage) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    image.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png)?;
-    Ok(bytes)
+    Ok(encode_png(&mask)?)
 }
 
 /// Formats the report.

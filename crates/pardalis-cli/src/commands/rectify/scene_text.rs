@@ -100,7 +100,7 @@ impl Writer<'_> {
             ["cameras", _, "images" | "video" | "calibration" | "mask"]
             | ["targets", .., "colors"]
             | ["targets", .., "start", "track", "file"] => self.path(value.as_str()?),
-            ["targets", .., "start", "pixel", "pixel"] => {
+            ["targets", .., "start", "pixel", "pixel_px"] => {
                 let camera = table
                     .get("camera")
                     .and_then(|camera| camera.get_ref().as_str());

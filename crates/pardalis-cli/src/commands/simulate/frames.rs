@@ -4,8 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use image::{ExtendedColorType, ImageEncoder as _};
-use jpeg_encoder::{ChromaSubsamplingMethod, ColorType, Encoder, SamplingFactor};
+use pardalis_images::{JpegSampling, RgbImage, encode_jpeg, encode_png};
 use pardalis_simulate::{Renderer, WorldCamera};
 use rayon::prelude::*;
 
@@ -51,7 +50,7 @@ pub(super) fn write(
         .enumerate()
         .try_for_each(|(frame, delivery)| {
             let (exposure, time_s) = delivery.shown;
-            let mut bytes = encoded(camera, &renderer.image(exposure, time_s))?;
+            let mut bytes = encoded(camera, renderer.image(exposure, time_s))?;
             if delivery.is_broken {
                 bytes.truncate(bytes.len() / 2);
             }
@@ -69,22 +68,14 @@ pub(super) fn ending_of(camera: &WorldCamera) -> &'static str {
     }
 }
 
-/// The file of a camera's image of three bytes a pixel.
-pub(super) fn encoded(camera: &WorldCamera, rgb: &[u8]) -> Result<Vec<u8>> {
+/// Encodes a camera's image of three bytes per pixel.
+pub(super) fn encoded(camera: &WorldCamera, rgb: Vec<u8>) -> Result<Vec<u8>> {
     let (width, height) = camera.size_px;
-    let mut bytes = Vec::new();
-    if let Some(quality) = camera.image.jpeg_quality {
-        let side = |px: usize| {
-            u16::try_from(px).map_err(|_| user_error!("{px} pixels are too many for JPEG"))
-        };
-        let mut encoder = Encoder::new(&mut bytes, quality);
-        // As webcams deliver it: colours are soft over two pixels, and where they belong; one pixel's colour for four would move them by half a pixel.
-        encoder.set_sampling_factor(SamplingFactor::F_2_2);
-        encoder.set_chroma_subsampling_method(ChromaSubsamplingMethod::Average);
-        encoder.encode(rgb, side(width)?, side(height)?, ColorType::Rgb)?;
-    } else {
-        let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
-        encoder.write_image(rgb, width as u32, height as u32, ExtendedColorType::Rgb8)?;
-    }
-    Ok(bytes)
+    let image = RgbImage::from_raw(width as u32, height as u32, rgb).expect("three bytes a pixel");
+    let file = match camera.image.jpeg_quality {
+        // As webcams deliver it. Colours lie where they belong, which the encoder's own choice would move by half a pixel.
+        Some(quality) => encode_jpeg(&image, quality, JpegSampling::TwoByTwo),
+        None => encode_png(&image),
+    };
+    file.map_err(|error| user_error!("{error}"))
 }

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use image::{ExtendedColorType, ImageEncoder as _};
 use pardalis::color::{ColorLearner, Palette, YuvEncoding};
 use pardalis::{Frame, PixelFormat};
 use pardalis_core::rng::{Draws, Stage};
+use pardalis_images::{GrayImage, encode_png};
 use pardalis_simulate::{Body, Course, Object, Path, Renderer, World, truth};
 
 use super::frames;
@@ -43,7 +43,7 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
         };
         let camera = &world.cameras[number];
         let renderer = Renderer::new(&world, number);
-        let bytes = frames::encoded(camera, &renderer.image(u32::MAX - still as u32, 0.0))?;
+        let bytes = frames::encoded(camera, renderer.image(u32::MAX - still as u32, 0.0))?;
         let name = format!("{still:03}.{}", frames::ending_of(camera));
         folder.write(images.join(&name), &bytes)?;
         // As it will be seen: after it was compressed.
@@ -55,7 +55,7 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
             encoding,
             width,
             height,
-            decoded.bytes,
+            decoded.into_raw(),
             0.0,
         )?;
         for (learner, &target) in learners.iter_mut().zip(&targets) {
@@ -66,9 +66,8 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
                 .iter()
                 .map(|&is_target| 255 * u8::from(is_target))
                 .collect();
-            let mut bytes = Vec::new();
-            let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
-            encoder.write_image(&grey, width as u32, height as u32, ExtendedColorType::L8)?;
+            let mask = GrayImage::from_raw(width as u32, height as u32, grey);
+            let bytes = encode_png(&mask.expect("one byte a pixel"))?;
             let mask_name = format!("{still:03}_{}_mask.png", world.objects[target].name);
             folder.write(images.join(mask_name), &bytes)?;
         }

@@ -15,8 +15,12 @@ fn broken_images_are_left_out() {
         fs::write(path, &whole[..whole.len() / 2]).unwrap();
     }
     fs::write(rig.image("cam2", 80), "no image").unwrap();
-    let small = image::RgbImage::new(32, 24);
-    small.save(rig.image("cam2", 81)).unwrap();
+    let small = pardalis_images::RgbImage::new(32, 24);
+    fs::write(
+        rig.image("cam2", 81),
+        pardalis_images::encode_png(&small).unwrap(),
+    )
+    .unwrap();
     let run = rig.track("");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     rig.assert_followed();

@@ -52,9 +52,7 @@ fn two_cameras_of_one_name() {
     let rig = Rig::new();
     let scene = rig.scene("").replace("[cameras.cam3]", "[cameras.cam1]");
     let run = Run::of(&mut rig.command(&scene, &["-o", "out"]));
-    run.refused(&[
-        "line 7: two cameras are named cam1, the first in line 1; give each a name of its own",
-    ]);
+    run.refused(&["line 7: two cameras are named cam1, the first in line 1; rename one"]);
     let scene = rig.scene("") + "[targets.ball]\n";
     let run = Run::of(&mut rig.command(&scene, &["-o", "out"]));
     run.refused(&["two targets are named ball, the first in line 13"]);
@@ -63,12 +61,12 @@ fn two_cameras_of_one_name() {
     let text = fs::read_to_string(rig.path("cameras.json")).unwrap();
     fs::write(rig.path("cameras.json"), kalibr).unwrap();
     rig.track("").refused(&[
-        "cameras.json: line 3: the key cam0 stands there twice; keep one, and give each camera a name of its own",
+        "cameras.json: line 3: duplicate key cam0; keep one, and give each camera its own name",
     ]);
     fs::write(rig.path("cameras.json"), text.replace("cam3", "cam2")).unwrap();
     rig.track("").refused(&[
         "cameras.json: line ",
-        "is named cam2, as is camera 2 of the list (this is camera 3); give each a name of its own",
+        "has the name cam2, like camera 2 of the list (this is camera 3); give each camera its own name",
     ]);
     assert!(!rig.path("out").exists());
 }
@@ -105,6 +103,6 @@ fn two_cameras_of_one_input_or_place() {
     rig.edit("cam4", "calibration_camera = \"cam3\"\n");
     let run = rig.track("");
     assert_eq!(run.code, Some(0));
-    let told = "warning: scene.toml: line 11: cameras.cam4: stands and looks exactly as cam3 does";
+    let told = "warning: scene.toml: line 11: cameras.cam4: has the same pose as cam3";
     assert!(run.stderr.starts_with(told), "{}", run.stderr);
 }

@@ -3,7 +3,7 @@
 
 use nalgebra::Vector3;
 use pardalis_core::rng::{Draws, Stage};
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::diagonal_m2;
 
 use super::{DENSITY_M2PS3, filter, velocity};
@@ -85,12 +85,12 @@ impl World {
 }
 
 fn step(filter: &mut BernoulliFilter, detections: &[Vector3<f64>]) {
-    let peaks: Vec<Peak> = detections
+    let peaks: Vec<MeasurementComponent> = detections
         .iter()
-        .map(|&position| Peak {
+        .map(|&position| MeasurementComponent {
             position_m: position.into(),
             covariance_m2: diagonal_m2([SIGMA_M; 3]),
-            log_evidence: 0.0,
+            log_weight: 0.0,
         })
         .collect();
     let clutter_density = f64::from(CLUTTER) * CLUTTERED / SIDE_M.powi(3);

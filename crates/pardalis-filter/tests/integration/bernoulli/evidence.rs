@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Vector3};
 use pardalis_filter::Particles;
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::GaussianStart;
 
 use super::{
@@ -191,10 +191,10 @@ fn a_prediction_is_as_dense_as_its_gaussian() {
 fn a_target_that_comes_into_being_is_found_at_once() {
     let covariance = slanted(0.2, 0.02);
     let place = Vector3::new(-2.0, 3.0, 1.0);
-    let peak = Peak {
+    let peak = MeasurementComponent {
         position_m: place.into(),
         covariance_m2: entries(&covariance),
-        log_evidence: 40.0,
+        log_weight: 40.0,
     };
     for started in [false, true] {
         let settings = BernoulliSettings {
@@ -243,7 +243,7 @@ fn estimate_growth(filter: &BernoulliFilter, ahead_s: f64) -> f64 {
 /// Runs one update of a start at one place, for many seeds, and holds existence's odds and the share of weight around `near_m` to what is exact, within standard errors.
 fn check_one_update(
     settings: BernoulliSettings,
-    peaks: &[Peak],
+    peaks: &[MeasurementComponent],
     log_ratios: impl Fn(&Particles, &mut [f32]),
     exact_odds: f64,
     near: Option<(Vector3<f64>, f64)>,
@@ -292,10 +292,10 @@ fn near_and_far_are_weighed_by_their_densities() {
     let absent = 1.0 - located - elsewhere;
     let continued = located * density(near, mean, covariance + Matrix3::identity() * variance);
     let born = elsewhere * settings.birth_density;
-    let peak_at = |position_m: Vector3<f64>| Peak {
+    let peak_at = |position_m: Vector3<f64>| MeasurementComponent {
         position_m: position_m.into(),
         covariance_m2: entries(&covariance),
-        log_evidence: 2.0,
+        log_weight: 2.0,
     };
     let plus = 2.0;
     let gain = f64::exp(plus) / absent;
@@ -319,8 +319,8 @@ fn near_and_far_are_weighed_by_their_densities() {
     );
     // One beyond what agrees with the prediction, though the images speak for it much more.
     let beyond = mean + Vector3::new(0.8, -0.5, 0.4);
-    let sure = Peak {
-        log_evidence: 62.0,
+    let sure = MeasurementComponent {
+        log_weight: 62.0,
         ..peak_at(beyond)
     };
     check_one_update(
@@ -356,10 +356,10 @@ fn wrong_peaks_change_no_weights() {
             height * ratio(mean.x + sigma * z) * 8.0 / f64::from(CELLS)
         })
         .sum();
-    let peak = |dx: f64, width_m: f64, log_evidence: f64| Peak {
+    let peak = |dx: f64, width_m: f64, log_weight: f64| MeasurementComponent {
         position_m: (mean + Vector3::new(dx, -dx, 0.5 * dx)).into(),
         covariance_m2: entries(&slanted(width_m, width_m / 4.0)),
-        log_evidence,
+        log_weight,
     };
     let wrong = [
         peak(0.1, 0.05, 5.0),
@@ -412,10 +412,10 @@ fn in_a_plane_densities_have_two_dimensions_and_particles_one_height() {
     let near = mean + Vector3::new(0.3, -0.1, 0.0);
     let (xx, xy, yy) = (0.004, 0.0035, 0.005);
     // What is said of the vertical means nothing.
-    let peak = Peak {
+    let peak = MeasurementComponent {
         position_m: [near.x, near.y, 1.25],
         covariance_m2: [xx, xy, 7.0, yy, -3.0, 0.0],
-        log_evidence: 0.0,
+        log_weight: 0.0,
     };
     let height = |variance: f64| {
         let [a, b] = [xx + variance, yy + variance];

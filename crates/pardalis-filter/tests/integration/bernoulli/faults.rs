@@ -1,11 +1,11 @@
 //! Settings that are refused, and that nothing else breaks the filter.
 
 use pardalis_core::rng::Draws;
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{
-    ConstantAcceleration, ConstantVelocity, Disturbance, Jerk, JumpChance, Jumps, Motion,
-    RandomWalk, Stray,
+    AccelerationNoise, ConstantAcceleration, ConstantVelocity, JumpChance, Jumps, Motion,
+    PositionNoise, RandomWalk, VelocityNoise,
 };
 use proptest::prelude::*;
 
@@ -13,15 +13,15 @@ use super::{START, filter, lively, matrix, velocity, walk};
 
 #[test]
 fn other_motion_and_settings_out_of_range_are_refused() {
-    let jumping = RandomWalk::new(Stray::Diffusion { density_m2ps: 1.0 })
+    let jumping = RandomWalk::new(PositionNoise::Diffusion { density_m2ps: 1.0 })
         .unwrap()
         .with_jumps(Jumps::new(JumpChance::PerStep { share: 0.1 }, [0.0; 3], [1.0; 3]).unwrap());
-    let walk_by_step = RandomWalk::new(Stray::PerStep { sigma_m: 0.1 }).unwrap();
-    let velocity_by_step = ConstantVelocity::new(Disturbance::PerStep {
+    let walk_by_step = RandomWalk::new(PositionNoise::PerStep { sigma_m: 0.1 }).unwrap();
+    let velocity_by_step = ConstantVelocity::new(VelocityNoise::PerStep {
         velocity_sigma_mps: 0.1,
     })
     .unwrap();
-    let accelerated = ConstantAcceleration::new(Jerk::White {
+    let accelerated = ConstantAcceleration::new(AccelerationNoise::White {
         jerk_density_m2ps5: 1.0,
     })
     .unwrap();
@@ -159,13 +159,13 @@ fn log_ratio() -> impl Strategy<Value = f32> {
     ]
 }
 
-fn peak() -> impl Strategy<Value = Peak> {
+fn peak() -> impl Strategy<Value = MeasurementComponent> {
     let numbers = || prop::array::uniform3(number());
     (numbers(), numbers(), numbers(), number()).prop_map(
-        |(position_m, [a, b, c], [d, e, f], log_evidence)| Peak {
+        |(position_m, [a, b, c], [d, e, f], log_weight)| MeasurementComponent {
             position_m,
             covariance_m2: [a, b, c, d, e, f],
-            log_evidence,
+            log_weight,
         },
     )
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 
 use super::{
@@ -123,10 +123,10 @@ fn check_against_kalman(
         let position_m = measured(step, time_s, &covariance_m2);
         kalman.predict(dt_s(step));
         kalman.update(position_m, covariance_m2);
-        let peak = Peak {
+        let peak = MeasurementComponent {
             position_m: position_m.into(),
             covariance_m2: entries(&covariance_m2),
-            log_evidence: 3.0,
+            log_weight: 3.0,
         };
         let peaks = if has_peaks { &[peak][..] } else { &[] };
         let mut estimates = Vec::new();
@@ -217,10 +217,10 @@ fn after_a_while_unseen(seed: u32) -> BernoulliFilter {
 fn where_all_that_is_drawn_again_is_impossible_the_first_draw_stands() {
     let covariance_m2 = slanted(0.05, 0.004);
     let position_m = Vector3::from(START.position_m);
-    let peak = Peak {
+    let peak = MeasurementComponent {
         position_m: START.position_m,
         covariance_m2: entries(&covariance_m2),
-        log_evidence: 3.0,
+        log_weight: 3.0,
     };
     let mut filter = after_a_while_unseen(1);
     filter.predict(0.04);
@@ -251,10 +251,10 @@ fn what_comes_forth_is_weighed_by_the_whole_prediction() {
     let spread = kalman.block::<0, 0>().diagonal().map(f64::sqrt);
     let position_m = kalman.mean.fixed_rows::<3>(0) + spread;
     kalman.update(position_m, covariance_m2);
-    let peak = Peak {
+    let peak = MeasurementComponent {
         position_m: position_m.into(),
         covariance_m2: entries(&covariance_m2),
-        log_evidence: 3.0,
+        log_weight: 3.0,
     };
     let mut estimates = Vec::new();
     for seed in 0..100 {

@@ -1,6 +1,7 @@
 //! The Bernoulli filter against exact inference.
 
 mod belief;
+mod best;
 mod evidence;
 mod faults;
 mod kalman;
@@ -10,9 +11,9 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix3, Vector3};
 use pardalis_core::rng::{Draws, Stage};
 use pardalis_filter::Particles;
-use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Peak};
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-use pardalis_filter::motion::{ConstantVelocity, Disturbance, Motion, RandomWalk, Stray};
+use pardalis_filter::motion::{ConstantVelocity, Motion, PositionNoise, RandomWalk, VelocityNoise};
 
 /// What settings say by default.
 const PARTICLES: usize = 500;
@@ -20,14 +21,14 @@ const PARTICLES: usize = 500;
 const DENSITY_M2PS3: f64 = 2.0;
 
 fn velocity() -> Motion {
-    let disturbance = Disturbance::White {
+    let disturbance = VelocityNoise::White {
         acceleration_density_m2ps3: DENSITY_M2PS3,
     };
     ConstantVelocity::new(disturbance).unwrap().into()
 }
 
 fn walk(density_m2ps: f64) -> Motion {
-    let stray = Stray::Diffusion { density_m2ps };
+    let stray = PositionNoise::Diffusion { density_m2ps };
     RandomWalk::new(stray).unwrap().into()
 }
 
@@ -118,10 +119,10 @@ fn the_seed_alone_decides() {
         let mut filter = filter(lively(), seed);
         for step in 0..10 {
             let place = measured(step, 0.04 * step as f64, &covariance);
-            let peak = Peak {
+            let peak = MeasurementComponent {
                 position_m: place.into(),
                 covariance_m2: entries(&covariance),
-                log_evidence: 1.0,
+                log_weight: 1.0,
             };
             filter.predict(0.04);
             filter.update(

@@ -1,73 +1,85 @@
-//! The place where outlines fit best: Newton's method on the log-likelihoods of lines, over all cameras at once.
+//! Fits the position at which a target's outlines agree best with the frames: Newton's method on the log-likelihoods of correspondence lines, over all cameras at once.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::lines::{Lines, SECTORS};
-use super::{Around, Coordinates, EdgeCue, LANES, Look};
+use super::lines::{CorrespondenceLines, SECTORS};
+use super::{Coordinates, EdgeCue, EdgeFrame, LANES, Surrounding};
 
-/// Where a target is seen, by the frames of one instant alone.
+/// Where a target is seen, by the frames of one instant alone. Nothing changes it once it is fitted.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Sighting {
-    /// Its position in the world, metres.
-    pub(crate) position_m: [f64; 3],
-    /// The curvature of the log-likelihood there, 1/m²: the inverse of the position's covariance.
-    pub(crate) information: Matrix3<f64>,
-    /// ln of the likelihood ratio there, summed over the cameras that see it.
-    pub(crate) log_ratio: f64,
-    /// What is added to ln of the ratio, a camera, to compare it with what else may look like the target.
-    pub(crate) offset: f32,
-    /// ln of how much likelier it makes it that there is a target.
-    pub(crate) existence_nats: f64,
-    /// One for each camera that sees it.
-    lines: Vec<Lines>,
+pub(crate) struct Detection {
+    position_m: [f64; 3],
+    information: Matrix3<f64>,
+    log_likelihood_ratio: f64,
+    /// The lines of each camera that sees it come first; the rest are buffers.
+    lines: Vec<CorrespondenceLines>,
+    camera_count: usize,
+    /// When it was found among the detections of its instant.
+    number: usize,
 }
 
-impl Sighting {
-    /// The share of the outline that is seen in the target's colours, the mean over the cameras that see it.
-    pub(crate) fn seen_share(&self) -> f64 {
-        let sum: f32 = self.lines.iter().map(|lines| lines.seen_share).sum();
-        f64::from(sum) / self.lines.len() as f64
+impl Detection {
+    /// Its position in the world, metres.
+    pub(crate) fn position_m(&self) -> [f64; 3] {
+        self.position_m
     }
 
-    /// The same of one camera, if it sees it.
-    pub(crate) fn seen_share_by(&self, camera: usize) -> Option<f64> {
-        let lines = self.lines_of(camera).next()?;
-        Some(f64::from(lines.seen_share))
+    /// The curvature of the log-likelihood at its position, 1/m²: the inverse of the position's covariance.
+    pub(crate) fn information(&self) -> &Matrix3<f64> {
+        &self.information
     }
 
-    /// What is seen of it in the target's colours, a camera: mean Y, U and V.
-    pub(crate) fn bodies(&self) -> impl Iterator<Item = (usize, [f32; 3])> {
-        self.lines.iter().map(|lines| (lines.camera, lines.body))
+    /// The log-likelihood ratio at its position against an edge anywhere nearby, summed over the cameras that see it, in nats.
+    pub(crate) fn log_likelihood_ratio(&self) -> f64 {
+        self.log_likelihood_ratio
     }
 
-    /// The same of one camera, if nothing hides any of it there.
-    pub(crate) fn whole_body(&self, camera: usize) -> Option<[f32; 3]> {
-        let lines = self.lines_of(camera).next()?;
-        (lines.seen_share >= WHOLE).then_some(lines.body)
-    }
-
-    /// How many cameras see it.
+    /// The number of cameras that see it, 1 at least.
     pub(crate) fn camera_count(&self) -> usize {
-        self.lines.len()
+        self.camera_count
     }
 
-    /// Learns what surrounds the target in a camera's image, beside what was known: slowly, and not of sectors into which something else has come.
-    pub(crate) fn learn_around(&self, camera: usize, known: &mut Option<Around>) {
+    /// The share of its outline along which the target's colours are visible, 0 to 1: the mean over the cameras that see it.
+    pub(crate) fn visible_share(&self) -> f64 {
+        let sum: f32 = self.lines().iter().map(|lines| lines.visible_share).sum();
+        f64::from(sum) / self.camera_count as f64
+    }
+
+    /// The same for one camera; `None` if that does not see it.
+    pub(crate) fn visible_share_in(&self, camera: usize) -> Option<f64> {
+        let lines = self.lines_of(camera).next()?;
+        Some(f64::from(lines.visible_share))
+    }
+
+    /// The mean Y, U and V within its outline, for each camera that sees it.
+    pub(crate) fn body_colors(&self) -> impl Iterator<Item = (usize, [f32; 3])> {
+        let lines = self.lines().iter();
+        lines.map(|lines| (lines.camera, lines.body_color))
+    }
+
+    /// The same for one camera; `None` if that does not see it unoccluded.
+    pub(crate) fn unoccluded_body_color(&self, camera: usize) -> Option<[f32; 3]> {
+        let lines = self.lines_of(camera).next()?;
+        (lines.visible_share >= UNOCCLUDED_SHARE).then_some(lines.body_color)
+    }
+
+    /// Updates what surrounds the target in a camera's image: slowly, and not in sectors into which something else has come.
+    pub(crate) fn update_surrounding(&self, camera: usize, known: &mut Option<Surrounding>) {
         let Some(lines) = self.lines_of(camera).next() else {
             return;
         };
-        let known = known.get_or_insert(lines.around);
+        let known = known.get_or_insert(lines.surrounding);
         let is_new = |sector: usize| known[sector].iter().any(|value| value.is_nan());
         let rates: [f32; SECTORS] = std::array::from_fn(|sector| {
             if is_new(sector) {
                 1.0
             } else {
-                0.1 * lines.familiar[sector]
+                SURROUNDING_RATE * lines.unchanged[sector]
             }
         });
-        for ((known, around), rate) in known.iter_mut().zip(&lines.around).zip(rates) {
-            if around.iter().all(|value| value.is_finite()) {
-                for (known, value) in known.iter_mut().zip(around) {
+        for ((known, seen), rate) in known.iter_mut().zip(&lines.surrounding).zip(rates) {
+            if seen.iter().all(|value| value.is_finite()) {
+                for (known, value) in known.iter_mut().zip(seen) {
                     *known = if rate == 1.0 {
                         *value
                     } else {
@@ -78,24 +90,94 @@ impl Sighting {
         }
     }
 
-    pub(super) fn lines_of(&self, camera: usize) -> impl Iterator<Item = &Lines> {
-        self.lines
-            .iter()
-            .filter(move |lines| lines.camera == camera)
+    /// A detection at a position without lines yet.
+    #[cfg(test)]
+    pub(super) fn at(position_m: [f64; 3]) -> Self {
+        Self {
+            position_m,
+            ..Self::default()
+        }
+    }
+
+    /// The correspondence lines of each camera that sees it.
+    pub(super) fn lines(&self) -> &[CorrespondenceLines] {
+        &self.lines[..self.camera_count]
+    }
+
+    /// Those of one camera.
+    pub(super) fn lines_of(
+        &self,
+        camera: usize,
+    ) -> impl Iterator<Item = &CorrespondenceLines> + Clone {
+        let lines = self.lines().iter();
+        lines.filter(move |lines| lines.camera == camera)
     }
 }
 
-/// Sums of the lines' log ratios over each sector, of a block of outlines.
-pub(super) struct Sums([[f32; LANES]; SECTORS]);
+/// Detections of one instant. Owns their buffers: no more of them than before allocate nothing.
+#[derive(Debug, Default)]
+pub(crate) struct Detections {
+    buffers: Vec<Detection>,
+    count: usize,
+}
 
-impl Sums {
+impl Detections {
+    /// Removes all.
+    pub(crate) fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Adds what `fit` makes of a buffer, if it finds something.
+    pub(crate) fn push_fit(&mut self, fit: impl FnOnce(&mut Detection) -> bool) {
+        if self.buffers.len() == self.count {
+            self.buffers.push(Detection::default());
+        }
+        let detection = &mut self.buffers[self.count];
+        detection.number = self.count;
+        self.count += usize::from(fit(detection));
+    }
+
+    /// The detections found so far.
+    pub(crate) fn as_slice(&self) -> &[Detection] {
+        &self.buffers[..self.count]
+    }
+
+    /// Keeps the best `most` detections above a log-likelihood ratio that lie farther than `apart_m` metres from one another, best first.
+    pub(crate) fn keep_distinct(&mut self, min_log_ratio: f64, apart_m: f64, most: usize) {
+        let found = &mut self.buffers[..self.count];
+        // Of two equally likely ones the first found comes first.
+        found.sort_unstable_by(|a, b| {
+            let by_ratio = b.log_likelihood_ratio.total_cmp(&a.log_likelihood_ratio);
+            by_ratio.then(a.number.cmp(&b.number))
+        });
+        let mut kept = 0;
+        for i in 0..found.len() {
+            let here = Vector3::from(found[i].position_m);
+            let is_apart =
+                |other: &Detection| (here - Vector3::from(other.position_m)).norm() > apart_m;
+            if kept < most
+                && found[i].log_likelihood_ratio > min_log_ratio
+                && found[..kept].iter().all(is_apart)
+            {
+                found.swap(kept, i);
+                kept += 1;
+            }
+        }
+        self.count = kept;
+    }
+}
+
+/// Sums of the lines' log-likelihood ratios over each sector, for a block of outlines.
+pub(super) struct SectorSums([[f32; LANES]; SECTORS]);
+
+impl SectorSums {
     #[inline(always)]
-    pub(super) fn of(lines: &Lines, outlines: &[Coordinates]) -> Self {
+    pub(super) fn of(lines: &CorrespondenceLines, outlines: &[Coordinates]) -> Self {
         let mut sums = [[0_f32; LANES]; SECTORS];
         for (k, [u, v]) in outlines.iter().enumerate() {
             let sum = &mut sums[lines.sector(k)];
             for lane in 0..LANES {
-                sum[lane] += lines.tempered(k, lines.shift_px(k, [u[lane], v[lane]]));
+                sum[lane] += lines.line_log_ratio(k, lines.shift_px(k, [u[lane], v[lane]]));
             }
         }
         Self(sums)
@@ -106,112 +188,113 @@ impl Sums {
     }
 }
 
-/// Where at least this share of its pixels has the target's colours, nothing hides a body.
-const WHOLE: f32 = 0.75;
-/// Times that lines are looked along anew, around what the ones before made of it.
+/// From this visible share on a body counts as unoccluded.
+const UNOCCLUDED_SHARE: f32 = 0.75;
+/// The share by which one frame changes what surrounds the target.
+const SURROUNDING_RATE: f32 = 0.1;
+/// Times that correspondence lines are placed again, around the position that those before found.
 const ROUNDS: usize = 4;
-/// Newton steps a round.
+/// Newton steps per round.
 const STEPS: usize = 4;
 /// Half the width over which the lines' log-likelihoods are differentiated, in pixels: pixels make them rough below.
 const SPAN_PX: f32 = 0.5;
-/// No step moves the outline farther than this, in pixels: lines know no more.
-const MOST_SHIFT_PX: f64 = 3.5;
+/// No step moves the outline farther than this, in pixels: lines reach 5 px.
+const MAX_SHIFT_PX: f64 = 3.5;
 /// Steps that move the outline less end a round, in pixels.
-const LEAST_SHIFT_PX: f64 = 0.01;
-/// A camera that sees less of the outline in the target's colours does not see the target.
-const LEAST_SEEN_SHARE: f32 = 0.2;
-/// The curvature that lines have at least, 1/px² before tempering: keeps steps finite where a line is flat.
-const LEAST_CURVATURE: f32 = 0.02;
+const MIN_SHIFT_PX: f64 = 0.01;
+/// A camera in which a smaller share of the outline is visible does not see the target.
+const MIN_VISIBLE_SHARE: f32 = 0.2;
+/// The curvature that lines have at least, 1/px² before the likelihood exponent: keeps steps finite where a line is flat.
+const MIN_CURVATURE: f32 = 0.02;
 
-/// What lines say of a small step: gradient, curvature and value.
+/// The log-likelihood's gradient and curvature.
 struct Slope {
     gradient: Vector3<f64>,
     curvature: Matrix3<f64>,
 }
 
 impl EdgeCue {
-    /// The best place near a position; `None` where no camera sees the target's colours there. `prior` is a Gaussian that is fitted along with the lines: mean and
-    /// inverse covariance. Flat motion (`is_planar`) keeps the height.
+    /// Fits the best position near `position_m`; returns `false` if no camera sees the target's colours there. `prior` is a Gaussian that is fitted
+    /// along with the lines: mean and inverse covariance. Planar motion (`is_planar`) keeps the height. Writes into `detection`, whose buffers it reuses.
     pub(crate) fn fit(
         &mut self,
-        looks: &[Look],
+        frames: &[EdgeFrame],
         position_m: [f64; 3],
         prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
         is_planar: bool,
-    ) -> Option<Sighting> {
-        let mut sighting = Sighting {
-            position_m,
-            ..Sighting::default()
-        };
+        detection: &mut Detection,
+    ) -> bool {
+        detection.position_m = position_m;
         for round in 0..=ROUNDS {
-            self.look(looks, &mut sighting);
-            if sighting.lines.is_empty() {
-                return None;
+            self.place_lines(frames, detection);
+            if detection.camera_count == 0 {
+                return false;
             }
             if round == ROUNDS {
                 break;
             }
-            let before = Vector3::from(sighting.position_m);
+            let before = Vector3::from(detection.position_m);
             let mut damping = 1e-3;
-            let mut value = self.value(looks, &sighting, before, prior);
+            let mut value = self.value(frames, detection, before, prior);
             let mut moved_px = 0.0_f64;
             for _ in 0..STEPS {
-                let here = Vector3::from(sighting.position_m);
-                let (slope, shift_px) = self.slope(looks, &sighting, here, prior);
+                let here = Vector3::from(detection.position_m);
+                let (slope, shift_px) = self.slope(frames, detection, here, prior);
                 let Some((step, size_px)) = solve(&slope, damping, is_planar, &shift_px) else {
                     break;
                 };
                 let there = here + step;
-                let new_value = self.value(looks, &sighting, there, prior);
+                let new_value = self.value(frames, detection, there, prior);
                 if new_value > value {
                     value = new_value;
-                    sighting.position_m = there.into();
+                    detection.position_m = there.into();
                     damping *= 0.1;
                     moved_px += size_px;
                 } else {
                     damping = (damping * 30.0).max(1e-2);
                 }
-                if size_px < LEAST_SHIFT_PX {
+                if size_px < MIN_SHIFT_PX {
                     break;
                 }
             }
-            if moved_px < LEAST_SHIFT_PX && round > 0 {
+            if moved_px < MIN_SHIFT_PX && round > 0 {
                 break;
             }
         }
-        let here = Vector3::from(sighting.position_m);
-        let (slope, _) = self.slope(looks, &sighting, here, None);
-        sighting.information = slope.curvature;
-        sighting.log_ratio = self.value(looks, &sighting, here, None);
-        sighting.log_ratio.is_finite().then_some(sighting)
+        let here = Vector3::from(detection.position_m);
+        let (slope, _) = self.slope(frames, detection, here, None);
+        detection.information = slope.curvature;
+        detection.log_likelihood_ratio = self.value(frames, detection, here, None);
+        detection.log_likelihood_ratio.is_finite()
     }
 
-    /// Looks along lines around the sighting's position, in each camera that shows the target's colours there.
-    fn look(&mut self, looks: &[Look], sighting: &mut Sighting) {
+    /// Places correspondence lines around the detection's position in each camera that shows the target's colours there.
+    pub(super) fn place_lines(&mut self, frames: &[EdgeFrame], detection: &mut Detection) {
         let mut count = 0;
-        for look in looks {
-            self.project(look, &sighting.position_m.map(|v| [v as f32; LANES]));
-            if sighting.lines.len() == count {
-                sighting.lines.push(Lines::default());
+        for frame in frames {
+            let position = detection.position_m.map(|v| [v as f32; LANES]);
+            self.project(frame.projector(), &position);
+            if detection.lines.len() == count {
+                detection.lines.push(CorrespondenceLines::default());
             }
-            let lines = &mut sighting.lines[count];
-            let looked = lines.look(
-                look,
+            let lines = &mut detection.lines[count];
+            let has_edges = lines.place(
+                frame,
                 &self.coordinates,
                 &self.table,
                 &self.settings,
-                &mut self.scratch,
+                &mut self.buffers,
             );
-            count += usize::from(looked && lines.seen_share >= LEAST_SEEN_SHARE);
+            count += usize::from(has_edges && lines.visible_share >= MIN_VISIBLE_SHARE);
         }
-        sighting.lines.truncate(count);
+        detection.camera_count = count;
     }
 
-    /// ln of the likelihood ratio at a position, and of the prior there.
+    /// Returns the log-likelihood ratio at a position plus the prior's log-density there.
     fn value(
         &mut self,
-        looks: &[Look],
-        sighting: &Sighting,
+        frames: &[EdgeFrame],
+        detection: &Detection,
         position: Vector3<f64>,
         prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
     ) -> f64 {
@@ -219,23 +302,23 @@ impl EdgeCue {
             let off = position - mean;
             -0.5 * (off.transpose() * information * off)[0]
         });
-        for lines in &sighting.lines {
-            let Some(look) = looks.iter().find(|look| look.camera == lines.camera) else {
+        for lines in detection.lines() {
+            let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
             let single: [f64; 3] = position.into();
-            self.project(look, &single.map(|v| [v as f32; LANES]));
-            let sums = Sums::of(lines, &self.coordinates).lane(0);
-            value += f64::from(lines.log_ratio(&sums));
+            self.project(frame.projector(), &single.map(|v| [v as f32; LANES]));
+            let sums = SectorSums::of(lines, &self.coordinates).lane(0);
+            value += f64::from(lines.log_likelihood_ratio(&sums));
         }
         value
     }
 
-    /// Gradient and curvature at a position, and how many pixels the outline moves a metre along each axis.
+    /// Returns gradient and curvature at a position, and how many pixels the outline moves per metre along each axis.
     fn slope(
         &mut self,
-        looks: &[Look],
-        sighting: &Sighting,
+        frames: &[EdgeFrame],
+        detection: &Detection,
         position: Vector3<f64>,
         prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
     ) -> (Slope, [f64; 3]) {
@@ -258,13 +341,13 @@ impl EdgeCue {
         let width_m: [f32; 3] = std::array::from_fn(|axis| {
             positions[axis][1 + 2 * axis] - positions[axis][2 + 2 * axis]
         });
-        for lines in &sighting.lines {
-            let Some(look) = looks.iter().find(|look| look.camera == lines.camera) else {
+        for lines in detection.lines() {
+            let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
-            self.project(look, &positions);
-            let sums = Sums::of(lines, &self.coordinates).lane(0);
-            let seen = lines.seen_given(&sums);
+            self.project(frame.projector(), &positions);
+            let sums = SectorSums::of(lines, &self.coordinates).lane(0);
+            let visible = lines.visible_given(&sums);
             for k in 0..lines.line_count() {
                 let [u, v] = &self.coordinates[k];
                 let [nu, nv] = lines.normal(k);
@@ -281,12 +364,12 @@ impl EdgeCue {
                     most[axis] = most[axis].max(along[axis].abs());
                 }
                 let shift_px = lines.shift_px(k, [u[0], v[0]]);
-                let at = |d: f32| lines.tempered(k, shift_px + d);
+                let at = |d: f32| lines.line_log_ratio(k, shift_px + d);
                 let [less, here, more] = [-SPAN_PX, 0.0, SPAN_PX].map(at);
                 let gradient = (more - less) / (2.0 * SPAN_PX);
-                let least = LEAST_CURVATURE * lines.likelihood_exponent;
+                let least = MIN_CURVATURE * lines.likelihood_exponent;
                 let curvature = ((2.0 * here - less - more) / (SPAN_PX * SPAN_PX)).max(least);
-                let weight = f64::from(seen[lines.sector(k)]);
+                let weight = f64::from(visible[lines.sector(k)]);
                 slope.gradient += along * (weight * f64::from(gradient));
                 slope.curvature += along * along.transpose() * (weight * f64::from(curvature));
             }
@@ -299,12 +382,12 @@ impl EdgeCue {
     }
 }
 
-/// The step up a slope, and by how many pixels it moves the outline at most: no farther than lines know.
+/// Returns the damped Newton step, and by how many pixels it moves the outline at most: no farther than lines reach.
 fn solve(
     slope: &Slope,
     damping: f64,
     is_planar: bool,
-    px_a_metre: &[f64; 3],
+    px_per_metre: &[f64; 3],
 ) -> Option<(Vector3<f64>, f64)> {
     let mut curvature = slope.curvature;
     let mut gradient = slope.gradient;
@@ -321,11 +404,11 @@ fn solve(
     }
     let step = curvature.cholesky()?.solve(&gradient);
     let size_px: f64 = (0..3)
-        .map(|axis| step[axis].abs() * px_a_metre[axis])
+        .map(|axis| step[axis].abs() * px_per_metre[axis])
         .fold(0.0, f64::max);
     if !size_px.is_finite() {
         return None;
     }
-    let shrink = (MOST_SHIFT_PX / size_px).min(1.0);
+    let shrink = (MAX_SHIFT_PX / size_px).min(1.0);
     Some((step * shrink, size_px * shrink))
 }

@@ -1,57 +1,57 @@
-//! What one frame says of an outline: the log-likelihood of its shift along its normal, line by line.
+//! Correspondence lines across an outline in one frame: the log-likelihood of the outline's shift along each line.
 
-use super::{EdgeSettings, Look, Table};
+use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
 use crate::color::{BodyColors, EdgePixel, Surroundings};
 use crate::likelihood::outline::Coordinates;
 
-/// Shifts that lines know, either way, in pixels.
+/// The reach of lines either way, in pixels. Hand-set: positions off by more are found by the next round of the fit.
 pub(super) const REACH_PX: f32 = 5.0;
-/// Shifts that lines know: a quarter of a pixel apart, as the distances of edge profiles.
+/// The shifts of a line: a quarter of a pixel apart, as the distances of edge profiles. Derivation: 2 · 5 px · 4 + 1.
 pub(super) const SHIFTS: usize = 41;
 const SHIFTS_A_PX: f32 = 4.0;
-/// How deep inside the outline and how far outside pixels are looked at, in pixels: for the colours of either side.
-const LOOKED_AT_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
-/// Of outlines longer than this, in pixels, every second pixel will do, as on a chessboard.
+/// The band of pixels that are looked at, signed distances from the outline in pixels: reach plus the colours of either side. Hand-set.
+const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
+/// Of outlines longer than this, in pixels, every second pixel is used, as on a chessboard. Hand-set: halves the time for large bodies.
 const LONG_PX: f32 = 150.0;
-/// Neighbouring lines that are seen or hidden together.
+/// Groups of neighbouring lines that are visible or occluded together. Hand-set.
 pub(crate) const SECTORS: usize = 16;
-/// No outline of fewer complete lines is looked at, as a share.
-const LEAST_COMPLETE: f32 = 0.5;
-/// By how much a line speaks against shifts beyond its reach.
-const BEYOND: f32 = 10.0;
-/// Pixels whose colours are what surrounds the body, in pixels from the outline.
-const AROUND_PX: std::ops::RangeInclusive<f32> = 3.0..=7.0;
-/// Differences of what surrounds a sector from what did before, in steps of weighted Y, U and V: up to the first it is the same, from the second on something else
-/// has come.
-const FAMILIAR: [f32; 2] = [18.0, 36.0];
-/// Where this share of the sectors is unfamiliar, the body came into other surroundings.
-const MOVED_ON: f32 = 0.6;
-/// How sure the colours of a sector can be that it is seen, or hidden.
-const LEAST_SEEN: f32 = 0.02;
+/// The least share of lines inside the image. Hand-set.
+const MIN_COMPLETE: f32 = 0.5;
+/// By how many nats a line speaks against shifts beyond its reach. Hand-set.
+const BEYOND_REACH_NATS: f32 = 10.0;
+/// Pixels that show what surrounds the body, signed distances from the outline in pixels. Hand-set: beyond the blur of edges.
+const SURROUNDING_PX: std::ops::RangeInclusive<f32> = 3.0..=7.0;
+/// Differences of what surrounds a sector from before, in weighted Y, U and V: up to the first it is unchanged, from the second on something else has come.
+/// Hand-set.
+const CHANGED_COLOR: [f32; 2] = [18.0, 36.0];
+/// If more than this share of the sectors has changed, the body itself has moved on to other surroundings. Hand-set.
+const MOVED_SHARE: f32 = 0.6;
+/// The least probability that a sector is visible, and that it is occluded. Hand-set.
+const MIN_UNCERTAINTY: f32 = 0.02;
 
-/// Lines across an outline in one camera's frame.
+/// Correspondence lines across an outline in one camera's frame.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Lines {
+pub(super) struct CorrespondenceLines {
     /// The camera's number.
     pub(super) camera: usize,
-    /// Where each line crosses the outline, and its direction outwards.
+    /// The point at which each line crosses the outline, and its direction outwards.
     crossings: Vec<Crossing>,
-    /// ln of the likelihood of the line's pixels for shifts of the outline from −5 to 5 px, against no body there.
+    /// The log-likelihood ratio of each line's pixels for shifts of the outline from −5 to 5 px, against no body there.
     log_ratios: Vec<[f32; SHIFTS]>,
-    /// Of each sector: the probability that the body is seen there, ...
-    seen: [f32; SECTORS],
-    /// ... and ln of the likelihood of an edge anywhere along its lines, tempered: what a body of any other outline would do.
+    /// Of each sector: the probability that the body is visible there, ...
+    visible: [f32; SECTORS],
+    /// ... and the log-likelihood of an edge anywhere along its lines: what a body of any other outline would give.
     anywhere: [f32; SECTORS],
-    /// What surrounds the body in each sector: mean Y, U and V.
-    pub(super) around: [[f32; 3]; SECTORS],
-    /// How far that is what surrounded it before: 1, or down to 0 where something else has come, which may hide the body.
-    pub(super) familiar: [f32; SECTORS],
-    /// What the lines' log-likelihoods count.
+    /// What surrounds the body in each sector.
+    pub(super) surrounding: Surrounding,
+    /// How far that is unchanged: 1, or down to 0 where something else has come, which may occlude the body.
+    pub(super) unchanged: [f32; SECTORS],
+    /// The exponent of the lines' likelihoods.
     pub(super) likelihood_exponent: f32,
-    /// The share of the outline along which the body's colours are seen.
-    pub(super) seen_share: f32,
-    /// The mean Y, U and V of its pixels there; no number where there is none.
-    pub(super) body: [f32; 3],
+    /// The share of the outline along which the body's colours are visible.
+    pub(super) visible_share: f32,
+    /// The mean Y, U and V of its pixels there; NaN if there are none.
+    pub(super) body_color: [f32; 3],
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -60,13 +60,26 @@ struct Crossing {
     normal: [f32; 2],
 }
 
-/// The buffers that lines are made with.
-#[derive(Debug, Default)]
-pub(super) struct Scratch {
+/// Buffers that lines are made with.
+#[derive(Debug)]
+pub(super) struct LineBuffers {
     pixels: Vec<EdgePixel>,
-    /// The line of each pixel, and whether its colour is the body's.
+    /// The line of each pixel, and whether it has the body's colours.
     places: Vec<(usize, bool)>,
     corners: Vec<Corner>,
+}
+
+impl LineBuffers {
+    /// Enough room for the pixels along all but the longest outlines.
+    const PIXELS: usize = 8192;
+
+    pub(super) fn new() -> Self {
+        Self {
+            pixels: Vec::with_capacity(Self::PIXELS),
+            places: Vec::with_capacity(Self::PIXELS),
+            corners: Vec::new(),
+        }
+    }
 }
 
 /// A point of an outline, with its neighbours.
@@ -74,9 +87,9 @@ pub(super) struct Scratch {
 struct Corner {
     crossing: Crossing,
     tangent: [f32; 2],
-    /// Length of the outline that belongs to the point, in pixels.
+    /// The length of the outline that belongs to the point, in pixels.
     length_px: f32,
-    /// By how much the outline turns towards its tangent a pixel: 1/r of a circle.
+    /// The curvature of the outline, 1/px: 1/r for a circle.
     bend_a_px: f32,
 }
 
@@ -88,12 +101,12 @@ fn add([count, sums @ ..]: &mut [f32; 4], yuv: [f32; 3]) {
     }
 }
 
-/// The mean of a count and a sum of colours; no number of none.
+/// The mean of a count and a sum of colours; NaN for none.
 fn mean([count, sums @ ..]: &[f32; 4]) -> [f32; 3] {
     sums.map(|sum| sum / count)
 }
 
-/// The corner of number `k`; without numbers where the outline has no pixel there or on either side.
+/// The corner of number `k`; NaN if the outline has no pixel there or on either side.
 fn corner(outline: &[Coordinates], k: usize, orientation: f32) -> Corner {
     let count = outline.len();
     let at = |k: usize| [outline[k % count][0][0], outline[k % count][1][0]];
@@ -130,23 +143,23 @@ fn orientation(outline: &[Coordinates]) -> f32 {
     1_f32.copysign(area)
 }
 
-impl Lines {
-    /// Looks along lines across an outline, given as the first lane of its points. `false` where too little of it lies in the image, or where inside and
-    /// outside cannot be told apart.
-    pub(super) fn look(
+impl CorrespondenceLines {
+    /// Places lines across an outline, given as the first lane of its points. Returns `false` if too little of it lies in the image, or if inside and
+    /// outside have the same colours.
+    pub(super) fn place(
         &mut self,
-        look: &Look,
+        frame: &EdgeFrame,
         outline: &[Coordinates],
         table: &Table,
         settings: &EdgeSettings,
-        scratch: &mut Scratch,
+        buffers: &mut LineBuffers,
     ) -> bool {
-        self.camera = look.camera;
-        let Scratch {
+        self.camera = frame.camera();
+        let LineBuffers {
             pixels,
             places,
             corners,
-        } = scratch;
+        } = buffers;
         let count = outline.len();
         let orientation = orientation(outline);
         corners.clear();
@@ -154,8 +167,8 @@ impl Lines {
         bend(corners);
         let inside = corners
             .iter()
-            .filter(|corner| look.holds(corner.crossing.point));
-        if (inside.count() as f32) < LEAST_COMPLETE * count as f32 {
+            .filter(|corner| frame.holds(corner.crossing.point));
+        if (inside.count() as f32) < MIN_COMPLETE * count as f32 {
             return false;
         }
         self.crossings.clear();
@@ -164,26 +177,26 @@ impl Lines {
         let lengths = corners.iter().map(|corner| corner.length_px);
         let length_px: f32 = lengths.filter(|length| length.is_finite()).sum();
         let thinning = if length_px > LONG_PX { 2 } else { 1 };
-        take_pixels(look, corners, thinning, pixels, places);
+        take_pixels(frame, corners, thinning, pixels, places);
         let weight = thinning as f32;
         let Some(surroundings) = Surroundings::of(pixels) else {
             return false;
         };
         self.log_ratios.clear();
         self.log_ratios.resize(count, [0.0; SHIFTS]);
-        let (mut bodies, mut alike) = ([0_f32; SECTORS], [0_f32; SECTORS]);
+        let (mut bodies, mut matching) = ([0_f32; SECTORS], [0_f32; SECTORS]);
         let mut around = [[0_f32; 4]; SECTORS];
         let mut body = [0_f32; 4];
-        for (pixel, &(line, is_alike)) in pixels.iter().zip(&*places) {
+        for (pixel, &(line, matches)) in pixels.iter().zip(&*places) {
             let sector = line * SECTORS / count;
             if BodyColors::DEPTH_PX.contains(&pixel.distance_px) {
                 bodies[sector] += weight;
-                if is_alike {
-                    alike[sector] += weight;
+                if matches {
+                    matching[sector] += weight;
                     add(&mut body, pixel.yuv);
                 }
             }
-            if AROUND_PX.contains(&pixel.distance_px) {
+            if SURROUNDING_PX.contains(&pixel.distance_px) {
                 add(&mut around[sector], pixel.yuv);
             }
             let membership = surroundings.membership(pixel);
@@ -197,20 +210,20 @@ impl Lines {
                 &mut self.log_ratios[line],
             );
         }
-        self.compare_surroundings(&around, look.known_around);
-        self.body = mean(&body);
+        self.compare_surroundings(&around, frame.context().surrounding);
+        self.body_color = mean(&body);
         let total: f32 = bodies.iter().sum();
-        self.seen_share = alike.iter().sum::<f32>() / total.max(1e-6);
-        let alone = alone(look, corners);
+        self.visible_share = matching.iter().sum::<f32>() / total.max(1e-6);
+        let unshared = unshared(frame, corners);
         for sector in 0..SECTORS {
-            // A sector without pixels of its own follows the others.
+            // A sector without pixels of its own takes the mean of all.
             let share = if bodies[sector] > 0.0 {
-                alike[sector] / bodies[sector]
+                matching[sector] / bodies[sector]
             } else {
-                self.seen_share
+                self.visible_share
             };
-            let share = share * self.familiar[sector] * alone[sector];
-            self.seen[sector] = LEAST_SEEN + (1.0 - 2.0 * LEAST_SEEN) * share;
+            let share = share * self.unchanged[sector] * unshared[sector];
+            self.visible[sector] = MIN_UNCERTAINTY + (1.0 - 2.0 * MIN_UNCERTAINTY) * share;
         }
         self.likelihood_exponent = settings.likelihood_exponent as f32;
         self.likelihood_exponent /=
@@ -219,36 +232,33 @@ impl Lines {
         true
     }
 
-    /// Compares what surrounds the body with what did before: an edge between the body and something that has come is that thing's.
-    fn compare_surroundings(
-        &mut self,
-        sums: &[[f32; 4]; SECTORS],
-        known: Option<&[[f32; 3]; SECTORS]>,
-    ) {
-        self.around = sums.each_ref().map(mean);
-        self.familiar = [1.0; SECTORS];
+    /// Compares what surrounds the body with before: an edge between the body and something that has come belongs to that thing.
+    fn compare_surroundings(&mut self, sums: &[[f32; 4]; SECTORS], known: Option<&Surrounding>) {
+        self.surrounding = sums.each_ref().map(mean);
+        self.unchanged = [1.0; SECTORS];
         let Some(known) = known else {
             return;
         };
-        let [same, other] = FAMILIAR;
+        let [same, other] = CHANGED_COLOR;
         for sector in 0..SECTORS {
-            let off = |i: usize| (self.around[sector][i] - known[sector][i]).powi(2);
+            let off = |i: usize| (self.surrounding[sector][i] - known[sector][i]).powi(2);
             let distance = (off(0) + 2.0 * off(1) + 2.0 * off(2)).sqrt();
-            let familiar = (other - distance) / (other - same);
-            if !familiar.is_nan() {
-                self.familiar[sector] = familiar.clamp(0.0, 1.0);
+            let unchanged = (other - distance) / (other - same);
+            if !unchanged.is_nan() {
+                self.unchanged[sector] = unchanged.clamp(0.0, 1.0);
             }
         }
-        let unfamiliar: f32 = self.familiar.iter().map(|familiar| 1.0 - familiar).sum();
-        if unfamiliar > MOVED_ON * SECTORS as f32 {
-            self.familiar = [1.0; SECTORS];
+        let changed: f32 = self.unchanged.iter().map(|unchanged| 1.0 - unchanged).sum();
+        if changed > MOVED_SHARE * SECTORS as f32 {
+            self.unchanged = [1.0; SECTORS];
         }
     }
 
-    /// How sharply the lines tell, all together, whether the outline lies farther out: 1/px².
+    /// The curvature of the sum of all lines' log-likelihoods when the outline grows, 1/px².
     fn curvature(&self) -> f32 {
         let of_line = |k: usize| {
-            let [less, here, more] = [-0.5, 0.0, 0.5].map(|shift_px| self.tempered(k, shift_px));
+            let [less, here, more] =
+                [-0.5, 0.0, 0.5].map(|shift_px| self.line_log_ratio(k, shift_px));
             (2.0 * here - less - more) / 0.25
         };
         let sum: f32 = (0..self.line_count()).map(of_line).sum();
@@ -270,7 +280,7 @@ impl Lines {
         }
     }
 
-    /// How far a point of the outline is shifted along line `k`, in pixels outwards.
+    /// The shift of a point of the outline along line `k`, in pixels outwards.
     #[inline(always)]
     pub(super) fn shift_px(&self, k: usize, [u, v]: [f32; 2]) -> f32 {
         let Crossing { point, normal } = self.crossings[k];
@@ -286,10 +296,11 @@ impl Lines {
         self.crossings.len()
     }
 
-    /// ln of the tempered likelihood ratio of line `k` for a shift, by a quadratic B-spline, which has no kinks; beyond its reach there is no edge of this body.
+    /// The log-likelihood ratio of line `k` for a shift, with the likelihood exponent, by a quadratic B-spline, which is smooth. Beyond the reach there is no edge of this
+    /// body.
     #[inline(always)]
-    pub(super) fn tempered(&self, k: usize, shift_px: f32) -> f32 {
-        // Where either outline has no pixel, nothing is known.
+    pub(super) fn line_log_ratio(&self, k: usize, shift_px: f32) -> f32 {
+        // One of the outlines has no pixel here.
         if shift_px.is_nan() {
             return 0.0;
         }
@@ -304,29 +315,29 @@ impl Lines {
         if shift_px.abs() < REACH_PX {
             inside
         } else {
-            inside.min(0.0) - BEYOND
+            inside.min(0.0) - BEYOND_REACH_NATS
         }
     }
 
-    /// ln of the likelihood ratio against an edge anywhere, of the whole outline, from the sums of [`Lines::tempered`] over each sector: each is seen,
-    /// or hidden and says nothing.
+    /// The log-likelihood ratio of the whole outline against an edge anywhere, from the sums of [`CorrespondenceLines::line_log_ratio`] over each sector. A sector is visible, or
+    /// occluded and says nothing.
     #[inline(always)]
-    pub(super) fn log_ratio(&self, sums: &[f32; SECTORS]) -> f32 {
+    pub(super) fn log_likelihood_ratio(&self, sums: &[f32; SECTORS]) -> f32 {
         let mut total = 0.0;
         for sector in 0..SECTORS {
-            let seen = self.seen[sector];
+            let visible = self.visible[sector];
             let log_ratio = (sums[sector] - self.anywhere[sector]).min(60.0);
-            total += libm::logf(seen * libm::expf(log_ratio) + 1.0 - seen);
+            total += libm::logf(visible * libm::expf(log_ratio) + 1.0 - visible);
         }
         total
     }
 
-    /// The probability that each sector is seen, given its sum.
-    pub(super) fn seen_given(&self, sums: &[f32; SECTORS]) -> [f32; SECTORS] {
+    /// The probability that each sector is visible, given its sum.
+    pub(super) fn visible_given(&self, sums: &[f32; SECTORS]) -> [f32; SECTORS] {
         std::array::from_fn(|sector| {
-            let seen = self.seen[sector];
-            let likely = seen * libm::expf((sums[sector] - self.anywhere[sector]).min(60.0));
-            likely / (likely + 1.0 - seen)
+            let visible = self.visible[sector];
+            let likely = visible * libm::expf((sums[sector] - self.anywhere[sector]).min(60.0));
+            likely / (likely + 1.0 - visible)
         })
     }
 
@@ -337,19 +348,19 @@ impl Lines {
     }
 }
 
-/// The share of each sector that lies outside of others of the body's colours.
-fn alone(look: &Look, corners: &[Corner]) -> [f32; SECTORS] {
+/// The share of each sector that lies outside of look-alikes.
+fn unshared(frame: &EdgeFrame, corners: &[Corner]) -> [f32; SECTORS] {
     let mut shares = [1.0_f32; SECTORS];
     let a_corner = SECTORS as f32 / corners.len() as f32;
     for (k, corner) in corners.iter().enumerate() {
-        if look.is_anothers(corner.crossing.point) {
+        if frame.is_look_alike(corner.crossing.point) {
             shares[k * SECTORS / corners.len()] -= a_corner;
         }
     }
     shares.map(|share| share.max(0.0))
 }
 
-/// Finds how each corner's outline bends, from its neighbours' normals.
+/// Computes the curvature at each corner from its neighbours' normals.
 fn bend(corners: &mut [Corner]) {
     let count = corners.len();
     for k in 0..count {
@@ -359,15 +370,15 @@ fn bend(corners: &mut [Corner]) {
             tangent, length_px, ..
         } = corners[k];
         let turned = (after[0] - before[0]) * tangent[0] + (after[1] - before[1]) * tangent[1];
-        // Next to where the outline ends it counts as straight.
+        // Beside points without a pixel the outline counts as straight.
         let bend = (turned / (2.0 * length_px)).clamp(-1.0, 1.0);
         corners[k].bend_a_px = if bend.is_nan() { 0.0 } else { bend };
     }
 }
 
-/// Gathers the pixels near an outline, each with the corner that is nearest to it; one of `thinning`, as on a chessboard.
+/// Gathers the pixels near an outline, each with its nearest corner; one in `thinning`, as on a chessboard.
 fn take_pixels(
-    look: &Look,
+    frame: &EdgeFrame,
     corners: &[Corner],
     thinning: usize,
     pixels: &mut Vec<EdgePixel>,
@@ -376,8 +387,8 @@ fn take_pixels(
     pixels.clear();
     places.clear();
     let count = corners.len();
-    let far = LOOKED_AT_PX.end();
-    let (width, height) = look.size();
+    let far = BAND_PX.end();
+    let (width, height) = frame.size();
     // Casts of floats stay within the numbers.
     let bounds = |axis: usize, size: usize| {
         let along = corners.iter().map(|corner| corner.crossing.point[axis]);
@@ -407,10 +418,10 @@ fn take_pixels(
             let [nu, nv] = corner.crossing.normal;
             let across = du * corner.tangent[0] + dv * corner.tangent[1];
             let distance_px = du * nu + dv * nv + 0.5 * corner.bend_a_px * across * across;
-            if !LOOKED_AT_PX.contains(&distance_px) {
+            if !BAND_PX.contains(&distance_px) {
                 continue;
             }
-            let Some((yuv, is_alike)) = look.pixel(x, y) else {
+            let Some((yuv, matches)) = frame.pixel(x, y) else {
                 continue;
             };
             pixels.push(EdgePixel {
@@ -418,12 +429,12 @@ fn take_pixels(
                 distance_px,
                 turn: nearest as f32 / count as f32,
             });
-            places.push((nearest, is_alike));
+            places.push((nearest, matches));
         }
     }
 }
 
-/// The nearest corner, from one near it on.
+/// The nearest corner, searched from one near it.
 fn descend(mut nearest: usize, count: usize, squared: impl Fn(usize) -> f32) -> usize {
     let mut least = squared(nearest);
     for step in [1, count - 1] {

@@ -1,28 +1,26 @@
-//! The edge cue: where in the image the outline lies, to a fraction of a pixel.
+//! The edge cue: locates an outline in an image to a fraction of a pixel.
 //!
-//! Around the outline of a hypothesis each pixel has a membership: 0 where its colour is that of what surrounds the body there, 1 where it is the body's own
-//! ([`Surroundings`](crate::color::Surroundings)). How memberships go over from inside to outside is learnt ([`EdgeProfile`]): optics, chroma at half the
-//! resolution and compression are in it. Lines across the outline (as in region-based tracking: Bibby and Reid 2008, Tjaden et al. 2018, Stoiber et al. 2022) say how likely each shift of it
-//! is; hypotheses nearby are weighed by these alone.
+//! Around the outline of a hypothesis each pixel has a membership: 0 if its colour is that of what surrounds the body there, 1 if it is the body's own
+//! ([`Surroundings`](crate::color::Surroundings)). How memberships change across an edge is learnt ([`EdgeProfile`]): it contains optics, chroma at half the
+//! resolution and compression. Correspondence lines across the outline (as in region-based tracking: Bibby and Reid 2008, Tjaden et al. 2018, Stoiber et al. 2022) give the
+//! likelihood of each shift of the outline; hypotheses nearby are weighted by these alone.
 
 mod fit;
+mod frame;
 mod lines;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use fit::Sighting;
-use fit::Sums;
+use fit::SectorSums;
+pub(crate) use fit::{Detection, Detections};
+pub(crate) use frame::{EdgeFrame, EdgeFrameContext, Outlines, Surrounding};
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
-use crate::color::{
-    ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, IlluminationCorrection, MatchTable,
-    Palette, PixelKind, Side,
-};
-use crate::detect::LEAST_LIKENESS;
+use crate::color::{ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, Palette, Side};
 use crate::shape::Shape;
-use crate::view::Evidence;
-use lines::{Lines, REACH_PX, SECTORS, SHIFTS, Scratch};
-use pardalis_camera::{LANES, Mask};
+use crate::view::View;
+use lines::{LineBuffers, REACH_PX, SECTORS, SHIFTS};
+use pardalis_camera::LANES;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
 
@@ -30,21 +28,21 @@ use pardalis_core::simd::Level;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::struct_excessive_bools)] // parts that are switched off one by one, not states
 pub struct EdgeSettings {
-    /// Lines across the outline.
+    /// The number of correspondence lines across the outline, 16 to 1000.
     pub correspondence_lines: usize,
-    /// What a pixel's log-likelihood counts: below 1, as neighbouring pixels say the same (chroma at half the resolution, compression).
+    /// The exponent of each pixel's likelihood, above 0 and at most 1: below 1, because neighbouring pixels are not independent (chroma at half the resolution, compression).
     pub likelihood_exponent: f64,
-    /// The standard deviation, in pixels, of what is wrong with a whole outline at once and does not average out over its pixels: shading, highlights, shadows.
+    /// The standard deviation, in pixels, of errors that a whole outline shares and that do not average out over its pixels: shading, highlights, shadows.
     pub shared_sigma_px: f64,
-    /// Whether edges look as they do where the colours were learnt; else as a soft step does.
+    /// Whether the edge profile of the colour model is used; a soft step otherwise.
     pub learned_profile: bool,
-    /// Whether edges on the shaded side look as such do, and on the lit side; else alike all around.
+    /// Whether the shaded and the lit side of a body have profiles of their own; one for both otherwise.
     pub lit_and_shaded_profiles: bool,
-    /// Whether sectors into which something else came say nothing; else they do as any.
+    /// Whether sectors into which something else has come are ignored.
     pub background_model: bool,
-    /// Whether the mean colour within an outline tells whether it is the target's; else single pixels alone.
+    /// Whether the mean colour within an outline counts for data association, beside single pixels.
     pub color_evidence: bool,
-    /// Whether colours are looked up as if in the light in which they were learnt, by what light the target was seen in; else as they are.
+    /// Whether colours are corrected to the illumination in which they were learnt, which is estimated from the target.
     pub illumination_adaptation: bool,
 }
 
@@ -64,7 +62,7 @@ impl Default for EdgeSettings {
 }
 
 impl EdgeSettings {
-    /// Refuses what makes no lines.
+    /// Returns an error for settings out of range.
     pub fn check(&self) -> Result<(), Error> {
         if !(SECTORS..=1000).contains(&self.correspondence_lines) {
             return Err(Error::out_of_range(
@@ -91,7 +89,7 @@ impl EdgeSettings {
     }
 }
 
-/// A profile as lines sum it: of each bin of membership the log ratios over distance, on either side.
+/// An edge profile as lines sum it: for each bin of membership the log-ratios over distance, on either side.
 #[derive(Debug)]
 struct Table {
     rows: [Vec<[f32; EdgeProfile::DISTANCES]>; 2],
@@ -106,7 +104,7 @@ impl Table {
         Self { rows }
     }
 
-    /// Adds a pixel's log ratios for all shifts of the outline. Shifts are as far apart as the profile's distances.
+    /// Adds a pixel's log-ratios for all shifts of the outline. Shifts are as far apart as the profile's distances.
     #[inline(always)]
     fn add(
         &self,
@@ -126,122 +124,12 @@ impl Table {
     }
 }
 
-/// One camera's frame, to be looked at.
-pub(crate) struct Look<'a> {
-    camera: usize,
-    evidence: Evidence<'a>,
-    projector: Projector<'a>,
-    kind: PixelKind,
-    palette: Palette,
-    /// Pixels outside of these are not the target's.
-    in_ranges: Option<&'a MatchTable>,
-    /// How much likelier a pixel of each bin is the target's than the frame's, t / (t + f).
-    likeness: &'a [f64],
-    /// To the light in which the colours were learnt.
-    relight: IlluminationCorrection,
-    /// What surrounded the target when this camera saw it last, sector by sector.
-    known_around: Option<&'a Around>,
-    /// The outlines of others of its colours: an edge between it and them cannot be seen.
-    others: Vec<Vec<[f32; 2]>>,
-}
-
-/// Mean Y, U and V around a body, sector by sector.
-pub(crate) type Around = [[f32; 3]; SECTORS];
-
-impl<'a> Look<'a> {
-    pub(crate) fn new(
-        camera: usize,
-        evidence: Evidence<'a>,
-        (palette, ranges): (Palette, Option<ColorRanges>),
-        (likeness, relight): (&'a [f64], IlluminationCorrection),
-        known_around: Option<&'a Around>,
-    ) -> Self {
-        Self {
-            camera,
-            evidence,
-            projector: Projector::new(evidence.view()),
-            kind: PixelKind::of(evidence.frame()),
-            palette,
-            in_ranges: ranges.map(|ranges| evidence.match_table(ranges)),
-            likeness,
-            relight,
-            known_around,
-            others: Vec::new(),
-        }
-    }
-
-    /// Whether a place in the image lies within the outline of another of the target's colours.
-    fn is_anothers(&self, [u, v]: [f32; 2]) -> bool {
-        let is_within = |outline: &Vec<[f32; 2]>| {
-            let next = outline.iter().cycle().skip(1);
-            let crossed = outline.iter().zip(next).filter(|([u0, v0], [u1, v1])| {
-                (*v0 > v) != (*v1 > v) && u < u0 + (v - v0) / (v1 - v0) * (u1 - u0)
-            });
-            crossed.count() % 2 == 1
-        };
-        self.others.iter().any(is_within)
-    }
-
-    pub(crate) fn camera(&self) -> usize {
-        self.camera
-    }
-
-    pub(crate) fn evidence(&self) -> &Evidence<'a> {
-        &self.evidence
-    }
-
-    pub(crate) fn likeness(&self) -> &'a [f64] {
-        self.likeness
-    }
-
-    pub(crate) fn relight(&self) -> &IlluminationCorrection {
-        &self.relight
-    }
-
-    fn size(&self) -> (usize, usize) {
-        self.evidence.view().size()
-    }
-
-    /// Whether a place in the image is a pixel, unmasked.
-    fn holds(&self, place: [f32; 2]) -> bool {
-        let (width, height) = self.size();
-        let [x, y] = place.map(|v| (v + 0.5).floor());
-        let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
-        inside && self.is_open(x as usize, y as usize)
-    }
-
-    fn is_open(&self, column: usize, row: usize) -> bool {
-        let view = self.evidence.view();
-        let mask = view.mask().map(Mask::open);
-        mask.is_none_or(|open| open[row * view.size().0 + column])
-    }
-
-    /// The colour of a pixel of the image, and whether that is the body's; `None` where it is masked.
-    fn pixel(&self, column: usize, row: usize) -> Option<([f32; 3], bool)> {
-        if !self.is_open(column, row) {
-            return None;
-        }
-        let bytes = self.evidence.frame().components(column, row);
-        let relit = self.relight.bytes(bytes);
-        let bin = self.evidence.table(self.palette).bin(relit);
-        let is_alike = self.likeness[usize::from(bin)] >= LEAST_LIKENESS
-            && self.in_ranges.is_none_or(|table| table.matches(relit) == 1);
-        Some((self.kind.full_range_yuv(bytes), is_alike))
-    }
-
-    /// Whether a place in the world lies in the image, unmasked.
-    fn shows(&self, level: Level, positions: &[[f32; LANES]; 3]) -> [bool; LANES] {
-        let [u, v] = self.projector.project(level, positions);
-        std::array::from_fn(|lane| self.holds([u[lane], v[lane]]))
-    }
-}
-
 /// The edge cue of one target.
 #[derive(Debug)]
 pub(crate) struct EdgeCue {
     settings: EdgeSettings,
     outline: OutlineKernel,
-    /// How high the middle of the shape lies above its position, in metres.
+    /// The height of the middle of the shape above its position, metres.
     middle_height_m: f32,
     diameter_m: f64,
     table: Table,
@@ -249,7 +137,7 @@ pub(crate) struct EdgeCue {
     ranges: Option<ColorRanges>,
     points: Vec<Points>,
     coordinates: Vec<Coordinates>,
-    scratch: Scratch,
+    buffers: LineBuffers,
     level: Level,
 }
 
@@ -279,7 +167,7 @@ impl EdgeCue {
             ranges: colors.ranges().map(|ranges| ranges.widened()),
             points: vec![[[0.0; LANES]; 3]; settings.correspondence_lines],
             coordinates: vec![[[0.0; LANES]; 2]; settings.correspondence_lines],
-            scratch: Scratch::default(),
+            buffers: LineBuffers::new(),
             level,
         })
     }
@@ -292,16 +180,16 @@ impl EdgeCue {
         self.palette
     }
 
-    /// The ranges that hold the target's colours in any light; none for what has no colour.
+    /// The ranges that hold the target's colours in any illumination; `None` for targets without colour.
     pub(crate) fn ranges(&self) -> Option<ColorRanges> {
         self.ranges
     }
 
     /// Projects the outlines of a block of positions.
-    fn project(&mut self, look: &Look, positions: &[[f32; LANES]; 3]) {
+    fn project(&mut self, projector: &Projector, positions: &[[f32; LANES]; 3]) {
         self.outline.project(
             self.level,
-            &look.projector,
+            projector,
             positions,
             1.0,
             &mut self.points,
@@ -309,33 +197,37 @@ impl EdgeCue {
         );
     }
 
-    /// Whether the middle of the body at a position lies in the image, unmasked.
-    pub(crate) fn shows(&self, look: &Look, position_m: [f64; 3]) -> bool {
-        let mut place = position_m.map(|v| [v as f32; LANES]);
-        place[2] = place[2].map(|z| z + self.middle_height_m);
-        look.shows(self.level, &place)[0]
+    /// Returns whether the middle of the body at a position lies in the image, unmasked.
+    pub(crate) fn is_in_view(&self, frame: &EdgeFrame, position_m: [f64; 3]) -> bool {
+        let mut position = position_m.map(|v| [v as f32; LANES]);
+        position[2] = position[2].map(|z| z + self.middle_height_m);
+        frame.holds_block(self.level, &position)[0]
     }
 
-    /// The outline of a position, as far as it has pixels.
+    /// Projects the outline of a position and returns its points that have a pixel.
     fn outline_px(
         &mut self,
-        look: &Look,
+        projector: &Projector,
         position_m: [f64; 3],
     ) -> impl Iterator<Item = [f32; 2]> + Clone {
-        self.project(look, &position_m.map(|v| [v as f32; LANES]));
+        self.project(projector, &position_m.map(|v| [v as f32; LANES]));
         let points = self.coordinates.iter().map(|[u, v]| [u[0], v[0]]);
         points.filter(|point| point.iter().all(|v| v.is_finite()))
     }
 
-    /// Tells a look of a body that looks as the target does.
-    pub(crate) fn show_another(&mut self, look: &mut Look, position_m: [f64; 3]) {
-        let outline = self.outline_px(look, position_m).collect();
-        look.others.push(outline);
+    /// Adds the outline that this camera has of a look-alike at a position.
+    pub(crate) fn add_look_alike(
+        &mut self,
+        view: &View,
+        position_m: [f64; 3],
+        outlines: &mut Outlines,
+    ) {
+        outlines.push(self.outline_px(&Projector::new(view), position_m));
     }
 
-    /// The area within the outline of a position, as far as it has pixels, in square pixels.
-    pub(crate) fn area_px(&mut self, look: &Look, position_m: [f64; 3]) -> f64 {
-        let points = self.outline_px(look, position_m);
+    /// Returns the area in square pixels within the outline of a position, as far as it has pixels.
+    pub(crate) fn area_px(&mut self, frame: &EdgeFrame, position_m: [f64; 3]) -> f64 {
+        let points = self.outline_px(frame.projector(), position_m);
         let points = points.map(|point| point.map(f64::from));
         let next = points.clone().cycle().skip(1);
         let twice: f64 = points
@@ -345,23 +237,21 @@ impl EdgeCue {
         0.5 * twice.abs()
     }
 
-    /// Adds to each position, of one camera, ln of the likelihood ratio of the best of the sightings there; nothing where the camera does not show it, and
-    /// `missed` at the least where it does.
-    pub(crate) fn add_camera(
+    /// Writes the log-likelihood ratio of one camera's frame at each position (world frame, metres): the largest over the detections, each with its
+    /// offset; at least `missed` where the camera has the position in view, and 0 where it does not.
+    pub(crate) fn log_likelihood_ratios<'d>(
         &mut self,
-        look: &Look,
-        sightings: &[Sighting],
+        frame: &EdgeFrame,
+        detections: impl Iterator<Item = (&'d Detection, f32)> + Clone,
         [x, y, z]: [&[f32]; 3],
         missed: f32,
         out: &mut [f32],
     ) {
-        let lines: Vec<(&Lines, f32)> = sightings
-            .iter()
-            .flat_map(|sighting| {
-                let lines = sighting.lines_of(look.camera);
-                lines.map(|lines| (lines, sighting.offset))
-            })
-            .collect();
+        let lines = detections.flat_map(|(detection, offset)| {
+            let lines = detection.lines_of(frame.camera());
+            lines.map(move |lines| (lines, offset))
+        });
+        let has_lines = lines.clone().next().is_some();
         for start in (0..out.len()).step_by(LANES) {
             let lanes = LANES.min(out.len() - start);
             let mut positions = [[0_f32; LANES]; 3];
@@ -369,12 +259,12 @@ impl EdgeCue {
                 position[..lanes].copy_from_slice(&column[start..start + lanes]);
             }
             let mut best = [missed; LANES];
-            if !lines.is_empty() {
-                self.project(look, &positions);
-                for (lines, offset) in &lines {
-                    let sums = Sums::of(lines, &self.coordinates);
+            if has_lines {
+                self.project(frame.projector(), &positions);
+                for (lines, offset) in lines.clone() {
+                    let sums = SectorSums::of(lines, &self.coordinates);
                     for (lane, best) in best.iter_mut().enumerate().take(lanes) {
-                        let log_ratio = lines.log_ratio(&sums.lane(lane)) + offset;
+                        let log_ratio = lines.log_likelihood_ratio(&sums.lane(lane)) + offset;
                         if log_ratio > *best {
                             *best = log_ratio;
                         }
@@ -382,9 +272,9 @@ impl EdgeCue {
                 }
             }
             positions[2] = positions[2].map(|z| z + self.middle_height_m);
-            let shown = look.shows(self.level, &positions);
+            let in_view = frame.holds_block(self.level, &positions);
             for lane in 0..lanes {
-                out[start + lane] = if shown[lane] { best[lane] } else { 0.0 };
+                out[start + lane] = if in_view[lane] { best[lane] } else { 0.0 };
             }
         }
     }

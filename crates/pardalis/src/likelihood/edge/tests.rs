@@ -1,6 +1,7 @@
 use super::*;
-use crate::color::{ColorLearner, YuvEncoding};
-use crate::detect::likeness;
+use crate::color::{ColorLearner, IlluminationCorrection, PixelKind, YuvEncoding};
+use crate::detect::BinCounts;
+use crate::reference;
 use crate::shape::{Sphere, SphereOutline};
 use crate::view::View;
 use crate::{Frame, PixelFormat};
@@ -48,26 +49,126 @@ fn colors() -> ColorModel {
     learner.learn().unwrap()
 }
 
-/// What is found in a picture from a start.
-fn fitted(frame: &Frame, start_m: [f64; 3], known_around: Option<&Around>) -> Option<Sighting> {
+/// Calls `look` with the cue of the ball and a picture's frame, prepared for it.
+fn with_frame<T>(
+    frame: &Frame,
+    surrounding: Option<&Surrounding>,
+    look: impl FnOnce(&mut EdgeCue, EdgeFrame) -> T,
+) -> T {
     let colors = colors();
-    let shape = Shape::Sphere(Sphere::new(RADIUS_M, SphereOutline::Tangent).unwrap());
-    let settings = EdgeSettings::default();
-    let mut cue = EdgeCue::new(settings, shape, &colors, Level::best()).unwrap();
+    let mut cue = EdgeCue::new(EdgeSettings::default(), ball(), &colors, Level::best()).unwrap();
     let mut view = view();
     let kind = PixelKind::of(frame);
     view.prepare(kind, cue.palette());
     view.prepare_ranges(kind, cue.ranges().unwrap());
-    let evidence = view.evidence(frame);
-    let likeness = likeness(&evidence, &colors, &IlluminationCorrection::NONE, 1);
-    let look = Look::new(
-        0,
-        evidence,
-        (cue.palette(), cue.ranges()),
-        (&likeness, IlluminationCorrection::NONE),
-        known_around,
-    );
-    cue.fit(&[look], start_m, None, false)
+    let prepared = view.prepared(frame);
+    let (mut counts, mut posterior) = (BinCounts::default(), Vec::new());
+    let correction = IlluminationCorrection::NONE;
+    counts.count(&prepared, cue.palette(), &correction, 1);
+    counts.color_posterior(&colors, &mut posterior);
+    let context = EdgeFrameContext {
+        colors: (cue.palette(), cue.ranges()),
+        posterior: &posterior,
+        correction,
+        surrounding,
+        look_alikes: &Outlines::default(),
+    };
+    look(&mut cue, EdgeFrame::new(0, prepared, context))
+}
+
+fn ball() -> Shape {
+    Shape::Sphere(Sphere::new(RADIUS_M, SphereOutline::Tangent).unwrap())
+}
+
+/// Fits a picture from a start.
+fn fitted(
+    frame: &Frame,
+    start_m: [f64; 3],
+    surrounding: Option<&Surrounding>,
+) -> Option<Detection> {
+    with_frame(frame, surrounding, |cue, frame| {
+        let mut detection = Detection::default();
+        let found = cue.fit(&[frame], start_m, None, false, &mut detection);
+        found.then_some(detection)
+    })
+}
+
+#[test]
+fn the_color_posterior_is_the_oracles() {
+    let (frame, _) = picture([0.05, -0.03, 1.2], SIZE.0);
+    let expected = reference::color_posterior(&colors(), &view(), &frame, 1);
+    let found = with_frame(&frame, None, |_, frame| frame.context().posterior.to_vec());
+    assert_eq!(found.len(), expected.len());
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+}
+
+/// The picture with noise: in plain colours every membership would lie on the border of two bins.
+fn grained(frame: &Frame) -> Frame {
+    let grain = |(i, &byte): (usize, &u8)| {
+        let (column, row) = (i / 3 % SIZE.0, i / 3 / SIZE.0);
+        let noise = ((column * 7 + row * 13 + i % 3 * 5) % 11) as u8;
+        byte.saturating_add(noise)
+    };
+    let bytes: Vec<u8> = frame.bytes().iter().enumerate().map(grain).collect();
+    let encoding = YuvEncoding::default();
+    Frame::new(PixelFormat::Rgb8, encoding, SIZE.0, SIZE.1, bytes, 0.0).unwrap()
+}
+
+#[test]
+fn likelihoods_over_correspondence_lines_are_the_oracles() {
+    // Fully visible, small, large enough that every second pixel is skipped, and partly occluded.
+    for (place_m, occluded_from) in [
+        ([0.05, -0.03, 1.2], SIZE.0),
+        ([0.1, -0.03, 3.0], SIZE.0),
+        ([0.02, 0.01, 0.7], SIZE.0),
+        ([0.05, -0.03, 1.2], 92),
+    ] {
+        let frame = grained(&picture(place_m, occluded_from).0);
+        let settings = EdgeSettings::default();
+        let naive =
+            reference::EdgeLines::place(&settings, &ball(), &colors(), &view(), &frame, place_m);
+        let naive = naive.unwrap();
+        // From the middle to beyond the reach of lines.
+        let positions: Vec<[f64; 3]> = (0..40)
+            .map(|i| {
+                let off = f64::from(i) - 20.0;
+                let [x, y, z] = place_m;
+                [
+                    x + 1e-3 * off * z,
+                    y - 4e-4 * off * z,
+                    z * (1.0 + 2e-3 * off),
+                ]
+            })
+            .collect();
+        let fast = with_frame(&frame, None, |cue, frame| {
+            let mut detection = Detection::at(place_m);
+            cue.place_lines(std::slice::from_ref(&frame), &mut detection);
+            assert_eq!(detection.camera_count(), 1);
+            let columns = [0, 1, 2].map(|axis| {
+                let column = positions.iter().map(|position| position[axis] as f32);
+                column.collect::<Vec<f32>>()
+            });
+            let mut out = vec![0.0; positions.len()];
+            let detections = std::iter::once((&detection, 0.0));
+            let columns = columns.each_ref().map(Vec::as_slice);
+            cue.log_likelihood_ratios(&frame, detections, columns, f32::MIN, &mut out);
+            out
+        });
+        for (fast, position_m) in fast.iter().zip(&positions) {
+            let expected = naive.log_likelihood_ratio(&ball(), &view(), *position_m);
+            // Memberships within rounding of a bin's border may fall to either side.
+            let allowed = 0.01 * expected.abs().max(1.0);
+            let off = (f64::from(*fast) - expected).abs();
+            assert!(
+                off < allowed,
+                "{place_m:?} {position_m:?}: {fast} {expected}"
+            );
+        }
+        let at_place = naive.log_likelihood_ratio(&ball(), &view(), place_m);
+        assert!(at_place > 3.0, "the ball is seen: {at_place}");
+    }
 }
 
 #[test]
@@ -76,20 +177,24 @@ fn an_outline_is_found_to_a_fraction_of_a_pixel_from_some_pixels_off() {
     let (frame, _) = picture(place_m, SIZE.0);
     // 3 px aside, and a tenth too far.
     for start_m in [[0.068, -0.03, 1.2], [0.05, -0.02, 1.32], [0.05, -0.03, 1.1]] {
-        let sighting = fitted(&frame, start_m, None).unwrap();
+        let detection = fitted(&frame, start_m, None).unwrap();
         for axis in 0..3 {
             // 0.05 px across, 0.1 px of 17 in radius.
             let allowed_m = [3e-4, 3e-4, 7e-3][axis];
-            let off_m = (sighting.position_m[axis] - place_m[axis]).abs();
-            assert!(off_m < allowed_m, "{start_m:?}: {:?}", sighting.position_m);
+            let off_m = (detection.position_m()[axis] - place_m[axis]).abs();
+            assert!(
+                off_m < allowed_m,
+                "{start_m:?}: {:?}",
+                detection.position_m()
+            );
         }
-        assert!(sighting.log_ratio > 15.0 && sighting.seen_share() > 0.95);
-        assert!(sighting.information.cholesky().is_some());
+        assert!(detection.log_likelihood_ratio() > 15.0 && detection.visible_share() > 0.95);
+        assert!(detection.information().cholesky().is_some());
     }
 }
 
 #[test]
-fn where_nothing_has_the_colours_there_is_no_sighting() {
+fn where_nothing_has_the_colours_there_is_no_detection() {
     let (frame, _) = picture([0.05, -0.03, 1.2], SIZE.0);
     assert!(fitted(&frame, [-0.25, 0.1, 1.2], None).is_none());
     assert!(
@@ -109,13 +214,13 @@ fn what_has_come_between_does_not_make_a_small_body_smaller() {
     let (whole, _) = picture(place_m, SIZE.0);
     let mut around = None;
     let seen = fitted(&whole, place_m, None).unwrap();
-    seen.learn_around(0, &mut around);
+    seen.update_surrounding(0, &mut around);
     // The right third of it is hidden.
     let (partly, _) = picture(place_m, 86);
     let naive = fitted(&partly, place_m, None).unwrap();
     let aware = fitted(&partly, place_m, around.as_ref()).unwrap();
-    let error_m = |sighting: &Sighting| (sighting.position_m[2] - place_m[2]).abs();
-    let found = [&seen, &naive, &aware].map(|sighting| sighting.position_m);
+    let error_m = |detection: &Detection| (detection.position_m()[2] - place_m[2]).abs();
+    let found = [&seen, &naive, &aware].map(Detection::position_m);
     // A tenth of a pixel in radius.
     assert!(error_m(&seen) < 0.08, "{found:?}");
     assert!(error_m(&aware) < 0.5 * error_m(&naive), "{found:?}");

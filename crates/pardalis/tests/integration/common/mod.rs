@@ -5,20 +5,20 @@ pub(crate) mod robot;
 
 use std::path::PathBuf;
 
-use image::RgbImage;
 use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
 use pardalis::likelihood::{ContourSettings, Cue};
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, ExistenceSettings};
+use pardalis::tracker::{DetectedSettings, InitializedSettings};
 use pardalis::view::View;
-use pardalis::{Frame, PixelFormat};
+use pardalis::{CameraId, Frame, FrameSet, PixelFormat};
 use pardalis_camera::{Camera, Equidistant};
 use pardalis_camera::{Pose, pose_from_matrix};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-use pardalis_filter::motion::{ConstantVelocity, Disturbance};
+use pardalis_filter::motion::{ConstantVelocity, VelocityNoise};
 use pardalis_filter::particle_filter::FilterSettings;
 use pardalis_filter::resample::Resampling;
+use pardalis_images::{RgbImage, decode};
 
 /// Width and height of the sequence's images in pixels.
 pub(crate) const SIZE: (usize, usize) = (640, 480);
@@ -35,14 +35,20 @@ pub(crate) fn data(path: &str) -> PathBuf {
         .join(path)
 }
 
-fn open(path: &str) -> image::DynamicImage {
-    let path = data(path);
-    image::open(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+/// Decodes a bundled image.
+pub(crate) fn open(path: &str) -> RgbImage {
+    let file = std::fs::read(data(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+    decode(&file).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
 /// Loads a picture of data/dioptric-jump.
 pub(crate) fn jump_picture(index: usize) -> RgbImage {
-    open(&format!("dioptric-jump/frames/{index:06}.jpg")).into_rgb8()
+    open(&format!("dioptric-jump/frames/{index:06}.jpg"))
+}
+
+/// The frame of the first camera, as the set of its instant.
+pub(crate) fn set_of(frame: Frame) -> FrameSet {
+    FrameSet::of(CameraId::new(0), frame)
 }
 
 /// Converts a picture to a frame of the given format.
@@ -54,7 +60,7 @@ pub(crate) fn frame(
 ) -> Frame {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let bytes = match format {
-        PixelFormat::Rgb8 => picture.as_raw().clone(),
+        PixelFormat::Rgb8 => picture.as_raw().to_vec(),
         _ => yuv_bytes(picture, format, encoding),
     };
     Frame::new(format, encoding, width, height, bytes, time_s).unwrap()
@@ -64,7 +70,7 @@ pub(crate) fn frame(
 fn yuv_bytes(picture: &RgbImage, format: PixelFormat, encoding: YuvEncoding) -> Vec<u8> {
     let (width, height) = picture.dimensions();
     let yuv = |x: u32, y: u32| {
-        let rgb = picture.get_pixel(x.min(width - 1), y).0.map(f64::from);
+        let rgb = picture.get_pixel(x.min(width - 1), y).map(f64::from);
         encoding.yuv_from_rgb(rgb).map(|c| c.round() as u8)
     };
     let mut bytes = Vec::new();
@@ -131,9 +137,9 @@ pub(crate) fn fisheye_view() -> View {
 pub(crate) fn ball_colors(palette: Palette) -> ColorModel {
     let mut learner = ColorLearner::new(palette).unwrap();
     for i in 0..6 {
-        let picture = open(&format!("training/dioptric/{i:03}.jpg")).into_rgb8();
-        let mask = open(&format!("training/dioptric/{i:03}_ball_mask.png")).into_luma8();
-        let labels: Vec<bool> = mask.as_raw().iter().map(|&g| g >= 128).collect();
+        let picture = open(&format!("training/dioptric/{i:03}.jpg"));
+        let mask = open(&format!("training/dioptric/{i:03}_ball_mask.png"));
+        let labels: Vec<bool> = mask.pixels().map(|[grey, ..]| grey >= 128).collect();
         let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), 0.0);
         learner.add(&frame, &labels).unwrap();
     }
@@ -147,12 +153,12 @@ pub(crate) fn ball() -> Sphere {
 
 /// Returns the paper's offline filter for the ball: 90 mm/frame² of acceleration, resampling at every step.
 pub(crate) fn ball_filter(particle_count: usize) -> FilterSettings {
-    let disturbance = Disturbance::PiecewiseConstant {
+    let noise = VelocityNoise::PiecewiseConstant {
         acceleration_sigma_mps2: 0.09 * FPS * FPS,
     };
     FilterSettings {
         particle_count,
-        motion: ConstantVelocity::new(disturbance).unwrap().into(),
+        motion: ConstantVelocity::new(noise).unwrap().into(),
         resampling: Resampling::Systematic,
         resample_below: 1.0,
     }
@@ -169,13 +175,17 @@ pub(crate) fn ball_start() -> GaussianStart {
 }
 
 /// Returns the ball as a target of the tracker.
-pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> BodySettings {
-    BodySettings {
+pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> InitializedSettings {
+    InitializedSettings {
         shape: Shape::Sphere(ball()),
         colors: Some(ball_colors(palette)),
         cues: vec![Cue::Contour(ContourSettings::default()).into()],
         filter: ball_filter(particle_count),
         start: Start::Gaussian(ball_start()),
-        existence: ExistenceSettings::default(),
     }
+}
+
+/// The ball as a target that the tracker detects itself, of which nothing but size and colours is known.
+pub(crate) fn detected_ball() -> DetectedSettings {
+    DetectedSettings::new(Shape::Sphere(ball()), ball_colors(Palette::HSI))
 }

@@ -1,12 +1,11 @@
 //! Fixtures of the plane sequence: the camera calibrated by the tape rectangle, and the robot with two
 //! landmarks.
 
-use image::RgbImage;
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{Cue, PatchSettings};
 use pardalis::shape::{Flat, Shape};
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, ExistenceSettings, TargetSettings};
+use pardalis::tracker::{InitializedSettings, TargetSettings};
 use pardalis::view::View;
 use pardalis_calibrate::plane::{PointPair, fit};
 use pardalis_camera::Pose;
@@ -15,6 +14,7 @@ use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 use pardalis_filter::motion::Motion;
 use pardalis_filter::particle_filter::FilterSettings;
 use pardalis_filter::resample::Resampling;
+use pardalis_images::RgbImage;
 
 use super::{SIZE, data, open};
 
@@ -32,7 +32,7 @@ const CENTER_M: [f64; 3] = [0.0, -3.2, 3.0];
 
 /// Loads a picture of data/plane-robot.
 pub(crate) fn picture(index: usize) -> RgbImage {
-    open(&format!("plane-robot/frames/{index:06}.jpg")).into_rgb8()
+    open(&format!("plane-robot/frames/{index:06}.jpg"))
 }
 
 /// Returns the camera calibrated by the corners, with or without its position.
@@ -64,7 +64,7 @@ pub(crate) fn landmark_colors(name: &str) -> ColorModel {
 /// Returns the robot with its landmarks, red in front and yellow behind, each with the region and difference
 /// cues.
 pub(crate) fn robot_target(particle_count: usize) -> TargetSettings {
-    let body = |colors, x_m| BodySettings {
+    let body = |colors, x_m| InitializedSettings {
         shape: landmark(),
         colors: Some(landmark_colors(colors)),
         cues: vec![
@@ -83,10 +83,9 @@ pub(crate) fn robot_target(particle_count: usize) -> TargetSettings {
             velocity_sigma_mps: [0.1, 0.1, 0.0],
             ..GaussianStart::default()
         }),
-        existence: ExistenceSettings::default(),
     };
     TargetSettings {
-        bodies: vec![body("red", -1.3), body("yellow", -1.6)],
+        bodies: vec![body("red", -1.3).into(), body("yellow", -1.6).into()],
         heading: Some([0, 1]),
     }
 }

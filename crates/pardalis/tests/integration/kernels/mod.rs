@@ -6,11 +6,10 @@ mod window;
 
 use crate::common::robot::mast;
 use crate::common::{ball_colors, fisheye, frame, jump_picture, world_from_fisheye};
-use image::{Rgb, RgbImage};
 use nalgebra::Point3;
 use pardalis::color::{ColorModel, Palette, PixelKind, YuvEncoding, YuvMatrix, YuvRange};
 use pardalis::likelihood::{
-    ContourSettings, Cue, Cues, Overlap, Sampling, ScaledSampling, SplineSampling,
+    ContourSettings, Cue, Cues, Sampling, ScaledSampling, SharedPixels, SplineSampling,
 };
 use pardalis::reference::{
     boundary, boundary_along_normals, boundary_of_scales, contour_log_likelihood,
@@ -27,6 +26,7 @@ use pardalis_core::rng::{Draws, Stage};
 use pardalis_core::simd::Level;
 use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
+use pardalis_images::RgbImage;
 
 /// Single precision has an error of some 2e-4 px, so a point this close to a pixel border may be rounded to
 /// either side.
@@ -143,7 +143,7 @@ fn patches(seed: u32) -> RgbImage {
     let draws = Draws::new(seed, 1);
     RgbImage::from_fn(401, 333, |x, y| {
         let channel = |c| (256.0 * draws.uniform(x / 9 + 1000 * (y / 7), c, Stage::Start)) as u8;
-        Rgb([channel(0), channel(1), channel(2)])
+        [channel(0), channel(1), channel(2)]
     })
 }
 
@@ -217,7 +217,7 @@ fn is_borderline(
             let scales = [scaled.inner_scale, scaled.outer_scale];
             let sides = boundary_of_scales(view, shape, points, position_m, scales);
             let mut all = vec![(sides.concat(), 0.0)];
-            if let Some(Overlap { distance_px, .. }) = scaled.overlap {
+            if let Some(SharedPixels { distance_px, .. }) = scaled.shared_pixels {
                 let sides = boundary_along_normals(view, shape, points, position_m, distance_px);
                 all.push((sides.concat(), distance_px));
             }
@@ -309,14 +309,14 @@ fn some_flat_shape(random: &mut Uniform, unit_m: f64) -> Shape {
 /// Returns random settings with any sampling.
 fn some_settings(random: &mut Uniform) -> ContourSettings {
     let points = 3 + random.below(57);
-    let overlap = (random.below(2) == 0).then(|| Overlap {
+    let shared_pixels = (random.below(2) == 0).then(|| SharedPixels {
         max_share: random.between(0.0, 0.9),
         distance_px: random.between(0.5, 4.0),
     });
     let scaled = Sampling::Scaled(ScaledSampling {
         inner_scale: random.between(0.5, 0.95),
         outer_scale: random.between(1.05, 1.5),
-        overlap,
+        shared_pixels,
     });
     let spline = Sampling::Spline(SplineSampling {
         control_points: 3 + random.below((points / 2).saturating_sub(2)),

@@ -1,7 +1,6 @@
 //! The region and difference cues against the reference: every camera, format and mask, discs and rectangles,
 //! any samples and bins.
 
-use image::RgbImage;
 use pardalis::color::{ChannelBins, ColorModel, Palette, YuvEncoding};
 use pardalis::likelihood::{Cue, CueSettings, Cues, PatchSettings};
 use pardalis::reference::{
@@ -15,6 +14,7 @@ use pardalis_camera::{Camera, Mask, Plane};
 use pardalis_core::simd::Level;
 use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
+use pardalis_images::RgbImage;
 
 use super::{
     BORDER_PX, FORMATS, Tally, Uniform, VIDEO, cameras, particles, patches, some_flat_shape, view,
@@ -154,7 +154,7 @@ fn moved(picture: &RgbImage) -> RgbImage {
     let (width, height) = picture.dimensions();
     RgbImage::from_fn(width, height, |x, y| {
         let by = if y % 50 < 35 { 4 } else { 0 };
-        *picture.get_pixel((x + by).min(width - 1), y)
+        picture.get_pixel((x + by).min(width - 1), y)
     })
 }
 

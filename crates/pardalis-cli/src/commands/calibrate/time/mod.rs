@@ -1,0 +1,207 @@
+//! `pardalis calibrate time`: time offsets between the cameras of a scene, from a moving target.
+
+mod report;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressStyle};
+use pardalis::color::{ColorModel, PixelKind};
+use pardalis::detect::blobs;
+use pardalis::view::View;
+use pardalis_calibrate::{BlobFrame, MAX_TIME_OFFSET_S, TimedCamera, calibrate_time};
+use pardalis_scene::{Scene, TargetConfig, with_time_offsets};
+use rayon::prelude::*;
+
+use super::output;
+use crate::files::write_file;
+use crate::output::{print, warn};
+use crate::scene;
+use crate::source::{Delivery, Source};
+use crate::user_error::user_error;
+use report::Report;
+
+/// Estimates the time offsets between the cameras of a scene from a moving target
+///
+/// Detects the target by its colours in every image, and finds the offsets under which one path through space
+/// explains the detections of all cameras. The cameras need poses but not a common frame rate. Record 5 to 30
+/// seconds of the target moving back and forth in all directions, visible to two or more cameras at a time.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  pardalis calibrate time scene.toml --corrected corrected.toml
+  pardalis track corrected.toml")]
+pub(crate) struct Arguments {
+    /// The scene; its first camera is the time reference
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// The target to detect, if the scene has several
+    #[arg(long, value_name = "NAME")]
+    target: Option<String>,
+    /// Largest offset to search for in either direction, in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = parse_offset)]
+    max_offset_s: f64,
+    /// Also writes the scene with the estimated offsets to this file, which must be in the scene's folder and
+    /// may be the scene itself
+    #[arg(long, value_name = "SCENE.toml")]
+    corrected: Option<PathBuf>,
+    /// The folder for the results [default: in the current directory, the scene's name with -time]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let path = &arguments.scene;
+    if let Some(corrected) = &arguments.corrected {
+        check_folder(path, corrected)?;
+    }
+    let read = scene::read(path)?;
+    let number = target(path, &read, arguments.target.as_deref())?;
+    let mut open = scene::open(path, read, None, &[])?;
+    let [body] = &open.scene.targets[number].bodies[..] else {
+        return Err(user_error!(
+            "{}: targets.{}: has several landmarks, but temporal calibration needs a single body; define a target of one body and choose it with --target NAME",
+            path.display(),
+            open.scene.targets[number].name
+        ));
+    };
+    let colors = scene::colors(path, body)?;
+    let mut views = open.tracker.views().to_vec();
+    let frames = detect(&mut open.sources, &mut views, &colors)?;
+    let cameras: Vec<TimedCamera> = open
+        .scene
+        .cameras
+        .iter()
+        .zip(&views)
+        .zip(frames)
+        .map(|((camera, view), frames)| TimedCamera {
+            name: &camera.name,
+            view,
+            frames,
+        })
+        .collect();
+    let fits = calibrate_time(&cameras, &body.shape, arguments.max_offset_s)
+        .map_err(|refusal| user_error!("{}: {refusal}", path.display()))?;
+    let report = Report::new(&open.scene, &cameras, &fits);
+
+    let folder = output::folder(arguments.output.as_deref(), path, "time");
+    output::make_folder(&folder)?;
+    let mut written = Vec::new();
+    for (name, text) in [
+        ("offsets.csv", report.table()?),
+        ("detections.csv", report.detections()?),
+        ("report.html", report.page()?),
+    ] {
+        let file = folder.join(name);
+        write_file(&file, text.as_bytes())?;
+        written.push(file);
+    }
+    if let Some(corrected) = &arguments.corrected {
+        let text = with_time_offsets(&scene::read_text(path)?, &report.offsets_s());
+        let text = text.ok_or_else(|| {
+            user_error!(
+                "{}: the layout of the file does not allow inserting the offsets; add them by hand:\n{}",
+                path.display(),
+                report.settings()
+            )
+        })?;
+        write_file(corrected, text.as_bytes())?;
+        written.push(corrected.clone());
+    }
+    print(&report);
+    output::say_written(&written);
+    Ok(())
+}
+
+/// Requires a file in the scene's folder, because paths in a scene are relative to it.
+fn check_folder(scene: &Path, corrected: &Path) -> Result<()> {
+    let folder = |file: &Path| {
+        let folder = file.parent().filter(|folder| *folder != Path::new(""));
+        folder.unwrap_or(Path::new(".")).canonicalize().ok()
+    };
+    if folder(scene) == folder(corrected) {
+        return Ok(());
+    }
+    Err(user_error!(
+        "--corrected {}: lies in another folder than {}, but paths in a scene are relative to its folder; give a file beside the scene",
+        corrected.display(),
+        scene.display()
+    ))
+}
+
+/// Returns the index of the target to detect.
+fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
+    let is_wanted = |target: &TargetConfig| wanted.is_none_or(|name| target.name == name);
+    let found = scene.targets.iter().position(is_wanted);
+    match found {
+        Some(number) if wanted.is_some() || scene.targets.len() == 1 => Ok(number),
+        _ => {
+            let names: Vec<&str> = scene.targets.iter().map(|t| &*t.name).collect();
+            let unknown = wanted.map_or_else(String::new, |name| format!("no target {name}, but "));
+            Err(user_error!(
+                "{}: has {unknown}the targets {}; choose one with --target NAME",
+                path.display(),
+                names.join(", ")
+            ))
+        }
+    }
+}
+
+/// Detects blobs of the target's colours in every frame, camera by camera.
+fn detect(
+    sources: &mut [Source],
+    views: &mut [View],
+    colors: &ColorModel,
+) -> Result<Vec<Vec<BlobFrame>>> {
+    let counts = sources.iter().map(Source::frame_count);
+    let bar = progress_bar(counts.sum());
+    let of_camera = |(source, view): (&mut Source, &mut View)| {
+        let mut frames = Vec::new();
+        for delivery in source {
+            bar.inc(1);
+            let frame = match delivery? {
+                Delivery::Frame { frame, .. } => frame,
+                Delivery::Broken(error) => {
+                    warn(format!("{error:#}; the frame is ignored"));
+                    continue;
+                }
+            };
+            view.check(&frame)?;
+            view.prepare(PixelKind::of(&frame), colors.palette());
+            frames.push(BlobFrame {
+                time_s: frame.time_s(),
+                blobs: blobs(&view.prepared(&frame), colors),
+            });
+        }
+        // A source may deliver frames out of order.
+        frames.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        Ok(frames)
+    };
+    let cameras: Vec<Result<_>> = sources.par_iter_mut().zip(views).map(of_camera).collect();
+    bar.finish_and_clear();
+    // Reports the error of the first camera, whichever failed first in time.
+    cameras.into_iter().collect()
+}
+
+/// Creates a progress bar on a terminal; hidden elsewhere.
+fn progress_bar(frames: Option<usize>) -> ProgressBar {
+    let (bar, template) = match frames {
+        Some(frames) => (
+            ProgressBar::new(frames as u64),
+            "detecting {bar:32} {pos}/{len} frames, {eta} left",
+        ),
+        None => (ProgressBar::no_length(), "detecting {spinner} {pos} frames"),
+    };
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+/// Parses the largest offset in seconds.
+fn parse_offset(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|offset_s: &f64| *offset_s > 0.0 && *offset_s <= MAX_TIME_OFFSET_S)
+        .ok_or_else(|| format!("allowed: above 0 and at most {MAX_TIME_OFFSET_S} seconds"))
+}

@@ -1,0 +1,101 @@
+//! Particles on request: one row per instant, target and particle, flushed after each instant.
+
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use pardalis::TargetId;
+use pardalis_filter::Particles;
+use pardalis_scene::{Scene, TargetConfig};
+
+use super::{Instant, Sink};
+use crate::user_error::user_error;
+
+/// The first line. Further columns may follow in later versions.
+const HEADER: &str =
+    "frame,time_s,target,landmark,particle,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,weight\n";
+/// Columns of positions and velocities; a motion model without velocities has only the first three.
+const STATE_COLUMNS: usize = 6;
+
+/// Writes the particles behind each estimate to a file.
+///
+/// Only targets with an estimate have rows: the particles of a target that is searched for or lost mean nothing. Particles are written before resampling; those of a
+/// detected target are as of its last update. The weights of the particles of one landmark, or of a target without landmarks, sum to one.
+pub(crate) struct ParticleRows {
+    out: BufWriter<File>,
+    path: PathBuf,
+    targets: Vec<TargetConfig>,
+    text: String,
+}
+
+impl ParticleRows {
+    /// Creates the file and writes the header.
+    pub(crate) fn create(path: &Path, scene: &Scene) -> Result<Self> {
+        let file = File::create(path).map_err(|error| {
+            user_error!(
+                "--particles {}: {error}; give a file that can be written",
+                path.display()
+            )
+        })?;
+        let mut rows = Self {
+            out: BufWriter::new(file),
+            path: path.to_owned(),
+            targets: scene.targets.clone(),
+            text: HEADER.to_owned(),
+        };
+        rows.write()?;
+        Ok(rows)
+    }
+
+    fn write(&mut self) -> Result<()> {
+        self.out
+            .write_all(self.text.as_bytes())
+            .and_then(|()| self.out.flush())
+            .with_context(|| format!("{}: the particles cannot be written", self.path.display()))
+    }
+}
+
+impl Sink for ParticleRows {
+    fn take(&mut self, instant: &Instant) -> Result<()> {
+        self.text.clear();
+        for (number, target) in self.targets.iter().enumerate() {
+            let clouds: Vec<&Particles> =
+                instant.tracker.particles(TargetId::new(number))?.collect();
+            let is_known = instant.estimates[number].kinematics.is_some();
+            if !is_known || clouds.len() != target.bodies.len() {
+                continue;
+            }
+            for (body, particles) in target.bodies.iter().zip(clouds) {
+                let landmark = if target.bodies.len() > 1 {
+                    body.name.as_str()
+                } else {
+                    ""
+                };
+                let labels = format!(
+                    "{},{},{},{landmark}",
+                    instant.index, instant.time_s, target.name
+                );
+                push_rows(&mut self.text, &labels, particles);
+            }
+        }
+        self.write()
+    }
+}
+
+/// Adds a row per particle. Numbers are in the shortest form that reads back to the same value.
+fn push_rows(text: &mut String, labels: &str, particles: &Particles) {
+    let columns = particles.columns();
+    for (particle, log_weight) in particles.log_weights.iter().enumerate() {
+        // Writing to a String cannot fail.
+        let _ = write!(text, "{labels},{particle}");
+        for column in 0..STATE_COLUMNS {
+            text.push(',');
+            if let Some(values) = columns.get(column) {
+                let _ = write!(text, "{}", values[particle]);
+            }
+        }
+        let _ = writeln!(text, ",{}", libm::exp(*log_weight));
+    }
+}

@@ -1,0 +1,228 @@
+//! Tests of `pardalis calibrate time` with the real program on the webcam sequences with shifted time stamps.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use tempfile::TempDir;
+
+// This file uses only some of the helpers.
+#[allow(dead_code)]
+use crate::common::{Run, rows_in};
+
+fn data(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../data")
+        .join(path)
+}
+
+/// Creates a folder with a scene of a webcam sequence whose time stamps are early by these offsets, which are thus the
+/// correct values of `time_offset_s`.
+fn scene(sequence: &str, offsets_s: &[f64]) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let mut text = "seed = 1\n".to_owned();
+    for (number, offset_s) in offsets_s.iter().enumerate() {
+        let name = format!("cam{}", number + 1);
+        let images = folder.path().join(&name);
+        fs::create_dir(&images).unwrap();
+        let mut times = "frame,time_s\n".to_owned();
+        for entry in fs::read_dir(data(sequence).join("frames").join(&name)).unwrap() {
+            let file = entry.unwrap().path();
+            fs::copy(&file, images.join(file.file_name().unwrap())).unwrap();
+        }
+        for frame in 0..fs::read_dir(&images).unwrap().count() {
+            let _ = writeln!(times, "{frame},{}", frame as f64 / 25.0 - offset_s);
+        }
+        fs::write(images.join("times.csv"), times).unwrap();
+        let calibration = data(sequence).join("cameras.json");
+        let _ = writeln!(
+            text,
+            "[cameras.{name}]  # number {number}\nimages = \"{name}\"\ncalibration = '{}'\n",
+            calibration.display()
+        );
+    }
+    let colors = data("colors/pink-ball.hsi.colors.toml");
+    let [x, y, z] = truth(sequence)[0].1;
+    let _ = write!(
+        text,
+        "[targets.ball]\nshape.sphere.radius_m = 0.035\ncolors = '{}'\nfilter.particles = 500\n\
+         motion.constant_velocity.acceleration_density_m2ps3 = 1.0\n\
+         start.gaussian = {{ position_m = [{x}, {y}, {z}], position_sigma_m = 0.01 }}\n",
+        colors.display()
+    );
+    fs::write(folder.path().join("scene.toml"), text).unwrap();
+    folder
+}
+
+/// Returns the true path of the ball: time in seconds, position in metres.
+fn truth(sequence: &str) -> Vec<(f64, [f64; 3])> {
+    let text = fs::read_to_string(data(sequence).join("truth.csv")).unwrap();
+    let rows = text.lines().filter(|line| line.contains(",ball,cam1,"));
+    rows.map(|line| {
+        let number = |i: usize| line.split(',').nth(i).unwrap().parse().unwrap();
+        (number(1), [number(4), number(5), number(6)])
+    })
+    .collect()
+}
+
+fn pardalis(folder: &TempDir, arguments: &[&str]) -> Run {
+    Run::of(
+        Command::new(env!("CARGO_BIN_EXE_pardalis"))
+            .current_dir(folder.path())
+            .args(arguments),
+    )
+}
+
+/// Reads the offset and standard deviation of every camera in seconds, and the RMS before and after in pixels.
+fn offsets(folder: &TempDir) -> Vec<[f64; 4]> {
+    let text = fs::read_to_string(folder.path().join("scene-time/offsets.csv")).unwrap();
+    let rows = text.lines().skip(1).map(|line| {
+        let field = |i: usize| line.split(',').nth(i).unwrap().parse().unwrap();
+        [4, 5, 8, 9].map(field)
+    });
+    rows.collect()
+}
+
+/// Runs the command and compares every offset with the truth, within these milliseconds and standard deviations.
+#[track_caller]
+fn check(sequence: &str, offsets_s: &[f64], most_ms: f64, most_sigmas: f64) -> TempDir {
+    let folder = scene(sequence, offsets_s);
+    let arguments = ["calibrate", "time", "scene.toml", "--corrected", "new.toml"];
+    let run = pardalis(&folder, &arguments).fine();
+    println!("{}", run.stdout);
+    for (expected_s, [offset_s, sigma_s, before_px, after_px]) in
+        offsets_s.iter().zip(offsets(&folder))
+    {
+        let error_s = offset_s - expected_s;
+        assert!(1e3 * error_s.abs() < most_ms, "error of {error_s} s");
+        assert!(
+            error_s.abs() <= most_sigmas * sigma_s,
+            "error of {error_s} s with a standard deviation of {sigma_s} s"
+        );
+        assert!(
+            after_px < 1.0 && after_px <= before_px + 0.1,
+            "{before_px} to {after_px} px"
+        );
+    }
+    folder
+}
+
+/// Returns the root mean square error of a track in metres, against the truth at the track's times.
+fn error_m(folder: &TempDir, scene: &str, sequence: &str) -> f64 {
+    pardalis(folder, &["track", scene, "-o", "out", "--no-plots"]).fine();
+    let truth = truth(sequence);
+    let text = fs::read_to_string(folder.path().join("out/tracks.csv")).unwrap();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for row in rows_in(&text) {
+        let number = |i: usize| row[i].parse::<f64>().unwrap();
+        let place = number(1) * 25.0;
+        let index = (place.max(0.0) as usize).min(truth.len() - 2);
+        let share = place - index as f64;
+        if !(0.0..=1.0).contains(&share) {
+            continue;
+        }
+        for axis in 0..3 {
+            let [a, b] = [truth[index].1[axis], truth[index + 1].1[axis]];
+            sum += (number(4 + axis) - a - share * (b - a)).powi(2);
+        }
+        count += 1.0;
+    }
+    f64::sqrt(sum / count)
+}
+
+#[test]
+fn finds_zero_offsets_of_synchronous_cameras() {
+    check("webcams-two", &[0.0, 0.0], 2.0, 2.0);
+    check("webcams-four", &[0.0, 0.0, 0.0, 0.0], 2.0, 2.0);
+}
+
+#[test]
+fn corrected_scene_tracks_better() {
+    let sequence = "webcams-two";
+    let folder = check(sequence, &[0.0, -0.13], 2.0, 3.0);
+    let [before_m, after_m] =
+        ["scene.toml", "new.toml"].map(|file| error_m(&folder, file, sequence));
+    println!(
+        "error {:.1} mm, corrected {:.1} mm",
+        1e3 * before_m,
+        1e3 * after_m
+    );
+    assert!(after_m < 0.7 * before_m, "{before_m} m to {after_m} m");
+    // The corrected scene has one more line per camera.
+    let [old, new] = ["scene.toml", "new.toml"]
+        .map(|name| fs::read_to_string(folder.path().join(name)).unwrap());
+    let kept = new
+        .lines()
+        .filter(|line| !line.starts_with("time_offset_s = "));
+    assert!(old.lines().eq(kept), "{new}");
+    assert_eq!(new.lines().count(), old.lines().count() + 1);
+    // The corrected scene needs no further correction, and its own offset is taken into account.
+    let again = [
+        "calibrate",
+        "time",
+        "new.toml",
+        "-o",
+        "scene-time",
+        "--corrected",
+        "new.toml",
+    ];
+    pardalis(&folder, &again).fine();
+    assert!(
+        offsets(&folder)[1][0].abs() < 1e-5,
+        "{:?}",
+        offsets(&folder)
+    );
+    let newest = fs::read_to_string(folder.path().join("new.toml")).unwrap();
+    assert_eq!(newest.lines().count(), new.lines().count());
+    let offset = newest
+        .lines()
+        .find(|line| line.starts_with("time_offset_s"))
+        .unwrap();
+    let offset_s: f64 = offset["time_offset_s = ".len()..].parse().unwrap();
+    assert!((offset_s + 0.13).abs() < 0.002, "{offset}");
+}
+
+#[test]
+fn calibrates_four_cameras_despite_distractor_and_losses() {
+    let folder = check("webcams-four", &[0.0, 0.04, -0.13, 0.0123], 2.0, 3.0);
+    let page = fs::read_to_string(folder.path().join("scene-time/report.html")).unwrap();
+    for wanted in ["cam4", "Residuals over time", "</html>"] {
+        assert!(page.contains(wanted));
+    }
+    let detections = fs::read_to_string(folder.path().join("scene-time/detections.csv")).unwrap();
+    assert!(
+        detections.lines().count() > 150,
+        "{}",
+        detections.lines().count()
+    );
+}
+
+#[test]
+fn rejects_insufficient_recordings_without_writing() {
+    let folder = scene("webcams-two", &[0.0, 0.0]);
+    fs::create_dir(folder.path().join("other")).unwrap();
+    let text = fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+    let write = |text: &str| fs::write(folder.path().join("scene.toml"), text).unwrap();
+    let refused = |more: &[&str], wanted: &[&str]| {
+        let arguments = [&["calibrate", "clocks", "scene.toml"], more].concat();
+        pardalis(&folder, &arguments).refused(wanted);
+    };
+    refused(
+        &["--corrected", "other/new.toml"],
+        &["other/new.toml", "another folder", "beside the scene"],
+    );
+    refused(
+        &["--target", "cup"],
+        &["scene.toml", "ball", "--target NAME"],
+    );
+    // The ball is at rest in the first 60 frames.
+    write(&text.replace("calibration =", "frame_limit = 50\ncalibration ="));
+    refused(&[], &["scene.toml", "objects at rest count as background"]);
+    let second = text.find("[cameras.cam2]").unwrap()..text.find("[targets").unwrap();
+    let mut alone = text.clone();
+    alone.replace_range(second, "");
+    write(&alone);
+    refused(&[], &["scene.toml", "only one camera"]);
+    assert!(!folder.path().join("scene-time").exists());
+}

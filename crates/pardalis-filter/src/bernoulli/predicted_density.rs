@@ -1,0 +1,110 @@
+//! The predicted density at a measurement.
+
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+use super::BernoulliFilter;
+
+impl BernoulliFilter {
+    /// The predicted density of the target's position at a measurement with this covariance (metres, m²), if the target is located: ∫p(x)·N(x; position, covariance) dx in 1/m³, or in 1/m² in a
+    /// plane, where the third axis does not count. 0 if it is not located. Call it after [`BernoulliFilter::predict`].
+    pub fn predicted_density(&self, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> f64 {
+        if self.located() == 0.0 {
+            return 0.0;
+        }
+        let free_axes = self.settings.motion.free_axes();
+        let mut covariance = *covariance_m2;
+        for axis in 0..2 * usize::from(free_axes < 3) {
+            covariance[(axis, 2)] = 0.0;
+            covariance[(2, axis)] = 0.0;
+        }
+        let SymmetricEigen {
+            eigenvectors,
+            eigenvalues,
+        } = SymmetricEigen::new(covariance);
+        let is_free = |axis: usize| free_axes == 3 || eigenvectors[(2, axis)].abs() < 0.5;
+        let density = |off: &Vector3<f64>, variance_m2: f64| -> f64 {
+            let log = |axis: usize| {
+                let variance = eigenvalues[axis].max(0.0) + variance_m2;
+                off[axis] * off[axis] / variance + libm::log(std::f64::consts::TAU * variance)
+            };
+            libm::exp(-0.5 * (0..3).filter(|&axis| is_free(axis)).map(log).sum::<f64>())
+        };
+        let velocity_jump = self.velocity_jump(self.pending_s);
+        let hypotheses = self.hypotheses.iter().zip(&self.weights);
+        let terms = hypotheses.map(|(hypothesis, weight)| {
+            let ahead = Vector3::from(hypothesis.ahead(self.pending_s));
+            let off = eigenvectors.tr_mul(&(Vector3::from(position_m) - ahead));
+            let given = |kinematics: super::Kinematics| {
+                let velocity_variance = hypothesis.velocity_variance_m2ps2;
+                density(
+                    &off,
+                    kinematics
+                        .step(velocity_variance, self.pending_s)
+                        .variance_m2,
+                )
+            };
+            let (chance, jumped) =
+                velocity_jump.map_or((0.0, 0.0), |(chance, k)| (chance, given(k)));
+            weight * ((1.0 - chance) * given(self.kinematics) + chance * jumped)
+        });
+        terms.sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bernoulli::BernoulliSettings;
+    use crate::gaussian::{GaussianStart, diagonal_m2};
+    use crate::motion::Motion;
+    use pardalis_core::rng::Draws;
+
+    /// The density of a mixture of Gaussians with these weights, means (m) and variances (m²) around a position measured with this covariance, 1/m³: ∫p(x)·N(x; position, covariance) dx.
+    fn naive_density(
+        mixture: &[(f64, Vector3<f64>, f64)],
+        position_m: Vector3<f64>,
+        covariance_m2: &Matrix3<f64>,
+    ) -> f64 {
+        let density = |(weight, mean_m, variance_m2): &(f64, Vector3<f64>, f64)| {
+            let sum = covariance_m2 + Matrix3::identity() * *variance_m2;
+            let inverse = sum.try_inverse().expect("a covariance");
+            let off = position_m - mean_m;
+            let squared = (off.transpose() * inverse * off)[0];
+            weight * (-0.5 * squared).exp() / (sum * std::f64::consts::TAU).determinant().sqrt()
+        };
+        mixture.iter().map(density).sum()
+    }
+
+    #[test]
+    fn the_density_is_the_oracles() {
+        let settings = BernoulliSettings {
+            particle_count: 50,
+            ..BernoulliSettings::of(Motion::DEFAULT)
+        };
+        let mut filter = BernoulliFilter::new(settings, Draws::new(3, 0)).unwrap();
+        let start = GaussianStart {
+            covariance_m2: diagonal_m2([0.2; 3]),
+            velocity_mps: [1.0, 0.0, -1.0],
+            velocity_sigma_mps: [0.5; 3],
+            ..GaussianStart::default()
+        };
+        filter.start(&start, 1.0).unwrap();
+        filter.predict(0.2);
+        let of_particle = |(hypothesis, weight): (&super::super::Hypothesis, &f64)| {
+            let step = filter
+                .kinematics
+                .step(hypothesis.velocity_variance_m2ps2, 0.2);
+            let mean_m = Vector3::from(hypothesis.ahead(0.2));
+            (*weight, mean_m, step.variance_m2)
+        };
+        let particles = filter.hypotheses.iter().zip(&filter.weights);
+        let mixture: Vec<_> = particles.map(of_particle).collect();
+        let covariance_m2 = Matrix3::new(0.04, 0.01, 0.0, 0.01, 0.02, -0.005, 0.0, -0.005, 0.09);
+        for position_m in [[0.2, 0.0, -0.2], [0.5, 0.3, 0.1], [-1.0, 1.0, 0.0]] {
+            let found = filter.predicted_density(position_m, &covariance_m2);
+            let position_m = Vector3::from(position_m);
+            let expected = naive_density(&mixture, position_m, &covariance_m2);
+            assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! Images in memory: decoding and encoding JPEG and PNG, and resizing.
+//!
+//! An [`Image`] is a grid of pixels with interleaved channels, row by row from the top left. Colours are the bytes
+//! of the file; embedded colour profiles and gamma are ignored, and alpha is dropped.
+//!
+//! ```
+//! use pardalis_images::{RgbImage, decode, encode_png};
+//!
+//! let image = RgbImage::from_fn(4, 2, |x, y| [10 * x as u8, 20 * y as u8, 255]);
+//! let file = encode_png(&image)?;
+//! assert_eq!(decode(&file)?, image);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod decode;
+mod encode;
+mod image;
+mod resize;
+
+pub use decode::{DecodeError, MAX_SIDE_PX, decode, decode_grey, size};
+pub use encode::{EncodeError, JpegSampling, encode_jpeg, encode_png};
+pub use image::{GrayImage, Image, RgbImage};

@@ -1,0 +1,243 @@
+//! Descriptions of the keys of a file, recorded from the code that reads them.
+//!
+//! The reader declares each key once, where it reads it: name, meaning, type, range and default. [`keys_of`] runs the same code without a file and
+//! records these declarations, so that the reference and the JSON schema cannot differ from what the reader accepts.
+
+use std::fmt;
+
+use toml::de::DeTable;
+
+use super::journal::Journal;
+use super::reader::Table;
+
+/// A key of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KeyDescription {
+    /// The full key, as in `cameras.NAME.size_px`, with `NAME` for names that the user chooses.
+    pub path: String,
+    /// What it means.
+    pub about: &'static str,
+    /// What it holds.
+    pub content: Content,
+    /// Whether it must be given, and what holds if it is not.
+    pub presence: Presence,
+}
+
+/// What a key holds.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Content {
+    /// A value.
+    Value {
+        /// Its type.
+        kind: Type,
+        /// The unit of its numbers; empty if they have none.
+        unit: &'static str,
+        /// The numbers that are allowed.
+        range: Option<Range>,
+    },
+    /// A table of further keys.
+    Table,
+    /// A table that holds exactly one of several tables.
+    Choice,
+    /// A table of tables whose names the user chooses.
+    Named,
+}
+
+/// Whether a key must be given.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Presence {
+    /// Always.
+    Required,
+    /// On the condition that the text states.
+    RequiredIf(&'static str),
+    /// No; the text states what holds without it, or is empty.
+    Optional(&'static str),
+    /// No; this value holds without it.
+    Default(toml::Value),
+    /// No; the text states the default, which depends on other keys.
+    DefaultDepends(&'static str),
+}
+
+/// The type of a value.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Type {
+    /// A finite number.
+    Number,
+    /// A whole number from the first to the second number.
+    Integer(i64, i64),
+    /// True or false.
+    Boolean,
+    /// A text.
+    Text,
+    /// One of a few words.
+    Words(Vec<&'static str>),
+    /// A list of items; its length, if that is fixed.
+    List(Box<Type>, Option<usize>),
+    /// Either of two types.
+    Either(Box<Type>, Box<Type>),
+}
+
+impl Type {
+    fn plural(&self) -> String {
+        match self {
+            Self::Number => "numbers".to_owned(),
+            Self::Integer(..) => "integers".to_owned(),
+            Self::Boolean => "booleans".to_owned(),
+            Self::Text | Self::Words(_) => "strings".to_owned(),
+            Self::List(item, Some(count)) => format!("rows of {count} {}", item.plural()),
+            Self::List(item, None) => format!("rows of {}", item.plural()),
+            Self::Either(a, b) => format!("{} or {}", a.plural(), b.plural()),
+        }
+    }
+}
+
+impl fmt::Display for Type {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number => f.write_str("number"),
+            Self::Integer(..) => f.write_str("integer"),
+            Self::Boolean => f.write_str("boolean"),
+            Self::Text => f.write_str("string"),
+            Self::Words(words) => {
+                let words: Vec<_> = words.iter().map(|word| format!("`\"{word}\"`")).collect();
+                f.write_str(&words.join(", "))
+            }
+            Self::List(item, Some(count)) => write!(f, "{count} {}", item.plural()),
+            Self::List(item, None) => write!(f, "list of {}", item.plural()),
+            Self::Either(a, b) => write!(f, "{a} or {b}"),
+        }
+    }
+}
+
+/// A range of numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    /// The least number.
+    pub least: f64,
+    /// The greatest number.
+    pub greatest: f64,
+    /// Whether the least number itself is not allowed.
+    pub above: bool,
+    /// Whether the greatest number itself is not allowed.
+    pub below: bool,
+}
+
+impl Range {
+    /// Whether the range contains a number.
+    pub fn contains(&self, value: f64) -> bool {
+        let high_enough = value > self.least || (!self.above && value == self.least);
+        let low_enough = value < self.greatest || (!self.below && value == self.greatest);
+        high_enough && low_enough
+    }
+}
+
+/// Numbers greater than `least`, up to and including `greatest`.
+pub(super) fn above(least: f64, greatest: f64) -> Range {
+    Range {
+        least,
+        greatest,
+        above: true,
+        below: false,
+    }
+}
+
+/// Numbers greater than `least` and less than `greatest`.
+pub(super) fn between(least: f64, greatest: f64) -> Range {
+    Range {
+        least,
+        greatest,
+        above: true,
+        below: true,
+    }
+}
+
+impl From<std::ops::RangeInclusive<f64>> for Range {
+    fn from(range: std::ops::RangeInclusive<f64>) -> Self {
+        Self {
+            least: *range.start(),
+            greatest: *range.end(),
+            above: false,
+            below: false,
+        }
+    }
+}
+
+impl From<std::ops::Range<f64>> for Range {
+    fn from(range: std::ops::Range<f64>) -> Self {
+        Self {
+            least: range.start,
+            greatest: range.end,
+            above: false,
+            below: true,
+        }
+    }
+}
+
+impl From<std::ops::RangeFrom<f64>> for Range {
+    fn from(range: std::ops::RangeFrom<f64>) -> Self {
+        Self {
+            least: range.start,
+            greatest: f64::INFINITY,
+            above: false,
+            below: false,
+        }
+    }
+}
+
+/// A number as people write it: `1000000` as such, far greater and smaller ones in scientific notation.
+fn plain(value: f64) -> String {
+    if value != 0.0 && !(1e-4..1e7).contains(&value.abs()) {
+        format!("{value:e}")
+    } else {
+        format!("{value}")
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (least, greatest) = (plain(self.least), plain(self.greatest));
+        match (self.above, self.below, self.greatest.is_infinite()) {
+            (false, _, true) => write!(f, "{least} or more"),
+            (true, _, true) => write!(f, "above {least}"),
+            (false, false, _) => write!(f, "{least} to {greatest}"),
+            (true, false, _) => write!(f, "above {least} and at most {greatest}"),
+            (false, true, _) => write!(f, "{least} or more and below {greatest}"),
+            (true, true, _) => write!(f, "above {least} and below {greatest}"),
+        }
+    }
+}
+
+/// The unit that the end of a key's name states; empty if it states none.
+pub(super) fn unit_of(name: &str) -> &'static str {
+    const UNITS: [(&str, &str); 19] = [
+        ("_px_per_rad", "px/rad"),
+        ("_per_m", "1/m"),
+        ("_m2ps5", "m²/s⁵"),
+        ("_m2ps3", "m²/s³"),
+        ("_m2ps", "m²/s"),
+        ("_mps2", "m/s²"),
+        ("_mps", "m/s"),
+        ("_m2", "m²"),
+        ("_hz", "1/s"),
+        ("_deg", "degrees"),
+        ("_rad", "rad"),
+        ("_px", "px"),
+        ("_srgb", "sRGB, 0 to 255"),
+        ("_grey", "grey levels of 255"),
+        ("_frames", "frames"),
+        ("_m", "m"),
+        ("_s", "s"),
+        ("fps", "frames/s"),
+        ("_nats", "nats"),
+    ];
+    let found = UNITS.iter().find(|(end, _)| name.ends_with(end));
+    found.map_or("", |(_, unit)| unit)
+}
+
+/// Returns the keys that a reader of files asks for, in the order in which it does.
+pub(super) fn keys_of(read: impl FnOnce(&Journal, &Table)) -> Vec<KeyDescription> {
+    let journal = Journal::describing();
+    let empty = DeTable::new();
+    read(&journal, &Table::describing(&journal, &empty));
+    journal.into_described()
+}

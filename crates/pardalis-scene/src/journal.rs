@@ -1,0 +1,243 @@
+//! The problems, warnings and resolved settings of one file, gathered while its tables are read.
+
+use std::cell::RefCell;
+use std::fmt;
+
+use toml::Spanned;
+use toml::de::DeTable;
+
+use super::description::KeyDescription;
+
+/// A problem in a file and its place.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Problem {
+    /// The line, from 1; 0 for a value that was set from outside the file.
+    pub line: usize,
+    /// The full key, as in `targets.ball.shape.sphere.radius_m`; empty for the file as a whole.
+    pub key: String,
+    /// What is wrong and how to correct it.
+    pub message: String,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.line {
+            0 => f.write_str("as set")?,
+            line => write!(f, "line {line}")?,
+        }
+        if self.key.is_empty() {
+            write!(f, ": {}", self.message)
+        } else {
+            write!(f, ": {}: {}", self.key, self.message)
+        }
+    }
+}
+
+/// A setting and its place, for problems that appear only when the setting is used.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Located<T> {
+    /// The setting.
+    pub value: T,
+    /// Its full key.
+    pub key: String,
+    /// Its line, from 1; 0 if it was set from outside the file.
+    pub line: usize,
+}
+
+impl<T> Located<T> {
+    /// Returns a problem with this setting.
+    pub fn problem(&self, message: impl Into<String>) -> Problem {
+        Problem {
+            line: self.line,
+            key: self.key.clone(),
+            message: message.into(),
+        }
+    }
+}
+
+/// Problems and resolved settings, shared by all tables of one file.
+pub(super) struct Journal {
+    /// Where each line but the first begins.
+    line_starts: Vec<usize>,
+    /// The text's length in bytes. Values behind it were set from outside.
+    text_len: usize,
+    problems: RefCell<Vec<Problem>>,
+    warnings: RefCell<Vec<Problem>>,
+    /// Every setting with its final value, given or default.
+    resolved: RefCell<toml::Table>,
+    /// Why the text is not TOML. All other problems may follow from this one.
+    syntax: Option<Problem>,
+    /// The keys that the reader asks for, while it describes them instead of reading a file.
+    described: Option<RefCell<Vec<KeyDescription>>>,
+}
+
+/// The longest key or message that is shown, in characters.
+const MAX_SHOWN: usize = 300;
+
+impl Journal {
+    /// Parses the text. A syntax error is reported alone; of duplicate keys the first is kept, and the rest of the file is still read.
+    pub(super) fn parse(text: &str) -> (Self, Spanned<DeTable<'_>>) {
+        let (root, errors) = DeTable::parse_recoverable(text);
+        let mut journal = Self {
+            line_starts: text.match_indices('\n').map(|(at, _)| at + 1).collect(),
+            text_len: text.len(),
+            problems: RefCell::default(),
+            warnings: RefCell::default(),
+            syntax: None,
+            resolved: RefCell::default(),
+            described: None,
+        };
+        let mut has_duplicate_name = false;
+        for error in errors {
+            let offset = error.span().map_or(0, |span| span.start);
+            match error.message() {
+                "duplicate key" => {
+                    let key = text.get(error.span().unwrap_or(0..0)).unwrap_or_default();
+                    let key = key.trim();
+                    let message = match first_of_name(text, offset, key) {
+                        Some((kind, line)) => {
+                            has_duplicate_name = true;
+                            format!(
+                                "two {kind} are named {key}, the first in line {line}; rename one"
+                            )
+                        }
+                        // The duplicate keys of the second table follow from its name.
+                        None if has_duplicate_name => continue,
+                        None => format!("the key {key} is given twice; remove one"),
+                    };
+                    journal.add(offset, String::new(), message);
+                }
+                "recursion limit" | "cannot recurse further; max recursion depth met" => {
+                    let message = "tables or lists are nested too deeply; allowed: a few levels";
+                    // It also makes brackets appear to be unclosed.
+                    let problem = journal.problem_at(offset, String::new(), message.to_owned());
+                    journal.syntax = Some(problem);
+                }
+                message => {
+                    let message = message.replace('\n', ", ");
+                    let problem = journal.problem_at(offset, String::new(), message);
+                    journal.syntax.get_or_insert(problem);
+                }
+            }
+        }
+        (journal, root)
+    }
+
+    /// A journal that collects descriptions of the keys that a reader asks for.
+    pub(super) fn describing() -> Self {
+        Self {
+            line_starts: Vec::new(),
+            text_len: 0,
+            problems: RefCell::default(),
+            warnings: RefCell::default(),
+            syntax: None,
+            resolved: RefCell::default(),
+            described: Some(RefCell::default()),
+        }
+    }
+
+    pub(super) fn is_describing(&self) -> bool {
+        self.described.is_some()
+    }
+
+    /// Adds a key's description, unless another branch of the reader added it before.
+    pub(super) fn describe(&self, key: KeyDescription) {
+        if let Some(described) = &self.described {
+            let mut described = described.borrow_mut();
+            if described.iter().all(|other| other.path != key.path) {
+                described.push(key);
+            }
+        }
+    }
+
+    /// Returns the descriptions, in the order in which the keys are read.
+    pub(super) fn into_described(self) -> Vec<KeyDescription> {
+        self.described.map(RefCell::into_inner).unwrap_or_default()
+    }
+
+    /// Returns the line of an offset into the text, from 1; 0 behind the text.
+    pub(super) fn line_of(&self, offset: usize) -> usize {
+        if offset > self.text_len {
+            return 0;
+        }
+        self.line_starts.partition_point(|&start| start <= offset) + 1
+    }
+
+    fn problem_at(&self, offset: usize, key: String, message: String) -> Problem {
+        Problem {
+            line: self.line_of(offset),
+            key: shortened(key),
+            message: shortened(message),
+        }
+    }
+
+    pub(super) fn add(&self, offset: usize, key: String, message: String) {
+        let problem = self.problem_at(offset, key, message);
+        self.problems.borrow_mut().push(problem);
+    }
+
+    pub(super) fn warn(&self, offset: usize, key: String, message: String) {
+        let warning = self.problem_at(offset, key, message);
+        self.warnings.borrow_mut().push(warning);
+    }
+
+    /// Returns all problems in the order of their lines or, if there are none, the warnings and every setting with its final value.
+    pub(super) fn finish(self) -> Result<(Vec<Problem>, toml::Table), Vec<Problem>> {
+        if let Some(problem) = self.syntax {
+            return Err(vec![problem]);
+        }
+        let mut problems = self.problems.into_inner();
+        problems.sort();
+        problems.dedup();
+        if problems.is_empty() {
+            Ok((self.warnings.into_inner(), self.resolved.into_inner()))
+        } else {
+            Err(problems)
+        }
+    }
+
+    /// Adds a problem that was found after its table was read.
+    pub(super) fn report(&self, problem: Problem) {
+        self.problems.borrow_mut().push(problem);
+    }
+
+    /// Records the final value of a setting.
+    pub(super) fn record(&self, path: &str, value: toml::Value) {
+        let mut table = &mut *self.resolved.borrow_mut();
+        let mut parts = path.split('.').peekable();
+        while let Some(part) = parts.next() {
+            if parts.peek().is_none() {
+                table.insert(part.to_owned(), value);
+                return;
+            }
+            let entry = table
+                .entry(part)
+                .or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            match entry {
+                toml::Value::Table(inner) => table = inner,
+                _ => return,
+            }
+        }
+    }
+}
+
+/// Returns the kind of a duplicate key that names a camera or target, and the line in which the first table of that name begins.
+fn first_of_name(text: &str, offset: usize, key: &str) -> Option<(&'static str, usize)> {
+    let before = text.get(..offset)?.trim_end().strip_suffix('.')?;
+    let kinds = ["cameras", "targets"];
+    let kind = kinds.into_iter().find(|kind| before.ends_with(kind))?;
+    let header = format!("[{kind}.{key}");
+    let is_its = |line: &str| {
+        let rest = line.trim_start().strip_prefix(&header);
+        rest.is_some_and(|rest| rest.starts_with([']', '.']))
+    };
+    let line = text.lines().position(is_its)?;
+    Some((kind, line + 1))
+}
+
+fn shortened(text: String) -> String {
+    match text.char_indices().nth(MAX_SHOWN) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text,
+    }
+}

@@ -1,0 +1,161 @@
+//! The shape of a target.
+
+use super::description::{Presence, above};
+use super::reader::{Kind, Table};
+use super::setting::Word;
+use super::target::CameraNames;
+use pardalis::shape::{Flat, Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
+
+/// Reads the table `shape`. A camera known by a plane alone cannot tell the height of anything.
+pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<Shape> {
+    let shape = read_body(table)?;
+    let is_on_plane = matches!(shape, Shape::Flat(flat) if flat.height_m == 0.0);
+    if !is_on_plane && let Some(camera) = cameras.without_height.first() {
+        table.problem(
+            "shape",
+            format!(
+                "rises over the plane, but the place of camera \"{camera}\" is not known; give cameras.{camera}.model.plane.camera_center_m \
+                 or its f_px and center_px (model.image has no heights at all), or a disc or rectangle without height_m"
+            ),
+        );
+        return None;
+    }
+    if let (Shape::Flat(flat), Some((camera, height_m))) = (shape, &cameras.lowest)
+        && flat.height_m >= *height_m
+    {
+        table.problem(
+            "shape",
+            format!(
+                "is {} m over the plane, and camera \"{camera}\" is {height_m} m over it; allowed: below the camera",
+                flat.height_m
+            ),
+        );
+        return None;
+    }
+    Some(shape)
+}
+
+const SHAPES: [Kind; 5] = [
+    ("sphere", "A ball."),
+    ("cylinder", "An upright cylinder that stands on its base."),
+    ("prism", "An upright regular prism that stands on its base."),
+    ("disc", "A horizontal disc."),
+    (
+        "rectangle",
+        "A horizontal rectangle along the world's axes.",
+    ),
+];
+
+fn read_body(table: &Table) -> Option<Shape> {
+    let about = "The shape and size of the target.";
+    let presence =
+        Presence::RequiredIf("unless each landmark has a shape of its own, or the target has one");
+    let shape = table.choice("shape", about, &SHAPES, presence, |kind, body| match kind {
+        "sphere" => read_sphere(body),
+        "cylinder" => {
+            let radius_m = length(body, "radius_m", "Radius.", MAX_SIZE_M);
+            let section = radius_m.and_then(|radius_m| body.checked(Section::circle(radius_m)));
+            read_upright(body, section)
+        }
+        "disc" => {
+            let radius_m = length(body, "radius_m", "Radius.", MAX_FLAT_SIZE);
+            let height_m = read_height_over_ground(body);
+            let disc = radius_m.map(|radius_m| Flat::disc(radius_m, height_m));
+            disc.and_then(|disc| body.checked(disc)).map(Shape::Flat)
+        }
+        "rectangle" => {
+            let size_m = body
+                .key("size_m", "Size along x and y.")
+                .within(above(0.0, MAX_FLAT_SIZE))
+                .required();
+            let height_m = read_height_over_ground(body);
+            let rectangle = size_m.map(|size_m| Flat::rectangle(size_m, height_m));
+            rectangle
+                .and_then(|rectangle| body.checked(rectangle))
+                .map(Shape::Flat)
+        }
+        _ => {
+            let sides = body
+                .key("sides", "Number of sides.")
+                .within(3.0..=100.0)
+                .or(Section::DEFAULT_SIDES);
+            let across_flats_m = length(
+                body,
+                "across_flats_m",
+                "Width from one side to the opposite side: twice the distance of the sides from the axis.",
+                MAX_SIZE_M,
+            );
+            let rotation_deg: f64 = body
+                .key(
+                    "rotation_deg",
+                    "Angle of a corner from the world's x axis, counterclockwise from above.",
+                )
+                .within(-360.0..=360.0)
+                .or(0.0);
+            let section = across_flats_m.and_then(|across_flats_m| {
+                let polygon = Section::polygon(sides, across_flats_m, rotation_deg.to_radians());
+                body.checked(polygon)
+            });
+            read_upright(body, section)
+        }
+    });
+    if !table.has("shape") {
+        table.missing_choice("shape", &SHAPES);
+    }
+    shape
+}
+
+/// The largest size of a body, in metres.
+const MAX_SIZE_M: f64 = 1000.0;
+/// The largest size of a flat shape, in metres, or in pixels for a camera without calibration.
+const MAX_FLAT_SIZE: f64 = 1e5;
+
+fn length(table: &Table, name: &'static str, about: &'static str, greatest: f64) -> Option<f64> {
+    table
+        .key(name, about)
+        .within(above(0.0, greatest))
+        .required()
+}
+
+fn read_height_over_ground(body: &Table) -> f64 {
+    body.key("height_m", "Height over the ground z = 0.")
+        .within(0.0..=MAX_FLAT_SIZE)
+        .or(0.0)
+}
+
+impl Word for SphereOutline {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("tangent", Self::Tangent),
+        ("greatcircle", Self::Greatcircle),
+    ];
+}
+
+impl Word for UprightOutline {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("exact", Self::Exact), ("facing", Self::Facing)];
+}
+
+fn read_sphere(sphere: &Table) -> Option<Shape> {
+    let radius_m = length(sphere, "radius_m", "Radius.", MAX_SIZE_M);
+    let outline = sphere
+        .key(
+            "outline",
+            "The circle that is projected: the true outline (`tangent`), or the great circle across the viewing ray, as published.",
+        )
+        .word(SphereOutline::default());
+    sphere
+        .checked(Sphere::new(radius_m?, outline?))
+        .map(Shape::Sphere)
+}
+
+fn read_upright(body: &Table, section: Option<Section>) -> Option<Shape> {
+    let height_m = length(body, "height_m", "Height of the body.", MAX_SIZE_M);
+    let outline = body
+        .key(
+            "outline",
+            "The line that is projected: the true outline (`exact`), or a rectangle that faces the camera, as published.",
+        )
+        .word(UprightOutline::default());
+    body.checked(Upright::new(section?, height_m?, outline?))
+        .map(Shape::Upright)
+}

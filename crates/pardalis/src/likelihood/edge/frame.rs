@@ -1,0 +1,153 @@
+//! One camera's frame, prepared for the edge cue of one target.
+
+use super::super::outline::Projector;
+use super::lines::SECTORS;
+use crate::color::{ColorRanges, IlluminationCorrection, MatchTable, Palette, PixelKind};
+use crate::detect::MIN_POSTERIOR;
+use crate::view::PreparedFrame;
+use pardalis_camera::{LANES, Mask};
+use pardalis_core::simd::Level;
+
+/// The mean Y, U and V of what surrounds a body in an image, sector by sector; NaN for sectors without such pixels.
+pub(crate) type Surrounding = [[f32; 3]; SECTORS];
+
+/// Outlines in one camera's image, as closed polygons.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Outlines {
+    /// The points of all outlines, u and v in pixels.
+    points: Vec<[f32; 2]>,
+    /// Where each outline's points end.
+    ends: Vec<usize>,
+}
+
+impl Outlines {
+    /// Removes all outlines.
+    pub(crate) fn clear(&mut self) {
+        self.points.clear();
+        self.ends.clear();
+    }
+
+    /// Adds an outline.
+    pub(super) fn push(&mut self, points: impl Iterator<Item = [f32; 2]>) {
+        self.points.extend(points);
+        self.ends.push(self.points.len());
+    }
+
+    /// Returns whether a point of the image lies within any outline (even-odd rule).
+    fn contain(&self, [u, v]: [f32; 2]) -> bool {
+        let mut start = 0;
+        self.ends.iter().any(|&end| {
+            let outline = &self.points[start..end];
+            start = end;
+            let next = outline.iter().cycle().skip(1);
+            let crossed = outline.iter().zip(next).filter(|([u0, v0], [u1, v1])| {
+                (*v0 > v) != (*v1 > v) && u < u0 + (v - v0) / (v1 - v0) * (u1 - u0)
+            });
+            crossed.count() % 2 == 1
+        })
+    }
+}
+
+/// What the edge cue knows of one camera before it looks at its frame.
+pub(crate) struct EdgeFrameContext<'a> {
+    /// The palette and the ranges of the target's colours.
+    pub(crate) colors: (Palette, Option<ColorRanges>),
+    /// The colour posterior of each bin of the palette.
+    pub(crate) posterior: &'a [f64],
+    /// Maps pixels to the illumination in which the colours were learnt.
+    pub(crate) correction: IlluminationCorrection,
+    /// What surrounded the target when this camera saw it last.
+    pub(crate) surrounding: Option<&'a Surrounding>,
+    /// The outlines of look-alikes: an edge between the target and them is invisible.
+    pub(crate) look_alikes: &'a Outlines,
+}
+
+/// One camera's frame, prepared for the edge cue of one target.
+pub(crate) struct EdgeFrame<'a> {
+    camera: usize,
+    prepared: PreparedFrame<'a>,
+    projector: Projector<'a>,
+    kind: PixelKind,
+    /// Pixels outside of these ranges are not the target's.
+    in_ranges: Option<&'a MatchTable>,
+    context: EdgeFrameContext<'a>,
+}
+
+impl<'a> EdgeFrame<'a> {
+    /// A frame of the camera of this number. It must have been prepared for the context's palette and ranges.
+    pub(crate) fn new(
+        camera: usize,
+        prepared: PreparedFrame<'a>,
+        context: EdgeFrameContext<'a>,
+    ) -> Self {
+        Self {
+            camera,
+            prepared,
+            projector: Projector::new(prepared.view()),
+            kind: PixelKind::of(prepared.frame()),
+            in_ranges: context.colors.1.map(|ranges| prepared.match_table(ranges)),
+            context,
+        }
+    }
+
+    /// The camera's number.
+    pub(crate) fn camera(&self) -> usize {
+        self.camera
+    }
+
+    pub(crate) fn prepared(&self) -> &PreparedFrame<'a> {
+        &self.prepared
+    }
+
+    pub(crate) fn context(&self) -> &EdgeFrameContext<'a> {
+        &self.context
+    }
+
+    pub(super) fn projector(&self) -> &Projector<'a> {
+        &self.projector
+    }
+
+    pub(super) fn size(&self) -> (usize, usize) {
+        self.prepared.view().size()
+    }
+
+    /// Returns whether a point of the image lies within the outline of a look-alike.
+    pub(super) fn is_look_alike(&self, point: [f32; 2]) -> bool {
+        self.context.look_alikes.contain(point)
+    }
+
+    /// Returns whether a point of the image lies on an unmasked pixel.
+    pub(super) fn holds(&self, point: [f32; 2]) -> bool {
+        let (width, height) = self.size();
+        let [x, y] = point.map(|v| (v + 0.5).floor());
+        let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+        inside && self.is_open(x as usize, y as usize)
+    }
+
+    /// Returns whether each of a block of places in the world lies on an unmasked pixel.
+    pub(super) fn holds_block(&self, level: Level, places: &[[f32; LANES]; 3]) -> [bool; LANES] {
+        let [u, v] = self.projector.project(level, places);
+        std::array::from_fn(|lane| self.holds([u[lane], v[lane]]))
+    }
+
+    fn is_open(&self, column: usize, row: usize) -> bool {
+        let view = self.prepared.view();
+        let mask = view.mask().map(Mask::open);
+        mask.is_none_or(|open| open[row * view.size().0 + column])
+    }
+
+    /// Returns the colour of a pixel (Y, U and V) and whether it is one of the target's; `None` if the pixel is masked.
+    pub(super) fn pixel(&self, column: usize, row: usize) -> Option<([f32; 3], bool)> {
+        if !self.is_open(column, row) {
+            return None;
+        }
+        let bytes = self.prepared.frame().components(column, row);
+        let corrected = self.context.correction.bytes(bytes);
+        let bin = self.prepared.table(self.context.colors.0).bin(corrected);
+        let matches = self.context.posterior[usize::from(bin)] >= MIN_POSTERIOR
+            && self
+                .in_ranges
+                .is_none_or(|table| table.matches(corrected) == 1);
+        Some((self.kind.full_range_yuv(bytes), matches))
+    }
+}

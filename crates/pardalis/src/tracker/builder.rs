@@ -1,0 +1,63 @@
+//! Assembles a tracker from cameras and targets.
+
+use super::{CameraId, TargetId, TargetSettings, Tracker};
+use crate::view::View;
+use pardalis_core::Error;
+use pardalis_core::simd::Level;
+
+/// Collects cameras and targets, and builds a [`Tracker`]; see [`Tracker::builder`].
+#[derive(Debug)]
+pub struct TrackerBuilder {
+    views: Vec<View>,
+    targets: Vec<TargetSettings>,
+    seed: u32,
+}
+
+impl Tracker {
+    /// Returns a builder without cameras and targets.
+    pub fn builder() -> TrackerBuilder {
+        TrackerBuilder {
+            views: Vec::new(),
+            targets: Vec::new(),
+            seed: 1,
+        }
+    }
+}
+
+impl TrackerBuilder {
+    /// Adds a camera. Its frames go by the returned identifier.
+    pub fn camera(&mut self, view: View) -> CameraId {
+        self.views.push(view);
+        CameraId::new(self.views.len() - 1)
+    }
+
+    /// Adds a target: [detected](super::DetectedSettings), [initialised](super::InitializedSettings) or with
+    /// several landmarks ([`TargetSettings`]). Its estimates go by the returned identifier.
+    pub fn target(&mut self, settings: impl Into<TargetSettings>) -> TargetId {
+        self.targets.push(settings.into());
+        TargetId::new(self.targets.len() - 1)
+    }
+
+    /// Sets the seed of all random numbers; 1 by default. The same seed and frames give the same estimates.
+    pub fn seed(&mut self, seed: u32) -> &mut Self {
+        self.seed = seed;
+        self
+    }
+
+    /// Builds the tracker.
+    ///
+    /// Errors: no camera, no target, settings out of range, a target without bodies, a start outside its camera's image.
+    pub fn build(self) -> Result<Tracker, Error> {
+        let missing = |what: &str, remedy: &str| Error::Empty {
+            what: what.to_owned(),
+            remedy: remedy.to_owned(),
+        };
+        if self.views.is_empty() {
+            return Err(missing("the list of cameras", "add one with `camera`"));
+        }
+        if self.targets.is_empty() {
+            return Err(missing("the list of targets", "add one with `target`"));
+        }
+        Tracker::new(self.views, self.targets, self.seed, Level::best())
+    }
+}

@@ -1,0 +1,210 @@
+//! Step 2, data association: how likely each detection is the target, rather than something that looks like it, by its outline, its colours and its position.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::DetectedTarget;
+use super::look_alikes::LookAlikes;
+use super::tuning::{
+    CLUTTER_PER_FRAME, LANDMARK_REACH_DIAMETERS, LOG_RATIO_NATS, LOG_RATIO_SCALE,
+    MAX_SIGMA_DIAMETERS, OCCLUDED_COLOR_NATS, STRAY_LANDMARK_NATS,
+};
+use crate::color::PixelKind;
+use crate::likelihood::edge::Detection;
+use pardalis_filter::bernoulli::MeasurementComponent;
+
+/// What data association makes of one detection.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct AssociatedDetection {
+    /// The detection's number among those of this instant.
+    pub(super) detection: usize,
+    /// The Gaussian that it contributes to the filter's proposal.
+    pub(super) component: MeasurementComponent,
+    /// The log-ratio by which it speaks for the target's existence, in nats.
+    pub(super) existence_log_ratio: f64,
+    /// What each camera adds to the edge cue's log-likelihood ratio at this detection, in nats, so that it compares with clutter.
+    pub(super) log_ratio_offset: f32,
+}
+
+impl DetectedTarget {
+    /// Associates the detections with the target. Of look-alikes that are not found yet the first takes its likeliest detection and leaves the others
+    /// to those after it.
+    pub(super) fn associate(
+        &self,
+        detections: &[Detection],
+        look_alikes: &LookAlikes,
+        associated: &mut Vec<AssociatedDetection>,
+    ) {
+        associated.clear();
+        for (number, detection) in detections.iter().enumerate() {
+            associated.extend(self.associate_one(number, detection, look_alikes));
+        }
+        if !self.track.is_known()
+            && look_alikes.leaves_some_to_others()
+            && let Some(likeliest) = self.likeliest(associated)
+        {
+            associated.swap(0, likeliest);
+            associated.truncate(1);
+        }
+    }
+
+    /// Compares a detection with clutter: things of the target's colours and form, uniformly distributed, a known number per frame. The sharper a
+    /// detection, the less likely clutter is just there. `None` if its covariance is singular.
+    fn associate_one(
+        &self,
+        number: usize,
+        detection: &Detection,
+        look_alikes: &LookAlikes,
+    ) -> Option<AssociatedDetection> {
+        let position_m = detection.position_m();
+        let widest_m = MAX_SIGMA_DIAMETERS * self.shape.diameter_m();
+        let mut information =
+            detection.information() + Matrix3::from_diagonal_element(widest_m.powi(-2));
+        if self.is_planar {
+            for axis in 0..3 {
+                information[(axis, 2)] = 0.0;
+                information[(2, axis)] = 0.0;
+            }
+            information[(2, 2)] = 1.0;
+        }
+        let covariance_m2 = information.cholesky()?.inverse();
+        let log_volume = self.log_volume(&covariance_m2);
+        let cameras = detection.camera_count() as f64;
+        let [least, greatest] = LOG_RATIO_NATS;
+        let log_ratio = detection.log_likelihood_ratio();
+        let by_color = self.color_log_ratio(detection) - self.stray_nats(position_m);
+        let likeness = (log_ratio / cameras / LOG_RATIO_SCALE + least).min(greatest)
+            - OCCLUDED_COLOR_NATS * (1.0 - detection.visible_share())
+            + by_color;
+        let clutter_density = CLUTTER_PER_FRAME * self.birth_density;
+        let place = (position_m, &covariance_m2);
+        let assigned = self.assigned_nats(look_alikes, place, likeness, clutter_density);
+        let log_weight = likeness - libm::log(clutter_density) - assigned;
+        let existence_log_ratio = self.existence_log_ratio(place, likeness, by_color) - assigned;
+        Some(AssociatedDetection {
+            detection: number,
+            component: MeasurementComponent {
+                position_m,
+                covariance_m2: [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+                    .map(|at| covariance_m2[at]),
+                log_weight,
+            },
+            existence_log_ratio,
+            log_ratio_offset: ((log_weight - log_volume - log_ratio) / cameras) as f32,
+        })
+    }
+
+    /// By how many nats a detection is less likely this target's because it may be a look-alike's. Look-alikes that were updated with this instant's
+    /// frames have been assigned theirs; among those that were not, and this one, it is likelier the one's that was predicted there. It may also be
+    /// clutter, with this density.
+    fn assigned_nats(
+        &self,
+        look_alikes: &LookAlikes,
+        (position_m, covariance_m2): ([f64; 3], &Matrix3<f64>),
+        likeness: f64,
+        clutter_density: f64,
+    ) -> f64 {
+        let look_alikes = look_alikes.densities(position_m, covariance_m2);
+        let own = self.density(position_m, covariance_m2);
+        assigned_nats(likeness, clutter_density, own, look_alikes)
+    }
+
+    /// The log-ratio by which a detection speaks for the target's existence. What has been tracked may be clutter and then is there again: that it stayed
+    /// where it was does not make it the target, nor is it clutter because part of it is occluded.
+    fn existence_log_ratio(
+        &self,
+        (position_m, covariance_m2): ([f64; 3], &Matrix3<f64>),
+        likeness: f64,
+        by_color: f64,
+    ) -> f64 {
+        let clutter_density = CLUTTER_PER_FRAME * self.birth_density;
+        let tracked_density = self.filter.predicted_density(position_m, covariance_m2);
+        let other_density = clutter_density + tracked_density;
+        let as_new = likeness + libm::log(self.birth_density / other_density);
+        let as_tracked =
+            likeness.max(by_color.min(0.0)) + libm::log(tracked_density / other_density);
+        as_new.max(as_tracked)
+    }
+
+    /// The number of the detection that most likely is the target: by where it was predicted, or else by what speaks for it most.
+    fn likeliest(&self, associated: &[AssociatedDetection]) -> Option<usize> {
+        let score = |associated: &AssociatedDetection| {
+            let component = &associated.component;
+            let [xx, xy, xz, yy, yz, zz] = component.covariance_m2;
+            let covariance_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            let predicted = self.density(component.position_m, &covariance_m2) + self.birth_density;
+            component.log_weight + libm::log(predicted)
+        };
+        let scores = associated.iter().map(score).enumerate();
+        // Of two equal ones the first.
+        let best = scores.reduce(|best, next| if next.1 > best.1 { next } else { best });
+        best.map(|(number, _)| number)
+    }
+
+    /// ln √|2πΣ| of a covariance Σ, in m³, or in m² on the ground.
+    fn log_volume(&self, covariance_m2: &Matrix3<f64>) -> f64 {
+        let (axes, determinant) = if self.is_planar {
+            (2.0, covariance_m2.fixed_view::<2, 2>(0, 0).determinant())
+        } else {
+            (3.0, covariance_m2.determinant())
+        };
+        0.5 * (axes * libm::log(std::f64::consts::TAU) + libm::log(determinant))
+    }
+
+    /// The log-likelihood ratio of a detection's mean colour, in the camera in which it is least.
+    fn color_log_ratio(&self, detection: &Detection) -> f64 {
+        let uses_color = self.edge.settings().color_evidence;
+        let Some(known) = self.colors.body().filter(|_| uses_color) else {
+            return 0.0;
+        };
+        let of_cameras = detection.body_colors().map(|(camera, color)| {
+            let correction = self.adaptations[camera].correction(PixelKind::FULL_RANGE_YUV);
+            known.log_ratio(correction.color(color))
+        });
+        of_cameras.reduce(f64::min).unwrap_or(0.0)
+    }
+
+    /// By how many nats a detection is less likely a landmark because it is far from the target's other landmarks.
+    fn stray_nats(&self, position_m: [f64; 3]) -> f64 {
+        let here = Vector3::from(position_m);
+        let reach_m = LANDMARK_REACH_DIAMETERS * self.shape.diameter_m();
+        let is_far = |other: &[f64; 3]| (here - Vector3::from(*other)).norm() > reach_m;
+        if self.other_landmarks_m.iter().any(is_far) {
+            STRAY_LANDMARK_NATS
+        } else {
+            0.0
+        }
+    }
+}
+
+/// By how many nats a detection with this log-likelihood ratio against clutter is less likely the target's, given the densities there of clutter, of the target
+/// itself, and of updated and predicted look-alikes.
+fn assigned_nats(likeness: f64, clutter: f64, own: f64, [updated, predicted]: [f64; 2]) -> f64 {
+    let ratio = libm::exp(likeness);
+    libm::log1p(ratio * updated / clutter)
+        + libm::log1p(ratio * predicted / (clutter + ratio * own))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::{Rivals, association_log_weight};
+
+    #[test]
+    fn log_weights_are_the_oracles() {
+        for likeness in [-12.0, -1.0, 0.5, 14.0] {
+            for densities in [[0.0, 0.0], [40.0, 0.0], [0.0, 3.0], [0.2, 700.0]] {
+                let [updated, predicted] = densities;
+                let rivals = Rivals {
+                    clutter: 1e-4,
+                    own: 25.0,
+                    updated,
+                    predicted,
+                };
+                let assigned = assigned_nats(likeness, 1e-4, 25.0, densities);
+                let found = likeness - libm::log(1e-4) - assigned;
+                let expected = association_log_weight(likeness, &rivals);
+                assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+            }
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! Candidates: positions in the world at which a target may be, from blobs of its colours: along each blob's ray by apparent size, and where the rays of two cameras meet.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::detect::{Blob, BlobSearch};
+use crate::likelihood::edge::{EdgeCue, EdgeFrame};
+use crate::shape::Shape;
+
+/// The nearest and the farthest candidate along a ray, in diameters of the target.
+const NEAREST_DIAMETERS: f64 = 0.75;
+const FARTHEST_DIAMETERS: f64 = 200.0;
+/// Bisections of the logarithm of the distance: to a thousandth of a diameter's share.
+const BISECTIONS: usize = 12;
+/// Rays meet if they pass each other within this distance, in diameters.
+const MEETING_DIAMETERS: f64 = 1.0;
+
+/// A ray in the world: its origin in metres and its unit direction.
+#[derive(Debug)]
+struct Ray {
+    camera: usize,
+    origin: Point3<f64>,
+    direction: Vector3<f64>,
+}
+
+impl Ray {
+    fn of(frame: &EdgeFrame, pixel: [f64; 2]) -> Option<Self> {
+        let view = frame.prepared().view();
+        let ray = view.camera().unproject(pixel)?;
+        Some(Self {
+            camera: frame.camera(),
+            origin: view.world_from_camera() * Point3::from(ray.origin),
+            direction: view.world_from_camera() * Vector3::from(ray.direction),
+        })
+    }
+
+    fn at(&self, distance_m: f64) -> Point3<f64> {
+        self.origin + self.direction * distance_m
+    }
+}
+
+/// Finds candidates. Owns its buffers.
+#[derive(Debug)]
+pub(super) struct CandidateSearch {
+    geometry: Geometry,
+    blobs: BlobSearch,
+    rays: Vec<Ray>,
+    positions_m: Vec<[f64; 3]>,
+}
+
+/// What is known of a target's position before any image.
+#[derive(Debug)]
+struct Geometry {
+    shape: Shape,
+    /// The height of a target that stays on the ground, metres.
+    ground_z_m: Option<f64>,
+}
+
+impl CandidateSearch {
+    /// A search for a body of this shape, on the ground at this height (metres) if there is one.
+    pub(super) fn new(shape: Shape, ground_z_m: Option<f64>) -> Self {
+        Self {
+            geometry: Geometry { shape, ground_z_m },
+            blobs: BlobSearch::default(),
+            rays: Vec::new(),
+            positions_m: Vec::new(),
+        }
+    }
+
+    /// Returns the candidate positions (world frame, metres) of these frames: those of single cameras first, then those of pairs.
+    pub(super) fn positions_m(&mut self, edge: &mut EdgeCue, frames: &[EdgeFrame]) -> &[[f64; 3]] {
+        let Self {
+            geometry,
+            blobs,
+            rays,
+            positions_m,
+        } = self;
+        rays.clear();
+        positions_m.clear();
+        for frame in frames {
+            let context = frame.context();
+            let (palette, ranges) = context.colors;
+            let blobs = blobs.find(
+                frame.prepared(),
+                palette,
+                context.posterior,
+                ranges,
+                &context.correction,
+            );
+            for blob in blobs {
+                let Some(ray) = Ray::of(frame, blob.centroid_px) else {
+                    continue;
+                };
+                positions_m.extend(match geometry.ground_z_m {
+                    Some(ground_z_m) => geometry.on_ground_m(&ray, ground_z_m),
+                    None => geometry.by_size_m(edge, frame, &ray, blob),
+                });
+                rays.push(ray);
+            }
+        }
+        if geometry.ground_z_m.is_none() {
+            for (i, ray) in rays.iter().enumerate() {
+                for other in &rays[..i] {
+                    if ray.camera != other.camera {
+                        positions_m.extend(geometry.meeting_m(ray, other));
+                    }
+                }
+            }
+        }
+        positions_m
+    }
+}
+
+impl Geometry {
+    /// The position of a target whose middle is here.
+    fn position_m(&self, middle: Point3<f64>) -> [f64; 3] {
+        let [x, y, z] = middle.into();
+        let height_m = self.ground_z_m;
+        [x, y, height_m.unwrap_or(z - self.shape.middle_height_m())]
+    }
+
+    /// The position of a target on the ground that is seen along a ray.
+    fn on_ground_m(&self, ray: &Ray, ground_z_m: f64) -> Option<[f64; 3]> {
+        let height_m = ground_z_m + self.shape.middle_height_m();
+        let distance_m = (height_m - ray.origin.z) / ray.direction.z;
+        let farthest_m = FARTHEST_DIAMETERS * self.shape.diameter_m();
+        (distance_m > 0.0 && distance_m < farthest_m).then(|| self.position_m(ray.at(distance_m)))
+    }
+
+    /// The position along its ray at which a target has a blob's area.
+    fn by_size_m(
+        &self,
+        edge: &mut EdgeCue,
+        frame: &EdgeFrame,
+        ray: &Ray,
+        blob: &Blob,
+    ) -> Option<[f64; 3]> {
+        let diameter_m = self.shape.diameter_m();
+        let [mut near, mut far] = [NEAREST_DIAMETERS, FARTHEST_DIAMETERS]
+            .map(|diameters| libm::log(diameters * diameter_m));
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (near + far);
+            let position_m = self.position_m(ray.at(libm::exp(middle)));
+            let is_small = edge.area_px(frame, position_m) < blob.area_px;
+            *(if is_small { &mut far } else { &mut near }) = middle;
+        }
+        let distance_m = libm::exp(0.5 * (near + far));
+        let is_inside = distance_m > 1.02 * NEAREST_DIAMETERS * diameter_m
+            && distance_m < 0.98 * FARTHEST_DIAMETERS * diameter_m;
+        is_inside.then(|| self.position_m(ray.at(distance_m)))
+    }
+
+    /// The position at which two rays meet, or pass close by each other.
+    fn meeting_m(&self, a: &Ray, b: &Ray) -> Option<[f64; 3]> {
+        let between = b.origin - a.origin;
+        let cos = a.direction.dot(&b.direction);
+        let sin_squared = 1.0 - cos * cos;
+        let [along_a, along_b] = [a.direction.dot(&between), b.direction.dot(&between)];
+        let distance_a = (along_a - cos * along_b) / sin_squared;
+        let distance_b = (cos * along_a - along_b) / sin_squared;
+        let farthest_m = FARTHEST_DIAMETERS * self.shape.diameter_m();
+        let fits = |distance: f64| distance > 0.0 && distance < farthest_m;
+        // Distances of parallel rays are NaN or infinite.
+        if !(fits(distance_a) && fits(distance_b)) {
+            return None;
+        }
+        let [at_a, at_b] = [a.at(distance_a), b.at(distance_b)];
+        let is_close = (at_a - at_b).norm() < MEETING_DIAMETERS * self.shape.diameter_m();
+        is_close.then(|| self.position_m(nalgebra::center(&at_a, &at_b)))
+    }
+}

@@ -1,0 +1,69 @@
+//! How a detected target appears, disappears and becomes occluded.
+
+use super::OcclusionRates;
+use pardalis_core::Error;
+
+/// How a detected target appears, disappears and becomes occluded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExistenceSettings {
+    /// Appearances per second while there is no target, Hz.
+    pub birth_rate_hz: f64,
+    /// Disappearances per second of a target that exists, Hz.
+    pub death_rate_hz: f64,
+    /// How often the target is carried to another place, faster than it moves by itself, Hz.
+    pub relocation_rate_hz: f64,
+    /// Sudden changes of velocity per second (kicks, bounces), Hz, ...
+    pub velocity_jump_rate_hz: f64,
+    /// ... and their standard deviation on each axis, m/s.
+    pub velocity_jump_sigma_mps: f64,
+    /// How often a camera's view of it becomes occluded and free again.
+    pub occlusion: OcclusionRates,
+    /// The height of the ground, for targets that stay on it, metres.
+    pub ground_z_m: f64,
+}
+
+impl Default for ExistenceSettings {
+    fn default() -> Self {
+        Self {
+            birth_rate_hz: 0.5,
+            death_rate_hz: 0.02,
+            relocation_rate_hz: 0.02,
+            velocity_jump_rate_hz: 1.0,
+            velocity_jump_sigma_mps: 4.0,
+            occlusion: OcclusionRates::default(),
+            ground_z_m: 0.0,
+        }
+    }
+}
+
+impl ExistenceSettings {
+    /// Returns an error for rates out of range.
+    pub fn check(&self) -> Result<(), Error> {
+        for (name, value) in [
+            ("birth_rate_hz", self.birth_rate_hz),
+            ("death_rate_hz", self.death_rate_hz),
+            ("relocation_rate_hz", self.relocation_rate_hz),
+            ("velocity_jump_rate_hz", self.velocity_jump_rate_hz),
+            ("velocity_jump_sigma_mps", self.velocity_jump_sigma_mps),
+            ("occlusion_rate_hz", self.occlusion.occlusion_hz),
+        ] {
+            if !(0.0..=1000.0).contains(&value) {
+                return Err(Error::out_of_range(name, value, "0 to 1000"));
+            }
+        }
+        let reappearance_hz = self.occlusion.reappearance_hz;
+        if !(reappearance_hz > 0.0 && reappearance_hz <= 1000.0) {
+            let allowed = "above 0 and at most 1000";
+            return Err(Error::out_of_range(
+                "reappearance_rate_hz",
+                reappearance_hz,
+                allowed,
+            ));
+        }
+        if !(self.ground_z_m.abs() <= 1e6) {
+            let allowed = "-1e6 to 1e6";
+            return Err(Error::out_of_range("ground_z_m", self.ground_z_m, allowed));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,62 @@
+//! Look-alikes: other targets that no image tells apart from one.
+//!
+//! Two bodies are never at the same place, and a detection is of at most one of them. Where one is thought to be, with the probability of its
+//! existence, its density says how likely a detection there is its own.
+
+use nalgebra::Matrix3;
+
+use super::DetectedTarget;
+use crate::tracker::groups::Others;
+
+/// The other targets that look like one, in the order in which they look at frames.
+pub(in crate::tracker) struct LookAlikes<'a> {
+    pub(in crate::tracker) others: Others<'a>,
+    /// The numbers of those that have been updated with this instant's frames.
+    pub(in crate::tracker) updated: &'a [usize],
+    /// The numbers of those that are only predicted.
+    pub(in crate::tracker) predicted: &'a [usize],
+}
+
+impl<'a> LookAlikes<'a> {
+    fn targets(&self, numbers: &'a [usize]) -> impl Iterator<Item = &'a DetectedTarget> + '_ {
+        let others = numbers.iter().filter_map(|&number| self.others.get(number));
+        others.filter_map(|other| other.detected())
+    }
+
+    /// The positions of those that probably exist, in metres.
+    pub(super) fn positions_m(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        let all = self
+            .targets(self.updated)
+            .chain(self.targets(self.predicted));
+        let known = all.filter(|other| other.filter.located() >= 0.5);
+        known.filter_map(|other| Some(other.filter.estimate(0.0)?.position_m))
+    }
+
+    /// Whether one of those that are only predicted is not found yet.
+    pub(super) fn leaves_some_to_others(&self) -> bool {
+        let mut predicted = self.targets(self.predicted);
+        predicted.any(|other| !other.track.is_known())
+    }
+
+    /// The sum of the densities of updated and of predicted ones at a detection with this covariance, 1/m³ (1/m² on the ground).
+    pub(super) fn densities(&self, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> [f64; 2] {
+        [self.updated, self.predicted].map(|numbers| {
+            let densities = self
+                .targets(numbers)
+                .map(|other| other.density(position_m, covariance_m2));
+            densities.sum()
+        })
+    }
+}
+
+impl DetectedTarget {
+    /// Returns whether it looks like another: no image tells the two apart.
+    pub(in crate::tracker) fn looks_like(&self, other: &Self) -> bool {
+        self.shape == other.shape && self.colors == other.colors
+    }
+
+    /// Its predicted density at a detection with this covariance, times the probability that it exists, in 1/m³ (1/m² on the ground).
+    pub(super) fn density(&self, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> f64 {
+        self.filter.located() * self.filter.predicted_density(position_m, covariance_m2)
+    }
+}

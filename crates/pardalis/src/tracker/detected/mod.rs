@@ -1,0 +1,403 @@
+//! A body that the tracker detects itself: found, tracked, lost and found again.
+//!
+//! One observation takes five steps, each in the file of its name, that hand immutable values to one another: [`detection`] in the frames, data [`association`], the
+//! Bernoulli [`update`], [`visibility`] and [`adaptation`].
+
+mod adaptation;
+mod association;
+mod candidates;
+mod detection;
+mod existence;
+mod look_alikes;
+mod tuning;
+mod update;
+mod visibility;
+
+pub use existence::ExistenceSettings;
+pub(super) use look_alikes::LookAlikes;
+pub use visibility::OcclusionRates;
+
+use nalgebra::Vector3;
+
+use super::settings::DetectedSettings;
+use super::statistics::ImageStatistics;
+use super::track::{Instant, Track, mean_log_ratio};
+use super::{Estimate, TrackState};
+use crate::Frame;
+use crate::color::{ColorModel, PixelKind};
+use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, EdgeFrameContext, Outlines};
+use crate::shape::Shape;
+use crate::view::View;
+use adaptation::{Adaptation, Certain, is_certain};
+use association::AssociatedDetection;
+use detection::{Detector, Prediction};
+use pardalis_core::Error;
+use pardalis_core::rng::Draws;
+use pardalis_core::simd::Level;
+use pardalis_filter::Particles;
+use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
+use pardalis_filter::estimate::StateEstimate;
+use pardalis_filter::gaussian::GaussianStart;
+use tuning::{
+    BIRTH_DIAMETERS, BIRTH_VELOCITY_SIGMA_MPS, FOUND_CONFIDENCE, LOST_CONFIDENCE,
+    TIME_BEFORE_START_S,
+};
+use update::{Measurement, update};
+use visibility::Visibility;
+
+/// A body that the tracker detects itself.
+pub(super) struct DetectedTarget {
+    pub(super) track: Track,
+    start: Option<GaussianStart>,
+    shape: Shape,
+    is_planar: bool,
+    colors: ColorModel,
+    existence: ExistenceSettings,
+    /// Targets appear with this density, 1/m³ (1/m² on the ground).
+    birth_density: f64,
+    edge: EdgeCue,
+    filter: BernoulliFilter,
+    detector: Detector,
+    /// One per camera, as the following.
+    images: Vec<CameraImage>,
+    adaptations: Vec<Adaptation>,
+    visibilities: Vec<Option<Visibility>>,
+    /// The log-likelihood ratio of each camera's latest frame, per particle.
+    log_ratios: Vec<Vec<f32>>,
+    /// The covariance of the latest detection of the target (xx, xy, xz, yy, yz, zz in m²).
+    detection_m2: Option<[f64; 6]>,
+    /// Where the other landmarks of the target are known to be, metres.
+    other_landmarks_m: Vec<[f64; 3]>,
+    buffers: Buffers,
+}
+
+/// What the images of one camera say of the target's colours and of look-alikes, at the latest instant.
+#[derive(Debug, Clone, Default)]
+struct CameraImage {
+    /// The colour posterior of each bin.
+    posterior: Vec<f64>,
+    look_alikes: Outlines,
+}
+
+/// Memory that steps use again.
+#[derive(Default)]
+struct Buffers {
+    frames: Vec<EdgeFrame<'static>>,
+    associated: Vec<AssociatedDetection>,
+    components: Vec<MeasurementComponent>,
+}
+
+/// Empties a vector of frames; its memory serves frames of another lifetime.
+fn emptied<'b>(mut frames: Vec<EdgeFrame>) -> Vec<EdgeFrame<'b>> {
+    frames.clear();
+    // Collecting a vector's own iterator keeps its memory.
+    frames.into_iter().map_while(|_| None).collect()
+}
+
+impl DetectedTarget {
+    pub(super) fn new(
+        settings: &DetectedSettings,
+        draws: Draws,
+        views: &[View],
+        level: Level,
+    ) -> Result<Self, Error> {
+        settings.existence.check()?;
+        if let Some(start) = &settings.start {
+            start.check()?;
+        }
+        let (shape, motion, existence) = (settings.shape, settings.motion, settings.existence);
+        let is_planar = motion.is_planar();
+        let extent_m = BIRTH_DIAMETERS * shape.diameter_m();
+        let birth_density = libm::pow(extent_m, if is_planar { -2.0 } else { -3.0 });
+        let filter = BernoulliFilter::new(
+            BernoulliSettings {
+                particle_count: settings.particle_count,
+                motion,
+                birth_rate_hz: existence.birth_rate_hz,
+                death_rate_hz: existence.death_rate_hz,
+                relocation_rate_hz: existence.relocation_rate_hz,
+                birth_density,
+                birth_velocity_sigma_mps: BIRTH_VELOCITY_SIGMA_MPS,
+                velocity_jump_rate_hz: existence.velocity_jump_rate_hz,
+                velocity_jump_sigma_mps: existence.velocity_jump_sigma_mps,
+            },
+            draws,
+        )?;
+        let ground_z_m = is_planar.then_some(existence.ground_z_m);
+        Ok(Self {
+            track: Track::new(views.len()),
+            start: settings.start,
+            shape,
+            is_planar,
+            edge: EdgeCue::new(settings.edge, shape, &settings.colors, level)?,
+            colors: settings.colors.clone(),
+            existence,
+            birth_density,
+            filter,
+            detector: Detector::new(shape, ground_z_m),
+            images: vec![CameraImage::default(); views.len()],
+            adaptations: vec![Adaptation::default(); views.len()],
+            visibilities: vec![None; views.len()],
+            log_ratios: vec![Vec::new(); views.len()],
+            detection_m2: None,
+            other_landmarks_m: Vec::new(),
+            buffers: Buffers::default(),
+        })
+    }
+
+    /// Makes sure that a frame of the view can be looked up.
+    pub(super) fn prepare(&self, view: &mut View, frame: &Frame) {
+        let kind = PixelKind::of(frame);
+        view.prepare(kind, self.edge.palette());
+        if let Some(ranges) = self.edge.ranges() {
+            view.prepare_ranges(kind, ranges);
+        }
+    }
+
+    pub(super) fn start(&self) -> Option<&GaussianStart> {
+        self.start.as_ref()
+    }
+
+    pub(super) fn particles(&self) -> &Particles {
+        self.filter.particles()
+    }
+
+    /// Sets where the other landmarks of the target are, metres.
+    pub(super) fn set_other_landmarks(&mut self, others_m: impl Iterator<Item = [f64; 3]>) {
+        self.other_landmarks_m.clear();
+        self.other_landmarks_m.extend(others_m);
+    }
+
+    /// Predicts to the time of the next frames, or starts.
+    pub(super) fn predict(&mut self, time_s: f64, dt_s: f64) {
+        if let Some((start, since_s)) = self.track.take_reinitialization() {
+            self.begin(&start, 1.0);
+            self.filter.predict((time_s - since_s).max(0.0));
+        } else if self.track.has_started() {
+            self.filter.predict(dt_s);
+        } else if let Some(start) = self.start {
+            self.begin(&start, 1.0);
+        } else {
+            self.filter.predict(TIME_BEFORE_START_S);
+        }
+        self.track.set_started();
+    }
+
+    /// Updates what was predicted with the frames of one instant.
+    pub(super) fn observe(
+        &mut self,
+        instant: &Instant,
+        statistics: &mut [ImageStatistics],
+        look_alikes: &LookAlikes,
+    ) {
+        let time_s = instant.time_s;
+        self.prepare_images(instant, statistics, look_alikes);
+        let mut associated = std::mem::take(&mut self.buffers.associated);
+        let mut frames = emptied(std::mem::take(&mut self.buffers.frames));
+        let colors = (self.edge.palette(), self.edge.ranges());
+        frames.extend(instant.frames.iter().map(|(camera, frame)| {
+            let (image, adaptation) = (&self.images[*camera], &self.adaptations[*camera]);
+            let context = EdgeFrameContext {
+                colors,
+                posterior: &image.posterior,
+                correction: adaptation.correction(PixelKind::of(frame)),
+                surrounding: adaptation.surrounding(),
+                look_alikes: &image.look_alikes,
+            };
+            EdgeFrame::new(*camera, instant.views[*camera].prepared(frame), context)
+        }));
+
+        let predicted = Prediction {
+            estimate: self.filter.estimate(0.0),
+            existence: self.filter.existence(),
+        };
+        self.detector.detect(&mut self.edge, &frames, &predicted);
+        let detections = self.detector.detections();
+
+        self.associate(detections, look_alikes, &mut associated);
+
+        for frame in &frames {
+            let rates = &self.existence.occlusion;
+            let visibility = &mut self.visibilities[frame.camera()];
+            let visibility = visibility.get_or_insert(Visibility::new(rates, time_s));
+            visibility.predict(rates, time_s);
+        }
+        let measurement = Measurement {
+            frames: &frames,
+            detections,
+            associated: &associated,
+            visibilities: &self.visibilities,
+            near_m: self.shape.diameter_m(),
+        };
+        let updated = update(
+            &mut self.filter,
+            &mut self.edge,
+            &measurement,
+            &mut self.log_ratios,
+            &mut self.buffers.components,
+        );
+
+        let target = updated.target.map(|number| &associated[number]);
+        self.detection_m2 = target.map(|target| target.component.covariance_m2);
+        for &(camera, _) in instant.frames {
+            let detection = target.map(|target| &detections[target.detection]);
+            let visible_share = detection.and_then(|found| found.visible_share_in(camera));
+            if let Some(visibility) = &mut self.visibilities[camera] {
+                let seen = visibility.update(
+                    &self.log_ratios[camera],
+                    self.filter.weights(),
+                    visible_share.unwrap_or(1.0),
+                );
+                self.track.note_observation(camera, time_s, seen);
+            }
+        }
+        self.buffers.frames = emptied(frames);
+        self.update_state(time_s);
+
+        self.adapt(instant, statistics, &associated);
+        self.buffers.associated = associated;
+    }
+
+    /// Prepares the colour posterior and the outlines of look-alikes in each camera's image.
+    fn prepare_images(
+        &mut self,
+        instant: &Instant,
+        statistics: &mut [ImageStatistics],
+        look_alikes: &LookAlikes,
+    ) {
+        for (camera, frame) in instant.frames {
+            let prepared = instant.views[*camera].prepared(frame);
+            let correction = self.adaptations[*camera].correction(PixelKind::of(frame));
+            let counts =
+                statistics[*camera].bin_counts(&prepared, self.edge.palette(), &correction);
+            let image = &mut self.images[*camera];
+            counts.color_posterior(&self.colors, &mut image.posterior);
+            image.look_alikes.clear();
+        }
+        for position_m in look_alikes.positions_m() {
+            for (camera, _) in instant.frames {
+                let outlines = &mut self.images[*camera].look_alikes;
+                self.edge
+                    .add_look_alike(&instant.views[*camera], position_m, outlines);
+            }
+        }
+    }
+
+    /// Adapts to the frames, given the detection that is the target if that is certain.
+    fn adapt(
+        &mut self,
+        instant: &Instant,
+        statistics: &mut [ImageStatistics],
+        associated: &[AssociatedDetection],
+    ) {
+        let mut adaptations = std::mem::take(&mut self.adaptations);
+        let certain = Certain {
+            detection: self.certain_detection(associated),
+            colors: &self.colors,
+            settings: self.edge.settings(),
+            time_s: instant.time_s,
+        };
+        for (camera, frame) in instant.frames {
+            let frame = (&instant.views[*camera], frame);
+            let statistics = &mut statistics[*camera];
+            adaptations[*camera].adapt(*camera, frame, statistics, &certain);
+        }
+        self.adaptations = adaptations;
+    }
+
+    /// The detection within half a diameter of the estimate, if the target is certainly there.
+    fn certain_detection(&self, associated: &[AssociatedDetection]) -> Option<&Detection> {
+        let is_tracking = self.track.state() == TrackState::Tracking;
+        if !is_certain(is_tracking, self.confidence()) {
+            return None;
+        }
+        let here = Vector3::from(self.filter.estimate(0.0)?.position_m);
+        let near_m = 0.5 * self.shape.diameter_m();
+        let detections = self.detector.detections();
+        let mut found = associated.iter().map(|found| &detections[found.detection]);
+        found.find(|found| (here - Vector3::from(found.position_m())).norm() < near_m)
+    }
+
+    /// Sets the filter to a start, with this probability of existence.
+    fn begin(&mut self, start: &GaussianStart, existence: f64) {
+        self.filter
+            .start(start, existence)
+            .expect("starts are checked before");
+    }
+
+    /// Derives the track's state from existence, visibility and confidence.
+    fn update_state(&mut self, time_s: f64) {
+        let existence = self.filter.existence();
+        let is_visible = self.track.is_visible(time_s);
+        let was_known = self.track.is_known();
+        let confidence = self.confidence();
+        let least = if was_known {
+            LOST_CONFIDENCE
+        } else {
+            FOUND_CONFIDENCE
+        };
+        let state = if existence >= 0.5 && is_visible && confidence >= least {
+            TrackState::Tracking
+        } else if existence >= 0.5 && was_known && confidence >= LOST_CONFIDENCE {
+            TrackState::Occluded
+        } else if was_known || self.track.state() == TrackState::Lost {
+            TrackState::Lost
+        } else {
+            TrackState::Searching
+        };
+        self.track.set_state(state);
+    }
+
+    /// The probability that the target exists and lies within one diameter of the estimate.
+    pub(super) fn confidence(&self) -> f64 {
+        self.confidence_ahead(0.0)
+    }
+
+    /// The same `ahead_s` seconds after the latest frames.
+    fn confidence_ahead(&self, ahead_s: f64) -> f64 {
+        let near = |known: StateEstimate| {
+            self.filter
+                .weight_within(known.position_m, self.shape.diameter_m())
+        };
+        let known = self.filter.estimate(ahead_s);
+        self.filter.existence() * known.map_or(0.0, near)
+    }
+
+    /// Forgets all frames and the start, as if the target had never been seen.
+    pub(super) fn reset(&mut self) {
+        self.begin(&GaussianStart::default(), 0.0);
+        self.track.reset();
+        self.visibilities.fill(None);
+        self.adaptations.fill(Adaptation::default());
+        self.start = None;
+    }
+
+    /// The mean log-likelihood ratio of a camera's latest frame over the posterior, in nats.
+    pub(super) fn log_likelihood_ratio(&self, camera: usize) -> f64 {
+        mean_log_ratio(&self.log_ratios[camera], self.filter.weights(), 0.0)
+    }
+
+    /// Estimates the target `ahead_s` seconds after the latest frames; nothing changes.
+    pub(super) fn estimate(&self, ahead_s: f64) -> Estimate {
+        let is_known = self.track.is_known();
+        let mut kinematics = self.filter.estimate(ahead_s).filter(|_| is_known);
+        if let (Some(known), Some(detection_m2)) = (&mut kinematics, self.detection_m2) {
+            // The smaller the effective sample size, the less the scatter of the particles says.
+            for (sum, variance) in known.covariance_m2.iter_mut().zip(detection_m2) {
+                *sum += variance / known.effective_sample_size;
+            }
+        }
+        let confidence = if is_known {
+            self.confidence_ahead(ahead_s)
+        } else {
+            // The probability that the target exists and is visible.
+            self.filter.existence() * self.track.greatest_visibility()
+        };
+        Estimate {
+            state: self.track.state(),
+            kinematics,
+            heading_rad: None,
+            confidence,
+        }
+    }
+}

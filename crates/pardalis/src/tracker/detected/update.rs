@@ -1,0 +1,104 @@
+//! Step 3, Bernoulli update: existence and position, from the associated detections and from what each camera's frame says at every particle.
+
+use nalgebra::Vector3;
+
+use super::association::AssociatedDetection;
+use super::tuning::MISSED_NATS;
+use super::visibility::Visibility;
+use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame};
+use pardalis_filter::bernoulli::{BernoulliFilter, MeasurementComponent};
+
+/// What the update reads.
+pub(super) struct Measurement<'a> {
+    pub(super) frames: &'a [EdgeFrame<'a>],
+    pub(super) detections: &'a [Detection],
+    pub(super) associated: &'a [AssociatedDetection],
+    /// The predicted visibility in each camera.
+    pub(super) visibilities: &'a [Option<Visibility>],
+    /// Detections closer to the estimate than this are the target, metres.
+    pub(super) near_m: f64,
+}
+
+/// What the update found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Updated {
+    /// The number of the associated detection that is the target, among those associated.
+    pub(super) target: Option<usize>,
+}
+
+/// Runs the update. Writes each camera's log-likelihood ratios, one per particle, into `log_ratios`; `components` is a buffer.
+pub(super) fn update(
+    filter: &mut BernoulliFilter,
+    edge: &mut EdgeCue,
+    measurement: &Measurement,
+    log_ratios: &mut [Vec<f32>],
+    components: &mut Vec<MeasurementComponent>,
+) -> Updated {
+    let Measurement {
+        frames,
+        detections,
+        associated,
+        visibilities,
+        near_m,
+    } = *measurement;
+    components.clear();
+    components.extend(associated.iter().map(|associated| associated.component));
+    let max_log_ratio = max_existence_log_ratio(filter, edge, measurement);
+    let detections = associated.iter().map(|associated| {
+        let detection = &detections[associated.detection];
+        (detection, associated.log_ratio_offset)
+    });
+    filter.update(components, max_log_ratio, |particles, out| {
+        out.fill(0.0);
+        for frame in frames {
+            let of_camera = &mut log_ratios[frame.camera()];
+            of_camera.clear();
+            of_camera.resize(out.len(), 0.0);
+            let positions_m = particles.positions_m();
+            edge.log_likelihood_ratios(
+                frame,
+                detections.clone(),
+                positions_m,
+                MISSED_NATS,
+                of_camera,
+            );
+            let Some(visibility) = &visibilities[frame.camera()] else {
+                continue;
+            };
+            for (sum, &log_ratio) in out.iter_mut().zip(&*of_camera) {
+                *sum += visibility.mixture_log_ratio(log_ratio);
+            }
+        }
+    });
+    let known = filter.estimate(0.0);
+    let is_target = |associated: &AssociatedDetection| {
+        let here = known.as_ref().map(|known| Vector3::from(known.position_m));
+        let there = Vector3::from(associated.component.position_m);
+        here.is_some_and(|here| (here - there).norm() < near_m)
+    };
+    Updated {
+        target: associated.iter().position(is_target),
+    }
+}
+
+/// The greatest log-ratio by which existence may become more likely. A camera that does not see a target says nothing against one that is occluded or out of its
+/// image.
+fn max_existence_log_ratio(
+    filter: &BernoulliFilter,
+    edge: &EdgeCue,
+    measurement: &Measurement,
+) -> f64 {
+    let log_ratios = measurement.associated.iter();
+    let log_ratios = log_ratios.map(|associated| associated.existence_log_ratio);
+    let greatest = log_ratios.fold(f64::from(MISSED_NATS), f64::max);
+    let predicted = filter.estimate(0.0);
+    let of_frame = |frame: &EdgeFrame| {
+        let visibility = measurement.visibilities[frame.camera()]?;
+        let mixed = f64::from(visibility.mixture_log_ratio(greatest as f32));
+        let predicted_m = predicted.as_ref().map(|known| known.position_m);
+        let in_view = predicted_m.is_none_or(|position_m| edge.is_in_view(frame, position_m));
+        Some(if in_view { mixed } else { mixed.max(0.0) })
+    };
+    let of_frames = measurement.frames.iter().filter_map(of_frame);
+    of_frames.reduce(f64::max).unwrap_or(f64::INFINITY)
+}

@@ -1,0 +1,60 @@
+//! Statistics of one camera's image that do not depend on the target: computed once per frame and camera, for all targets.
+
+use crate::color::{IlluminationCorrection, Palette};
+use crate::detect::{BinCounts, SAMPLING_STEP_PX, mean_color};
+use crate::view::PreparedFrame;
+
+/// Statistics of one camera's latest image. Owns its buffers.
+#[derive(Debug, Default)]
+pub(super) struct ImageStatistics {
+    /// Counts of bins, by palette and illumination correction; the first `count` hold for the latest image.
+    bins: Vec<(Palette, IlluminationCorrection, BinCounts)>,
+    count: usize,
+    mean_color: Option<[f32; 3]>,
+}
+
+impl ImageStatistics {
+    /// Forgets the image before.
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+        self.mean_color = None;
+    }
+
+    /// How often each bin of a palette occurs in the image after illumination correction. Every fourth pixel of every fourth row is counted.
+    pub(super) fn bin_counts(
+        &mut self,
+        prepared: &PreparedFrame,
+        palette: Palette,
+        correction: &IlluminationCorrection,
+    ) -> &BinCounts {
+        let is_it = |(of, by, _): &(Palette, IlluminationCorrection, BinCounts)| {
+            (of, by) == (&palette, correction)
+        };
+        let number = match self.bins[..self.count].iter().position(is_it) {
+            Some(number) => number,
+            None => self.add(prepared, palette, correction),
+        };
+        &self.bins[number].2
+    }
+
+    fn add(
+        &mut self,
+        prepared: &PreparedFrame,
+        palette: Palette,
+        correction: &IlluminationCorrection,
+    ) -> usize {
+        if self.bins.len() == self.count {
+            self.bins.push((palette, *correction, BinCounts::default()));
+        }
+        let (of, by, counts) = &mut self.bins[self.count];
+        (*of, *by) = (palette, *correction);
+        counts.count(prepared, palette, correction, SAMPLING_STEP_PX);
+        self.count += 1;
+        self.count - 1
+    }
+
+    /// The mean Y, U and V of the image.
+    pub(super) fn mean_color(&mut self, prepared: &PreparedFrame) -> [f32; 3] {
+        *self.mean_color.get_or_insert_with(|| mean_color(prepared))
+    }
+}

@@ -1,0 +1,124 @@
+//! What both ways of tracking keep of a body: the track's state, each camera's latest observation, and a pending re-initialisation.
+
+use super::TrackState;
+use crate::Frame;
+use crate::view::View;
+use pardalis_filter::gaussian::GaussianStart;
+
+/// How long a camera's latest observation counts while other cameras go on without it, seconds. Hand-set: half a second is twelve frames of a usual camera.
+const OBSERVATION_HOLDS_S: f64 = 0.5;
+
+/// The frames of one instant, with all cameras.
+pub(super) struct Instant<'a> {
+    pub(super) views: &'a [View],
+    /// Each frame with its camera's number.
+    pub(super) frames: &'a [(usize, Frame)],
+    pub(super) time_s: f64,
+}
+
+/// A camera's latest observation of a body.
+#[derive(Debug, Clone, Copy)]
+struct Observation {
+    time_s: f64,
+    /// The probability that the body was visible.
+    visible: f64,
+}
+
+/// What both ways of tracking keep of a body.
+#[derive(Debug)]
+pub(super) struct Track {
+    state: TrackState,
+    has_started: bool,
+    /// Where to start again with the next frames, and the time in seconds for which that holds.
+    reinitialization: Option<(GaussianStart, f64)>,
+    /// One per camera.
+    observations: Vec<Option<Observation>>,
+}
+
+impl Track {
+    pub(super) fn new(camera_count: usize) -> Self {
+        Self {
+            state: TrackState::Searching,
+            has_started: false,
+            reinitialization: None,
+            observations: vec![None; camera_count],
+        }
+    }
+
+    pub(super) fn state(&self) -> TrackState {
+        self.state
+    }
+
+    pub(super) fn set_state(&mut self, state: TrackState) {
+        self.state = state;
+    }
+
+    /// Whether the state has an estimate.
+    pub(super) fn is_known(&self) -> bool {
+        matches!(self.state, TrackState::Tracking | TrackState::Occluded)
+    }
+
+    /// Whether any frames were used.
+    pub(super) fn has_started(&self) -> bool {
+        self.has_started
+    }
+
+    pub(super) fn set_started(&mut self) {
+        self.has_started = true;
+    }
+
+    /// Starts again with the next frames, from what held at this time in seconds.
+    pub(super) fn reinitialize(&mut self, start: &GaussianStart, time_s: f64) {
+        self.reinitialization = Some((*start, time_s));
+    }
+
+    pub(super) fn take_reinitialization(&mut self) -> Option<(GaussianStart, f64)> {
+        self.reinitialization.take()
+    }
+
+    /// Notes with which probability the body was visible in a camera's frame.
+    pub(super) fn note_observation(&mut self, camera: usize, time_s: f64, visible: f64) {
+        self.observations[camera] = Some(Observation { time_s, visible });
+    }
+
+    /// Whether a camera's recent observation shows the body.
+    pub(super) fn is_visible(&self, time_s: f64) -> bool {
+        let shows = |observation: &Observation| {
+            observation.visible >= 0.5 && time_s - observation.time_s <= OBSERVATION_HOLDS_S
+        };
+        self.observations.iter().flatten().any(shows)
+    }
+
+    /// The greatest probability with which any camera's latest observation shows the body.
+    pub(super) fn greatest_visibility(&self) -> f64 {
+        let observations = self.observations.iter().flatten();
+        observations
+            .map(|observation| observation.visible)
+            .fold(0.0, f64::max)
+    }
+
+    /// Forgets all frames.
+    pub(super) fn reset(&mut self) {
+        *self = Self {
+            observations: std::mem::take(&mut self.observations),
+            ..Self::new(0)
+        };
+        self.observations.fill(None);
+    }
+
+    /// Forgets observations and state, not that tracking has started.
+    pub(super) fn forget_observations(&mut self) {
+        self.observations.fill(None);
+        self.state = TrackState::Searching;
+    }
+}
+
+/// Returns the weighted mean of log-likelihoods over that of pure background, in nats. Impossible particles, without weight, do not count.
+pub(super) fn mean_log_ratio(log_likelihoods: &[f32], weights: &[f64], background: f64) -> f64 {
+    log_likelihoods
+        .iter()
+        .zip(weights)
+        .filter(|&(_, &weight)| weight > 0.0)
+        .map(|(&log, weight)| weight * (f64::from(log) - background))
+        .sum()
+}

@@ -1,0 +1,86 @@
+//! Libraries perform no I/O and read no clock: their sources name nothing that could.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What no library names outside its tests.
+const FORBIDDEN: [&str; 19] = [
+    "std::fs",
+    "std::io",
+    "std::env",
+    "std::net",
+    "std::os",
+    "std::process",
+    "std::thread",
+    "std::time",
+    "Instant::now",
+    "SystemTime",
+    "println!",
+    "eprintln!",
+    "print!(",
+    "dbg!",
+    "include_bytes!",
+    "include_str!",
+    "thread_rng",
+    "getrandom",
+    "RandomState",
+];
+
+/// The code of a source file without comments and without what follows the first `#[cfg(test)]`, with the numbers of its lines.
+fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    text.lines()
+        .take_while(|line| line.trim() != "#[cfg(test)]")
+        .enumerate()
+        .map(|(i, line)| (i + 1, line.split("//").next().unwrap_or(line)))
+}
+
+/// What of the forbidden a source file names, with its line.
+fn found(text: &str) -> Vec<(usize, &'static str)> {
+    code(text)
+        .flat_map(|(number, line)| {
+            let names = FORBIDDEN
+                .into_iter()
+                .filter(move |name| line.contains(name));
+            names.map(move |name| (number, name))
+        })
+        .collect()
+}
+
+/// All Rust files in a folder.
+fn sources(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, files);
+        } else if path.extension().is_some_and(|kind| kind == "rs") {
+            files.push(path);
+        }
+    }
+}
+
+#[test]
+fn no_library_names_files_clocks_threads_or_the_console() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut files = Vec::new();
+    for entry in fs::read_dir(crates).unwrap() {
+        let folder = entry.unwrap().path().join("src");
+        // Programs have a main.rs; all other crates are libraries.
+        if folder.join("lib.rs").is_file() && !folder.join("main.rs").is_file() {
+            sources(&folder, &mut files);
+        }
+    }
+    assert!(files.len() > 100, "only {} source files found", files.len());
+    let mut problems = Vec::new();
+    for file in files {
+        for (line, name) in found(&fs::read_to_string(&file).unwrap()) {
+            problems.push(format!("{}:{line}: {name}", file.display()));
+        }
+    }
+    assert!(problems.is_empty(), "{}", problems.join("\n"));
+}
+
+#[test]
+fn the_scan_sees_code_and_neither_comments_nor_tests() {
+    let text = "use std::fs; // std::io\n/// println!\nlet t = Instant::now();\n#[cfg(test)]\nuse std::env;\n";
+    assert_eq!(found(text), [(1, "std::fs"), (3, "Instant::now")]);
+}
