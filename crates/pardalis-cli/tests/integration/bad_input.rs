@@ -103,7 +103,7 @@ fn faulty_masks() {
         ("mask = \"text.png\"", &["text.png", "not a JPEG or PNG"]),
         ("mask = \".\"", &["can not be read"]),
         ("mask_radius_px = 0.1", &["mask_radius_px", "larger radius"]),
-        ("mask_radius_px = 0", &["is 0; allowed: a positive"]),
+        ("mask_radius_px = 0", &["is 0; allowed: above 0"]),
         ("mask_radius_px = nan", &["is nan; allowed: a finite"]),
         (
             "mask_radius_px = 9\nmask_center_px = [1e308, 0]\nmask = \"white.png\"",

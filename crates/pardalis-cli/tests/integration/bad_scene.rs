@@ -82,12 +82,12 @@ fn other_numbers_and_types_name_their_key_and_line() {
         (
             "seed = 1",
             "seed = 1\ntiming.max_delay_s = 61",
-            "line 2: timing.max_delay_s: is 61; allowed: 0 to 60 seconds",
+            "line 2: timing.max_delay_s: is 61; allowed: 0 to 60",
         ),
         (
             "seed = 1",
             "seed = 1\ntiming.max_delay_s = -0.1",
-            "line 2: timing.max_delay_s: is -0.1; allowed: 0 to 60 seconds",
+            "line 2: timing.max_delay_s: is -0.1; allowed: 0 to 60",
         ),
         (
             "seed = 1",
@@ -329,7 +329,7 @@ fn files_that_are_no_scenes() {
     let both = scene_with("model.equi", "model.pinhole = {}\nmodel.equi");
     place
         .track(both)
-        .refused(&["cameras.cam1.model: has \"equidistant\", \"pinhole\"; allowed: one"]);
+        .refused(&["cameras.cam1.model: has \"equidistant\", \"pinhole\"; keep one of them"]);
     let near = scene_with("model.equidistant", "model.equidistent");
     place.track(near).refused(&[
         "line 5: cameras.cam1.model.equidistent: is not a key; did you mean equidistant?",
@@ -456,5 +456,7 @@ fn clicked_pixels_where_there_is_no_ray() {
         .refused(&["line 15", "is [nan, 1]; allowed: two finite numbers"]);
     place
         .track(scene("[460, 88]\ncamera = \"cam7\""))
-        .refused(&["line 16: targets.ball.start.pixel.camera: is \"cam7\"; allowed: cam1"]);
+        .refused(&[
+            "line 16: targets.ball.start.pixel.camera: is the text \"cam7\"; allowed: cam1",
+        ]);
 }

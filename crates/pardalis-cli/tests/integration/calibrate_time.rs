@@ -205,7 +205,7 @@ fn rejects_insufficient_recordings_without_writing() {
     let text = fs::read_to_string(folder.path().join("scene.toml")).unwrap();
     let write = |text: &str| fs::write(folder.path().join("scene.toml"), text).unwrap();
     let refused = |more: &[&str], wanted: &[&str]| {
-        let arguments = [&["calibrate", "clocks", "scene.toml"], more].concat();
+        let arguments = [&["calibrate", "time", "scene.toml"], more].concat();
         pardalis(&folder, &arguments).refused(wanted);
     };
     refused(

@@ -104,7 +104,7 @@ fn a_calibration_can_name_its_camera() {
         .track(scene("calibration = \"rig.toml\"", false))
         .refused(&[
             "scene.toml",
-            "line 5: cameras.cam1.calibration: holds the cameras left, cam2; say which by calibration_camera",
+            "line 5: cameras.cam1.calibration: contains the cameras left, cam2; select one with calibration_camera",
         ]);
     place
         .track(scene(&named.replace("left", "up"), false))
@@ -168,7 +168,7 @@ fn faulty_calibrations() {
     );
     refused(
         scene(&format!("{MODEL}\ncalibration_camera = \"left\""), true),
-        &["line 6: cameras.cam1.calibration_camera: needs calibration = \"FILE\" beside it"],
+        &["line 6: cameras.cam1.calibration_camera: needs calibration; add calibration = \"FILE\""],
     );
     place.write("small.toml", RIG.replace("640, 480", "320, 240"));
     refused(

@@ -308,7 +308,7 @@ fn toml_errors_are_reported_with_their_line() {
     );
     refused(
         "[package]\nname = \"x\"\n",
-        "line 1: cameras: is missing; describe each camera in a table [cameras.NAME]",
+        "line 1: cameras: is missing; describe each in a table [cameras.NAME]",
     );
     // An error in the TOML syntax is reported alone.
     for cut in ["0.9], [0, 0, 0, 1]]", "480]"] {

@@ -231,7 +231,7 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
         ),
         (
             "--clicks rim.csv",
-            "rim.csv, frame 2: pixel is [2.0, 3.0]; allowed: a pixel of the 640 x 480 image",
+            "rim.csv, frame 2: pixel_px is [2.0, 3.0]; allowed: a pixel of the 640 x 480 image",
         ),
         ("--at 2,3", "--at: pixel is [2.0, 3.0]; allowed"),
         (
@@ -360,7 +360,10 @@ fn unusable_tracks_are_rejected_as_starts() {
     let place = Workplace::with_frames(3);
     fs::create_dir(place.path("other")).unwrap();
     let row = |time_s: &str, rest: &str| {
-        format!("{}\n0,{time_s},ball,{rest}\n", crate::common::run::HEADER)
+        format!(
+            "{}\n0,{time_s},ball,{rest},,,\n",
+            crate::common::run::HEADER
+        )
     };
     let seen = "tracking,1.3,-1.2,0.6,0,0,0,,0.01,0,0,0.01,0,0.01,50,1";
     let place_in_scene = "line 16: targets.ball.start.track.file: ";

@@ -278,7 +278,7 @@ fn bad_worlds_are_refused_with_every_key_and_line() {
         (
             "target = true",
             "target = false",
-            "objects: holds no target",
+            "objects: contain no target",
         ),
         (
             "color_srgb = [230, 60, 30]",

@@ -684,7 +684,11 @@ fn contradictory_settings_of_detected_targets_are_refused_by_key() {
                 "edge",
             ),
             ("contour = {}", "targets.ball.start", "start.gaussian"),
-            ("window = {}\nedge = {}", "targets.ball.edge", "alone"),
+            (
+                "window = {}\nedge = {}",
+                "targets.ball.edge",
+                "cannot be combined with other cues",
+            ),
         ],
     );
 }

@@ -95,7 +95,7 @@ fn images_of_another_size_are_an_error() {
         1.0,
     );
     let small = tracker.observe(&set_of(small.unwrap()));
-    refused(small, "the image is 2 x 1 pixels where 640 x 480");
+    refused(small, "the image is 2 x 1 pixels, but 640 x 480");
     assert_eq!(tracker.time_s(), None);
 }
 

@@ -178,7 +178,7 @@ fn invalid_starts_and_passes_are_rejected_without_side_effects() {
         (&[fine, fine][..], &[0.1][..], "starts is 2; allowed: 1"),
         (&[None], &[0.1], "starts is none; allowed"),
         (&[no_camera], &[0.1], "camera is 1; allowed"),
-        (&[no_ray], &[0.1], "pixel is [2.0, 2.0]; allowed"),
+        (&[no_ray], &[0.1], "pixel_px is [2.0, 2.0]; allowed"),
         (&[nowhere], &[0.1], "position_m is NaN; allowed"),
         (&[fine], &[], "passes_sigma_m is []; allowed"),
         (
