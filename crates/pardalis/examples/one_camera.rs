@@ -1,3 +1,5 @@
+//! Tracks an orange ball in synthetic images from one camera.
+
 use pardalis::camera::{Pinhole, Pose};
 use pardalis::color::ColorModel;
 use pardalis::tracker::DetectedSettings;
