@@ -1,14 +1,14 @@
-//! Files that are replaced whole or not at all.
+//! Atomic replacement of files.
 
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
-/// Writes a file by way of another beside it, so that a failure leaves what was there before.
+/// Writes a file via a temporary file next to it, so that a failure leaves the previous content intact.
 ///
-/// Faults: the file cannot be written.
+/// Errors: the file cannot be written.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let partial = path.with_file_name(format!(".{name}.{}.partial", std::process::id()));
@@ -19,10 +19,10 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
         })
         .and_then(|()| fs::rename(&partial, path));
     written.map_err(|error| {
-        // Where not even this file could be made, there is nothing to remove.
+        // If the temporary file could not be created, there is nothing to remove.
         let _ = fs::remove_file(&partial);
-        fault!(
-            "{}: cannot be written ({error}); give a folder that exists and may be written to",
+        user_error!(
+            "{}: cannot be written ({error}); choose an existing folder with write permission",
             path.display()
         )
     })
@@ -33,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_replaced_and_nothing_else_is_left() {
+    fn files_are_replaced_without_leftovers() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.toml");
         write_file(&path, b"old").unwrap();
@@ -43,13 +43,13 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_names_the_file_and_leaves_what_was_there() {
+    fn a_failed_write_names_the_file_and_keeps_the_previous_one() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.toml");
         // A folder of that name cannot be replaced by a file.
         fs::create_dir(&path).unwrap();
         let error = write_file(&path, b"new").unwrap_err();
-        assert!(error.is::<crate::fault::Fault>());
+        assert!(error.is::<crate::user_error::UserError>());
         assert!(error.to_string().contains("model.toml"), "{error}");
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
     }

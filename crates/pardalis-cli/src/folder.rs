@@ -1,26 +1,27 @@
-//! Folders of results that appear whole or not at all.
+//! Result folders that are written completely or not at all.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
-/// What a command's folders hold, by which they are known and may be replaced.
+/// The contents of a command's result folders, by which the command recognises the folders that it may
+/// replace.
 pub(crate) struct Content {
-    /// The file by which such a folder is known.
+    /// The marker file that identifies such a folder.
     pub(crate) mark: &'static str,
-    /// What that file says.
+    /// The text of the marker file.
     pub(crate) text: &'static str,
-    /// What such a folder is, as "a simulated sequence".
+    /// A noun phrase for such a folder, such as "a simulated sequence".
     pub(crate) what: &'static str,
-    /// What else it holds, colour models aside.
+    /// Its other entries, besides colour models.
     pub(crate) entries: &'static [&'static str],
 }
 
 impl Content {
-    /// What lies in a folder that this is not.
+    /// Returns the first entry of a folder that does not belong to this content.
     fn foreign(&self, folder: &Path) -> Option<String> {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
         let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
@@ -31,7 +32,7 @@ impl Content {
     }
 }
 
-/// A folder beside the one that is wanted, until all is written.
+/// A result folder that is written to a temporary location until it is complete.
 pub(crate) struct Folder {
     content: &'static Content,
     output: PathBuf,
@@ -40,36 +41,37 @@ pub(crate) struct Folder {
 }
 
 impl Folder {
-    /// Begins a folder.
+    /// Creates the temporary folder.
     ///
-    /// Faults: the one that is wanted holds something already, which is replaced by force only where it has this content; it cannot be made.
+    /// Errors: the output exists and is not empty, and `force` is not given or the folder has other contents;
+    /// or the temporary folder cannot be created.
     pub(crate) fn begin(content: &'static Content, output: &Path, force: bool) -> Result<Self> {
         let Content { mark, what, .. } = content;
         let name = output.display();
         if output.exists() && !output.is_dir() {
-            return Err(fault!(
-                "{name}: is a file; give the name of a folder with -o"
-            ));
+            return Err(user_error!("{name}: is a file; choose a folder with -o"));
         }
         let holds_something =
             fs::read_dir(output).is_ok_and(|mut entries| entries.next().is_some());
         if holds_something && !force {
-            return Err(fault!(
-                "{name}: is not empty; give another -o, or --force to replace {what}"
+            return Err(user_error!(
+                "{name}: is not empty; choose another folder with -o, or replace {what} with --force"
             ));
         }
         if holds_something && !output.join(mark).is_file() {
-            return Err(fault!(
-                "{name}: holds no {mark}, so that it is not {what} and --force does not remove it; give another -o"
+            return Err(user_error!(
+                "{name}: holds no {mark}, so it is not {what} and --force does not replace it; choose another folder with -o"
             ));
         }
         if holds_something && let Some(foreign) = content.foreign(output) {
-            return Err(fault!(
-                "{name}: holds {foreign}, which is no part of {what}, and --force would remove it; move it elsewhere, or give another -o"
+            return Err(user_error!(
+                "{name}: holds {foreign}, which does not belong to {what} and would be removed by --force; move it, or choose another folder with -o"
             ));
         }
         let Some(file_name) = output.file_name() else {
-            return Err(fault!("{name}: is no name of a folder; give another -o"));
+            return Err(user_error!(
+                "{name}: is not a folder name; choose another with -o"
+            ));
         };
         let partial = format!(
             ".{}.{}.partial",
@@ -86,24 +88,24 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Makes a folder in it.
+    /// Creates a subfolder.
     pub(crate) fn make(&self, name: &Path) -> Result<()> {
         let path = self.partial.join(name);
         fs::create_dir_all(&path).map_err(|error| self.failed(name, &error))
     }
 
-    /// Writes a file in it.
+    /// Writes a file.
     pub(crate) fn write(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
         let name = name.as_ref();
         fs::write(self.partial.join(name), bytes).map_err(|error| self.failed(name, &error))
     }
 
-    /// Where a file is until all is written.
+    /// Returns the temporary path of a file.
     pub(crate) fn path_of(&self, name: &str) -> PathBuf {
         self.partial.join(name)
     }
 
-    /// Puts it in the place of the one that is wanted.
+    /// Moves the complete folder to its final place.
     pub(crate) fn finish(mut self) -> Result<()> {
         self.write(self.content.mark, self.content.text.as_bytes())?;
         let old = self.partial.with_extension("old");
@@ -118,8 +120,8 @@ impl Folder {
         self.is_finished = true;
         if old.exists() {
             fs::remove_dir_all(&old).map_err(|error| {
-                fault!(
-                    "{}: cannot be removed ({error}); remove it yourself",
+                user_error!(
+                    "{}: cannot be removed ({error}); remove it manually",
                     old.display()
                 )
             })?;
@@ -128,8 +130,8 @@ impl Folder {
     }
 
     fn failed(&self, name: &Path, error: &std::io::Error) -> anyhow::Error {
-        fault!(
-            "{}: cannot be written ({error}); give a folder that may be written to with -o",
+        user_error!(
+            "{}: cannot be written ({error}); choose a folder with write permission with -o",
             self.output.join(name).display()
         )
     }
@@ -138,7 +140,7 @@ impl Folder {
 impl Drop for Folder {
     fn drop(&mut self) {
         if !self.is_finished {
-            // What cannot be removed does no harm.
+            // A leftover temporary folder does no harm.
             let _ = fs::remove_dir_all(&self.partial);
         }
     }

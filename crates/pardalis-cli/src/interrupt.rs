@@ -1,13 +1,13 @@
-//! Ctrl-C: work stops where it can keep what is finished.
+//! Handling of Ctrl-C: the first one stops the work in an orderly way.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Set when the user presses Ctrl-C or the program is asked to end.
+/// Set when the user presses Ctrl-C or the program receives a request to terminate.
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// From now on the first Ctrl-C asks to stop, and the second ends the program at once.
+/// Installs the handler: the first Ctrl-C requests an orderly stop, the second ends the program at once.
 pub(crate) fn listen() {
-    // Experiments track many times: the handler of the first time stays.
+    // Experiments run the tracker many times; the handler of the first run stays installed.
     let _ = ctrlc::set_handler(|| {
         if REQUESTED.swap(true, Ordering::SeqCst) {
             std::process::exit(1);
@@ -15,7 +15,7 @@ pub(crate) fn listen() {
     });
 }
 
-/// Whether the user asked to stop.
+/// Reports whether the user requested a stop.
 pub(crate) fn requested() -> bool {
     REQUESTED.load(Ordering::SeqCst)
 }

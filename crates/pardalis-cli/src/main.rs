@@ -4,20 +4,20 @@ mod arguments;
 mod board;
 mod commands;
 mod draw;
-mod fault;
 mod files;
 mod folder;
 mod interrupt;
+mod output;
 mod progress;
 mod rectangle;
 mod rig;
-mod say;
 mod scene;
 mod source;
 mod tables;
 mod timing;
 mod track_start;
 mod tracking;
+mod user_error;
 
 use std::process::ExitCode;
 
@@ -31,27 +31,27 @@ use clap::{Parser, Subcommand};
   pardalis learn --image a.jpg --rect 10,20,30,40 -o ball.colors.toml
   pardalis init images --fps 25 --colors ball.colors.toml --pixel 460,88
   pardalis track scene.toml --annotate
-  pardalis locate scene.toml --at 460,88             single images, each on its own
-  pardalis rectify scene.toml                        the ground as seen from straight above
+  pardalis locate scene.toml --at 460,88             single images, independently
+  pardalis rectify scene.toml                        maps of the ground, seen from above
 
 Without cameras:
-  pardalis simulate data/worlds/ring.toml -o ring    images of a made-up world, with truth
+  pardalis simulate data/worlds/ring.toml -o ring    images of a synthetic world, with ground truth
 
 Cameras:
-  pardalis camera show calib.yml                     what a calibration of any program says
-  pardalis init images --fps 25 --camera calib.yml   a scene with it
+  pardalis camera show calib.yml                     properties of a calibration in any format
+  pardalis init images --fps 25 --camera calib.yml   a scene that uses it
   pardalis calibrate board images --board checkerboard:9x6:0.025 --model all
   pardalis calibrate pose points.csv --camera calib.yml
   pardalis calibrate plane images --size 2.0x1.5     a floor with a rectangle of tape
-  pardalis calibrate plane images --size 2.0x1.5     a floor by a rectangle on it, the camera unknown
+  pardalis calibrate plane images --size 2.0x1.5     a floor by a rectangle on it, without a calibration
 
-Exit codes: 0 done; 2 the input or the usage is at fault; 1 anything else.")]
+Exit codes: 0 success; 2 invalid input or usage; 1 any other error.")]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
 }
 
-/// One variant a command, each in its own file under `commands/`.
+/// The commands, each in its own module under `commands/`.
 #[derive(Subcommand)]
 enum Command {
     Calibrate(commands::calibrate::Arguments),
@@ -83,5 +83,5 @@ fn main() -> ExitCode {
         Command::Measure(arguments) => commands::measure::run(&arguments),
         Command::Simulate(arguments) => commands::simulate::run(&arguments),
     };
-    fault::exit_code_of(&outcome)
+    user_error::exit_code_of(&outcome)
 }

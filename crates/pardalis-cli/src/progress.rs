@@ -1,15 +1,15 @@
-//! How far a command is, and a way to stop it.
+//! Progress bars, and the check for interruption.
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::interrupt;
 
-/// A bar on a terminal, nothing elsewhere.
+/// A progress bar, shown only on a terminal.
 pub(crate) struct Progress(ProgressBar);
 
 impl Progress {
-    /// Of something that is done to so many images, where their number is known.
+    /// Creates a bar for an operation on images; `images` is their number, if known.
     pub(crate) fn new(doing: &'static str, images: Option<usize>) -> Self {
         interrupt::listen();
         let (bar, template) = match images {
@@ -26,7 +26,7 @@ impl Progress {
         })
     }
 
-    /// Another image is done; fails where the user asked to stop.
+    /// Advances the bar by one image. Fails if the user interrupted the program.
     pub(crate) fn step(&self) -> Result<()> {
         self.0.inc(1);
         if interrupt::requested() {
@@ -35,7 +35,7 @@ impl Progress {
         Ok(())
     }
 
-    /// Does something, warn say, while the bar is out of the way.
+    /// Runs an action, such as a warning, while the bar is hidden.
     pub(crate) fn aside(&self, act: impl FnOnce()) {
         self.0.suspend(act);
     }

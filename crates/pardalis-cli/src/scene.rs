@@ -17,13 +17,13 @@ use pardalis_core::simd::Level;
 use pardalis_scene::calibration;
 use pardalis_scene::{BodyConfig, CameraConfig, Input, Problem, Scene, StartConfig};
 
-use crate::fault::{Fault, fault};
+use crate::output::warn;
 use crate::rectangle::find_in_scene;
 use crate::rig;
-use crate::say::warn;
 use crate::source::decode::decode_mask;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use crate::track_start;
+use crate::user_error::{UserError, user_error};
 
 /// The largest scene or colour model file that is read, in bytes: they are written by people.
 const MAX_TEXT_BYTES: u64 = 4 << 20;
@@ -48,15 +48,17 @@ pub(crate) struct OpenScene {
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     let name = path.display();
     let unreadable = |error: io::Error| match error.kind() {
-        io::ErrorKind::NotFound => fault!("{name}: can not be read: there is no such file"),
-        _ => fault!("{name}: can not be read: {error}; give a text file"),
+        io::ErrorKind::NotFound => user_error!("{name}: can not be read: there is no such file"),
+        _ => user_error!("{name}: can not be read: {error}; give a text file"),
     };
     let metadata = fs::metadata(path).map_err(unreadable)?;
     if !metadata.is_file() {
-        return Err(fault!("{name}: is a folder or a device; give a text file"));
+        return Err(user_error!(
+            "{name}: is a folder or a device; give a text file"
+        ));
     }
     if metadata.len() > MAX_TEXT_BYTES {
-        return Err(fault!(
+        return Err(user_error!(
             "{name}: has {} bytes; allowed: at most {MAX_TEXT_BYTES}",
             metadata.len()
         ));
@@ -66,7 +68,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
         let line = error.as_bytes()[..error.utf8_error().valid_up_to()]
             .split(|&byte| byte == b'\n')
             .count();
-        fault!("{name}: line {line}: is not UTF-8 text; save the file as UTF-8")
+        user_error!("{name}: line {line}: is not UTF-8 text; save the file as UTF-8")
     })
 }
 
@@ -119,7 +121,7 @@ pub(crate) fn open(
     stills: &[PathBuf],
 ) -> Result<OpenScene> {
     if !stills.is_empty() && scene.cameras.len() != 1 {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: the scene has {} cameras, and images of the command line do not say which took them; leave them out, or give a scene with one camera",
             path.display(),
             scene.cameras.len()
@@ -279,7 +281,7 @@ pub(crate) fn problems_in(what: &str, path: &Path, problems: &[Problem]) -> anyh
     if problems.len() > MAX_LISTED {
         let _ = write!(text, "\n  and {} more", problems.len() - MAX_LISTED);
     }
-    anyhow::Error::new(Fault(text))
+    anyhow::Error::new(UserError(text))
 }
 
 /// A path of a scene file: relative ones start at the scene's folder.
@@ -377,14 +379,14 @@ fn view_of(
         let path = resolve(folder, &file.value);
         let read = decode_mask(&path).and_then(|grey| {
             if grey.size_px() != size {
-                return Err(fault!(
+                return Err(user_error!(
                     "{}: the mask is {} x {} pixels, the images are {width} x {height}; they must agree",
                     path.display(),
                     grey.width(),
                     grey.height()
                 ));
             }
-            Mask::from_grey(width, height, grey.as_raw()).map_err(|error| fault!("{}: {error}", path.display()))
+            Mask::from_grey(width, height, grey.as_raw()).map_err(|error| user_error!("{}: {error}", path.display()))
         });
         match read {
             Ok(read) => mask = Some(read),
@@ -413,13 +415,13 @@ fn view_of(
 
 /// The colours of a body of the scene in the file at `path`.
 ///
-/// Faults: it has none, or the file cannot be read.
+/// Errors: it has none, or the file cannot be read.
 pub(crate) fn colors(path: &Path, body: &BodyConfig) -> Result<ColorModel> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let read =
         read_colors(body, folder).map_err(|problem| problems_in("scene", path, &[problem]))?;
     read.ok_or_else(|| {
-        fault!(
+        user_error!(
             "{}: targets.{}.colors: is missing, and the target is looked for by its colours; give a file that `pardalis learn` made",
             path.display(),
             body.name
@@ -433,17 +435,17 @@ fn read_colors(body: &BodyConfig, folder: &Path) -> Result<Option<ColorModel>, P
     };
     let path = resolve(folder, &file.value);
     let read = read_text(&path).and_then(|text| {
-        let model = ColorModel::from_text(&text).map_err(|error| fault!("{}: {error}", path.display()))?;
+        let model = ColorModel::from_text(&text).map_err(|error| user_error!("{}: {error}", path.display()))?;
         let counts_learnt = |cue: &CueSettings| matches!(cue.cue, Cue::Window(window) if window.ranges.is_none());
         if model.ranges().is_none() && body.cues().iter().any(counts_learnt) {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: holds no ranges of hue and saturation, which the window cue counts; learn it again, or give window.hue_deg and window.saturation",
                 path.display()
             ));
         }
         let compares_channels = |cue: &CueSettings| matches!(cue.cue, Cue::Region(_));
         if model.channels().is_none() && body.cues().iter().any(compares_channels) {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: holds no histograms of red, green and blue, which the region cue compares; learn it again",
                 path.display()
             ));

@@ -8,7 +8,7 @@ use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use pardalis::tracker::TrackState;
 use pardalis_evaluate::{EstimatedState, TrueState};
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// What one target or object does over time.
 #[derive(Debug)]
@@ -65,7 +65,7 @@ pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<TrackRow>>> {
         };
         let (name, time_s) = (row.text(target)?, row.number(time)?);
         if let Some((_, first_line)) = tracks.add(name, time_s, (found, row.line)) {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: target \"{name}\" already has a row for {time_s} s in line {first_line}; \
                  allowed: one row a target and time",
                 row.place()
@@ -118,14 +118,14 @@ pub(crate) fn read_truth(path: &Path) -> Result<Vec<Series<TrueState>>> {
         };
         let (place, line) = (row.place(), known.line);
         if known.cameras.contains(&camera) {
-            return Err(fault!(
+            return Err(user_error!(
                 "{place}: object \"{name}\" already has a row for {time_s} s and camera \"{camera}\", \
                  see line {line}; allowed: one row an object, time and camera"
             ));
         }
         let in_world = |s: &TrueState| (s.position_m, s.velocity_mps, s.heading_rad);
         if in_world(&known.state) != in_world(&state) {
-            return Err(fault!(
+            return Err(user_error!(
                 "{place}: object \"{name}\" has another position, velocity or heading at {time_s} s than in line {line}; \
                  the world columns must repeat for each camera"
             ));
@@ -220,7 +220,7 @@ impl Table {
         if header.len() == 1
             && let Some((_, name)) = separators.iter().find(|(c, _)| header[0].contains(*c))
         {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}, line 1: the columns are separated by {name}; they must be separated by commas, and numbers have a decimal point",
                 path.display()
             ));
@@ -234,7 +234,7 @@ impl Table {
                 .any(|before| before == name)
                 .then_some(name)
         }) {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}, line 1: column \"{twice}\" occurs twice; allowed: each column once",
                 path.display()
             ));
@@ -245,7 +245,7 @@ impl Table {
             records,
         };
         if table.records.is_empty() {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: has no rows; needed: a header line and at least one row",
                 path.display()
             ));
@@ -257,7 +257,7 @@ impl Table {
     pub(crate) fn column<'n>(&self, name: &'n str) -> Result<Column<'n>> {
         self.optional_column(name).ok_or_else(|| {
             let found: Vec<&str> = self.header.iter().collect();
-            fault!(
+            user_error!(
                 "{}, line 1: column \"{name}\" is missing; found: {}",
                 self.path.display(),
                 found.join(",")
@@ -407,7 +407,7 @@ impl Row<'_> {
         } else {
             format!("holds \"{cell}\"")
         };
-        fault!(
+        user_error!(
             "{place}, column {}: {found}; allowed: {allowed}",
             column.name
         )
@@ -419,9 +419,11 @@ fn csv_fault(path: &Path, error: &csv::Error) -> anyhow::Error {
     let is_folder = path.is_dir();
     let path = path.display();
     match error.kind() {
-        ErrorKind::Io(_) if is_folder => fault!("{path}: is a folder; give the CSV file in it"),
+        ErrorKind::Io(_) if is_folder => {
+            user_error!("{path}: is a folder; give the CSV file in it")
+        }
         ErrorKind::Io(error) => {
-            fault!("{path}: {error}; give a CSV file")
+            user_error!("{path}: {error}; give a CSV file")
         }
         ErrorKind::UnequalLengths {
             pos,
@@ -433,17 +435,17 @@ fn csv_fault(path: &Path, error: &csv::Error) -> anyhow::Error {
             } else {
                 ""
             };
-            fault!(
+            user_error!(
                 "{path}, line {}: has {len} cells where the header has {expected_len} columns{hint}",
                 pos.as_ref().map_or(0, csv::Position::line)
             )
         }
-        ErrorKind::Utf8 { pos, err } => fault!(
+        ErrorKind::Utf8 { pos, err } => user_error!(
             "{path}, line {}, column {}: is not UTF-8 text; save the file as UTF-8",
             pos.as_ref().map_or(1, csv::Position::line),
             err.field() + 1
         ),
-        _ => fault!("{path}: {error}"),
+        _ => user_error!("{path}: {error}"),
     }
 }
 
@@ -504,7 +506,7 @@ mod tests {
             let path = std::env::temp_dir().join(format!("pardalis-cut-{}", std::process::id()));
             std::fs::write(&path, &bytes[..length]).unwrap();
             if let Err(error) = read_truth(&path) {
-                assert!(error.is::<crate::fault::Fault>(), "{error:?}");
+                assert!(error.is::<crate::user_error::UserError>(), "{error:?}");
             }
             std::fs::remove_file(&path).unwrap();
         }

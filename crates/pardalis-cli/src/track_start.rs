@@ -6,15 +6,15 @@ use anyhow::Result;
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_scene::TrackStart;
 
-use crate::fault::fault;
 use crate::tables;
+use crate::user_error::user_error;
 
 /// The oldest estimate that is taken, in seconds before the first frame: what a target does for longer than that is anybody's guess.
 const MAX_AGE_S: f64 = 10.0;
 
 /// The track's last estimate at or before the first frame, moved into the scene's world, and its time in seconds.
 ///
-/// Faults: the file is no track, has no such target, or no estimate of it in the last seconds before that frame.
+/// Errors: the file is no track, has no such target, or no estimate of it in the last seconds before that frame.
 pub(crate) fn read(
     start: &TrackStart,
     path: &Path,
@@ -24,7 +24,7 @@ pub(crate) fn read(
     let tracks = tables::read_tracks(path)?;
     let Some(track) = tracks.iter().find(|track| track.name == start.target) else {
         let names: Vec<&str> = tracks.iter().map(|track| &*track.name).collect();
-        return Err(fault!(
+        return Err(user_error!(
             "{name}: has no target \"{}\"; allowed: {}",
             start.target,
             names.join(", ")
@@ -39,7 +39,7 @@ pub(crate) fn read(
         .filter(|(time_s, _)| *time_s <= first_time_s)
         .find_map(|(time_s, row)| Some((time_s, row.estimate?)));
     let Some((time_s, estimate)) = before else {
-        return Err(fault!(
+        return Err(user_error!(
             "{name}: has no estimate of \"{}\" at or before the first frame, at {first_time_s} s; give a track that begins before, \
              or set time_offset_s if the clocks differ",
             start.target
@@ -47,14 +47,14 @@ pub(crate) fn read(
     };
     let age_s = first_time_s - time_s;
     if age_s.is_finite() && age_s > MAX_AGE_S {
-        return Err(fault!(
+        return Err(user_error!(
             "{name}: the last estimate of \"{}\" before the first frame, at {first_time_s} s, is of {time_s} s; \
              allowed: at most {MAX_AGE_S} s older; set time_offset_s if the clocks differ",
             start.target
         ));
     }
     let Some(covariance_m2) = estimate.covariance_m2 else {
-        return Err(fault!(
+        return Err(user_error!(
             "{name}: the estimate of \"{}\" at {time_s} s has no covariance; needed: the columns xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2",
             start.target
         ));
@@ -67,7 +67,7 @@ pub(crate) fn read(
     };
     let here = there.moved(&start.world_from_other);
     here.check().map_err(|error| {
-        fault!(
+        user_error!(
             "{name}: the estimate of \"{}\" at {time_s} s cannot be started from: {error}",
             start.target
         )

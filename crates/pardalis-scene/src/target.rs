@@ -137,8 +137,8 @@ impl TargetConfig {
             }
             // If all share a shape, the cue's own table reports it.
             let has_form = matches!(shape, Some(Shape::Sphere(_) | Shape::Upright(_)));
-            let looks_at_regions = shared.as_ref().is_some_and(Shared::looks_at_regions);
-            if has_form && looks_at_regions {
+            let needs_flat_shape = shared.as_ref().is_some_and(Shared::needs_flat_shape);
+            if has_form && needs_flat_shape {
                 let message = "is not flat, but the cues region and difference apply to flat targets only; give shape.disc or shape.rectangle, or remove these cues";
                 table.problem("shape", message);
             }
@@ -303,14 +303,16 @@ impl Shared {
     fn needs_colors(&self) -> bool {
         match self {
             Self::Detected { .. } => true,
-            Self::Initialized { cues, .. } => cues.iter().any(|cue| !cue.cue.knows_its_colors()),
+            Self::Initialized { cues, .. } => {
+                cues.iter().any(|cue| !cue.cue.works_without_color_model())
+            }
         }
     }
 
-    fn looks_at_regions(&self) -> bool {
+    fn needs_flat_shape(&self) -> bool {
         match self {
             Self::Detected { .. } => false,
-            Self::Initialized { cues, .. } => cues.iter().any(|cue| cue.cue.looks_at_regions()),
+            Self::Initialized { cues, .. } => cues.iter().any(|cue| cue.cue.needs_flat_shape()),
         }
     }
 

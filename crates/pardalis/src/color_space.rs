@@ -1,8 +1,8 @@
-//! What the three numbers of a pixel mean: YUV matrices and ranges, RGB, and hue, saturation, intensity.
+//! Colour spaces: YUV matrices and ranges, RGB, and hue, saturation, intensity.
 
 use serde::{Deserialize, Serialize};
 
-/// Which weights of red, green and blue make up Y.
+/// The weights of red, green and blue in Y.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum YuvMatrix {
@@ -13,7 +13,7 @@ pub enum YuvMatrix {
     Bt709,
 }
 
-/// Which byte values stand for black and white.
+/// The byte values of black and white.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum YuvRange {
@@ -25,7 +25,7 @@ pub enum YuvRange {
 }
 
 impl YuvMatrix {
-    /// Its name in files.
+    /// Returns the name of the matrix in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Bt601 => "bt601",
@@ -35,7 +35,7 @@ impl YuvMatrix {
 }
 
 impl YuvRange {
-    /// Its name in files.
+    /// Returns the name of the range in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Full => "full",
@@ -44,13 +44,13 @@ impl YuvRange {
     }
 }
 
-/// Matrix and range together: what the numbers of a YUV pixel mean.
+/// Matrix and range of YUV pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct YuvEncoding {
-    /// Which weights make up Y.
+    /// The weights that make up Y.
     pub matrix: YuvMatrix,
-    /// Which values stand for black and white.
+    /// The values of black and white.
     pub range: YuvRange,
 }
 
@@ -61,7 +61,7 @@ impl YuvEncoding {
         range: YuvRange::Limited,
     };
 
-    /// Weights of red and blue in Y.
+    /// Returns the weights of red and blue in Y.
     fn weights(self) -> (f64, f64) {
         match self.matrix {
             YuvMatrix::Bt601 => (0.299, 0.114),
@@ -69,7 +69,7 @@ impl YuvEncoding {
         }
     }
 
-    /// Offset of Y, scale of Y and scale of U and V, in byte steps over the unit range.
+    /// Returns the offset of Y, the scale of Y, and the scale of U and V, in byte steps over the unit range.
     fn scales(self) -> (f64, f64, f64) {
         match self.range {
             YuvRange::Full => (0.0, 255.0, 255.0),
@@ -77,7 +77,7 @@ impl YuvEncoding {
         }
     }
 
-    /// R, G, B in 0..=255 from Y, U, V in 0..=255; not rounded, clamped to the gamut.
+    /// Converts Y, U, V in 0..=255 to R, G, B in 0..=255, unrounded and clamped to the gamut.
     pub fn rgb_from_yuv(self, [y, u, v]: [f64; 3]) -> [f64; 3] {
         let (kr, kb) = self.weights();
         let (y0, y_scale, c_scale) = self.scales();
@@ -90,7 +90,7 @@ impl YuvEncoding {
         [r, g, b].map(|c| (c * 255.0).clamp(0.0, 255.0))
     }
 
-    /// Y, U, V in 0..=255 from R, G, B in 0..=255; not rounded.
+    /// Converts R, G, B in 0..=255 to Y, U, V in 0..=255, unrounded.
     pub fn yuv_from_rgb(self, rgb: [f64; 3]) -> [f64; 3] {
         let (kr, kb) = self.weights();
         let (y0, y_scale, c_scale) = self.scales();
@@ -106,16 +106,17 @@ impl YuvEncoding {
         .map(|c| c.clamp(0.0, 255.0))
     }
 
-    /// R, G, B bytes from Y, U, V bytes, for pictures that people look at.
+    /// Converts Y, U, V bytes to R, G, B bytes, for display.
     pub fn rgb8_from_yuv(self, yuv: [u8; 3]) -> [u8; 3] {
         self.rgb_from_yuv(yuv.map(f64::from))
             .map(|c| c.round() as u8)
     }
 }
 
-/// Hue, saturation and intensity, each in `[0, 1)` or `[0, 1]`, from R, G, B in 0..=255.
+/// Converts R, G, B in 0..=255 to hue in `[0, 1)`, saturation in `[0, 1]` and intensity in `[0, 1]`.
 ///
-/// Hue and saturation as in HSV, intensity the mean of R, G and B (Taiana 2007, section 4.3). Grey has hue 0.
+/// Hue and saturation are those of HSV; the intensity is the mean of R, G and B (Taiana 2007, section 4.3).
+/// Grey has hue 0.
 pub fn hsi_from_rgb([r, g, b]: [f64; 3]) -> [f64; 3] {
     let max = r.max(g).max(b);
     let min = r.min(g).min(b);
@@ -139,7 +140,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn yuv_and_rgb_invert_each_other_in_every_encoding() {
+    fn yuv_and_rgb_round_trip_in_every_encoding() {
         for matrix in [YuvMatrix::Bt601, YuvMatrix::Bt709] {
             for range in [YuvRange::Full, YuvRange::Limited] {
                 let encoding = YuvEncoding { matrix, range };

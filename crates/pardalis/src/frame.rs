@@ -1,4 +1,4 @@
-//! One image in the camera's own pixel format.
+//! A camera image in its native pixel format.
 
 use std::sync::Arc;
 
@@ -8,24 +8,24 @@ use crate::color_space::YuvEncoding;
 use pardalis_core::Error;
 use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 
-/// How the bytes of an image are laid out. Rows are tightly packed, the top row first.
+/// Memory layout of the bytes of an image. Rows are tightly packed, the top row first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PixelFormat {
-    /// Red, green, blue: three bytes a pixel.
+    /// Red, green, blue: three bytes per pixel.
     Rgb8,
-    /// Packed YUV 4:2:2, bytes `Y0 U Y1 V` for two pixels side by side.
+    /// Packed YUV 4:2:2: bytes `Y0 U Y1 V` for two horizontally adjacent pixels.
     Yuyv,
-    /// Packed YUV 4:2:2, bytes `U Y0 V Y1` for two pixels side by side.
+    /// Packed YUV 4:2:2: bytes `U Y0 V Y1` for two horizontally adjacent pixels.
     Uyvy,
-    /// Planar YUV 4:2:0: a plane of Y, then one of alternating U and V at half size.
+    /// Semi-planar YUV 4:2:0: a plane of Y, then one of interleaved U and V at half size.
     Nv12,
     /// Planar YUV 4:2:0: a plane of Y, then one of U and one of V at half size.
     I420,
 }
 
 impl PixelFormat {
-    /// The number of bytes of an image of this size; odd sizes round chroma up.
+    /// Returns the number of bytes of an image; odd sizes round chroma up.
     pub fn byte_count(self, width: usize, height: usize) -> usize {
         let chroma_width = width.div_ceil(2);
         match self {
@@ -36,8 +36,8 @@ impl PixelFormat {
     }
 }
 
-/// Calls `$body` with `$components` bound to a closure from a pixel (x, y) of the frame to its three raw components, R, G, B or Y, U, V. The
-/// format is matched once, outside of whatever loop `$body` is.
+/// Runs `$body` with `$components` bound to a closure from a pixel (x, y) of the frame to its three raw
+/// components (R, G, B or Y, U, V). The format is matched once, outside of any loop in `$body`.
 macro_rules! with_pixels {
     ($frame:expr, $components:ident => $body:expr) => {{
         let frame: &$crate::Frame = $frame;
@@ -90,10 +90,11 @@ macro_rules! with_pixels {
 }
 pub(crate) use with_pixels;
 
-/// The largest time stamp, in seconds, either way from zero: some 30 000 years, so that the square of a time is still a plain number.
+/// The largest absolute time stamp in seconds, some 30 000 years, so that the square of a time is exact
+/// enough.
 pub const MAX_TIME_S: f64 = 1e12;
 
-/// Returns an error for time stamps that are not finite, or beyond [`MAX_TIME_S`].
+/// Returns an error for time stamps that are not finite or lie beyond [`MAX_TIME_S`].
 pub(crate) fn check_time(time_s: f64) -> Result<(), Error> {
     if time_s.abs() <= MAX_TIME_S {
         return Ok(());
@@ -102,11 +103,11 @@ pub(crate) fn check_time(time_s: f64) -> Result<(), Error> {
     Err(Error::out_of_range("time_s", time_s, allowed))
 }
 
-/// One image with its time stamp. Cloning shares the pixels.
+/// A time-stamped image. Cloning shares the pixels.
 #[derive(Debug, Clone)]
 pub struct Frame {
     format: PixelFormat,
-    /// What the numbers of a YUV image mean; ignored for RGB.
+    /// Meaning of the numbers of a YUV image; ignored for RGB.
     encoding: YuvEncoding,
     width: usize,
     height: usize,
@@ -115,9 +116,12 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Takes the bytes of an image. `time_s` is the middle of its exposure.
+    /// Creates a frame from the bytes of an image. `time_s` is the middle of the exposure in seconds;
+    /// `encoding` is the encoding of a YUV format and is ignored for RGB.
     ///
-    /// `encoding` says which YUV the numbers of a YUV format are; RGB frames ignore it.
+    /// # Errors
+    ///
+    /// The size is zero or does not fit the number of bytes, or the time is not within ±[`MAX_TIME_S`].
     pub fn new(
         format: PixelFormat,
         encoding: YuvEncoding,
@@ -148,9 +152,12 @@ impl Frame {
         })
     }
 
-    /// Creates a frame from packed red, green and blue bytes, three per pixel, the top row first. `time_s` is the middle of the exposure.
+    /// Creates a frame from packed red, green and blue bytes, three per pixel, the top row first. `time_s` is
+    /// the middle of the exposure.
     ///
-    /// Errors: a size or number of bytes that does not fit, a time that is not finite.
+    /// # Errors
+    ///
+    /// The size and the number of bytes do not match, or the time is not finite.
     pub fn from_rgb(
         width: usize,
         height: usize,
@@ -161,7 +168,11 @@ impl Frame {
         Self::new(PixelFormat::Rgb8, encoding, width, height, rgb, time_s)
     }
 
-    /// The same image with another time stamp, in seconds; the pixels are shared.
+    /// Returns the same image with another time stamp, in seconds. The pixels are shared.
+    ///
+    /// # Errors
+    ///
+    /// The time is not finite.
     pub fn with_time_s(&self, time_s: f64) -> Result<Self, Error> {
         check_time(time_s)?;
         Ok(Self {
@@ -170,39 +181,41 @@ impl Frame {
         })
     }
 
-    /// The layout of [`Frame::bytes`].
+    /// Returns the layout of [`Frame::bytes`].
     pub fn format(&self) -> PixelFormat {
         self.format
     }
 
-    /// The matrix and range of a YUV frame.
+    /// Returns the matrix and range of a YUV frame.
     pub fn encoding(&self) -> YuvEncoding {
         self.encoding
     }
 
-    /// Width in pixels.
+    /// Returns the width in pixels.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Height in pixels.
+    /// Returns the height in pixels.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// The middle of the exposure, in seconds.
+    /// Returns the middle of the exposure in seconds.
     pub fn time_s(&self) -> f64 {
         self.time_s
     }
 
-    /// The pixels in the camera's own format.
+    /// Returns the pixels in the camera's native format.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// The three raw components of one pixel: R, G, B or Y, U, V, nothing converted.
+    /// Returns the three raw components of a pixel: R, G, B or Y, U, V, without conversion.
     ///
-    /// Panics when the pixel lies outside the image.
+    /// # Panics
+    ///
+    /// The pixel lies outside the image.
     #[inline]
     pub fn components(&self, x: usize, y: usize) -> [u8; 3] {
         assert!(
@@ -212,7 +225,7 @@ impl Frame {
         with_pixels!(self, components => components(x, y))
     }
 
-    /// One pixel as red, green and blue, for pictures that people look at.
+    /// Returns a pixel as red, green and blue, for display.
     pub fn rgb(&self, x: usize, y: usize) -> [u8; 3] {
         let components = self.components(x, y);
         match self.format {
@@ -221,7 +234,7 @@ impl Frame {
         }
     }
 
-    /// The whole image as packed RGB, for pictures that people look at.
+    /// Converts the image to packed RGB, for display.
     pub fn to_rgb8(&self) -> Vec<u8> {
         if self.format == PixelFormat::Rgb8 {
             return self.bytes.to_vec();
@@ -240,7 +253,8 @@ impl Frame {
 mod tests {
     use super::*;
 
-    /// The same 3 x 2 picture, odd in width, in every YUV format: chroma is shared by pairs or by squares.
+    /// The same 3 x 2 picture, odd in width, in every YUV format. Chroma is shared by pairs or 2 x 2 blocks
+    /// of pixels.
     #[test]
     fn components_of_every_format() {
         let y = [10, 20, 30, 40, 50, 60];
@@ -279,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_cannot_be_are_refused() {
+    fn invalid_frames_are_rejected() {
         let new = |w, h, n, t| {
             Frame::new(
                 PixelFormat::Rgb8,

@@ -1,4 +1,4 @@
-//! The plane as seen from straight above: a map of it, whose pixels are looked up in the image.
+//! Orthographic maps of the plane z = 0, resampled from camera images.
 
 use nalgebra::{Matrix3, Point3};
 use rayon::prelude::*;
@@ -11,19 +11,21 @@ use pardalis_camera::{Camera, Mask, Plane};
 use pardalis_core::Error;
 use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 
-/// The smallest and the greatest x and y of a part of the plane, in metres.
+/// The minimum x and y, then the maximum x and y, of a part of the plane, in metres.
 pub type Area = [[f64; 2]; 2];
 
-/// Areas lie within so many metres of the world's origin.
+/// Maximum distance of areas from the world's origin, in metres.
 const MAX_DISTANCE_M: f64 = 1e6;
 
-/// Shares of neighbouring pixels count in this many parts.
-const PARTS: u32 = 256;
+/// Resolution of interpolation weights.
+const WEIGHT_STEPS: u32 = 256;
 
-/// Makes maps of a part of the plane z = 0 from the images of one camera of any model: x to the right, y upwards, the same metres in every pixel.
+/// Resamples images of one camera of any model into maps of a part of the plane z = 0: x to the right, y
+/// upwards, at a constant number of metres per pixel.
 ///
-/// Each pixel of the map is interpolated between four of the image, in the frame's own components. It is black where one of these does not count:
-/// outside the image, the camera's domain or its mask. Where the image is finer than the map, pixels of it are left out, not averaged.
+/// Each pixel of a map is interpolated between four pixels of the image, in the frame's own components. It is
+/// black if one of these is unusable: outside the image, the camera's domain or its mask. Where the image is
+/// finer than the map, its pixels are skipped, not averaged.
 #[derive(Debug, Clone)]
 pub struct Rectifier {
     image_px: (usize, usize),
@@ -31,13 +33,14 @@ pub struct Rectifier {
     upper_left_m: [f64; 2],
     step_m: f64,
     camera: Plane<f64>,
-    /// Of each pixel of the map, row by row.
-    places: Vec<Option<Place>>,
+    /// The source of each pixel of the map, row by row.
+    sources: Vec<Option<Source>>,
 }
 
-/// Where a pixel of the map lies in the image: the pixel to the upper left, and the shares of those to its right and below, in [`PARTS`].
+/// The source of a map pixel in the image: the pixel to the upper left, and the weights of its right and
+/// lower neighbours in units of 1/[`WEIGHT_STEPS`].
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct Source {
     x: u16,
     y: u16,
     right: u16,
@@ -45,26 +48,30 @@ struct Place {
 }
 
 impl Rectifier {
-    /// Of an area, from its upper left corner on in steps of so many metres a pixel; its size is rounded to whole pixels.
+    /// Creates a rectifier for an area, at `step_m` metres per pixel from its upper left corner. The size is
+    /// rounded to whole pixels.
     ///
-    /// Refused: cameras that do not stand above the plane, maps that are too large, areas of which the camera shows nothing.
+    /// # Errors
+    ///
+    /// The camera does not stand above the plane, the map is too large, or the camera shows nothing of the
+    /// area.
     pub fn new(view: &View, area_m: Area, step_m: f64) -> Result<Self, Error> {
         let center_m = center_above_plane_m(view)?;
         let [width, height] = size_px(area_m, step_m)?;
         let [[left_m, _], [_, top_m]] = area_m;
-        let place = |pixel: usize| {
+        let source = |pixel: usize| {
             let [x, y] = [pixel % width, pixel / width].map(|i| (i as f64 + 0.5) * step_m);
-            Place::of(view, [left_m + x, top_m - y])
+            Source::of(view, [left_m + x, top_m - y])
         };
-        let mut places = vec![None; width * height];
-        places
+        let mut sources = vec![None; width * height];
+        sources
             .par_iter_mut()
             .enumerate()
-            .for_each(|(pixel, to)| *to = place(pixel));
-        if places.iter().all(Option::is_none) {
+            .for_each(|(pixel, to)| *to = source(pixel));
+        if sources.iter().all(Option::is_none) {
             return Err(Error::refused(
                 format!("the camera shows nothing of the area {area_m:?}"),
-                "give one that it sees",
+                "give an area in its view",
             ));
         }
         let per_m = 1.0 / step_m;
@@ -80,21 +87,21 @@ impl Rectifier {
             upper_left_m: [left_m, top_m],
             step_m,
             camera: Plane::new(&Homography::new(pixel_from_plane)?, center_m)?,
-            places,
+            sources,
         })
     }
 
-    /// Width and height of the maps in pixels.
+    /// Returns the width and height of the maps in pixels.
     pub fn size_px(&self) -> (usize, usize) {
         self.size_px
     }
 
-    /// The side of a pixel in metres.
+    /// Returns the side of a map pixel in metres.
     pub fn step_m(&self) -> f64 {
         self.step_m
     }
 
-    /// The part of the plane that the maps show: whole pixels.
+    /// Returns the part of the plane that the maps show, in whole pixels.
     pub fn area_m(&self) -> Area {
         let [left_m, top_m] = self.upper_left_m;
         let (width, height) = self.size_px;
@@ -104,20 +111,23 @@ impl Rectifier {
         ]
     }
 
-    /// The camera whose images the maps are. Its centre is that of the camera they are made from, where it is known, so that what stands on the plane is seen where
-    /// that one saw it against the plane. (An exact mirror has no centre; its viewpoint stands for it.)
+    /// Returns the camera whose images the maps are. Its centre is that of the original camera, if known, so
+    /// that a point above the plane appears on the map where the original camera sees it against the plane.
+    /// For an exact mirror, which has no centre, the viewpoint is used.
     pub fn camera(&self) -> &Plane<f64> {
         &self.camera
     }
 
-    /// Which pixels of the map show something, row by row.
+    /// Reports for each pixel of the map, row by row, whether it shows the plane.
     pub fn shown(&self) -> impl Iterator<Item = bool> {
-        self.places.iter().map(Option::is_some)
+        self.sources.iter().map(Option::is_some)
     }
 
-    /// The map that a frame makes: red, green and blue, row by row from the top.
+    /// Rectifies a frame. Returns red, green and blue, row by row from the top.
     ///
-    /// Refused: frames of another size than the camera's.
+    /// # Errors
+    ///
+    /// The frame's size differs from the camera's.
     pub fn rectify(&self, frame: &Frame) -> Result<Vec<u8>, Error> {
         let found = (frame.width(), frame.height());
         if found != self.image_px {
@@ -128,16 +138,16 @@ impl Rectifier {
             });
         }
         let width = self.size_px.0;
-        let mut rgb = vec![0; 3 * self.places.len()];
+        let mut rgb = vec![0; 3 * self.sources.len()];
         let rows = rgb.par_chunks_mut(3 * width);
-        let rows = rows.zip(self.places.par_chunks(width));
-        with_pixels!(frame, components => rows.for_each(|(row, places)| {
-            for (pixel, place) in row.as_chunks_mut::<3>().0.iter_mut().zip(places) {
-                if let Some(place) = place {
-                    let mixed = place.mixed(self.image_px, components);
+        let rows = rows.zip(self.sources.par_chunks(width));
+        with_pixels!(frame, components => rows.for_each(|(row, sources)| {
+            for (pixel, source) in row.as_chunks_mut::<3>().0.iter_mut().zip(sources) {
+                if let Some(source) = source {
+                    let interpolated = source.interpolated(self.image_px, components);
                     *pixel = match frame.format() {
-                        PixelFormat::Rgb8 => mixed,
-                        _ => frame.encoding().rgb8_from_yuv(mixed),
+                        PixelFormat::Rgb8 => interpolated,
+                        _ => frame.encoding().rgb8_from_yuv(interpolated),
                     };
                 }
             }
@@ -146,13 +156,14 @@ impl Rectifier {
     }
 }
 
-impl Place {
-    /// Where the image shows a point of the plane; none where it does not.
+impl Source {
+    /// Finds where the image shows a point of the plane; `None` if it does not.
     fn of(view: &View, [x_m, y_m]: [f64; 2]) -> Option<Self> {
         let in_camera = view.camera_from_world() * Point3::new(x_m, y_m, 0.0);
         let [u, v] = view.camera().project(in_camera.coords.into())?;
         let (width, height) = view.size();
-        // Pixels reach half a pixel beyond their middles; what lies beyond the last middles is theirs alone.
+        // Pixels extend half a pixel beyond their centres; beyond the outermost centres there is nothing to
+        // interpolate with.
         let inside = |at: f64, count: usize| at > -0.5 && at < count as f64 - 0.5;
         if !(inside(u, width) && inside(v, height)) {
             return None;
@@ -161,49 +172,50 @@ impl Place {
             u.clamp(0.0, (width - 1) as f64),
             v.clamp(0.0, (height - 1) as f64),
         ];
-        let share = |at: f64| ((at - at.floor()) * f64::from(PARTS)).round() as u16;
-        let place = Self {
+        let share = |at: f64| ((at - at.floor()) * f64::from(WEIGHT_STEPS)).round() as u16;
+        let source = Self {
             x: u as u16,
             y: v as u16,
             right: share(u),
             below: share(v),
         };
-        let counts = |mask: &Mask| {
-            let used = |dx, dy| (dx == 0 || place.right > 0) && (dy == 0 || place.below > 0);
+        let is_usable = |mask: &Mask| {
+            let used = |dx, dy| (dx == 0 || source.right > 0) && (dy == 0 || source.below > 0);
             let open = |dx, dy| {
-                mask.open()[(usize::from(place.y) + dy) * width + usize::from(place.x) + dx]
+                mask.open()[(usize::from(source.y) + dy) * width + usize::from(source.x) + dx]
             };
             [(0, 0), (1, 0), (0, 1), (1, 1)]
                 .into_iter()
                 .all(|(dx, dy)| !used(dx, dy) || open(dx, dy))
         };
-        view.mask().is_none_or(counts).then_some(place)
+        view.mask().is_none_or(is_usable).then_some(source)
     }
 
-    /// The components of the pixels around it, mixed by their shares.
+    /// Interpolates between the components of the four pixels.
     #[inline(always)]
-    fn mixed(
+    fn interpolated(
         self,
         (width, height): (usize, usize),
         components: impl Fn(usize, usize) -> [u8; 3],
     ) -> [u8; 3] {
         let [x, y] = [self.x, self.y].map(usize::from);
-        // Beyond the last column and row, where the share is 0.
+        // The index is clamped beyond the last column and row, where the weight is 0.
         let [right, below] = [(x + 1).min(width - 1), (y + 1).min(height - 1)];
-        let mix =
-            |a: u32, b: u32, share: u16| a * (PARTS - u32::from(share)) + b * u32::from(share);
+        let mix = |a: u32, b: u32, share: u16| {
+            a * (WEIGHT_STEPS - u32::from(share)) + b * u32::from(share)
+        };
         let [top, bottom] = [y, below].map(|y| {
             let [left, right] = [components(x, y), components(right, y)];
             [0, 1, 2].map(|i| mix(left[i].into(), right[i].into(), self.right))
         });
         [0, 1, 2].map(|i| {
             let sum = mix(top[i], bottom[i], self.below);
-            ((sum + PARTS * PARTS / 2) / (PARTS * PARTS)) as u8
+            ((sum + WEIGHT_STEPS * WEIGHT_STEPS / 2) / (WEIGHT_STEPS * WEIGHT_STEPS)) as u8
         })
     }
 }
 
-/// Width and height of the map of an area.
+/// Computes the width and height of the map of an area.
 fn size_px([low, high]: Area, step_m: f64) -> Result<[usize; 2], Error> {
     let near = |m: &f64| m.abs() <= MAX_DISTANCE_M;
     let ordered = low[0] < high[0] && low[1] < high[1];
@@ -211,11 +223,11 @@ fn size_px([low, high]: Area, step_m: f64) -> Result<[usize; 2], Error> {
         return Err(Error::out_of_range(
             "the area",
             format!("{low:?} to {high:?}"),
-            "the smaller x and y, then the greater ones, in metres, -1e6 to 1e6",
+            "the minimum x and y, then the maximum x and y, in metres, -1e6 to 1e6",
         ));
     }
     if !(step_m > 0.0 && step_m.is_finite()) {
-        let allowed = "a positive number of metres a pixel";
+        let allowed = "a positive number of metres per pixel";
         return Err(Error::out_of_range("the step", step_m, allowed));
     }
     let sides = [0, 1].map(|axis| ((high[axis] - low[axis]) / step_m).round());
@@ -227,23 +239,23 @@ fn size_px([low, high]: Area, step_m: f64) -> Result<[usize; 2], Error> {
     }
     Err(Error::refused(
         format!(
-            "an area of {} x {} m at {step_m} m a pixel makes an image of {} x {} pixels; allowed: 1 to {MAX_IMAGE_SIDE_PX} a side",
+            "an area of {} x {} m at {step_m} m per pixel makes an image of {} x {} pixels; allowed: 1 to {MAX_IMAGE_SIDE_PX} per side",
             high[0] - low[0],
             high[1] - low[1],
             sides[0],
             sides[1]
         ),
-        "give another area or step",
+        "choose another area or step",
     ))
 }
 
-/// The camera's centre in the world, where it is known.
+/// Returns the camera's centre in the world, if known, after checking that it lies above the plane.
 fn center_above_plane_m(view: &View) -> Result<Option<[f64; 3]>, Error> {
     let center_m = match view.camera() {
         Camera::Plane(plane) if *plane == Plane::image() => {
             return Err(Error::refused(
-                "the camera is the image itself, without any metres",
-                "say where the plane is, by points of it or a calibrated camera's pose",
+                "the world of this camera is the image, which has no metric scale",
+                "give points of the plane, or a calibrated camera with its pose",
             ));
         }
         Camera::Plane(plane) => plane.center_m(),
@@ -253,41 +265,46 @@ fn center_above_plane_m(view: &View) -> Result<Option<[f64; 3]>, Error> {
     match center_m.filter(|center| center.z <= 0.0) {
         Some(center) => Err(Error::refused(
             format!("the camera stands {} m below the plane z = 0", -center.z),
-            "give its pose over the plane",
+            "give a pose above the plane",
         )),
         None => Ok(center_m.map(|center| center.coords.into())),
     }
 }
 
-/// Samples along the longer side of the image by which it is found out what of the plane is seen.
+/// Number of samples along the longer side of the image when looking for the visible part of the plane.
 const SAMPLES: usize = 256;
 
-/// How much coarser than where it is finest an image may show what is still worth a place on the map. The finest is below a camera that looks down; so far off
-/// is what lies a good two times its height away.
-const COARSEST: f64 = 4.0;
+/// Maximum ratio of a pixel's footprint side to the finest one for a part of the plane to be mapped. The
+/// finest is below a camera that looks down; the limit lies a little beyond twice the camera's height away.
+const MAX_COARSENESS: f64 = 4.0;
 
-/// What one pixel of the image shows of the plane.
-struct Sight {
+/// The part of the plane that one pixel of the image shows.
+struct Footprint {
     plane_m: [f64; 2],
-    /// The side of a square as large as its footprint.
+    /// Side of a square with the area of the footprint, in metres.
     side_m: f64,
 }
 
-/// The part of the plane that a camera shows well: up to where its pixels show four times as much of the plane, along a side, as where it is finest.
-/// Rounded outwards to a hundredth of its size.
+/// Computes the part of the plane that a camera shows well: where the footprint of its pixels has at most
+/// four times the side of the finest one. Rounded outwards to a hundredth of its size.
 ///
-/// Refused: cameras that show nothing of the plane.
-pub fn area_seen_m(view: &View) -> Result<Area, Error> {
-    let sights = sights(view)?;
-    let finest_m = sights
+/// # Errors
+///
+/// The camera shows nothing of the plane.
+pub fn visible_area_m(view: &View) -> Result<Area, Error> {
+    let footprints = footprints(view)?;
+    let finest_m = footprints
         .iter()
         .map(|s| s.side_m)
         .fold(f64::INFINITY, f64::min);
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for sight in sights.iter().filter(|s| s.side_m <= COARSEST * finest_m) {
+    for footprint in footprints
+        .iter()
+        .filter(|s| s.side_m <= MAX_COARSENESS * finest_m)
+    {
         for axis in 0..2 {
-            low[axis] = low[axis].min(sight.plane_m[axis] - sight.side_m / 2.0);
-            high[axis] = high[axis].max(sight.plane_m[axis] + sight.side_m / 2.0);
+            low[axis] = low[axis].min(footprint.plane_m[axis] - footprint.side_m / 2.0);
+            high[axis] = high[axis].max(footprint.plane_m[axis] + footprint.side_m / 2.0);
         }
     }
     let size_m = (high[0] - low[0]).max(high[1] - low[1]);
@@ -298,39 +315,44 @@ pub fn area_seen_m(view: &View) -> Result<Area, Error> {
     ])
 }
 
-/// The step of a map in metres a pixel that makes its pixels as large as the image's in the middle of the area, or where the image shows the plane next to
-/// it; larger where the map would have too many. Two digits.
-pub fn step_for_m(view: &View, area_m: Area) -> Result<f64, Error> {
+/// Computes a map step, in metres per pixel, that makes map pixels as large as the image's at the centre of
+/// the area, or where the image shows the plane closest to it. The step is larger if the map would have too
+/// many pixels, and rounded to two digits.
+///
+/// # Errors
+///
+/// The camera shows nothing of the plane.
+pub fn default_step_m(view: &View, area_m: Area) -> Result<f64, Error> {
     let [low, high] = area_m;
-    let from_middle = |sight: &Sight| {
-        let offset = |axis: usize| sight.plane_m[axis] - f64::midpoint(low[axis], high[axis]);
+    let from_center = |footprint: &Footprint| {
+        let offset = |axis: usize| footprint.plane_m[axis] - f64::midpoint(low[axis], high[axis]);
         libm::hypot(offset(0), offset(1))
     };
-    let sights = sights(view)?;
-    let nearest = sights
+    let footprints = footprints(view)?;
+    let nearest = footprints
         .iter()
-        .min_by(|a, b| from_middle(a).total_cmp(&from_middle(b)));
-    let side_m = nearest.map_or(f64::INFINITY, |sight| sight.side_m);
+        .min_by(|a, b| from_center(a).total_cmp(&from_center(b)));
+    let side_m = nearest.map_or(f64::INFINITY, |footprint| footprint.side_m);
     let digit = libm::exp10(libm::floor(libm::log10(side_m)) - 1.0);
     let rounded_m = (side_m / digit).round() * digit;
     let [width_m, height_m] = [0, 1].map(|axis| high[axis] - low[axis]);
     let least_m = width_m.max(height_m) / MAX_IMAGE_SIDE_PX as f64;
-    // At least one pixel, even of what is not seen.
+    // At least one pixel, even for an area out of view.
     Ok(rounded_m.min(width_m.min(height_m)).max(least_m))
 }
 
-/// What pixels all over the image show of the plane; at least one does.
-fn sights(view: &View) -> Result<Vec<Sight>, Error> {
+/// Samples the footprints of pixels all over the image; at least one.
+fn footprints(view: &View) -> Result<Vec<Footprint>, Error> {
     center_above_plane_m(view)?;
     let (width, height) = view.size();
     let apart = width.max(height).div_ceil(SAMPLES);
-    // Its last pixels, too.
+    // Includes the last pixels.
     let along = |count: usize| (0..count - 1).step_by(apart).chain([count - 1]);
     let pixels = along(height).flat_map(|y| along(width).map(move |x| (x, y)));
     let open = |&(x, y): &(usize, usize)| view.mask().is_none_or(|mask| mask.open()[y * width + x]);
     let found: Vec<_> = pixels
         .filter(open)
-        .filter_map(|(x, y)| Sight::of(view, [x as f64, y as f64]))
+        .filter_map(|(x, y)| Footprint::of(view, [x as f64, y as f64]))
         .collect();
     if found.is_empty() {
         return Err(Error::refused(
@@ -341,10 +363,11 @@ fn sights(view: &View) -> Result<Vec<Sight>, Error> {
     Ok(found)
 }
 
-impl Sight {
-    /// Of the pixel at (u, v); none where it does not show the plane.
+impl Footprint {
+    /// Computes the footprint of the pixel at (u, v); `None` if it does not show the plane.
     fn of(view: &View, [u, v]: [f64; 2]) -> Option<Self> {
-        let [at, right, below] = [[u, v], [u + 1.0, v], [u, v + 1.0]].map(|p| on_plane_m(view, p));
+        let [at, right, below] =
+            [[u, v], [u + 1.0, v], [u, v + 1.0]].map(|p| point_on_plane_m(view, p));
         let (at, right, below) = (at?, right?, below?);
         let [a, b] = [right, below].map(|to| [to[0] - at[0], to[1] - at[1]]);
         let area_m2 = (a[0] * b[1] - a[1] * b[0]).abs();
@@ -356,8 +379,8 @@ impl Sight {
     }
 }
 
-/// Where the ray of a pixel meets the plane, x and y in metres; none where it does not.
-pub fn on_plane_m(view: &View, pixel: [f64; 2]) -> Option<[f64; 2]> {
+/// Returns the point, x and y in metres, where the ray of a pixel meets the plane; `None` if it does not.
+pub fn point_on_plane_m(view: &View, pixel: [f64; 2]) -> Option<[f64; 2]> {
     let ray = view.camera().unproject(pixel)?;
     let origin = view.world_from_camera() * Point3::from(ray.origin);
     let direction = view.world_from_camera().rotation * nalgebra::Vector3::from(ray.direction);

@@ -7,8 +7,8 @@ use serde::Deserialize;
 
 use super::Board;
 use super::marker::{self, Dictionary};
-use crate::fault::fault;
 use crate::scene::read_text;
+use crate::user_error::user_error;
 
 /// What a board is written as.
 const SPELLINGS: &str = "checkerboard:9x6:0.06 (inner corners, square in metres), \
@@ -100,7 +100,7 @@ impl Board {
 
     /// Reads a board of words that colons separate.
     fn from_words(argument: &str) -> Result<Self> {
-        let unread = || fault!("{argument}: is no board; allowed: {SPELLINGS}");
+        let unread = || user_error!("{argument}: is no board; allowed: {SPELLINGS}");
         let words: Vec<&str> = argument.split(':').collect();
         let counts = |word: &str| -> Option<(usize, usize)> {
             let (columns, rows) = word.split_once('x')?;
@@ -148,7 +148,7 @@ impl Board {
     /// Reads a board file in TOML.
     fn from_toml(name: &str, text: &str) -> Result<Self> {
         let table: BoardFile = toml::from_str(text).map_err(|error| {
-            fault!("{name}: is no board: {error}allowed: a table [checkerboard] with columns, rows and square_m, [charuco] with columns, rows, square_m, marker_m and dictionary, or [aprilgrid] with columns, rows, tag_m and spacing")
+            user_error!("{name}: is no board: {error}allowed: a table [checkerboard] with columns, rows and square_m, [charuco] with columns, rows, square_m, marker_m and dictionary, or [aprilgrid] with columns, rows, tag_m and spacing")
         })?;
         Self::checked(name, table)
     }
@@ -156,7 +156,7 @@ impl Board {
     /// Reads a target file of Kalibr.
     fn from_kalibr(name: &str, text: &str) -> Result<Self> {
         let file: KalibrFile = serde_saphyr::from_str(text).map_err(|error| {
-            fault!("{name}: is no target of Kalibr: {error}; allowed: target_type aprilgrid with tagCols, tagRows, tagSize and tagSpacing, or checkerboard with targetCols, targetRows, rowSpacingMeters and colSpacingMeters")
+            user_error!("{name}: is no target of Kalibr: {error}; allowed: target_type aprilgrid with tagCols, tagRows, tagSize and tagSpacing, or checkerboard with targetCols, targetRows, rowSpacingMeters and colSpacingMeters")
         })?;
         let table = match file {
             KalibrFile::Checkerboard {
@@ -164,7 +164,7 @@ impl Board {
                 col_spacing_meters,
                 ..
             } if row_spacing_meters != col_spacing_meters => {
-                return Err(fault!(
+                return Err(user_error!(
                     "{name}: rowSpacingMeters is {row_spacing_meters}, colSpacingMeters {col_spacing_meters}; allowed: squares, with both the same"
                 ));
             }
@@ -197,7 +197,7 @@ impl Board {
     fn checked(name: &str, table: BoardFile) -> Result<Self> {
         let count = |what: &str, value: usize, least: usize| {
             if value < least || !COUNTS.contains(&value) {
-                return Err(fault!(
+                return Err(user_error!(
                     "{name}: {what} is {value}; allowed: {least} to {}",
                     COUNTS.end()
                 ));
@@ -208,7 +208,7 @@ impl Board {
             if value > 0.0 && value.is_finite() {
                 return Ok(value);
             }
-            Err(fault!("{name}: {what} is {value}; allowed: above 0"))
+            Err(user_error!("{name}: {what} is {value}; allowed: above 0"))
         };
         Ok(match table {
             BoardFile::Checkerboard(t) => Board::Checkerboard {
@@ -220,7 +220,7 @@ impl Board {
                 let (columns, rows) = (count("columns", t.columns, 3)?, count("rows", t.rows, 3)?);
                 let dictionary = Dictionary::named(&t.dictionary).ok_or_else(|| {
                     let names: Vec<&str> = marker::names().collect();
-                    fault!(
+                    user_error!(
                         "{name}: dictionary {} is not known; allowed: {}",
                         t.dictionary,
                         names.join(", ")
@@ -228,7 +228,7 @@ impl Board {
                 })?;
                 let needed = (columns * rows).div_ceil(2);
                 if needed > dictionary.len() {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "{name}: {columns} x {rows} squares need {needed} markers, but {} has {}; allowed: a larger dictionary",
                         dictionary.name,
                         dictionary.len()
@@ -236,7 +236,7 @@ impl Board {
                 }
                 let square_m = positive("square_m", t.square_m)?;
                 if !(t.marker_m > 0.0 && t.marker_m < square_m) {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "{name}: marker_m is {}; allowed: above 0 and below square_m, which is {square_m}",
                         t.marker_m
                     ));
@@ -255,14 +255,14 @@ impl Board {
                     unreachable!("the dictionary file holds {TAG36H11}")
                 };
                 if columns * rows > dictionary.len() {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "{name}: {columns} x {rows} tags; allowed: at most {} tags",
                         dictionary.len()
                     ));
                 }
                 let spacing = positive("spacing", t.spacing)?;
                 if spacing > 1.0 {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "{name}: spacing is {spacing}; allowed: above 0, at most 1 (the gap between tags divided by the side of a tag)"
                     ));
                 }

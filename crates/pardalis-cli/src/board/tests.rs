@@ -411,7 +411,7 @@ fn boards_are_read_from_words_and_files() {
         ),
     ] {
         let error = Board::from_argument(text).unwrap_err();
-        assert!(error.is::<crate::fault::Fault>(), "{text}");
+        assert!(error.is::<crate::user_error::UserError>(), "{text}");
         let message = format!("{error:#}");
         assert!(
             message.contains(named) && message.contains(text),

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use super::{evaluate, track};
-use crate::fault::fault;
-use crate::say::say;
+use crate::output::print;
 use crate::tables;
 use crate::tracking::{self, Annotate, Options, Output};
+use crate::user_error::user_error;
 
 /// Tracks the bundled sequence
 ///
@@ -36,7 +36,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         plots: false,
         progress: true,
     };
-    say(format!(
+    print(format!(
         "tracking an orange ball through {}",
         sequence.display()
     ));
@@ -47,19 +47,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         run.series
             .draw(&arguments.output, &run.open.scene, &truth)?,
     );
-    say(track::told(&run));
+    print(track::told(&run));
     let report = evaluate::score_files(
         &arguments.output,
         &truth_path,
         &evaluate::Options::default(),
     )?;
-    say(report.to_string().trim_end());
+    print(report.to_string().trim_end());
     if let Some(errors) = report
         .targets
         .first()
         .and_then(|t| t.scores.all.errors.as_ref())
     {
-        say(format!(
+        print(format!(
             "\nOn average the ball was {:.0} mm from where it is, at 1.8 to 3.9 m, almost all of it in distance: its direction\n\
              was off by {:.1} degrees on average. Look at {} and {}.",
             1e3 * errors.position_m.mean,
@@ -81,7 +81,7 @@ fn find_data(given: Option<&Path>) -> Result<PathBuf> {
         if holds_it(folder) {
             return Ok(folder.to_owned());
         }
-        return Err(fault!(
+        return Err(user_error!(
             "--data {}: holds no {SEQUENCE}/scene.toml; give the folder data of the source",
             folder.display()
         ));
@@ -97,6 +97,6 @@ fn find_data(given: Option<&Path>) -> Result<PathBuf> {
         .flat_map(|path| path.ancestors())
         .map(|folder| folder.join("data"));
     above.into_iter().find(|folder| holds_it(folder)).ok_or_else(|| {
-        fault!("the bundled sequences were not found; run this inside the source folder, or give it: --data PATH/data")
+        user_error!("the bundled sequences were not found; run this inside the source folder, or give it: --data PATH/data")
     })
 }

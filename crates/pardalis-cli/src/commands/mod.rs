@@ -1,4 +1,4 @@
-//! The commands, one file or folder each.
+//! The commands of the program, one module each.
 
 pub(crate) mod calibrate;
 pub(crate) mod camera;

@@ -135,7 +135,7 @@ fn pictures_are_written_as_their_names_say() {
     }
     for name in ["a", "a.gif", "none/a.png"] {
         let error = write_picture(&folder.join(name), &image).unwrap_err();
-        assert!(error.is::<crate::fault::Fault>(), "{error}");
+        assert!(error.is::<crate::user_error::UserError>(), "{error}");
     }
 }
 

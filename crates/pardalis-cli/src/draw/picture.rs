@@ -7,8 +7,8 @@ use pardalis_images::{EncodeError, JpegSampling, RgbImage, encode_jpeg, encode_p
 use tiny_skia::{Color, Pixmap};
 
 use super::Rgb;
-use crate::fault::fault;
 use crate::files::write_file;
+use crate::user_error::user_error;
 
 const JPEG_QUALITY: u8 = 90;
 
@@ -26,14 +26,14 @@ pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> anyhow::Result<(
             let file = encode_jpeg(picture, JPEG_QUALITY, JpegSampling::Automatic);
             file.map_err(|error| match error {
                 EncodeError::TooLarge(_) => {
-                    fault!("{}: {error}; write a .png", path.display())
+                    user_error!("{}: {error}; write a .png", path.display())
                 }
                 other => other.into(),
             })?
         }
         Some("png") => encode_png(picture)?,
         _ => {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: pictures are written as .jpg, .jpeg or .png; give the file such a name",
                 path.display()
             ));

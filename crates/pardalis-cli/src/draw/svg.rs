@@ -199,7 +199,7 @@ mod tests {
     fn a_folder_that_does_not_exist_is_named() {
         let empty = drawing([1.0, 1.0], |_| Ok(())).unwrap();
         let error = write_svg_and_png(Path::new("/nowhere/at/all"), "above", &empty).unwrap_err();
-        assert!(error.is::<crate::fault::Fault>());
+        assert!(error.is::<crate::user_error::UserError>());
         assert!(error.to_string().contains("/nowhere/at/all"), "{error}");
     }
 }

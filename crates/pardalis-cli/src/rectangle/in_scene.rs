@@ -5,13 +5,13 @@ use pardalis::Frame;
 use pardalis_scene::{CameraConfig, FrameRange, Problem};
 
 use super::{Edge, find};
-use crate::fault::fault;
-use crate::say::warn;
+use crate::output::warn;
 use crate::source::{Delivery, Source, SourceConfig};
+use crate::user_error::user_error;
 
 /// The frames of a range; what cannot be decoded is left out, with a warning.
 ///
-/// Faults: there is none, or none can be decoded.
+/// Errors: there is none, or none can be decoded.
 pub(crate) fn first_frames(config: &SourceConfig) -> Result<Vec<Frame>> {
     let source = Source::open(config)?;
     let input = source.describe().input.clone();
@@ -29,7 +29,7 @@ pub(crate) fn first_frames(config: &SourceConfig) -> Result<Vec<Frame>> {
     match broken {
         _ if !frames.is_empty() => Ok(frames),
         Some(error) => Err(error),
-        None => Err(fault!(
+        None => Err(user_error!(
             "{input}: has no frames; give a folder of images or a video"
         )),
     }

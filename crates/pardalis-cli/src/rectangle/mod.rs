@@ -16,7 +16,7 @@ use pardalis::Frame;
 use pardalis_images::{GrayImage, RgbImage};
 use pardalis_simulate::linear_from_srgb;
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 pub(crate) use in_scene::{find_in_scene, first_frames};
 use quads::Quad;
 use sides::{Light, Measured, measure, median};
@@ -85,7 +85,7 @@ pub(crate) fn find(frames: &[Frame], edge: Edge) -> Result<FoundRectangle> {
         }
     }
     Err(first_fault.unwrap_or_else(|| {
-        fault!(
+        user_error!(
             "there is no rectangle that stands out; needed: four straight sides in the image, of tape or a patch that is brighter or darker than the floor, each at least {:.0} % of the image's height long",
             100.0 * quads::MIN_SIDE_SHARE
         )
@@ -160,7 +160,7 @@ fn stands_out(image: &GrayImage) -> Result<Option<StandsOut>> {
     let Some((best, other)) = seen.first().copied() else {
         return match cut.first() {
             None => Ok(None),
-            Some((quad, _)) => Err(fault!(
+            Some((quad, _)) => Err(user_error!(
                 "the rectangle with corners at {} has a side of which {:.0} % lie in the image; needed: {:.0} %; move it into view",
                 listed(to_image(quad.corners_px)),
                 100.0 * quad.seen_share,
@@ -170,7 +170,7 @@ fn stands_out(image: &GrayImage) -> Result<Option<StandsOut>> {
     };
     let rival = seen.iter().find(|(quad, _)| !is_same(&best, quad));
     if let Some((rival, _)) = rival.filter(|r| r.0.score > AMBIGUOUS_SHARE * best.score) {
-        return Err(fault!(
+        return Err(user_error!(
             "several rectangles stand out alike, such as those with corners at {} and {}; leave one in view, or give its corners by hand",
             listed(to_image(best.corners_px)),
             listed(to_image(rival.corners_px))
@@ -204,7 +204,7 @@ fn find_in(frames: &[Frame], channel: Channel, edge: Edge) -> Result<Option<Foun
         .filter_map(|image| measure(&linear(image), wanted))
         .collect();
     if (measured.len() as f64) < MIN_MEASURED_SHARE * images.len() as f64 || measured.is_empty() {
-        return Err(fault!(
+        return Err(user_error!(
             "the rectangle with corners at {} can be measured in {} of {} images only; keep its sides in view and the camera still",
             listed(wanted.corners_px),
             measured.len(),
@@ -234,7 +234,7 @@ fn find_in(frames: &[Frame], channel: Channel, edge: Edge) -> Result<Option<Foun
     });
     let scatter_px = rms(distances.sum(), 4 * measured.len());
     if scatter_px > MAX_SCATTER_PX {
-        return Err(fault!(
+        return Err(user_error!(
             "the rectangle with corners at {} lies {scatter_px:.1} px (RMS) elsewhere in single images; keep the camera still and the rectangle in view",
             listed(corners_px)
         ));

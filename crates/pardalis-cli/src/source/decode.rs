@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis_images::{DecodeError, GrayImage, RgbImage, decode, decode_grey, size};
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 // What is decoded can be tracked.
 const _: () = assert!(pardalis_images::MAX_SIDE_PX == pardalis_core::error::MAX_IMAGE_SIDE_PX);
@@ -39,8 +39,9 @@ pub(crate) fn image_size(path: &Path) -> Result<(usize, usize)> {
 
 fn decoded<T>(path: &Path, decode: impl Fn(&[u8]) -> Result<T, DecodeError>) -> Result<T> {
     let name = path.display();
-    let file = std::fs::read(path).map_err(|error| fault!("{name}: can not be read: {error}"))?;
-    decode(&file).map_err(|error| fault!("{name}: {error}"))
+    let file =
+        std::fs::read(path).map_err(|error| user_error!("{name}: can not be read: {error}"))?;
+    decode(&file).map_err(|error| user_error!("{name}: {error}"))
 }
 
 #[cfg(test)]
@@ -62,7 +63,7 @@ mod tests {
             image_size(&path).map(|_| ()),
         ] {
             let error = error.unwrap_err();
-            assert!(error.is::<crate::fault::Fault>());
+            assert!(error.is::<crate::user_error::UserError>());
             let text = error.to_string();
             assert!(text.contains("cut.jpg: the file ends before"), "{text}");
         }

@@ -14,7 +14,7 @@ use anyhow::{Context, Result};
 use serde::Deserialize;
 
 use super::TimeSpan;
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// How many of ffmpeg's last messages an error quotes.
 const QUOTED_LINES: usize = 5;
@@ -37,7 +37,7 @@ impl Programs {
                 .map(|folder| folder.join(&file))
                 .find(|path| path.is_file())
                 .ok_or_else(|| {
-                    fault!(
+                    user_error!(
                         "the program {name}, which reads videos and cameras, is not installed or not in PATH; \
                          install the ffmpeg package, or extract the images into a folder"
                     )
@@ -69,7 +69,7 @@ impl Programs {
         if !output.status.success() {
             let messages = String::from_utf8_lossy(&output.stderr);
             let lines: Vec<_> = messages.lines().collect();
-            return Err(fault!(
+            return Err(user_error!(
                 "{input}: ffprobe can not open it; check the name and the input options. It says:\n{}",
                 lines[lines.len().saturating_sub(QUOTED_LINES)..].join("\n")
             ));
@@ -77,7 +77,9 @@ impl Programs {
         let probed: Probed = serde_json::from_slice(&output.stdout)
             .with_context(|| format!("{input}: ffprobe's answer is not understood"))?;
         probed.streams.into_iter().next().ok_or_else(|| {
-            fault!("{input}: there is no video stream in it; give a file or device with a picture")
+            user_error!(
+                "{input}: there is no video stream in it; give a file or device with a picture"
+            )
         })
     }
 

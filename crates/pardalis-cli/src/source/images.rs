@@ -10,7 +10,7 @@ use pardalis_scene::FrameRange;
 use super::decode::{decode_image, image_size};
 use super::times::{ImageTimes, read_times};
 use super::{Pixels, TimeSpan, TimedBytes, Timing};
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// The images still to be delivered.
 pub(super) struct ImageFrames {
@@ -28,7 +28,7 @@ impl ImageFrames {
         let files = list_images(folder)?;
         let count = files.len();
         if range.first >= count {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: first_frame is {}, but the folder holds {count} images; allowed: 0 to {}",
                 folder.display(),
                 range.first,
@@ -46,7 +46,7 @@ impl ImageFrames {
         let arrival_s = |times: &ImageTimes| times.arrival_s.unwrap_or_default();
         taken.sort_by(|a, b| arrival_s(&a.1).total_cmp(&arrival_s(&b.1)));
         if taken.is_empty() {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: frame_limit is 0; allowed: 1 or more",
                 folder.display()
             ));
@@ -113,7 +113,7 @@ impl Iterator for ImageFrames {
         let timed = decode_image(&file).and_then(|image| {
             let (width, height) = self.size_px;
             if image.size_px() != self.size_px {
-                return Err(fault!(
+                return Err(user_error!(
                     "{}: the image is {} x {} pixels where {} has {width} x {height}; \
                      all images must have one size",
                     file.display(),
@@ -138,13 +138,13 @@ impl Iterator for ImageFrames {
 /// leaves a gap in time; otherwise the position counts. Hidden files, other files and folders are passed over.
 fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
     let unreadable = |error| {
-        fault!(
+        user_error!(
             "{}: the folder can not be read: {error}; give a folder of JPEG or PNG images",
             folder.display()
         )
     };
     if folder.is_file() {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: this is a file; give the folder that holds the images",
             folder.display()
         ));
@@ -157,7 +157,7 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
         }
     }
     if files.is_empty() {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: the folder holds no images; allowed: files ending in .jpg, .jpeg or .png",
             folder.display()
         ));
@@ -170,7 +170,7 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
     let mut numbered: Vec<_> = files.into_iter().zip(numbers).collect();
     numbered.sort_by(|a, b| (a.1, &a.0).cmp(&(b.1, &b.0)));
     if let Some([(a, number), (b, _)]) = numbered.array_windows().find(|[a, b]| a.1 == b.1) {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: {} and {} have the same number, {number}; each image of a folder needs a number of its own",
             folder.display(),
             file_name(a),
@@ -193,7 +193,7 @@ fn with_times(
     match timing {
         Timing::Fps(fps) => {
             if !(fps.is_finite() && *fps > 0.0) {
-                return Err(fault!(
+                return Err(user_error!(
                     "{}: fps is {fps}; allowed: a number of frames per second over 0",
                     folder.display()
                 ));
@@ -203,7 +203,7 @@ fn with_times(
                 .map(|(file, index)| {
                     let time_s = index as f64 / fps;
                     if time_s > MAX_TIME_S {
-                        return Err(fault!(
+                        return Err(user_error!(
                             "{}: by its number its time_s is {time_s}; allowed: at most 1e12; number the images from the first on",
                             file.display()
                         ));
@@ -219,7 +219,7 @@ fn with_times(
                 .into_iter()
                 .map(|(file, index)| match times.get(&index) {
                     Some(&times) => Ok((file, times)),
-                    None => Err(fault!(
+                    None => Err(user_error!(
                         "{}: there is no row for frame {index} ({}); give each image its time_s",
                         path.display(),
                         file_name(&file)

@@ -20,8 +20,8 @@ use pardalis::{Frame, PixelFormat};
 use pardalis_scene::FrameRange;
 use serde::Serialize;
 
-use crate::fault::fault;
 use crate::timing::{Stopwatch, now_s};
+use crate::user_error::user_error;
 use ffmpeg::{Process, Programs};
 use images::ImageFrames;
 use video::VideoFrames;
@@ -160,7 +160,7 @@ pub(crate) struct Source {
 impl Source {
     /// Opens the source and starts to decode.
     ///
-    /// Faults: whatever can be seen to be wrong before the first frame is decoded.
+    /// Errors: whatever can be seen to be wrong before the first frame is decoded.
     pub(crate) fn open(config: &SourceConfig) -> Result<Self> {
         match &config.kind {
             SourceKind::Images { folder, timing } => {
@@ -174,8 +174,8 @@ impl Source {
                 encoding,
             } => {
                 let search_path = std::env::var_os("PATH").unwrap_or_default();
-                let programs =
-                    Programs::find(&search_path).map_err(|error| fault!("{input}: {error}"))?;
+                let programs = Programs::find(&search_path)
+                    .map_err(|error| user_error!("{input}: {error}"))?;
                 let (description, frames) =
                     VideoFrames::open(&programs, input, input_options, *encoding, config.frames)?;
                 let span = frames.span();
@@ -244,7 +244,9 @@ impl Source {
                     };
                     let frame = Frame::new(format, encoding, width, height, timed.bytes, time_s);
                     let frame = frame.map_err(|error| {
-                        fault!("{input}: {error}; check the frames and the settings of their times")
+                        user_error!(
+                            "{input}: {error}; check the frames and the settings of their times"
+                        )
                     })?;
                     Ok(Delivery::Frame {
                         frame,

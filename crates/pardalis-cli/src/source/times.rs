@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis::frame::MAX_TIME_S;
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// The times of one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,7 +32,7 @@ impl ImageTimes {
 pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
     let name = path.display();
     let text = std::fs::read(path).map_err(|error| {
-        fault!(
+        user_error!(
             "{name}: can not be read: {error}; write one with the header frame,time_s, or give fps"
         )
     })?;
@@ -41,11 +41,11 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
         .from_reader(text.as_slice());
     let header = reader
         .headers()
-        .map_err(|error| fault!("{name}: the header can not be read: {error}"))?;
+        .map_err(|error| user_error!("{name}: the header can not be read: {error}"))?;
     let find = |wanted: &str| header.iter().position(|column| column == wanted);
     let column = |wanted: &str| {
         find(wanted).ok_or_else(|| {
-            fault!("{name}, line 1: there is no column {wanted}; the header must be frame,time_s or frame,time_s,arrival_s")
+            user_error!("{name}, line 1: there is no column {wanted}; the header must be frame,time_s or frame,time_s,arrival_s")
         })
     };
     let (frame_column, time_column) = (column("frame")?, column("time_s")?);
@@ -53,11 +53,11 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
 
     let mut times: BTreeMap<u64, ImageTimes> = BTreeMap::new();
     for record in reader.records() {
-        let record = record.map_err(|error| fault!("{name}: {error}"))?;
+        let record = record.map_err(|error| user_error!("{name}: {error}"))?;
         let line = record.position().map_or(0, csv::Position::line);
         let field = |column: usize| record.get(column).unwrap_or_default();
         let frame: u64 = field(frame_column).parse().map_err(|_| {
-            fault!(
+            user_error!(
                 "{name}, line {line}: frame is {:?}; it must be a whole number from 0",
                 field(frame_column)
             )
@@ -65,7 +65,7 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
         let seconds = |what: &str, column: usize| {
             let number = field(column).parse().ok();
             number.filter(|s: &f64| s.abs() <= MAX_TIME_S).ok_or_else(|| {
-                fault!(
+                user_error!(
                     "{name}, line {line}: {what} is {:?}; it must be a number of seconds, -1e12 to 1e12",
                     field(column)
                 )
@@ -79,12 +79,12 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
         };
         if let Some((&last_frame, _)) = times.last_key_value() {
             if frame == last_frame {
-                return Err(fault!(
+                return Err(user_error!(
                     "{name}, line {line}: frame {frame} is given a second time; give each frame once"
                 ));
             }
             if frame < last_frame {
-                return Err(fault!(
+                return Err(user_error!(
                     "{name}, line {line}: frame {frame} follows frame {last_frame}; frames must ascend"
                 ));
             }

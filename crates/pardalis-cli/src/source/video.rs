@@ -11,7 +11,7 @@ use pardalis_scene::FrameRange;
 
 use super::ffmpeg::{Decode, ProbedStream, Process, Programs};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// From this many lines on a picture counts as high definition where it does not say its matrix.
 const HIGH_DEFINITION_LINES: usize = 720;
@@ -43,13 +43,13 @@ impl VideoFrames {
         range: FrameRange,
     ) -> Result<(Description, Self)> {
         if range.limit == Some(0) {
-            return Err(fault!("{input}: frame_limit is 0; allowed: 1 or more"));
+            return Err(user_error!("{input}: frame_limit is 0; allowed: 1 or more"));
         }
         let stream = programs.probe(input, input_options)?;
         let size_px = upright_size_px(&stream);
         let (width, height) = size_px;
         if width == 0 || height == 0 || width.max(height) > MAX_IMAGE_SIDE_PX {
-            return Err(fault!(
+            return Err(user_error!(
                 "{input}: the video is {width} x {height} pixels; allowed: 1 to {MAX_IMAGE_SIDE_PX} a side"
             ));
         }
@@ -95,7 +95,7 @@ impl VideoFrames {
         let mut bytes = vec![0; self.byte_count];
         let (width, height) = self.size_px;
         if stamp.size_px != self.size_px {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: frame {} is {} x {} pixels where those before it are {width} x {height}; \
                  cut the video where its size changes",
                 self.input,
@@ -109,7 +109,7 @@ impl VideoFrames {
             return Err(self.fault_with_messages("ffmpeg ended within a frame", &[]));
         }
         let Some(time_s) = stamp.time_s else {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: frame {} has no time stamp; give the input options a frame rate \
                  (-framerate), or extract the images into a folder and give fps",
                 self.input,
@@ -151,7 +151,7 @@ impl VideoFrames {
             return Err(self.fault_with_messages("ffmpeg found no frame to decode", &messages));
         }
         if self.read <= self.range.first {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: first_frame is {}, but the video has {} frames; allowed: 0 to {}",
                 self.input,
                 self.range.first,
@@ -168,7 +168,7 @@ impl VideoFrames {
         } else {
             format!("It says:\n{}", messages.join("\n"))
         };
-        fault!(
+        user_error!(
             "{}: {what}, after {} frames; check the file or the camera. {says}",
             self.input,
             self.read

@@ -15,7 +15,7 @@ use super::{Annotate, Instant, Sink};
 use crate::draw::PALETTE;
 use crate::draw::overlay::{Mark, Overlay, Shape, annotated};
 use crate::draw::picture::{picture_of, write_picture};
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Particles shown at most: more would hide the target.
 const MAX_DOTS: usize = 300;
@@ -64,7 +64,7 @@ impl Annotator {
         for folder in &camera_folders {
             let ready = fs::create_dir_all(folder).and_then(|()| remove_frames(folder));
             ready.map_err(|error| {
-                fault!(
+                user_error!(
                     "{}: {error}; give a folder that can be written",
                     folder.display()
                 )

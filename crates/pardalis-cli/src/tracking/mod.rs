@@ -16,12 +16,12 @@ use pardalis::{Estimate, Frame, Tracker};
 use pardalis_scene::Scene;
 use serde::Serialize;
 
-use crate::fault::fault;
 use crate::interrupt;
-use crate::say::warn;
+use crate::output::warn;
 use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
+use crate::user_error::user_error;
 use annotate::Annotator;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
@@ -141,7 +141,7 @@ fn observe(tracker: &mut Tracker, set: &FrameSet) -> Result<Vec<Estimate>> {
         let estimate = |target| tracker.estimate_at(target, set.time_s);
         tracker.targets().map(estimate).collect()
     };
-    observe().map_err(|error| fault!("frame {}: {error}", set.index))
+    observe().map_err(|error| user_error!("frame {}: {error}", set.index))
 }
 
 /// Takes a scene, read from the file of that name, through all its frames, or through `stills` in their place, by these steps. Results
@@ -270,7 +270,7 @@ fn track(
     let ended_by = match ended_by {
         // Whoever read our rows has seen enough.
         Some(error) if is_broken_pipe(&error) => None,
-        None if outcome.frame_sets == 0 => Some(fault!(
+        None if outcome.frame_sets == 0 => Some(user_error!(
             "no frame came from any camera; nothing was tracked\n  {}",
             warnings.join("\n  ")
         )),

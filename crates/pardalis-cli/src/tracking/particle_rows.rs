@@ -11,7 +11,7 @@ use pardalis_filter::Particles;
 use pardalis_scene::{Scene, TargetConfig};
 
 use super::{Instant, Sink};
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// The first line. Further columns may follow in later versions.
 const HEADER: &str =
@@ -34,7 +34,7 @@ impl ParticleRows {
     /// Creates the file and writes the header.
     pub(crate) fn create(path: &Path, scene: &Scene) -> Result<Self> {
         let file = File::create(path).map_err(|error| {
-            fault!(
+            user_error!(
                 "--particles {}: {error}; give a file that can be written",
                 path.display()
             )

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use pardalis::Estimate;
 
 use super::{Instant, Output, Sink, is_broken_pipe};
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// The first line. Further columns may follow in later versions.
 const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
@@ -30,13 +30,13 @@ impl Rows {
             Output::Stdout => (Box::new(io::stdout()), "standard output".to_owned()),
             Output::Folder(folder) => {
                 if folder.is_file() {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "-o {}: this is a file; give a folder",
                         folder.display()
                     ));
                 }
                 let refuse = |error: io::Error| {
-                    fault!(
+                    user_error!(
                         "-o {}: {error}; give a folder that can be written",
                         folder.display()
                     )

@@ -1,4 +1,4 @@
-//! `pardalis camera` with the real program: what it shows, converts and refuses.
+//! `pardalis camera`, run as a program: output, conversions and errors.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
-// Only the scene and what became of a run are used here.
+// Only the scene and the outcome of a run are used here.
 #[allow(dead_code)]
 use crate::common::{Run, SCENE, data, frame_file};
 
@@ -46,14 +46,14 @@ fn camera(folder: &Path, arguments: &str) -> Run {
 }
 
 #[track_caller]
-fn assert_says(run: &Run, parts: &[&str]) {
+fn assert_prints(run: &Run, parts: &[&str]) {
     for part in parts {
         assert!(run.stdout.contains(part), "no {part:?} in: {}", run.stdout);
     }
 }
 
 #[test]
-fn a_fisheye_is_shown_with_its_angles_and_its_pose_from_calibration_and_scene() {
+fn a_fisheye_is_shown_with_angles_and_pose_from_calibration_and_scene() {
     let folder = folder_with("lens.toml", LENS);
     fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
     for arguments in ["show lens.toml", "show scene.toml --size 640x480"] {
@@ -68,7 +68,7 @@ fn a_fisheye_is_shown_with_its_angles_and_its_pose_from_calibration_and_scene() 
             "x 0.0000, y 0.0000, z 0.9000 m",
             "x 0.0000, y 0.0000, z -1.0000\n",
         ];
-        assert_says(&run, &expected);
+        assert_prints(&run, &expected);
     }
 }
 
@@ -85,7 +85,7 @@ fn pictures_of_the_lens_are_drawn() {
 }
 
 #[test]
-fn labels_of_angles_that_would_touch_are_left_out() {
+fn overlapping_labels_of_angles_are_omitted() {
     let folder = folder_with("lens.toml", LENS);
     let labels = |file: &str| -> Vec<usize> {
         let run = camera(folder.path(), &format!("show {file} -o out")).fine();
@@ -104,7 +104,7 @@ fn labels_of_angles_that_would_touch_are_left_out() {
 }
 
 #[test]
-fn the_grids_lines_lie_where_the_camera_projects_them() {
+fn grid_lines_lie_where_the_camera_projects_them() {
     let folder = folder_with("lens.toml", LENS);
     fs::copy(frame_file(0), folder.path().join("image.jpg")).unwrap();
     camera(
@@ -115,7 +115,7 @@ fn the_grids_lines_lie_where_the_camera_projects_them() {
     let picture = read_picture(folder.path().join("out/cam1-grid.png"));
     let photo = read_picture(frame_file(0));
     assert_eq!(picture.dimensions(), (1280, 960));
-    // Camera x is world -y, camera y is world -x, z is down: rho = f atan(r / 0.9).
+    // Camera x is world -y, camera y is world -x, z points down: rho = f atan(r / 0.9).
     let pixel_of = |x_m: f64, y_m: f64| {
         let r_m = x_m.hypot(y_m);
         let rho_px = 145.562_250_654_857_8 * (r_m / 0.9).atan();
@@ -130,11 +130,11 @@ fn the_grids_lines_lie_where_the_camera_projects_them() {
     };
     for i in 1..20 {
         let along_m = 1.1 + 0.1 * f64::from(i);
-        // On the lines x = 1, y = -1.5; far from labels, which lie at the axes.
+        // On the lines x = 1 and y = -1.5, far from the labels, which are at the axes.
         assert!(yellow(pixel_of(1.0, along_m)), "x = 1 at {along_m}");
         assert!(yellow(pixel_of(-along_m, -1.5)), "y = -1.5 at {along_m}");
     }
-    // Midway between lines near the camera the photo is as it was.
+    // Midway between lines near the camera, the photo is unchanged.
     for at_m in [[0.75, 1.25], [-0.75, 1.25], [1.25, -0.75]] {
         let [u, v] = pixel_of(at_m[0], at_m[1]);
         assert!(!yellow([u, v]), "{at_m:?}");
@@ -147,7 +147,7 @@ fn the_grids_lines_lie_where_the_camera_projects_them() {
 }
 
 #[test]
-fn cameras_go_to_every_format_that_holds_them_and_back() {
+fn cameras_round_trip_through_every_format_that_supports_them() {
     let pinhole = "[cameras.cam0]\nsize_px = [640, 480]\n[cameras.cam0.model.pinhole]\n\
                    f_px = [500.25, 501.5]\ncenter_px = [321.125, 239.75]\ndistortion = [-0.25, 0.125, 0.001, -0.002]\n";
     let kannala_brandt = "[cameras.cam0]\nsize_px = [640, 480]\n[cameras.cam0.model.kannala_brandt]\n\
@@ -157,7 +157,7 @@ fn cameras_go_to_every_format_that_holds_them_and_back() {
                 center_px = [320.25, 240.5]\naffine = [1.0, 0.001, -0.0005]\nmax_radius_px = 230.0\n";
     let parameters = |folder: &Path, file: &str, size: &str| {
         let run = camera(folder, &format!("show {file}{size}")).fine();
-        // From the model's name to the image's size: every parameter to its last digit.
+        // From the model's name to the image size: every parameter to its last digit.
         let begin = run.stdout.find("model").unwrap();
         let end = run.stdout.find("  image ").unwrap();
         run.stdout[begin..end].to_owned()
@@ -197,7 +197,7 @@ fn cameras_go_to_every_format_that_holds_them_and_back() {
 }
 
 #[test]
-fn the_camera_of_a_sequence_folder_is_read_as_any_other() {
+fn cameras_of_sequence_folders_are_read() {
     let folder = folder_with("lens.toml", LENS);
     fs::copy(
         data().join("camera.json"),
@@ -217,7 +217,7 @@ fn the_camera_of_a_sequence_folder_is_read_as_any_other() {
 
     let mirrors = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/calibration/catadioptric");
     let run = camera(&mirrors, "show camera.json").fine();
-    assert_says(
+    assert_prints(
         &run,
         &["exact_mirror", "vertex_m           0.16", "z 0.8200 m"],
     );
@@ -247,29 +247,32 @@ fn the_camera_of_a_sequence_folder_is_read_as_any_other() {
 }
 
 #[test]
-fn what_a_format_leaves_out_is_listed() {
+fn properties_lost_by_a_format_are_listed() {
     let folder = folder_with("lens.toml", LENS);
     for (format, left_out) in [
-        ("ros", "no place for it: pose, field of view\n"),
-        ("kalibr", "no place for it: field of view, name\n"),
-        ("opencv-yaml", "no place for it: field of view, name\n"),
+        ("ros", "not support it: pose, field of view\n"),
+        ("kalibr", "not support it: field of view, name\n"),
+        ("opencv-yaml", "not support it: field of view, name\n"),
     ] {
         let run = camera(
             folder.path(),
             &format!("convert lens.toml --to {format} -o there"),
         )
         .fine();
-        assert_says(&run, &[&format!("not written, as {format} has {left_out}")]);
+        assert_prints(
+            &run,
+            &[&format!("not written, because {format} does {left_out}")],
+        );
     }
     let run = camera(folder.path(), "convert lens.toml --to pardalis -o there").fine();
     assert!(!run.stdout.contains("not written"), "{}", run.stdout);
-    // A fisheye that was read without an end loses none.
+    // A fisheye that was read without a limit of its field of view loses none.
     camera(folder.path(), "convert lens.toml --to ros -o lens.yaml").fine();
     let run = camera(folder.path(), "convert lens.yaml --to kalibr -o there").fine();
     assert!(!run.stdout.contains("field of view"), "{}", run.stdout);
 
     camera(folder.path(), "convert lens.toml --to ros -o ./lens.toml")
-        .refused(&["-o ./lens.toml", "is the file that is read"]);
+        .refused(&["-o ./lens.toml", "is the input file"]);
     assert_eq!(
         fs::read_to_string(folder.path().join("lens.toml")).unwrap(),
         LENS
@@ -277,20 +280,20 @@ fn what_a_format_leaves_out_is_listed() {
 }
 
 #[test]
-fn a_size_that_the_file_does_not_say_is_given_to_convert_too() {
+fn convert_accepts_a_size_that_the_file_lacks() {
     let folder = folder_with("alone.toml", LENS_ALONE);
     let convert = "convert alone.toml --to kalibr -o there";
     camera(folder.path(), convert)
         .refused(&["the size of the images of camera cam1 is unknown", "--size"]);
     camera(folder.path(), &format!("{convert} --size 640x480")).fine();
-    assert_says(
+    assert_prints(
         &camera(folder.path(), "show there").fine(),
         &["640 x 480 px"],
     );
 }
 
 #[test]
-fn toml_is_told_as_toml() {
+fn toml_errors_are_reported_with_their_line() {
     let folder = folder_with("lens.toml", LENS);
     let refused = |text: &str, wanted: &str| {
         fs::write(folder.path().join("bad.toml"), text).unwrap();
@@ -307,7 +310,7 @@ fn toml_is_told_as_toml() {
         "[package]\nname = \"x\"\n",
         "line 1: cameras: is missing; describe each in a table [cameras.NAME]",
     );
-    // The fault of the text itself is told alone.
+    // An error in the TOML syntax is reported alone.
     for cut in ["0.9], [0, 0, 0, 1]]", "480]"] {
         let said = refused(
             &LENS.replacen(cut, &cut[..cut.len() - 1], 1),
@@ -319,7 +322,7 @@ fn toml_is_told_as_toml() {
 }
 
 #[test]
-fn what_the_file_says_and_what_is_asked_must_agree() {
+fn options_must_agree_with_the_file() {
     let folder = folder_with("lens.toml", LENS);
     camera(folder.path(), "show lens.toml --as fisheye").fine();
     camera(folder.path(), "show lens.toml --as pinhole").refused(&[
@@ -329,11 +332,11 @@ fn what_the_file_says_and_what_is_asked_must_agree() {
     fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
     camera(folder.path(), "show scene.toml --as fisheye").refused(&["--as fisheye", "is a scene"]);
     let help = camera(folder.path(), "show --help").fine();
-    assert_says(&help, &["pinhole, fisheye, omnidir", "--size"]);
+    assert_prints(&help, &["pinhole, fisheye, omnidir", "--size"]);
 }
 
 #[test]
-fn what_is_wrong_is_named_with_what_to_do() {
+fn errors_name_the_cause_and_the_remedy() {
     let folder = folder_with("lens.toml", LENS);
     let path = folder.path();
     fs::write(path.join("alone.toml"), LENS_ALONE).unwrap();

@@ -1,38 +1,42 @@
-//! `pardalis init`: each kind of input gives a scene that `pardalis track` takes, with every guess marked.
+//! `pardalis init`: each kind of input gives a scene that `pardalis track` accepts, with every guess marked.
 
 use std::fs;
 use std::process::Command;
 
 use crate::common::{Run, Workplace, data, frame_file};
 
-/// `pardalis init` in the folder.
+/// Runs `pardalis init` in the folder.
 fn init(place: &Workplace, arguments: &[&str]) -> Run {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
     let command = command.current_dir(place.path(""));
     Run::of(command.arg("init").args(arguments))
 }
 
-/// The scene that `pardalis init` wrote.
+/// Returns the scene that `pardalis init` wrote.
 fn scene(place: &Workplace) -> String {
     fs::read_to_string(place.path("scene.toml")).unwrap()
 }
 
-/// Keys of the lines marked CHANGE.
+/// Returns the keys of the lines marked CHANGE.
 fn marked(scene: &str) -> Vec<&str> {
     let lines = scene.lines().filter(|line| line.contains("# CHANGE"));
     lines.map(|line| line.split(' ').next().unwrap()).collect()
 }
 
-/// Tracks with few particles; the number of rows.
+/// Tracks with few particles and returns the number of rows.
 #[track_caller]
 fn tracked(place: &Workplace, scene: &str) -> usize {
-    assert!(scene.contains("particles = 5000"), "started by a click");
+    assert!(
+        scene.contains("particles = 5000"),
+        "the scene must start from a click"
+    );
     let scene = scene.replace("particles = 5000", "particles = 100");
     place.track(&scene).fine();
     place.rows().len()
 }
 
-/// A sequence folder with the calibration of data/dioptric-jump, changed by `edit`, and three frames of each camera.
+/// Creates a sequence folder with the calibration of data/dioptric-jump, modified by `edit`, and three frames
+/// of each camera.
 fn sequence(cameras: &[&str], edit: impl Fn(&mut serde_json::Value)) -> Workplace {
     let place = Workplace::with_frames(0);
     let mut camera: serde_json::Value = serde_json::from_str(&calibration(edit)).unwrap();
@@ -51,7 +55,7 @@ fn sequence(cameras: &[&str], edit: impl Fn(&mut serde_json::Value)) -> Workplac
         let named = cameras.iter().map(|name| {
             put_frames(&format!("ride/frames/{name}"));
             camera["name"] = (*name).into();
-            // No two stand at one place.
+            // No two cameras have the same position.
             camera["T_world_from_camera"][0][3] = (name.len() as f64 / 100.0).into();
             camera.clone()
         });
@@ -64,7 +68,7 @@ fn sequence(cameras: &[&str], edit: impl Fn(&mut serde_json::Value)) -> Workplac
 }
 
 #[test]
-fn every_guess_is_marked_and_nothing_else() {
+fn only_guesses_are_marked() {
     let place = Workplace::with_frames(1);
     let run = init(&place, &["images"]).fine();
     let guesses = [
@@ -123,7 +127,7 @@ fn every_camera_model_gives_a_scene_that_tracks() {
 }
 
 #[test]
-fn the_values_that_a_user_puts_in_lead_to_the_ball() {
+fn scenes_with_corrected_values_track_the_ball() {
     let place = Workplace::with_frames(3);
     let arguments = [
         "images",
@@ -141,18 +145,18 @@ fn the_values_that_a_user_puts_in_lead_to_the_ball() {
     assert_eq!(tracked(&place, &text), 3);
     let row = place.rows().pop().unwrap();
     let [x, y, z]: [f64; 3] = std::array::from_fn(|i| row[4 + i].parse().unwrap());
-    // The truth is (1.35, -1.25, 0.62); of the direction one can be sure.
+    // The true position is (1.35, -1.25, 0.62); only the direction is certain.
     let off = f64::hypot(y / x + 1.25 / 1.35, (z - 0.9) / x - (0.62 - 0.9) / 1.35);
     assert!(off < 0.05, "({x}, {y}, {z})");
 }
 
 #[test]
-fn a_sequence_folder_says_all_and_the_ball_is_found() {
+fn sequence_folders_need_no_changes_and_the_ball_is_found() {
     let place = sequence(&[], |_| {});
     let run = init(&place, &["ride", "--colors", "ball.toml"]).fine();
     assert!(!run.stdout.contains("CHANGE"), "{}", run.stdout);
     let text = scene(&place);
-    // The ball is found by itself.
+    // The ball is detected automatically.
     assert!(!text.contains("pixel ="), "{text}");
     place.track(&text).fine();
     let rows = place.rows();
@@ -176,7 +180,7 @@ fn a_sequence_folder_says_all_and_the_ball_is_found() {
 }
 
 #[test]
-fn several_cameras_and_their_ball_are_taken_over() {
+fn several_cameras_and_the_ball_radius_are_imported() {
     let place = sequence(&["left", "right"], |_| {});
     init(
         &place,
@@ -223,7 +227,8 @@ fn a_pinhole_calibration_keeps_its_numbers() {
     }
 }
 
-/// The camera of data/dioptric-jump as OpenCV's fisheye, which has no pose and does not say that it is one.
+/// The camera of data/dioptric-jump in OpenCV's fisheye format, which neither has a pose nor states its lens
+/// model.
 const OPENCV: &str = "%YAML:1.0
 ---
 image_width: 640
@@ -241,7 +246,7 @@ D: !!opencv-matrix
 ";
 
 #[test]
-fn a_calibration_of_any_format_is_named_in_the_scene() {
+fn scenes_refer_to_calibrations_of_any_format() {
     let place = Workplace::with_frames(2);
     fs::create_dir(place.path("lens")).unwrap();
     place.write("lens/cam.yml", OPENCV);
@@ -286,7 +291,7 @@ world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]
     assert!(!text.contains("world_from_camera ="), "{text}");
     assert_eq!(tracked(&place, &text), 2);
 
-    // Each camera of several has a folder of its own.
+    // Each of several cameras has a folder of its own.
     place.write(
         "rig.toml",
         format!(
@@ -306,7 +311,7 @@ world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]
 }
 
 #[test]
-fn a_video_takes_a_calibration_and_its_own_time() {
+fn videos_use_a_calibration_and_their_own_time_stamps() {
     if Command::new("ffmpeg").arg("-version").output().is_err() {
         eprintln!("not tested: there is no ffmpeg");
         return;
@@ -340,7 +345,7 @@ fn a_video_takes_a_calibration_and_its_own_time() {
 }
 
 #[test]
-fn times_beside_the_images_take_the_place_of_a_rate() {
+fn times_csv_replaces_the_frame_rate() {
     let place = Workplace::with_frames(2);
     place.write("images/times.csv", "frame,time_s\n0,0.5\n1,0.75\n");
     init(
@@ -354,7 +359,7 @@ fn times_beside_the_images_take_the_place_of_a_rate() {
 }
 
 #[test]
-fn paths_hold_for_a_scene_in_another_folder() {
+fn paths_are_valid_from_another_folder() {
     let place = Workplace::with_frames(1);
     fs::create_dir(place.path("scenes")).unwrap();
     let arguments = [
@@ -374,17 +379,17 @@ fn paths_hold_for_a_scene_in_another_folder() {
 }
 
 #[test]
-fn an_existing_scene_is_kept_unless_forced() {
+fn existing_scenes_are_kept_without_force() {
     let place = Workplace::with_frames(1);
     place.write("scene.toml", "mine");
-    init(&place, &["images"]).refused(&["scene.toml", "exists already", "--force"]);
+    init(&place, &["images"]).refused(&["scene.toml", "already exists", "--force"]);
     assert_eq!(scene(&place), "mine");
     init(&place, &["images", "--force"]).fine();
     assert_ne!(scene(&place), "mine");
 }
 
 #[test]
-fn bad_input_is_named_and_writes_nothing() {
+fn invalid_input_is_named_and_nothing_is_written() {
     let place = sequence(&[], |camera| camera["width"] = 320.into());
     let frame = frame_file(0);
     fs::copy(&frame, place.image(0)).unwrap();
@@ -452,7 +457,7 @@ fn bad_input_is_named_and_writes_nothing() {
     }
 }
 
-/// The calibration of data/dioptric-jump, changed by `edit`.
+/// Returns the calibration of data/dioptric-jump, modified by `edit`.
 fn calibration(edit: impl Fn(&mut serde_json::Value)) -> String {
     let text = fs::read_to_string(data().join("camera.json")).unwrap();
     let mut camera = serde_json::from_str(&text).unwrap();

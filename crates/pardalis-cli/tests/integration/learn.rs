@@ -1,4 +1,4 @@
-//! `pardalis learn` on the labelled images of the repository, and on input that is wrong.
+//! `pardalis learn` on the labelled images of the repository, and on invalid input.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use pardalis::color::{ColorModel, Palette};
 use pardalis_images::{GrayImage, RgbImage, decode, decode_grey, encode_png};
 use tempfile::TempDir;
 
-/// A folder of the repository's data.
+/// Returns a folder of the repository's data.
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../data")
@@ -25,7 +25,7 @@ fn learn(folder: &TempDir, arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// What a run prints that must succeed.
+/// Returns the output of a run that must succeed.
 fn report(folder: &TempDir, arguments: &[&str]) -> String {
     let output = learn(folder, arguments);
     let message = String::from_utf8_lossy(&output.stderr);
@@ -34,8 +34,8 @@ fn report(folder: &TempDir, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The message of a run that ends with the exit code of a fault.
-fn fault(folder: &TempDir, arguments: &[&str]) -> String {
+/// Returns the message of a run that must end with exit code 2.
+fn error_message(folder: &TempDir, arguments: &[&str]) -> String {
     let output = learn(folder, arguments);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{message}");
@@ -57,8 +57,8 @@ const ORANGE: [u8; 3] = [230, 110, 20];
 const GREEN: [u8; 3] = [40, 90, 40];
 const BLUE: [u8; 3] = [20, 40, 220];
 
-/// A folder of small images: `a.png` and `b.png`, green with an orange square at 4,6 of 10 pixels a side and, in `b.png`, a blue
-/// one at 20,6; `a_mask.png` of the orange square.
+/// Creates a folder of small images: `a.png` and `b.png`, green with an orange square of 10 x 10 pixels at
+/// 4,6 and, in `b.png`, a blue one at 20,6; and `a_mask.png` of the orange square.
 fn small_images() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let within = |x: u32, y: u32, left: u32| (left..left + 10).contains(&x) && (6..16).contains(&y);
@@ -84,7 +84,7 @@ fn mask(folder: &TempDir, name: &str, size: (u32, u32), grey: impl Fn(u32, u32) 
 }
 
 #[test]
-fn a_folder_with_masks_is_learnt_and_read_back() {
+fn a_folder_with_masks_is_learnt_and_the_model_is_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let training = data("training/dioptric");
     let arguments = [
@@ -128,7 +128,7 @@ fn a_folder_with_masks_is_learnt_and_read_back() {
     assert_eq!(
         model.palette().channels_of_bin(top as u16)[0],
         0,
-        "orange is the first twelfth of hue"
+        "orange is in the first of twelve bins of hue"
     );
 
     let pictures = folder.path().join("orange-learnt");
@@ -137,7 +137,7 @@ fn a_folder_with_masks_is_learnt_and_read_back() {
         assert!(picture.width() > 800, "{name}");
     }
     assert!(pictures.join("histogram.svg").is_file());
-    // Nothing else is left, and a second run gives the same bytes.
+    // There are no other files, and a second run gives the same bytes.
     assert_eq!(fs::read_dir(&folder).unwrap().count(), 2);
     let first = fs::read(folder.path().join("orange.colors.toml")).unwrap();
     assert_eq!(report(&folder, &arguments), text);
@@ -148,7 +148,7 @@ fn a_folder_with_masks_is_learnt_and_read_back() {
 }
 
 #[test]
-fn the_repositorys_models_are_those_of_its_images() {
+fn bundled_models_are_reproduced_from_their_images() {
     let folder = tempfile::tempdir().unwrap();
     for (images, masks, palette, kept) in [
         ("dioptric", "_ball_mask.png", "hsi", "orange-ball.hsi"),
@@ -178,7 +178,7 @@ fn the_repositorys_models_are_those_of_its_images() {
 }
 
 #[test]
-fn ranges_of_hue_and_saturation_are_learnt_told_and_kept() {
+fn ranges_of_hue_and_saturation_are_learnt_reported_and_stored() {
     let folder = TempDir::new().unwrap();
     let images = data("training/webcam").display().to_string();
     let arguments = [
@@ -193,7 +193,7 @@ fn ranges_of_hue_and_saturation_are_learnt_told_and_kept() {
     assert_contains(
         &text,
         &[
-            "Ranges, for the window cue: hue 335 to 6 degrees",
+            "Ranges for the window cue: hue 335 to 6 degrees",
             "of the target's pixels lie in them",
         ],
     );
@@ -223,7 +223,7 @@ fn ranges_of_hue_and_saturation_are_learnt_told_and_kept() {
 }
 
 #[test]
-fn labels_belong_to_the_image_before_them_and_unite() {
+fn labels_apply_to_the_preceding_image_and_are_united() {
     let folder = small_images();
     let pixels = |arguments: &[&str]| {
         report(
@@ -269,7 +269,7 @@ fn labels_belong_to_the_image_before_them_and_unite() {
         "10,10,1,1",
     ];
     assert_eq!(pixels(&both), (14, 2));
-    // Only orange was labelled, and in the right image.
+    // Only the orange square was labelled, and in the right image.
     let model = model(&folder, "m.toml");
     assert_eq!(
         model.count_of(Palette::HSI.bin_of_rgb([230.0, 110.0, 20.0])),
@@ -278,7 +278,7 @@ fn labels_belong_to_the_image_before_them_and_unite() {
 }
 
 #[test]
-fn palettes_and_their_bins() {
+fn palettes_and_bins_are_selectable() {
     let folder = small_images();
     for (options, expected) in [
         (
@@ -333,7 +333,7 @@ fn palettes_and_their_bins() {
 }
 
 #[test]
-fn a_bad_label_is_named_and_shared_bins_are_told() {
+fn bad_labels_and_shared_bins_are_reported() {
     let folder = small_images();
     fs::copy(folder.path().join("a.png"), folder.path().join("c.png")).unwrap();
     let good = [
@@ -357,11 +357,11 @@ fn a_bad_label_is_named_and_shared_bins_are_told() {
         "seen",
     ];
     let text = report(&folder, &[&good[..], &blue].concat());
-    assert_contains(&text, &["b.png: its labelled pixels look unlike", "Fair"]);
+    assert_contains(&text, &["b.png: its labelled pixels differ", "Fair"]);
     assert!(!text.contains("a.png: its"), "{text}");
     assert!(folder.path().join("seen/mosaic.png").is_file());
 
-    // Half of the label is the green of the background.
+    // Half of the label is the green background.
     let text = report(
         &folder,
         &[
@@ -377,7 +377,7 @@ fn a_bad_label_is_named_and_shared_bins_are_told() {
     let [hue, saturation, intensity] =
         Palette::HSI.channels_of_bin(Palette::HSI.bin_of_rgb([40.0, 90.0, 40.0]));
     let shared = format!("shared with the background: {hue}, {saturation}, {intensity}");
-    assert_contains(&text, &["Poor", &shared, "What helps"]);
+    assert_contains(&text, &["Poor", &shared, "Remedies"]);
 }
 
 #[test]
@@ -400,34 +400,34 @@ fn an_image_without_background_is_learnt_but_not_judged() {
 }
 
 #[test]
-fn images_without_masks_are_named_and_a_folder_without_any_is_refused() {
+fn images_without_masks_are_listed_and_folders_without_masks_rejected() {
     let folder = small_images();
     let text = report(
         &folder,
         &[".", "--masks", "_mask.png", "-o", "m.toml", "--no-pictures"],
     );
     assert_contains(&text, &["1 image (b.png)", "100 pixels"]);
-    let message = fault(&folder, &[".", "--masks", "_ball.png", "-o", "m.toml"]);
+    let message = error_message(&folder, &[".", "--masks", "_ball.png", "-o", "m.toml"]);
     assert_contains(
         &message,
         &["no mask for any of its 3 images", "a_ball.png", "--masks"],
     );
     fs::create_dir(folder.path().join("empty")).unwrap();
-    let message = fault(&folder, &["empty", "--masks", "_ball.png", "-o", "m.toml"]);
-    assert_contains(&message, &["empty", "holds no images"]);
-    let message = fault(
+    let message = error_message(&folder, &["empty", "--masks", "_ball.png", "-o", "m.toml"]);
+    assert_contains(&message, &["empty", "contains no images"]);
+    let message = error_message(
         &folder,
         &["nowhere", "--masks", "_ball.png", "-o", "m.toml"],
     );
     assert_contains(&message, &["nowhere", "cannot be read"]);
 }
 
-/// Runs of which each must fail with these words in its message, and leave an older model as it was.
+/// Asserts that each run fails with the given texts in its message, and leaves an older model intact.
 fn assert_refused(folder: &TempDir, runs: &[(&[&str], &[&str], &[&str])]) {
     let path = folder.path().join("m.toml");
     fs::write(&path, "an older model").unwrap();
     for (inputs, options, expected) in runs {
-        let message = fault(folder, &[*inputs, *options, &["-o", "m.toml"]].concat());
+        let message = error_message(folder, &[*inputs, *options, &["-o", "m.toml"]].concat());
         assert_contains(&message, expected);
         let kept = fs::read_to_string(&path).unwrap();
         assert_eq!(kept, "an older model", "{options:?}");
@@ -438,7 +438,7 @@ const A: &[&str] = &["--image", "a.png"];
 const LABELLED_A: &[&str] = &["--image", "a.png", "--mask", "a_mask.png"];
 
 #[test]
-fn bad_labels_are_refused() {
+fn invalid_labels_are_rejected() {
     let folder = small_images();
     mask(&folder, "small.png", (20, 30), |_, _| 255);
     mask(&folder, "black.png", (40, 30), |_, _| 127);
@@ -482,9 +482,13 @@ fn bad_labels_are_refused() {
             (
                 A,
                 &["--polygon", "1,1,5,5,9,9"],
-                &["a.png", "no pixel's centre"],
+                &["a.png", "no pixel centre"],
             ),
-            (A, &["--polygon", "1,1,50,5,9,9"], &["a.png", "reaches out"]),
+            (
+                A,
+                &["--polygon", "1,1,50,5,9,9"],
+                &["a.png", "exceeds the image"],
+            ),
             (
                 A,
                 &["--mask", "small.png"],
@@ -501,7 +505,7 @@ fn bad_labels_are_refused() {
 }
 
 #[test]
-fn bad_images_are_refused() {
+fn invalid_images_are_rejected() {
     let folder = small_images();
     let whole = fs::read(folder.path().join("a.png")).unwrap();
     fs::write(folder.path().join("text.jpg"), "no image").unwrap();
@@ -533,7 +537,7 @@ fn bad_images_are_refused() {
 }
 
 #[test]
-fn bad_options_are_refused() {
+fn invalid_options_are_rejected() {
     let folder = small_images();
     assert_refused(
         &folder,
@@ -562,7 +566,7 @@ fn bad_options_are_refused() {
             (
                 LABELLED_A,
                 &["--yuv-range", "full"],
-                &["--yuv-range only goes with --palette yuv"],
+                &["--yuv-range requires --palette yuv"],
             ),
             (
                 LABELLED_A,
@@ -581,9 +585,9 @@ fn bad_options_are_refused() {
     for (output, expected) in [
         ("a.png", "ending in .toml"),
         ("folder.toml", "this is a folder"),
-        ("nowhere/m.toml", "there is no folder nowhere"),
+        ("nowhere/m.toml", "the folder nowhere does not exist"),
     ] {
-        let message = fault(&folder, &[LABELLED_A, &["-o", output]].concat());
+        let message = error_message(&folder, &[LABELLED_A, &["-o", output]].concat());
         assert_contains(&message, &[output, expected]);
     }
     assert_eq!(fs::read(folder.path().join("a.png")).unwrap(), image);

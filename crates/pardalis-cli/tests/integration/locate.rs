@@ -1,4 +1,4 @@
-//! `pardalis locate` on images of data/catadioptric-static, and tracks that start from another's.
+//! `pardalis locate` on images of data/catadioptric-static, and starts from other tracks.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,14 +7,15 @@ use std::process::Command;
 use crate::common::{Run, SCENE, Workplace, rows_in, scene_with};
 use serde_json::Value;
 
-/// A file of the folder data.
+/// Returns the path of a file in the data folder.
 fn data(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../data")
         .join(path)
 }
 
-/// A scene of the still images, the camera by this model, with the ball at the place of frame 1.
+/// Returns a scene of the still images with the camera in the given model and the ball at its position in
+/// frame 1.
 fn still_scene(model: &str) -> String {
     let [frames, calibration, colors] = [
         "catadioptric-static/frames".to_owned(),
@@ -39,12 +40,12 @@ start.gaussian.position_m = [1.3, 0, 0.11]
     )
 }
 
-/// The scene with its first few images only.
+/// Returns the scene with only its first images.
 fn first_stills(count: usize) -> String {
     still_scene("exact").replace("fps = 1\n", &format!("fps = 1\nframe_limit = {count}\n"))
 }
 
-/// `pardalis locate scene.toml` in the folder.
+/// Runs `pardalis locate scene.toml` in the folder.
 fn locate(place: &Workplace, scene: &str, arguments: &[&str]) -> Run {
     place.write("scene.toml", scene);
     Run::of(
@@ -55,7 +56,7 @@ fn locate(place: &Workplace, scene: &str, arguments: &[&str]) -> Run {
     )
 }
 
-/// Rows of truth.csv of the stills: position and pixel.
+/// Returns the rows of truth.csv of the still images: position and pixel.
 fn truth() -> Vec<([f64; 3], [f64; 2])> {
     let text = fs::read_to_string(data("catadioptric-static/truth.csv")).unwrap();
     let row = |line: &str| {
@@ -66,32 +67,32 @@ fn truth() -> Vec<([f64; 3], [f64; 2])> {
     text.lines().skip(1).map(row).collect()
 }
 
-/// How far a row's position is from the truth.
-fn off_m(row: &[String], truth_m: [f64; 3]) -> f64 {
+/// Returns the distance of a row's position from the truth.
+fn error_m(row: &[String], truth_m: [f64; 3]) -> f64 {
     let squares =
         (0..3).map(|axis| (row[4 + axis].parse::<f64>().unwrap() - truth_m[axis]).powi(2));
     squares.sum::<f64>().sqrt()
 }
 
 #[test]
-fn stills_are_located_from_true_positions_and_from_clicks() {
+fn stills_are_located_from_true_positions_and_clicks() {
     let place = Workplace::with_frames(0);
     let truth_file = data("catadioptric-static/truth.csv");
     let truth_file = truth_file.to_str().unwrap();
     for model in ["unified", "exact"] {
-        // Along the ray of a click the ball's size alone tells its distance.
+        // Along the ray of a click, only the apparent size of the ball determines its distance.
         for (from, allowed_m) in [("--starts", 0.25), ("--clicks", 0.45)] {
             let run = locate(&place, &still_scene(model), &[from, truth_file, "-o", "-"]).fine();
             let rows = rows_in(&run.stdout);
             assert_eq!(rows.len(), 32);
-            // At 3.2 m the ball is eight pixels wide, and partly beyond the rim where it is high.
+            // At 3.2 m the ball is eight pixels wide, and partly beyond the mirror's rim if it is high up.
             let mut worst_m: f64 = 0.0;
             for (row, (truth_m, _)) in rows.iter().zip(truth()) {
                 assert_eq!((&*row[2], &*row[3]), ("ball", "tracking"));
-                // Nothing moves in a single image.
+                // A single image has no velocities.
                 assert!(row[7..11].iter().all(String::is_empty), "{row:?}");
                 if truth_m[0].abs().max(truth_m[1].abs()) < 3.0 {
-                    worst_m = worst_m.max(off_m(row, truth_m));
+                    worst_m = worst_m.max(error_m(row, truth_m));
                 }
             }
             assert!(worst_m < allowed_m, "{model} {from}: {worst_m} m");
@@ -100,7 +101,7 @@ fn stills_are_located_from_true_positions_and_from_clicks() {
 }
 
 #[test]
-fn results_are_like_those_of_track() {
+fn results_have_the_format_of_track() {
     let place = Workplace::with_frames(0);
     let truth_file = data("catadioptric-static/truth.csv");
     let arguments = [
@@ -132,7 +133,7 @@ fn results_are_like_those_of_track() {
         summary["settings"]["locate"]["starts"],
         truth_file.to_str().unwrap()
     );
-    // The same again, by any number of threads; and another seed.
+    // The same again, with another number of threads; then another seed and other passes.
     let rows = fs::read_to_string(place.path("out/tracks.csv")).unwrap();
     let streamed = |more: &[&str]| {
         let arguments = [&arguments[..2], &["-o", "-"], more].concat();
@@ -144,7 +145,7 @@ fn results_are_like_those_of_track() {
 }
 
 #[test]
-fn images_of_the_command_line_take_the_place_of_the_scenes() {
+fn images_on_the_command_line_replace_those_of_the_scene() {
     let place = Workplace::with_frames(0);
     let images = [2, 1].map(|n| data(&format!("catadioptric-static/frames/{n:06}.jpg")));
     let images = images.each_ref().map(|image| image.to_str().unwrap());
@@ -158,8 +159,8 @@ fn images_of_the_command_line_take_the_place_of_the_scenes() {
     .fine();
     let rows = rows_in(&run.stdout);
     assert_eq!(rows.len(), 1);
-    assert!(off_m(&rows[0], truth_m) < 0.2);
-    // The scene's start is where the ball is in the second image.
+    assert!(error_m(&rows[0], truth_m) < 0.2);
+    // The scene's start is the position of the ball in the second image.
     let run = locate(
         &place,
         &still_scene("exact"),
@@ -168,15 +169,15 @@ fn images_of_the_command_line_take_the_place_of_the_scenes() {
     .fine();
     let rows = rows_in(&run.stdout);
     assert_eq!((rows.len(), &*rows[1][0], &*rows[1][1]), (2, "1", "1"));
-    assert!(off_m(&rows[1], truth_m) < 0.2);
+    assert!(error_m(&rows[1], truth_m) < 0.2);
 }
 
 #[test]
-fn out_of_view_no_position_is_given() {
+fn no_position_is_given_out_of_view() {
     let place = Workplace::with_frames(0);
     let scene = first_stills(1).replace("[1.3, 0, 0.11]", "[1.3, 0, 50]");
     let run = locate(&place, &scene, &["-o", "out"]).fine();
-    let told = "frame 0: ball not seen around the start (occluded)\n";
+    let told = "frame 0: ball not visible around the start (occluded)\n";
     assert!(run.stdout.starts_with(told), "{}", run.stdout);
     let rows = place.rows();
     assert_eq!(rows[0][3], "occluded");
@@ -186,18 +187,18 @@ fn out_of_view_no_position_is_given() {
 #[test]
 fn tables_of_starts_are_matched_by_frame_and_object() {
     let place = Workplace::with_frames(0);
-    // Frames count the folder's images, of which the scene leaves out two; rows may come in any order.
+    // Frames count the images of the folder, of which the scene skips two; rows may be in any order.
     let scene = first_stills(1).replace("fps = 1\n", "fps = 1\nfirst_frame = 2\n");
     place.write(
         "starts.csv",
         "object,frame,x_m,y_m,z_m\ncup,2,0,0,0\nball,2,2.2,0,0.11\nball,1,1.3,0,0.11\nball,3,,,\n",
     );
     let run = locate(&place, &scene, &["--starts", "starts.csv", "-o", "-"]).fine();
-    assert!(off_m(&rows_in(&run.stdout)[0], [2.2, 0.0, 0.11]) < 0.25);
+    assert!(error_m(&rows_in(&run.stdout)[0], [2.2, 0.0, 0.11]) < 0.25);
     for (arguments, wanted) in [
         (
             "--starts starts.csv --object cat",
-            "nothing is named \"cat\"; say by --object which of these it is: ball, cup",
+            "nothing is named \"cat\"; select one of these with --object: ball, cup",
         ),
         ("--starts none.csv", "none.csv: No such file"),
         (
@@ -206,11 +207,11 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
         ),
         (
             "--object ball",
-            "--object ball: says whose rows of a table to take",
+            "--object ball: selects the rows of a table",
         ),
         (
             "--starts twice.csv",
-            "twice.csv, line 3: frame 2 has another place in line 2",
+            "twice.csv, line 3: frame 2 already has a start in line 2",
         ),
         (
             "--starts half.csv",
@@ -222,7 +223,7 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
         ),
         (
             "--starts other.csv",
-            "other.csv: has no place of ball in frame 2; give each image a row",
+            "other.csv: has no start of ball in frame 2; give each image a row",
         ),
         (
             "--starts far.csv",
@@ -254,17 +255,17 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
     let usage = locate(&place, &scene, &["--at", "2"]);
     assert_eq!(usage.code, Some(2));
     assert!(
-        usage.stderr.contains("two numbers of pixels"),
+        usage.stderr.contains("two numbers in pixels"),
         "{}",
         usage.stderr
     );
 }
 
 #[test]
-fn a_start_may_have_a_covariance() {
+fn starts_accept_a_covariance() {
     let place = Workplace::with_frames(3);
     let with = |covariance: &str| scene_with("position_sigma_m = 0.1", covariance);
-    // The same spread on each axis, said in either way.
+    // The same spread on each axis, given in two ways.
     place.track(SCENE).fine();
     let rows = fs::read_to_string(place.path("out/tracks.csv")).unwrap();
     place
@@ -299,7 +300,7 @@ fn a_start_may_have_a_covariance() {
     }
 }
 
-/// The scene started from the track in other/tracks.csv, from the frame of this number on.
+/// Returns the scene started from the track in other/tracks.csv, from frame `first_frame` on.
 fn from_track(first_frame: usize, more: &str) -> String {
     let start = "start.gaussian]\nposition_m = [1.35, -1.25, 0.62]\nposition_sigma_m = 0.1";
     scene_with(
@@ -314,7 +315,7 @@ fn from_track(first_frame: usize, more: &str) -> String {
 }
 
 #[test]
-fn a_track_starts_where_anothers_ended() {
+fn tracks_continue_from_another_track() {
     let place = Workplace::with_frames(10);
     let other = scene_with("fps = 25", "fps = 25\nframe_limit = 5")
         .replace("particles = 100", "particles = 1000")
@@ -328,8 +329,9 @@ fn a_track_starts_where_anothers_ended() {
     let at_m = |row: &[String]| [4, 5, 6].map(|i| row[i].parse::<f64>().unwrap());
     let theirs = rows_in(&fs::read_to_string(place.path("other/tracks.csv")).unwrap());
     let their_last_m = at_m(&theirs[4]);
-    assert!(off_m(&rows[0], their_last_m) < 0.3);
-    // The same from a world of the other's own, turned by 180 degrees and moved, is near; without saying so it is not.
+    assert!(error_m(&rows[0], their_last_m) < 0.3);
+    // The same track in another world, rotated by 180 degrees and shifted, gives a near result only with the
+    // transform.
     let text = fs::read_to_string(place.path("other/tracks.csv")).unwrap();
     let moved: Vec<String> = rows_in(&text)
         .iter()
@@ -348,13 +350,13 @@ fn a_track_starts_where_anothers_ended() {
         .track(from_track(5, "target = \"theirs\"\nworld_from_other = [[-1, 0, 0, 1], [0, -1, 0, 2], [0, 0, 1, -0.5], [0, 0, 0, 1]]"))
         .fine();
     let again = place.rows();
-    assert!(off_m(&again[0], at_m(&rows[0])) < 0.15);
+    assert!(error_m(&again[0], at_m(&rows[0])) < 0.15);
     place.track(from_track(5, "target = \"theirs\"")).fine();
-    assert!(off_m(&place.rows()[0], at_m(&rows[0])) > 0.5);
+    assert!(error_m(&place.rows()[0], at_m(&rows[0])) > 0.5);
 }
 
 #[test]
-fn tracks_that_cannot_be_started_from_are_refused() {
+fn unusable_tracks_are_rejected_as_starts() {
     let place = Workplace::with_frames(3);
     fs::create_dir(place.path("other")).unwrap();
     let row = |time_s: &str, rest: &str| {
@@ -426,7 +428,7 @@ fn tracks_that_cannot_be_started_from_are_refused() {
         .refused(&[place_in_scene, "other/tracks.csv: No such file"]);
 }
 
-/// The scene with a second camera, a millimetre beside the first, which saw the same.
+/// Returns the scene with a second camera, a millimetre beside the first, with the same images.
 fn two_cameras(place: &Workplace) -> String {
     fs::create_dir_all(place.path("images2")).unwrap();
     fs::copy(place.image(0), place.path("images2/000000.jpg")).unwrap();
@@ -439,7 +441,7 @@ fn two_cameras(place: &Workplace) -> String {
 }
 
 #[test]
-fn clicks_say_which_camera_and_target_they_are_of() {
+fn clicks_are_assigned_to_cameras_and_targets() {
     let place = Workplace::with_frames(1);
     let target = &SCENE[SCENE.find("[targets.ball]").unwrap()..];
     let two_targets = format!("{SCENE}{}", target.replace("targets.ball", "targets.cup"));
@@ -453,11 +455,11 @@ fn clicks_say_which_camera_and_target_they_are_of() {
         &["--clicks", "clicks.csv", "-o", "-"],
     )
     .fine();
-    assert!(off_m(&rows_in(&run.stdout)[0], [1.35, -1.25, 0.62]) < 0.4);
+    assert!(error_m(&rows_in(&run.stdout)[0], [1.35, -1.25, 0.62]) < 0.4);
     let run = locate(&place, &two_targets, &["--clicks", "clicks.csv", "-o", "-"]).fine();
     let rows = rows_in(&run.stdout);
     assert_eq!((&*rows[0][2], &*rows[1][2]), ("ball", "cup"));
-    assert!(off_m(&rows[0], [1.35, -1.25, 0.62]) < 0.4);
+    assert!(error_m(&rows[0], [1.35, -1.25, 0.62]) < 0.4);
     place.write("bare.csv", "frame,u_px,v_px\n0,460,88\n");
     place.write("third.csv", "frame,camera,u_px,v_px\n0,cam3,460,88\n");
     for (scene, arguments, wanted) in [
@@ -479,7 +481,7 @@ fn clicks_say_which_camera_and_target_they_are_of() {
         (
             two_cameras(&place),
             "--clicks third.csv",
-            "third.csv, line 2, column camera: \"cam3\" is no camera of the scene; allowed: cam1, cam2",
+            "third.csv, line 2, column camera: \"cam3\" is not a camera of the scene; allowed: cam1, cam2",
         ),
         (
             two_targets.clone(),
@@ -494,7 +496,7 @@ fn clicks_say_which_camera_and_target_they_are_of() {
         (
             two_targets,
             "--clicks clicks.csv --object ball",
-            "--object: the scene has 2 targets; leave it out",
+            "--object: the scene has 2 targets; remove it",
         ),
     ] {
         let arguments: Vec<&str> = arguments.split(' ').chain(["-o", "out"]).collect();

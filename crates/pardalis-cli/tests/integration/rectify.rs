@@ -1,4 +1,4 @@
-//! `pardalis rectify`: maps that are tracked as the images they are made from, through any camera, and what it refuses.
+//! `pardalis rectify`: maps are tracked like the images they are made from, with any camera; and errors.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,8 @@ use crate::common::{Run, SCENE, Workplace, rows_in, scene_with};
 
 use pardalis_images::decode_grey;
 
-/// The robot with two landmarks on data/plane-robot, by the corners of the tape, colour and motion fused. The rear landmark comes first.
+/// The robot with two landmarks on data/plane-robot, by the corners of the tape, with colour and motion
+/// fused. The rear landmark comes first.
 const ROBOT: &str = r#"seed = 1
 [cameras.mast]
 images = "DATA/plane-robot/frames"
@@ -41,7 +42,7 @@ fn robot() -> String {
     ROBOT.replace("DATA", data.to_str().unwrap())
 }
 
-/// `pardalis` in the folder of a workplace.
+/// Runs `pardalis` in the folder of a workplace.
 fn pardalis(place: &Workplace, arguments: &[&str]) -> Run {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
     Run::of(command.current_dir(place.path("")).args(arguments))
@@ -51,13 +52,13 @@ fn read(place: &Workplace, name: &str) -> String {
     fs::read_to_string(place.path(name)).unwrap()
 }
 
-/// Width and height, and the grey values, of a picture.
+/// Returns the size and the grey values of a picture.
 fn grey(place: &Workplace, name: &str) -> ((u32, u32), Vec<u8>) {
     let picture = decode_grey(&fs::read(place.path(name)).unwrap()).unwrap();
     (picture.dimensions(), picture.into_raw())
 }
 
-/// x and y of each row of a track, in metres.
+/// Returns x and y of each row of a track, in metres.
 fn track(place: &Workplace, folder: &str) -> Vec<[f64; 2]> {
     let rows = rows_in(&read(place, &format!("{folder}/tracks.csv")));
     let number = |row: &Vec<String>, column: usize| row[column].parse().unwrap();
@@ -66,7 +67,7 @@ fn track(place: &Workplace, folder: &str) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Where the robot truly is in the first frames of data/plane-robot.
+/// Returns the true positions of the robot in the first frames of data/plane-robot.
 fn truth(count: usize) -> Vec<[f64; 2]> {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
     let text = fs::read_to_string(data.join("plane-robot/truth.csv")).unwrap();
@@ -78,17 +79,17 @@ fn truth(count: usize) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// The mean distance of two tracks, in metres.
+/// Returns the mean distance between two tracks, in metres.
 #[track_caller]
-fn apart_m(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+fn mean_distance_m(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
     assert_eq!(a.len(), b.len());
     let distance = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
     a.iter().zip(b).map(distance).sum::<f64>() / a.len() as f64
 }
 
-/// Two seeds on the same images are some 4 mm apart; a pixel of the map is 10 mm.
+/// Two seeds on the same images differ by some 4 mm; a pixel of the map is 10 mm.
 #[test]
-fn maps_are_tracked_as_the_images_are() {
+fn tracking_on_maps_matches_tracking_on_images() {
     let place = Workplace::with_frames(0);
     place
         .track_with(robot(), &["-o", "direct", "--no-plots"])
@@ -108,12 +109,12 @@ fn maps_are_tracked_as_the_images_are() {
     let (direct, on_maps) = (track(&place, "direct"), track(&place, "on-maps"));
     assert_eq!(direct.len(), 60);
     assert!(
-        apart_m(&direct, &on_maps) < 0.008,
+        mean_distance_m(&direct, &on_maps) < 0.008,
         "{}",
-        apart_m(&direct, &on_maps)
+        mean_distance_m(&direct, &on_maps)
     );
     for track in [&direct, &on_maps] {
-        let error_m = apart_m(track, &truth(60));
+        let error_m = mean_distance_m(track, &truth(60));
         assert!(error_m < 0.02, "{error_m}");
     }
     // Landmarks keep their order, on which random numbers depend.
@@ -122,9 +123,9 @@ fn maps_are_tracked_as_the_images_are() {
     assert!(at("rear") < at("front"), "{scene}");
 }
 
-/// The orange ball through a fisheye camera that looks straight down.
+/// The orange ball, seen by a fisheye camera that looks straight down.
 #[test]
-fn a_fisheye_s_images_become_maps_with_mask_times_and_the_click_in_its_place() {
+fn fisheye_maps_have_a_mask_times_and_the_converted_click() {
     let place = Workplace::with_frames(3);
     let scene = scene_with("fps = 25\n", "time_offset_s = 2\nmask_radius_px = 150\n");
     let scene = scene.replace(
@@ -157,7 +158,7 @@ fn a_fisheye_s_images_become_maps_with_mask_times_and_the_click_in_its_place() {
     assert_eq!(size, (300, 201));
     let (size, map) = grey(&place, "scene-rectified/frames/000002.png");
     assert_eq!(size, (300, 201));
-    // The mask ends 59 degrees from the axis, 1.5 m from the camera's foot.
+    // The mask ends 59 degrees from the axis, 1.5 m from the point below the camera.
     let at = |x_m: f64, y_m: f64| {
         let (x, y) = ((x_m + 3.0) / 0.02, (2.02 - y_m) / 0.02);
         let pixel = y as usize * 300 + x as usize;
@@ -167,7 +168,7 @@ fn a_fisheye_s_images_become_maps_with_mask_times_and_the_click_in_its_place() {
         assert_eq!(at(x_m, y_m), (255, true), "{x_m} {y_m}");
         assert_eq!(at(1.2 * x_m, 1.2 * y_m), (0, false), "{x_m} {y_m}");
     }
-    // 100 px are 0.687 rad from the axis, to the world's -y: the image's x is -y.
+    // 100 px are 0.687 rad from the axis, towards the world's -y, because the image's x is -y.
     let scene = read(&place, "scene-rectified/scene.toml");
     let ground_m = 0.9 * (100.0_f64 / 145.562_250_654_857_8).tan();
     let (u, v) = (3.0 / 0.02 - 0.5, (2.02 + ground_m) / 0.02 - 0.5);
@@ -194,7 +195,7 @@ fn a_fisheye_s_images_become_maps_with_mask_times_and_the_click_in_its_place() {
 }
 
 #[test]
-fn what_the_camera_does_not_show_is_black_and_masked() {
+fn invisible_parts_are_black_and_masked() {
     let place = Workplace::with_frames(1);
     place.write(
         "scene.toml",
@@ -208,7 +209,7 @@ fn what_the_camera_does_not_show_is_black_and_masked() {
     for (grey, mask) in map.iter().zip(&mask) {
         assert!(*mask == 255 || *grey == 0);
     }
-    // All of the circle is well in view: its corners are black, the middle of each side shows the floor.
+    // The whole circle is in view: the corners of the map are black, the middle of each side shows the floor.
     let (width, height) = (size.0 as usize, size.1 as usize);
     let at = |x: usize, y: usize| mask[y * width + x];
     for (x, y) in [
@@ -230,7 +231,7 @@ fn what_the_camera_does_not_show_is_black_and_masked() {
 }
 
 #[test]
-fn one_of_several_cameras_is_rectified_and_single_images_are() {
+fn one_of_several_cameras_and_single_images_are_rectified() {
     let place = Workplace::with_frames(2);
     place.write("images/times.csv", "frame,time_s\n0,0\n1,0.04\n");
     let pose = SCENE
@@ -303,7 +304,7 @@ fn one_of_several_cameras_is_rectified_and_single_images_are() {
 }
 
 #[test]
-fn the_same_bytes_come_from_any_number_of_threads() {
+fn output_is_identical_for_any_thread_count() {
     let place = Workplace::with_frames(4);
     place.write("scene.toml", SCENE);
     for threads in ["1", "3"] {
@@ -319,7 +320,7 @@ fn the_same_bytes_come_from_any_number_of_threads() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_and_nothing_is_written() {
+fn invalid_requests_are_rejected_and_nothing_is_written() {
     let place = Workplace::with_frames(1);
     place.write("scene.toml", SCENE);
     let refused = |arguments: &[&str], wanted: &[&str]| {
@@ -337,16 +338,16 @@ fn what_cannot_be_is_refused_and_nothing_is_written() {
         }
         assert!(!place.path("map").exists());
     };
-    refused(&["--area", "1,2,3"], &["--area", "four numbers of metres"]);
+    refused(&["--area", "1,2,3"], &["--area", "four numbers in metres"]);
     refused(
         &["--area", "2,0,1,1"],
-        &["cameras.cam1", "the smaller x and y", "--area"],
+        &["cameras.cam1", "the minimum x and y", "--area"],
     );
     refused(
         &["--step", "0"],
         &["cameras.cam1", "positive number of metres"],
     );
-    refused(&["--step", "1e-6"], &["16384 a side"]);
+    refused(&["--step", "1e-6"], &["16384 per side"]);
     refused(&["--frames", "0"], &["--frames"]);
     refused(&["nowhere.jpg"], &["nowhere.jpg"]);
     place.write("broken.jpg", "no image");

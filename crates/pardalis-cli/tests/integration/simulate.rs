@@ -209,7 +209,10 @@ fn folders_that_hold_something_else_are_left_alone() {
     assert_eq!(place.read("mine/diary.txt"), "dear diary");
     fs::write(place.path("mine/simulated.txt"), "").unwrap();
     let run = place.run(&["simulate", "world.toml", "-o", "mine", "--force"]);
-    run.refused(&["mine: holds diary.txt", "no part of a simulated sequence"]);
+    run.refused(&[
+        "mine: holds diary.txt",
+        "does not belong to a simulated sequence",
+    ]);
     assert_eq!(place.read("mine/diary.txt"), "dear diary");
     // What fails midway leaves nothing: no camera ever sees this ball.
     let hidden = WORLD.replace("center_m = [0, 0, 0.25]", "center_m = [0, 0, -5]");

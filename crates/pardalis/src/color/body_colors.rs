@@ -1,60 +1,64 @@
-//! What a body looks like as a whole: the mean colour of each labelled body, and how likely another mean colour is the same body's.
+//! Mean colours of whole bodies: one per labelled body, and the likelihood that a body of another mean colour
+//! is the target.
 
 use std::fmt::Write as _;
 
 use serde::Deserialize;
 
-/// The standard deviation by which illumination that labelled images do not show changes the two ratios of chroma to luma, and ln of the luma. Hand-set.
-const UNSEEN_LIGHT: [f64; 3] = [0.045, 0.045, 0.3];
-/// The width of the uniform distribution of clutter over each of these. Hand-set.
-const ALIKE_SPREAD: [f64; 3] = [0.3, 0.3, 1.0];
+/// Standard deviations by which illumination absent from the labelled images changes the two ratios of chroma
+/// to luma, and ln of the luma. Hand-set.
+const UNSEEN_ILLUMINATION: [f64; 3] = [0.045, 0.045, 0.3];
+/// Widths of the uniform distribution of clutter over the same three features. Hand-set.
+const LOOKALIKE_SPREAD: [f64; 3] = [0.3, 0.3, 1.0];
 
-/// The mean colours of labelled bodies, one for each body and image.
+/// The mean colours of labelled bodies, one per body and image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyColors {
     /// Y, U and V of BT.601, full range, 0 to 255.
     means: Vec<[f32; 3]>,
-    /// Mean and variance of what is compared ([`compared`]).
-    compared: [(f64, f64); 3],
+    /// Mean and variance of each feature ([`features`]).
+    features: [(f64, f64); 3],
 }
 
-/// What illumination changes least: (U − 128)/Y and (V − 128)/Y, and ln Y.
-fn compared([y, u, v]: [f32; 3]) -> [f64; 3] {
+/// Returns the features that illumination changes least: (U − 128)/Y, (V − 128)/Y and ln Y.
+fn features([y, u, v]: [f32; 3]) -> [f64; 3] {
     let [y, u, v] = [y.max(1.0), u - 128.0, v - 128.0].map(f64::from);
     [u / y, v / y, libm::log(y)]
 }
 
 impl BodyColors {
-    /// Pixels that give a body's mean colour, signed distances from its outline in pixels: inside of the edge's blur. Hand-set.
+    /// Distances from the outline, in pixels and negative inside, of the pixels that enter a body's mean
+    /// colour: inside the blur of the edge. Hand-set.
     pub const DEPTH_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
 
-    /// Of these mean colours; nothing where there is none.
+    /// Summarises mean colours; `None` if there are none.
     pub(super) fn new(means: Vec<[f32; 3]>) -> Option<Self> {
         if means.is_empty() {
             return None;
         }
         let count = means.len() as f64;
-        let all: Vec<[f64; 3]> = means.iter().map(|mean| compared(*mean)).collect();
-        let compared = std::array::from_fn(|i| {
+        let all: Vec<[f64; 3]> = means.iter().map(|mean| features(*mean)).collect();
+        let features = std::array::from_fn(|i| {
             let mean = all.iter().map(|values| values[i]).sum::<f64>() / count;
             let squares = all.iter().map(|values| (values[i] - mean).powi(2));
             let scatter = squares.sum::<f64>() / (count - 1.0).max(1.0);
-            (mean, scatter + UNSEEN_LIGHT[i].powi(2))
+            (mean, scatter + UNSEEN_ILLUMINATION[i].powi(2))
         });
-        Some(Self { means, compared })
+        Some(Self { means, features })
     }
 
-    /// The mean of all (Y, U and V).
+    /// Returns the mean of all bodies (Y, U and V).
     pub(crate) fn mean(&self) -> [f32; 3] {
         let count = self.means.len() as f32;
         [0, 1, 2].map(|i| self.means.iter().map(|mean| mean[i]).sum::<f32>() / count)
     }
 
-    /// The log-likelihood ratio, in nats, of a body with this mean colour (Y, U and V): the target against clutter whose single pixels could be the target's.
+    /// Returns the log-likelihood ratio, in nats, of a body's mean colour (Y, U and V): the target against
+    /// clutter whose single pixels could be the target's.
     pub fn log_ratio(&self, mean: [f32; 3]) -> f64 {
-        let values = compared(mean).into_iter().zip(&self.compared);
+        let values = features(mean).into_iter().zip(&self.features);
         let terms = values
-            .zip(ALIKE_SPREAD)
+            .zip(LOOKALIKE_SPREAD)
             .map(|((value, (mean, variance)), spread)| {
                 let normal = libm::log(std::f64::consts::TAU * variance);
                 libm::log(spread) - 0.5 * ((value - mean).powi(2) / variance + normal)
@@ -62,10 +66,10 @@ impl BodyColors {
         terms.sum()
     }
 
-    /// The means in a file.
+    /// Formats the means as a section of a colour model file.
     pub(super) fn to_text(&self) -> String {
         let mut text = String::from(
-            "\n# the mean colour (y, u, v from 0 to 255) within the outline, a row each labelled body\n[body]\nmeans = [\n",
+            "\n# the mean colour (y, u, v from 0 to 255) within the outline, one row per labelled body\n[body]\nmeans = [\n",
         );
         for [y, u, v] in &self.means {
             let _ = writeln!(text, "    [{y:.1}, {u:.1}, {v:.1}],");
@@ -75,7 +79,7 @@ impl BodyColors {
     }
 }
 
-/// The means as they stand in a file.
+/// The section `[body]` of a colour model file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct BodyText {
@@ -83,18 +87,21 @@ pub(super) struct BodyText {
 }
 
 impl BodyText {
-    /// The colours, or where in the text something is wrong, and what.
+    /// Validates the section; on failure returns the offset in the text and the message.
     pub(super) fn read(&self) -> Result<BodyColors, (usize, String)> {
         let is_color = |row: &[f32; 3]| row.iter().all(|value| (0.0..=255.0).contains(value));
         for row in self.means.get_ref() {
             if !is_color(row.get_ref()) {
-                let message = format!("{:?}; allowed: 0 to 255", row.get_ref());
+                let message = format!(
+                    "{:?} is not a colour; each value must be 0 to 255",
+                    row.get_ref()
+                );
                 return Err((row.span().start, message));
             }
         }
         let rows = self.means.get_ref().iter();
         BodyColors::new(rows.map(|row| *row.get_ref()).collect()).ok_or_else(|| {
-            let message = "means has no row; leave [body] out or learn the model again";
+            let message = "means has no row; remove [body] or learn the model again";
             (self.means.span().start, message.to_owned())
         })
     }
@@ -107,7 +114,7 @@ mod tests {
     const ORANGE: [f32; 3] = [130.0, 79.0, 181.0];
 
     #[test]
-    fn darker_light_is_another_matter_than_another_colour() {
+    fn illumination_changes_cost_less_than_colour_changes() {
         let colors = BodyColors::new(vec![ORANGE; 3]).unwrap();
         let lit = |light: f32, [y, u, v]: [f32; 3]| {
             [
@@ -121,7 +128,7 @@ mod tests {
         for light in [0.75, 1.3] {
             assert!(colors.log_ratio(lit(light, ORANGE)) > 1.0);
         }
-        // A brown of the same hue, and a dark orange.
+        // A brown of the same hue, then a dark orange.
         let brown = [116.0, 100.0, 157.0];
         assert!(
             colors.log_ratio(brown) < -2.0,
@@ -132,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_that_were_seen_to_vary_are_told_apart_less() {
+    fn varied_training_colours_tolerate_larger_differences() {
         let other = [130.0, 90.0, 170.0];
         let [same, varied] =
             [[ORANGE; 2], [ORANGE, other]].map(|means| BodyColors::new(means.to_vec()).unwrap());
@@ -142,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn text_that_is_no_colours_is_refused_where_it_is_wrong() {
+    fn invalid_sections_are_rejected_with_their_offset() {
         let read = |text: &str| {
             let parsed: BodyText = toml::from_str(text).unwrap();
             parsed.read()

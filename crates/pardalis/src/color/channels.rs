@@ -1,4 +1,5 @@
-//! Red, green and blue each by itself: histograms a channel (Campos 2009, section 3.2), and the channels' bins of a pixel, by table.
+//! Per-channel histograms of red, green and blue (Campos 2009, section 3.2), and lookup tables from pixels to
+//! channel bins.
 
 use std::fmt::Write as _;
 
@@ -8,21 +9,25 @@ use super::palette::PixelKind;
 use crate::color_space::YuvEncoding;
 use pardalis_core::Error;
 
-/// Steps that a channel is counted in.
+/// Number of steps in which a channel is counted.
 const STEPS: usize = 64;
 
-/// Counts in the steps of red, green and blue.
+/// Counts per step of red, green and blue.
 type Counts = [[u64; STEPS]; 3];
 
-/// The number of equal bins that a channel is divided into: 2, 4, 8, 16, 32 or 64.
+/// The number of equal bins per channel: 2, 4, 8, 16, 32 or 64.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ChannelBins(usize);
 
 impl ChannelBins {
-    /// The default of cues: 16, wide enough for the noise of cameras.
+    /// The default of cues: 16, which is wide enough for the noise of cameras.
     pub const DEFAULT: Self = Self(16);
 
-    /// So many bins.
+    /// Checks a number of bins.
+    ///
+    /// # Errors
+    ///
+    /// The number is not 2, 4, 8, 16, 32 or 64.
     pub fn new(bins: usize) -> Result<Self, Error> {
         if (2..=STEPS).contains(&bins) && bins.is_power_of_two() {
             Ok(Self(bins))
@@ -31,13 +36,14 @@ impl ChannelBins {
         }
     }
 
-    /// How many they are.
+    /// Returns the number of bins per channel.
     pub fn count(self) -> usize {
         self.0
     }
 }
 
-/// How often a target's pixels, and the other pixels of the images it was learnt from, have each of 64 equal steps of red, green and blue.
+/// Histograms of a target's pixels, and of the other pixels of its images, in 64 equal steps of red, green
+/// and blue.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChannelHistograms {
     object: Counts,
@@ -50,7 +56,7 @@ impl ChannelHistograms {
         background: [[0; STEPS]; 3],
     };
 
-    /// Adds a pixel of the target, or of the rest: R, G, B.
+    /// Adds a pixel (R, G, B) of the target or of the background.
     pub(super) fn add(&mut self, rgb: [u8; 3], is_object: bool) {
         let counts = if is_object {
             &mut self.object
@@ -62,21 +68,22 @@ impl ChannelHistograms {
         }
     }
 
-    /// The shares of the target's pixels in the bins of red, of green and of blue; each sum to one.
+    /// Returns the shares of the target's pixels in the bins of red, green and blue; each channel sums to
+    /// one.
     pub fn shares(&self, bins: ChannelBins) -> [Vec<f64>; 3] {
         shares(&self.object, bins)
     }
 
-    /// The same of all other pixels; nothing where the images show the target alone.
+    /// Returns the shares of all other pixels; `None` if the images show only the target.
     pub fn background_shares(&self, bins: ChannelBins) -> Option<[Vec<f64>; 3]> {
         let has_any = self.background[0].iter().any(|&count| count > 0);
         has_any.then(|| shares(&self.background, bins))
     }
 
-    /// The table of the file.
+    /// Formats the histograms as a section of a colour model file.
     pub(super) fn to_text(&self) -> String {
         let mut text =
-            "\n# pixels in each of 64 steps a channel: of the target, and of all else in its images\n[channels]\n"
+            "\n# pixels in each of 64 steps per channel, of the target and of the rest of its images\n[channels]\n"
                 .to_owned();
         for (prefix, counts) in [("", &self.object), ("background_", &self.background)] {
             for (channel, counts) in ["red", "green", "blue"].into_iter().zip(counts) {
@@ -96,7 +103,7 @@ fn shares(counts: &Counts, bins: ChannelBins) -> [Vec<f64>; 3] {
     })
 }
 
-/// The table as it stands in the file.
+/// The section `[channels]` of a colour model file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ChannelsText {
@@ -109,7 +116,8 @@ pub(super) struct ChannelsText {
 }
 
 impl ChannelsText {
-    /// The histograms of a target of so many pixels, or where in the text something is wrong, and what.
+    /// Validates the section against the target's pixel count; on failure returns the offset in the text and
+    /// the message.
     pub(super) fn read(&self, pixel_count: u64) -> Result<ChannelHistograms, (usize, String)> {
         let object = [&self.red, &self.green, &self.blue];
         let background = [
@@ -126,7 +134,7 @@ impl ChannelsText {
     }
 }
 
-/// Three lists of so many pixels each, as `source` says.
+/// Reads three lists that must each sum to `pixel_count`; `source` names the key that gives this number.
 fn counts(
     lists: [&toml::Spanned<Vec<u64>>; 3],
     pixel_count: u64,
@@ -137,32 +145,33 @@ fn counts(
         let refused = |message| Err((list.span().start, message));
         let list = list.get_ref();
         if list.len() != STEPS {
-            return refused(format!("{} numbers; allowed: {STEPS}", list.len()));
+            return refused(format!("{} numbers; expected {STEPS}", list.len()));
         }
         counts.copy_from_slice(list);
         let total = counts.iter().copied().fold(0, u64::saturating_add);
         if total != pixel_count {
             return refused(format!(
-                "{total} pixels in all, but {pixel_count} by {source}; learn the model again"
+                "the counts sum to {total} pixels, but {source} gives {pixel_count}; learn the model again"
             ));
         }
         if total > 1 << 46 {
-            return refused(format!("{total} pixels; allowed: up to 2^46"));
+            return refused(format!("{total} pixels; the maximum is 2^46"));
         }
     }
     Ok(all)
 }
 
-/// From the three raw bytes of a pixel to its bins of red, green and blue: as if it were turned into R, G, B bytes first.
+/// A lookup table from a pixel's three raw bytes to its bins of red, green and blue, as if it were converted
+/// to R, G, B bytes first.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChannelTable {
-    /// Bits of a byte that do not matter.
+    /// Low bits of a byte that do not affect the bin.
     shift: u32,
     yuv: Option<Box<RgbOfYuv>>,
 }
 
 impl ChannelTable {
-    /// Tabulates so many bins a channel over the pixels of one kind.
+    /// Builds the table for pixels of one kind.
     pub fn new(kind: PixelKind, bins: ChannelBins) -> Self {
         Self {
             shift: 8 - bins.count().ilog2(),
@@ -173,7 +182,7 @@ impl ChannelTable {
         }
     }
 
-    /// The bins of a pixel's three raw bytes.
+    /// Returns the bins of a pixel's three raw bytes.
     #[inline(always)]
     pub fn bins(&self, components: [u8; 3]) -> [u8; 3] {
         let rgb = match &self.yuv {
@@ -184,10 +193,11 @@ impl ChannelTable {
     }
 }
 
-/// Fraction bits of what a byte contributes.
+/// Fraction bits of the contribution of a byte.
 const FRACTION_BITS: u32 = 16;
 
-/// What each byte of Y, U and V contributes to R, G and B, in fixed point; half a step for rounding is in Y's.
+/// Contributions of each byte of Y, U and V to R, G and B, in fixed point. The table of Y includes half a
+/// step for rounding.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct RgbOfYuv {
     luma: [i32; 256],
@@ -203,7 +213,8 @@ impl RgbOfYuv {
         let table = |value: &dyn Fn(f64) -> f64| {
             std::array::from_fn(|byte| (one * value(byte as f64)).round() as i32)
         };
-        // Of grey all three are the luma; a step of Y, U or V from there shows its weight without leaving the gamut.
+        // All three channels of grey equal the luma. One step of Y, U or V from there gives its weight
+        // without leaving the gamut.
         let grey = encoding.rgb_from_yuv([128.0; 3]);
         let [of_y, of_u, of_v] = [
             [129.0, 128.0, 128.0],
@@ -245,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn bins_are_those_that_divide_the_steps() {
+    fn only_divisors_of_the_steps_are_valid_bins() {
         for count in 0..300 {
             let allowed = [2, 4, 8, 16, 32, 64].contains(&count);
             assert_eq!(ChannelBins::new(count).is_ok(), allowed, "{count}");
@@ -253,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_are_of_the_channels_by_themselves() {
+    fn shares_are_computed_per_channel() {
         let mut histograms = ChannelHistograms::EMPTY;
         for (rgb, is_object) in [
             ([255, 0, 64], true),
@@ -287,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn bins_of_yuv_pixels_are_those_of_their_colours() {
+    fn bins_of_yuv_pixels_match_their_rgb_colours() {
         for matrix in [YuvMatrix::Bt601, YuvMatrix::Bt709] {
             for range in [YuvRange::Full, YuvRange::Limited] {
                 let encoding = YuvEncoding { matrix, range };
@@ -299,7 +310,7 @@ mod tests {
                     for table in &tables {
                         let found = table.bins([y, u, v]);
                         for (exact, found) in exact.into_iter().zip(found) {
-                            // What lies halfway between two bytes may be rounded either way.
+                            // A value halfway between two bytes may be rounded either way.
                             let bin = |value: f64| value.round() as u8 >> table.shift;
                             assert!(
                                 found == bin(exact - 1e-4) || found == bin(exact + 1e-4),

@@ -1,6 +1,8 @@
-//! How a body's colours go over into what surrounds it: P(membership | signed distance to the outline, side), counted in labelled images.
+//! Edge profiles: how a body's colours blend into its surroundings, as P(membership | signed distance to the
+//! outline, side), counted in labelled images.
 //!
-//! Optics, motion, chroma at half the resolution and compression all blur edges; how much, and to which side of the true outline, is learnt rather than assumed.
+//! Optics, motion, chroma subsampling and compression all blur edges. How much they do, and towards which
+//! side of the true outline, is learnt rather than assumed.
 
 use std::fmt::Write as _;
 
@@ -12,53 +14,58 @@ use super::outline_distance::OutlineDistance;
 
 /// Standard deviation of the kernel that smooths over distance, pixels. Hand-set.
 const SMOOTHING_PX: f64 = 0.35;
-/// Pixels added to every bin, so that nothing is impossible. Hand-set.
-const ADDED: f64 = 0.1;
-/// The number of last rows that hold what surrounds bodies. Hand-set.
+/// Pseudo-count of every bin, which keeps all probabilities above zero. Hand-set.
+const PSEUDO_COUNT: f64 = 0.1;
+/// Number of outermost rows that describe the surroundings of bodies. Hand-set.
 const OUTSIDE_ROWS: usize = 3;
-/// The weight of the other side's counts, for sides with few of their own. Hand-set.
-const OTHER_SIDE: f64 = 0.05;
-/// The edge assumed if none was learnt: blurred by this standard deviation and this far inside, pixels. Origin: as in the bundled training sets ...
+/// Weight of the counts of the other side, which support a side with few counts of its own. Hand-set.
+const OTHER_SIDE_WEIGHT: f64 = 0.05;
+/// The default edge if no profile was learnt: its blur as a standard deviation and its offset towards the
+/// inside, in pixels. Origin: as in the bundled training sets.
 const SOFT_PX: f64 = 1.3;
 const SOFT_INSIDE_PX: f64 = 0.35;
-/// ... with noise of this standard deviation outside, and additional noise in the middle of the edge and inside, in units of membership. Hand-set.
+/// Noise of the default edge as standard deviations in units of membership: outside, then the additions in
+/// the middle of the edge and inside. Hand-set.
 const SOFT_NOISE: [f64; 3] = [0.1, 0.5, 0.08];
 
-/// Pixels in each bin of membership, at each distance.
+/// Pixel counts per bin of membership, at each distance.
 type Counts = Vec<[u32; EdgeProfile::MEMBERSHIPS]>;
 
-/// The edge profile of a body in a camera's images.
+/// The edge profile of a body in the images of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EdgeProfile {
-    /// In the order of [`Side::ALL`].
+    /// Indexed in the order of [`Side::ALL`].
     counts: [Counts; 2],
 }
 
-/// ln P(membership | distance) / P(membership | outside), a row a distance.
+/// ln P(membership | distance) / P(membership | outside), one row per distance.
 pub type EdgeLogRatios = [[f32; EdgeProfile::MEMBERSHIPS]; EdgeProfile::DISTANCES];
 
 impl EdgeProfile {
-    /// Distances that are told apart, a quarter of a pixel from one to the next.
+    /// Number of distances, a quarter of a pixel apart.
     pub const DISTANCES: usize = 33;
-    /// The least is minus this, the greatest plus this, in pixels.
+    /// Largest distance on either side of the outline, in pixels.
     pub const REACH_PX: f32 = 4.0;
-    /// Bins of membership, from −0.5 to 1.5.
+    /// Number of bins of membership, from −0.5 to 1.5.
     pub const MEMBERSHIPS: usize = 32;
 
-    /// The bin of a membership; those beyond the ends are in the last.
+    /// Returns the bin of a membership, clamped to the first and last bins.
     #[inline(always)]
     pub fn bin_of(membership: f32) -> usize {
-        // Casts keep within the numbers.
+        // Casts of floats saturate.
         (((membership + 0.5) * 16.0) as usize).min(Self::MEMBERSHIPS - 1)
     }
 
-    /// The tables of log ratios on either side, in the order of [`Side::ALL`], smoothed: finite everywhere.
+    /// Computes the smoothed tables of log ratios on either side, in the order of [`Side::ALL`]. All entries
+    /// are finite.
     pub fn log_ratios(&self) -> [Box<EdgeLogRatios>; 2] {
         let own = Side::ALL.map(|side| side as usize);
         let sides = own.map(|side| {
             let rows = self.counts[side].iter().zip(&self.counts[1 - side]);
             let mixed = |(own, other): (&[u32; Self::MEMBERSHIPS], &[u32; Self::MEMBERSHIPS])| {
-                std::array::from_fn(|bin| f64::from(own[bin]) + OTHER_SIDE * f64::from(other[bin]))
+                std::array::from_fn(|bin| {
+                    f64::from(own[bin]) + OTHER_SIDE_WEIGHT * f64::from(other[bin])
+                })
             };
             shares(&smoothed(&rows.map(mixed).collect::<Vec<_>>()))
         });
@@ -66,7 +73,7 @@ impl EdgeProfile {
         sides.map(|shares| log_ratios_of(&shares, &outside))
     }
 
-    /// The same where both sides look alike: as both together.
+    /// Returns a profile that does not distinguish the sides: both have the counts of the two together.
     #[must_use]
     pub fn without_sides(&self) -> Self {
         let [shaded, lit] = &self.counts;
@@ -79,7 +86,7 @@ impl EdgeProfile {
         }
     }
 
-    /// The log ratios of a soft step, on either side, for colours that were learnt without an edge.
+    /// Computes the log ratios of a soft step on either side, for colours that were learnt without an edge.
     pub fn soft_step() -> [Box<EdgeLogRatios>; 2] {
         let row = |distance: usize| {
             let distance_px = 0.25 * distance as f64 - f64::from(Self::REACH_PX);
@@ -98,7 +105,7 @@ impl EdgeProfile {
         [(); 2].map(|()| log_ratios_of(&shares, &outside))
     }
 
-    /// The mean membership at each distance, on one side.
+    /// Computes the mean membership at each distance on one side.
     pub fn mean_memberships(&self, side: Side) -> Vec<f64> {
         let mean = |row: &[u32; Self::MEMBERSHIPS]| {
             let (mut sum, mut total) = (0.0, 0.0);
@@ -111,11 +118,11 @@ impl EdgeProfile {
         self.counts[side as usize].iter().map(mean).collect()
     }
 
-    /// The table in a file.
+    /// Formats the profile as a section of a colour model file.
     pub(super) fn to_text(&self) -> String {
         let mut text = String::from(
-            "\n# how the target's colours go over into what surrounds it, on the side that is darker than its mean and on the other: pixels at -4 to 4 px from the outline, a \
-             row each quarter of a pixel, in 32 bins of membership from -0.5 to 1.5 (0: as outside, 1: as inside)\n[edge]\n",
+            "\n# how the target's colours blend into its surroundings, on the side darker than its mean and on the other: pixels at -4 to 4 px from the outline, one \
+             row per quarter of a pixel, in 32 bins of membership from -0.5 to 1.5 (0: as outside, 1: as inside)\n[edge]\n",
         );
         for (name, counts) in ["shaded", "lit"].iter().zip(&self.counts) {
             let _ = writeln!(text, "{name} = [");
@@ -128,14 +135,15 @@ impl EdgeProfile {
     }
 }
 
-/// Smooths over distance by a Gaussian and over membership by (¼, ½, ¼), and adds a little to every bin.
+/// Smooths over distance with a Gaussian and over membership with (¼, ½, ¼), and adds the pseudo-count to
+/// every bin.
 fn smoothed(counts: &[[f64; EdgeProfile::MEMBERSHIPS]]) -> Vec<[f64; EdgeProfile::MEMBERSHIPS]> {
     let weight = |rows: usize| {
         let off = 0.25 * rows as f64 / SMOOTHING_PX;
         libm::exp(-0.5 * off * off)
     };
     let row = |distance: usize| {
-        let mut sums = [ADDED; EdgeProfile::MEMBERSHIPS];
+        let mut sums = [PSEUDO_COUNT; EdgeProfile::MEMBERSHIPS];
         for (other, row) in counts.iter().enumerate() {
             let weight = weight(other.abs_diff(distance));
             for (bin, sum) in sums.iter_mut().enumerate() {
@@ -149,7 +157,7 @@ fn smoothed(counts: &[[f64; EdgeProfile::MEMBERSHIPS]]) -> Vec<[f64; EdgeProfile
     (0..counts.len()).map(row).collect()
 }
 
-/// What share each bin has at each distance.
+/// Share of each bin at each distance.
 type Shares = Vec<[f64; EdgeProfile::MEMBERSHIPS]>;
 
 fn shares(rows: &[[f64; EdgeProfile::MEMBERSHIPS]]) -> Shares {
@@ -160,7 +168,7 @@ fn shares(rows: &[[f64; EdgeProfile::MEMBERSHIPS]]) -> Shares {
     rows.iter().map(share).collect()
 }
 
-/// The shares of what surrounds a body, on all sides.
+/// Computes the shares of a body's surroundings, over all sides.
 fn reference(sides: &[Shares]) -> [f64; EdgeProfile::MEMBERSHIPS] {
     let rows = || {
         let outside = |side: &Shares| side[EdgeProfile::DISTANCES - OUTSIDE_ROWS..].to_vec();
@@ -180,7 +188,7 @@ fn log_ratios_of(shares: &Shares, outside: &[f64; EdgeProfile::MEMBERSHIPS]) -> 
     table
 }
 
-/// The tables as they stand in a file.
+/// The section `[edge]` of a colour model file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct EdgeText {
@@ -191,7 +199,7 @@ pub(super) struct EdgeText {
 type CountsText = toml::Spanned<Vec<toml::Spanned<Vec<u32>>>>;
 
 impl EdgeText {
-    /// The profile, or where in the text something is wrong, and what.
+    /// Validates the section; on failure returns the offset in the text and the message.
     pub(super) fn read(&self) -> Result<EdgeProfile, (usize, String)> {
         Ok(EdgeProfile {
             counts: [read_counts(&self.shaded)?, read_counts(&self.lit)?],
@@ -203,7 +211,7 @@ fn read_counts(text: &CountsText) -> Result<Counts, (usize, String)> {
     let rows = text.get_ref();
     if rows.len() != EdgeProfile::DISTANCES {
         let message = format!(
-            "{} rows of counts; allowed: {}, one a distance",
+            "{} rows of counts; expected {}, one per distance",
             rows.len(),
             EdgeProfile::DISTANCES
         );
@@ -216,12 +224,12 @@ fn read_counts(text: &CountsText) -> Result<Counts, (usize, String)> {
         let counts = counts.map_err(|_| {
             let found = row.get_ref().len();
             refused(format!(
-                "{found} numbers; allowed: {}",
+                "{found} numbers; expected {}",
                 EdgeProfile::MEMBERSHIPS
             ))
         })?;
         if counts.iter().all(|&count| count == 0) {
-            let message = "no pixel at this distance; learn the model again, from more images";
+            let message = "no pixels at this distance; learn the model again from more images";
             return Err(refused(message.to_owned()));
         }
         Ok(counts)
@@ -229,7 +237,7 @@ fn read_counts(text: &CountsText) -> Result<Counts, (usize, String)> {
     rows.iter().map(row).collect()
 }
 
-/// The mean of some colours; nothing of none.
+/// Computes the mean colour; `None` for an empty iterator.
 fn mean(colors: impl Iterator<Item = [f32; 3]>) -> Option<[f32; 3]> {
     let (mut sum, mut count) = ([0.0; 3], 0.0);
     for color in colors {
@@ -241,10 +249,10 @@ fn mean(colors: impl Iterator<Item = [f32; 3]>) -> Option<[f32; 3]> {
     (count > 0.0).then(|| sum.map(|sum| sum / count))
 }
 
-/// Counts memberships along the outlines of labelled bodies, and gathers what these look like.
+/// Counts memberships along the outlines of labelled bodies, and collects their mean colours.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EdgeLearner {
-    /// In the order of [`Side::ALL`].
+    /// Indexed in the order of [`Side::ALL`].
     counts: [Counts; 2],
     /// The mean colour of each body.
     bodies: Vec<[f32; 3]>,
@@ -252,8 +260,8 @@ pub(super) struct EdgeLearner {
 }
 
 impl EdgeLearner {
-    /// Adds the outlines of a labelled image of this width, whose pixels have these colours. Parts that are small or touch the image's border tell
-    /// nothing of edges.
+    /// Adds the outlines of a labelled image of the given width. `yuv` returns the colour of a pixel. Parts
+    /// that are small or touch the image border are ignored.
     pub(super) fn add(
         &mut self,
         labels: &[bool],
@@ -285,7 +293,8 @@ impl EdgeLearner {
                 if membership.is_nan() || row > (EdgeProfile::DISTANCES + 1) as f32 {
                     continue;
                 }
-                // Farther in all is as at the least distance; the last row takes half a pixel more.
+                // Pixels deeper inside count as at the smallest distance; the last row takes half a pixel
+                // more.
                 let row = (row.max(0.0) as usize).min(EdgeProfile::DISTANCES - 1);
                 let side = surroundings.side(pixel) as usize;
                 self.counts[side][row][EdgeProfile::bin_of(membership)] += 1;
@@ -293,12 +302,12 @@ impl EdgeLearner {
         }
     }
 
-    /// What the bodies look like as a whole; nothing where there was none.
+    /// Returns the mean colours of the bodies; `None` if there were none.
     pub(super) fn body(&self) -> Option<BodyColors> {
         BodyColors::new(self.bodies.clone())
     }
 
-    /// What was learnt; nothing where some distance was never seen on some side.
+    /// Returns the learnt profile; `None` if some distance on some side has no pixels.
     pub(super) fn profile(&self) -> Option<EdgeProfile> {
         let is_seen = |row: &[u32; EdgeProfile::MEMBERSHIPS]| row.iter().any(|&count| count > 0);
         let is_whole = |counts: &Counts| !counts.is_empty() && counts.iter().all(is_seen);
@@ -313,7 +322,7 @@ impl EdgeLearner {
 mod tests {
     use super::*;
 
-    /// Discs on a plain ground, blurred by `sigma_px`, with their labels.
+    /// Learns from discs on a plain background, blurred by `sigma_px`.
     fn learnt(sigma_px: f64) -> EdgeProfile {
         let (width, height) = (64, 64);
         let mut learner = EdgeLearner::default();
@@ -334,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn a_soft_edge_is_found_again() {
+    fn the_blur_of_an_edge_is_recovered() {
         let profile = learnt(1.2);
         for side in Side::ALL {
             for (row, mean) in profile.mean_memberships(side).into_iter().enumerate() {
@@ -349,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn log_ratios_are_finite_and_favour_the_body_inside_and_its_surroundings_outside() {
+    fn log_ratios_are_finite_positive_inside_and_negative_outside() {
         let tables = [learnt(0.8).log_ratios(), EdgeProfile::soft_step()];
         for table in tables.into_iter().flatten() {
             assert!(
@@ -372,17 +381,17 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_that_was_not_seen_is_not_learnt() {
+    fn no_profile_without_whole_bodies() {
         let mut learner = EdgeLearner::default();
         assert_eq!(learner.profile(), None);
-        // A body that touches the border.
+        // A body that touches the image border.
         let labels: Vec<bool> = (0..400).map(|i| i % 20 < 8).collect();
         learner.add(&labels, 20, |x, _| [10.0 * x as f32, 0.0, 0.0]);
         assert_eq!(learner.profile(), None);
     }
 
     #[test]
-    fn without_sides_both_look_like_all() {
+    fn without_sides_both_sides_have_all_counts() {
         let profile = learnt(1.2);
         let both = profile.without_sides();
         let [shaded, lit] = Side::ALL.map(|side| both.mean_memberships(side));
@@ -395,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn text_that_is_no_profile_is_refused_where_it_is_wrong() {
+    fn invalid_sections_are_rejected_with_their_offset() {
         let read = |text: &str| {
             let parsed: EdgeText = toml::from_str(text).unwrap();
             parsed.read()

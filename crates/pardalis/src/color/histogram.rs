@@ -1,13 +1,13 @@
-//! Colour histograms and how alike two of them are.
+//! Colour histograms and their similarity.
 
-/// Shares of pixels over the bins of a palette; they sum to one (Taiana 2007, eq. 4.9).
+/// Shares of pixels over the bins of a palette, which sum to one (Taiana 2007, eq. 4.9).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
     shares: Vec<f64>,
 }
 
 impl Histogram {
-    /// Normalises counts; `None` when nothing was counted.
+    /// Normalises counts; `None` if they are all zero.
     pub fn from_counts(counts: &[u64]) -> Option<Self> {
         let total: u64 = counts.iter().sum();
         (total > 0).then(|| Self {
@@ -15,14 +15,17 @@ impl Histogram {
         })
     }
 
-    /// The share of each bin.
+    /// Returns the share of each bin.
     pub fn shares(&self) -> &[f64] {
         &self.shares
     }
 
-    /// Bhattacharyya similarity, 1 for equal histograms and 0 for disjoint ones (Taiana 2007, eq. 4.10).
+    /// Computes the Bhattacharyya similarity: 1 for equal histograms, 0 for disjoint ones (Taiana 2007, eq.
+    /// 4.10).
     ///
-    /// Panics when the numbers of bins differ.
+    /// # Panics
+    ///
+    /// The histograms differ in their number of bins.
     pub fn similarity(&self, other: &Self) -> f64 {
         assert_eq!(
             self.shares.len(),
@@ -42,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn similarity_is_one_for_equal_zero_for_disjoint_and_known_between() {
+    fn similarity_is_one_if_equal_zero_if_disjoint_and_exact_in_between() {
         let of = |counts: &[u64]| Histogram::from_counts(counts).unwrap();
         assert!((of(&[3, 1, 0]).similarity(&of(&[6, 2, 0])) - 1.0).abs() < 1e-15);
         assert_eq!(of(&[3, 0, 0]).similarity(&of(&[0, 1, 1])), 0.0);

@@ -1,36 +1,40 @@
-//! Illumination: gains of red, green and blue (von Kries 1902) along the two ways in which it mostly changes, brightness and warmth.
+//! Illumination of a scene: its effect on colours as gains of red, green and blue (von Kries 1902), along the
+//! two directions in which illumination mostly varies: brightness and warmth.
 
 use super::palette::PixelKind;
 use crate::color_space::YuvEncoding;
 
-/// ln of the gains of red, green and blue per unit of warmth. Derivation: black bodies, by Wien's law, roughly.
+/// ln of the gains of red, green and blue per unit of warmth. Derivation: black bodies, roughly (Wien's law).
 const WARMER: [f64; 3] = [0.5, 0.0, -1.0];
-/// The standard deviation of errors of mean red, green and blue, in grey levels of 255, ... Hand-set.
+/// Standard deviation of the errors of mean red, green and blue, in grey levels of 255. Hand-set.
 const MEAN_SIGMA: f64 = 5.0;
-/// ... and of usual changes of brightness and warmth. Hand-set.
-const USUAL: [f64; 2] = [1.0, 0.3];
+/// Prior standard deviations of changes of brightness and warmth. Hand-set.
+const PRIOR_SIGMA: [f64; 2] = [1.0, 0.3];
 
-/// Raw bytes around which gains are linear for any kind of pixels. Derivation: far from the borders of the gamut, even when brightened.
+/// Raw bytes around which gains are linearised, for any kind of pixels. Derivation: far from the borders of
+/// the gamut, also in a brighter illumination.
 const GREY: [f64; 3] = [40.0, 128.0, 128.0];
 
-/// A change of illumination, as gains of grey levels: camera gamma, a power law, turns gains of light into gains of grey levels.
+/// The difference between two illuminations, as gains of grey levels rather than of radiance. Camera gamma, a
+/// power law, turns gains of radiance into gains of grey levels.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Illumination {
     /// ln of the gain of green.
     pub brightness: f64,
-    /// ln of the loss of blue; red gains half of it.
+    /// Warmth: the loss of blue as ln of its gain; red gains half of that.
     pub warmth: f64,
 }
 
 impl Illumination {
-    /// The change in which a mean colour (Y, U and V of BT.601, full range) that was `known` becomes `now`: a least-squares fit, in which bright channels count most.
+    /// Estimates the change of illumination in which a mean colour `known` (Y, U and V of BT.601, full range)
+    /// becomes `now`: a least-squares fit, in which bright channels have the most weight.
     pub fn between(known: [f32; 3], now: [f32; 3]) -> Self {
         let [known, now] = [known, now].map(|yuv| {
             let rgb = YuvEncoding::default().rgb_from_yuv(yuv.map(f64::from));
             rgb.map(|level| level.max(1.0))
         });
         // The normal equations of ln gain = brightness + warmth · WARMER.
-        let [mut bb, mut bw, mut ww] = [USUAL[0].powi(-2), 0.0, USUAL[1].powi(-2)];
+        let [mut bb, mut bw, mut ww] = [PRIOR_SIGMA[0].powi(-2), 0.0, PRIOR_SIGMA[1].powi(-2)];
         let [mut b, mut w] = [0.0; 2];
         for channel in 0..3 {
             let weight = (known[channel] / MEAN_SIGMA).powi(2);
@@ -49,25 +53,25 @@ impl Illumination {
         }
     }
 
-    /// The correction that undoes this change for pixels of a kind.
+    /// Returns the correction that undoes this change for pixels of a kind.
     pub fn correction(self, kind: PixelKind) -> IlluminationCorrection {
         if self == Self::default() {
             return IlluminationCorrection::NONE;
         }
         let gains = WARMER.map(|warmer| libm::exp(-self.brightness - self.warmth * warmer));
-        let relit = |bytes: [f64; 3]| match kind {
+        let corrected = |bytes: [f64; 3]| match kind {
             PixelKind::Rgb => [0, 1, 2].map(|i| bytes[i] * gains[i]),
             PixelKind::Yuv(encoding) => {
                 let rgb = encoding.rgb_from_yuv(bytes);
                 encoding.yuv_from_rgb([0, 1, 2].map(|i| rgb[i] * gains[i]))
             }
         };
-        let at_grey = relit(GREY);
+        let at_grey = corrected(GREY);
         let mut rows = [[0.0_f32; 4]; 3];
         for column in 0..3 {
             let mut beside = GREY;
             beside[column] += 1.0;
-            let beside = relit(beside);
+            let beside = corrected(beside);
             for row in 0..3 {
                 rows[row][column] = (beside[row] - at_grey[row]) as f32;
             }
@@ -80,17 +84,17 @@ impl Illumination {
     }
 }
 
-/// Maps the bytes of pixels to those in another illumination: a linear map and a constant.
+/// A correction of the bytes of pixels from one illumination to another: a linear map and a constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IlluminationCorrection {
     rows: Option<[[f32; 4]; 3]>,
 }
 
 impl IlluminationCorrection {
-    /// Leaves pixels as they are.
+    /// The identity.
     pub const NONE: Self = Self { rows: None };
 
-    /// A pixel, or a mean of pixels.
+    /// Corrects a colour: a pixel, or a mean of pixels.
     #[inline(always)]
     pub fn color(&self, color: [f32; 3]) -> [f32; 3] {
         let [a, b, c] = color;
@@ -100,7 +104,7 @@ impl IlluminationCorrection {
         }
     }
 
-    /// A pixel's three raw bytes.
+    /// Corrects a pixel's three raw bytes.
     #[inline(always)]
     pub fn bytes(&self, bytes: [u8; 3]) -> [u8; 3] {
         match self.rows {
@@ -129,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn light_is_found_by_what_it_does_to_a_colour() {
+    fn illumination_is_estimated_from_a_colour_change() {
         let light = Illumination {
             brightness: -0.6,
             warmth: 0.25,
@@ -143,7 +147,8 @@ mod tests {
             Illumination::between(yuv(ORANGE), yuv(ORANGE)).correction(PixelKind::Rgb),
             IlluminationCorrection::NONE
         );
-        // Of a colour of one channel warmth is not told from brightness; black tells nothing that is no number.
+        // A colour with a single channel does not separate warmth from brightness; black still gives finite
+        // numbers.
         for rgb in [[0.0, 0.0, 200.0], [0.0; 3]] {
             let found = Illumination::between(yuv(rgb), yuv(lit(rgb, light)));
             assert!(found.brightness.is_finite() && found.warmth.abs() < 0.5);
@@ -151,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn undone_light_gives_pixels_of_any_kind_back() {
+    fn correction_restores_pixels_of_any_kind() {
         let light = Illumination {
             brightness: -0.5,
             warmth: -0.2,
@@ -181,7 +186,10 @@ mod tests {
             let white = light
                 .correction(kind)
                 .bytes(raw([255.0; 3]).map(|v| v as u8));
-            assert!(white[0] > 230, "brighter than white stays white: {white:?}");
+            assert!(
+                white[0] > 230,
+                "pixels brighter than white must stay white: {white:?}"
+            );
         }
         assert_eq!(IlluminationCorrection::NONE.bytes([3, 4, 5]), [3, 4, 5]);
     }

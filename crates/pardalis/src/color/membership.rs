@@ -1,106 +1,113 @@
-//! Which side of an outline a pixel's colour belongs to, by the colours on both sides nearby: whatever the light, the white balance and the colour.
+//! Membership of pixels near an outline: whether a colour is that of the body or of its surroundings,
+//! measured relative to the colours on both sides nearby. It depends on neither the illumination, the white
+//! balance nor the colour itself.
 
 use std::sync::LazyLock;
 
 /// A pixel near an outline.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EdgePixel {
-    /// Its colour: Y, U and V of BT.601, full range, 0 to 255.
+    /// Colour: Y, U and V of BT.601, full range, 0 to 255.
     pub yuv: [f32; 3],
-    /// How far its centre lies from the outline in pixels, negative inside.
+    /// Signed distance of the pixel's centre to the outline in pixels, negative inside.
     pub distance_px: f32,
-    /// Where around the outline it lies, as a share of the turn from 0 to 1.
+    /// Position around the outline, as a share of a full turn from 0 to 1.
     pub turn: f32,
 }
 
-/// Parts of the turn around an outline that have colours of their own. Hand-set.
-const PARTS: usize = 64;
-/// Pixels at least this deep inside show the body alone, pixels, ... Hand-set: beyond the blur of edges.
-const BODY_PX: f32 = -2.0;
-/// ... or, in small bodies, this many of the deepest. Hand-set.
-const FEWEST: usize = 6;
-/// Pixels at these signed distances show what surrounds it, pixels. Hand-set.
-const AROUND_PX: std::ops::Range<f32> = 3.0..7.0;
-/// The concentration of the von Mises weights of colours around the turn, for the body and for what surrounds it. Hand-set.
+/// Sectors of the turn around an outline, each with colours of its own. Hand-set.
+const SECTORS: usize = 64;
+/// Signed distance in pixels below which pixels show only the body. Hand-set: beyond the blur of edges.
+const BODY_DEPTH_PX: f32 = -2.0;
+/// Minimum number of pixels of the body; if fewer lie deep enough, the deepest ones are used. Hand-set.
+const MIN_BODY_PIXELS: usize = 6;
+/// Signed distances from the outline, in pixels, at which pixels show the surroundings. Hand-set.
+const SURROUNDINGS_PX: std::ops::Range<f32> = 3.0..7.0;
+/// Concentrations of the von Mises densities that weight colours around the turn, for the body and for its
+/// surroundings. Hand-set.
 const CONCENTRATION: [f64; 2] = [2.0, 4.0];
-/// The same for brightness, and the signed distances of the pixels that give it, pixels. Hand-set.
+/// Concentration of the von Mises density that weights brightness around the turn, and the signed distances
+/// from the outline, in pixels, of the pixels used for it. Hand-set.
 const SHADING_CONCENTRATION: f64 = 4.0;
 const SHADING_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
-/// Weights of squared differences of Y, U and V. Hand-set: chroma changes less with shadows.
+/// Weights of squared differences in Y, U and V. Hand-set: chroma changes less with shadows.
 const CHANNEL_WEIGHTS: [f32; 3] = [1.0, 15.0, 15.0];
-/// Colours with a smaller squared weighted difference have no membership. Hand-set.
-const LEAST_CONTRAST: f32 = 100.0;
+/// Minimum squared weighted difference of two colours; closer colours have no membership. Hand-set.
+const MIN_CONTRAST: f32 = 100.0;
 
-/// Weights over the parts of the turn, by how far they are away.
-static WEIGHTS: LazyLock<[[f32; PARTS]; 3]> = LazyLock::new(|| {
+/// Weights over the sectors of the turn, by their offset.
+static WEIGHTS: LazyLock<[[f32; SECTORS]; 3]> = LazyLock::new(|| {
     let [body, outside] = CONCENTRATION;
     [body, outside, SHADING_CONCENTRATION].map(|concentration| {
-        std::array::from_fn(|part| {
-            let angle = part as f64 / PARTS as f64 * std::f64::consts::TAU;
+        std::array::from_fn(|sector| {
+            let angle = sector as f64 / SECTORS as f64 * std::f64::consts::TAU;
             libm::exp(concentration * (libm::cos(angle) - 1.0)) as f32
         })
     })
 });
 
-/// A side of a body, by its shading: what is round grows dark well inside its outline where it turns away from the light, and stays bright up to it on the other side.
+/// The shaded or lit side of a body: a round body darkens well inside its outline where it turns away from
+/// the light, and stays bright up to the outline on the other side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// Darker than the mean of the body.
     Shaded,
-    /// As bright, or brighter.
+    /// As bright as the mean, or brighter.
     Lit,
 }
 
 impl Side {
-    /// Both.
+    /// Both sides, in the order of tables.
     pub const ALL: [Self; 2] = [Self::Shaded, Self::Lit];
 }
 
 /// The colours inside and outside along an outline.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surroundings {
-    /// Of each part of the turn: the mean colour around the body, and the difference from there to the body's own.
-    parts: [([f32; 3], [f32; 3]); PARTS],
-    sides: [Side; PARTS],
+    /// For each sector of the turn: the mean colour around the body, and the difference from it to the body's
+    /// own colour.
+    sectors: [([f32; 3], [f32; 3]); SECTORS],
+    sides: [Side; SECTORS],
 }
 
 impl Surroundings {
-    /// Of the pixels on both sides of an outline; `None` where there are too few on either.
+    /// Measures the colours on both sides of an outline; `None` if either side has too few pixels.
     pub fn of(pixels: &[EdgePixel]) -> Option<Self> {
-        let is_deep = |pixel: &&EdgePixel| pixel.distance_px <= BODY_PX;
-        let deepest_px = if pixels.iter().filter(is_deep).count() >= FEWEST {
-            BODY_PX
+        let is_deep = |pixel: &&EdgePixel| pixel.distance_px <= BODY_DEPTH_PX;
+        let deepest_px = if pixels.iter().filter(is_deep).count() >= MIN_BODY_PIXELS {
+            BODY_DEPTH_PX
         } else {
-            deepest(pixels)?[FEWEST - 1].min(0.0)
+            deepest(pixels)?[MIN_BODY_PIXELS - 1].min(0.0)
         };
-        let body = around(pixels, &WEIGHTS[0], |distance| distance <= deepest_px)?;
-        let outside = around(pixels, &WEIGHTS[1], |distance| {
-            AROUND_PX.contains(&distance)
+        let body = mean_colors(pixels, &WEIGHTS[0], |distance| distance <= deepest_px)?;
+        let outside = mean_colors(pixels, &WEIGHTS[1], |distance| {
+            SURROUNDINGS_PX.contains(&distance)
         })?;
-        let parts = std::array::from_fn(|part| {
-            let (body, outside) = (body[part], outside[part]);
+        let sectors = std::array::from_fn(|sector| {
+            let (body, outside) = (body[sector], outside[sector]);
             (outside, [0, 1, 2].map(|i| body[i] - outside[i]))
         });
-        let sides = sides(pixels).unwrap_or([Side::Lit; PARTS]);
-        Some(Self { parts, sides })
+        let sides = sides(pixels).unwrap_or([Side::Lit; SECTORS]);
+        Some(Self { sectors, sides })
     }
 
-    /// The side of the body on which a pixel lies.
+    /// Returns the side of the body on which a pixel lies.
     pub fn side(&self, pixel: &EdgePixel) -> Side {
-        self.sides[part_of(pixel.turn)]
+        self.sides[sector_of(pixel.turn)]
     }
 
-    /// 0 for the colour that surrounds the body there, 1 for the body's own, in between for mixtures; below and above for colours beyond them. NaN where the two
-    /// are not told apart.
+    /// Returns the membership of a pixel: 0 for the colour that surrounds the body there, 1 for the body's
+    /// own colour, in between for mixtures; below 0 and above 1 for colours beyond these. NaN if the two
+    /// colours are too similar.
     pub fn membership(&self, pixel: &EdgePixel) -> f32 {
-        let (outside, difference) = &self.parts[part_of(pixel.turn)];
+        let (outside, difference) = &self.sectors[sector_of(pixel.turn)];
         let (mut along, mut whole) = (0.0, 0.0);
         for i in 0..3 {
             let weighted = CHANNEL_WEIGHTS[i] * difference[i];
             along += (pixel.yuv[i] - outside[i]) * weighted;
             whole += difference[i] * weighted;
         }
-        if whole < LEAST_CONTRAST {
+        if whole < MIN_CONTRAST {
             f32::NAN
         } else {
             along / whole
@@ -108,13 +115,13 @@ impl Surroundings {
     }
 }
 
-/// The distances of the deepest pixels, in ascending order; `None` if there are not enough pixels.
-fn deepest(pixels: &[EdgePixel]) -> Option<[f32; FEWEST]> {
-    if pixels.len() < FEWEST {
+/// Returns the distances of the deepest pixels in ascending order; `None` if there are too few pixels.
+fn deepest(pixels: &[EdgePixel]) -> Option<[f32; MIN_BODY_PIXELS]> {
+    if pixels.len() < MIN_BODY_PIXELS {
         return None;
     }
     // Positive NaN is the last in the total order.
-    let mut deepest = [f32::NAN; FEWEST];
+    let mut deepest = [f32::NAN; MIN_BODY_PIXELS];
     for pixel in pixels {
         let mut distance_px = pixel.distance_px;
         for kept in &mut deepest {
@@ -126,8 +133,8 @@ fn deepest(pixels: &[EdgePixel]) -> Option<[f32; FEWEST]> {
     Some(deepest)
 }
 
-/// The side of each part of the turn; `None` where no pixel tells.
-fn sides(pixels: &[EdgePixel]) -> Option<[Side; PARTS]> {
+/// Classifies each sector as shaded or lit; `None` if no pixel lies at a suitable distance.
+fn sides(pixels: &[EdgePixel]) -> Option<[Side; SECTORS]> {
     let (mut luma, mut count) = (0.0, 0.0);
     for pixel in pixels {
         if SHADING_PX.contains(&pixel.distance_px) {
@@ -135,7 +142,7 @@ fn sides(pixels: &[EdgePixel]) -> Option<[Side; PARTS]> {
             count += 1.0;
         }
     }
-    let local = around(pixels, &WEIGHTS[2], |distance| {
+    let local = mean_colors(pixels, &WEIGHTS[2], |distance| {
         SHADING_PX.contains(&distance)
     })?;
     Some(local.map(|[here, _, _]| {
@@ -147,31 +154,31 @@ fn sides(pixels: &[EdgePixel]) -> Option<[Side; PARTS]> {
     }))
 }
 
-fn part_of(turn: f32) -> usize {
-    ((turn * PARTS as f32 + 0.5) as usize) % PARTS
+fn sector_of(turn: f32) -> usize {
+    ((turn * SECTORS as f32 + 0.5) as usize) % SECTORS
 }
 
-/// The mean colour, around the turn, of the pixels at some distances.
-fn around(
+/// Computes the mean colour around the turn of the pixels at the accepted distances.
+fn mean_colors(
     pixels: &[EdgePixel],
-    weights: &[f32; PARTS],
-    takes: impl Fn(f32) -> bool,
-) -> Option<[[f32; 3]; PARTS]> {
-    // Number and sum of the colours in each part.
-    let mut sums = [[0_f32; 4]; PARTS];
-    for pixel in pixels.iter().filter(|pixel| takes(pixel.distance_px)) {
+    weights: &[f32; SECTORS],
+    accepts: impl Fn(f32) -> bool,
+) -> Option<[[f32; 3]; SECTORS]> {
+    // Pixel count and colour sum of each sector.
+    let mut sums = [[0_f32; 4]; SECTORS];
+    for pixel in pixels.iter().filter(|pixel| accepts(pixel.distance_px)) {
         let [y, u, v] = pixel.yuv;
-        for (sum, value) in sums[part_of(pixel.turn)].iter_mut().zip([1.0, y, u, v]) {
+        for (sum, value) in sums[sector_of(pixel.turn)].iter_mut().zip([1.0, y, u, v]) {
             *sum += value;
         }
     }
     if sums.iter().all(|sum| sum[0] == 0.0) {
         return None;
     }
-    Some(std::array::from_fn(|part| {
+    Some(std::array::from_fn(|sector| {
         let mut total = [0_f32; 4];
         for (i, sum) in sums.iter().enumerate() {
-            let weight = weights[(i + PARTS - part) % PARTS];
+            let weight = weights[(i + SECTORS - sector) % SECTORS];
             for (total, value) in total.iter_mut().zip(sum) {
                 *total += weight * value;
             }
@@ -192,7 +199,7 @@ mod tests {
         [0, 1, 2].map(|i| GREEN[i] + share * (ORANGE[i] - GREEN[i]))
     }
 
-    /// An edge that goes over from one colour to the other between −2 and 2 px.
+    /// An edge that changes from one colour to the other between −2 and 2 px.
     fn edge() -> Vec<EdgePixel> {
         let mut pixels = Vec::new();
         for turn in 0..100 {
@@ -209,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_go_over_from_one_inside_to_zero_outside() {
+    fn membership_falls_from_one_inside_to_zero_outside() {
         let pixels = edge();
         let surroundings = Surroundings::of(&pixels).unwrap();
         for pixel in &pixels {
@@ -219,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn neither_light_nor_white_balance_matters() {
+    fn membership_is_invariant_to_illumination_and_white_balance() {
         let pixels = edge();
         let lit: Vec<EdgePixel> = pixels
             .iter()
@@ -235,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_told_apart_has_no_membership() {
+    fn membership_is_nan_without_contrast() {
         let mut pixels = edge();
         for pixel in &mut pixels {
             pixel.yuv = GREEN;
@@ -248,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn the_darker_side_is_the_shaded_one() {
+    fn the_darker_side_is_shaded() {
         let mut pixels = edge();
         for pixel in &mut pixels {
             let light = 1.0 + 0.2 * libm::cosf(std::f32::consts::TAU * pixel.turn);

@@ -1,4 +1,5 @@
-//! Colour: what pixels mean, bins, histograms in all three dimensions or a channel, how light changes them, how colours go over at edges, and colour models learnt from labelled pixels.
+//! Colour: pixel encodings, histogram bins, 3D and per-channel histograms, illumination, edge profiles, and
+//! colour models learnt from labelled pixels.
 
 mod body_colors;
 mod channels;

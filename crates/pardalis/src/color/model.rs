@@ -1,4 +1,4 @@
-//! Colour models: learnt from labelled pixels, kept as small readable files.
+//! Colour models: learnt from labelled pixels and stored as small readable files.
 
 use std::fmt::Write as _;
 
@@ -13,8 +13,8 @@ use super::ranges::{ColorRanges, RangeLearner};
 use crate::Frame;
 use pardalis_core::Error;
 
-/// What a target looks like: the histogram of its pixels in one palette, the ranges that hold them, the histograms of red, green and blue, and how its colours
-/// go over into what surrounds it.
+/// The appearance of a target: the histogram of its pixels in one palette, the ranges that hold them, the
+/// histograms of red, green and blue, the edge profile, and the mean colours of its bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorModel {
     palette: Palette,
@@ -27,10 +27,10 @@ pub struct ColorModel {
     image_count: u64,
 }
 
-/// The first line of every colour model file.
+/// The value of `format` in every colour model file.
 const FORMAT: &str = "pardalis color model 1";
 
-/// The text form, as it stands in the file.
+/// The contents of a colour model file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ColorModelText {
@@ -40,74 +40,79 @@ struct ColorModelText {
     image_count: u64,
     /// Channel indices of a bin and the number of the target's pixels in it.
     bins: Vec<toml::Spanned<[u64; 4]>>,
-    /// Older files have none.
+    /// Absent in older files.
     ranges: Option<ColorRanges>,
-    /// Older files have none.
+    /// Absent in older files.
     channels: Option<ChannelsText>,
-    /// Older files have none.
+    /// Absent in older files.
     edge: Option<EdgeText>,
-    /// Older files have none.
+    /// Absent in older files.
     body: Option<BodyText>,
 }
 
 impl ColorModel {
-    /// Learns a model from one image, in HSI. `is_target` says for each pixel, row by row, whether it shows the target. To learn
-    /// from several images use [`ColorLearner`].
+    /// Learns a model from one image, in HSI. `is_target` states for each pixel, row by row, whether it shows
+    /// the target. To learn from several images, use [`ColorLearner`].
     ///
-    /// Errors: a mask of another size, or one that marks no pixel.
+    /// # Errors
+    ///
+    /// The mask has another size or marks no pixel.
     pub fn from_image(frame: &Frame, is_target: &[bool]) -> Result<Self, Error> {
         let mut learner = ColorLearner::new(Palette::HSI)?;
         learner.add(frame, is_target)?;
         learner.learn()
     }
 
-    /// The division of colour space.
+    /// Returns the division of colour space into bins.
     pub fn palette(&self) -> Palette {
         self.palette
     }
 
-    /// Shares of the target's pixels.
+    /// Returns the shares of the target's pixels per bin.
     pub fn histogram(&self) -> &Histogram {
         &self.histogram
     }
 
-    /// The narrowest ranges of hue, saturation and intensity, each of which holds all but a fiftieth of the target's pixels; nothing in older files
-    /// and for targets without colour.
+    /// Returns the narrowest ranges of hue, saturation and intensity that each hold 98 % of the target's
+    /// pixels; `None` for older files and for targets without colour.
     pub fn ranges(&self) -> Option<ColorRanges> {
         self.ranges
     }
 
-    /// Histograms of red, green and blue, of the target and of the rest of its images; nothing in older files.
+    /// Returns the histograms of red, green and blue of the target and of the rest of its images; `None` for
+    /// older files.
     pub fn channels(&self) -> Option<&ChannelHistograms> {
         self.channels.as_ref()
     }
 
-    /// How its colours go over into what surrounds it; nothing in older files, and where no body was labelled whole and away from the border.
+    /// Returns the profile of the target's colours across its outline; `None` for older files, and if no body
+    /// was labelled whole and clear of the image border.
     pub fn edge(&self) -> Option<&EdgeProfile> {
         self.edge.as_ref()
     }
 
-    /// What it looks like as a whole; nothing in older files, and where no body was labelled whole and away from the border.
+    /// Returns the mean colours of whole bodies; `None` for older files, and if no body was labelled whole
+    /// and clear of the image border.
     pub fn body(&self) -> Option<&BodyColors> {
         self.body.as_ref()
     }
 
-    /// How many pixels it was learnt from.
+    /// Returns the number of pixels that the model was learnt from.
     pub fn pixel_count(&self) -> u64 {
         self.pixel_count
     }
 
-    /// How many images it was learnt from.
+    /// Returns the number of images that the model was learnt from.
     pub fn image_count(&self) -> u64 {
         self.image_count
     }
 
-    /// The file's text: TOML, one line a bin, the most frequent first.
+    /// Formats the model as TOML, one line per bin, the most frequent first.
     pub fn to_text(&self) -> String {
         let [first, second, third] = self.palette.channel_names();
         let mut text = format!(
             "# The colours of a target, learnt by `pardalis learn`.\nformat = \"{FORMAT}\"\n\
-             pixel_count = {}\nimage_count = {}\n\n# bin of {first}, of {second}, of {third}; number of pixels\nbins = [\n",
+             pixel_count = {}\nimage_count = {}\n\n# bin indices of {first}, {second} and {third}, and the number of pixels\nbins = [\n",
             self.pixel_count, self.image_count
         );
         let mut rows: Vec<(u64, u16)> = (0..self.palette.bin_count() as u16)
@@ -125,7 +130,7 @@ impl ColorModel {
                 [ranges.hue_deg, ranges.saturation, ranges.intensity];
             let _ = writeln!(
                 text,
-                "# what the window cue counts; hue runs from the first to the second number, through 0 where the second is less\n\
+                "# the colours that the window cue counts; hue runs from the first number up to the second, through 0 if the second is less\n\
                  [ranges]\nhue_deg = {hue:?}\nsaturation = {saturation:?}\nintensity = {intensity:?}\n"
             );
         }
@@ -155,7 +160,12 @@ impl ColorModel {
         text + &channels.unwrap_or_default() + &body.unwrap_or_default() + &edge.unwrap_or_default()
     }
 
-    /// Reads a file's text.
+    /// Parses the text of a colour model file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Parse`] with the line, if the text is not TOML, a key is unknown or missing, or a value is
+    /// out of range or inconsistent.
     pub fn from_text(text: &str) -> Result<Self, Error> {
         let line_of = |offset: usize| text[..offset.min(text.len())].matches('\n').count() + 1;
         let parsed: ColorModelText = toml::from_str(text).map_err(|e| Error::Parse {
@@ -169,7 +179,7 @@ impl ColorModel {
                 .map_or(1, |i| i + 1)
         };
         if parsed.format != FORMAT {
-            let message = format!("format is \"{}\"; allowed: \"{FORMAT}\"", parsed.format);
+            let message = format!("format is \"{}\"; expected \"{FORMAT}\"", parsed.format);
             return Err(at(line_with("format"), message));
         }
         parsed
@@ -190,7 +200,7 @@ impl ColorModel {
             };
             let slot = &mut counts[usize::from(bin)];
             if *slot > 0 {
-                return Err(at(line, format!("bin {a}, {b}, {c} stands there twice")));
+                return Err(at(line, format!("bin {a}, {b}, {c} is listed twice")));
             }
             if count == 0 || count > 1 << 40 {
                 return Err(at(
@@ -224,7 +234,7 @@ impl ColorModel {
         let histogram = Histogram::from_counts(&counts).ok_or_else(|| {
             at(
                 line_with("bins"),
-                "bins holds no pixel; learn the model again".to_owned(),
+                "bins holds no pixels; learn the model again".to_owned(),
             )
         })?;
         Ok(Self {
@@ -239,13 +249,13 @@ impl ColorModel {
         })
     }
 
-    /// The number of pixels of a bin that the model was learnt from.
+    /// Returns the number of the target's pixels in a bin.
     pub fn count_of(&self, bin: u16) -> u64 {
         (self.histogram.shares()[usize::from(bin)] * self.pixel_count as f64).round() as u64
     }
 }
 
-/// Gathers labelled pixels of several images.
+/// Accumulates the labelled pixels of several images.
 #[derive(Debug, Clone)]
 pub struct ColorLearner {
     palette: Palette,
@@ -259,7 +269,11 @@ pub struct ColorLearner {
 }
 
 impl ColorLearner {
-    /// Learns in this palette.
+    /// Creates an empty learner for a palette.
+    ///
+    /// # Errors
+    ///
+    /// The bin counts of the palette are out of range.
     pub fn new(palette: Palette) -> Result<Self, Error> {
         palette.check()?;
         let bins = palette.bin_count();
@@ -275,7 +289,7 @@ impl ColorLearner {
         })
     }
 
-    /// The bins of all pixels of a frame, row by row.
+    /// Returns the bin of every pixel of a frame, row by row.
     pub fn bins_of(&mut self, frame: &Frame) -> Vec<u16> {
         let kind = PixelKind::of(frame);
         if self.table.as_ref().is_none_or(|(known, _)| *known != kind) {
@@ -291,7 +305,11 @@ impl ColorLearner {
         bins
     }
 
-    /// Adds one image. `is_object` says of each pixel, row by row, whether it shows the target; it has one entry a pixel.
+    /// Adds one image. `is_object` marks the pixels that show the target, row by row, one entry per pixel.
+    ///
+    /// # Errors
+    ///
+    /// `is_object` has another length than the image has pixels.
     pub fn add(&mut self, frame: &Frame, is_object: &[bool]) -> Result<(), Error> {
         let expected = frame.width() * frame.height();
         if is_object.len() != expected {
@@ -322,12 +340,16 @@ impl ColorLearner {
         Ok(())
     }
 
-    /// Pixels of the target and of the rest in each bin.
+    /// Returns the pixel counts per bin, of the target and of the rest of the images.
     pub fn counts(&self) -> (&[u64], &[u64]) {
         (&self.object_counts, &self.background_counts)
     }
 
-    /// The model of what was labelled.
+    /// Computes the model from all pixels added so far.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Empty`] if no pixel of the target was added.
     pub fn learn(&self) -> Result<ColorModel, Error> {
         let histogram =
             Histogram::from_counts(&self.object_counts).ok_or_else(|| Error::Empty {
@@ -346,36 +368,38 @@ impl ColorLearner {
         })
     }
 
-    /// The share of the target's pixels and of the rest that lie in ranges.
+    /// Returns the shares of the target's pixels and of the other pixels that lie in the given ranges.
     pub fn shares_within(&self, ranges: &ColorRanges) -> [f64; 2] {
         self.ranges.shares(ranges)
     }
 
-    /// How well the bins tell the target's pixels from the rest.
+    /// Computes how well the bins separate the target's pixels from the others.
     pub fn separation(&self) -> Separation {
         Separation::of(&self.object_counts, &self.background_counts)
     }
 }
 
-/// How well a palette tells a target's pixels from the rest of the images it was learnt from.
+/// How well a palette separates a target's pixels from the rest of the images it was learnt from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Separation {
-    /// Log of object share over background share of each bin, with half a pixel added to every bin.
+    /// Log of the object share over the background share of each bin, with half a pixel added to every bin.
     pub log_odds: Vec<f64>,
-    /// Bhattacharyya similarity of the two histograms: 0 when no bin is shared.
+    /// Bhattacharyya similarity of the two histograms: 0 if they share no bin.
     pub similarity: f64,
-    /// Share of the target's pixels whose log odds are above zero.
+    /// Share of the target's pixels with positive log odds.
     pub object_found: f64,
-    /// Share of the other pixels whose log odds are above zero.
+    /// Share of the other pixels with positive log odds.
     pub background_mistaken: f64,
-    /// Chance that a pixel of the target scores above one of the background (area under the ROC curve).
+    /// Probability that a pixel of the target scores above one of the background (area under the ROC curve).
     pub area_under_curve: f64,
 }
 
 impl Separation {
-    /// Compares the pixels of a target with others, counted in the bins of one palette.
+    /// Compares the pixel counts of a target with those of the background, in the bins of one palette.
     ///
-    /// Panics when the numbers of bins differ.
+    /// # Panics
+    ///
+    /// The two slices differ in length.
     pub fn of(object: &[u64], background: &[u64]) -> Self {
         assert_eq!(object.len(), background.len(), "counts of one palette");
         let total = |counts: &[u64]| counts.iter().sum::<u64>().max(1) as f64;
@@ -402,7 +426,7 @@ impl Separation {
             .map(|(&o, &b)| (o as f64 * b as f64).sqrt())
             .sum::<f64>()
             / (object_total * background_total).sqrt();
-        // Bins from the least to the most object-like; pixels of one score count half.
+        // Bins in ascending order of their log odds; pairs of equal log odds count half.
         let mut order: Vec<usize> = (0..object.len()).collect();
         order.sort_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b]).then(a.cmp(&b)));
         let (mut below, mut area) = (0.0, 0.0);
@@ -428,7 +452,7 @@ mod tests {
     use crate::PixelFormat;
     use crate::color::{ChannelBins, YuvEncoding};
 
-    fn two_colours() -> (Frame, Vec<bool>) {
+    fn two_color_frame() -> (Frame, Vec<bool>) {
         let mut bytes = Vec::new();
         for i in 0..12 {
             bytes.extend_from_slice(if i < 5 {
@@ -443,8 +467,8 @@ mod tests {
     }
 
     #[test]
-    fn a_learnt_model_survives_its_file() {
-        let (frame, labels) = two_colours();
+    fn models_round_trip_through_text() {
+        let (frame, labels) = two_color_frame();
         for palette in [Palette::HSI, Palette::YUV, Palette::Rgb { channel_bins: 8 }] {
             let mut learner = ColorLearner::new(palette).unwrap();
             learner.add(&frame, &labels).unwrap();
@@ -479,8 +503,8 @@ mod tests {
     }
 
     #[test]
-    fn faulty_files_are_refused_with_the_line() {
-        let (frame, labels) = two_colours();
+    fn invalid_files_are_rejected_with_their_line() {
+        let (frame, labels) = two_color_frame();
         let mut learner = ColorLearner::new(Palette::HSI).unwrap();
         learner.add(&frame, &labels).unwrap();
         let text = learner.learn().unwrap().to_text();
@@ -501,7 +525,7 @@ mod tests {
                 "background_blue = [0, ",
                 "background_blue = [9, ",
                 28,
-                "16 pixels in all, but 7",
+                "sum to 16 pixels, but background_red gives 7",
             ),
             ("\nblue = ", "\nblues = ", 25, "blues"),
         ] {
@@ -527,8 +551,8 @@ mod tests {
     }
 
     #[test]
-    fn nothing_labelled_is_no_model() {
-        let (frame, _) = two_colours();
+    fn learning_without_labelled_pixels_fails() {
+        let (frame, _) = two_color_frame();
         let mut learner = ColorLearner::new(Palette::HSI).unwrap();
         learner.add(&frame, &[false; 12]).unwrap();
         assert!(learner.learn().is_err());

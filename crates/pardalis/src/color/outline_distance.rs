@@ -1,32 +1,34 @@
-//! How far pixels lie from the outline of a labelled body, to a fraction of a pixel.
+//! Signed distances of pixels from the outline of a labelled body, with subpixel accuracy.
 //!
-//! Bodies whose labels are an ellipse, as of balls and discs, have the ellipse of the labels' moments for an outline. Of others the labels are smoothed, and
-//! the outline is where they are half.
+//! If the labels of a body form an ellipse, as for balls and discs, its outline is the ellipse with the same
+//! moments. Otherwise the labels are smoothed, and the outline is their level line at one half.
 
 use std::collections::VecDeque;
 
 /// Labelled parts with fewer pixels are ignored. Hand-set.
-const LEAST_AREA_PX: usize = 20;
-/// The least intersection over union of a fitted ellipse with the labels. Hand-set.
-const LEAST_AGREEMENT: f64 = 0.92;
-/// Distances are computed this far inside and outside, pixels. Derivation: covers the bands that are looked at.
+const MIN_AREA_PX: usize = 20;
+/// Minimum intersection over union of a fitted ellipse with the labels. Hand-set.
+const MIN_IOU: f64 = 0.92;
+/// Distances are computed up to this many pixels inside and outside. Derivation: covers the bands that are
+/// evaluated.
 const NEAR_PX: f64 = 9.0;
-/// The standard deviation by which labels are smoothed, pixels, and the distance up to which the result is used. Hand-set.
+/// Standard deviation of the smoothing of labels in pixels, and the largest distance, in standard deviations,
+/// that the smoothed labels determine. Hand-set.
 const SMOOTH_PX: f64 = 1.5;
 const TRUSTED: f64 = 2.5;
 
 /// The outline of one labelled part.
 pub(super) struct OutlineDistance {
     centroid_px: [f64; 2],
-    /// Pixels near the part: columns, rows and signed distances.
+    /// Pixels near the part: column, row and signed distance.
     near: Vec<(usize, usize, f64)>,
 }
 
-/// The pixels of a part, by columns and rows.
+/// The pixels of a part: column and row.
 type Part = Vec<(usize, usize)>;
 
 impl OutlineDistance {
-    /// The outlines of all parts of some size that lie apart from the image's border.
+    /// Finds the outlines of all sufficiently large parts that do not touch the image border.
     pub(super) fn of_parts(labels: &[bool], width: usize) -> Vec<Self> {
         let height = labels.len() / width.max(1);
         parts(labels, width)
@@ -34,7 +36,7 @@ impl OutlineDistance {
             .filter(|part| {
                 let inside =
                     |&(x, y): &(usize, usize)| x > 0 && y > 0 && x + 1 < width && y + 1 < height;
-                part.len() >= LEAST_AREA_PX && part.iter().all(inside)
+                part.len() >= MIN_AREA_PX && part.iter().all(inside)
             })
             .map(|part| Self::of(&part, labels, width, height))
             .collect()
@@ -63,7 +65,7 @@ impl OutlineDistance {
                 either += u32::from(within || at(x, y));
             }
         }
-        let is_ellipse = f64::from(both) >= LEAST_AGREEMENT * f64::from(either);
+        let is_ellipse = f64::from(both) >= MIN_IOU * f64::from(either);
         let smooth = Smooth {
             labels,
             width,
@@ -85,7 +87,8 @@ impl OutlineDistance {
         Self { centroid_px, near }
     }
 
-    /// Calls with column, row, signed distance in pixels and the share of the turn around the part's centroid.
+    /// Calls `take` with the column, row, signed distance in pixels and share of the turn around the part's
+    /// centroid.
     pub(super) fn for_each_near(&self, mut take: impl FnMut(usize, usize, f32, f32)) {
         let [u, v] = self.centroid_px;
         for &(x, y, distance_px) in &self.near {
@@ -95,7 +98,7 @@ impl OutlineDistance {
     }
 }
 
-/// The parts of labels that hang together.
+/// Finds the connected parts of the labels.
 fn parts(labels: &[bool], width: usize) -> Vec<Part> {
     let height = labels.len() / width.max(1);
     let mut left = labels.to_vec();
@@ -124,13 +127,13 @@ fn parts(labels: &[bool], width: usize) -> Vec<Part> {
     parts
 }
 
-/// The ellipse that has the moments of a part.
+/// The ellipse with the same moments as a part.
 struct Ellipse {
     center: [f64; 2],
-    /// Of x and y from the centre, the form a·x² + 2b·xy + c·y² is 1 on the outline.
+    /// For x and y relative to the centre, the form a·x² + 2b·xy + c·y² equals 1 on the outline.
     form: [f64; 3],
-    /// The lesser of its half axes, pixels.
-    least_radius_px: f64,
+    /// The shorter semi-axis in pixels.
+    min_radius_px: f64,
 }
 
 impl Ellipse {
@@ -143,9 +146,9 @@ impl Ellipse {
             yy += dy * dy;
         }
         let count = part.len() as f64;
-        // Sums over the pixels' centres are those over the area, on average over where it lies among them.
+        // Sums over pixel centres equal those over the area, averaged over the subpixel position.
         let [xx, xy, yy] = [xx, xy, yy].map(|sum| sum / count);
-        // The variance along a half axis r of an ellipse's area is r²/4.
+        // The variance of an ellipse's area along a semi-axis r is r²/4.
         let determinant = xx * yy - xy * xy;
         let form = [yy, -xy, xx].map(|entry| 0.25 * entry / determinant);
         let middle = 0.5 * (xx + yy);
@@ -153,11 +156,11 @@ impl Ellipse {
         Self {
             center,
             form,
-            least_radius_px: 2.0 * (middle - spread).max(0.0).sqrt(),
+            min_radius_px: 2.0 * (middle - spread).max(0.0).sqrt(),
         }
     }
 
-    /// The signed distance of a point, to first order: exact for circles.
+    /// Computes the signed distance of a point to first order, which is exact for circles.
     fn distance_px(&self, point: [f64; 2]) -> f64 {
         let [x, y] = [0, 1].map(|i| point[i] - self.center[i]);
         let [a, b, c] = self.form;
@@ -165,16 +168,16 @@ impl Ellipse {
         let root = (x * fx + y * fy).sqrt();
         let slope = fx.hypot(fy);
         let distance = (root - 1.0) * root / slope;
-        // No number at the centre.
-        if distance > -self.least_radius_px {
+        // The distance is undefined at the centre.
+        if distance > -self.min_radius_px {
             distance
         } else {
-            -self.least_radius_px
+            -self.min_radius_px
         }
     }
 }
 
-/// Labels of any form.
+/// Labels of any shape, smoothed.
 struct Smooth<'a> {
     labels: &'a [bool],
     width: usize,
@@ -182,8 +185,8 @@ struct Smooth<'a> {
 }
 
 impl Smooth<'_> {
-    /// The signed distance of a pixel: where the labels are smoothed to s, an edge lies −σ·Φ⁻¹(s) away; far from edges, by the nearest pixel of the other
-    /// side.
+    /// Computes the signed distance of a pixel. Where the smoothed labels have the value s, an edge lies
+    /// −σ·Φ⁻¹(s) away; far from edges, the nearest pixel of the other class decides.
     fn distance_px(&self, x: usize, y: usize) -> f64 {
         let reach = (NEAR_PX as usize) + 1;
         let here = self.labels[y * self.width + x];
@@ -211,7 +214,7 @@ impl Smooth<'_> {
     }
 }
 
-/// Φ⁻¹, by halving.
+/// Computes Φ⁻¹ by bisection.
 fn normal_quantile(share: f64) -> f64 {
     let (mut low, mut high) = (-8.0, 8.0);
     for _ in 0..40 {
@@ -228,7 +231,8 @@ mod tests {
 
     const SIZE: usize = 64;
 
-    /// Mean and standard deviation of the error of distances within 4 px of an outline, over shapes at many places.
+    /// Returns the mean and standard deviation of the distance errors within 4 px of an outline, over shapes
+    /// at many positions.
     fn errors(distance: impl Fn(f64, [f64; 2]) -> f64, needed: usize) -> (f64, f64) {
         let mut errors = Vec::new();
         for n in 0..30 {
@@ -263,7 +267,7 @@ mod tests {
 
     #[test]
     fn distances_from_boxes_are_unbiased() {
-        // Along the sides, away from the corners.
+        // Along the sides, clear of the corners.
         let slanted = |n: f64, [x, y]: [f64; 2]| {
             let (sin, cos) = (0.1 * n).sin_cos();
             let [a, b] = [cos * x + sin * y, cos * y - sin * x];

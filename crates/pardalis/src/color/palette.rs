@@ -1,4 +1,4 @@
-//! Palettes: from the colour of a pixel to the number of its histogram bin, by table.
+//! Palettes: lookup tables from the colour of a pixel to its histogram bin.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +20,7 @@ pub enum Palette {
         /// Bins of intensity.
         intensity_bins: u16,
     },
-    /// Luma and chroma, straight from a YUV camera's own pixels (Taiana 2007, section 4.3).
+    /// Luma and chroma, directly from the pixels of a YUV camera (Taiana 2007, section 4.3).
     Yuv {
         /// Bins of Y.
         y_bins: u16,
@@ -28,7 +28,7 @@ pub enum Palette {
         u_bins: u16,
         /// Bins of V.
         v_bins: u16,
-        /// Which YUV the bins divide.
+        /// The YUV encoding that the bins divide.
         #[serde(flatten)]
         encoding: YuvEncoding,
     },
@@ -39,10 +39,10 @@ pub enum Palette {
     },
 }
 
-/// The most bins that one channel may have: colours are told apart in 64 steps a channel.
+/// The maximum number of bins per channel; tables distinguish 64 steps per channel.
 pub const MAX_CHANNEL_BINS: u16 = 64;
 
-/// The most bins a palette may have in all, so that bin numbers fit in 16 bits with one to spare.
+/// The maximum total number of bins, so that bin numbers fit in 16 bits with one value to spare.
 pub const MAX_BINS: usize = 65_535;
 
 impl Palette {
@@ -63,7 +63,7 @@ impl Palette {
         },
     };
 
-    /// The number of bins of each channel.
+    /// Returns the number of bins of each channel.
     pub fn channel_bins(self) -> [u16; 3] {
         match self {
             Self::Hsi {
@@ -81,7 +81,7 @@ impl Palette {
         }
     }
 
-    /// The names of the channels, as in files.
+    /// Returns the names of the channels, as in files.
     pub fn channel_names(self) -> [&'static str; 3] {
         match self {
             Self::Hsi { .. } => ["hue", "saturation", "intensity"],
@@ -90,7 +90,7 @@ impl Palette {
         }
     }
 
-    /// The number of bins in all.
+    /// Returns the total number of bins.
     pub fn bin_count(self) -> usize {
         self.channel_bins()
             .iter()
@@ -98,7 +98,11 @@ impl Palette {
             .product()
     }
 
-    /// Refuses bin counts that cannot be tabulated.
+    /// Checks that the bin counts can be tabulated.
+    ///
+    /// # Errors
+    ///
+    /// A channel has no bins or more than [`MAX_CHANNEL_BINS`], or the total exceeds [`MAX_BINS`].
     pub fn check(self) -> Result<(), Error> {
         for (name, bins) in self.channel_names().iter().zip(self.channel_bins()) {
             if !(1..=MAX_CHANNEL_BINS).contains(&bins) {
@@ -119,7 +123,7 @@ impl Palette {
         Ok(())
     }
 
-    /// The bin of a colour given as R, G, B in 0..=255.
+    /// Returns the bin of a colour given as R, G, B in 0..=255.
     pub fn bin_of_rgb(self, rgb: [f64; 3]) -> u16 {
         match self {
             Self::Hsi { .. } => self.bin_of_shares(hsi_from_rgb(rgb)),
@@ -128,12 +132,12 @@ impl Palette {
         }
     }
 
-    /// The bin of Y, U, V in 0..=255, of the palette's own encoding.
+    /// Returns the bin of Y, U, V in 0..=255, in the palette's own encoding.
     fn bin_of_yuv(self, yuv: [f64; 3]) -> u16 {
         self.bin_of_shares(yuv.map(|c| c / 256.0))
     }
 
-    /// The bin of three channels in `[0, 1]`, the first channel varying slowest.
+    /// Returns the bin of three channels in `[0, 1]`; the first channel varies slowest.
     fn bin_of_shares(self, channels: [f64; 3]) -> u16 {
         let bins = self.channel_bins();
         let mut bin = 0;
@@ -144,13 +148,13 @@ impl Palette {
         bin
     }
 
-    /// The three channel indices of a bin.
+    /// Returns the three channel indices of a bin.
     pub fn channels_of_bin(self, bin: u16) -> [u16; 3] {
         let [_, second, third] = self.channel_bins();
         [bin / third / second, bin / third % second, bin % third]
     }
 
-    /// The bin with these channel indices, or `None` when one is out of range.
+    /// Returns the bin with the given channel indices, or `None` if one is out of range.
     pub fn bin_of_channels(self, channels: [u16; 3]) -> Option<u16> {
         let bins = self.channel_bins();
         channels
@@ -160,7 +164,7 @@ impl Palette {
             .then(|| (channels[0] * bins[1] + channels[1]) * bins[2] + channels[2])
     }
 
-    /// A colour from the middle of a bin, as R, G, B bytes, to show the bin to people.
+    /// Returns a colour from the middle of a bin as R, G, B bytes, for display.
     pub fn rgb_of_bin(self, bin: u16) -> [u8; 3] {
         let bins = self.channel_bins();
         let index = self.channels_of_bin(bin);
@@ -176,9 +180,9 @@ impl Palette {
     }
 }
 
-/// R, G, B in 0..=255 from hue, saturation and intensity; clamped to the gamut.
+/// Converts hue, saturation and intensity to R, G, B in 0..=255, clamped to the gamut.
 fn rgb_from_hsi([hue, saturation, intensity]: [f64; 3]) -> [f64; 3] {
-    // As HSV with value 1, then scaled so that the mean is the intensity.
+    // Converts as HSV with value 1, then scales so that the mean is the intensity.
     let channel = |offset: f64| {
         let k = (offset + hue * 6.0) % 6.0;
         1.0 - saturation * k.min(4.0 - k).clamp(0.0, 1.0)
@@ -188,12 +192,12 @@ fn rgb_from_hsi([hue, saturation, intensity]: [f64; 3]) -> [f64; 3] {
     rgb.map(|c| (255.0 * c * intensity / mean).clamp(0.0, 255.0))
 }
 
-/// What the three bytes of a frame's pixels are.
+/// The meaning of the three bytes of a frame's pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PixelKind {
     /// Red, green and blue.
     Rgb,
-    /// Y, U and V of this encoding.
+    /// Y, U and V in this encoding.
     Yuv(YuvEncoding),
 }
 
@@ -204,7 +208,7 @@ impl PixelKind {
         range: super::YuvRange::Full,
     });
 
-    /// The kind of this frame's pixels.
+    /// Returns the kind of a frame's pixels.
     pub fn of(frame: &Frame) -> Self {
         match frame.format() {
             PixelFormat::Rgb8 => Self::Rgb,
@@ -212,7 +216,7 @@ impl PixelKind {
         }
     }
 
-    /// Y, U and V of BT.601, full range, 0 to 255, of a pixel's raw bytes.
+    /// Converts a pixel's raw bytes to Y, U and V of BT.601, full range, 0 to 255.
     pub fn full_range_yuv(self, bytes: [u8; 3]) -> [f32; 3] {
         let full = YuvEncoding::default();
         match self {
@@ -224,18 +228,19 @@ impl PixelKind {
     }
 }
 
-/// Steps a channel in a [`PixelTable`].
+/// Steps per channel in a [`PixelTable`].
 const STEPS: usize = 64;
 
-/// From the three raw bytes of a pixel to its bin. Bytes are told apart in steps of four, so that the table stays in the
-/// cache; bins whose borders are multiples of four (4, 8, 16, 32 or 64 bins of Y, U, V or R, G, B) are exact.
+/// A lookup table from a pixel's three raw bytes to its bin. Bytes are quantised to multiples of four, so
+/// that the table stays in the cache. Bins whose borders are multiples of four (4, 8, 16, 32 or 64 bins of Y,
+/// U, V or R, G, B) are exact.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PixelTable {
     bins: Box<[u16]>,
 }
 
 impl PixelTable {
-    /// Tabulates a palette over the pixels of one kind.
+    /// Tabulates a palette for pixels of one kind.
     pub fn new(palette: Palette, kind: PixelKind) -> Self {
         let mut bins = Vec::with_capacity(STEPS * STEPS * STEPS);
         for a in 0..STEPS {
@@ -248,7 +253,7 @@ impl PixelTable {
         Self { bins: bins.into() }
     }
 
-    /// The bin of the middle of a cell of the table.
+    /// Returns the bin of the centre of a table cell.
     fn bin_of_cell(palette: Palette, kind: PixelKind, cell: [usize; 3]) -> u16 {
         let components = cell.map(|step| 4.0 * step as f64 + 1.5);
         match (kind, palette) {
@@ -260,7 +265,7 @@ impl PixelTable {
         }
     }
 
-    /// The bin of a pixel's three raw bytes.
+    /// Returns the bin of a pixel's three raw bytes.
     #[inline(always)]
     pub fn bin(&self, [a, b, c]: [u8; 3]) -> u16 {
         let index = (usize::from(a >> 2) << 12) | (usize::from(b >> 2) << 6) | usize::from(c >> 2);
@@ -295,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn yuv_frames_and_rgb_frames_of_one_colour_share_their_bin() {
+    fn yuv_and_rgb_frames_of_one_colour_share_their_bin() {
         let orange = [230.0, 110.0, 20.0];
         for palette in [Palette::HSI, Palette::YUV, Palette::Rgb { channel_bins: 8 }] {
             let expected = palette.bin_of_rgb(orange);
@@ -308,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn bins_and_channels_invert_each_other_and_the_shown_colour_lies_in_its_bin() {
+    fn bins_and_channels_round_trip_and_display_colours_lie_in_their_bin() {
         for palette in [Palette::HSI, Palette::Rgb { channel_bins: 6 }] {
             for bin in 0..palette.bin_count() as u16 {
                 assert_eq!(

@@ -1,4 +1,5 @@
-//! Colours as ranges of hue, saturation and intensity (Barrera 2005, section II.B), and the pixels that lie in them, by table.
+//! Colours as ranges of hue, saturation and intensity (Barrera 2005, section II.B), and lookup tables of the
+//! pixels inside them.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,29 +7,33 @@ use super::palette::PixelKind;
 use crate::color_space::hsi_from_rgb;
 use pardalis_core::Error;
 
-/// The colours of a target as ranges, ends included.
+/// The colours of a target as closed ranges.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ColorRanges {
-    /// Least and greatest hue in degrees, 0 to 360; from 340 to 20 is the range through 0.
+    /// Hue range in degrees, 0 to 360; `[340, 20]` is the range through 0.
     pub hue_deg: [f64; 2],
-    /// Least and greatest saturation, 0 to 1.
+    /// Minimum and maximum saturation, 0 to 1.
     pub saturation: [f64; 2],
-    /// Least and greatest intensity, 0 to 1: darker and brighter pixels never match.
+    /// Minimum and maximum intensity, 0 to 1; darker and brighter pixels never match.
     pub intensity: [f64; 2],
 }
 
 impl ColorRanges {
-    /// Intensities between very dark and very bright, where hue and saturation mean something.
+    /// Intensities that are neither too dark nor too bright for a meaningful hue and saturation.
     pub const INTENSITY: [f64; 2] = [0.1, 0.9];
 
-    /// Refuses what is no range.
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// A number is outside its domain, or a minimum exceeds its maximum (except for the hue).
     pub fn check(&self) -> Result<(), Error> {
         let refuse = |name, value: [f64; 2], allowed| {
             Err(Error::out_of_range(name, format!("{value:?}"), allowed))
         };
         if !self.hue_deg.iter().all(|h| (0.0..=360.0).contains(h)) {
-            let allowed = "two numbers from 0 to 360; [340, 20] is the range through 0";
+            let allowed = "two numbers from 0 to 360, where [340, 20] is the range through 0";
             return refuse("hue_deg", self.hue_deg, allowed);
         }
         for (name, range) in [
@@ -43,7 +48,8 @@ impl ColorRanges {
         Ok(())
     }
 
-    /// Ranges that hold the same colours in other light and noise: some degrees of hue more, and some saturation and intensity.
+    /// Returns wider ranges, which hold the same colours under other illumination and noise: 5° more hue on
+    /// either side, and more saturation and intensity.
     #[must_use]
     pub fn widened(&self) -> Self {
         const HUE_DEG: f64 = 5.0;
@@ -64,7 +70,7 @@ impl ColorRanges {
         }
     }
 
-    /// Whether a colour, R, G, B in 0..=255, lies in all three ranges.
+    /// Reports whether a colour, R, G, B in 0..=255, lies in all three ranges.
     pub fn contain_rgb(&self, rgb: [f64; 3]) -> bool {
         let [hue, saturation, intensity] = hsi_from_rgb(rgb);
         let hue_deg = 360.0 * hue;
@@ -79,16 +85,16 @@ impl ColorRanges {
     }
 }
 
-/// Steps a channel in tables and counts of colours.
+/// Steps per channel in tables and colour counts.
 const STEPS: usize = 64;
 
-/// The cell of a pixel's three raw bytes, told apart in steps of four.
+/// Returns the cell of a pixel's three raw bytes, quantised to multiples of four.
 #[inline(always)]
 fn cell([a, b, c]: [u8; 3]) -> usize {
     (usize::from(a >> 2) << 12) | (usize::from(b >> 2) << 6) | usize::from(c >> 2)
 }
 
-/// R, G, B of the middle of a cell of pixels of this kind.
+/// Returns R, G, B of the centre of a cell, for pixels of the given kind.
 fn rgb_of_cell(kind: PixelKind, cell: usize) -> [f64; 3] {
     let steps = [cell >> 12, cell >> 6 & 63, cell & 63];
     let middle = steps.map(|step| 4.0 * step as f64 + 1.5);
@@ -98,14 +104,15 @@ fn rgb_of_cell(kind: PixelKind, cell: usize) -> [f64; 3] {
     }
 }
 
-/// Whether a pixel's three raw bytes lie in ranges; bytes are told apart in steps of four, a bit each, so that the table stays in the fastest cache.
+/// A lookup table of whether a pixel's three raw bytes lie in the ranges. Bytes are quantised to multiples of
+/// four, at one bit per cell, so that the table stays in the L1 cache.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MatchTable {
     bits: Box<[u64; STEPS * STEPS]>,
 }
 
 impl MatchTable {
-    /// Tabulates ranges over the pixels of one kind.
+    /// Tabulates ranges for pixels of one kind.
     pub fn new(ranges: &ColorRanges, kind: PixelKind) -> Self {
         let mut bits = Box::new([0_u64; STEPS * STEPS]);
         for cell in 0..STEPS * STEPS * STEPS {
@@ -115,7 +122,7 @@ impl MatchTable {
         Self { bits }
     }
 
-    /// 1 where the pixel of these raw bytes matches, else 0.
+    /// Returns 1 if the pixel of these raw bytes matches, else 0.
     #[inline(always)]
     pub fn matches(&self, bytes: [u8; 3]) -> u32 {
         let cell = cell(bytes);
@@ -123,13 +130,13 @@ impl MatchTable {
     }
 }
 
-/// The share of a target's pixels that each learnt range leaves out.
+/// Share of a target's pixels that each learnt range leaves out.
 const LEFT_OUT: f64 = 0.02;
 
-/// Counts colours of labelled pixels, to find the ranges that hold them.
+/// Counts the colours of labelled pixels to find the ranges that hold them.
 #[derive(Debug, Clone)]
 pub(super) struct RangeLearner {
-    /// Pixels of the target and of the rest in each cell of RGB.
+    /// Pixel counts of the target in each cell of RGB.
     object: Vec<u32>,
     background: Vec<u32>,
 }
@@ -143,7 +150,7 @@ impl RangeLearner {
         }
     }
 
-    /// Adds a pixel of the target, or of the rest: R, G, B.
+    /// Adds a pixel (R, G, B) of the target or of the background.
     pub(super) fn add(&mut self, rgb: [u8; 3], is_object: bool) {
         let counts = if is_object {
             &mut self.object
@@ -153,9 +160,10 @@ impl RangeLearner {
         counts[cell(rgb)] += 1;
     }
 
-    /// The narrowest ranges, each of which holds all but a fiftieth of the target's pixels; nothing where none of them has a colour.
+    /// Returns the narrowest ranges that each hold 98 % of the target's pixels; `None` if all pixels are
+    /// grey.
     pub(super) fn ranges(&self) -> Option<ColorRanges> {
-        // Whole degrees, and steps of 1/256.
+        // Histograms in whole degrees, and in steps of 1/256.
         let (mut hues, mut saturations, mut intensities) = ([0; 360], [0; 256], [0; 256]);
         let step = |share: f64, steps: usize| ((share * steps as f64) as usize).min(steps - 1);
         for (cell, &count) in self
@@ -176,14 +184,14 @@ impl RangeLearner {
         };
         let (first, last) = narrowest(&hues, true)?;
         Some(ColorRanges {
-            // The end of the last degree; 359 ends where 0 begins.
+            // The upper end of the last degree; 359 ends at 0.
             hue_deg: [first as f64, ((last + 1) % 360) as f64],
             saturation: share(&saturations)?,
             intensity: share(&intensities)?,
         })
     }
 
-    /// The share of the target's pixels and of the rest that lie in ranges.
+    /// Returns the shares of the target's pixels and of the background's that lie in the ranges.
     pub(super) fn shares(&self, ranges: &ColorRanges) -> [f64; 2] {
         let table = MatchTable::new(ranges, PixelKind::Rgb);
         [&self.object, &self.background].map(|counts| {
@@ -197,25 +205,26 @@ impl RangeLearner {
     }
 }
 
-/// First and last step of the shortest run of steps that leaves out no more than its share of what is counted; round a circle, or between the ends.
+/// Returns the first and last step of the shortest run that leaves out at most [`LEFT_OUT`] of the counts, on
+/// a circle or between the ends.
 fn narrowest(counts: &[u64], circle: bool) -> Option<(usize, usize)> {
     let total: u64 = counts.iter().sum();
-    let wanted = total - (LEFT_OUT * total as f64) as u64;
+    let needed = total - (LEFT_OUT * total as f64) as u64;
     if total == 0 {
         return None;
     }
     let steps = counts.len();
     let count = |step: usize| counts[step % steps];
-    // A window over the steps, gone round once more for a circle.
+    // A sliding window over the steps, around twice on a circle.
     let (mut held, mut end) = (0, 0);
     let mut best: Option<(usize, usize)> = None;
     for first in 0..steps {
         let furthest = if circle { first + steps } else { steps };
-        while held < wanted && end < furthest {
+        while held < needed && end < furthest {
             held += count(end);
             end += 1;
         }
-        if held < wanted {
+        if held < needed {
             break;
         }
         if best.is_none_or(|(a, b)| end - first < b - a) {
@@ -238,7 +247,7 @@ mod tests {
     };
 
     #[test]
-    fn hue_wraps_and_dark_bright_and_pale_pixels_never_match() {
+    fn hue_wraps_and_dark_bright_or_pale_pixels_never_match() {
         for (rgb, expected) in [
             ([230.0, 60.0, 110.0], true),
             ([230.0, 80.0, 70.0], true),
@@ -260,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_say_what_the_middles_of_their_cells_say() {
+    fn tables_agree_with_the_centres_of_their_cells() {
         let video = YuvEncoding {
             matrix: YuvMatrix::Bt709,
             range: YuvRange::Limited,
@@ -283,10 +292,10 @@ mod tests {
     }
 
     #[test]
-    fn learnt_ranges_are_the_narrowest_that_hold_the_pixels() {
+    fn learnt_ranges_are_narrow_and_ignore_outliers() {
         let mut learner = RangeLearner::new();
         assert_eq!(learner.ranges(), None);
-        // Hues from 350 to 10 degrees, one pixel in a hundred far from them.
+        // Hues from 350° to 10°; one pixel in a hundred is far from them.
         for n in 0..1000 {
             let hue = f64::from(n % 21 + 350) % 360.0;
             let x = (200.0 * (1.0 - (hue / 60.0 % 2.0 - 1.0).abs())) as u8;
@@ -315,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn widened_ranges_hold_neighbouring_hues_through_zero_and_stay_ranges() {
+    fn widened_ranges_wrap_through_zero_and_stay_valid() {
         let wide = PINK.widened();
         assert_eq!(wide.hue_deg, [325.0, 20.0]);
         assert!(wide.check().is_ok());
@@ -332,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_range_is_refused() {
+    fn invalid_ranges_are_rejected() {
         for (ranges, name) in [
             (
                 ColorRanges {

@@ -1,4 +1,5 @@
-//! Which image points just inside and just outside an outline are compared (Taiana 2007, sections 4.2.1 and 4.2.2).
+//! The image points just inside and just outside an outline that are compared (Taiana 2007, sections 4.2.1
+//! and 4.2.2).
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -11,35 +12,35 @@ use pardalis_core::Error;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sampling {
-    /// The outlines of a smaller and a larger body, projected.
+    /// The projected outlines of a smaller and of a larger body.
     Scaled(ScaledSampling),
     /// Points along the normals of a B-spline through the projected outline.
     Spline(SplineSampling),
 }
 
-/// The points are those of the outlines of a smaller and a larger body.
+/// Points on the outlines of a smaller and of a larger body.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ScaledSampling {
-    /// The inner contour is the outline of the shape scaled by this, below 1.
+    /// Scale of the inner contour relative to the outline of the shape, below 1.
     pub inner_scale: f64,
-    /// The outer contour is the outline of the shape scaled by this, above 1.
+    /// Scale of the outer contour relative to the outline of the shape, above 1.
     pub outer_scale: f64,
-    /// What is done where the projection is so small that both contours lie on the same pixels; nothing where there is none.
+    /// The remedy for projections so small that both contours share pixels; `None` to apply none.
     pub shared_pixels: Option<SharedPixels>,
 }
 
-/// A remedy for small projections: where too many pixels of the inner contour are pixels of the outer one as well, points at a fixed distance from the
-/// outline along its normals take their place.
+/// A remedy for small projections: if the inner contour shares too many pixels with the outer one, both are
+/// replaced by points at a fixed distance from the outline along its normals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SharedPixels {
-    /// The share of the inner contour's pixels that may be the outer one's too.
+    /// Maximum share of the inner contour's pixels that may also be on the outer contour.
     pub max_share: f64,
     /// Distance of the points from the outline, in pixels.
     pub distance_px: f64,
 }
 
 impl Default for SharedPixels {
-    /// The paper's distance; it leaves the share open.
+    /// The paper's distance. The paper does not give the share.
     fn default() -> Self {
         Self {
             max_share: 0.5,
@@ -48,12 +49,12 @@ impl Default for SharedPixels {
     }
 }
 
-/// A closed quadratic B-spline is fitted to the projected outline, and points along its normals are looked at (eqs. 4.1 to 4.6).
+/// Points along the normals of a closed quadratic B-spline fitted to the projected outline (eqs. 4.1 to 4.6).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SplineSampling {
     /// Control points of the spline.
     pub control_points: usize,
-    /// How far along the normals points lie, in pixels.
+    /// Distance of the farthest points along the normals, in pixels.
     pub reach_px: f64,
     /// Points along each normal on either side, evenly spaced up to the reach.
     pub steps: usize,
@@ -74,7 +75,7 @@ impl SplineSampling {
 }
 
 impl Sampling {
-    /// Points on either side of an outline of so many points.
+    /// Returns the number of points on either side of an outline of `points` points.
     pub fn samples(&self, points: usize) -> usize {
         match self {
             Self::Scaled(_) => points,
@@ -82,7 +83,7 @@ impl Sampling {
         }
     }
 
-    /// The scales of the outlines that show what is compared.
+    /// Returns the scales of the outlines to draw in order to show what is compared.
     pub fn shown_scales(&self) -> Vec<f64> {
         match self {
             Self::Scaled(scaled) => vec![scaled.inner_scale, scaled.outer_scale],
@@ -90,7 +91,11 @@ impl Sampling {
         }
     }
 
-    /// Refuses what finds no points on an outline of `points` points.
+    /// Checks the settings for an outline of `points` points.
+    ///
+    /// # Errors
+    ///
+    /// A number is out of range.
     pub fn check(&self, points: usize) -> Result<(), Error> {
         let inside = |name, value: f64, ok, allowed| {
             if ok {
@@ -154,22 +159,25 @@ impl Sampling {
     }
 }
 
-/// A closed uniform quadratic B-spline through a fixed number of points: basis and pseudo-inverse, computed once.
+/// A closed uniform quadratic B-spline through a fixed number of points. The basis and its pseudo-inverse are
+/// computed once.
 #[derive(Debug)]
 pub(super) struct SplineBasis {
-    /// The control points from the points, row by row: B⁺ = (BᵀB)⁻¹Bᵀ.
+    /// Rows of the matrix from points to control points: B⁺ = (BᵀB)⁻¹Bᵀ.
     fit: Vec<Vec<f32>>,
-    /// For each point of the curve its first control point and the weights of that and the next two: of the point and of its derivative.
+    /// For each point of the curve, the index of its first control point and the weights of this and the next
+    /// two, for the point and for its derivative.
     curve: Vec<(usize, [f32; 3], [f32; 3])>,
 }
 
 impl SplineBasis {
-    /// For `points` points evenly spaced in the curve's parameter, at least twice as many as `control_points`.
+    /// Creates the basis for `points` points evenly spaced in the curve's parameter, at least twice as many
+    /// as `control_points`.
     pub(super) fn new(points: usize, control_points: usize) -> Self {
         let mut basis = DMatrix::<f64>::zeros(points, control_points);
         let mut curve = Vec::with_capacity(points);
         for i in 0..points {
-            // The whole part by integers, so that it is never rounded over a knot.
+            // Integer arithmetic keeps the whole part from being rounded across a knot.
             let (first, rest) = (i * control_points / points, i * control_points % points);
             let t = rest as f64 / points as f64;
             let weights = [
@@ -186,7 +194,7 @@ impl SplineBasis {
         let transposed = basis.transpose();
         let normal = (&transposed * &basis)
             .cholesky()
-            .expect("a basis sampled twice a control point has full rank");
+            .expect("a basis with two samples per control point has full rank");
         let fit = normal.solve(&transposed);
         Self {
             fit: (0..control_points)
@@ -196,7 +204,7 @@ impl SplineBasis {
         }
     }
 
-    /// Control points of the curves nearest to the outlines, relative to each outline's first point.
+    /// Fits the control points of the curves nearest to the outlines, relative to each outline's first point.
     #[inline(always)]
     pub(super) fn fit(&self, outline: &[Coordinates], control: &mut [Coordinates]) {
         let origin = outline[0];
@@ -213,7 +221,7 @@ impl SplineBasis {
         }
     }
 
-    /// Writes the curves and their unit normals, which point outwards.
+    /// Writes the curves and their outward unit normals.
     #[inline(always)]
     pub(super) fn trace(
         &self,
@@ -247,7 +255,8 @@ impl SplineBasis {
     }
 }
 
-/// Writes the unit normals of closed outlines, which point outwards: across the line from the point before to the point after.
+/// Writes the outward unit normals of closed outlines, perpendicular to the line from the previous point to
+/// the next.
 #[inline(always)]
 pub(super) fn normals_by_neighbours(outline: &[Coordinates], normals: &mut [Coordinates]) {
     let outwards = orientation(outline);
@@ -265,7 +274,8 @@ pub(super) fn normals_by_neighbours(outline: &[Coordinates], normals: &mut [Coor
     }
 }
 
-/// 1 for closed lines that run from u to v, −1 for those that run the other way: the sign of the area within. NaN for lines that are not complete.
+/// Returns the sign of the enclosed area: 1 for closed lines that run from u to v, −1 for the opposite
+/// direction. NaN for incomplete lines.
 #[inline(always)]
 fn orientation(line: &[Coordinates]) -> [f32; LANES] {
     let mut areas = [0_f32; LANES];
@@ -286,7 +296,7 @@ fn orientation(line: &[Coordinates]) -> [f32; LANES] {
     })
 }
 
-/// Unit vectors across tangents; NaN where there is none.
+/// Returns the unit vectors perpendicular to tangents; NaN for missing ones.
 #[inline(always)]
 fn normals_of([tu, tv]: &Coordinates, outwards: &[f32; LANES]) -> Coordinates {
     let mut normals = [[0_f32; LANES]; 2];

@@ -1,11 +1,12 @@
-//! Colour just inside and just outside the projected outline (Taiana 2007, sections 4.2 to 4.4).
+//! The contour cue: colours just inside and just outside the projected outline (Taiana 2007, sections 4.2 to
+//! 4.4).
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::boundary::{Sampling, ScaledSampling, SplineBasis, normals_by_neighbours};
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
-use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster, overlaps};
+use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster, share_pixels};
 use crate::color::{ColorModel, Palette};
 use crate::frame::with_pixels;
 use crate::shape::Shape;
@@ -17,11 +18,12 @@ use pardalis_core::simd::Level;
 /// Parameters of the contour cue.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ContourSettings {
-    /// Points on the outline.
+    /// Number of points on the outline.
     pub points: usize,
-    /// How the points on either side of it are found.
+    /// How the points on either side of the outline are found.
     pub sampling: Sampling,
-    /// κ: how much more the difference between inside and outside counts than the likeness of inside and model.
+    /// κ: the weight of the difference between inside and outside, relative to that of the similarity of
+    /// inside and model.
     pub kappa: f64,
     /// b of the Laplacian exp(−D/b).
     pub b: f64,
@@ -44,7 +46,8 @@ impl Default for ContourSettings {
 }
 
 impl ContourSettings {
-    /// The default for a shape: the paper's offline settings for balls and for robots (sections 6.1 and 6.1.2).
+    /// Returns the default for a shape: the paper's offline settings for balls and for robots (sections 6.1
+    /// and 6.1.2).
     pub fn of_shape(shape: &Shape) -> Self {
         let ball = Self::default();
         match shape {
@@ -61,7 +64,11 @@ impl ContourSettings {
         }
     }
 
-    /// Refuses what makes no contour.
+    /// Checks the settings.
+    ///
+    /// # Errors
+    ///
+    /// A number is out of range.
     pub fn check(&self) -> Result<(), Error> {
         let fail = |name, value: f64, allowed| Err(Error::out_of_range(name, value, allowed));
         if !(3..=10_000).contains(&self.points) {
@@ -77,7 +84,8 @@ impl ContourSettings {
         Ok(())
     }
 
-    /// The log-likelihood of inner and outer histograms of these similarities (eq. 4.11 and the Laplacian after it).
+    /// Computes the log-likelihood from the similarities of the inner and outer histograms (eq. 4.11 and the
+    /// Laplacian after it).
     #[inline(always)]
     pub fn log_likelihood(&self, model_inner_similarity: f64, outer_inner_similarity: f64) -> f64 {
         let distance = ((1.0 - model_inner_similarity) + self.kappa * outer_inner_similarity)
@@ -85,28 +93,29 @@ impl ContourSettings {
         -distance.abs() / self.b
     }
 
-    /// The log-likelihood of pure background, D = 1: what a camera contributes that does not see enough of the contours.
+    /// Returns the log-likelihood of pure background, D = 1, which a camera contributes that does not see
+    /// enough of the contours.
     pub fn background_log_likelihood(&self) -> f64 {
         self.log_likelihood(0.0, 1.0)
     }
 }
 
-/// Particles whose points are counted side by side: counting waits for memory, and one waits while the other counts.
-const ABREAST: usize = 4;
-/// Particles a piece of work for one thread.
+/// Particles counted side by side, which hides the latency of memory.
+const GROUP: usize = 4;
+/// Particles per work item of a thread.
 const CHUNK: usize = 16 * LANES;
-/// Look-ups for each pixel of the image above which the whole image is turned into bins first: measured on 640 x 480 images, where
-/// that costs about as much as 300 000 look-ups save.
-const LOOK_UPS_A_PIXEL: usize = 1;
+/// Look-ups per pixel of the image above which the whole image is binned first: measured on 640 x 480 images,
+/// where binning costs about as much as it saves for 300 000 look-ups.
+const LOOK_UPS_PER_PIXEL: usize = 1;
 
-/// The contour cue of one target, with the buffers that its kernels need.
+/// The contour cue of one target, with the buffers of its kernels.
 #[derive(Debug)]
 pub(super) struct ContourCue {
     settings: ContourSettings,
     /// Points on either side of the outline.
     samples: usize,
     outline: OutlineKernel,
-    /// Only where a spline is fitted.
+    /// `Some` only if a spline is fitted.
     spline: Option<SplineBasis>,
     palette: Palette,
     /// √h of the colour model, and 0 for the bin of points without a pixel.
@@ -114,32 +123,33 @@ pub(super) struct ContourCue {
     /// √n for n up to the number of samples.
     square_roots: Vec<f32>,
     scratch: Vec<Scratch>,
-    /// The bin of every pixel of the camera at hand, row by row, or the bin of points without a pixel where it is masked. Empty where the
-    /// particles are so few that each looks up the frame itself.
+    /// The bin of every pixel of the current camera, row by row, or the bin of points without a pixel where
+    /// it is masked. Empty if there are so few particles that each looks up the frame directly.
     binned: Vec<u16>,
     level: Level,
 }
 
-/// Buffers of one piece of work.
+/// Buffers of one work item.
 #[derive(Debug, Clone)]
 struct Scratch {
-    /// Outlines in the camera's frame and in the image, their normals, and the control points of their splines.
+    /// Outlines in the camera frame and in the image, their normals, and the control points of their splines.
     points: Vec<Points>,
     coordinates: Vec<Coordinates>,
     normals: Vec<Coordinates>,
     control: Vec<Coordinates>,
-    /// Pixels of the inner contours, then of the outer: `y * stride + x` or [`NO_PIXEL`], point by point, a lane a particle.
+    /// Pixels of the inner contours, then of the outer ones: `y * stride + x` or [`NO_PIXEL`], point by
+    /// point, one lane per particle.
     pixels: Vec<[u32; LANES]>,
-    /// Bins of the inner points of a few particles, then of their outer.
-    bins: Vec<[u16; ABREAST]>,
-    /// Inner and outer points in each bin, a column a particle; all zero between particles. The bin after the palette's holds the points
-    /// without a pixel.
-    inner_counts: Vec<[u16; ABREAST]>,
-    outer_counts: Vec<[u16; ABREAST]>,
+    /// Bins of the inner points of a group of particles, then of their outer points.
+    bins: Vec<[u16; GROUP]>,
+    /// Inner and outer points in each bin, one column per particle; all zero between particles. The bin after
+    /// those of the palette holds the points without a pixel.
+    inner_counts: Vec<[u16; GROUP]>,
+    outer_counts: Vec<[u16; GROUP]>,
 }
 
 impl ContourCue {
-    /// The cue of a target of this shape and these colours.
+    /// Creates the cue of a target with the given shape and colours.
     pub(super) fn new(
         settings: ContourSettings,
         shape: Shape,
@@ -172,17 +182,17 @@ impl ContourCue {
         })
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub(super) fn settings(&self) -> &ContourSettings {
         &self.settings
     }
 
-    /// The palette that frames must be prepared for.
+    /// Returns the palette with which frames must be prepared.
     pub(super) fn palette(&self) -> Palette {
         self.palette
     }
 
-    /// Adds what one camera says of each particle.
+    /// Adds one camera's log-likelihood of each particle.
     pub(super) fn add_camera(
         &mut self,
         prepared: &PreparedFrame,
@@ -202,9 +212,9 @@ impl ContourCue {
                 normals: vec![no_coordinates; points],
                 control: vec![no_coordinates; control_points],
                 pixels: vec![[NO_PIXEL; LANES]; 2 * self.samples],
-                bins: vec![[0; ABREAST]; 2 * self.samples],
-                inner_counts: vec![[0; ABREAST]; self.palette.bin_count() + 1],
-                outer_counts: vec![[0; ABREAST]; self.palette.bin_count() + 1],
+                bins: vec![[0; GROUP]; 2 * self.samples],
+                inner_counts: vec![[0; GROUP]; self.palette.bin_count() + 1],
+                outer_counts: vec![[0; GROUP]; self.palette.bin_count() + 1],
             };
             self.scratch.resize(chunks, empty);
         }
@@ -230,11 +240,11 @@ impl ContourCue {
         self.scratch = scratch;
     }
 
-    /// Turns the whole image into bins where that is cheaper than so many look-ups one by one.
+    /// Bins the whole image if that is cheaper than `look_ups` single look-ups.
     fn bin_image(&mut self, prepared: &PreparedFrame, look_ups: usize) {
         let (width, height) = prepared.view().size();
         self.binned.clear();
-        if look_ups < LOOK_UPS_A_PIXEL * width * height {
+        if look_ups < LOOK_UPS_PER_PIXEL * width * height {
             return;
         }
         let no_bin = self.palette.bin_count() as u16;
@@ -287,7 +297,7 @@ impl ContourCue {
                     self.add_block(bin_at, out, scratch);
                 });
             } else {
-                // NO_PIXEL lies beyond every image.
+                // `NO_PIXEL` lies beyond every image.
                 let bin_at =
                     |pixel: u32| self.binned.get(pixel as usize).copied().unwrap_or(no_bin);
                 self.add_block(bin_at, out, scratch);
@@ -332,7 +342,7 @@ impl ContourCue {
                 let mut spread = [false; LANES];
                 level.run(
                     #[inline(always)]
-                    || spread = overlaps(inner, outer, shared_pixels.max_share as f32),
+                    || spread = share_pixels(inner, outer, shared_pixels.max_share as f32),
                 );
                 if spread.contains(&true) {
                     self.outline
@@ -399,7 +409,7 @@ impl ContourCue {
         }
     }
 
-    /// Closes the pixels that the mask closes.
+    /// Replaces the pixels that the mask closes with `NO_PIXEL`.
     fn close_masked(view: &View, pixels: &mut [[u32; LANES]]) {
         let Some(mask) = view.mask() else { return };
         let (open, width) = (mask.open(), mask.width());
@@ -410,7 +420,7 @@ impl ContourCue {
         }
     }
 
-    /// Adds the log-likelihoods of a block of particles whose contours' pixels are known.
+    /// Adds the log-likelihoods of a block of particles from the pixels of their contours.
     #[inline(always)]
     fn add_block(&self, bin_at: impl Fn(u32) -> u16, out: &mut [f32], scratch: &mut Scratch) {
         let Scratch {
@@ -420,10 +430,10 @@ impl ContourCue {
             outer_counts,
             ..
         } = scratch;
-        for (group, out) in out.chunks_mut(ABREAST).enumerate() {
+        for (group, out) in out.chunks_mut(GROUP).enumerate() {
             for (pixels, bins) in pixels.iter().zip(&mut *bins) {
                 for (i, bin) in bins.iter_mut().enumerate() {
-                    *bin = bin_at(pixels[group * ABREAST + i]);
+                    *bin = bin_at(pixels[group * GROUP + i]);
                 }
             }
             let (inner, outer) = bins.split_at(self.samples);
@@ -434,34 +444,35 @@ impl ContourCue {
         }
     }
 
-    /// The log-likelihoods of a few particles from the bins along both contours, one for each point. Leaves all counts zero.
+    /// Computes the log-likelihoods of a group of particles from the bins along both contours, one bin per
+    /// point. Leaves all counts at zero.
     ///
-    /// Both similarities are sums over the bins of inner points, and each bin is taken at the first of its points: no histogram is ever
-    /// walked over.
+    /// Both similarities are sums over the bins of inner points, and each bin is evaluated at the first of
+    /// its points, so that no histogram is ever traversed.
     #[inline(always)]
     fn log_likelihoods(
         &self,
-        inner: &[[u16; ABREAST]],
-        outer: &[[u16; ABREAST]],
-        inner_counts: &mut [[u16; ABREAST]],
-        outer_counts: &mut [[u16; ABREAST]],
-    ) -> [f32; ABREAST] {
+        inner: &[[u16; GROUP]],
+        outer: &[[u16; GROUP]],
+        inner_counts: &mut [[u16; GROUP]],
+        outer_counts: &mut [[u16; GROUP]],
+    ) -> [f32; GROUP] {
         let samples = self.samples;
         let no_bin = self.palette.bin_count();
         for (inner, outer) in inner.iter().zip(outer) {
-            for i in 0..ABREAST {
+            for i in 0..GROUP {
                 inner_counts[usize::from(inner[i])][i] += 1;
                 outer_counts[usize::from(outer[i])][i] += 1;
             }
         }
-        let seen = |unseen: [u16; ABREAST]| unseen.map(|n| samples - usize::from(n));
+        let seen = |unseen: [u16; GROUP]| unseen.map(|n| samples - usize::from(n));
         let inner_seen = seen(std::mem::take(&mut inner_counts[no_bin]));
         let outer_seen = seen(outer_counts[no_bin]);
         let root = |n: u16| self.square_roots[usize::from(n)];
-        let mut model_inner = [0_f32; ABREAST];
-        let mut outer_inner = [0_f32; ABREAST];
+        let mut model_inner = [0_f32; GROUP];
+        let mut outer_inner = [0_f32; GROUP];
         for bins in inner {
-            for i in 0..ABREAST {
+            for i in 0..GROUP {
                 let bin = usize::from(bins[i]);
                 let sqrt_inner = root(std::mem::take(&mut inner_counts[bin][i]));
                 model_inner[i] += self.sqrt_model[bin] * sqrt_inner;
@@ -469,7 +480,7 @@ impl ContourCue {
             }
         }
         for bins in outer {
-            for i in 0..ABREAST {
+            for i in 0..GROUP {
                 outer_counts[usize::from(bins[i])][i] = 0;
             }
         }

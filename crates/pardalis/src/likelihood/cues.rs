@@ -1,4 +1,5 @@
-//! All cues of one target over all cameras: independent given the state, so that their likelihoods multiply.
+//! All cues of one target over all cameras. They are independent given the state, so their likelihoods
+//! multiply.
 
 use super::contour::{ContourCue, ContourSettings};
 use super::difference::DifferenceCue;
@@ -14,16 +15,16 @@ use pardalis_core::simd::Level;
 use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
 
-/// A cue and the cameras whose frames it looks at.
+/// A cue and the cameras whose frames it evaluates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CueSettings {
     /// The cue.
     pub cue: Cue,
-    /// Cameras by their numbers in the tracker; all of them where nothing is said.
+    /// Indices of the cameras in the tracker; `None` means all cameras.
     pub cameras: Option<Vec<usize>>,
 }
 
-/// A cue, with its parameters.
+/// A cue and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cue {
     /// Colour just inside and just outside the projected outline.
@@ -32,13 +33,13 @@ pub enum Cue {
     Window(WindowSettings),
     /// Colours in a region, channel by channel.
     Region(PatchSettings),
-    /// What changed from the frame before in a region.
+    /// Changes since the previous frame in a region.
     Difference(PatchSettings),
 }
 
 impl Cue {
-    /// Whether it can do without a colour model.
-    pub fn knows_its_colors(&self) -> bool {
+    /// Reports whether the cue works without a colour model.
+    pub fn works_without_color_model(&self) -> bool {
         match self {
             Self::Contour(_) | Self::Region(_) => false,
             Self::Window(window) => window.ranges.is_some(),
@@ -46,14 +47,14 @@ impl Cue {
         }
     }
 
-    /// Whether it looks at a flat region, which only a flat shape has.
-    pub fn looks_at_regions(&self) -> bool {
+    /// Reports whether the cue evaluates a flat region, which requires a flat shape.
+    pub fn needs_flat_shape(&self) -> bool {
         matches!(self, Self::Region(_) | Self::Difference(_))
     }
 }
 
 impl From<Cue> for CueSettings {
-    /// The cue on every camera.
+    /// Applies the cue to every camera.
     fn from(cue: Cue) -> Self {
         Self { cue, cameras: None }
     }
@@ -63,7 +64,7 @@ impl From<Cue> for CueSettings {
 #[derive(Debug)]
 pub struct Cues {
     cues: Vec<(Kernel, Option<Vec<usize>>)>,
-    /// What the frames of each camera said of each particle when the camera was last looked at.
+    /// For each camera, the log-likelihoods that its latest frame gave to the particles.
     of_cameras: Vec<Vec<f32>>,
 }
 
@@ -76,7 +77,13 @@ enum Kernel {
 }
 
 impl Cues {
-    /// The cues of a target of this shape and these colours, which only cues that know their colours do without.
+    /// Creates the cues of a target with the given shape and colours. The colour model may be omitted if no
+    /// cue needs it.
+    ///
+    /// # Errors
+    ///
+    /// There is no cue, a cue's parameters are invalid, or a cue needs colours or a shape that the target
+    /// lacks.
     pub fn new(
         settings: &[CueSettings],
         shape: Shape,
@@ -86,7 +93,7 @@ impl Cues {
         Self::counting(settings, shape, colors, WindowCounting::Cheaper, level)
     }
 
-    /// The same with a fixed way of counting windows, to compare them.
+    /// Creates the cues with a fixed method of counting windows, to compare the methods.
     pub fn counting(
         settings: &[CueSettings],
         shape: Shape,
@@ -113,8 +120,8 @@ impl Cues {
                     let learnt = || colors.and_then(ColorModel::ranges);
                     let ranges = window.ranges.or_else(learnt).ok_or_else(|| {
                         missing(
-                            "what the window cue counts",
-                            "give hue_deg and saturation, or learn the colour model again: it then holds them",
+                            "the colours of the window cue",
+                            "give hue_deg and saturation, or learn the colour model again to include them",
                         )
                     })?;
                     Kernel::Window(Box::new(WindowCue::new(window, ranges, counting, level)))
@@ -123,7 +130,7 @@ impl Cues {
                     let channels = colors.and_then(ColorModel::channels).ok_or_else(|| {
                         missing(
                             "the region cue's histograms of red, green and blue",
-                            "learn the colour model again: it then holds them",
+                            "learn the colour model again to include them",
                         )
                     })?;
                     Kernel::Region(Box::new(RegionCue::new(region, &shape, channels, level)?))
@@ -140,7 +147,7 @@ impl Cues {
         })
     }
 
-    /// Makes sure that a frame of the view, of its size, can be looked up.
+    /// Prepares a view for look-ups in a frame of its size.
     pub fn prepare(&self, view: &mut View, frame: &Frame) {
         let kind = PixelKind::of(frame);
         for (kernel, _) in &self.cues {
@@ -152,7 +159,8 @@ impl Cues {
         }
     }
 
-    /// The likelihood of the frames of one instant, each with its camera's number. The views are prepared for them.
+    /// Returns the likelihood of the frames of one instant, each with its camera's index. The views must have
+    /// been prepared for them.
     pub fn of<'a>(
         &'a mut self,
         views: &'a [View],
@@ -165,17 +173,17 @@ impl Cues {
         }
     }
 
-    /// Whether any of them compares a camera's frame with the one before ([`View::keep`]).
+    /// Reports whether any cue compares a camera's frame with the previous one ([`View::keep`]).
     pub fn compare_frames(&self) -> bool {
         let compares = |(kernel, _): &(Kernel, _)| matches!(kernel, Kernel::Difference(_));
         self.cues.iter().any(compares)
     }
 
-    /// The log-likelihood of a camera's frame that shows pure background.
+    /// Returns the log-likelihood of a frame of the camera that shows pure background.
     pub fn background_log_likelihood(&self, camera: usize) -> f64 {
         self.cues
             .iter()
-            .filter(|(_, cameras)| looks_at(cameras.as_deref(), camera))
+            .filter(|(_, cameras)| uses_camera(cameras.as_deref(), camera))
             .map(|(kernel, _)| match kernel {
                 Kernel::Contour(cue) => cue.settings().background_log_likelihood(),
                 Kernel::Window(cue) => cue.background_log_likelihood(),
@@ -185,17 +193,17 @@ impl Cues {
             .sum()
     }
 
-    /// The log-likelihoods, one a particle, of the frame of a camera that was looked at last.
+    /// Returns the log-likelihoods, one per particle, of the camera's latest frame.
     pub fn log_likelihoods_of(&self, camera: usize) -> &[f32] {
         self.of_cameras.get(camera).map_or(&[], Vec::as_slice)
     }
 }
 
-fn looks_at(cameras: Option<&[usize]>, camera: usize) -> bool {
+fn uses_camera(cameras: Option<&[usize]>, camera: usize) -> bool {
     cameras.is_none_or(|cameras| cameras.contains(&camera))
 }
 
-/// The cues of a target, looking at the frames of one instant.
+/// The likelihood of a target's cues for the frames of one instant.
 #[derive(Debug)]
 pub struct CuesLikelihood<'a> {
     cues: &'a mut Cues,
@@ -216,7 +224,7 @@ impl Likelihood for CuesLikelihood<'_> {
             of_camera.clear();
             of_camera.resize(out.len(), 0.0);
             for (kernel, cameras) in &mut *cues {
-                if looks_at(cameras.as_deref(), *camera) {
+                if uses_camera(cameras.as_deref(), *camera) {
                     let positions_m = particles.positions_m();
                     match kernel {
                         Kernel::Contour(cue) => cue.add_camera(&prepared, positions_m, of_camera),

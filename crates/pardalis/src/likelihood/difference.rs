@@ -1,5 +1,5 @@
-//! What changed from one image to the next, in a region (Campos 2009, section 3.3): a target that moves stands out from all that is still, though it
-//! have the same colours.
+//! The difference cue: changes in a region from one image to the next (Campos 2009, section 3.3). A moving
+//! target stands out from a static scene even if that has the same colours.
 
 use rayon::prelude::*;
 
@@ -11,11 +11,12 @@ use crate::view::PreparedFrame;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
 
-/// The difference cue of one target: the histogram of absolute differences of grey against a uniform one. Only for cameras that stand still.
+/// The difference cue of one target: compares the histogram of absolute grey differences with a uniform one.
+/// Only for static cameras.
 #[derive(Debug)]
 pub(super) struct DifferenceCue {
     patch: Patch,
-    /// The log-likelihood of what does not change at all: least of all.
+    /// Log-likelihood of a region without any change, the lowest possible.
     still: f64,
     /// The bin of every pixel's difference, row by row.
     differences: Vec<u8>,
@@ -39,7 +40,8 @@ impl DifferenceCue {
         self.still
     }
 
-    /// Adds what one camera says of each particle; with its first frame, the same of all.
+    /// Adds one camera's log-likelihood of each particle. For the camera's first frame it is the same for
+    /// all.
     pub(super) fn add_camera(
         &mut self,
         prepared: &PreparedFrame,
@@ -72,7 +74,7 @@ impl DifferenceCue {
     }
 }
 
-/// The mean of red, green and blue; of YUV, Y.
+/// Returns the mean of red, green and blue; for YUV, Y.
 #[inline(always)]
 fn grey(frame: &Frame, [a, b, c]: [u8; 3]) -> u8 {
     match frame.format() {
@@ -81,7 +83,7 @@ fn grey(frame: &Frame, [a, b, c]: [u8; 3]) -> u8 {
     }
 }
 
-/// Replaces each pixel by what becomes of it at its place (x, y).
+/// Replaces each pixel with the result of `of` for its position (x, y) and value.
 fn write_rows(pixels: &mut [u8], width: usize, of: impl Fn(usize, usize, u8) -> u8 + Sync) {
     pixels
         .par_chunks_mut(width)

@@ -1,4 +1,4 @@
-//! Cues: how likely the images are, given where a particle says the target is.
+//! Cues: the likelihood of the images given a particle's hypothesis of the target's position.
 
 mod boundary;
 mod contour;

@@ -1,13 +1,15 @@
-//! Where the outlines of a block of particles lie in a camera's image: the projection kernel of the contour cue.
+//! The projection kernel of the contour cue: the outlines of a block of particles in a camera's image.
 
-use crate::shape::{OutlineCircle, Place, Seen, Shape, Sides, SidesKind, SphereOutline};
+use crate::shape::{
+    OutlineCircle, OutlinePoint, Shape, Sides, SidesKind, SphereOutline, VisibleBody,
+};
 use crate::view::View;
 use pardalis_camera::{LANES, project_block, with_model};
 use pardalis_core::simd::Level;
 
-/// One point of each of a block's outlines, in the camera's frame; NaN where there is none.
+/// One point of each outline of a block, in the camera frame; NaN if it does not exist.
 pub(super) type Points = [[f32; LANES]; 3];
-/// Its image coordinates: u, then v; NaN outside the camera's domain.
+/// Image coordinates of such points, u and then v; NaN outside the camera's domain.
 pub(super) type Coordinates = [[f32; LANES]; 2];
 
 /// A camera's pose in single precision.
@@ -16,7 +18,7 @@ pub(super) struct Projector<'a> {
     view: &'a View,
     rotation: [[f32; 3]; 3],
     translation: [f32; 3],
-    /// Where outlines are seen from, in the camera's frame and in the world.
+    /// The point that outlines are seen from, in the camera frame and in the world.
     viewpoint: [f32; 3],
     viewpoint_in_world: [f32; 3],
 }
@@ -36,7 +38,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// The image coordinates of a block of places in the world.
+    /// Projects a block of world positions to image coordinates.
     pub(super) fn project(&self, level: Level, positions: &[[f32; LANES]; 3]) -> Coordinates {
         let mut coordinates = [[f32::NAN; LANES]; 2];
         with_model!(self.view.camera(), model => {
@@ -59,7 +61,7 @@ impl<'a> Projector<'a> {
         coordinates
     }
 
-    /// The image coordinates of blocks of points in the camera's frame.
+    /// Projects blocks of points in the camera frame to image coordinates.
     pub(super) fn project_all(
         &self,
         level: Level,
@@ -79,17 +81,18 @@ impl<'a> Projector<'a> {
         });
     }
 
-    /// Writes, in the camera's frame, the places that lie so from each of these positions in the world: scaled along x and y, and so high.
+    /// Writes, in the camera frame, the points at the given offsets from each world position. The offsets are
+    /// scaled along x and y; the height is not.
     #[inline(always)]
-    pub(super) fn write_places(
+    pub(super) fn write_offset_points(
         &self,
         positions: &[[f32; LANES]; 3],
         scale: f32,
-        places_m: &[[f32; 2]],
+        offsets_m: &[[f32; 2]],
         height_m: f32,
         points: &mut [Points],
     ) {
-        for (&[dx, dy], points) in places_m.iter().zip(points) {
+        for (&[dx, dy], points) in offsets_m.iter().zip(points) {
             let mut block = [[0.0; LANES]; 3];
             for lane in 0..LANES {
                 let [x, y, z] = self.in_camera([
@@ -115,23 +118,23 @@ impl<'a> Projector<'a> {
     }
 }
 
-/// A shape, with what does not change from particle to particle.
+/// A shape, with the quantities that do not depend on the particle.
 #[derive(Debug)]
 pub(super) enum OutlineKernel {
-    /// A sphere: the cosine and sine of each point's angle.
+    /// A sphere, with the cosine and sine of each point's angle.
     Sphere {
         radius_m: f64,
         outline: SphereOutline,
         angles: Vec<(f32, f32)>,
     },
-    /// An upright body, and each point's place on it.
+    /// An upright body, with the position of each point on it.
     Upright {
         upright: crate::shape::Upright,
-        places: Vec<Place<f32>>,
+        outline_points: Vec<OutlinePoint<f32>>,
     },
-    /// A flat shape: where each point lies from the position, unscaled.
+    /// A flat shape, with the unscaled offset of each point from the position.
     Flat {
-        places_m: Vec<[f32; 2]>,
+        offsets_m: Vec<[f32; 2]>,
         height_m: f32,
     },
 }
@@ -152,21 +155,21 @@ impl OutlineKernel {
             },
             Shape::Upright(upright) => Self::Upright {
                 upright,
-                places: upright.places(points),
+                outline_points: upright.outline_points(points),
             },
             Shape::Flat(flat) => Self::Flat {
-                places_m: flat
-                    .places_m(points)
+                offsets_m: flat
+                    .outline_points_m(points)
                     .into_iter()
-                    .map(|place| place.map(|v| v as f32))
+                    .map(|outline_point| outline_point.map(|v| v as f32))
                     .collect(),
                 height_m: flat.height_m as f32,
             },
         }
     }
 
-    /// Writes the image coordinates of the outlines of the shape, scaled, at these places in the world: one element a point. `points` is as long and
-    /// holds what lies between.
+    /// Writes the image coordinates of the outlines of the scaled shape at the given world positions, one
+    /// element per point. `points` has the same length and holds intermediate results.
     pub(super) fn project(
         &self,
         level: Level,
@@ -191,36 +194,50 @@ impl OutlineKernel {
                     }
                 },
             ),
-            Self::Upright { upright, places } => {
+            Self::Upright {
+                upright,
+                outline_points,
+            } => {
                 let sides = upright.sides(scale);
                 level.run(
                     #[inline(always)]
                     || {
                         let bodies = Bodies::new(projector, positions, sides);
                         match sides.kind() {
-                            SidesKind::Round => bodies.write(places, points, Sides::round),
+                            SidesKind::Round => bodies.write(outline_points, points, Sides::round),
                             SidesKind::Corners { .. } => {
-                                bodies.write(places, points, Sides::cornered);
+                                bodies.write(outline_points, points, Sides::cornered);
                             }
                             SidesKind::Flat => {
-                                bodies.write(places, points, |_, seen, place| {
-                                    Sides::flat(seen, place)
+                                bodies.write(outline_points, points, |_, seen, outline_point| {
+                                    Sides::flat(seen, outline_point)
                                 });
                             }
                         }
                     },
                 );
             }
-            Self::Flat { places_m, height_m } => level.run(
+            Self::Flat {
+                offsets_m,
+                height_m,
+            } => level.run(
                 #[inline(always)]
-                || projector.write_places(positions, scale as f32, places_m, *height_m, points),
+                || {
+                    projector.write_offset_points(
+                        positions,
+                        scale as f32,
+                        offsets_m,
+                        *height_m,
+                        points,
+                    );
+                },
             ),
         }
         projector.project_all(level, points, coordinates);
     }
 }
 
-/// Outlines of spheres: centre and two radii at a right angle.
+/// Outlines of spheres: centres and two perpendicular radii.
 struct Circles {
     center: [[f32; LANES]; 3],
     a: [[f32; LANES]; 3],
@@ -256,7 +273,7 @@ impl Circles {
         circles
     }
 
-    /// The points at the angle of this cosine and sine.
+    /// Writes the points at the angle with the given cosine and sine.
     #[inline(always)]
     fn write_points(&self, (cos, sin): (f32, f32), points: &mut Points) {
         for (axis, point) in points.iter_mut().enumerate() {
@@ -268,17 +285,17 @@ impl Circles {
     }
 }
 
-/// Upright bodies as they are seen.
+/// Upright bodies as seen from the camera.
 struct Bodies<'a> {
     sides: Sides<f32>,
-    seen: [[f32; LANES]; Seen::<f32>::FIELDS],
+    seen: [[f32; LANES]; VisibleBody::<f32>::FIELDS],
     projector: &'a Projector<'a>,
 }
 
 impl<'a> Bodies<'a> {
     #[inline(always)]
     fn new(projector: &'a Projector<'a>, positions: &[[f32; LANES]; 3], sides: Sides<f32>) -> Self {
-        let mut fields = [[0.0; LANES]; Seen::<f32>::FIELDS];
+        let mut fields = [[0.0; LANES]; VisibleBody::<f32>::FIELDS];
         for lane in 0..LANES {
             let position = [positions[0][lane], positions[1][lane], positions[2][lane]];
             let (seen, outside) = sides.seen_from(position, projector.viewpoint_in_world);
@@ -293,20 +310,22 @@ impl<'a> Bodies<'a> {
         }
     }
 
-    /// Writes the points at these places; `point` is that of the kind of sides. Each block is filled apart from the columns it goes to: only then does
-    /// the compiler make vector code of it.
+    /// Writes outline points; `point` is the function for the kind of sides. Each block is filled separately
+    /// from the columns it is copied to, because only then does the compiler vectorise the code.
     #[inline(always)]
     fn write(
         &self,
-        places: &[Place<f32>],
+        outline_points: &[OutlinePoint<f32>],
         points: &mut [Points],
-        point: impl Fn(&Sides<f32>, &Seen<f32>, &Place<f32>) -> [f32; 3],
+        point: impl Fn(&Sides<f32>, &VisibleBody<f32>, &OutlinePoint<f32>) -> [f32; 3],
     ) {
-        for (place, points) in places.iter().zip(points) {
+        for (outline_point, points) in outline_points.iter().zip(points) {
             let mut block = [[0.0; LANES]; 3];
             for lane in 0..LANES {
-                let seen = Seen::of_fields(std::array::from_fn(|i| self.seen[i][lane]));
-                let [x, y, z] = self.projector.in_camera(point(&self.sides, &seen, place));
+                let seen = VisibleBody::of_fields(std::array::from_fn(|i| self.seen[i][lane]));
+                let [x, y, z] = self
+                    .projector
+                    .in_camera(point(&self.sides, &seen, outline_point));
                 block[0][lane] = x;
                 block[1][lane] = y;
                 block[2][lane] = z;

@@ -1,7 +1,8 @@
-//! Histograms of a flat region around each particle: what the cues that look at regions share (Campos 2009, sections 3.2 and 3.3).
+//! Histograms of a flat region around each particle, shared by the region and difference cues (Campos 2009,
+//! sections 3.2 and 3.3).
 //!
-//! The region is a rectangle level with the ground, one of a rectified image; only its samples are projected, each to the nearest pixel of the
-//! original image, so that no image is ever rectified whole.
+//! The region is a level rectangle, as in a rectified image. Only its samples are projected, each to the
+//! nearest pixel of the original image, so that no image is ever rectified as a whole.
 
 use rayon::prelude::*;
 
@@ -14,26 +15,27 @@ use pardalis_camera::{LANES, Mask};
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
 
-/// Particles a piece of work for one thread.
+/// Particles per work item of a thread.
 const CHUNK: usize = 4 * LANES;
-/// The share of a region's samples that must be seen for it to say anything.
-const MIN_SEEN: f64 = 0.5;
+/// Minimum share of visible samples for a region to be compared.
+const MIN_VISIBLE_SHARE: f64 = 0.5;
 
 /// The region around a target, and how its histograms are compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PatchSettings {
-    /// The region's width and height, as a factor of the target's.
+    /// Width and height of the region, relative to the target's.
     pub scale: f64,
     /// Samples along each side of the region, evenly spaced.
     pub samples: usize,
-    /// Bins of a channel.
+    /// Bins per channel.
     pub bins: ChannelBins,
     /// σ of the likelihood exp(−D²/2σ²).
     pub sigma: f64,
 }
 
 impl PatchSettings {
-    /// A region that shows a target's colours and little else: the rectangle itself, or the square within a disc. The paper leaves all numbers open.
+    /// Returns settings for a region that shows little else than the target's colours: the rectangle itself,
+    /// or the square inscribed in a disc. The paper does not give the numbers.
     pub fn within(shape: &Shape) -> Self {
         let is_disc =
             matches!(shape, Shape::Flat(flat) if matches!(flat.form, FlatForm::Disc { .. }));
@@ -49,7 +51,8 @@ impl PatchSettings {
         }
     }
 
-    /// A region that also holds what a target covers and uncovers as it moves: larger, as the paper asks for.
+    /// Returns settings for a larger region that includes what a target covers and uncovers as it moves, as
+    /// the paper requires.
     pub fn around() -> Self {
         Self {
             scale: 1.5,
@@ -59,7 +62,11 @@ impl PatchSettings {
         }
     }
 
-    /// Refuses what makes no region.
+    /// Checks the settings.
+    ///
+    /// # Errors
+    ///
+    /// A number is out of range.
     pub fn check(&self) -> Result<(), Error> {
         let above_0 = |name, value: f64, most: f64| {
             if value > 0.0 && value <= most {
@@ -79,23 +86,24 @@ impl PatchSettings {
         Ok(())
     }
 
-    /// The log-likelihood of histograms that differ from their references by these D² in sum (eqs. 10 and 12).
+    /// Computes the log-likelihood for the sum of the D² between histograms and their references (eqs. 10 and
+    /// 12).
     pub fn log_likelihood(&self, squared_distances: f64) -> f64 {
         -squared_distances / (2.0 * self.sigma * self.sigma)
     }
 }
 
-/// D² of two histograms: one less their Bhattacharyya coefficient (eq. 9).
+/// Computes D² of two histograms: one minus their Bhattacharyya coefficient (eq. 9).
 pub(super) fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
     1.0 - a.iter().zip(b).map(|(a, b)| (a * b).sqrt()).sum::<f64>()
 }
 
-/// Compares the histograms of regions with references, with the buffers that needs.
+/// Compares the histograms of regions with references; owns the buffers.
 #[derive(Debug)]
 pub(super) struct Patch {
     settings: PatchSettings,
-    /// Where each sample lies from the position, in metres along x and y.
-    places_m: Vec<[f32; 2]>,
+    /// Offset of each sample from the position, in metres along x and y.
+    samples_m: Vec<[f32; 2]>,
     height_m: f32,
     /// √h of the references, channel by channel.
     sqrt_references: Vec<f32>,
@@ -105,7 +113,7 @@ pub(super) struct Patch {
     level: Level,
 }
 
-/// Buffers of one piece of work.
+/// Buffers of one work item.
 #[derive(Debug, Clone)]
 struct Scratch {
     points: Vec<Points>,
@@ -116,7 +124,8 @@ struct Scratch {
 }
 
 impl Patch {
-    /// The region of a flat shape, compared with one reference a channel, each of `settings.bins` shares that sum to one.
+    /// Creates the region of a flat shape, with one reference per channel, each with `settings.bins` shares
+    /// that sum to one.
     pub(super) fn new(
         settings: PatchSettings,
         shape: &Shape,
@@ -125,8 +134,8 @@ impl Patch {
     ) -> Result<Self, Error> {
         settings.check()?;
         let Shape::Flat(flat) = shape else {
-            let allowed = "disc or rectangle, for cues that look at regions";
-            return Err(Error::out_of_range("shape", "no flat one", allowed));
+            let allowed = "a disc or rectangle, for region and difference cues";
+            return Err(Error::out_of_range("shape", "not flat", allowed));
         };
         let count = settings.samples;
         let along = |i: usize, size_m: f64| {
@@ -136,7 +145,7 @@ impl Patch {
         let [width_m, depth_m] = flat.size_m();
         Ok(Self {
             settings,
-            places_m: (0..count * count)
+            samples_m: (0..count * count)
                 .map(|k| [along(k % count, width_m), along(k / count, depth_m)])
                 .collect(),
             height_m: flat.height_m as f32,
@@ -157,7 +166,8 @@ impl Patch {
         &self.settings
     }
 
-    /// Adds what one camera's image says of each particle; `bins_of` gives the bin of a pixel (x, y) in each channel.
+    /// Adds one camera's log-likelihood of each particle. `bins_of` returns the bin of a pixel (x, y) in each
+    /// channel.
     pub(super) fn add<const CHANNELS: usize>(
         &mut self,
         view: &View,
@@ -167,7 +177,7 @@ impl Patch {
     ) {
         let chunks = out.len().div_ceil(CHUNK);
         if self.scratch.len() < chunks {
-            let samples = self.places_m.len();
+            let samples = self.samples_m.len();
             let empty = Scratch {
                 points: vec![[[0.0; LANES]; 3]; samples],
                 coordinates: vec![[[0.0; LANES]; 2]; samples],
@@ -216,7 +226,7 @@ impl Patch {
         self.scratch = scratch;
     }
 
-    /// The log-likelihood of these counts, which are zero afterwards.
+    /// Computes the log-likelihood of the counts and resets them to zero.
     #[inline(always)]
     fn log_likelihood<const CHANNELS: usize>(&self, seen: usize, counts: &mut [u16]) -> f32 {
         let mut similarity = 0.0;
@@ -224,7 +234,7 @@ impl Patch {
             similarity += self.square_roots[usize::from(*count)] * sqrt_reference;
             *count = 0;
         }
-        let enough = seen as f64 >= MIN_SEEN * self.places_m.len() as f64;
+        let enough = seen as f64 >= MIN_VISIBLE_SHARE * self.samples_m.len() as f64;
         let similarity = if enough {
             similarity / self.square_roots[seen]
         } else {
@@ -250,7 +260,15 @@ impl Patch {
         let level = self.level;
         level.run(
             #[inline(always)]
-            || projector.write_places(positions, 1.0, &self.places_m, self.height_m, points),
+            || {
+                projector.write_offset_points(
+                    positions,
+                    1.0,
+                    &self.samples_m,
+                    self.height_m,
+                    points,
+                );
+            },
         );
         projector.project_all(level, points, coordinates);
         level.run(

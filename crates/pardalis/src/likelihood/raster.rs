@@ -1,17 +1,17 @@
-//! From image coordinates to the pixels that are looked up.
+//! Conversion from image coordinates to the pixels that are looked up.
 
 use super::outline::Coordinates;
 use crate::view::View;
 use pardalis_camera::LANES;
 
-/// Rows apart in the number of a pixel, where look-ups need both its coordinates.
+/// Row stride of pixel numbers for look-ups that need both coordinates.
 pub(super) const COORDINATES_STRIDE: u32 = 1 << 16;
-/// A contour point that carries no evidence.
+/// A contour point outside the image or the mask.
 pub(super) const NO_PIXEL: u32 = u32::MAX;
 
-/// Which inner contours share more than this part of their pixels with the outer ones.
+/// Reports which inner contours share more than `max_share` of their pixels with the outer ones.
 #[inline(always)]
-pub(super) fn overlaps(
+pub(super) fn share_pixels(
     inner: &[[u32; LANES]],
     outer: &[[u32; LANES]],
     max_share: f32,
@@ -36,10 +36,10 @@ pub(super) fn overlaps(
 /// The pixels of an image by their coordinates.
 #[derive(Clone, Copy)]
 pub(super) struct Raster {
-    /// Pixels up to these coordinates lie in the image.
+    /// Coordinates of the last column and row.
     last_u_px: f32,
     last_v_px: f32,
-    /// Rows apart in the number of a pixel.
+    /// Row stride of pixel numbers.
     stride: u32,
 }
 
@@ -53,7 +53,7 @@ impl Raster {
         }
     }
 
-    /// `y * stride + x` of the pixel at these coordinates; [`NO_PIXEL`] outside the image.
+    /// Returns `y * stride + x` of the pixel at the given coordinates; [`NO_PIXEL`] outside the image.
     #[inline(always)]
     fn pixel(self, u: f32, v: f32) -> u32 {
         let inside = (u > -0.5) & (u < self.last_u_px) & (v > -0.5) & (v < self.last_v_px);
@@ -70,7 +70,7 @@ impl Raster {
         }
     }
 
-    /// Writes the pixels at this distance from the outlines, for the lanes that are chosen.
+    /// Writes the pixels at the given distance from the outlines, for the chosen lanes.
     #[inline(always)]
     pub(super) fn write_along_normals(
         self,
@@ -90,7 +90,8 @@ impl Raster {
     }
 }
 
-/// The nearest whole number to a number between −0.5 and 2^14, ties to even: the addition shifts the fraction out.
+/// Rounds a number between −0.5 and 2^14 to the nearest integer, ties to even: the addition shifts out the
+/// fraction.
 #[inline(always)]
 fn rounded(x: f32) -> u32 {
     (x + 12_582_912.0).to_bits() & 0xffff

@@ -1,4 +1,5 @@
-//! The colours of a region, channel by channel, against those of the target (Campos 2009, section 3.2).
+//! The region cue: per-channel colour histograms of a region, compared with those of the target (Campos 2009,
+//! section 3.2).
 
 use super::patch::{Patch, PatchSettings, squared_distance};
 use crate::color::{ChannelHistograms, ChannelTable, PixelKind};
@@ -12,9 +13,10 @@ use pardalis_core::simd::Level;
 #[derive(Debug)]
 pub(super) struct RegionCue {
     patch: Patch,
-    /// The log-likelihood of what surrounds the target where its colours were learnt; of a stranger, where nothing did.
+    /// Log-likelihood of the target's surroundings in the training images, or of a complete mismatch if these
+    /// show only the target.
     background: f64,
-    /// One for each kind of pixels that came.
+    /// One table for each kind of pixels met so far.
     tables: Vec<(PixelKind, ChannelTable)>,
 }
 
@@ -42,7 +44,7 @@ impl RegionCue {
         self.background
     }
 
-    /// Adds what one camera says of each particle.
+    /// Adds one camera's log-likelihood of each particle.
     pub(super) fn add_camera(
         &mut self,
         prepared: &PreparedFrame,

@@ -1,4 +1,5 @@
-//! The target's colours counted in a small window around the projected position (Barrera 2005, section II.B).
+//! The window cue: counts the target's colours in a small window around the projected position (Barrera 2005,
+//! section II.B).
 
 use rayon::prelude::*;
 
@@ -16,16 +17,17 @@ use pardalis_core::simd::Level;
 pub struct WindowSettings {
     /// Width and height of the window in pixels, odd.
     pub size_px: usize,
-    /// The likelihood where fewer pixels of the window match, so that a hidden target is not impossible.
+    /// Minimum likelihood of a window, so that an occluded target remains possible.
     pub floor: f64,
-    /// The likelihood where the position is outside the image or the camera's domain, or masked.
+    /// Likelihood if the position is outside the image or the camera's domain, or masked.
     pub outside: f64,
-    /// The colours that match; those learnt with the target's colour model where there are none.
+    /// The colours that match; `None` to use those of the target's colour model.
     pub ranges: Option<ColorRanges>,
 }
 
 impl WindowSettings {
-    /// The published window of this size: one pixel always counts as matching, also outside the image.
+    /// Returns the published settings for a window of the given size: the likelihood never falls below that
+    /// of one matching pixel, also outside the image.
     pub fn of_size(size_px: usize) -> Self {
         let one_pixel = 1.0 / (size_px as f64).powi(2);
         Self {
@@ -36,7 +38,11 @@ impl WindowSettings {
         }
     }
 
-    /// Refuses what makes no window.
+    /// Checks the settings.
+    ///
+    /// # Errors
+    ///
+    /// The size is even or not within 1 to 101, or a likelihood is not above 0 and at most 1.
     pub fn check(&self) -> Result<(), Error> {
         if self.size_px.is_multiple_of(2) || self.size_px > 101 {
             let allowed = "an odd number from 1 to 101";
@@ -50,7 +56,7 @@ impl WindowSettings {
         self.ranges.as_ref().map_or(Ok(()), ColorRanges::check)
     }
 
-    /// The likelihood of a window in which `matching` pixels match (eqs. 6 and 7).
+    /// Computes the likelihood of a window with `matching` matching pixels (eqs. 6 and 7).
     pub fn likelihood(&self, matching: u32) -> f64 {
         (f64::from(matching) / (self.size_px as f64).powi(2)).max(self.floor)
     }
@@ -63,30 +69,31 @@ impl Default for WindowSettings {
     }
 }
 
-/// Particles a piece of work for one thread.
+/// Particles per work item of a thread.
 const CHUNK: usize = 64 * LANES;
-/// What a pixel costs that is counted with all others around the windows, in look-ups of single pixels: above so many look-ups a pixel, sums over the
-/// area around all windows are cheaper (measured; see the benchmark `window`).
-const LOOK_UPS_A_SUMMED_PIXEL: f64 = 1.5;
+/// Cost of a pixel when all pixels around the windows are summed, in look-ups of single pixels. With more
+/// look-ups than this per pixel, sums over the area around all windows are cheaper (measured; see the
+/// benchmark `window`).
+const LOOK_UPS_PER_SUMMED_PIXEL: f64 = 1.5;
 
 /// How windows are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WindowCounting {
-    /// Whichever is cheaper for the particles at hand.
+    /// Whichever method is cheaper for the current particles.
     Cheaper,
     /// Each pixel of each window is looked up.
     LookUps,
-    /// Each pixel around all windows is looked up once, and sums over areas of the image are taken.
+    /// Each pixel around all windows is looked up once, into an integral image.
     Sums,
 }
 
-/// The window cue of one target, with the buffers that its kernels need.
+/// The window cue of one target, with the buffers of its kernels.
 #[derive(Debug)]
 pub(super) struct WindowCue {
     settings: WindowSettings,
     ranges: ColorRanges,
     counting: WindowCounting,
-    /// Logarithms of the likelihood for each number of matching pixels.
+    /// Log-likelihood for each number of matching pixels.
     log_likelihoods: Vec<f32>,
     log_outside: f32,
     /// The pixel of each particle, `y * stride + x` or [`NO_PIXEL`].
@@ -96,7 +103,7 @@ pub(super) struct WindowCue {
 }
 
 impl WindowCue {
-    /// `ranges` take the place of settings without.
+    /// Creates the cue; `ranges` replaces the ranges of `settings`.
     pub(super) fn new(
         settings: WindowSettings,
         ranges: ColorRanges,
@@ -121,12 +128,12 @@ impl WindowCue {
         self.ranges
     }
 
-    /// The log-likelihood of pure background.
+    /// Returns the log-likelihood of pure background.
     pub(super) fn background_log_likelihood(&self) -> f64 {
         libm::log(self.settings.floor.max(self.settings.outside))
     }
 
-    /// Adds what one camera says of each particle.
+    /// Adds one camera's log-likelihood of each particle.
     pub(super) fn add_camera(
         &mut self,
         prepared: &PreparedFrame,
@@ -142,7 +149,7 @@ impl WindowCue {
             WindowCounting::Cheaper => {
                 let inside = self.pixels.iter().filter(|pixel| **pixel != NO_PIXEL);
                 let look_ups = (inside.count() * size * size) as f64;
-                look_ups > LOOK_UPS_A_SUMMED_PIXEL * area.pixel_count() as f64
+                look_ups > LOOK_UPS_PER_SUMMED_PIXEL * area.pixel_count() as f64
             }
         };
         let table = prepared.match_table(self.ranges);
@@ -177,7 +184,7 @@ impl WindowCue {
                     }
                 });
             } else if prepared.frame().format() == PixelFormat::Rgb8 && open.is_none() {
-                // The most usual case by the shortest way: the pixels of a row lie side by side.
+                // Fast path for the most common case: the pixels of a row are contiguous.
                 let bytes = prepared.frame().bytes();
                 chunks.for_each(|(pixels, out)| {
                     for (&pixel, out) in pixels.iter().zip(out) {
@@ -225,7 +232,7 @@ impl WindowCue {
     }
 }
 
-/// The coordinates of a pixel in the image.
+/// Returns the image coordinates of a pixel.
 #[inline(always)]
 fn coordinates(pixel: u32) -> (usize, usize) {
     (
@@ -234,7 +241,7 @@ fn coordinates(pixel: u32) -> (usize, usize) {
     )
 }
 
-/// A rectangle of pixels, from the first up to but not including the ends.
+/// A rectangle of pixels; the ends are exclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Area {
     first: [usize; 2],
@@ -242,7 +249,7 @@ struct Area {
 }
 
 impl Area {
-    /// The part of the image that the windows around these pixels cover.
+    /// Returns the part of the image covered by the windows around the given pixels.
     #[inline(always)]
     fn around(pixels: &[u32], half: usize, (width, height): (usize, usize)) -> Self {
         let (mut first, mut last) = ([usize::MAX; 2], [0; 2]);
@@ -273,7 +280,7 @@ impl Area {
         width * height
     }
 
-    /// The number of its pixels that match.
+    /// Counts the matching pixels.
     #[inline(always)]
     fn count(self, matches: impl Fn(usize, usize) -> u32) -> u32 {
         let mut count = 0;
@@ -285,7 +292,7 @@ impl Area {
         count
     }
 
-    /// The same of an RGB image of this width.
+    /// Counts the matching pixels of an RGB image of the given width.
     #[inline(always)]
     fn count_rgb(self, bytes: &[u8], width: usize, table: &MatchTable) -> u32 {
         let mut count = 0;
@@ -300,7 +307,7 @@ impl Area {
     }
 }
 
-/// Numbers of matching pixels above and to the left of every pixel of an area (an integral image).
+/// Counts of matching pixels above and to the left of every pixel of an area (an integral image).
 #[derive(Debug, Default)]
 struct Sums {
     area: Area,
@@ -316,7 +323,7 @@ impl Sums {
         self.sums.clear();
         self.sums.resize(stride * (height + 1), 0);
         let (_, rows) = self.sums.split_at_mut(stride);
-        // Sums along rows, each apart from the others; then along columns.
+        // Sums along rows, which are independent of each other, and then along columns.
         rows.par_chunks_mut(stride)
             .enumerate()
             .with_min_len(32)
@@ -335,7 +342,7 @@ impl Sums {
         }
     }
 
-    /// The number of matching pixels of a window, which lies in the area.
+    /// Returns the number of matching pixels of a window inside the area.
     #[inline(always)]
     fn of(&self, window: Area) -> u32 {
         let stride = self.area.size()[0] + 1;

@@ -1,6 +1,8 @@
-//! The tracker's mathematics once more: naive, in double precision, straight from the equations, a particle and a point at a time.
+//! Reference implementations of the likelihoods and the particle filter: naive, in double precision, directly
+//! from the equations, one particle and one point at a time.
 //!
-//! It is what every optimised path is tested against and shares none of their code; it is slow and allocates freely.
+//! Tests compare every optimised implementation with these, which share no code with them. They are slow and
+//! allocate freely.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -22,7 +24,7 @@ use crate::likelihood::{ContourSettings, WindowSettings};
 use crate::shape::Shape;
 use crate::view::View;
 
-/// A pixel of the view by its coordinates, rounded to the nearest; `None` outside the image and where the mask is closed.
+/// Returns the pixel nearest to the given coordinates; `None` outside the image and where the mask is closed.
 pub fn open_pixel(view: &View, [u, v]: [f64; 2]) -> Option<[usize; 2]> {
     let (width, height) = view.size();
     let (x, y) = (u.round(), v.round());
@@ -34,7 +36,8 @@ pub fn open_pixel(view: &View, [u, v]: [f64; 2]) -> Option<[usize; 2]> {
     open.then_some([x, y])
 }
 
-/// The bin of three raw bytes. Bytes are told apart in steps of four, each step standing for its middle, as pixel tables do.
+/// Returns the bin of three raw bytes. Bytes are quantised to multiples of four, each step represented by its
+/// centre, as in pixel tables.
 pub fn bin_of_bytes(palette: Palette, kind: PixelKind, bytes: [u8; 3]) -> u16 {
     let middles = bytes.map(|byte| f64::from(byte / 4 * 4) + 1.5);
     match (kind, palette) {
@@ -50,13 +53,13 @@ pub fn bin_of_bytes(palette: Palette, kind: PixelKind, bytes: [u8; 3]) -> u16 {
     }
 }
 
-/// The open pixels at these coordinates.
+/// Returns the open pixels at the given coordinates.
 fn open_pixels(view: &View, coordinates: &[Option<[f64; 2]>]) -> Vec<[usize; 2]> {
     let valid = coordinates.iter().flatten();
     valid.filter_map(|&pixel| open_pixel(view, pixel)).collect()
 }
 
-/// The colour histogram of some pixels of a frame (Taiana 2007, eq. 4.9); `None` of no pixels.
+/// Computes the colour histogram of pixels of a frame (Taiana 2007, eq. 4.9); `None` if there are none.
 pub fn histogram(palette: Palette, frame: &Frame, pixels: &[[usize; 2]]) -> Option<Histogram> {
     let mut counts = vec![0; palette.bin_count()];
     for &[x, y] in pixels {
@@ -66,11 +69,12 @@ pub fn histogram(palette: Palette, frame: &Frame, pixels: &[[usize; 2]]) -> Opti
     Histogram::from_counts(&counts)
 }
 
-/// The contour cue's log-likelihood of a body at this position in the world: the product over the frames of one instant, each
-/// with its camera's number.
+/// Computes the contour cue's log-likelihood of a body at a position in the world: the product over the
+/// frames of one instant, each with its camera's index.
 ///
-/// D = ((1 − S(model, inner)) + κ·S(outer, inner)) / (κ + 1), p = exp(−|D|/b); a camera that sees fewer than half the points of either
-/// contour counts as pure background, S(model, inner) = 0 and S(outer, inner) = 1, so that D = 1.
+/// D = ((1 − S(model, inner)) + κ·S(outer, inner)) / (κ + 1), p = exp(−|D|/b). A camera that sees fewer than
+/// half the points of either contour counts as pure background: S(model, inner) = 0 and S(outer, inner) = 1,
+/// so that D = 1.
 pub fn contour_log_likelihood(
     settings: &ContourSettings,
     shape: &Shape,
@@ -100,7 +104,8 @@ pub fn contour_log_likelihood(
     frames.iter().map(of_camera).sum()
 }
 
-/// Whether three raw bytes lie in ranges of colour. Bytes are told apart in steps of four, each step standing for its middle, as tables do.
+/// Reports whether three raw bytes lie in ranges of colour. Bytes are quantised to multiples of four, each
+/// step represented by its centre, as in lookup tables.
 pub fn matches(ranges: &ColorRanges, kind: PixelKind, bytes: [u8; 3]) -> bool {
     let middles = bytes.map(|byte| f64::from(byte / 4 * 4) + 1.5);
     ranges.contain_rgb(match kind {
@@ -109,8 +114,8 @@ pub fn matches(ranges: &ColorRanges, kind: PixelKind, bytes: [u8; 3]) -> bool {
     })
 }
 
-/// The window cue's log-likelihood of a target at this position in the world: the product over the frames of one instant, each with its
-/// camera's number (Barrera 2005, eqs. 5 to 7).
+/// Computes the window cue's log-likelihood of a target at a position in the world: the product over the
+/// frames of one instant, each with its camera's index (Barrera 2005, eqs. 5 to 7).
 pub fn window_log_likelihood(
     settings: &WindowSettings,
     ranges: &ColorRanges,
@@ -143,21 +148,21 @@ pub fn window_log_likelihood(
     frames.iter().map(|frame| libm::log(of_camera(frame))).sum()
 }
 
-/// What a filter knows after an update.
+/// The state of a particle filter after an update.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Posterior {
-    /// The particles' weights; they sum to one.
+    /// Weights of the particles, which sum to one.
     pub weights: Vec<f64>,
-    /// Weighted mean of the positions, metres.
+    /// Weighted mean of the positions, in metres.
     pub mean_m: Vector3<f64>,
-    /// Their covariance, m².
+    /// Weighted covariance of the positions, in m².
     pub covariance_m2: Matrix3<f64>,
-    /// 1/Σw².
+    /// Effective sample size, 1/Σw².
     pub effective_sample_size: f64,
 }
 
-/// Weighs particles at these positions by their likelihoods: w ∝ prior weight · p. `None` when no particle is possible. NaN counts as
-/// impossible.
+/// Weights particles by their likelihoods: w ∝ prior weight · p. `None` if all weights are zero. NaN counts
+/// as a likelihood of zero.
 pub fn posterior(
     prior_weights: &[f64],
     log_likelihoods: &[f64],

@@ -1,4 +1,4 @@
-//! Outlines and the points on either side of them, naively.
+//! Reference implementation of outlines and of the points on either side of them.
 
 use nalgebra::{DMatrix, DVector, Point3, Vector2, Vector3};
 
@@ -8,10 +8,11 @@ use crate::view::View;
 
 use super::open_pixels;
 
-/// Image points; `None` where a point has no pixel.
+/// Image points; `None` for a point that has no pixel.
 type Pixels = Vec<Option<[f64; 2]>>;
 
-/// The points of the outline of a body, scaled, at this position in the world, in the camera's frame, metres; none where it has no outline.
+/// Computes the outline points of a scaled body at a position in the world, in the camera frame, in metres.
+/// Empty if the body has no outline.
 pub fn outline_points(
     view: &View,
     shape: &Shape,
@@ -43,14 +44,15 @@ pub fn outline_points(
     }
 }
 
-/// `count` points on the outline of a flat shape over the origin, metres: its circle from x on, or along its four sides.
+/// Returns `count` points on the outline of a flat shape over the origin, in metres: on its circle starting
+/// at x, or along its four sides.
 fn flat_outline(flat: &Flat, scale: f64, count: usize) -> Vec<Vector3<f64>> {
     let share = |k: usize| k as f64 / count as f64;
     match flat.form {
         FlatForm::Disc { radius_m } => (0..count)
             .map(|k| std::f64::consts::TAU * share(k))
             .map(|angle| Vector2::new(libm::cos(angle), libm::sin(angle)) * scale * radius_m)
-            .map(|place| place.push(flat.height_m))
+            .map(|position| position.push(flat.height_m))
             .collect(),
         FlatForm::Rectangle { size_m: [w, d] } => {
             let corners = [
@@ -72,16 +74,17 @@ fn flat_outline(flat: &Flat, scale: f64, count: usize) -> Vec<Vector3<f64>> {
                     }
                     corners[side].lerp(&corners[side + 1], rest / lengths[side])
                 })
-                .map(|place| place.push(flat.height_m))
+                .map(|position| position.push(flat.height_m))
                 .collect()
         }
     }
 }
 
-/// `count` points on the outline of a sphere around `center` as seen from the origin, metres; none from inside the sphere.
+/// Returns `count` points on the outline of a sphere around `center` as seen from the origin, in metres;
+/// empty from inside the sphere.
 ///
-/// For centre C at distance d and radius R, the tangent circle has radius R·√(1 − R²/d²) and lies at distance d − R²/d; the great
-/// circle has radius R and lies at distance d.
+/// For a centre C at distance d and radius R, the tangent circle has radius R·√(1 − R²/d²) and lies at
+/// distance d − R²/d; the great circle has radius R and lies at distance d.
 fn sphere_outline(
     center: Vector3<f64>,
     radius_m: f64,
@@ -110,8 +113,9 @@ fn sphere_outline(
         .collect()
 }
 
-/// The two directions across a ray from which contours count their angle: the shortest rotation that turns z into the ray turns x
-/// and y into them. For rays that point backwards it is −z that is turned, and y is mirrored.
+/// Returns the two directions perpendicular to a ray from which contours count their angle. The shortest
+/// rotation that turns z into the ray turns x and y into them. For rays that point backwards, −z is rotated
+/// instead and y is mirrored.
 fn directions_across(ray: Vector3<f64>) -> [Vector3<f64>; 2] {
     let sign = 1_f64.copysign(ray.z);
     let pole = Vector3::z() * sign;
@@ -120,10 +124,11 @@ fn directions_across(ray: Vector3<f64>) -> [Vector3<f64>; 2] {
     [turned(Vector3::x()), turned(Vector3::y() * sign)]
 }
 
-/// `count` points on the outline of an upright body that stands on the origin, as seen from `viewpoint`, metres; none from inside the body.
+/// Returns `count` points on the outline of an upright body that stands on the origin, as seen from
+/// `viewpoint`, in metres; empty from inside the body.
 ///
-/// The outline runs over the top, down one side, back along the base and up the other side. The top is seen along its near rim from below it and
-/// along its far rim from above, the base the other way round.
+/// The outline runs over the top, down one side, back along the base and up the other side. The top is
+/// visible along its near rim from below and along its far rim from above; the base the other way round.
 fn upright_outline(
     upright: &Upright,
     scale: f64,
@@ -140,7 +145,7 @@ fn upright_outline(
         return Vec::new();
     }
     let width = 2.0 * mean_half_width_m(upright.section);
-    // Towards the side that is met first when going around counterclockwise, seen from above.
+    // Towards the first side met when going around counterclockwise, as seen from above.
     let towards = to_viewpoint.normalize();
     let across = Vector2::new(-towards.y, towards.x) * scale * width / 2.0;
     let rim = Rim::new(upright.section, scale);
@@ -186,7 +191,7 @@ fn upright_outline(
         .collect()
 }
 
-/// Half the mean width of a section over all directions: its perimeter over 2π (Cauchy).
+/// Computes half the mean width of a section over all directions: its perimeter over 2π (Cauchy).
 fn mean_half_width_m(section: Section) -> f64 {
     let rim = Rim::new(section, 1.0);
     match section {
@@ -198,7 +203,7 @@ fn mean_half_width_m(section: Section) -> f64 {
     }
 }
 
-/// The rim of a horizontal section. Places on it are angles in radians, or numbers of corners of a polygon.
+/// The rim of a horizontal section. Positions on it are angles in radians, or corner indices of a polygon.
 enum Rim {
     Circle(f64),
     Corners(Vec<Vector2<f64>>),
@@ -231,19 +236,21 @@ impl Rim {
         }
     }
 
-    fn point(&self, place: f64) -> Vector2<f64> {
+    fn point(&self, position: f64) -> Vector2<f64> {
         match self {
-            Self::Circle(radius) => Vector2::new(libm::cos(place), libm::sin(place)) * *radius,
+            Self::Circle(radius) => {
+                Vector2::new(libm::cos(position), libm::sin(position)) * *radius
+            }
             Self::Corners(corners) => {
-                let place = place.rem_euclid(self.length());
-                let (corner, share) = (place.floor() as usize % corners.len(), place.fract());
+                let position = position.rem_euclid(self.length());
+                let (corner, share) = (position.floor() as usize % corners.len(), position.fract());
                 let next = corners[(corner + 1) % corners.len()];
                 corners[corner] * (1.0 - share) + next * share
             }
         }
     }
 
-    /// Where the side that is seen from a point begins and ends; `None` from inside.
+    /// Returns the start and end of the visible side; `None` from inside.
     fn tangents(&self, viewpoint: Vector2<f64>) -> Option<(f64, f64)> {
         match self {
             Self::Circle(radius) => {
@@ -257,20 +264,20 @@ impl Rim {
             }
             Self::Corners(corners) => {
                 let count = corners.len();
-                let is_seen = |j: usize| {
+                let is_visible = |j: usize| {
                     let (from, to) = (corners[j % count], corners[(j + 1) % count]);
                     let outwards = Vector2::new(to.y - from.y, from.x - to.x);
                     outwards.dot(&(viewpoint - from)) > 0.0
                 };
-                let first = (0..count).find(|&j| is_seen(j) && !is_seen(j + count - 1))?;
-                let last = (first..first + count).find(|&j| !is_seen(j))?;
+                let first = (0..count).find(|&j| is_visible(j) && !is_visible(j + count - 1))?;
+                let last = (first..first + count).find(|&j| !is_visible(j))?;
                 Some((first as f64, last as f64))
             }
         }
     }
 }
 
-/// The points inside and outside the outline that are compared, in pixels.
+/// Computes the compared points inside and outside the outline, in pixels.
 pub fn boundary(
     view: &View,
     shape: &Shape,
@@ -302,7 +309,7 @@ pub fn boundary(
     }
 }
 
-/// The pixels of an image, masked or not.
+/// Returns the pixels inside the image, whether masked or not.
 fn on_image(view: &View, pixels: &Pixels) -> Vec<[usize; 2]> {
     let whole = View::new(
         view.camera().clone(),
@@ -320,7 +327,7 @@ fn projected(view: &View, points: &[Point3<f64>]) -> Pixels {
         .collect()
 }
 
-/// The outlines of a smaller and of a larger body.
+/// Computes the outlines of a smaller and of a larger body.
 pub fn boundary_of_scales(
     view: &View,
     shape: &Shape,
@@ -336,7 +343,7 @@ pub fn boundary_of_scales(
     })
 }
 
-/// Points at this distance from the outline, along the normals to the lines from neighbour to neighbour.
+/// Computes points at a given distance from the outline, along the normals to the lines between neighbours.
 pub fn boundary_along_normals(
     view: &View,
     shape: &Shape,
@@ -355,13 +362,14 @@ pub fn boundary_along_normals(
         .map(|distance| along_normals(&outline, &tangents, &outline, distance))
 }
 
-/// All points, if all are there.
+/// Returns all points if every one has a pixel.
 fn complete(pixels: &Pixels) -> Option<Vec<Vector2<f64>>> {
     let points: Option<Vec<_>> = pixels.iter().map(|p| p.map(Vector2::from)).collect();
     points.filter(|points| !points.is_empty())
 }
 
-/// Points beside a closed curve, outside of it where the distance is positive. `around` is a closed line of the same orientation.
+/// Returns points beside a closed curve, outside of it if the distance is positive. `around` is a closed line
+/// of the same orientation.
 fn along_normals(
     curve: &[Vector2<f64>],
     tangents: &[Vector2<f64>],
@@ -383,7 +391,7 @@ fn along_normals(
         .collect()
 }
 
-/// v = B·B⁺·d, and points along its normals.
+/// Computes v = B·B⁺·d and points along the normals of the curve.
 fn spline_boundary(
     view: &View,
     shape: &Shape,
@@ -397,7 +405,7 @@ fn spline_boundary(
     };
     let count = spline.control_points;
     let parameter = |i: usize| i as f64 * count as f64 / points as f64;
-    // Where a knot is met but for rounding, either side gives the same.
+    // Rounding at a knot does no harm: both sides give the same value.
     let basis = DMatrix::from_fn(points, count, |i, j| {
         periodic(parameter(i), j, count, quadratic)
     });
@@ -407,7 +415,7 @@ fn spline_boundary(
     let inverse = basis
         .clone()
         .pseudo_inverse(1e-12)
-        .expect("a positive tolerance");
+        .expect("the tolerance is positive");
     let column = |axis: usize| DVector::from_iterator(points, outline.iter().map(|p| p[axis]));
     let control = [0, 1].map(|axis| &inverse * column(axis));
     let traced = |matrix: &DMatrix<f64>| -> Vec<Vector2<f64>> {
@@ -431,16 +439,16 @@ fn spline_boundary(
     })
 }
 
-/// A basis function whose support is 0..3, shifted to begin at `j − 2 + 2` and repeated every `count`.
+/// Evaluates a basis function with support 0..3, shifted to start at knot `j − 2` and repeated every `count`.
 fn periodic(s: f64, j: usize, count: usize, function: fn(f64) -> f64) -> f64 {
-    // Control point j rules from knot j − 2 to knot j + 1.
+    // Control point j acts from knot j − 2 to knot j + 1.
     let start = j as f64 - 2.0;
     (-1..=1)
         .map(|turn| function(s - start + f64::from(turn) * count as f64))
         .sum()
 }
 
-/// The quadratic B-spline on knots 0, 1, 2, 3.
+/// Evaluates the quadratic B-spline on the knots 0, 1, 2, 3.
 fn quadratic(x: f64) -> f64 {
     match x {
         x if (0.0..1.0).contains(&x) => 0.5 * x * x,
@@ -450,7 +458,7 @@ fn quadratic(x: f64) -> f64 {
     }
 }
 
-/// Its derivative.
+/// Evaluates the derivative of [`quadratic`].
 fn slope(x: f64) -> f64 {
     match x {
         x if (0.0..1.0).contains(&x) => x,

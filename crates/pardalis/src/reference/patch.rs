@@ -1,4 +1,4 @@
-//! Histograms of regions, naively: a pixel at a time, channel by channel.
+//! Reference implementation of the region and difference cues: one pixel at a time, channel by channel.
 
 use nalgebra::{Point3, Vector3};
 
@@ -9,10 +9,13 @@ use crate::shape::{FlatForm, Shape};
 use crate::view::View;
 use crate::{Frame, PixelFormat};
 
-/// The pixels of a region's samples around a flat shape at this position in the world: `settings.samples` along x and along y, in the middles of as many
-/// equal cells of the rectangle around the shape, which is scaled and as high as the shape; `None` where a sample has no pixel.
+/// Returns the sample pixels of a region around a flat shape at a position in the world. The rectangle around
+/// the shape, scaled and at the shape's height, is divided into `settings.samples` equal cells along x and
+/// along y; samples are their centres. `None` for a sample that has no pixel.
 ///
-/// Panics for other shapes.
+/// # Panics
+///
+/// The shape is not flat.
 pub fn region_pixels(
     view: &View,
     shape: &Shape,
@@ -20,7 +23,7 @@ pub fn region_pixels(
     position_m: [f64; 3],
 ) -> Vec<Option<[f64; 2]>> {
     let Shape::Flat(flat) = shape else {
-        panic!("regions are those of flat shapes");
+        panic!("only flat shapes have regions");
     };
     let [width_m, depth_m] = match flat.form {
         FlatForm::Disc { radius_m } => [2.0 * radius_m, 2.0 * radius_m],
@@ -43,10 +46,11 @@ pub fn region_pixels(
     pixels
 }
 
-/// The region cue's log-likelihood of a target at this position in the world: the product over the frames of one instant, each with its camera's number.
+/// Computes the region cue's log-likelihood of a target at a position in the world: the product over the
+/// frames of one instant, each with its camera's index.
 ///
-/// D² = 1 − Σ√(h·h_ref) for each of red, green and blue, p = exp(−ΣD²/2σ²) (Campos 2009, eqs. 9 and 10); a camera that sees fewer than half the samples
-/// sees a stranger, D = 1.
+/// D² = 1 − Σ√(h·h_ref) for each of red, green and blue, p = exp(−ΣD²/2σ²) (Campos 2009, eqs. 9 and 10). A
+/// camera that sees fewer than half the samples contributes D = 1.
 pub fn region_log_likelihood(
     settings: &PatchSettings,
     shape: &Shape,
@@ -77,11 +81,11 @@ pub fn region_log_likelihood(
     frames.iter().map(of_camera).sum()
 }
 
-/// The difference cue's log-likelihood of a target at this position in the world: the product over the frames of one instant, each with its camera's
-/// number, against those that its view has kept.
+/// Computes the difference cue's log-likelihood of a target at a position in the world: the product over the
+/// frames of one instant, each with its camera's index, compared with the frames that the views have kept.
 ///
-/// The same of the absolute difference of grey against as much of each difference (Campos 2009, eqs. 11 and 12); a camera without a frame before sees no
-/// difference.
+/// Compares the histogram of absolute grey differences with a uniform one (Campos 2009, eqs. 11 and 12). A
+/// camera without a previous frame sees no difference.
 pub fn difference_log_likelihood(
     settings: &PatchSettings,
     shape: &Shape,
@@ -106,7 +110,7 @@ pub fn difference_log_likelihood(
     frames.iter().map(of_camera).sum()
 }
 
-/// A pixel's mean of red, green and blue, whole; of YUV, Y.
+/// Returns the mean of red, green and blue as an integer; for YUV, Y.
 fn grey(frame: &Frame, x: usize, y: usize) -> u8 {
     let components = frame.components(x, y);
     if frame.format() == PixelFormat::Rgb8 {
@@ -117,7 +121,7 @@ fn grey(frame: &Frame, x: usize, y: usize) -> u8 {
     }
 }
 
-/// D² of the histogram of `value` over the pixels that can be seen, against a reference.
+/// Computes D² between the histogram of `value` over the visible pixels and a reference.
 fn squared_distance(
     view: &View,
     settings: &PatchSettings,

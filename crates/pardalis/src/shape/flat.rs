@@ -1,8 +1,8 @@
-//! Flat shapes: discs and rectangles that lie, or are carried, level at a fixed height over the ground.
+//! Flat shapes: discs and rectangles that lie level on the ground or at a fixed height above it.
 
 use pardalis_core::Error;
 
-/// The largest size and height; metres, or pixels where the world is the image.
+/// Maximum size and height, in metres, or in pixels if the world is the image.
 const MAX_SIZE: f64 = 100_000.0;
 
 /// The form of a flat shape.
@@ -10,33 +10,41 @@ const MAX_SIZE: f64 = 100_000.0;
 pub enum FlatForm {
     /// A disc.
     Disc {
-        /// Its radius in metres.
+        /// Radius in metres.
         radius_m: f64,
     },
-    /// A rectangle whose sides lie along the world's x and y.
+    /// A rectangle with sides parallel to the world's x and y axes.
     Rectangle {
-        /// Its sizes along x and y in metres.
+        /// Sizes along x and y in metres.
         size_m: [f64; 2],
     },
 }
 
-/// A flat shape. Its position lies on the ground below its middle.
+/// A flat shape. Its position is the point of the ground below its centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flat {
-    /// Its form.
+    /// Disc or rectangle.
     pub form: FlatForm,
-    /// How high it lies above its position in metres.
+    /// Height above the position in metres.
     pub height_m: f64,
 }
 
 impl Flat {
-    /// A disc at this height.
+    /// Creates a disc.
+    ///
+    /// # Errors
+    ///
+    /// The radius is not above 0 and at most 100 000 m, or the height not within 0 to 100 000 m.
     pub fn disc(radius_m: f64, height_m: f64) -> Result<Self, Error> {
         check_size("radius_m", radius_m)?;
         Self::at(height_m, FlatForm::Disc { radius_m })
     }
 
-    /// A rectangle of these sizes along x and y, at this height.
+    /// Creates a rectangle from its sizes along x and y.
+    ///
+    /// # Errors
+    ///
+    /// A size is not above 0 and at most 100 000 m, or the height not within 0 to 100 000 m.
     pub fn rectangle(size_m: [f64; 2], height_m: f64) -> Result<Self, Error> {
         for size_m in size_m {
             check_size("size_m", size_m)?;
@@ -51,7 +59,7 @@ impl Flat {
         Ok(Self { form, height_m })
     }
 
-    /// Its sizes along x and y in metres.
+    /// Returns the sizes along x and y in metres.
     pub fn size_m(&self) -> [f64; 2] {
         match self.form {
             FlatForm::Disc { radius_m } => [2.0 * radius_m; 2],
@@ -59,9 +67,10 @@ impl Flat {
         }
     }
 
-    /// Where `count` points of its outline lie from its middle, in metres along x and y: counterclockwise from above; those of a disc evenly spaced from the
-    /// direction of x on, those of a rectangle from the middle between two such points after the corner of least x and y on.
-    pub(crate) fn places_m(&self, count: usize) -> Vec<[f64; 2]> {
+    /// Returns `count` points of the outline relative to its centre, in metres along x and y,
+    /// counterclockwise as seen from above. Points of a disc are evenly spaced, starting in the direction of
+    /// x. Points of a rectangle start half a spacing after the corner of least x and y.
+    pub(crate) fn outline_points_m(&self, count: usize) -> Vec<[f64; 2]> {
         let place = |k: usize| match self.form {
             FlatForm::Disc { radius_m } => {
                 let angle = k as f64 / count as f64 * std::f64::consts::TAU;

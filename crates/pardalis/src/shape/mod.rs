@@ -6,7 +6,7 @@ mod upright;
 
 pub use flat::{Flat, FlatForm};
 pub use sphere::{OutlineCircle, Sphere, SphereOutline};
-pub(crate) use upright::{Place, Seen, Sides, SidesKind};
+pub(crate) use upright::{OutlinePoint, Sides, SidesKind, VisibleBody};
 pub use upright::{Section, Upright, UprightOutline};
 
 use nalgebra::{Point3, Vector3};
@@ -14,19 +14,19 @@ use nalgebra::{Point3, Vector3};
 use pardalis_camera::Camera;
 use pardalis_camera::Pose;
 
-/// Any shape.
+/// The shape of a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
     /// A ball.
     Sphere(Sphere),
-    /// A cylinder or prism whose axis is vertical: a robot, a post.
+    /// A vertical cylinder or prism: a robot, a post.
     Upright(Upright),
-    /// A disc or rectangle level over the ground: a landmark on a robot, a car seen from above.
+    /// A level disc or rectangle: a landmark on a robot, a car seen from above.
     Flat(Flat),
 }
 
 impl Shape {
-    /// Its largest width in metres; that of an upright body across its axis.
+    /// Returns the largest width in metres; for an upright body, its width across the axis.
     pub fn diameter_m(&self) -> f64 {
         match self {
             Self::Sphere(sphere) => 2.0 * sphere.radius_m,
@@ -35,8 +35,8 @@ impl Shape {
         }
     }
 
-    /// How high its middle lies above its position, in metres: the position of an upright body is the centre of its base, that of a flat
-    /// shape lies on the ground below it.
+    /// Returns the height of the centre above the position, in metres. The position of an upright body is the
+    /// centre of its base, that of a flat shape the point of the ground below it.
     pub fn middle_height_m(&self) -> f64 {
         match self {
             Self::Sphere(_) => 0.0,
@@ -45,8 +45,8 @@ impl Shape {
         }
     }
 
-    /// The outline of the shape, scaled by `scale`, as `count` pixels all around; `None` where a point has no pixel. For people to
-    /// look at; the cues have kernels of their own.
+    /// Returns `count` pixels along the outline of the shape, scaled by `scale`; `None` for a point that has
+    /// no pixel. For display; the cues have their own kernels.
     pub fn outline_px(
         &self,
         camera: &Camera,
@@ -78,21 +78,22 @@ impl Shape {
                 let sides = upright.sides(scale);
                 let (seen, outside) = sides.seen_from(position_in_world_m, viewpoint.into());
                 upright
-                    .places(count)
+                    .outline_points(count)
                     .iter()
-                    .map(|place| {
-                        let point = camera_from_world * Point3::from(sides.point(&seen, place));
+                    .map(|outline_point| {
+                        let point =
+                            camera_from_world * Point3::from(sides.point(&seen, outline_point));
                         outside.then(|| camera.project(point.into())).flatten()
                     })
                     .collect()
             }
             Self::Flat(flat) => {
-                let middle = Point3::from(position_in_world_m);
-                flat.places_m(count)
+                let center = Point3::from(position_in_world_m);
+                flat.outline_points_m(count)
                     .into_iter()
                     .map(|[x, y]| {
-                        let place = Vector3::new(scale * x, scale * y, flat.height_m);
-                        camera.project((camera_from_world * (middle + place)).into())
+                        let offset = Vector3::new(scale * x, scale * y, flat.height_m);
+                        camera.project((camera_from_world * (center + offset)).into())
                     })
                     .collect()
             }

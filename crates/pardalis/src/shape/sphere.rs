@@ -1,32 +1,37 @@
-//! The outline of a sphere seen from a point.
+//! Spheres and their outlines seen from a point.
 
 use serde::{Deserialize, Serialize};
 
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// Which circle of the sphere stands for its outline.
+/// The circle of the sphere that is used as its outline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SphereOutline {
-    /// The circle where rays from the camera touch the sphere: the true outline.
+    /// The circle where rays from the camera touch the sphere: the exact outline.
     #[default]
     Tangent,
-    /// The great circle across the viewing ray, an approximation from inside (Taiana 2007, section 4.2).
+    /// The great circle perpendicular to the viewing ray, a slightly larger approximation (Taiana 2007,
+    /// section 4.2).
     Greatcircle,
 }
 
 /// A sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {
-    /// Its radius in metres.
+    /// Radius in metres.
     pub radius_m: f64,
-    /// Which circle stands for its outline.
+    /// The circle used as the outline.
     pub outline: SphereOutline,
 }
 
 impl Sphere {
-    /// A sphere of this radius, up to a kilometre.
+    /// Creates a sphere.
+    ///
+    /// # Errors
+    ///
+    /// The radius is not above 0 and at most 1000 m.
     pub fn new(radius_m: f64, outline: SphereOutline) -> Result<Self, Error> {
         if radius_m > 0.0 && radius_m <= 1000.0 {
             return Ok(Self { radius_m, outline });
@@ -39,22 +44,24 @@ impl Sphere {
     }
 }
 
-/// A circle in the camera's frame: points are `center + cos φ·a + sin φ·b`. `a` and `b` are as long as its radius.
+/// A circle in the camera frame, with the points `center + cos φ·a + sin φ·b`. The lengths of `a` and `b` are
+/// its radius.
 #[derive(Debug, Clone, Copy)]
 pub struct OutlineCircle<R> {
-    /// Its centre, metres.
+    /// Centre, metres.
     pub center: [R; 3],
-    /// To the point at φ = 0.
+    /// Vector from the centre to the point at φ = 0.
     pub a: [R; 3],
-    /// To the point at φ = 90 degrees.
+    /// Vector from the centre to the point at φ = 90°.
     pub b: [R; 3],
 }
 
 impl<R: Real> OutlineCircle<R> {
-    /// The outline of the sphere around `center` as seen from the origin, and whether there is one: not from inside the sphere.
+    /// Computes the outline of the sphere around `center` as seen from the origin, and whether it exists:
+    /// there is none from inside the sphere.
     ///
-    /// For centre C at distance d and radius R: the tangent circle has radius R·√(1 − R²/d²) and lies at distance d − R²/d; the great circle has
-    /// radius R and lies at distance d. Without branches.
+    /// For a centre C at distance d and radius R, the tangent circle has radius R·√(1 − R²/d²) and lies at
+    /// distance d − R²/d; the great circle has radius R and lies at distance d. The code is free of branches.
     #[inline(always)]
     pub fn of_sphere(center: [R; 3], radius: R, outline: SphereOutline) -> (Self, bool) {
         let [x, y, z] = center;
@@ -73,7 +80,8 @@ impl<R: Real> OutlineCircle<R> {
             }
             SphereOutline::Greatcircle => (one, radius),
         };
-        // Two directions across the ray (Duff et al. 2017), without a branch and without a singular direction.
+        // Two directions perpendicular to the ray (Duff et al. 2017), without branches or singular
+        // directions.
         let sign = nz.signum();
         let p = -one / (sign + nz);
         let q = nx * ny * p;
@@ -87,7 +95,7 @@ impl<R: Real> OutlineCircle<R> {
         (circle, outside)
     }
 
-    /// The point at the angle whose cosine and sine are given.
+    /// Returns the point at the angle with the given cosine and sine.
     #[inline(always)]
     pub fn point(&self, cos: R, sin: R) -> [R; 3] {
         let at = |i: usize| self.center[i] + cos * self.a[i] + sin * self.b[i];
@@ -104,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn tangent_points_lie_on_the_sphere_and_their_rays_touch_it() {
+    fn tangent_points_lie_on_the_sphere_and_their_rays_are_tangent() {
         let radius = 0.11;
         for center in [
             [0.3, -0.2, 0.5],
@@ -123,14 +131,14 @@ mod tests {
                 assert!((dot(from_center, from_center).sqrt() - radius).abs() < 1e-12);
                 assert!(
                     dot(from_center, point).abs() < 1e-12,
-                    "the ray is perpendicular to the radius"
+                    "the ray must be perpendicular to the radius"
                 );
             }
         }
     }
 
     #[test]
-    fn the_great_circle_lies_across_the_viewing_ray() {
+    fn the_great_circle_is_perpendicular_to_the_viewing_ray() {
         let center = [0.5, 0.4, -0.6];
         let (circle, _) = OutlineCircle::of_sphere(center, 0.2, SphereOutline::Greatcircle);
         for (cos, sin) in [(1.0, 0.0), (0.0, 1.0), (-0.6, 0.8)] {
@@ -141,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn from_inside_a_sphere_there_is_no_outline() {
+    fn a_viewpoint_inside_the_sphere_has_no_outline() {
         assert!(!OutlineCircle::of_sphere([0.0, 0.05, 0.05], 0.11, SphereOutline::Tangent).1);
         assert!(!OutlineCircle::of_sphere([0.0; 3], 0.11, SphereOutline::Greatcircle).1);
         assert!(!OutlineCircle::of_sphere([f64::NAN, 0.0, 1.0], 0.11, SphereOutline::Tangent).1);

@@ -1,28 +1,28 @@
-//! Upright bodies: a cylinder or prism whose axis is vertical in the world, and its outline seen from a point.
+//! Upright bodies: vertical cylinders and prisms, and their outlines seen from a point.
 
 use serde::{Deserialize, Serialize};
 
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
-/// The largest width and height in metres.
+/// Maximum width and height in metres.
 const MAX_SIZE_M: f64 = 1000.0;
 
-/// A body's horizontal section, the same at every height.
+/// The horizontal cross-section of a body, the same at every height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Section {
     /// A circle: the body is a cylinder.
     Circle {
-        /// Its radius in metres.
+        /// Radius in metres.
         radius_m: f64,
     },
     /// A regular polygon: the body is a prism.
     Polygon {
-        /// Its number of sides.
+        /// Number of sides.
         sides: usize,
-        /// Distance of its sides from the axis in metres.
+        /// Distance of the sides from the axis in metres.
         apothem_m: f64,
-        /// The angle of a corner from the world's x axis, counterclockwise from above, in full turns.
+        /// Angle of a corner from the world's x axis, counterclockwise as seen from above, in full turns.
         turn: f64,
     },
 }
@@ -31,14 +31,23 @@ impl Section {
     /// The default number of a polygon's sides.
     pub const DEFAULT_SIDES: usize = 8;
 
-    /// A circle, up to a kilometre wide.
+    /// Creates a circle.
+    ///
+    /// # Errors
+    ///
+    /// The diameter is not above 0 and at most 1000 m.
     pub fn circle(radius_m: f64) -> Result<Self, Error> {
         check_size("radius_m", radius_m)?;
         Ok(Self::Circle { radius_m })
     }
 
-    /// A regular polygon of this width from side to opposite side (twice the sides' distance from the axis), with a corner at `turn_rad`
-    /// from the world's x axis.
+    /// Creates a regular polygon from the distance between opposite sides (twice the distance of the sides
+    /// from the axis), with a corner at `turn_rad` from the world's x axis.
+    ///
+    /// # Errors
+    ///
+    /// There are fewer than 3 or more than 100 sides, the width is not above 0 and at most 1000 m, or the
+    /// turn exceeds a full turn.
     pub fn polygon(sides: usize, across_flats_m: f64, turn_rad: f64) -> Result<Self, Error> {
         check_size("across_flats_m", across_flats_m)?;
         if !(3..=100).contains(&sides) {
@@ -58,7 +67,7 @@ impl Section {
         })
     }
 
-    /// The greatest distance from the axis in metres.
+    /// Returns the greatest distance from the axis in metres.
     fn circumradius_m(&self) -> f64 {
         match *self {
             Self::Circle { radius_m } => radius_m,
@@ -68,7 +77,8 @@ impl Section {
         }
     }
 
-    /// Half the width seen from far away, in metres, on average over all directions: perimeter/2π (Cauchy).
+    /// Returns half the width seen from far away, averaged over all directions, in metres: perimeter/2π
+    /// (Cauchy).
     fn mean_half_width_m(&self) -> f64 {
         match *self {
             Self::Circle { radius_m } => radius_m,
@@ -82,30 +92,35 @@ impl Section {
     }
 }
 
-/// Which line stands for the outline of an upright body.
+/// The line that is used as the outline of an upright body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UprightOutline {
-    /// Where rays from the camera touch the body: the true outline.
+    /// Where rays from the camera touch the body: the exact outline.
     #[default]
     Exact,
-    /// A rectangle in the plane through the axis that faces the camera, as wide as the body is on average (Taiana 2007, section 4.2 and figure 4.4).
+    /// A rectangle in the plane through the axis that faces the camera, with the mean width of the body
+    /// (Taiana 2007, section 4.2 and figure 4.4).
     Facing,
 }
 
 /// An upright body. Its position is the centre of its base.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Upright {
-    /// Its horizontal section.
+    /// Horizontal cross-section.
     pub section: Section,
-    /// Its height in metres.
+    /// Height in metres.
     pub height_m: f64,
-    /// Which line stands for its outline.
+    /// The line used as the outline.
     pub outline: UprightOutline,
 }
 
 impl Upright {
-    /// A body of this section, up to a kilometre high.
+    /// Creates a body.
+    ///
+    /// # Errors
+    ///
+    /// The height is not above 0 and at most 1000 m.
     pub fn new(section: Section, height_m: f64, outline: UprightOutline) -> Result<Self, Error> {
         check_size("height_m", height_m)?;
         Ok(Self {
@@ -115,39 +130,40 @@ impl Upright {
         })
     }
 
-    /// Its largest horizontal width in metres.
+    /// Returns the largest horizontal width in metres.
     pub fn width_m(&self) -> f64 {
         2.0 * self.section.circumradius_m()
     }
 
-    /// Where `count` points lie on the outline, which runs over the top, down one side, back along the base and up the other side; evenly spaced along
-    /// a rectangle as wide and high as the body.
-    pub(crate) fn places<R: Real>(&self, count: usize) -> Vec<Place<R>> {
+    /// Returns `count` points on the outline, which runs over the top, down one side, back along the base and
+    /// up the other side. They are evenly spaced along a rectangle of the body's width and height.
+    pub(crate) fn outline_points<R: Real>(&self, count: usize) -> Vec<OutlinePoint<R>> {
         let (width, height) = (2.0 * self.section.mean_half_width_m(), self.height_m);
         let perimeter = 2.0 * (width + height);
         (0..count)
             .map(|k| {
                 let around = (k as f64 + 0.5) / count as f64;
                 let mut rest = around * perimeter;
-                let mut place = [0.0; 5];
+                let mut outline_point = [0.0; 5];
                 if rest < width {
                     let share = rest / width;
-                    place = [1.0, share, 0.0, 1.0, 1.0 - 2.0 * share];
+                    outline_point = [1.0, share, 0.0, 1.0, 1.0 - 2.0 * share];
                 } else if rest < width + height {
                     rest -= width;
-                    place[3] = 1.0 - rest / height;
-                    place[4] = -1.0;
+                    outline_point[3] = 1.0 - rest / height;
+                    outline_point[4] = -1.0;
                 } else if rest < 2.0 * width + height {
                     let share = (rest - width - height) / width;
-                    place[2] = share;
-                    place[4] = 2.0 * share - 1.0;
+                    outline_point[2] = share;
+                    outline_point[4] = 2.0 * share - 1.0;
                 } else {
                     rest -= 2.0 * width + height;
-                    place = [1.0, 0.0, 0.0, rest / height, 1.0];
+                    outline_point = [1.0, 0.0, 0.0, rest / height, 1.0];
                 }
-                let [seen_side, along_top, along_base, height, across] = place.map(R::of);
-                Place {
-                    seen_side,
+                let [visible_side, along_top, along_base, height, across] =
+                    outline_point.map(R::of);
+                OutlinePoint {
+                    visible_side,
                     along_top,
                     along_base,
                     height,
@@ -158,7 +174,7 @@ impl Upright {
             .collect()
     }
 
-    /// What kernels need of the section, scaled.
+    /// Returns the parameters of the scaled section that kernels need.
     pub(crate) fn sides<R: Real>(&self, scale: f64) -> Sides<R> {
         let (kind, inradius_m) = match (self.outline, self.section) {
             (UprightOutline::Facing, section) => (SidesKind::Flat, section.mean_half_width_m()),
@@ -198,80 +214,82 @@ fn check_size(name: &str, value: f64) -> Result<(), Error> {
     Err(Error::out_of_range(name, value, "above 0 and at most 1000"))
 }
 
-/// A place on the outline, as factors of what [`Seen`] holds.
+/// A point on the outline, as fractions of the quantities in [`VisibleBody`].
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Place<R> {
-    /// Of the way around the side that is seen.
-    seen_side: R,
-    /// Of the way along the outline of the top.
+pub(crate) struct OutlinePoint<R> {
+    /// Fraction of the turn around the visible side.
+    visible_side: R,
+    /// Fraction of the outline of the top.
     along_top: R,
-    /// Of the way along the outline of the base.
+    /// Fraction of the outline of the base.
     along_base: R,
-    /// Of the height.
+    /// Fraction of the height.
     height: R,
-    /// From −1 to 1 across the plane that faces the viewpoint.
+    /// Position across the plane that faces the viewpoint, from −1 to 1.
     across: R,
-    /// Of the way around the whole outline.
+    /// Fraction of the whole outline.
     around: R,
 }
 
-/// A body's sides, scaled about its centre.
+/// The sides of a body, scaled about its centre.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sides<R> {
     kind: SidesKind<R>,
-    /// Distance of the sides from the axis; half the width of the rectangle that faces the viewpoint.
+    /// Distance of the sides from the axis, or half the width of the rectangle that faces the viewpoint.
     inradius_m: R,
-    /// Heights above the position.
+    /// Heights of base and top above the position.
     base_m: R,
     top_m: R,
 }
 
-/// What the sides look like.
+/// The form of the sides.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum SidesKind<R> {
     Round,
     Corners {
         count: R,
-        /// Of a corner, in full turns.
+        /// Angle of a corner in full turns.
         turn: R,
-        /// Half a side's length for an inradius of 1.
+        /// Half the length of a side for an inradius of 1.
         half_side: R,
     },
     Flat,
 }
 
-/// A body as seen from one viewpoint. Places around it are counted in full turns, or in corners of a polygon.
+/// A body as seen from one viewpoint. Positions around it are in full turns, or in corners of a polygon.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Seen<R> {
+pub(crate) struct VisibleBody<R> {
     axis: [R; 2],
     base: R,
     height: R,
-    /// Where the side that is seen begins, and how far it reaches; for the flat outline the direction across, in metres.
+    /// Start and extent of the visible side; for the flat outline, the direction across in metres.
     first: R,
     seen: R,
-    /// From its ends, the way that the outline of the top and of the base takes: along the near rim or around the far one.
-    top_way: R,
-    base_way: R,
-    /// 1 where only the top or only the base is seen, from above or below: then all points lie around it.
+    /// Extents of the outlines of the top and of the base, from the ends of the visible side: along the near
+    /// rim or around the far one.
+    top_extent: R,
+    base_extent: R,
+    /// 1 if only the top or only the base is visible, from above or below; then all points lie around it. 0
+    /// otherwise.
     whole: R,
 }
 
 impl<R: Real> Sides<R> {
-    /// The body at `position` seen from `viewpoint`, both in the world; and whether it has an outline: not from inside. Without branches but on
-    /// what is the same for all particles.
+    /// Computes the view of a body at `position` from `viewpoint`, both in the world, and whether it has an
+    /// outline: there is none from inside. Branches depend only on quantities that all particles share.
     #[inline(always)]
-    pub(crate) fn seen_from(&self, position: [R; 3], viewpoint: [R; 3]) -> (Seen<R>, bool) {
+    pub(crate) fn seen_from(&self, position: [R; 3], viewpoint: [R; 3]) -> (VisibleBody<R>, bool) {
         let (zero, one) = (R::of(0.0), R::of(1.0));
         let (dx, dy) = (viewpoint[0] - position[0], viewpoint[1] - position[1]);
         let distance2 = dx * dx + dy * dy;
         let (base, top) = (position[2] + self.base_m, position[2] + self.top_m);
         let (over, under) = (viewpoint[2] > top, viewpoint[2] < base);
         let inradius2 = self.inradius_m * self.inradius_m;
-        let mut seen = Seen {
+        let mut seen = VisibleBody {
             axis: [position[0], position[1]],
             base,
             height: top - base,
-            ..Seen::zero()
+            ..VisibleBody::zero()
         };
         let beside = match self.kind {
             SidesKind::Flat => {
@@ -296,7 +314,7 @@ impl<R: Real> Sides<R> {
                 } else {
                     zero
                 };
-                // The sides whose normals lie within this of the bearing are seen.
+                // Sides are visible if their normals lie within this angle of the bearing.
                 let half = outer.sqrt().atan2(self.inradius_m) * R::of(IN_TURNS) * count;
                 let bearing = (dy.atan2(dx) * R::of(IN_TURNS) - turn) * count - R::of(0.5);
                 let first = -(half - bearing).floor();
@@ -308,8 +326,8 @@ impl<R: Real> Sides<R> {
         };
         let period = self.period();
         let far = period - seen.seen;
-        seen.top_way = if over { far } else { -seen.seen };
-        seen.base_way = if under { -far } else { seen.seen };
+        seen.top_extent = if over { far } else { -seen.seen };
+        seen.base_extent = if under { -far } else { seen.seen };
         if !beside {
             seen.whole = one;
             seen.base = if over { top } else { base };
@@ -321,7 +339,7 @@ impl<R: Real> Sides<R> {
         &self.kind
     }
 
-    /// The places around the body after which they repeat.
+    /// Returns the period of positions around the body.
     fn period(&self) -> R {
         match self.kind {
             SidesKind::Corners { count, .. } => count,
@@ -329,34 +347,42 @@ impl<R: Real> Sides<R> {
         }
     }
 
-    /// A point of the outline in the world, metres. Kernels call [`Self::round`] and its like themselves.
-    pub(crate) fn point(&self, seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
+    /// Returns a point of the outline in the world, in metres. Kernels call [`Self::round`] and its
+    /// counterparts directly.
+    pub(crate) fn point(&self, seen: &VisibleBody<R>, outline_point: &OutlinePoint<R>) -> [R; 3] {
         match self.kind {
-            SidesKind::Round => self.round(seen, place),
-            SidesKind::Corners { .. } => self.cornered(seen, place),
-            SidesKind::Flat => Self::flat(seen, place),
+            SidesKind::Round => self.round(seen, outline_point),
+            SidesKind::Corners { .. } => self.cornered(seen, outline_point),
+            SidesKind::Flat => Self::flat(seen, outline_point),
         }
     }
 
-    /// A point of the outline of a cylinder.
+    /// Returns a point of the outline of a cylinder.
     #[inline(always)]
-    pub(crate) fn round(&self, seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
-        let (sin, cos) = seen.around(place, R::of(1.0)).sin_cos_turns();
-        seen.at(place, [self.inradius_m * cos, self.inradius_m * sin])
+    pub(crate) fn round(&self, seen: &VisibleBody<R>, outline_point: &OutlinePoint<R>) -> [R; 3] {
+        let (sin, cos) = seen.around(outline_point, R::of(1.0)).sin_cos_turns();
+        seen.at(
+            outline_point,
+            [self.inradius_m * cos, self.inradius_m * sin],
+        )
     }
 
-    /// A point of the outline of a prism.
+    /// Returns a point of the outline of a prism.
     #[inline(always)]
-    pub(crate) fn cornered(&self, seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
+    pub(crate) fn cornered(
+        &self,
+        seen: &VisibleBody<R>,
+        outline_point: &OutlinePoint<R>,
+    ) -> [R; 3] {
         let SidesKind::Corners {
             count,
             turn,
             half_side,
         } = self.kind
         else {
-            return seen.at(place, [R::of(f64::NAN); 2]);
+            return seen.at(outline_point, [R::of(f64::NAN); 2]);
         };
-        let around = seen.around(place, count);
+        let around = seen.around(outline_point, count);
         let corner = around.floor();
         let (sin, cos) = ((corner + R::of(0.5)) / count + turn).sin_cos_turns();
         let along = (R::of(2.0) * (around - corner) - R::of(1.0)) * half_side;
@@ -364,41 +390,47 @@ impl<R: Real> Sides<R> {
             self.inradius_m * (cos - along * sin),
             self.inradius_m * (sin + along * cos),
         ];
-        seen.at(place, offset)
+        seen.at(outline_point, offset)
     }
 
-    /// A point of the rectangle that faces the viewpoint.
+    /// Returns a point of the rectangle that faces the viewpoint.
     #[inline(always)]
-    pub(crate) fn flat(seen: &Seen<R>, place: &Place<R>) -> [R; 3] {
-        seen.at(place, [seen.first * place.across, seen.seen * place.across])
+    pub(crate) fn flat(seen: &VisibleBody<R>, outline_point: &OutlinePoint<R>) -> [R; 3] {
+        seen.at(
+            outline_point,
+            [
+                seen.first * outline_point.across,
+                seen.seen * outline_point.across,
+            ],
+        )
     }
 }
 
-impl<R: Real> Seen<R> {
-    /// The number of fields, for kernels that keep them as columns.
+impl<R: Real> VisibleBody<R> {
+    /// The number of fields, for kernels that store them as columns.
     pub(crate) const FIELDS: usize = 9;
 
     fn zero() -> Self {
         Self::of_fields([R::of(0.0); 9])
     }
 
-    /// The place around the body of a place on its outline.
+    /// Returns the position around the body of a point of its outline.
     #[inline(always)]
-    fn around(&self, place: &Place<R>, period: R) -> R {
+    fn around(&self, outline_point: &OutlinePoint<R>, period: R) -> R {
         let beside = R::of(1.0) - self.whole;
         beside
             * (self.first
-                + place.seen_side * self.seen
-                + place.along_top * self.top_way
-                + place.along_base * self.base_way)
-            + self.whole * place.around * period
+                + outline_point.visible_side * self.seen
+                + outline_point.along_top * self.top_extent
+                + outline_point.along_base * self.base_extent)
+            + self.whole * outline_point.around * period
     }
 
-    /// The point at this offset from the axis.
+    /// Returns the point at an offset from the axis.
     #[inline(always)]
-    fn at(&self, place: &Place<R>, [x, y]: [R; 2]) -> [R; 3] {
+    fn at(&self, outline_point: &OutlinePoint<R>, [x, y]: [R; 2]) -> [R; 3] {
         let beside = R::of(1.0) - self.whole;
-        let z = self.base + place.height * self.height * beside;
+        let z = self.base + outline_point.height * self.height * beside;
         [self.axis[0] + x, self.axis[1] + y, z]
     }
 
@@ -410,25 +442,45 @@ impl<R: Real> Seen<R> {
             height,
             first,
             seen,
-            top_way,
-            base_way,
+            top_extent,
+            base_extent,
             whole,
             ..
         } = self;
-        [x, y, base, height, first, seen, top_way, base_way, whole]
+        [
+            x,
+            y,
+            base,
+            height,
+            first,
+            seen,
+            top_extent,
+            base_extent,
+            whole,
+        ]
     }
 
     #[inline(always)]
     pub(crate) fn of_fields(fields: [R; 9]) -> Self {
-        let [x, y, base, height, first, seen, top_way, base_way, whole] = fields;
+        let [
+            x,
+            y,
+            base,
+            height,
+            first,
+            seen,
+            top_extent,
+            base_extent,
+            whole,
+        ] = fields;
         Self {
             axis: [x, y],
             base,
             height,
             first,
             seen,
-            top_way,
-            base_way,
+            top_extent,
+            base_extent,
             whole,
         }
     }
@@ -450,7 +502,7 @@ mod tests {
         .into()
     }
 
-    /// How far a point lies outside the body that stands on the origin, at most: negative inside.
+    /// Returns how far a point lies outside a body that stands on the origin, at most; negative inside.
     fn outside_m(upright: &Upright, [x, y, z]: [f64; 3]) -> f64 {
         let beside = match upright.section {
             Section::Circle { radius_m } => x.hypot(y) - radius_m,
@@ -469,7 +521,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_to_exact_outlines_touch_the_body_and_do_not_enter_it() {
+    fn rays_to_exact_outlines_are_tangent_to_the_body() {
         for upright in bodies(UprightOutline::Exact) {
             for viewpoint in [
                 [2.0, 0.3, 0.5],
@@ -482,8 +534,8 @@ mod tests {
                 let sides = upright.sides::<f64>(1.0);
                 let (seen, outside) = sides.seen_from([0.0; 3], viewpoint);
                 assert!(outside);
-                for place in upright.places(40) {
-                    let point = sides.point(&seen, &place);
+                for outline_point in upright.outline_points(40) {
+                    let point = sides.point(&seen, &outline_point);
                     assert!(outside_m(&upright, point).abs() < 1e-12, "{point:?}");
                     for share in [0.5, 0.9, 0.999, 1.001, 1.1, 1.5] {
                         let along =
@@ -500,7 +552,7 @@ mod tests {
     }
 
     #[test]
-    fn the_facing_outline_is_a_rectangle_across_the_line_of_sight() {
+    fn the_facing_outline_is_a_rectangle_perpendicular_to_the_line_of_sight() {
         for upright in bodies(UprightOutline::Facing) {
             let viewpoint = [1.2, -1.6, 0.8];
             let position = [0.4, 0.2, 0.1];
@@ -508,11 +560,14 @@ mod tests {
             let (seen, outside) = sides.seen_from(position, viewpoint);
             assert!(outside);
             let (mut width, mut low, mut high) = (0.0_f64, f64::INFINITY, f64::NEG_INFINITY);
-            for place in upright.places(40) {
-                let [x, y, z] = sides.point(&seen, &place);
+            for outline_point in upright.outline_points(40) {
+                let [x, y, z] = sides.point(&seen, &outline_point);
                 let (dx, dy) = (x - position[0], y - position[1]);
                 let towards = dx * (viewpoint[0] - position[0]) + dy * (viewpoint[1] - position[1]);
-                assert!(towards.abs() < 1e-12, "in the plane through the axis");
+                assert!(
+                    towards.abs() < 1e-12,
+                    "the point must lie in the plane through the axis"
+                );
                 width = width.max(dx.hypot(dy));
                 (low, high) = (low.min(z), high.max(z));
             }
@@ -525,23 +580,26 @@ mod tests {
     }
 
     #[test]
-    fn points_are_spread_evenly_along_the_outline() {
+    fn points_are_evenly_spaced_along_the_outline() {
         let upright = bodies(UprightOutline::Facing)[0];
         let sides = upright.sides::<f64>(1.0);
         let (seen, _) = sides.seen_from([0.0; 3], [3.0, 0.0, 0.4]);
-        let places = upright.places(52);
-        let points: Vec<_> = places.iter().map(|p| sides.point(&seen, p)).collect();
+        let outline_points = upright.outline_points(52);
+        let points: Vec<_> = outline_points
+            .iter()
+            .map(|p| sides.point(&seen, p))
+            .collect();
         let perimeter = 2.0 * (0.5 + 0.8);
         for k in 0..52 {
             let (a, b) = (points[k], points[(k + 1) % 52]);
-            // Around a corner the way is longer than the straight line.
+            // Around a corner the path is longer than the straight line.
             let along: f64 = (0..3).map(|i| (a[i] - b[i]).abs()).sum();
             assert!((along - perimeter / 52.0).abs() < 1e-12, "{k}: {along}");
         }
     }
 
     #[test]
-    fn from_inside_there_is_no_outline_and_bad_sizes_are_refused() {
+    fn a_viewpoint_inside_has_no_outline_and_invalid_sizes_are_rejected() {
         for upright in bodies(UprightOutline::Exact) {
             let sides = upright.sides::<f64>(1.0);
             assert!(!sides.seen_from([0.0; 3], [0.02, 0.0, 0.4]).1);

@@ -1,4 +1,4 @@
-//! Single images through mirrors, and re-initialisation from another robot's estimate.
+//! Localisation in single images through mirrors, and re-initialisation from another robot's estimate.
 
 use crate::common::{FPS, ball_target, data, fisheye_view, frame, jump_picture, open, set_of};
 use nalgebra::Point3;
@@ -19,7 +19,7 @@ use pardalis_scene::calibration;
 
 const BALL: TargetId = TargetId::new(0);
 
-/// The calibrated mirror camera in a model: unified, perspective or exact.
+/// Loads the calibrated mirror camera in a model: unified, perspective or exact.
 fn mirror(model: &str) -> (Camera, Pose) {
     let file = data(&format!("calibration/catadioptric/{model}.toml"));
     let cameras = calibration::read(&std::fs::read_to_string(file).unwrap(), None).unwrap();
@@ -34,7 +34,7 @@ fn mirror_view(model: &str) -> View {
     View::new(camera, world_from_camera, (640, 480), None).unwrap()
 }
 
-/// A tracker of the ball, whose scene says nothing useful of where it is.
+/// Returns a tracker of the ball with an uninformative start.
 fn mirror_tracker(model: &str) -> Tracker {
     let colors = data("colors/orange-ball.catadioptric.hsi.colors.toml");
     let mut target = ball_target(Palette::HSI, 3000);
@@ -86,16 +86,17 @@ fn located(tracker: &mut Tracker, still: &Still, start: Start) -> Estimate {
     estimates.unwrap()[0]
 }
 
-/// Positions up to 2.2 m away, on the floor and 0.34 m high.
-const NEAR: [usize; 12] = [0, 1, 2, 4, 5, 6, 16, 17, 18, 20, 21, 22];
+/// Images with positions up to 2.2 m away, on the floor and 0.34 m high.
+const NEAR_IMAGES: [usize; 12] = [0, 1, 2, 4, 5, 6, 16, 17, 18, 20, 21, 22];
 
 #[test]
 fn balls_are_located_through_mirrors_from_positions_and_from_clicks() {
     for model in ["unified", "perspective", "exact"] {
         let mut tracker = mirror_tracker(model);
-        for (number, still) in NEAR.into_iter().zip(stills(NEAR)) {
+        for (number, still) in NEAR_IMAGES.into_iter().zip(stills(NEAR_IMAGES)) {
             let click = Start::Pixel(PixelStart::at(0, still.pixel));
-            // Along a ray the ball's size alone tells its distance: one pixel of ten is a tenth.
+            // Along a ray, only the apparent size of the ball determines its distance: one pixel in ten is a
+            // tenth.
             let range_m = distance_m(still.position_m, [0.0, 0.0, 0.82]);
             for (from, start, allowed_m) in [
                 ("position", around(still.position_m), 0.25),
@@ -107,15 +108,16 @@ fn balls_are_located_through_mirrors_from_positions_and_from_clicks() {
                 let off_m = distance_m(found.position_m, still.position_m);
                 assert!(
                     off_m < allowed_m,
-                    "{model} {number} from a {from}: {off_m} m off"
+                    "{model} {number} from a {from}: error {off_m} m"
                 );
-                // Its direction is known far better. The ball is seen from the mirror, 0.16 m above the pinhole.
+                // The direction is determined much better. The ball is seen from the mirror, 0.16 m above the
+                // pinhole.
                 let direction =
                     |p: [f64; 3]| (Point3::from(p) - Point3::new(0.0, 0.0, 0.98)).normalize();
                 let off_rad = direction(found.position_m).angle(&direction(still.position_m));
                 assert!(
                     off_rad < 0.05,
-                    "{model} {number} from a {from}: {off_rad} rad off"
+                    "{model} {number} from a {from}: error {off_rad} rad"
                 );
                 assert_eq!(found.velocity_mps, None);
                 assert!(estimate.confidence > 0.5);
@@ -125,7 +127,7 @@ fn balls_are_located_through_mirrors_from_positions_and_from_clicks() {
 }
 
 #[test]
-fn out_of_view_nothing_is_found() {
+fn nothing_is_found_out_of_view() {
     let mut tracker = mirror_tracker("exact");
     let still = &stills([1])[0];
     // Beyond the mirror's rim.
@@ -133,7 +135,7 @@ fn out_of_view_nothing_is_found() {
         let estimate = located(&mut tracker, still, start);
         assert_eq!(estimate.state, TrackState::Occluded);
         assert_eq!((estimate.kinematics, estimate.confidence), (None, 0.0));
-        // What was found holds until the next frames.
+        // The estimate holds until the next frames.
         assert_eq!(
             tracker
                 .estimate_at(BALL, still.frame.time_s())
@@ -147,7 +149,7 @@ fn out_of_view_nothing_is_found() {
 }
 
 #[test]
-fn an_image_is_located_by_its_own_numbers_whatever_the_threads() {
+fn images_use_their_own_random_numbers_for_any_thread_count() {
     let still = &stills([1])[0];
     let twice = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -157,19 +159,19 @@ fn an_image_is_located_by_its_own_numbers_whatever_the_threads() {
         })
     };
     let [first, second] = twice(1);
-    // Errors of several images that shared their random numbers would not average out.
+    // Errors of images that shared their random numbers would not average out.
     assert_ne!(first, second);
     assert_eq!([first, second], twice(3));
 }
 
 #[test]
-fn faulty_starts_and_passes_are_refused_and_change_nothing() {
+fn invalid_starts_and_passes_are_rejected_without_side_effects() {
     let mut tracker = mirror_tracker("exact");
     let still = &stills([1])[0];
     let set = set_of(still.frame.clone());
     let fine = Some(around(still.position_m));
     let no_camera = Some(Start::Pixel(PixelStart::at(1, still.pixel)));
-    // The corner of the image shows no mirror.
+    // The corner of the image lies outside the mirror.
     let no_ray = Some(Start::Pixel(PixelStart::at(0, [2.0, 2.0])));
     let nowhere = Some(around([f64::NAN; 3]));
     for (starts, passes, wanted) in [
@@ -193,7 +195,7 @@ fn faulty_starts_and_passes_are_refused_and_change_nothing() {
     assert_eq!(state, TrackState::Searching);
 }
 
-/// As likely as a particle is near a point, and what particles there were.
+/// A likelihood that falls with the distance to a point, which records the particles.
 struct Near {
     target_m: Point3<f64>,
     seen: Option<Particles>,
@@ -209,8 +211,8 @@ impl Likelihood for Near {
 }
 
 #[test]
-fn rays_from_mirrors_end_at_the_ground_or_above_the_horizon_at_the_longest_range() {
-    // The second pose is tilted by 60 degrees: the camera's right side looks up.
+fn mirror_rays_end_at_the_ground_or_at_the_maximum_range() {
+    // The second pose is tilted by 60 degrees, so that the camera's right side looks up.
     let (sin, cos) = 60_f64.to_radians().sin_cos();
     let tilted = pose_from_matrix([
         [cos, 0.0, -sin, 0.0],
@@ -266,7 +268,7 @@ fn rays_from_mirrors_end_at_the_ground_or_above_the_horizon_at_the_longest_range
 }
 
 #[test]
-fn ground_nearer_than_the_search_begins_is_where_it_looks() {
+fn ground_nearer_than_the_search_start_is_searched() {
     let start = PixelStart {
         min_range_m: 3.0,
         pixel_sigma_px: 0.0,
@@ -282,7 +284,7 @@ fn ground_nearer_than_the_search_begins_is_where_it_looks() {
 }
 
 #[test]
-fn particles_have_the_covariance_of_their_start() {
+fn particles_have_the_covariance_of_the_start() {
     let start = GaussianStart {
         position_m: [1.0, -2.0, 0.5],
         covariance_m2: [0.04, 0.03, -0.005, 0.09, 0.01, 0.0125],
@@ -315,7 +317,7 @@ fn particles_have_the_covariance_of_their_start() {
     assert_ne!(particles[1], particles[2]);
 }
 
-/// Frames of data/dioptric-jump.
+/// Returns frames of data/dioptric-jump.
 fn jump_frames(indices: std::ops::Range<usize>) -> impl Iterator<Item = Frame> {
     indices.map(|index| {
         let time_s = index as f64 / FPS;
@@ -328,7 +330,7 @@ fn jump_frames(indices: std::ops::Range<usize>) -> impl Iterator<Item = Frame> {
     })
 }
 
-/// The ball's true position in a frame of data/dioptric-jump.
+/// Returns the ball's true position in a frame of data/dioptric-jump.
 fn jump_truth_m(index: usize) -> [f64; 3] {
     let truth = std::fs::read_to_string(data("dioptric-jump/truth.csv")).unwrap();
     let row: Vec<&str> = truth.lines().nth(index + 1).unwrap().split(',').collect();
@@ -336,8 +338,8 @@ fn jump_truth_m(index: usize) -> [f64; 3] {
 }
 
 #[test]
-fn another_robots_estimate_brings_a_lost_ball_back() {
-    // The other robot follows the ball in a world of its own.
+fn an_external_estimate_recovers_a_lost_ball() {
+    // The other robot tracks the ball in a world of its own.
     let mut other = Tracker::new(
         vec![fisheye_view()],
         vec![ball_target(Palette::HSI, 2000)],
@@ -352,7 +354,7 @@ fn another_robots_estimate_brings_a_lost_ball_back() {
         [0.0, 0.0, 0.0, 1.0],
     ])
     .unwrap();
-    // Ours looks where no ball is.
+    // Our tracker starts where there is no ball.
     let mut target = ball_target(Palette::HSI, 2000);
     target.start = Start::Gaussian(GaussianStart {
         position_m: [-1.5, 1.5, 0.3],
@@ -368,7 +370,7 @@ fn another_robots_estimate_brings_a_lost_ball_back() {
             let lost = ours.estimate_at(BALL, time_s).unwrap();
             let off_m = distance_m(lost.kinematics.unwrap().position_m, jump_truth_m(5));
             assert!(off_m > 1.0, "{off_m}");
-            // Their estimate is two frames old when it comes.
+            // The external estimate is two frames old when it arrives.
             let (estimate, told_s): (_, f64) = told.unwrap();
             ours.reinitialize(BALL, &estimate, told_s).unwrap();
             // Nothing changes before the next frames.
@@ -385,13 +387,13 @@ fn another_robots_estimate_brings_a_lost_ball_back() {
             let found = ours.estimate_at(BALL, time_s).unwrap();
             assert_eq!(found.state, TrackState::Tracking);
             let off_m = distance_m(found.kinematics.unwrap().position_m, jump_truth_m(index));
-            assert!(off_m < 0.5, "frame {index}: {off_m} m off");
+            assert!(off_m < 0.5, "frame {index}: error {off_m} m");
         }
     }
 }
 
 #[test]
-fn what_passed_since_the_estimate_is_predicted() {
+fn external_estimates_are_predicted_to_the_current_time() {
     let mut tracker = mirror_tracker("exact");
     let still = &stills([1])[0];
     let sigma_m = 0.02;
@@ -401,7 +403,7 @@ fn what_passed_since_the_estimate_is_predicted() {
         velocity_mps: [-1.0, 0.0, 2.0],
         velocity_sigma_mps: [0.0; 3],
     };
-    // High up, where no image can tell anything.
+    // High up, where the images carry no information.
     tracker.reinitialize(BALL, &start, 0.5).unwrap();
     let later = still.frame.with_time_s(0.75).unwrap();
     tracker.observe(&set_of(later)).unwrap();
@@ -418,7 +420,7 @@ fn what_passed_since_the_estimate_is_predicted() {
 }
 
 #[test]
-fn faulty_reinitializations_are_refused() {
+fn invalid_reinitialisations_are_rejected() {
     let mut tracker = mirror_tracker("exact");
     let fine = GaussianStart::default();
     let not_positive = GaussianStart {
@@ -448,7 +450,7 @@ fn faulty_reinitializations_are_refused() {
 }
 
 #[test]
-fn clicks_where_the_mask_is_closed_are_refused() {
+fn clicks_on_masked_pixels_are_rejected() {
     let (camera, world_from_camera) = mirror("unified");
     let mask = Mask::from_radius(640, 480, [319.5, 239.5], 236.0).unwrap();
     let size = (640, 480);

@@ -1,4 +1,5 @@
-//! Where the bias of distances "farther" comes from: from soft edges, not from camera model, outline or filter.
+//! The bias of distances towards larger values is caused by soft edges, not by the camera model, the outline
+//! or the filter.
 
 use crate::common::frame;
 use nalgebra::{Point3, Vector3};
@@ -20,7 +21,7 @@ const ORANGE: [f64; 3] = [225.0, 105.0, 30.0];
 const FLOOR: [f64; 3] = [95.0, 125.0, 105.0];
 const PASSES_M: [f64; 3] = [0.1, 0.07, 0.04];
 
-/// The mirror camera, exactly.
+/// Loads the exact mirror camera.
 fn mirror_view() -> View {
     let path = crate::common::data("calibration/catadioptric/exact.toml");
     let text = std::fs::read_to_string(path).unwrap();
@@ -34,7 +35,7 @@ fn mirror_view() -> View {
     .unwrap()
 }
 
-/// How much of the image's point is ball: 1 or 0.
+/// Returns 1 if the image point shows the ball, else 0.
 fn is_ball(view: &View, center: Point3<f64>, pixel: [f64; 2]) -> f64 {
     let Some(ray) = view.camera().unproject(pixel) else {
         return 0.0;
@@ -47,8 +48,8 @@ fn is_ball(view: &View, center: Point3<f64>, pixel: [f64; 2]) -> f64 {
     f64::from(u8::from(along > 0.0 && beside < crate::common::RADIUS_M))
 }
 
-/// The ball before an even floor. Edges are hard, or as soft as those of a camera: each pixel is the mean over its area, and the
-/// colours of its neighbours run into it.
+/// Renders the ball in front of a uniform floor. Edges are hard, or as soft as those of a camera: each pixel
+/// is the mean over its area, blurred with its neighbours.
 fn picture(view: &View, center: [f64; 3], is_soft: bool) -> RgbImage {
     let center = Point3::from(center);
     let in_camera = view.camera_from_world() * center;
@@ -87,7 +88,7 @@ fn orange() -> ColorModel {
     learner.learn().unwrap()
 }
 
-/// Errors of the distance from the mirror, in metres, at places all around.
+/// Returns the errors of the distance from the mirror, in metres, for positions all around.
 fn distance_errors_m(is_soft: bool) -> Vec<f64> {
     let view = mirror_view();
     let mirror = Point3::new(0.0, 0.0, 0.98);
@@ -125,7 +126,7 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
     errors
 }
 
-/// Mean and its standard error.
+/// Returns the mean and its standard error.
 fn mean_and_error_m(errors_m: &[f64]) -> (f64, f64) {
     let count = errors_m.len() as f64;
     let mean = errors_m.iter().sum::<f64>() / count;
@@ -134,7 +135,7 @@ fn mean_and_error_m(errors_m: &[f64]) -> (f64, f64) {
 }
 
 #[test]
-fn distances_are_unbiased_where_edges_are_hard_and_too_large_where_they_are_soft() {
+fn distances_are_unbiased_with_hard_edges_and_too_large_with_soft_edges() {
     let (hard, error) = mean_and_error_m(&distance_errors_m(false));
     println!(
         "hard edges: {:.1} mm, standard error {:.1} mm",

@@ -1,8 +1,9 @@
-//! Maps of the plane, from simulated images of a floor whose pattern is known, and from images that are maps already.
+//! Maps of the plane from simulated images of a floor with a known pattern, and from images that are already
+//! maps.
 
 use nalgebra::{Matrix3, Vector3};
 use pardalis::color::YuvEncoding;
-use pardalis::rectify::{Area, Rectifier, area_seen_m, step_for_m};
+use pardalis::rectify::{Area, Rectifier, default_step_m, visible_area_m};
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
 use pardalis_calibrate::plane::{PointPair, fit};
@@ -13,7 +14,7 @@ use pardalis_core::Error;
 use pardalis_scene::WorldConfig;
 use pardalis_simulate::Renderer;
 
-/// The squares of the floor; their greys are alike enough that brightness and light go together.
+/// Size of the floor's squares. Their greys are so similar that brightness and light are proportional.
 const SQUARE_M: f64 = 0.5;
 const SIZE_PX: (usize, usize) = (321, 243);
 
@@ -23,7 +24,7 @@ const STRAIGHT: &str = "pinhole = { f_px = [270, 270], center_px = [160.5, 119],
 const FISHEYE: &str =
     "equidistant = { f_px_per_rad = 120, center_px = [158, 121], field_of_view_deg = 185 }";
 
-/// A camera of this model, 3 m above the floor, that looks down at an angle, and its image.
+/// Returns a camera of the given model, 3 m above the floor and looking down at an angle, and its image.
 fn seen(model: &str) -> (View, Frame) {
     let text = format!(
         "duration_s = 0.1
@@ -68,7 +69,8 @@ fn frame(format: PixelFormat, (width, height): (usize, usize), bytes: Vec<u8>) -
     Frame::new(format, YuvEncoding::default(), width, height, bytes, 0.0).unwrap()
 }
 
-/// Where the brightness passes the middle between the two greys, in pixels; there is one such place.
+/// Returns the position in pixels where the brightness crosses the mean of the two greys; there is exactly
+/// one.
 #[track_caller]
 fn edge(grey: &[f64]) -> f64 {
     let middle = f64::midpoint(110.0, 140.0);
@@ -78,13 +80,14 @@ fn edge(grey: &[f64]) -> f64 {
     found[0] as f64 + (middle - grey[found[0]]) / (grey[found[0] + 1] - grey[found[0]])
 }
 
-/// Every edge between squares is where it is on the floor, all along, to a part of a pixel.
+/// Asserts that every edge between squares lies at its position on the floor, along its whole length, with
+/// subpixel accuracy.
 #[track_caller]
 fn assert_checker(rectifier: &Rectifier, rgb: &[u8], [low, high]: Area, step_m: f64) {
     let (width, height) = rectifier.size_px();
-    assert!(rgb.iter().all(|&v| v > 0), "the whole area is in view");
+    assert!(rgb.iter().all(|&v| v > 0), "the whole area must be in view");
     let red = |x: usize, y: usize| f64::from(rgb[3 * (y * width + x)]);
-    // Places where lines across the map are, and how its pixels along them are read.
+    // The positions of lines across the map, and how to read its pixels along them.
     let across_x = |m: f64| (m - low[0]) / step_m - 0.5;
     let across_y = |m: f64| (high[1] - m) / step_m - 0.5;
     let column = |x: f64, y: usize| red(x as usize, y);
@@ -104,7 +107,7 @@ fn assert_checker(rectifier: &Rectifier, rgb: &[u8], [low, high]: Area, step_m: 
             edges += 1;
         }
     };
-    // Not near the corners of squares.
+    // Clear of the corners of squares.
     let clear = |m: f64| ((m / SQUARE_M).rem_euclid(1.0) - 0.5).abs() < 0.3;
     for line in -1..=1 {
         let line_m = f64::from(line) * SQUARE_M;
@@ -126,11 +129,11 @@ fn assert_checker(rectifier: &Rectifier, rgb: &[u8], [low, high]: Area, step_m: 
 }
 
 #[test]
-fn a_known_pattern_comes_out_straight_and_to_scale_through_any_camera() {
+fn a_known_pattern_is_straight_and_to_scale_with_any_camera() {
     let area: Area = [[-0.8, -0.8], [0.8, 0.81]];
     for model in [PINHOLE, FISHEYE] {
         let (view, frame) = seen(model);
-        let step_m = step_for_m(&view, area).unwrap();
+        let step_m = default_step_m(&view, area).unwrap();
         let rectifier = Rectifier::new(&view, area, step_m).unwrap();
         assert_checker(
             &rectifier,
@@ -142,7 +145,7 @@ fn a_known_pattern_comes_out_straight_and_to_scale_through_any_camera() {
 }
 
 #[test]
-fn four_points_do_as_well_as_the_whole_calibration() {
+fn four_points_are_as_accurate_as_a_full_calibration() {
     let (view, frame) = seen(STRAIGHT);
     let area = [[-0.8, -0.8], [0.8, 0.8]];
     let pair = |[x, y]: [f64; 2]| {
@@ -170,9 +173,10 @@ fn four_points_do_as_well_as_the_whole_calibration() {
     assert!(most <= Some(1), "{most:?}");
 }
 
-/// What lies above the plane is drawn where its ray meets the plane, and the map's own camera knows that.
+/// A point above the plane appears on the map where its ray meets the plane, and the map's camera accounts
+/// for that.
 #[test]
-fn the_camera_of_the_map_sees_heights_as_the_first_camera_does() {
+fn the_camera_of_the_map_projects_heights_correctly() {
     for model in [PINHOLE, FISHEYE] {
         let (view, _) = seen(model);
         let rectifier = Rectifier::new(&view, [[-2.0, -1.0], [2.0, 3.0]], 0.01).unwrap();
@@ -193,14 +197,15 @@ fn the_camera_of_the_map_sees_heights_as_the_first_camera_does() {
     }
 }
 
-/// A camera straight above whose image is a map already, with this mask: pixels of a centimetre, the first one's middle at the origin.
+/// Returns a camera straight above with the given mask, whose image is already a map: pixels of one
+/// centimetre, the centre of the first at the origin.
 fn above(size_px: (usize, usize), mask: Option<Mask>) -> View {
     let matrix = Matrix3::new(100.0, 0.0, 0.0, 0.0, -100.0, 0.0, 0.0, 0.0, 1.0);
     let plane = Plane::new(&Homography::new(matrix).unwrap(), None).unwrap();
     View::new(Camera::Plane(plane), Pose::identity(), size_px, mask).unwrap()
 }
 
-/// The area of the same map, with so many pixels more on each side.
+/// Returns the area of the same map, extended by `more` pixels on each side.
 fn same_area((width, height): (usize, usize), more: f64) -> Area {
     let (w, h) = (width as f64, height as f64);
     [
@@ -210,7 +215,7 @@ fn same_area((width, height): (usize, usize), more: f64) -> Area {
 }
 
 #[test]
-fn what_is_a_map_already_stays_as_it_is_in_every_pixel_format() {
+fn maps_stay_unchanged_in_every_pixel_format() {
     let formats = [
         PixelFormat::Rgb8,
         PixelFormat::Yuyv,
@@ -236,7 +241,7 @@ fn what_is_a_map_already_stays_as_it_is_in_every_pixel_format() {
 }
 
 #[test]
-fn between_pixels_the_frame_s_own_components_are_interpolated() {
+fn native_components_are_interpolated_between_pixels() {
     let view = above((2, 2), None);
     let rectifier = Rectifier::new(&view, [[0.0, -0.01], [0.01, 0.0]], 0.01).unwrap();
     let bytes = [[0, 10, 200], [100, 30, 0], [40, 20, 100], [60, 0, 0]].concat();
@@ -247,7 +252,7 @@ fn between_pixels_the_frame_s_own_components_are_interpolated() {
 }
 
 #[test]
-fn what_does_not_count_is_black() {
+fn unusable_pixels_are_black() {
     let size_px = (9, 7);
     let white = frame(PixelFormat::Rgb8, size_px, vec![255; 3 * 63]);
     let open: Vec<u8> = (0..63).map(|i| if i % 9 == 4 { 0 } else { 255 }).collect();
@@ -282,11 +287,11 @@ fn an_area_is_found_with_and_without_the_horizon_in_view() {
     // Straight down on 4 m x 3 m, to a pixel.
     let model: Camera = above((400, 300), None).camera().clone();
     let view = View::new(model, Pose::identity(), (400, 300), None).unwrap();
-    assert_eq!(area_seen_m(&view).unwrap(), [[-0.01, -3.0], [4.0, 0.01]]);
-    assert!((step_for_m(&view, [[1.0, -2.0], [2.0, -1.0]]).unwrap() - 0.01).abs() < 1e-12);
+    assert_eq!(visible_area_m(&view).unwrap(), [[-0.01, -3.0], [4.0, 0.01]]);
+    assert!((default_step_m(&view, [[1.0, -2.0], [2.0, -1.0]]).unwrap() - 0.01).abs() < 1e-12);
     for model in [PINHOLE, FISHEYE] {
         let camera = seen(model).0.camera().clone();
-        // Nearly level, the horizon in view; the camera's foot is not.
+        // Nearly level, with the horizon in view but not the point below the camera.
         let pose = looking_at(
             Vector3::new(0.0, 0.0, 1.5),
             Vector3::new(0.0, 10.0, 0.9),
@@ -294,36 +299,36 @@ fn an_area_is_found_with_and_without_the_horizon_in_view() {
         )
         .unwrap();
         let view = View::new(camera, pose, SIZE_PX, None).unwrap();
-        let area = area_seen_m(&view).unwrap();
+        let area = visible_area_m(&view).unwrap();
         assert!(area[1][1] > 3.0 && area[1][1] < 25.0, "{area:?}");
         assert!(area[0][0] < -2.0 && area[1][0] > 2.0, "{area:?}");
-        let step_m = step_for_m(&view, area).unwrap();
+        let step_m = default_step_m(&view, area).unwrap();
         let (width, height) = Rectifier::new(&view, area, step_m).unwrap().size_px();
         assert!(width.max(height) < 3000, "{width} x {height}");
     }
 }
 
 #[test]
-fn what_makes_no_map_is_refused() {
+fn invalid_maps_are_rejected() {
     let view = above((40, 30), None);
     let refused = |view: &View, area: Area, step_m: f64, wanted: &str| {
         let error = Rectifier::new(view, area, step_m).unwrap_err().to_string();
         assert!(error.contains(wanted), "{error}");
     };
     let area = same_area((40, 30), 0.0);
-    refused(&view, [area[1], area[0]], 0.01, "the smaller x and y");
+    refused(&view, [area[1], area[0]], 0.01, "the minimum x and y");
     refused(
         &view,
         [[f64::NAN, 0.0], [1.0, 1.0]],
         0.01,
-        "the smaller x and y",
+        "the minimum x and y",
     );
-    refused(&view, [[0.0, 0.0], [1e9, 1.0]], 0.01, "the smaller x and y");
+    refused(&view, [[0.0, 0.0], [1e9, 1.0]], 0.01, "the minimum x and y");
     for step_m in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         refused(&view, area, step_m, "positive number of metres");
     }
-    refused(&view, area, 1e-5, "1 to 16384 a side");
-    refused(&view, area, 5.0, "1 to 16384 a side");
+    refused(&view, area, 1e-5, "1 to 16384 per side");
+    refused(&view, area, 5.0, "1 to 16384 per side");
     refused(
         &view,
         [[7.0, 7.0], [8.0, 8.0]],
@@ -337,7 +342,7 @@ fn what_makes_no_map_is_refused() {
         None,
     )
     .unwrap();
-    refused(&image, area, 0.01, "without any metres");
+    refused(&image, area, 0.01, "no metric scale");
     let camera = seen(PINHOLE).0.camera().clone();
     let below = looking_at(
         Vector3::new(0.0, 0.0, -2.0),
@@ -354,7 +359,7 @@ fn what_makes_no_map_is_refused() {
     )
     .unwrap();
     let up = View::new(camera, up, SIZE_PX, None).unwrap();
-    let error = area_seen_m(&up).unwrap_err().to_string();
+    let error = visible_area_m(&up).unwrap_err().to_string();
     assert!(error.contains("nothing of the plane"), "{error}");
     let rectifier = Rectifier::new(&view, area, 0.01).unwrap();
     let other = frame(PixelFormat::Rgb8, (30, 40), vec![0; 3600]);

@@ -13,7 +13,7 @@ use super::model::ModelOptions;
 use super::report::Report;
 use super::{output, rig};
 use crate::board::Board;
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Largest relative deviation of a measured distance.
 const DISTANCE_TOLERANCE: f64 = 0.05;
@@ -98,7 +98,7 @@ fn check_distance(
     measured_m: f64,
 ) -> Result<()> {
     let view = calibration.views.iter().find(|view| view.name == image).ok_or_else(|| {
-        fault!("--distance {image}: the board was found in no image of this name; give the name of a file in which it was found")
+        user_error!("--distance {image}: the board was found in no image of this name; give the name of a file in which it was found")
     })?;
     let fitted_m = view.camera_from_target.translation.vector.norm();
     let ratio = measured_m / fitted_m;
@@ -106,7 +106,7 @@ fn check_distance(
         return Ok(());
     }
     let (what, side_m) = side(board);
-    Err(fault!(
+    Err(user_error!(
         "--distance {image}: measured {measured_m} m, but the calibration gives {fitted_m:.3} m: the ratio {ratio:.3} is more than 5 % from 1; \
          a {what} of {:.5} m instead of {side_m} m would match: measure the board, and correct --board or the distance",
         side_m * ratio

@@ -7,7 +7,7 @@ use anyhow::Result;
 
 use super::images::SearchedImage;
 use crate::board::Board;
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Plausible side lengths of a board's squares and tags, in metres.
 const USUAL_SIDES_M: RangeInclusive<f64> = 0.002..=0.5;
@@ -21,7 +21,7 @@ pub(super) fn check_found(source: &Path, images: &[SearchedImage]) -> Result<()>
         let reason = image.found.as_ref().err()?;
         Some(format!("\n  {}: {reason}", image.name))
     });
-    Err(fault!(
+    Err(user_error!(
         "{}: the board was found in none of the images; check whether --board describes it correctly{}",
         source.display(),
         reasons.collect::<String>()

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::model::Model;
 use super::trial::Trial;
 use crate::draw::calibration::Sighting;
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Ratio within which errors count as equal. Among equal models, the one with fewer parameters extrapolates
 /// better to regions without points.
@@ -99,7 +99,7 @@ impl Fits {
                 .iter()
                 .map(|(name, reason)| format!("{}: {name}: {reason}", source.display()))
                 .collect();
-            return Err(fault!("{}", reasons.join("\n")));
+            return Err(user_error!("{}", reasons.join("\n")));
         }
         Ok(fits)
     }

@@ -9,8 +9,8 @@ use pardalis_calibrate::{CalibrationView, Correspondence};
 use rayon::prelude::*;
 
 use crate::board::{Board, Corner, detect};
-use crate::fault::fault;
 use crate::source::decode::decode_mask;
+use crate::user_error::user_error;
 
 use super::observations::Observations;
 
@@ -40,7 +40,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
         path
     };
     let unreadable = |error| {
-        fault!(
+        user_error!(
             "{}: cannot be read ({error}); give a folder of images",
             folder.display()
         )
@@ -58,7 +58,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
     }
     files.sort();
     if files.is_empty() {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: no images there; allowed: files ending in .jpg, .jpeg or .png",
             path.display()
         ));
@@ -105,7 +105,7 @@ pub(super) fn search(
     let first = searched.first().map_or((0, 0), |searched| searched.1);
     for (file, (_, size_px)) in files.iter().zip(&searched) {
         if *size_px != first {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: has {} x {} pixels, but {} has {} x {}; all images of a camera must have the same size",
                 file.display(),
                 size_px.0,

@@ -6,8 +6,8 @@ use anyhow::Result;
 use pardalis_calibrate::{CalibrationStart, ModelKind, OUTLIER_SIGMAS};
 use pardalis_camera::CalibratedCamera;
 
-use crate::fault::fault;
 use crate::scene::read_calibration;
+use crate::user_error::user_error;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct ModelOptions {
@@ -63,7 +63,7 @@ impl ModelOptions {
         for name in &self.model {
             let named = match &**name {
                 "all" if self.model.len() > 1 => {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "--model {}: all includes every model; give either all or names",
                         self.model.join(",")
                     ));
@@ -92,7 +92,7 @@ impl ModelOptions {
 
 fn unknown_model(name: &str) -> anyhow::Error {
     let known: Vec<&str> = ModelKind::ALL.iter().map(|kind| kind.name()).collect();
-    fault!(
+    user_error!(
         "--model {name}: unknown model; allowed: {}, or all",
         known.join(", ")
     )
@@ -108,7 +108,7 @@ pub(super) fn read_camera(
     remedy: &str,
 ) -> Result<CalibratedCamera> {
     let cameras = read_calibration(Path::new(""), &path.to_string_lossy(), None)
-        .map_err(|message| fault!("{message}"))?;
+        .map_err(|message| user_error!("{message}"))?;
     let names: Vec<String> = cameras.iter().map(|camera| camera.name.clone()).collect();
     let names = names.join(", ");
     let several = cameras.len() > 1;
@@ -116,12 +116,12 @@ pub(super) fn read_camera(
         .into_iter()
         .find(|camera| name.is_none_or(|name| camera.name == name));
     match (found, name) {
-        (None, name) => Err(fault!(
+        (None, name) => Err(user_error!(
             "{}: has no camera {}; found: {names}",
             path.display(),
             name.unwrap_or("at all")
         )),
-        (Some(_), None) if several => Err(fault!(
+        (Some(_), None) if several => Err(user_error!(
             "{}: has several cameras ({names}); {remedy}",
             path.display()
         )),

@@ -6,8 +6,8 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis_calibrate::{CalibrationView, Correspondence};
 
-use crate::fault::fault;
 use crate::tables::{Row, Table};
+use crate::user_error::user_error;
 
 /// Largest number of faulty rows that are listed.
 const MAX_LISTED: usize = 10;
@@ -71,7 +71,7 @@ pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
     let point = table.columns([&**x, &**y, &**z])?;
     let pixel = table
         .columns([&**u, &**v])
-        .map_err(|error| fault!("{error:#}; name the columns with --columns u=NAME,v=NAME"))?;
+        .map_err(|error| user_error!("{error:#}; name the columns with --columns u=NAME,v=NAME"))?;
     let view = table.optional_column(view);
     let parse = |row: &Row| -> Result<(String, Correspondence)> {
         let name = view
@@ -108,7 +108,7 @@ pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
     if more > 0 {
         faults.push(format!("and {more} more such rows"));
     }
-    Err(fault!("{}", faults.join("\n")))
+    Err(user_error!("{}", faults.join("\n")))
 }
 
 /// Returns a key that is equal for equal points at equal pixels only.
@@ -184,7 +184,7 @@ impl Observations {
             faults.truncate(MAX_LISTED);
             faults.push("...".to_owned());
         }
-        Err(fault!(
+        Err(user_error!(
             "{}: {count} of {} {what}: {}; {remedy}",
             path.display(),
             self.point_count(),

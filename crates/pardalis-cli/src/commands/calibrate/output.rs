@@ -13,9 +13,9 @@ use super::fit::{Fit, free_parameters};
 use super::page;
 use super::report::{Report, outlier_count};
 use super::trial::Trial;
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
+use crate::user_error::user_error;
 
 /// Returns the requested folder, or one in the current directory named after the input and the task, such as
 /// `points-calibration`.
@@ -55,7 +55,7 @@ pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
     write("views.csv".to_owned(), views(report)?)?;
     write("residuals.csv".to_owned(), residuals(report)?)?;
     write("report.html".to_owned(), page::page(report)?)?;
-    say(report);
+    print(report);
     say_written(&written);
     Ok(())
 }
@@ -66,7 +66,10 @@ fn remove_earlier(folder: &Path) -> Result<()> {
         let path = folder.join(format!("camera-{}.toml", kind.name()));
         match fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
-                return Err(fault!("{}: cannot be replaced: {error}", path.display()));
+                return Err(user_error!(
+                    "{}: cannot be replaced: {error}",
+                    path.display()
+                ));
             }
             _ => {}
         }
@@ -77,7 +80,7 @@ fn remove_earlier(folder: &Path) -> Result<()> {
 /// Creates a folder and its parents.
 pub(super) fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|error| {
-        fault!(
+        user_error!(
             "{}: cannot be created ({error}); choose another folder with --output",
             folder.display()
         )
@@ -86,9 +89,9 @@ pub(super) fn make_folder(folder: &Path) -> Result<()> {
 
 /// Prints the names of the written files.
 pub(super) fn say_written(written: &[PathBuf]) {
-    say("\nWritten:");
+    print("\nWritten:");
     for path in written {
-        say(format!("  {}", path.display()));
+        print(format!("  {}", path.display()));
     }
 }
 

@@ -17,12 +17,12 @@ use crate::draw::PALETTE;
 use crate::draw::grid::{Label, drawn_over};
 use crate::draw::overlay::{Mark, Shape};
 use crate::draw::picture::{picture_of, write_picture};
-use crate::fault::fault;
 use crate::files::write_file;
+use crate::output::print;
 use crate::rectangle::{self, Edge, FoundRectangle};
-use crate::say::say;
 use crate::source::{SourceConfig, SourceKind, Timing};
 use crate::tables::Table;
+use crate::user_error::user_error;
 
 /// Finds the plane that an uncalibrated camera sees, from a rectangle that it detects or from points
 ///
@@ -90,7 +90,7 @@ struct Known {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let input = [&arguments.points, &arguments.images];
     let Some(input) = input.into_iter().flatten().next() else {
-        return Err(fault!("give images or --points FILE.csv"));
+        return Err(user_error!("give images or --points FILE.csv"));
     };
     let frames = match &arguments.images {
         Some(images) => read_frames(images, arguments.frames)?,
@@ -101,8 +101,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         None => find_corners(arguments, input, &frames)?,
     };
     let fitted = fit(&known.pairs).map_err(|error| match known.found {
-        Some(_) => fault!("{}: {error}", input.display()),
-        None => fault!(
+        Some(_) => user_error!("{}: {error}", input.display()),
+        None => user_error!(
             "{}: {error} (points are counted from the first row)",
             input.display()
         ),
@@ -123,7 +123,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         written.push(folder.join("corners.png"));
         write_picture(&written[1], &drawn(frame, &known, &fitted))?;
     }
-    say(report(&known, &fitted, center_m)?);
+    print(report(&known, &fitted, center_m)?);
     output::say_written(&written);
     Ok(())
 }
@@ -155,14 +155,14 @@ fn read_frames(images: &Path, count: usize) -> Result<Vec<Frame>> {
 /// Finds the rectangle's corners in the images and assigns their world positions.
 fn find_corners(arguments: &Arguments, input: &Path, frames: &[Frame]) -> Result<Known> {
     let found = rectangle::find(frames, arguments.edge)
-        .map_err(|error| fault!("{}: {error:#}", input.display()))?;
+        .map_err(|error| user_error!("{}: {error:#}", input.display()))?;
     let of_corners = |corners_m: [[f64; 2]; 4]| Rectangle {
         corners_m,
         nearest: arguments.first - 1,
     };
     let rectangle = arguments.corners.map(of_corners);
     let Some(rectangle) = rectangle.or(arguments.size.map(Rectangle::of_size)) else {
-        return Err(fault!(
+        return Err(user_error!(
             "give the rectangle's --size or its --corners in the world"
         ));
     };
@@ -203,7 +203,7 @@ fn center_m(
     }
     let (option, f_px, center_px) = if let Some(focal_px) = arguments.focal {
         let Some((width, height)) = size_px else {
-            return Err(fault!(
+            return Err(user_error!(
                 "--focal {focal_px}: also needs the image size; give images in addition to --points, or --camera FILE"
             ));
         };
@@ -216,7 +216,7 @@ fn center_m(
         if let (Some(file), Some(images)) = (known.size_px, size_px)
             && file != images
         {
-            return Err(fault!(
+            return Err(user_error!(
                 "{option}: is for images of {} x {} pixels, but these have {} x {}; give the calibration of these images",
                 file.0,
                 file.1,
@@ -232,7 +232,7 @@ fn center_m(
                 (option, [*fx, *fy], [*cx, *cy])
             }
             _ => {
-                return Err(fault!(
+                return Err(user_error!(
                     "{option}: is a {} that bends straight lines, and a plane alone knows no lens; allowed: pinhole without distortion; \
                      with this lens, pardalis calibrate pose finds the pose from points of the plane",
                     known.camera.kind()
@@ -243,7 +243,9 @@ fn center_m(
         return Ok(None);
     };
     let center_m = camera_center_m(&fitted.homography, f_px, center_px);
-    Ok(Some(center_m.map_err(|error| fault!("{option}: {error}"))?))
+    Ok(Some(
+        center_m.map_err(|error| user_error!("{option}: {error}"))?,
+    ))
 }
 
 /// Draws the points in order over an image: connected if they form a rectangle, outliers in another colour.

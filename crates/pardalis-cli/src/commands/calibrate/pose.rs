@@ -13,7 +13,7 @@ use super::report::Report;
 use crate::arguments::parse_size;
 use crate::commands::camera::optics::Optics;
 use crate::draw::calibration::{GRID_CELLS, cell_counts};
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Computes the pose of a calibrated camera from known points
 #[derive(Debug, clap::Args)]
@@ -48,7 +48,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         "choose one with --camera-name NAME",
     )?;
     let size_px = known.size_px.or(arguments.size).ok_or_else(|| {
-        fault!(
+        user_error!(
             "{}: does not state the size of the images; give it with --size WIDTHxHEIGHT",
             arguments.camera.display()
         )
@@ -56,7 +56,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let columns = arguments.columns.clone().unwrap_or_default();
     let observations = observations::read(&arguments.points, &columns)?;
     let [view] = observations.views.as_slice() else {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: has {} views, but a pose needs exactly one; keep the rows of one view",
             arguments.points.display(),
             observations.views.len()
@@ -69,7 +69,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         &view.correspondences,
         OUTLIER_SIGMAS,
     )
-    .map_err(|refusal| fault!("{}: {refusal}", arguments.points.display()))?;
+    .map_err(|refusal| user_error!("{}: {refusal}", arguments.points.display()))?;
     let held = |(name, value)| FittedParameter {
         name,
         value,

@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use crate::board::Board;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
 
 /// Writes a calibration board in true size as an SVG document
 ///
@@ -30,6 +30,6 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let board = Board::from_argument(&arguments.board)?;
     write_file(&arguments.output, board.svg().as_bytes())?;
-    say(format!("{}", arguments.output.display()));
+    print(format!("{}", arguments.output.display()));
     Ok(())
 }

@@ -13,9 +13,9 @@ use super::report::Report;
 use super::rig_report::RigReport;
 use super::{images, output};
 use crate::board::Board;
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
+use crate::user_error::user_error;
 
 /// Calibrates each camera on its own into a folder of its name, then all together into `rig.toml`.
 pub(super) fn run(
@@ -25,7 +25,7 @@ pub(super) fn run(
     folder: &Path,
 ) -> Result<()> {
     if !board.has_unique_origin() {
-        return Err(fault!(
+        return Err(user_error!(
             "--board: this checkerboard is symmetric under rotation by 180 degrees, so that its first corner is ambiguous; \
              use one whose columns and rows of inner corners add up to an odd number, a ChArUco board or an AprilGrid"
         ));
@@ -66,10 +66,10 @@ pub(super) fn run(
         .collect();
     // Writes nothing if the cameras disagree.
     let calibration =
-        calibrate_rig(&rig, model.outliers).map_err(|refusal| fault!("--rig: {refusal}"))?;
+        calibrate_rig(&rig, model.outliers).map_err(|refusal| user_error!("--rig: {refusal}"))?;
     for report in &reports {
         output::write(&folder.join(report.camera), report)?;
-        say("");
+        print("");
     }
     let report = RigReport {
         calibration: &calibration,
@@ -81,7 +81,7 @@ pub(super) fn run(
         calibration::write_toml(&calibration.cameras).as_bytes(),
     )?;
     write_file(&page, report.page()?.as_bytes())?;
-    say(&report);
+    print(&report);
     output::say_written(&[path, page]);
     Ok(())
 }
@@ -92,18 +92,18 @@ fn check_cameras(cameras: &[(&str, Vec<PathBuf>)]) -> Result<()> {
         return Ok(());
     };
     if others.is_empty() {
-        return Err(fault!(
+        return Err(user_error!(
             "--rig: {first} is the only camera; give --rig NAME=FOLDER for each camera"
         ));
     }
     for (place, (name, images)) in cameras.iter().enumerate() {
         if cameras[..place].iter().any(|(before, _)| before == name) {
-            return Err(fault!(
+            return Err(user_error!(
                 "--rig {name}: the name occurs twice; give each camera its own name"
             ));
         }
         if images.len() != files.len() {
-            return Err(fault!(
+            return Err(user_error!(
                 "--rig {name}: has {} images, but {first} has {}; sorted by name, the images of all cameras must correspond one to one",
                 images.len(),
                 files.len()

@@ -1,4 +1,4 @@
-//! `pardalis camera convert`: a calibration in another program's format.
+//! `pardalis camera convert`: writes a calibration in another program's format.
 
 use std::path::PathBuf;
 
@@ -8,14 +8,14 @@ use pardalis_camera::Camera;
 use pardalis_scene::calibration::{self, CalibrationFormat};
 
 use super::load::Selection;
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
+use crate::user_error::user_error;
 
-/// Writes cameras in another format
+/// Converts cameras to another format
 ///
-/// Parameters keep every digit, and a model that the format cannot hold is refused. What else of a camera the format has no place for
-/// (its pose, where its field of view ends, its name, the size of its images) is left out and listed.
+/// Parameters keep every digit, and a model that the format does not support is rejected. Other properties
+/// without a place in the format (pose, limit of the field of view, name, image size) are omitted and listed.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis camera convert calib.yml --to kalibr -o camchain.yaml
@@ -54,32 +54,32 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
         && from == to
     {
-        return Err(fault!(
-            "-o {}: is the file that is read; give another, so that nothing of it is lost",
+        return Err(user_error!(
+            "-o {}: is the input file; choose another, so that none of its data is lost",
             output.display()
         ));
     }
-    let refuse = |error| fault!("{}: {error}", input.display());
+    let refuse = |error| user_error!("{}: {error}", input.display());
     let text = calibration::write(arguments.to, &cameras).map_err(refuse)?;
-    // What comes back from the text is what it holds.
+    // Reading the text back shows what it preserves.
     let held = calibration::read(&text, None).map_err(refuse)?;
     write_file(output, text.as_bytes())?;
     for (camera, held) in cameras.iter().zip(&held) {
-        say(format!("{}: {}", camera.name, camera.camera.kind()));
+        print(format!("{}: {}", camera.name, camera.camera.kind()));
         let lost = lost(camera, held);
         if !lost.is_empty() {
-            say(format!(
-                "  not written, as {} has no place for it: {}",
+            print(format!(
+                "  not written, because {} does not support it: {}",
                 arguments.to.name(),
                 lost.join(", ")
             ));
         }
     }
-    say(format!("  {}", output.display()));
+    print(format!("  {}", output.display()));
     Ok(())
 }
 
-/// What one camera has and the other, read from what was written, has not.
+/// Returns the properties of a camera that were lost in `held`, which was read back from the output.
 fn lost(camera: &CalibratedCamera, held: &CalibratedCamera) -> Vec<&'static str> {
     let same_pose = match (&camera.world_from_camera, &held.world_from_camera) {
         (Some(a), Some(b)) => (a.to_homogeneous() - b.to_homogeneous()).amax() < 1e-9,
@@ -95,7 +95,7 @@ fn lost(camera: &CalibratedCamera, held: &CalibratedCamera) -> Vec<&'static str>
         ("field of view", same_end),
         ("name", camera.name == held.name),
         (
-            "size of the images",
+            "image size",
             camera.size_px.is_none() || camera.size_px == held.size_px,
         ),
     ];
@@ -105,7 +105,7 @@ fn lost(camera: &CalibratedCamera, held: &CalibratedCamera) -> Vec<&'static str>
         .collect()
 }
 
-/// Where a model ends that is cut off at will: an angle in radians, or a radius in pixels.
+/// Returns the limit of a model that is cut off explicitly: an angle in radians, or a radius in pixels.
 fn lens_end(camera: &Camera) -> Option<f64> {
     match camera {
         Camera::Equidistant(model) => Some(model.max_angle_rad()),

@@ -1,4 +1,4 @@
-//! An absolute grid of the world, drawn over a camera's image.
+//! Draws a grid of the world over a camera's image.
 
 use std::path::{Path, PathBuf};
 
@@ -12,19 +12,19 @@ use crate::draw::Rgb;
 use crate::draw::grid::{Label, drawn_over};
 use crate::draw::overlay::{Mark, Shape};
 use crate::draw::picture::write_picture;
-use crate::fault::fault;
 use crate::source::decode::decode_image;
+use crate::user_error::user_error;
 
-/// Steps of a line between two others: bent lenses bend it.
-const STEPS_A_CELL: usize = 40;
+/// Steps of a line between two grid lines, because lenses bend straight lines.
+const STEPS_PER_CELL: usize = 40;
 
-/// Lines in one direction at most: more would cover the image.
+/// Maximum number of lines in one direction; more would cover the image.
 const MAX_LINES: f64 = 400.0;
 
-/// Lines on each side of the origin where no extent is given.
+/// Lines on each side of the origin if no extent is given.
 const DEFAULT_LINES: f64 = 10.0;
 
-/// One colour a plane; legible on dark and on bright floors.
+/// One colour per plane, legible on dark and on bright floors.
 const PLANE_COLORS: [Rgb; 4] = [
     [255, 225, 60],
     [90, 220, 255],
@@ -32,16 +32,16 @@ const PLANE_COLORS: [Rgb; 4] = [
     [140, 255, 140],
 ];
 
-/// Of the axes x, y and z.
+/// Colours of the x, y and z axes.
 const AXIS_COLORS: [Rgb; 3] = [[255, 40, 40], [30, 200, 30], [60, 90, 255]];
 
-/// What is drawn over which image.
+/// Options of the grid.
 #[derive(Debug, clap::Args)]
 pub(super) struct GridOptions {
-    /// Draws a grid of the world, in metres, over this image of the camera; needs the camera's pose
+    /// Draws a grid of the world, in metres, over this image of the camera; requires the camera's pose
     #[arg(long, value_name = "IMAGE", requires = "output")]
     pub(super) grid: Option<PathBuf>,
-    /// Distance of the grid's lines in metres
+    /// Distance between the grid's lines in metres
     #[arg(long, value_name = "METRES", default_value_t = 0.5, requires = "grid")]
     spacing: f64,
     /// The grid's range in metres [default: ten lines on each side of the origin]
@@ -68,7 +68,7 @@ pub(super) struct GridOptions {
     heights: Vec<f64>,
 }
 
-/// What is drawn, in metres of the world.
+/// The grid to draw, in world coordinates in metres.
 struct Grid<'a> {
     camera: &'a Camera,
     world_from_camera: &'a Pose,
@@ -78,13 +78,13 @@ struct Grid<'a> {
     heights_m: &'a [f64],
 }
 
-/// A line of points of the world, and where they are in the image.
+/// Points of a line in the world, and their pixels.
 type Line = Vec<([f64; 3], Option<[f64; 2]>)>;
 
 impl GridOptions {
-    /// Draws the grid over an image that was read by [`read_image`], as a file.
+    /// Draws the grid over an image read by [`read_image`], and writes it to a file.
     ///
-    /// Faults: the camera has no pose, the numbers make no grid, or none of it is in view.
+    /// Errors: the camera has no pose, the numbers do not form a grid, or none of it is in view.
     pub(super) fn draw(
         &self,
         file: &Path,
@@ -93,9 +93,9 @@ impl GridOptions {
         to: &Path,
     ) -> Result<()> {
         let Some(world_from_camera) = &camera.world_from_camera else {
-            return Err(fault!(
-                "{}: camera {} has no pose, so that nothing says where the world's grid lies; find it with \
-                 `pardalis calibrate pose`, or write world_from_camera into a Pardalis calibration (`pardalis camera convert --to pardalis` makes one)",
+            return Err(user_error!(
+                "{}: camera {} has no pose, which the grid of the world requires; compute it with \
+                 `pardalis calibrate pose`, or add world_from_camera to a Pardalis calibration (see `pardalis camera convert --to pardalis`)",
                 file.display(),
                 camera.name
             ));
@@ -114,32 +114,34 @@ impl GridOptions {
             (-0.5..width - 0.5).contains(&u) && (-0.5..height - 0.5).contains(&v)
         };
         let (marks, labels) = grid.marks(&in_image);
-        // The axes at the end are no reason to think that the grid is in view.
+        // The axes, which come last, do not count as the grid being in view.
         let lines = &marks[..marks.len() - AXIS_COLORS.len()];
         let seen = lines.iter().flat_map(|mark| &mark.points_px).flatten();
         if !seen.copied().any(in_image) {
-            return Err(fault!(
-                "--extent: no line of the grid is in the view of camera {}; give the range of x and y that it sees, such as --extent 2,6,-2,2",
+            return Err(user_error!(
+                "--extent: no line of the grid is in view of camera {}; give the range of x and y that it sees, such as --extent 2,6,-2,2",
                 camera.name
             ));
         }
         write_picture(to, &drawn_over(image, marks, &labels))
     }
 
-    /// The ranges of x and y in metres, checked.
+    /// Returns the ranges of x and y in metres, checked.
     fn ranges_m(&self) -> Result<([f64; 2], [f64; 2])> {
         let spacing_m = self.spacing;
         if !(1e-3..=1e4).contains(&spacing_m) {
-            return Err(fault!(
+            return Err(user_error!(
                 "--spacing {spacing_m}: allowed: 0.001 to 10000 metres"
             ));
         }
         if let Some(z) = self.heights.iter().find(|z| !(z.abs() <= 1e5)) {
-            return Err(fault!("--heights {z}: allowed: -100000 to 100000 metres"));
+            return Err(user_error!(
+                "--heights {z}: allowed: -100000 to 100000 metres"
+            ));
         }
         if self.heights.len() > PLANE_COLORS.len() {
-            return Err(fault!(
-                "--heights: {} planes; allowed: at most {}, or they could not be told apart",
+            return Err(user_error!(
+                "--heights: {} planes; allowed: at most {}, the number of distinct colours",
                 self.heights.len(),
                 PLANE_COLORS.len()
             ));
@@ -149,7 +151,7 @@ impl GridOptions {
             [] => [-reach_m, reach_m, -reach_m, reach_m],
             [x0, x1, y0, y1] => [x0, x1, y0, y1],
             _ => {
-                return Err(fault!(
+                return Err(user_error!(
                     "--extent: {} numbers; allowed: four, x0,x1,y0,y1",
                     self.extent.len()
                 ));
@@ -158,7 +160,7 @@ impl GridOptions {
         for (low, high) in [(x0, x1), (y0, y1)] {
             let lines = (high - low) / spacing_m;
             if !(low.abs() <= 1e5 && high.abs() <= 1e5 && (1.0..=MAX_LINES).contains(&lines)) {
-                return Err(fault!(
+                return Err(user_error!(
                     "--extent: {low} to {high} at a spacing of {spacing_m}; allowed: ascending, 1 to {MAX_LINES} spacings wide, within 100 km"
                 ));
             }
@@ -167,12 +169,12 @@ impl GridOptions {
     }
 }
 
-/// Reads an image and checks that it is of the camera's size.
+/// Reads an image and checks that it has the camera's size.
 pub(super) fn read_image(path: &Path, camera: &CalibratedCamera) -> Result<RgbImage> {
     let decoded = decode_image(path)?;
     let size = decoded.size_px();
     if let Some((width, height)) = camera.size_px.filter(|stated| *stated != size) {
-        return Err(fault!(
+        return Err(user_error!(
             "--grid {}: the image is {} x {} pixels, but camera {} is calibrated for {width} x {height}; give an image of that size",
             path.display(),
             size.0,
@@ -191,16 +193,17 @@ impl Grid<'_> {
         self.camera.project(in_camera.coords.into())
     }
 
-    /// The multiples of the spacing in a range.
+    /// Returns the multiples of the spacing in a range.
     fn values_m(&self, [low, high]: [f64; 2]) -> Vec<f64> {
-        // A range that ends on a line has it, rounding or not.
+        // The tolerance includes a line at the end of the range in spite of rounding.
         let slack = 1e-9;
         let first = (low / self.spacing_m - slack).ceil() as i64;
         let last = (high / self.spacing_m + slack).floor() as i64;
         (first..=last).map(|i| i as f64 * self.spacing_m).collect()
     }
 
-    /// Two cells; upwards not far on the way to the camera, near which a line is anywhere in the image.
+    /// Returns the length of an axis: two cells, but upwards at most a quarter of the camera's height, because
+    /// lines that come close to the camera project anywhere.
     fn axis_length_m(&self, axis: usize) -> f64 {
         let length_m = 2.0 * self.spacing_m;
         let camera_height_m = self.world_from_camera.translation.vector.z.abs();
@@ -214,7 +217,7 @@ impl Grid<'_> {
     fn line(&self, from: [f64; 3], to: [f64; 3]) -> Line {
         let length_m = [0, 1, 2].map(|i| (to[i] - from[i]).abs());
         let cells = length_m.iter().fold(0.0_f64, |a, b| a.max(*b)) / self.spacing_m;
-        let count = (cells * STEPS_A_CELL as f64).ceil().max(1.0) as usize;
+        let count = (cells * STEPS_PER_CELL as f64).ceil().max(1.0) as usize;
         let point = |i: usize| {
             let share = i as f64 / count as f64;
             [0, 1, 2].map(|axis| from[axis] + share * (to[axis] - from[axis]))
@@ -224,7 +227,7 @@ impl Grid<'_> {
             .collect()
     }
 
-    /// All lines and labels; the labels that matter most come first.
+    /// Returns all lines and labels; the most important labels come first.
     fn marks(&self, in_image: &impl Fn([f64; 2]) -> bool) -> (Vec<Mark>, Vec<Label>) {
         let (mut marks, mut labels, mut line_labels) = (Vec::new(), Vec::new(), Vec::new());
         let ([x0, x1], [y0, y1]) = (self.x_m, self.y_m);
@@ -268,7 +271,7 @@ impl Grid<'_> {
             }
             marks.push(mark(line, color));
         }
-        // Near values stay where far ones crowd.
+        // When labels crowd, near values take precedence over far ones.
         line_labels.sort_by(|a, b| a.0.total_cmp(&b.0));
         labels.extend(line_labels.into_iter().map(|(_, label)| label));
         (marks, labels)
@@ -283,7 +286,7 @@ fn mark(line: Line, color: Rgb) -> Mark {
     }
 }
 
-/// Where the visible point of a line is that comes first by a measure.
+/// Finds the pixel of the visible point of a line with the smallest measure.
 fn nearest(
     line: &Line,
     in_image: &impl Fn([f64; 2]) -> bool,
@@ -295,9 +298,9 @@ fn nearest(
         .map(|(_, pixel)| pixel)
 }
 
-/// A coordinate in metres without needless digits.
+/// Formats a coordinate in metres without trailing zeros.
 fn tidy(value_m: f64) -> String {
     let rounded = (value_m * 1e4).round() / 1e4;
-    // No -0.
+    // Avoids -0.
     format!("{}", rounded + 0.0)
 }

@@ -1,4 +1,4 @@
-//! The cameras of a file of any format.
+//! Loads the cameras of a file in any format.
 
 use std::path::{Path, PathBuf};
 
@@ -9,38 +9,38 @@ use pardalis_camera::formats::Lens;
 use pardalis_scene::calibration;
 
 use crate::arguments::parse_size;
-use crate::fault::fault;
 use crate::scene::{self, read_text};
+use crate::user_error::user_error;
 
-/// Which cameras of which file are meant.
+/// A selection of cameras in a file.
 #[derive(Debug, clap::Args)]
 pub(super) struct Selection {
-    /// The calibration, of any format, or a scene
+    /// The calibration, in any format, or a scene
     #[arg(value_name = "FILE")]
     pub(super) file: PathBuf,
-    /// Of a file of several cameras this one only
+    /// Selects one camera of a file with several
     #[arg(long, visible_alias = "camera-name", value_name = "NAME")]
     camera: Option<String>,
-    /// What the file's coefficients mean where it does not say so itself
+    /// The lens model of the file's coefficients, if the file does not state it
     #[arg(long = "as", value_name = "LENS", value_parser = lens())]
     lens: Option<Lens>,
-    /// Size of the images in pixels, where the file does not say it
+    /// Size of the images in pixels, if the file does not state it
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<(usize, usize)>,
 }
 
-/// Parses the word for a lens; help lists the words.
+/// Parses the name of a lens; the help lists the names.
 pub(crate) fn lens() -> impl TypedValueParser<Value = Lens> {
     PossibleValuesParser::new(Lens::ALL.map(Lens::name)).try_map(|word| {
         let found = Lens::ALL.into_iter().find(|lens| lens.name() == word);
-        found.ok_or("is none of the possible values")
+        found.ok_or("is not one of the possible values")
     })
 }
 
 impl Selection {
-    /// The cameras that are meant, at least one.
+    /// Returns the selected cameras, at least one.
     ///
-    /// Faults: the file cannot be read or understood, has no camera of that name, or says another size.
+    /// Errors: the file cannot be read or parsed, has no camera of that name, or states another size.
     pub(super) fn cameras(&self) -> Result<Vec<CalibratedCamera>> {
         let mut cameras = cameras_in(&self.file, self.lens)?;
         if let Some(name) = &self.camera {
@@ -48,7 +48,7 @@ impl Selection {
             let allowed = names.join(", ");
             cameras.retain(|camera| camera.name == *name);
             if cameras.is_empty() {
-                return Err(fault!(
+                return Err(user_error!(
                     "--camera {name}: {} has no camera of this name; allowed: {allowed}",
                     self.file.display()
                 ));
@@ -60,11 +60,11 @@ impl Selection {
         Ok(cameras)
     }
 
-    /// Gives a camera the size that was asked for, where its file has none.
+    /// Sets the given size of a camera if its file does not state it.
     fn apply_size(&self, camera: &mut CalibratedCamera) -> Result<()> {
         match (self.size, camera.size_px) {
-            (Some((width, height)), Some(stated)) if stated != (width, height) => Err(fault!(
-                "--size {width}x{height}: {} says that the images of camera {} are {}x{}; leave --size out",
+            (Some((width, height)), Some(stated)) if stated != (width, height) => Err(user_error!(
+                "--size {width}x{height}: according to {}, the images of camera {} are {}x{}; remove --size",
                 self.file.display(),
                 camera.name,
                 stated.0,
@@ -78,17 +78,17 @@ impl Selection {
         }
     }
 
-    /// The one camera that is meant.
+    /// Returns the only selected camera.
     ///
-    /// Faults: as [`Selection::cameras`], and where there are several.
+    /// Errors: those of [`Selection::cameras`], or there are several cameras.
     pub(super) fn only_camera(
         cameras: &[CalibratedCamera],
         purpose: &str,
     ) -> Result<CalibratedCamera> {
         match cameras {
             [camera] => Ok(camera.clone()),
-            _ => Err(fault!(
-                "{purpose} is of one camera; choose one with --camera: {}",
+            _ => Err(user_error!(
+                "{purpose} requires a single camera; select one with --camera: {}",
                 cameras
                     .iter()
                     .map(|camera| &*camera.name)
@@ -101,17 +101,17 @@ impl Selection {
 
 fn cameras_in(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>> {
     let text = read_text(path)?;
-    // Calibrations have no targets; scenes cannot do without.
+    // Calibrations have no targets, whereas scenes require them.
     let is_scene = text
         .lines()
         .any(|line| line.trim_start().starts_with("[targets."));
     if !is_scene {
         return calibration::read(&text, lens)
-            .map_err(|error| fault!("{}: {error}", path.display()));
+            .map_err(|error| user_error!("{}: {error}", path.display()));
     }
     if let Some(lens) = lens {
-        return Err(fault!(
-            "--as {}: {} is a scene, which says itself what its calibrations mean (calibration_lens); leave --as out",
+        return Err(user_error!(
+            "--as {}: {} is a scene, which states the lens models of its calibrations itself (calibration_lens); remove --as",
             lens.name(),
             path.display()
         ));

@@ -1,4 +1,4 @@
-//! `pardalis camera`: looks at cameras and converts their files.
+//! `pardalis camera`: shows cameras and converts their files.
 
 mod convert;
 mod grid;
@@ -11,8 +11,9 @@ use clap::Subcommand;
 
 /// Shows calibrated cameras and converts their files
 ///
-/// Reads Pardalis calibrations and scenes, OpenCV YAML and XML, ROS camera_info, Kalibr camchains, OCamCalib's
-/// calib_results.txt, Basalt JSON and the camera.json of sequence folders; the format is told by the content.
+/// Reads Pardalis calibrations and scenes, OpenCV YAML and XML, ROS camera_info, Kalibr camchains,
+/// OCamCalib's calib_results.txt, Basalt JSON and the camera.json of sequence folders. The format is detected
+/// from the content.
 #[derive(Debug, clap::Args)]
 #[command(arg_required_else_help = true)]
 pub(crate) struct Arguments {

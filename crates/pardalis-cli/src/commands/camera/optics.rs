@@ -1,35 +1,35 @@
-//! What a camera's model means for its images: which angles it sees, and how finely.
+//! Optical properties of a camera: field of view and angular resolution.
 
 use pardalis_camera::Camera;
 
-/// How far away points are drawn from, in metres: far enough for models without a single viewpoint.
+/// Distance of the points that are projected, in metres: far enough for models without a single viewpoint.
 const FAR_M: f64 = 100.0;
 
-/// Halvings that find the last pixel with a ray to a thousandth of a pixel.
-const HALVINGS: usize = 10;
+/// Bisection steps, which find the last pixel with a ray to a thousandth of a pixel.
+const BISECTIONS: usize = 10;
 
 /// Samples of a radius from the centre of the image to its end.
 const RADIUS_SAMPLES: usize = 400;
 
-/// A camera with the size of its images.
+/// A camera and the size of its images.
 pub(crate) struct Optics<'a> {
     camera: &'a Camera,
     size_px: (usize, usize),
     /// The pixel on the optical axis.
     pub(crate) center_px: [f64; 2],
-    /// 1 where the camera looks along its z axis, -1 where a mirror makes it look back.
+    /// 1 if the camera looks along its z axis, -1 if a mirror makes it look backwards.
     facing: f64,
 }
 
-/// One place on the way from the centre of the image outwards.
+/// A sample on the way from the centre of the image outwards.
 pub(super) struct RadiusSample {
     /// Distance from the centre in pixels.
     pub(super) radius_px: f64,
-    /// Angle from the axis.
+    /// Angle from the optical axis.
     pub(super) angle_rad: f64,
-    /// Pixels a radian along the radius.
+    /// Radial resolution in pixels per radian.
     pub(super) radial_px_per_rad: f64,
-    /// Pixels a radian across it.
+    /// Tangential resolution in pixels per radian.
     pub(super) tangential_px_per_rad: f64,
 }
 
@@ -55,7 +55,7 @@ impl<'a> Optics<'a> {
         }
     }
 
-    /// Whether the camera looks along its z axis.
+    /// Reports whether the camera looks along its z axis.
     pub(super) fn looks_ahead(&self) -> bool {
         self.facing > 0.0
     }
@@ -64,13 +64,14 @@ impl<'a> Optics<'a> {
         self.camera.unproject(pixel).map(|ray| ray.direction)
     }
 
-    /// The angle of a pixel's ray from the axis.
+    /// Returns the angle of a pixel's ray from the axis; `None` if it has no ray.
     pub(crate) fn angle_rad(&self, pixel: [f64; 2]) -> Option<f64> {
         let [x, y, z] = self.direction(pixel)?;
         Some(x.hypot(y).atan2(self.facing * z))
     }
 
-    /// The pixel that sees in a direction at an angle from the axis and, about it, from the image's x axis towards y.
+    /// Returns the pixel of the direction at an angle from the axis and an azimuth from the image's x axis
+    /// towards y.
     pub(super) fn pixel_at(&self, angle_rad: f64, azimuth_rad: f64) -> Option<[f64; 2]> {
         let ((sin, cos), (y, x)) = (angle_rad.sin_cos(), azimuth_rad.sin_cos());
         let direction = [sin * x, sin * y, self.facing * cos];
@@ -83,39 +84,39 @@ impl<'a> Optics<'a> {
         (-0.5..=width as f64 - 0.5).contains(&u) && (-0.5..=height as f64 - 0.5).contains(&v)
     }
 
-    /// The image's outermost points: left, top, right, bottom.
+    /// Returns the outermost coordinates of the image: left, top, right, bottom.
     fn edges_px(&self) -> [f64; 4] {
         let (width, height) = self.size_px;
         [-0.5, -0.5, width as f64 - 0.5, height as f64 - 0.5]
     }
 
-    /// Fields of view along the middle row, the middle column and the wider diagonal.
+    /// Computes the fields of view along the middle row, the middle column and the wider diagonal.
     pub(super) fn fields_of_view_rad(&self) -> [f64; 3] {
         let [left, top, right, bottom] = self.edges_px();
         let [u, v] = [0.5 * (left + right), 0.5 * (top + bottom)];
         let diagonals = [
-            self.seen_along_rad([left, top], [right, bottom]),
-            self.seen_along_rad([left, bottom], [right, top]),
+            self.visible_angle_rad([left, top], [right, bottom]),
+            self.visible_angle_rad([left, bottom], [right, top]),
         ];
         [
-            self.seen_along_rad([left, v], [right, v]),
-            self.seen_along_rad([u, top], [u, bottom]),
+            self.visible_angle_rad([left, v], [right, v]),
+            self.visible_angle_rad([u, top], [u, bottom]),
             diagonals[0].max(diagonals[1]),
         ]
     }
 
-    /// The angle over which the view turns along a line of the image, where its pixels have rays.
-    fn seen_along_rad(&self, from: [f64; 2], to: [f64; 2]) -> f64 {
+    /// Computes the angle that the view covers along a line of the image, where its pixels have rays.
+    fn visible_angle_rad(&self, from: [f64; 2], to: [f64; 2]) -> f64 {
         let length_px = (to[0] - from[0]).hypot(to[1] - from[1]);
         let count = length_px.ceil() as usize;
-        let at = |i: usize| mixed(from, to, i as f64 / count as f64);
+        let at = |i: usize| interpolated(from, to, i as f64 / count as f64);
         let inside: Vec<usize> = (0..=count)
             .filter(|&i| self.direction(at(i)).is_some())
             .collect();
         let (Some(&first), Some(&last)) = (inside.first(), inside.last()) else {
             return 0.0;
         };
-        // Where the image circle ends between two pixels, its end counts.
+        // If the image circle ends between two pixels, the part up to its end counts.
         let begin = self.last_with_ray(at(first), at(first.saturating_sub(1)));
         let end = self.last_with_ray(at(last), at((last + 1).min(count)));
         let places = [begin]
@@ -129,14 +130,14 @@ impl<'a> Optics<'a> {
             .sum()
     }
 
-    /// The last point with a ray on the way from one that has a ray to another.
+    /// Finds the last point with a ray on the way from a point with a ray to one without.
     fn last_with_ray(&self, inside: [f64; 2], outside: [f64; 2]) -> [f64; 2] {
         if self.direction(outside).is_some() {
             return outside;
         }
         let (mut inside, mut outside) = (inside, outside);
-        for _ in 0..HALVINGS {
-            let middle = mixed(inside, outside, 0.5);
+        for _ in 0..BISECTIONS {
+            let middle = interpolated(inside, outside, 0.5);
             if self.direction(middle).is_some() {
                 inside = middle;
             } else {
@@ -146,7 +147,8 @@ impl<'a> Optics<'a> {
         inside
     }
 
-    /// The outermost pixels with a ray around the centre of the image, as many as asked for; none where the centre lies outside the image.
+    /// Returns `count` outermost pixels with a ray around the centre of the image; empty if the centre lies
+    /// outside the image.
     pub(super) fn rim_px(&self, count: usize) -> Vec<[f64; 2]> {
         if !self.in_image(self.center_px) {
             return Vec::new();
@@ -157,7 +159,7 @@ impl<'a> Optics<'a> {
             .collect()
     }
 
-    /// Where the half line from the centre of the image leaves the image.
+    /// Returns the point where the half line from the centre leaves the image.
     fn image_end(&self, azimuth_rad: f64) -> [f64; 2] {
         let [left, top, right, bottom] = self.edges_px();
         let [u, v] = self.center_px;
@@ -171,18 +173,18 @@ impl<'a> Optics<'a> {
         [u + length * du, v + length * dv]
     }
 
-    /// The last pixel with a ray from the centre of the image to a point.
+    /// Returns the last pixel with a ray from the centre of the image to a point.
     fn end_of_radius(&self, to: [f64; 2]) -> Option<[f64; 2]> {
         let from = self.center_px;
         let count = (to[0] - from[0]).hypot(to[1] - from[1]).ceil().max(1.0) as usize;
-        let at = |i: usize| mixed(from, to, i as f64 / count as f64);
+        let at = |i: usize| interpolated(from, to, i as f64 / count as f64);
         let last = (0..=count)
             .rev()
             .find(|&i| self.direction(at(i)).is_some())?;
         Some(self.last_with_ray(at(last), at((last + 1).min(count))))
     }
 
-    /// The largest angle from the axis that a pixel of the image sees.
+    /// Computes the largest angle from the axis that is visible in the image.
     pub(super) fn largest_angle_rad(&self) -> f64 {
         let [left, top, right, bottom] = self.edges_px();
         let corners = [[left, top], [right, top], [left, bottom], [right, bottom]];
@@ -194,10 +196,10 @@ impl<'a> Optics<'a> {
         angles.fold(0.0, f64::max)
     }
 
-    /// The share of the image's pixels that have no ray.
+    /// Computes the share of the image's pixels that have no ray.
     pub(super) fn share_without_ray(&self) -> f64 {
         let (width, height) = self.size_px;
-        // A grid of at most some hundred points a side tells it well enough.
+        // A grid of a few hundred points per side is accurate enough.
         let step = (width.max(height) / 400).max(1);
         let (mut all, mut without) = (0_usize, 0_usize);
         for v in (0..height).step_by(step) {
@@ -209,7 +211,7 @@ impl<'a> Optics<'a> {
         without as f64 / all as f64
     }
 
-    /// Samples from the centre of the image towards its farthest corner, as far as there are rays.
+    /// Samples the radius from the centre of the image to its farthest corner, as far as there are rays.
     pub(super) fn radius(&self) -> Vec<RadiusSample> {
         let [left, top, right, bottom] = self.edges_px();
         let [u, v] = self.center_px;
@@ -219,10 +221,11 @@ impl<'a> Optics<'a> {
             return Vec::new();
         };
         let length_px = (end[0] - u).hypot(end[1] - v);
-        let at = |radius_px: f64| mixed([u, v], end, radius_px / length_px);
+        let at = |radius_px: f64| interpolated([u, v], end, radius_px / length_px);
         let half_px = 0.25_f64.min(0.25 * length_px);
         let sample = |i: usize| {
-            // One-sided at both ends would be less exact than a quarter of a pixel further inside.
+            // One-sided differences at the ends would be less accurate than moving a quarter of a pixel
+            // inwards.
             let share = i as f64 / RADIUS_SAMPLES as f64;
             let radius_px = (share * length_px).clamp(half_px, length_px - half_px);
             let angle_rad = self.angle_rad(at(radius_px))?;
@@ -245,12 +248,12 @@ impl<'a> Optics<'a> {
     }
 }
 
-/// The point at a share of the way between two.
-fn mixed(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
+/// Interpolates linearly between two points.
+fn interpolated(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
     [0, 1].map(|i| from[i] + share * (to[i] - from[i]))
 }
 
-/// The angle between two unit vectors, exact for small ones too.
+/// Computes the angle between two unit vectors, accurately for small angles too.
 fn angle_between_rad(a: [f64; 3], b: [f64; 3]) -> f64 {
     let cross = [
         a[1] * b[2] - a[2] * b[1],
@@ -268,7 +271,7 @@ mod tests {
     use pardalis_camera::{Equidistant, Pinhole};
 
     #[test]
-    fn a_pinholes_fields_of_view_are_those_of_its_triangle() {
+    fn fields_of_view_of_a_pinhole_are_exact() {
         let camera = Camera::Pinhole(Pinhole::new([500.0, 500.0], [319.5, 239.5], &[]).unwrap());
         let optics = Optics::new(&camera, (640, 480));
         let expected = [320.0_f64, 240.0, 400.0].map(|half| 2.0 * (half / 500.0).atan());
@@ -277,7 +280,7 @@ mod tests {
         }
         assert!((optics.largest_angle_rad() - 0.8_f64.atan()).abs() < 1e-9);
         assert_eq!(optics.share_without_ray(), 0.0);
-        // r = f tan a: f / cos² a along the radius, f / cos a across it.
+        // r = f tan a: f / cos² a radially, f / cos a tangentially.
         let radius = optics.radius();
         let last = radius.last().unwrap();
         let cos = last.angle_rad.cos();
@@ -286,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fisheyes_circle_ends_at_its_angle() {
+    fn the_circle_of_a_fisheye_ends_at_its_field_of_view() {
         let max_angle_rad = 92.5_f64.to_radians();
         let f = 145.562_250_654_857_8;
         let camera = Equidistant::new(f, [319.5, 239.5], max_angle_rad).unwrap();

@@ -1,4 +1,4 @@
-//! `pardalis camera show`: what a calibration means, in numbers and pictures.
+//! `pardalis camera show`: describes a calibration in numbers and pictures.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -11,8 +11,8 @@ use super::grid::{GridOptions, read_image};
 use super::load::Selection;
 use super::optics::{Optics, RadiusSample};
 use crate::draw::lens::{FieldOfView, LensCurve, write_distortion, write_field_of_view};
-use crate::fault::fault;
-use crate::say::say;
+use crate::output::print;
+use crate::user_error::user_error;
 
 const EXAMPLES: &str = "Examples:
   pardalis camera show scene.toml                        the cameras of a scene, in numbers
@@ -23,8 +23,9 @@ const EXAMPLES: &str = "Examples:
 
 /// Shows cameras: model, field of view, resolution, pose
 ///
-/// Angles are measured from the optical axis; a resolution is how many pixels a degree takes along the radius of the
-/// image. With -o also pictures: the angles in the image, radius and resolution against the angle.
+/// Angles are measured from the optical axis; the resolution is the number of pixels per degree along the
+/// radius of the image. With -o, also draws pictures: the angles in the image, and radius and resolution
+/// against the angle.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Arguments {
@@ -54,8 +55,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let mut files = Vec::new();
     for camera in &cameras {
         let Some(size_px) = camera.size_px else {
-            return Err(fault!(
-                "{}: camera {}: nothing says how large its images are; give --size, such as --size 640x480",
+            return Err(user_error!(
+                "{}: camera {}: the image size is unknown; give it with --size, such as --size 640x480",
                 file.display(),
                 camera.name
             ));
@@ -67,8 +68,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
             continue;
         };
         fs::create_dir_all(folder).map_err(|error| {
-            fault!(
-                "-o {}: the folder cannot be made: {error}; give another",
+            user_error!(
+                "-o {}: the folder cannot be created: {error}; choose another",
                 folder.display()
             )
         })?;
@@ -90,20 +91,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
             files.push(path);
         }
     }
-    say(told.join("\n"));
+    print(told.join("\n"));
     for file in files {
-        say(format!("  {}", file.display()));
+        print(format!("  {}", file.display()));
     }
     Ok(())
 }
 
-/// A camera's name as part of a file's.
+/// Converts a camera's name to a part of a file name.
 fn file_stem(name: &str) -> String {
     let fit = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_');
     name.chars().map(|c| if fit(c) { c } else { '_' }).collect()
 }
 
-/// All numbers of a camera as lines of text.
+/// Formats all numbers of a camera as lines of text.
 fn description(
     camera: &CalibratedCamera,
     (width, height): (usize, usize),
@@ -162,12 +163,12 @@ fn description(
 }
 
 fn listed(vector: [f64; 3]) -> String {
-    // No -0.
+    // Avoids -0.
     let [x, y, z] = vector.map(|c| (1e4 * c).round() / 1e4 + 0.0);
     format!("x {x:.4}, y {y:.4}, z {z:.4}")
 }
 
-/// The curves of every ten degrees from the axis, and of every thirty around it.
+/// Computes the curves of every ten degrees from the axis, and of every thirty around it.
 fn field_of_view(optics: &Optics, size_px: (usize, usize)) -> FieldOfView {
     const STEPS: usize = 360;
     let largest_rad = optics.largest_angle_rad();
@@ -195,7 +196,7 @@ fn field_of_view(optics: &Optics, size_px: (usize, usize)) -> FieldOfView {
     }
 }
 
-/// Radius and resolution, beside those of ideal lenses of the same focal length at the centre.
+/// Draws radius and resolution, compared with ideal lenses of the same focal length at the centre.
 fn draw_distortion(folder: &Path, name: &str, radius: &[RadiusSample]) -> Result<[PathBuf; 2]> {
     let f_px = radius
         .first()

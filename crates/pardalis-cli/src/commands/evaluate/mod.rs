@@ -17,9 +17,9 @@ use pardalis_evaluate::{self, Sample, Settings, TrueState};
 use serde::Deserialize as _;
 use serde_json::Value;
 
-use crate::fault::fault;
-use crate::say::warn;
+use crate::output::warn;
 use crate::tables::{self, Series, TrackRow};
+use crate::user_error::user_error;
 use confidence::Confidence;
 use frames::Frames;
 pub(crate) use report::{Point, Report, TargetReport};
@@ -106,7 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     if let Some(path) = &arguments.json {
         fs::write(path, report.to_json()? + "\n").map_err(|error| {
-            fault!(
+            user_error!(
                 "--json {}: {error}; give a file that can be written",
                 path.display()
             )
@@ -152,7 +152,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     )?;
 
     let window = window(options, &frames).ok_or_else(|| {
-        fault!(
+        user_error!(
             "no frame of {} (times {}) lies in the time that is to be scored; give another",
             truth_path.display(),
             time_range(&objects)
@@ -225,10 +225,12 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
 /// Refuses a number of cameras by which nothing is seen.
 fn check_seen(targets: &[TargetReport], seen_by: Option<usize>, truth: &Path) -> Result<()> {
     match seen_by {
-        Some(cameras) if targets.iter().all(|target| target.samples.is_empty()) => Err(fault!(
-            "in no frame of {} do exactly {cameras} cameras see more than half of what is tracked; give another number of cameras",
-            truth.display()
-        )),
+        Some(cameras) if targets.iter().all(|target| target.samples.is_empty()) => {
+            Err(user_error!(
+                "in no frame of {} do exactly {cameras} cameras see more than half of what is tracked; give another number of cameras",
+                truth.display()
+            ))
+        }
         _ => Ok(()),
     }
 }
@@ -279,7 +281,7 @@ fn other_clock<T, O>(
     (truth_path, objects): (&Path, &[Series<O>]),
     tolerance_s: f64,
 ) -> anyhow::Error {
-    fault!(
+    user_error!(
         "no row of {} (times {}) has a row of {} (times {}) within {tolerance_s} s; both must use the same clock",
         tracks_path.display(),
         time_range(tracks),
@@ -349,9 +351,9 @@ impl RunSummary {
         let remedy = "give another file, or remove it and give --around X,Y,Z";
         match fs::read_to_string(path) {
             Ok(text) => serde_json::from_str(&text)
-                .map_err(|error| fault!("{}: {error}; {remedy}", path.display())),
+                .map_err(|error| user_error!("{}: {error}; {remedy}", path.display())),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
-            Err(error) => Err(fault!("{}: {error}; {remedy}", path.display())),
+            Err(error) => Err(user_error!("{}: {error}; {remedy}", path.display())),
         }
     }
 
@@ -367,7 +369,7 @@ impl RunSummary {
             });
         };
         let position_m = <[f64; 3]>::deserialize(position).map_err(|_| {
-            fault!(
+            user_error!(
                 "{}: cameras.{name}.position_m is {position}; allowed: an array of three numbers; or give --around X,Y,Z",
                 path.display()
             )

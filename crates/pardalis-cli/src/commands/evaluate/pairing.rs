@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use serde::Serialize;
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Objects whose names begin so hide others: they are no target's by position alone.
 pub(super) const OCCLUDER: &str = "occluder";
@@ -48,12 +48,12 @@ pub(super) fn pair(
         let t = place(&option, "target", target, targets, tracks_path)?;
         let o = place(&option, "object", object, objects, truth_path)?;
         if object_of[t].is_some() {
-            return Err(fault!(
+            return Err(user_error!(
                 "{option}: target \"{target}\" is mapped twice; allowed: one object a target"
             ));
         }
         if object_of.iter().flatten().any(|&(taken, _)| taken == o) {
-            return Err(fault!(
+            return Err(user_error!(
                 "{option}: object \"{object}\" is mapped twice; allowed: one target an object"
             ));
         }
@@ -95,7 +95,7 @@ pub(super) fn pair(
         })
         .collect();
     if pairs.is_empty() {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: no target ({}) has an object in {} ({}); pair them with --map TARGET=OBJECT",
             tracks_path.display(),
             targets.join(", "),
@@ -117,7 +117,7 @@ fn is_free(object_of: &[Option<(usize, MatchedBy)>], object: usize) -> bool {
 /// Where a name of the user's stands in a file.
 fn place(option: &str, kind: &str, name: &str, names: &[&str], path: &Path) -> Result<usize> {
     names.iter().position(|n| *n == name).ok_or_else(|| {
-        fault!(
+        user_error!(
             "{option}: {} has no {kind} \"{name}\"; allowed: {}",
             path.display(),
             names.join(", ")

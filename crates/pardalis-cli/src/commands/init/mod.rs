@@ -1,4 +1,4 @@
-//! `pardalis init`: a commented scene file to start from.
+//! `pardalis init`: writes a commented scene file as a starting point.
 
 mod sequence;
 mod text;
@@ -13,52 +13,53 @@ use pardalis_camera::formats::Lens;
 use pardalis_scene::{FrameRange, NAMES_ALLOWED, Scene, is_name};
 
 use crate::commands::camera::load::lens;
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
 use crate::scene::{read_calibration, read_text};
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
+use crate::user_error::user_error;
 use sequence::Recording;
 use text::{Calibration, CameraText, SceneText};
 
-/// Writes a scene file to start from
+/// Writes a commented scene file as a starting point
 ///
-/// Takes a folder of images, a sequence folder (frames/ and camera.json or cameras.json), or a video, and writes a commented scene
-/// file. Values that only you know are guessed and marked CHANGE.
+/// The input is a folder of images, a sequence folder (frames/ and camera.json or cameras.json), or a video.
+/// Values that cannot be derived from it are guessed and marked CHANGE.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis init images --fps 25 --camera equidistant        a folder of images from a fisheye camera
   pardalis init ride.mp4 --camera pinhole -o ride.toml      a video (needs an installed ffmpeg)
   pardalis init images --fps 25 --camera lens/camera.toml   with a known calibration, ours or another program's
-  pardalis init data/dioptric-jump                          a sequence folder that says all this itself")]
+  pardalis init data/dioptric-jump                          a sequence folder, which contains all this")]
 pub(crate) struct Arguments {
     /// A folder of images, a sequence folder, or a video file
     input: PathBuf,
     /// The scene file to write
     #[arg(short, long, value_name = "SCENE.toml", default_value = "scene.toml")]
     output: PathBuf,
-    /// The camera: equidistant, pinhole, unified or perspective_mirror (its parameters are then guessed from the image's size), or
-    /// a calibration file of any format, which the scene then names; of a file of several cameras each has a folder of its name in
-    /// the input [default: camera.json or cameras.json of a sequence folder, else equidistant]
+    /// The camera: a model (equidistant, pinhole, unified or perspective_mirror, with parameters guessed from
+    /// the image size), or a calibration file of any format, which the scene then refers to; if the file has
+    /// several cameras, the input must have a folder named after each [default: camera.json or cameras.json
+    /// of a sequence folder, else equidistant]
     #[arg(long, value_name = "MODEL|FILE")]
     camera: Option<String>,
-    /// What the calibration's coefficients mean where the file does not say so itself
+    /// The lens model of the calibration's coefficients, if the file does not state it
     #[arg(long = "as", value_name = "LENS", value_parser = lens(), requires = "camera")]
     lens: Option<Lens>,
-    /// Frames a second of a folder of images without times.csv
-    #[arg(long, value_parser = frames_a_second, allow_negative_numbers = true)]
+    /// Frames per second of a folder of images without times.csv
+    #[arg(long, value_parser = frames_per_second, allow_negative_numbers = true)]
     fps: Option<f64>,
-    /// The target's colour model, as `pardalis learn` writes it
+    /// The target's colour model, as written by `pardalis learn`
     #[arg(long, value_name = "FILE", default_value = "target.colors.toml")]
     colors: PathBuf,
     /// The target's name
     #[arg(long, value_parser = target_name, default_value = "ball")]
     target: String,
-    /// The ball's radius in metres [default: what camera.json says, else 0.11, marked CHANGE]
+    /// The ball's radius in metres [default: from camera.json, else 0.11, marked CHANGE]
     #[arg(long, value_parser = positive_m, allow_negative_numbers = true)]
     radius_m: Option<f64>,
-    /// Starts the target by a click, and tracks it by the published contour cue: a pixel near its middle in the first frame,
-    /// of the first camera where there are several [default: it is found by itself]
+    /// Starts the target from a pixel near its centre in the first frame (of the first camera, if there are
+    /// several) and tracks it with the published contour cue [default: the target is detected automatically]
     #[arg(long, value_name = "X,Y", value_parser = pixel, allow_negative_numbers = true)]
     pixel: Option<[f64; 2]>,
     /// Replaces an existing scene file
@@ -66,7 +67,7 @@ pub(crate) struct Arguments {
     force: bool,
 }
 
-/// Camera models that `--camera` names.
+/// Camera models that `--camera` accepts by name.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 #[value(rename_all = "snake_case")]
 enum Model {
@@ -80,15 +81,15 @@ enum Model {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let output = &arguments.output;
     if output.exists() && !arguments.force {
-        return Err(fault!(
-            "{}: exists already; give another -o, or --force to replace it",
+        return Err(user_error!(
+            "{}: already exists; choose another file with -o, or replace it with --force",
             output.display()
         ));
     }
     let mut cameras = Vec::new();
     let mut radius_m = arguments.radius_m;
-    match knowledge(arguments)? {
-        Knowledge::Calibration {
+    match known_cameras(arguments)? {
+        KnownCameras::Calibration {
             file,
             cameras: known,
         } => {
@@ -98,8 +99,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
                 let of_several = (known.len() > 1).then_some(&*camera.name);
                 let input = frames_of(&arguments.input, of_several);
                 if of_several.is_some() && !input.exists() {
-                    return Err(fault!(
-                        "{}: there is no such folder, but {} has {} cameras, and each needs one of its name; take one camera out with \
+                    return Err(user_error!(
+                        "{}: no such folder; {} has {} cameras, and each needs a folder of its name; extract one camera with \
                          pardalis camera convert --camera NAME",
                         input.display(),
                         file.display(),
@@ -117,7 +118,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
                 cameras.push(CameraText::known(camera, calibration, &opened, &shown, fps));
             }
         }
-        Knowledge::Model(model) => {
+        KnownCameras::Model(model) => {
             let input = frames_of(&arguments.input, None);
             let opened = open(&input, arguments.fps)?;
             let shown = shown_path(&input, output);
@@ -137,50 +138,47 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let checked = Scene::parse(&text, &|file, lens| read_calibration(folder, file, lens));
     if let Err(problems) = checked {
         let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
-        return Err(fault!(
+        return Err(user_error!(
             "the scene would not be valid: {}",
             problems.join("; ")
         ));
     }
     write_file(output, text.as_bytes())?;
-    say(output.display());
+    print(output.display());
     let to_change = text.lines().filter(|line| line.contains("CHANGE")).count();
     if to_change > 0 {
-        say(format!(
-            "  put your values into the lines marked CHANGE ({to_change})"
+        print(format!(
+            "  replace the guesses in the lines marked CHANGE ({to_change})"
         ));
     }
-    say("next:");
+    print("next:");
     if !arguments.colors.exists() {
-        say(format!(
+        print(format!(
             "  pardalis learn … -o {}    (how: pardalis learn --help)",
             arguments.colors.display()
         ));
     }
-    say(format!("  pardalis track {}", output.display()));
+    print(format!("  pardalis track {}", output.display()));
     Ok(())
 }
 
-/// What a frame source looks like from outside.
+/// Properties of a frame source.
 pub(super) struct Opened {
     size: (usize, usize),
     is_video: bool,
     has_times: bool,
 }
 
-/// Opens the input once, so that what is wrong with it shows now.
+/// Opens the input once, so that errors show now.
 fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     let is_video = !input.is_dir();
     let has_times = input.join("times.csv").is_file();
     if !input.exists() {
-        return Err(fault!(
-            "{}: there is no such file or folder",
-            input.display()
-        ));
+        return Err(user_error!("{}: no such file or folder", input.display()));
     }
     if is_video && is_image(input) {
-        return Err(fault!(
-            "{}: is a single image; give the folder that holds it, or a video",
+        return Err(user_error!(
+            "{}: is a single image; give the folder that contains it, or a video",
             input.display()
         ));
     }
@@ -190,7 +188,7 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
         } else {
             "times.csv gives the time stamps"
         };
-        return Err(fault!("--fps: {why}; leave it out"));
+        return Err(user_error!("--fps: {why}; leave it out"));
     }
     let kind = if is_video {
         SourceKind::Video {
@@ -222,25 +220,25 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     })
 }
 
-/// What is known of the cameras.
-enum Knowledge {
-    /// What a file says of them.
+/// What is known about the cameras.
+enum KnownCameras {
+    /// Calibrated cameras of a file.
     Calibration {
         file: PathBuf,
         cameras: Vec<CalibratedCamera>,
     },
-    /// The model alone.
+    /// Only the model of a single camera.
     Model(Model),
 }
 
-/// As `--camera` says; without it, the calibration beside the frames, else an equidistant camera.
-fn knowledge(arguments: &Arguments) -> Result<Knowledge> {
+/// Interprets `--camera`; without it, uses the calibration next to the frames, or else an equidistant camera.
+fn known_cameras(arguments: &Arguments) -> Result<KnownCameras> {
     let file = if let Some(name) = &arguments.camera {
         if let Ok(model) = Model::from_str(name, false) {
             return match arguments.lens {
-                None => Ok(Knowledge::Model(model)),
-                Some(_) => Err(fault!(
-                    "--as: is for calibration files; leave it out beside --camera {name}"
+                None => Ok(KnownCameras::Model(model)),
+                Some(_) => Err(user_error!(
+                    "--as: applies to calibration files only; remove it with --camera {name}"
                 )),
             };
         }
@@ -249,24 +247,24 @@ fn knowledge(arguments: &Arguments) -> Result<Knowledge> {
         let beside = ["camera.json", "cameras.json"].map(|name| arguments.input.join(name));
         match beside.into_iter().find(|path| path.is_file()) {
             Some(path) => path,
-            None => return Ok(Knowledge::Model(Model::Equidistant)),
+            None => return Ok(KnownCameras::Model(Model::Equidistant)),
         }
     };
     if !file.exists() {
-        return Err(fault!(
+        return Err(user_error!(
             "--camera {}: is neither a model (equidistant, pinhole, unified, perspective_mirror) nor a file",
             file.display()
         ));
     }
     let cameras = read_calibration(Path::new(""), &file.to_string_lossy(), arguments.lens)
-        .map_err(|message| fault!("{message}"))?;
-    Ok(Knowledge::Calibration { file, cameras })
+        .map_err(|message| user_error!("{message}"))?;
+    Ok(KnownCameras::Calibration { file, cameras })
 }
 
-/// Faults: the calibration is for images of another size.
+/// Errors: the calibration is for images of another size.
 fn check_size(file: &Path, camera: &CalibratedCamera, found: (usize, usize)) -> Result<()> {
     match camera.size_px {
-        Some(stated) if stated != found => Err(fault!(
+        Some(stated) if stated != found => Err(user_error!(
             "{}: camera {}: the calibration is for {} x {} pixels, the images are {} x {}",
             file.display(),
             camera.name,
@@ -279,13 +277,14 @@ fn check_size(file: &Path, camera: &CalibratedCamera, found: (usize, usize)) -> 
     }
 }
 
-/// Whether the name is that of a still image, which ffmpeg would take for a video of one frame.
+/// Reports whether the name is that of a still image, which ffmpeg would open as a video of one frame.
 fn is_image(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     ["jpg", "jpeg", "png"].iter().any(|image| ending == *image)
 }
 
-/// Where the images of an input are: in it, or in its folder `frames`, with one for each of several cameras.
+/// Returns the folder of images: the input itself or its folder `frames`, and within it the folder of the
+/// camera if there are several.
 fn frames_of(input: &Path, camera: Option<&str>) -> PathBuf {
     let frames = input.join("frames");
     let base = if frames.is_dir() {
@@ -299,7 +298,8 @@ fn frames_of(input: &Path, camera: Option<&str>) -> PathBuf {
     }
 }
 
-/// A path as it stands in the scene, which need not exist: relative to the scene's folder where it lies below, absolute elsewhere.
+/// Returns a path as written in the scene, which need not exist: relative if it lies below the scene's
+/// folder, else absolute.
 fn shown_path(input: &Path, output: &Path) -> String {
     let parent = output
         .parent()
@@ -319,8 +319,8 @@ fn shown_path(input: &Path, output: &Path) -> String {
     }
 }
 
-fn frames_a_second(text: &str) -> Result<f64, String> {
-    let fps: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
+fn frames_per_second(text: &str) -> Result<f64, String> {
+    let fps: f64 = text.parse().map_err(|_| "is not a number".to_owned())?;
     if fps > 0.0 && fps <= 1e6 {
         Ok(fps)
     } else {
@@ -328,7 +328,7 @@ fn frames_a_second(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A name as scenes allow it.
+/// Checks a name against the rules of scenes.
 fn target_name(text: &str) -> Result<String, String> {
     if is_name(text) {
         Ok(text.to_owned())
@@ -338,7 +338,7 @@ fn target_name(text: &str) -> Result<String, String> {
 }
 
 fn positive_m(text: &str) -> Result<f64, String> {
-    let length: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
+    let length: f64 = text.parse().map_err(|_| "is not a number".to_owned())?;
     if length > 0.0 && length <= 1000.0 {
         Ok(length)
     } else {
@@ -347,10 +347,10 @@ fn positive_m(text: &str) -> Result<f64, String> {
 }
 
 fn pixel(text: &str) -> Result<[f64; 2], String> {
-    let (x, y) = text.split_once(',').ok_or("give two numbers, X,Y")?;
+    let (x, y) = text.split_once(',').ok_or("expected two numbers, X,Y")?;
     let number = |part: &str| part.trim().parse().ok().filter(|v: &f64| v.is_finite());
     match (number(x), number(y)) {
         (Some(x), Some(y)) => Ok([x, y]),
-        _ => Err("give two numbers, X,Y".to_owned()),
+        _ => Err("expected two numbers, X,Y".to_owned()),
     }
 }

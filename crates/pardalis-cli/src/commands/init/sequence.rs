@@ -1,13 +1,13 @@
-//! What camera.json and cameras.json of sequence folders say beside the cameras, as data/README.md describes them.
+//! The recording data in camera.json and cameras.json of sequence folders, as described in data/README.md.
 
 use serde::Deserialize;
 
-/// How a sequence was recorded; nothing is known where the calibration is another program's.
+/// How a sequence was recorded. Empty if the calibration was written by another program.
 #[derive(Debug, Default, Deserialize)]
 pub(super) struct Recording {
-    /// Frames a second, where the file says.
+    /// Frames per second, if given.
     pub(super) fps: Option<f64>,
-    /// The ball's radius in metres, where the file says.
+    /// Radius of the ball in metres, if given.
     pub(super) ball_radius_m: Option<f64>,
 }
 
@@ -17,7 +17,7 @@ struct CameraFile {
 }
 
 impl Recording {
-    /// From the text of a calibration of any format.
+    /// Reads the recording data from the text of a calibration in any format.
     pub(super) fn of(text: &str) -> Self {
         serde_json::from_str(text)
             .map_or_else(|_| Self::default(), |file: CameraFile| file.sequence)

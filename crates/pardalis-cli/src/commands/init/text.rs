@@ -1,4 +1,4 @@
-//! The text of a scene file that people go on from.
+//! The text of a new scene file.
 
 use std::fmt::Write as _;
 
@@ -8,14 +8,14 @@ use pardalis_camera::Camera;
 use pardalis_camera::formats::Lens;
 
 use super::{Model as ModelName, Opened};
-use crate::fault::fault;
+use crate::user_error::user_error;
 
-/// Where nobody says how many frames a second there are.
+/// Frame rate if it is unknown, in frames per second.
 pub(super) const GUESSED_FPS: f64 = 25.0;
-/// The same of the ball: a size 5 football's.
+/// Radius of the ball if it is unknown, in metres: that of a size 5 football.
 const GUESSED_RADIUS_M: f64 = 0.11;
 
-/// What the scene's text is made of.
+/// The data from which the scene's text is formatted.
 pub(super) struct SceneText<'a> {
     pub(super) cameras: Vec<CameraText>,
     pub(super) target: &'a str,
@@ -24,32 +24,32 @@ pub(super) struct SceneText<'a> {
     pub(super) pixel: Option<[f64; 2]>,
 }
 
-/// One camera's part of the text.
+/// The section of one camera.
 pub(super) struct CameraText {
     name: String,
     size: (usize, usize),
     /// The lines about frames and times.
     input: String,
     model: Model,
-    /// Rows of the pose, where no file has it.
+    /// Rows of the pose, if it is not in a file.
     guessed_pose: Option<[[f64; 4]; 4]>,
 }
 
-/// Where the scene has a camera's model from.
+/// The source of a camera's model.
 enum Model {
     InFile(Calibration),
-    /// The model's name in scenes and its table without the header.
+    /// The model's name in scenes, and its table without the header.
     Guessed(&'static str, String),
 }
 
-/// A calibration file as the scene names it.
+/// A calibration file as the scene refers to it.
 pub(super) struct Calibration {
     pub(super) file: String,
     pub(super) lens: Option<Lens>,
 }
 
 impl CameraText {
-    /// A camera of a calibration file, its pose guessed where the file has none.
+    /// Describes a camera of a calibration file. Its pose is guessed if the file has none.
     pub(super) fn known(
         camera: &CalibratedCamera,
         calibration: Calibration,
@@ -71,7 +71,7 @@ impl CameraText {
         }
     }
 
-    /// A camera of which only the model's name is known.
+    /// Describes a camera of which only the model's name is known.
     pub(super) fn guessed(model: ModelName, opened: &Opened, path: &str, fps: Option<f64>) -> Self {
         let (width, height) = (opened.size.0 as f64, opened.size.1 as f64);
         let half = width.min(height) / 2.0;
@@ -80,12 +80,13 @@ impl CameraText {
             (width - 1.0) / 2.0,
             (height - 1.0) / 2.0
         );
-        // An image circle as high as the image; a pinhole of about 60 degrees; a mirror that shows 45 degrees below the horizon at half the radius.
+        // Guesses: an image circle as high as the image; a pinhole of about 60 degrees; a mirror that shows
+        // 45 degrees below the horizon at half the radius.
         let (kind, parameters, pose) = match model {
             ModelName::Equidistant => {
                 let f = half / 92.5_f64.to_radians();
                 let parameters = format!(
-                    "f_px_per_rad = {f:.1}  # CHANGE: pixels a radian\n{center}\nfield_of_view_deg = 185.0  # CHANGE: the full angle"
+                    "f_px_per_rad = {f:.1}  # CHANGE: pixels per radian\n{center}\nfield_of_view_deg = 185.0  # CHANGE: the full angle"
                 );
                 ("equidistant", parameters, LOOKING_DOWN)
             }
@@ -98,13 +99,13 @@ impl CameraText {
             }
             ModelName::Unified => {
                 let parameters = format!(
-                    "l = 0.9  # CHANGE: the mirror's shape: below 1 a hyperbola, 1 a parabola\nm = {half:.1}  # CHANGE: pixels; the horizon lies (l + m) / l pixels from center_px\n{center}"
+                    "l = 0.9  # CHANGE: mirror shape: below 1 hyperbolic, 1 parabolic\nm = {half:.1}  # CHANGE: pixels; the horizon lies (l + m) / l pixels from center_px\n{center}"
                 );
                 ("unified", parameters, LOOKING_UP)
             }
             ModelName::PerspectiveMirror => {
                 let parameters = format!(
-                    "m_px = {:.1}  # CHANGE: pixels from center_px to what lies 45 degrees below the horizon\n{center}",
+                    "m_px = {:.1}  # CHANGE: pixels from center_px to the circle 45 degrees below the horizon\n{center}",
                     half / 2.0
                 );
                 ("perspective_mirror", parameters, LOOKING_UP)
@@ -138,7 +139,7 @@ impl CameraText {
                 };
                 let _ = writeln!(
                     text,
-                    "calibration = {file}  # {holds}; `pardalis camera show` tells more"
+                    "calibration = {file}  # {holds}; see `pardalis camera show`"
                 );
                 if let Some(lens) = lens {
                     let _ = writeln!(text, "calibration_lens = \"{}\"", lens.name());
@@ -147,18 +148,18 @@ impl CameraText {
             Model::Guessed(..) => {
                 let _ = writeln!(
                     text,
-                    "size_px = [{width}, {height}]  # the model below holds for this size only"
+                    "size_px = [{width}, {height}]  # the model below is valid only for this size"
                 );
             }
         }
         let half = width.min(height) / 2;
-        text.push_str("# mask = \"mask.png\"     # white: pixels that may be used; black: the robot's own body, bars, rims\n");
+        text.push_str("# mask = \"mask.png\"     # white: usable pixels; black: the robot's own body, bars, rims\n");
         let _ = writeln!(
             text,
             "# mask_radius_px = {half}  # or a circle around center_px"
         );
         if let Some(rows) = guessed_pose {
-            text.push_str("# Takes camera coordinates (x right, y down, z forward) to world coordinates (metres, z up); `pardalis calibrate pose` finds it.\n");
+            text.push_str("# Maps camera coordinates (x right, y down, z forward) to world coordinates (metres, z up); `pardalis calibrate pose` computes it.\n");
             text.push_str("world_from_camera = [  # CHANGE: a guess\n");
             for row in rows {
                 let _ = writeln!(text, "    {row:?},");
@@ -172,21 +173,21 @@ impl CameraText {
     }
 }
 
-/// One metre above the floor, the optical axis straight down; the top of the image is ahead.
+/// One metre above the floor, optical axis straight down, the top of the image ahead.
 const LOOKING_DOWN: [[f64; 4]; 4] = [
     [0.0, -1.0, 0.0, 0.0],
     [-1.0, 0.0, 0.0, 0.0],
     [0.0, 0.0, -1.0, 1.0],
     [0.0, 0.0, 0.0, 1.0],
 ];
-/// One metre above the floor, along the world's x.
+/// One metre above the floor, looking along the world's x axis.
 const LOOKING_AHEAD: [[f64; 4]; 4] = [
     [0.0, 0.0, 1.0, 0.0],
     [-1.0, 0.0, 0.0, 0.0],
     [0.0, -1.0, 0.0, 1.0],
     [0.0, 0.0, 0.0, 1.0],
 ];
-/// One metre above the floor, up into a mirror; the top of the image is ahead.
+/// One metre above the floor, looking up into a mirror, the top of the image ahead.
 const LOOKING_UP: [[f64; 4]; 4] = [
     [0.0, -1.0, 0.0, 0.0],
     [1.0, 0.0, 0.0, 0.0],
@@ -198,28 +199,28 @@ fn input_lines(opened: &Opened, path: &str, fps: Option<f64>) -> String {
     let path = toml::Value::String(path.to_owned());
     if opened.is_video {
         return format!(
-            "video = {path}\n# input_options = [\"-f\", \"v4l2\"]  # ffmpeg's options before -i, for cameras such as /dev/video0"
+            "video = {path}\n# input_options = [\"-f\", \"v4l2\"]  # ffmpeg options before -i, for cameras such as /dev/video0"
         );
     }
     let times = match fps {
         _ if opened.has_times => {
-            "# times.csv beside the images says when each was taken".to_owned()
+            "# times.csv next to the images contains their time stamps".to_owned()
         }
         Some(fps) => format!("fps = {fps:?}"),
         None => format!(
-            "fps = {GUESSED_FPS:?}  # CHANGE: frames a second, or put times.csv beside the images"
+            "fps = {GUESSED_FPS:?}  # CHANGE: frames per second, or put times.csv next to the images"
         ),
     };
     format!("images = {path}\n{times}")
 }
 
 impl SceneText<'_> {
-    /// The file's text.
+    /// Formats the text of the scene file.
     pub(super) fn text(&self) -> String {
         let mut text = String::from(
-            "# A scene: what `pardalis track` tracks, through which cameras.\n\
-             # Paths start at this file's folder. Lengths are in metres, times in seconds, image distances in pixels.\n\n\
-             seed = 1  # the same seed gives the same results, for any number of threads\n\n",
+            "# A scene for `pardalis track`: cameras and targets.\n\
+             # Paths are relative to this file. Lengths are in metres, times in seconds, image distances in pixels.\n\n\
+             seed = 1  # the same seed gives the same results for any number of threads\n\n",
         );
         for camera in &self.cameras {
             camera.text(&mut text);
@@ -239,23 +240,23 @@ impl SceneText<'_> {
         match self.pixel {
             Some(pixel) => self.push_click(&mut text, pixel),
             None => text.push_str(
-                "# Nothing more is needed: the target is found by itself, told to be hidden or lost, and found again.\n",
+                "# Nothing more is needed: the target is detected automatically, reported as occluded or lost, and detected again.\n",
             ),
         }
         text
     }
 
-    /// The published method: it starts from a click.
+    /// Appends the settings of the published method, which starts from a click.
     fn push_click(&self, text: &mut String, pixel: [f64; 2]) {
         let (target, camera) = (self.target, &self.cameras[0].name);
         let _ = writeln!(
             text,
-            "\n# Where it starts: along the ray through a pixel of the first frame. Without this and the contour it is found by itself.\n\
+            "\n# Start: along the ray through a pixel of the first frame. Without this and the contour, the target is detected automatically.\n\
              [targets.{target}.start.pixel]\n\
              camera = \"{camera}\"\n\
              pixel_px = {pixel:?}\n\
              max_range_m = 8.0\n\n\
-             # How the outline is compared with the image. The published real-time settings are 0.7 and 1.3 with 300 particles.\n\
+             # Comparison of the outline with the image. The published real-time settings are 0.7 and 1.3 with 300 particles.\n\
              [targets.{target}.contour]\n\
              inner_scale = 0.9\n\
              outer_scale = 1.1\n\
@@ -264,22 +265,22 @@ impl SceneText<'_> {
              particles = 5000\n\
              resampling = \"systematic\"  # or stratified, residual, multinomial\n\
              resample_below = 1.0  # share of the particles; 1: at every step, as published\n\n\
-             # White noise of this density disturbs the velocity: about 1 for what rolls or is carried, 100 for what is thrown and bounces.\n\
-             # Too low, and quick turns are missed; too high, and the target is lost sooner while something hides it.\n\
+             # Spectral density of the white noise on the velocity: about 1 if the target rolls or is carried, 100 if it is thrown and bounces.\n\
+             # If too low, quick turns are missed; if too high, the target is lost sooner while it is occluded.\n\
              [targets.{target}.motion.constant_velocity]\n\
              acceleration_density_m2ps3 = 100.0"
         );
     }
 
-    /// Faults: the given pixel is outside the first camera's image.
+    /// Errors: the given pixel is outside the first camera's image.
     pub(super) fn check_pixel(&self) -> Result<()> {
         let (width, height) = self.cameras[0].size;
         let inside = |[x, y]: [f64; 2]| {
             (0.0..=width as f64 - 1.0).contains(&x) && (0.0..=height as f64 - 1.0).contains(&y)
         };
         match self.pixel {
-            Some(pixel) if !inside(pixel) => Err(fault!(
-                "--pixel {},{}: is outside the image of {width} x {height} pixels",
+            Some(pixel) if !inside(pixel) => Err(user_error!(
+                "--pixel {},{}: outside the image of {width} x {height} pixels",
                 pixel[0],
                 pixel[1]
             )),

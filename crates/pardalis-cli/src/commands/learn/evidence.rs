@@ -1,38 +1,38 @@
-//! What labelled images say of a target's colours, together and each by itself.
+//! Statistics of a target's colours from labelled images, all together and each by itself.
 
 use anyhow::Result;
 use pardalis::color::{ColorLearner, ColorModel, ColorRanges, Palette, Separation};
 
 use super::inputs::LabelledFile;
 
-/// An image whose fit is below this is likely to be labelled wrongly.
+/// Fit below which an image is probably labelled incorrectly.
 const MIN_FIT: f64 = 0.7;
 
-/// Counted pixels of all images.
+/// Pixel counts of all images.
 pub(super) struct Evidence {
     learner: ColorLearner,
-    /// How well the bins tell the target from the rest.
+    /// How well the bins separate the target from the background.
     pub(super) separation: Separation,
-    /// In the order of the files.
+    /// Per image, in the order of the files.
     pub(super) images: Vec<ImageEvidence>,
 }
 
-/// One image beside all of them.
+/// One image, compared with the others.
 pub(super) struct ImageEvidence {
     /// Name of the file.
     pub(super) name: String,
     /// Number of the target's pixels.
     pub(super) pixels: u64,
-    /// Share of the target's pixels with log odds above 0.
+    /// Share of the target's pixels with positive log odds.
     pub(super) found: f64,
-    /// Share of the others with log odds above 0; none where all pixels are the target's.
+    /// Share of the other pixels with positive log odds; `None` if all pixels are the target's.
     pub(super) mistaken: Option<f64>,
-    /// Share of the target's pixels whose colours the other images' labels tell to be the target's; none without
-    /// other images.
+    /// Share of the target's pixels whose colours count as the target's by the labels of the other images;
+    /// `None` without other images.
     pub(super) fit: Option<f64>,
 }
 
-/// The pixels of one image in each bin.
+/// Pixel counts per bin of one image.
 struct Counts {
     object: Vec<u64>,
     background: Vec<u64>,
@@ -41,7 +41,7 @@ struct Counts {
 impl Evidence {
     /// Counts the pixels of all images.
     ///
-    /// Faults: an image or its labels cannot be used.
+    /// Errors: an image or its labels cannot be used.
     pub(super) fn gather(files: &[LabelledFile], palette: Palette) -> Result<Self> {
         let mut learner = ColorLearner::new(palette)?;
         let mut counts = Vec::with_capacity(files.len());
@@ -57,7 +57,7 @@ impl Evidence {
         let images = files.iter().zip(&counts).map(|(file, own)| {
             let others = all.without(own);
             let by_others = Separation::of(&others.object, &others.background).log_odds;
-            // A bin that none of the others has ever seen says nothing for the target.
+            // A bin that occurs in none of the other images is no evidence for the target.
             let is_others = |bin: usize| others.object[bin] > 0 && by_others[bin] > 0.0;
             ImageEvidence {
                 name: file.name(),
@@ -74,34 +74,34 @@ impl Evidence {
         })
     }
 
-    /// The model of the labelled pixels.
+    /// Computes the model of the labelled pixels.
     pub(super) fn model(&self) -> Result<ColorModel> {
         Ok(self.learner.learn()?)
     }
 
-    /// The share of the target's pixels and of the others that lie in ranges.
+    /// Returns the shares of the target's pixels and of the others that lie in the ranges.
     pub(super) fn shares_within(&self, ranges: &ColorRanges) -> [f64; 2] {
         self.learner.shares_within(ranges)
     }
 
-    /// The target's pixels and the others in each bin.
+    /// Returns the pixel counts per bin, of the target and of the others.
     pub(super) fn counts(&self) -> (&[u64], &[u64]) {
         self.learner.counts()
     }
 
-    /// A learner of the palette, for the bins of further images.
+    /// Returns a learner of the same palette, for the bins of further images.
     pub(super) fn learner(&self) -> ColorLearner {
         self.learner.clone()
     }
 
-    /// The number of pixels that are not the target's.
+    /// Returns the number of pixels that are not the target's.
     pub(super) fn background_pixels(&self) -> u64 {
         self.counts().1.iter().sum()
     }
 }
 
 impl ImageEvidence {
-    /// Whether the labelled pixels look unlike those of the other images.
+    /// Reports whether the labelled pixels differ from those of the other images.
     pub(super) fn is_suspect(&self) -> bool {
         self.fit.is_some_and(|fit| fit < MIN_FIT)
     }
@@ -116,7 +116,7 @@ impl Counts {
         }
     }
 
-    /// What remains when a part is taken away.
+    /// Returns the counts without those of `part`.
     fn without(&self, part: &Self) -> Self {
         let less = |all: &[u64], part: &[u64]| all.iter().zip(part).map(|(a, p)| a - p).collect();
         Self {
@@ -126,7 +126,7 @@ impl Counts {
     }
 }
 
-/// The share of the pixels that lie in certain bins; none without pixels.
+/// Computes the share of the pixels in the selected bins; `None` without pixels.
 fn share_where(counts: &[u64], is_counted: impl Fn(usize) -> bool) -> Option<f64> {
     let total: u64 = counts.iter().sum();
     let counted = counts

@@ -1,4 +1,4 @@
-//! Which images are learnt from, and their labels.
+//! The images to learn from, and their labels.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,43 +10,43 @@ use pardalis::color::YuvEncoding;
 use pardalis::{Frame, PixelFormat};
 
 use super::label::Label;
-use crate::fault::fault;
 use crate::source::decode::decode_image;
+use crate::user_error::user_error;
 
 /// A folder with masks, or images and labels one by one.
 #[derive(Debug, clap::Args)]
 pub(super) struct InputOptions {
-    /// A folder of JPEG or PNG images with masks beside them
+    /// A folder of JPEG or PNG images with masks next to them
     #[arg(requires = "masks", conflicts_with_all = LISTED)]
     folder: Option<PathBuf>,
-    /// How the masks of FOLDER are named: with _mask.png the mask of 000.jpg is 000_mask.png. Images without a mask are
-    /// left out
+    /// Ending of the masks of FOLDER: with _mask.png, the mask of 000.jpg is 000_mask.png. Images without a
+    /// mask are skipped
     #[arg(long, value_name = "ENDING", requires = "folder")]
     masks: Option<String>,
     #[command(flatten)]
     listed: Listed,
 }
 
-/// An image and what is labelled in it.
+/// An image and its labels.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LabelledFile {
     pub(super) image: PathBuf,
-    /// Their union is the target.
+    /// The target is the union of the labels.
     pub(super) labels: Vec<Label>,
 }
 
-/// What is learnt from.
+/// The images to learn from.
 #[derive(Debug, PartialEq)]
 pub(super) struct Inputs {
     pub(super) files: Vec<LabelledFile>,
-    /// Names of images of the folder that have no mask.
+    /// Names of the images in the folder that have no mask.
     pub(super) without_mask: Vec<String>,
 }
 
 impl InputOptions {
-    /// The images and labels that were asked for.
+    /// Returns the images and labels given on the command line.
     ///
-    /// Faults: there are none, or they do not go together.
+    /// Errors: there are none, or they are inconsistent.
     pub(super) fn inputs(&self) -> Result<Inputs> {
         match (&self.folder, &self.masks) {
             (Some(folder), Some(masks)) => folder_inputs(folder, masks),
@@ -56,14 +56,14 @@ impl InputOptions {
 }
 
 impl LabelledFile {
-    /// The name of the image's file.
+    /// Returns the name of the image file.
     pub(super) fn name(&self) -> String {
         name_of(&self.image)
     }
 
-    /// Reads the image, and of each pixel, row by row, whether it shows the target.
+    /// Reads the image, and whether each pixel, row by row, shows the target.
     ///
-    /// Faults: a file cannot be read or decoded, or a label does not fit the image.
+    /// Errors: a file cannot be read or decoded, or a label does not fit the image.
     pub(super) fn load(&self) -> Result<(Frame, Vec<bool>)> {
         let image = decode_image(&self.image)?;
         let (width, height) = image.size_px();
@@ -93,8 +93,8 @@ fn name_of(path: &Path) -> String {
 
 fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
     let unreadable = |error| {
-        fault!(
-            "{}: the folder cannot be read: {error}; give a folder of images, or --image FILE for one image",
+        user_error!(
+            "{}: the folder cannot be read: {error}; give a folder of images, or --image FILE for a single image",
             folder.display()
         )
     };
@@ -128,10 +128,10 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
     }
     if inputs.files.is_empty() {
         let found = match inputs.without_mask.as_slice() {
-            [] => "holds no images; allowed: files ending in .jpg, .jpeg or .png".to_owned(),
+            [] => "contains no images; allowed: files ending in .jpg, .jpeg or .png".to_owned(),
             [first, ..] => format!(
-                "has no mask for any of its {} images: {first} would need a {}{masks} beside it; \
-                 give the masks' ending with --masks",
+                "has no mask for any of its {} images: {first} needs a mask {}{masks} next to it; \
+                 give the ending of the masks with --masks",
                 inputs.without_mask.len(),
                 Path::new(first)
                     .file_stem()
@@ -139,7 +139,7 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
                     .to_string_lossy()
             ),
         };
-        return Err(fault!("{}: the folder {found}", folder.display()));
+        return Err(user_error!("{}: the folder {found}", folder.display()));
     }
     Ok(inputs)
 }
@@ -147,7 +147,7 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
 /// The options of [`Listed`].
 const LISTED: [&str; 4] = ["image", "mask", "rect", "polygon"];
 
-/// Images and labels in the order of the command line: a label belongs to the last image before it.
+/// Images and labels in the order of the command line; a label belongs to the last image before it.
 #[derive(Debug)]
 struct Listed(Vec<Item>);
 
@@ -164,8 +164,8 @@ impl Listed {
             match (item, files.last_mut()) {
                 (Item::Image(image), _) => {
                     if files.iter().any(|file| file.image == *image) {
-                        return Err(fault!(
-                            "--image {} is given twice; put all its labels after one",
+                        return Err(user_error!(
+                            "--image {} is given twice; give it once, followed by all its labels",
                             image.display()
                         ));
                     }
@@ -176,21 +176,21 @@ impl Listed {
                 }
                 (Item::Label(label), Some(file)) => file.labels.push(label.clone()),
                 (Item::Label(label), None) => {
-                    return Err(fault!(
+                    return Err(user_error!(
                         "{label} comes before any image; put it after the --image FILE that it labels"
                     ));
                 }
             }
         }
         if let Some(file) = files.iter().find(|file| file.labels.is_empty()) {
-            return Err(fault!(
-                "--image {}: nothing is labelled; put --mask FILE, --rect X,Y,WIDTH,HEIGHT or \
+            return Err(user_error!(
+                "--image {}: nothing is labelled; add --mask FILE, --rect X,Y,WIDTH,HEIGHT or \
                  --polygon X,Y,X,Y,X,Y after it",
                 file.image.display()
             ));
         }
         if files.is_empty() {
-            return Err(fault!(
+            return Err(user_error!(
                 "no image is given; give FOLDER --masks ENDING, or --image FILE and a label \
                  (see pardalis learn --help)"
             ));
@@ -236,24 +236,24 @@ impl clap::Args for Listed {
             .arg(
                 option("image", "FILE")
                     .value_parser(PathBufValueParser::new().map(Item::Image))
-                    .help("A JPEG or PNG image; may be repeated. The labels after it are its own, and unite"),
+                    .help("A JPEG or PNG image; may be repeated. Its labels are those that follow it; their union is the target"),
             )
             .arg(
                 option("mask", "FILE")
                     .value_parser(PathBufValueParser::new().map(|p| Item::Label(Label::Mask(p))))
-                    .help("Labels the image: an image of its size, at least 128 where the target is"),
+                    .help("Labels the image: a mask of the same size, 128 or brighter on the target"),
             )
             .arg(
                 option("rect", "X,Y,WIDTH,HEIGHT")
                     .value_parser(label(Label::rect))
                     .allow_hyphen_values(true)
-                    .help("Labels the image: a rectangle of pixels; 0,0 is the top left pixel"),
+                    .help("Labels the image: a rectangle in pixels; 0,0 is the top left pixel"),
             )
             .arg(
                 option("polygon", "X,Y,X,Y,X,Y...")
                     .value_parser(label(Label::polygon))
                     .allow_hyphen_values(true)
-                    .help("Labels the image: the inside of corners in pixels"),
+                    .help("Labels the image: a polygon given by its corners in pixels"),
             )
     }
 

@@ -1,4 +1,4 @@
-//! Labels: which pixels of an image show the target.
+//! Labels: the pixels of an image that show the target.
 
 use std::fmt;
 use std::ops::Range;
@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::fault::fault;
 use crate::source::decode::decode_mask;
+use crate::user_error::user_error;
 
-/// Pixels of a mask at least this bright are the target's.
+/// Minimum brightness of a mask on the target.
 const MASK_THRESHOLD: u8 = 128;
 
-/// Which pixels of an image show the target. Coordinates in pixels from the top left corner, x right, y down.
+/// A set of pixels that show the target. Coordinates are in pixels from the top left corner, x right, y down.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Label {
     /// The bright pixels of another image of the same size.
@@ -24,12 +24,12 @@ pub(super) enum Label {
         width: usize,
         height: usize,
     },
-    /// The pixels whose centres lie inside the corners; what is enclosed twice is outside.
+    /// The pixels whose centres lie inside the polygon; doubly enclosed areas are outside.
     Polygon(Vec<[f64; 2]>),
 }
 
 impl Label {
-    /// Reads `X,Y,WIDTH,HEIGHT`.
+    /// Parses `X,Y,WIDTH,HEIGHT`.
     pub(super) fn rect(text: &str) -> Result<Self, String> {
         let numbers: Option<Vec<usize>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
         match numbers.as_deref() {
@@ -46,7 +46,7 @@ impl Label {
         }
     }
 
-    /// Reads `X,Y,X,Y,X,Y,...`.
+    /// Parses `X,Y,X,Y,X,Y,...`.
     pub(super) fn polygon(text: &str) -> Result<Self, String> {
         let number = |n: &str| n.trim().parse().ok().filter(|n: &f64| n.is_finite());
         let numbers: Option<Vec<f64>> = text.split(',').map(number).collect();
@@ -60,9 +60,9 @@ impl Label {
         }
     }
 
-    /// Marks the target's pixels of an image of this width and height, row by row.
+    /// Marks the target's pixels of an image of the given width and height, row by row.
     ///
-    /// Faults: the mask cannot be read, the label fits another size of image, or it has no pixel.
+    /// Errors: the mask cannot be read, the label is for another image size, or it contains no pixel.
     pub(super) fn mark(
         &self,
         image: &Path,
@@ -70,8 +70,8 @@ impl Label {
         is_object: &mut [bool],
     ) -> Result<()> {
         let outside = |allowed: &str| {
-            fault!(
-                "{}: {self} reaches out of the image of {width} x {height} pixels; allowed: {allowed}",
+            user_error!(
+                "{}: {self} exceeds the image of {width} x {height} pixels; allowed: {allowed}",
                 image.display()
             )
         };
@@ -87,7 +87,7 @@ impl Label {
                     from.checked_add(count).is_some_and(|end| end <= side)
                 };
                 if !inside(*x, *columns, width) || !inside(*y, *rows, height) {
-                    return Err(outside("X + WIDTH and Y + HEIGHT up to the image's"));
+                    return Err(outside("X + WIDTH and Y + HEIGHT up to the image size"));
                 }
                 for row in is_object.chunks_exact_mut(width).skip(*y).take(*rows) {
                     row[*x..x + columns].fill(true);
@@ -109,8 +109,8 @@ impl Label {
                     }
                 }
                 if is_empty {
-                    return Err(fault!(
-                        "{}: {self} has no pixel's centre inside; give corners that span an area",
+                    return Err(user_error!(
+                        "{}: {self} contains no pixel centre; give corners that span an area",
                         image.display()
                     ));
                 }
@@ -120,7 +120,7 @@ impl Label {
     }
 }
 
-/// As on the command line.
+/// Formats the label as on the command line.
 impl fmt::Display for Label {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -147,8 +147,8 @@ fn mark_mask(
 ) -> Result<()> {
     let mask = decode_mask(path)?;
     if mask.size_px() != size {
-        return Err(fault!(
-            "{}: the mask is {} x {} pixels where {} has {} x {}; a mask has the size of its image",
+        return Err(user_error!(
+            "{}: the mask has {} x {} pixels, but {} has {} x {}; a mask must have the size of its image",
             path.display(),
             mask.width(),
             mask.height(),
@@ -159,9 +159,9 @@ fn mark_mask(
     }
     let is_bright = |&grey: &u8| grey >= MASK_THRESHOLD;
     if !mask.as_raw().iter().any(is_bright) {
-        return Err(fault!(
-            "{}: no pixel of the mask is {MASK_THRESHOLD} or brighter, so that it labels nothing; \
-             paint the target white, or leave out the image",
+        return Err(user_error!(
+            "{}: no pixel of the mask is {MASK_THRESHOLD} or brighter, so it labels nothing; \
+             paint the target white, or remove the image",
             path.display()
         ));
     }
@@ -171,8 +171,8 @@ fn mark_mask(
     Ok(())
 }
 
-/// The stretches of row `y`, cut at `width`, whose pixels have their centres inside the corners. Left and upper edges
-/// count as inside, so that polygons side by side share no pixel.
+/// Returns the ranges of columns of row `y`, cut at `width`, whose pixel centres lie inside the corners. Left
+/// and upper edges count as inside, so that adjacent polygons share no pixel.
 fn columns_inside(corners: &[[f64; 2]], y: f64, width: usize) -> Vec<Range<usize>> {
     let next = corners.iter().cycle().skip(1);
     let mut crossings: Vec<f64> = corners
@@ -194,7 +194,7 @@ fn columns_inside(corners: &[[f64; 2]], y: f64, width: usize) -> Vec<Range<usize
 mod tests {
     use super::*;
 
-    /// The marked pixels of an image of 8 x 6, as rows of text.
+    /// Returns the marked pixels of an image of 8 x 6, as rows of text.
     fn marked(label: &Label) -> Result<Vec<String>> {
         let mut is_object = vec![false; 48];
         label.mark(Path::new("a.jpg"), (8, 6), &mut is_object)?;
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_polygon_of_a_rectangles_corners_is_the_rectangle() {
+    fn a_polygon_with_the_corners_of_a_rectangle_equals_the_rectangle() {
         let rect = marked(&Label::rect("2, 1,3,4").unwrap()).unwrap();
         assert_eq!(rect[0], "........");
         assert_eq!(rect[1..5], ["..###..."; 4]);
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn slanted_and_hollow_polygons() {
+    fn slanted_and_self_intersecting_polygons_are_filled() {
         let triangle = marked(&Label::polygon("0,0,6,0,0,6").unwrap()).unwrap();
         let expected = [
             "######..", "#####...", "####....", "###.....", "##......", "#.......",
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn malformed_labels_are_refused() {
+    fn malformed_labels_are_rejected() {
         for text in [
             "",
             "1,2,3",
@@ -256,24 +256,21 @@ mod tests {
     }
 
     #[test]
-    fn labels_without_pixels_or_outside_are_refused() {
+    fn empty_labels_and_labels_outside_the_image_are_rejected() {
         for (label, expected) in [
             (
                 Label::rect("6,0,3,1"),
-                "--rect 6,0,3,1 reaches out of the image of 8 x 6",
+                "--rect 6,0,3,1 exceeds the image of 8 x 6",
             ),
-            (Label::rect("0,6,1,1"), "reaches out"),
-            (Label::rect("18446744073709551615,0,1,1"), "reaches out"),
+            (Label::rect("0,6,1,1"), "exceeds"),
+            (Label::rect("18446744073709551615,0,1,1"), "exceeds"),
             (
                 Label::polygon("0,0,9,0,0,5"),
-                "--polygon 0,0,9,0,0,5 reaches out",
+                "--polygon 0,0,9,0,0,5 exceeds",
             ),
-            (Label::polygon("0,-1,5,0,0,5"), "reaches out"),
-            (Label::polygon("0,0,4,4,2,2"), "no pixel's centre"),
-            (
-                Label::polygon("1.2,1.2,1.8,1.2,1.5,1.8"),
-                "no pixel's centre",
-            ),
+            (Label::polygon("0,-1,5,0,0,5"), "exceeds"),
+            (Label::polygon("0,0,4,4,2,2"), "no pixel centre"),
+            (Label::polygon("1.2,1.2,1.8,1.2,1.5,1.8"), "no pixel centre"),
         ] {
             let message = marked(&label.unwrap()).unwrap_err().to_string();
             assert!(

@@ -1,4 +1,4 @@
-//! `pardalis learn`: a colour model from labelled images.
+//! `pardalis learn`: learns a colour model from labelled images.
 
 mod evidence;
 mod inputs;
@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
+use crate::user_error::user_error;
 use evidence::Evidence;
 use inputs::InputOptions;
 use palette::PaletteOptions;
@@ -34,12 +34,12 @@ const EXAMPLES: &str = "Examples:
 pub(crate) struct Arguments {
     #[command(flatten)]
     inputs: InputOptions,
-    /// The colour model to write: a name ending in .toml
+    /// The colour model to write; its name must end in .toml
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
     palette: PaletteOptions,
-    /// The folder for pictures of the model and of the labels [default: beside the output, orange-learnt for
+    /// The folder for pictures of the model and of the labels [default: next to the output, orange-learnt for
     /// orange.colors.toml]
     #[arg(long, value_name = "FOLDER", conflicts_with = "no_pictures")]
     pictures: Option<PathBuf>,
@@ -48,7 +48,7 @@ pub(crate) struct Arguments {
     no_pictures: bool,
 }
 
-/// Runs the command. The model is written last: whatever fails before leaves an older one as it was.
+/// Runs the command. The model is written last, so that earlier failures leave an older one intact.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let palette = arguments.palette.palette()?;
     let inputs = arguments.inputs.inputs()?;
@@ -70,34 +70,34 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         without_mask: &inputs.without_mask,
         written: &written,
     };
-    say(report.to_string().trim_end());
+    print(report.to_string().trim_end());
     Ok(())
 }
 
-/// Refuses, before the work is done, what cannot become a colour model file.
+/// Rejects, before any work is done, an output that cannot be a colour model file.
 fn check_output(path: &Path) -> Result<()> {
     let name = path.display();
     if path.extension().is_none_or(|extension| extension != "toml") {
-        return Err(fault!(
-            "--output {name}: a colour model is a TOML file; give a name ending in .toml, such as orange.colors.toml"
+        return Err(user_error!(
+            "--output {name}: a colour model is a TOML file; choose a name ending in .toml, such as orange.colors.toml"
         ));
     }
     if path.is_dir() {
-        return Err(fault!(
+        return Err(user_error!(
             "--output {name}: this is a folder; give the name of a file"
         ));
     }
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     match folder {
-        Some(folder) if !folder.is_dir() => Err(fault!(
-            "--output {name}: there is no folder {}; make it, or give another",
+        Some(folder) if !folder.is_dir() => Err(user_error!(
+            "--output {name}: the folder {} does not exist; create it, or choose another",
             folder.display()
         )),
         _ => Ok(()),
     }
 }
 
-/// `orange-learnt` beside `orange.colors.toml`.
+/// Returns `orange-learnt`, next to `orange.colors.toml`.
 fn pictures_folder(output: &Path) -> PathBuf {
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
     let stem = stem.strip_suffix(".colors").unwrap_or(&stem);

@@ -1,32 +1,32 @@
-//! The division of colour space, from the command line.
+//! The palette options of the command line.
 
 use anyhow::Result;
 use clap::ValueEnum;
 use pardalis::color::{Palette, YuvEncoding, YuvMatrix, YuvRange};
 
-use crate::fault::fault;
+use crate::user_error::user_error;
 
-/// How colours are told apart.
+/// How colours are divided into bins.
 #[derive(Debug, clap::Args)]
 pub(super) struct PaletteOptions {
-    /// What colours are divided by
+    /// The colour space to divide
     #[arg(long, value_enum, default_value_t = Space::Hsi)]
     palette: Space,
-    /// Numbers of bins: of hue, saturation and intensity; of y, u and v; or, for rgb, one number for each channel
-    /// [default: hsi 12,12,4; yuv 4,8,8; rgb 8]
+    /// Numbers of bins: of hue, saturation and intensity; of y, u and v; or, for rgb, one number for each
+    /// channel [default: hsi 12,12,4; yuv 4,8,8; rgb 8]
     #[arg(long, value_name = "N,N,N|N", value_delimiter = ',')]
     bins: Vec<u16>,
-    /// For yuv: the weights of red, green and blue, as the camera delivers them [default: bt601]
+    /// For yuv: the weights of red, green and blue in Y, as used by the camera [default: bt601]
     #[arg(long, value_enum)]
     yuv_matrix: Option<Matrix>,
-    /// For yuv: what stands for black and white, as the camera delivers it [default: full]
+    /// For yuv: the values of black and white, as used by the camera [default: full]
     #[arg(long, value_enum)]
     yuv_range: Option<Range>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Space {
-    /// Hue, saturation and intensity: the most robust to light
+    /// Hue, saturation and intensity: the most robust to illumination
     Hsi,
     /// Luma and chroma: the fastest with cameras and videos that deliver them
     Yuv,
@@ -51,9 +51,9 @@ enum Range {
 }
 
 impl PaletteOptions {
-    /// The palette that was asked for.
+    /// Returns the selected palette.
     ///
-    /// Faults: the bins do not suit it, or options of another one are given.
+    /// Errors: the bins do not suit it, or options of another palette are given.
     pub(super) fn palette(&self) -> Result<Palette> {
         let yuv_only = [
             ("--yuv-matrix", self.yuv_matrix.is_some()),
@@ -62,8 +62,8 @@ impl PaletteOptions {
         if let Some((option, _)) = yuv_only.iter().find(|(_, given)| *given)
             && self.palette != Space::Yuv
         {
-            return Err(fault!(
-                "{option} only goes with --palette yuv; leave it out, or give both"
+            return Err(user_error!(
+                "{option} requires --palette yuv; remove it, or give both"
             ));
         }
         let palette = match (self.palette, self.bins.as_slice()) {
@@ -86,13 +86,15 @@ impl PaletteOptions {
                     Space::Yuv => ("yuv", "three, of y, u and v, as in 4,8,8"),
                     Space::Rgb => ("rgb", "one, of each channel, as in 8"),
                 };
-                return Err(fault!(
+                return Err(user_error!(
                     "--bins has {} numbers; allowed with --palette {name}: {allowed}",
                     bins.len()
                 ));
             }
         };
-        palette.check().map_err(|error| fault!("--bins: {error}"))?;
+        palette
+            .check()
+            .map_err(|error| user_error!("--bins: {error}"))?;
         Ok(palette)
     }
 

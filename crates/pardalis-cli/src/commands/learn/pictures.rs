@@ -1,4 +1,4 @@
-//! Pictures of a learnt model: its histogram, and the labels with the scores of their surroundings.
+//! Pictures of a learnt model: its histogram, and the labels with the scores of the pixels around them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,14 +11,14 @@ use super::inputs::LabelledFile;
 use crate::draw::histogram::{ColorBin, ColorModelPlot, write_color_model_plot};
 use crate::draw::mosaic::{Tile, write_mosaic};
 use crate::draw::picture::picture_of;
-use crate::fault::fault;
+use crate::user_error::user_error;
 
-/// The most images that are shown: whoever labelled more looks at the worst of them.
+/// Maximum number of images shown; of more, those that fit worst.
 const MAX_TILES: usize = 12;
 
-/// Draws `histogram.svg`, `histogram.png` and `mosaic.png` into a folder, which is made where it is missing.
+/// Draws `histogram.svg`, `histogram.png` and `mosaic.png` into a folder, which is created if missing.
 ///
-/// Faults: the folder cannot be made or written to.
+/// Errors: the folder cannot be created or written to.
 pub(super) fn write(
     folder: &Path,
     files: &[LabelledFile],
@@ -26,8 +26,8 @@ pub(super) fn write(
     model: &ColorModel,
 ) -> Result<Vec<PathBuf>> {
     fs::create_dir_all(folder).map_err(|error| {
-        fault!(
-            "--pictures {}: the folder cannot be made: {error}; give another, or --no-pictures",
+        user_error!(
+            "--pictures {}: the folder cannot be created: {error}; choose another, or give --no-pictures",
             folder.display()
         )
     })?;
@@ -60,7 +60,7 @@ fn histogram(evidence: &Evidence, model: &ColorModel) -> ColorModelPlot {
     }
 }
 
-/// `H0 S10 I1`: the channels' initials and the bin's indices.
+/// Formats a bin as `H0 S10 I1`: the initials of the channels and the indices of the bin.
 fn short_name(palette: Palette, bin: u16) -> String {
     let names = palette.channel_names();
     let indices = palette.channels_of_bin(bin);
@@ -69,7 +69,7 @@ fn short_name(palette: Palette, bin: u16) -> String {
     parts.join(" ")
 }
 
-/// The images with their labels and scores; of many, those that fit the others worst.
+/// Returns the images with their labels and scores; if there are too many, those that fit the others worst.
 fn tiles(files: &[LabelledFile], evidence: &Evidence) -> Result<Vec<Tile>> {
     let mut shown: Vec<_> = files.iter().zip(&evidence.images).collect();
     if shown.len() > MAX_TILES {
@@ -85,7 +85,7 @@ fn tiles(files: &[LabelledFile], evidence: &Evidence) -> Result<Vec<Tile>> {
             let (frame, mask) = file.load()?;
             let bins = learner.bins_of(&frame);
             let verdict = if image.is_suspect() {
-                ": look at this label"
+                ": check this label"
             } else {
                 ""
             };

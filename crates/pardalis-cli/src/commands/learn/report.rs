@@ -1,4 +1,4 @@
-//! What `pardalis learn` found, in plain words.
+//! The printed report of `pardalis learn`.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -7,19 +7,19 @@ use pardalis::color::ColorModel;
 
 use super::evidence::Evidence;
 
-/// How many bins, or names of images, are listed at most.
+/// Maximum number of bins, or of image names, that are listed.
 const MAX_LISTED: usize = 8;
 
-/// A bin is named as shared where it holds at least this share of both the target and the background.
+/// Minimum share of both the target and the background for a bin to be listed as shared.
 const SHARED_PART: f64 = 0.01;
 
-/// All that is printed.
+/// The data of the report.
 pub(super) struct Report<'a> {
     pub(super) evidence: &'a Evidence,
     pub(super) model: &'a ColorModel,
-    /// Names of images that were left out.
+    /// Names of skipped images.
     pub(super) without_mask: &'a [String],
-    /// The files that were written.
+    /// The written files.
     pub(super) written: &'a [PathBuf],
 }
 
@@ -40,8 +40,8 @@ impl fmt::Display for Report<'_> {
         } else {
             writeln!(
                 f,
-                "\nHow well these colours stand out cannot be judged: every pixel is labelled as the target. \
-                 Label images that show its surroundings too."
+                "\nThe separation cannot be judged because every pixel is labelled as the target. \
+                 Label images that also show its surroundings."
             )?;
         }
         self.write_ranges(f)?;
@@ -69,7 +69,7 @@ impl Report<'_> {
         let count = counted(self.without_mask.len() as u64, "image");
         writeln!(
             f,
-            "Left out, for want of a mask: {count} ({}{more}).",
+            "Skipped for lack of a mask: {count} ({}{more}).",
             listed.join(", ")
         )
     }
@@ -83,7 +83,7 @@ impl Report<'_> {
         bins.sort_by_key(|&bin| (u64::MAX - object[bin], bin));
         writeln!(
             f,
-            "\nMost frequent of the {} bins in use, of {} ({first} {a}, {second} {b}, {third} {c}, each from 0):",
+            "\nMost frequent of the {} bins in use, out of {} ({first} {a}, {second} {b}, {third} {c}; indices start at 0):",
             bins.len(),
             object.len()
         )?;
@@ -107,7 +107,7 @@ impl Report<'_> {
     fn write_separation(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let separation = &self.evidence.separation;
         let (found, mistaken) = (separation.object_found, separation.background_mistaken);
-        writeln!(f, "\nHow well they tell the target from the background:")?;
+        writeln!(f, "\nSeparation of the target from the background:")?;
         writeln!(
             f,
             "{:>9}   of the target's pixels are found (log odds above 0)",
@@ -125,7 +125,7 @@ impl Report<'_> {
         )?;
         writeln!(
             f,
-            "{:>9.4}   Bhattacharyya similarity to the background (0: nothing shared, 1: the same colours)",
+            "{:>9.4}   Bhattacharyya similarity to the background (0: no shared colours, 1: identical)",
             separation.similarity
         )?;
         match Verdict::of(found, mistaken) {
@@ -147,7 +147,7 @@ impl Report<'_> {
         }
     }
 
-    /// The bins that both have, and what to do about them.
+    /// Lists the shared bins, with advice.
     fn write_shared_bins(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let palette = self.model.palette();
         let (object, background) = self.evidence.counts();
@@ -174,8 +174,8 @@ impl Report<'_> {
         }
         writeln!(
             f,
-            "What helps: labels that keep inside the target; finer --bins or another --palette; a target in a colour \
-             that its surroundings lack."
+            "Remedies: labels that stay inside the target; finer --bins or another --palette; a target in a colour \
+             that does not occur in its surroundings."
         )
     }
 
@@ -183,7 +183,7 @@ impl Report<'_> {
         let Some(ranges) = self.model.ranges() else {
             return writeln!(
                 f,
-                "\nThe target has no colour: no range of hue tells it, and the window cue cannot follow it."
+                "\nThe target has no colour: no range of hue identifies it, and the window cue cannot track it."
             );
         };
         let [found, mistaken] = self.evidence.shares_within(&ranges);
@@ -191,8 +191,8 @@ impl Report<'_> {
         let [i_from, i_to] = ranges.intensity;
         writeln!(
             f,
-            "\nRanges, for the window cue: hue {hue_from:.0} to {hue_to:.0} degrees, saturation {s_from:.2} to {s_to:.2}, \
-             intensity {i_from:.2} to {i_to:.2}\n{:>9}   of the target's pixels lie in them\n{:>9}   of the background does",
+            "\nRanges for the window cue: hue {hue_from:.0} to {hue_to:.0} degrees, saturation {s_from:.2} to {s_to:.2}, \
+             intensity {i_from:.2} to {i_to:.2}\n{:>9}   of the target's pixels lie in them\n{:>9}   of the background lies in them",
             percent(found),
             percent(mistaken)
         )
@@ -224,13 +224,13 @@ impl Report<'_> {
         }
         writeln!(
             f,
-            "fit: how much of the target the other images' labels would find"
+            "fit: the share of the target that the labels of the other images would find"
         )?;
         for image in images.iter().filter(|image| image.is_suspect()) {
             writeln!(
                 f,
-                "{}: its labelled pixels look unlike those of the other images: likely a bad label, or other light. \
-                 Look at it, and mend the label or leave the image out.",
+                "{}: its labelled pixels differ from those of the other images, probably because of a bad label or other illumination. \
+                 Check it, and correct the label or remove the image.",
                 image.name
             )?;
         }
@@ -266,7 +266,7 @@ fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// `1 image`, `2 images`.
+/// Formats `1 image`, `2 images`.
 fn counted(count: u64, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }

@@ -10,7 +10,7 @@ use pardalis::shape::{Section, Shape};
 use pardalis::view::View;
 
 use crate::draw::likelihood::Curve;
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Scales from half to twice the size.
 const SCALES: [f64; 2] = [0.5, 2.0];
@@ -53,7 +53,7 @@ pub(super) fn with_contours(
     let mut all = vec![named(*settings)];
     if let Some([inner, outer]) = contours {
         let Sampling::Scaled(scaled) = settings.sampling else {
-            return Err(fault!(
+            return Err(user_error!(
                 "--contours {inner},{outer}: the scene's cue samples along a B-spline, which has no such scales"
             ));
         };
@@ -66,7 +66,7 @@ pub(super) fn with_contours(
         other
             .sampling
             .check(other.points)
-            .map_err(|error| fault!("--contours {inner},{outer}: {error}"))?;
+            .map_err(|error| user_error!("--contours {inner},{outer}: {error}"))?;
         all.push(named(other));
     }
     Ok(all)
@@ -112,7 +112,7 @@ pub(super) fn along_ray(
     let view = &judge.views[0];
     let Some(ray) = view.camera().unproject(pixel) else {
         let [u, v] = pixel;
-        return Err(fault!(
+        return Err(user_error!(
             "--pixel {u},{v}: lies outside the camera's field of view"
         ));
     };

@@ -13,11 +13,11 @@ use pardalis_scene::{BodyConfig, Scene};
 use self::curves::{Judge, along_ray, over_scales, to_csv};
 use crate::commands::locate::parse_pixel;
 use crate::draw::likelihood::{Sampled, write_curves, write_sampled};
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
 use crate::scene;
 use crate::source::{Delivery, Source};
+use crate::user_error::user_error;
 
 /// Pixels around the outer contour that the picture shows.
 const MARGIN_PX: f64 = 4.0;
@@ -71,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let (source, view) = scene::open_camera(&arguments.scene, camera, &[])?;
     let frame = frame_of(source, arguments.frame)?;
     let Some(settings) = body.contour() else {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: targets.{} has no contour cue, which alone compares two contours",
             arguments.scene.display(),
             body.name
@@ -79,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     };
     let range_m = arguments.max_range_m;
     if !(range_m > 0.0 && range_m.is_finite()) {
-        return Err(fault!(
+        return Err(user_error!(
             "--max-range-m {range_m}: allowed: more than 0 metres"
         ));
     }
@@ -95,7 +95,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         None => pixel_of(&view, arguments.at)?,
     };
     let folder = &arguments.output;
-    std::fs::create_dir_all(folder).map_err(|error| fault!("-o {}: {error}", folder.display()))?;
+    std::fs::create_dir_all(folder)
+        .map_err(|error| user_error!("-o {}: {error}", folder.display()))?;
 
     let scales = over_scales(&judge, &all_settings, arguments.at);
     let (ray, distance_m) = along_ray(&judge, &all_settings, pixel, arguments.at, range_m)?;
@@ -123,7 +124,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     files.extend(write_pixels(folder, &judge, settings, arguments.at)?);
     for file in files {
-        say(file.display());
+        print(file.display());
     }
     Ok(())
 }
@@ -137,7 +138,7 @@ fn body_of<'s>(scene: &'s Scene, arguments: &Arguments) -> Result<&'s BodyConfig
     };
     let Some(target) = target else {
         let names: Vec<&str> = targets.iter().map(|target| &*target.name).collect();
-        return Err(fault!(
+        return Err(user_error!(
             "--target {}: allowed: {}",
             arguments.target.as_deref().unwrap_or_default(),
             names.join(", ")
@@ -156,7 +157,7 @@ fn frame_of(source: Source, number: usize) -> Result<pardalis::Frame> {
             _ => {}
         }
     }
-    Err(fault!("--frame {number}: {input} has fewer frames"))
+    Err(user_error!("--frame {number}: {input} has fewer frames"))
 }
 
 /// Where a position appears.
@@ -164,7 +165,7 @@ fn pixel_of(view: &View, position_m: [f64; 3]) -> Result<[f64; 2]> {
     let in_camera = view.camera_from_world() * Point3::from(position_m);
     view.camera().project(in_camera.into()).ok_or_else(|| {
         let [x, y, z] = position_m;
-        fault!("--at {x},{y},{z}: the camera cannot see this position")
+        user_error!("--at {x},{y},{z}: the camera cannot see this position")
     })
 }
 
@@ -200,7 +201,9 @@ fn write_pixels(
         ])
     });
     let Some([low, high]) = corners else {
-        return Err(fault!("--at: the target has no pixel in the image there"));
+        return Err(user_error!(
+            "--at: the target has no pixel in the image there"
+        ));
     };
     let size = [frame.width(), frame.height()];
     let first = [0, 1].map(|axis| (low[axis] - MARGIN_PX).max(0.0) as usize);

@@ -1,4 +1,4 @@
-//! `pardalis locate`: single images, without dynamics.
+//! `pardalis locate`: locates targets in single images, without dynamics.
 
 mod starts;
 
@@ -10,19 +10,20 @@ use pardalis::Estimate;
 use pardalis::tracker::{PASSES_SIGMA_M, check_passes};
 use pardalis_scene::{FrameRange, Scene};
 
-use crate::fault::fault;
-use crate::say::say;
+use crate::output::print;
 use crate::scene;
 use crate::tracking::{self, Annotate, FrameSet, Options, Output, Run};
+use crate::user_error::user_error;
 use starts::Starts;
 pub(crate) use starts::StartsFrom;
 pub(crate) use starts::parse_pixel;
 
 /// Locates the targets of a scene in single images
 ///
-/// Each image is taken on its own: no time passes between images, nothing moves. Particles are drawn around the start, weighed, and
-/// drawn anew, closer and closer, around the mean of the pass before; the mean of the last is the answer. A start that is a clicked pixel is
-/// first searched for along its ray, to the ground. Writes into a folder: tracks.csv (a row an image and target, without
+/// Each image is processed independently: no time passes between images, and nothing moves. In each pass,
+/// particles are drawn around the start, weighted and resampled, with decreasing spread, around the mean of
+/// the previous pass; the mean of the last pass is the result. If the start is a pixel, its ray is searched
+/// first, down to the ground. Writes into a folder: tracks.csv (one row per image and target, without
 /// velocities) and summary.json.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -31,46 +32,49 @@ pub(crate) use starts::parse_pixel;
   pardalis locate ball.toml --starts data/catadioptric-static/truth.csv
   pardalis locate ball.toml --clicks clicks.csv --annotate -o located")]
 pub(crate) struct Arguments {
-    /// The scene file, with camera, target and start
+    /// The scene file with the camera, target and start
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// Images in place of the scene's, for scenes with one camera
+    /// Images to use instead of the scene's, for scenes with one camera
     #[arg(value_name = "IMAGE")]
     images: Vec<PathBuf>,
     #[command(flatten)]
     starts: StartOptions,
-    /// The standard deviation of the particles' positions around the start in metres, in each pass
+    /// Standard deviation in each pass of the particles' positions around the start, in metres
     #[arg(long, value_name = "SIGMA,...", value_delimiter = ',', default_values_t = PASSES_SIGMA_M)]
     passes_m: Vec<f64>,
-    /// The folder for the results, or - for the rows alone on standard output [default: the scene's name with -located]
+    /// The folder for the results, or - to print only the rows on standard output [default: the scene's name
+    /// with -located]
     #[arg(short, long, value_name = "FOLDER|-")]
     output: Option<PathBuf>,
-    /// Takes the place of the scene's seed
+    /// Overrides the scene's seed
     #[arg(long)]
     seed: Option<u32>,
-    /// Threads to work with; results do not depend on it [default: one a core]
+    /// Number of threads; results do not depend on it [default: one per core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Also writes every image with contours and particles drawn in
+    /// Also writes every image with contours and particles drawn on it
     #[arg(long)]
     annotate: bool,
 }
 
-/// Where the targets are looked for, in place of the scene's start.
+/// Where the targets are searched for, instead of at the scene's start.
 #[derive(Debug, clap::Args)]
 struct StartOptions {
-    /// A pixel near the middle of the target, the same in all images
+    /// A pixel near the centre of the target, the same in all images
     #[arg(long, value_name = "U,V", value_parser = parse_pixel, conflicts_with_all = ["starts", "clicks"])]
     at: Option<[f64; 2]>,
-    /// A table with a rough position for each image: columns frame,x_m,y_m,z_m, as truth.csv has them
+    /// A table with a rough position for each image: columns frame,x_m,y_m,z_m, as in truth.csv
     ///
-    /// Frames count the images of the scene's folder from 0, or those of the command line.
+    /// Frames are indices, from 0, of the images in the scene's folder or on the command line.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "clicks")]
     starts: Option<PathBuf>,
-    /// A table with a pixel near the middle of the target for each image: columns frame,u_px,v_px, and camera where there are several
+    /// A table with a pixel near the centre of the target for each image: columns frame,u_px,v_px, and camera
+    /// if there are several
     #[arg(long, value_name = "FILE.csv")]
     clicks: Option<PathBuf>,
-    /// Whose rows to take where the table's column `object` has several names [default: the target's name]
+    /// The object whose rows to use if the table's column `object` has several names [default: the target's
+    /// name]
     #[arg(long, value_name = "NAME")]
     object: Option<String>,
 }
@@ -86,21 +90,21 @@ impl StartOptions {
         };
         match object {
             None => Ok(from),
-            Some(name) => Err(fault!(
-                "--object {name}: says whose rows of a table to take; give --starts or --clicks beside it"
+            Some(name) => Err(user_error!(
+                "--object {name}: selects the rows of a table; give --starts or --clicks as well"
             )),
         }
     }
 }
 
-/// What is located from where.
+/// What to locate, and where to start.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
-    /// Images in place of the scene's; empty for the scene's own.
+    /// Images to use instead of the scene's; empty for the scene's own.
     pub(crate) stills: Vec<PathBuf>,
-    /// Where the targets are looked for.
+    /// Where the targets are searched for.
     pub(crate) starts: StartsFrom,
-    /// Standard deviation around the start in each pass, metres.
+    /// Standard deviation around the start in each pass, in metres.
     pub(crate) passes_m: Vec<f64>,
 }
 
@@ -134,36 +138,37 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         passes_m: arguments.passes_m.clone(),
     };
     let scene = scene::read(&arguments.scene)?;
-    let (run, told) = locate(&arguments.scene, scene, &options, &settings)?;
+    let (run, report) = locate(&arguments.scene, scene, &options, &settings)?;
     if !to_stdout {
-        say(told.trim_end());
+        print(report.trim_end());
         for file in &run.files {
-            say(format!("  {}", file.display()));
+            print(format!("  {}", file.display()));
         }
     }
     Ok(())
 }
 
-/// Locates the targets of a scene, read from the file of that name, in every image on its own. Results as those of [`tracking::run`], and a line for people about each image.
+/// Locates the targets of a scene, read from the file at `scene_path`, in every image independently. Writes
+/// results as [`tracking::run`] does, and returns a printable line about each image as well.
 pub(crate) fn locate(
     scene_path: &Path,
     mut scene: Scene,
     options: &Options,
     settings: &Settings,
 ) -> Result<(Run, String)> {
-    check_passes(&settings.passes_m).map_err(|error| fault!("--passes-m: {error}"))?;
+    check_passes(&settings.passes_m).map_err(|error| user_error!("--passes-m: {error}"))?;
     let starts = Starts::read(&settings.starts, &scene, scene_path)?;
     scene
         .resolved
         .insert("locate".to_owned(), settings.written().into());
     let names: Vec<String> = scene.targets.iter().map(|t| t.name.clone()).collect();
-    // The tables of starts count all images of the folder.
+    // The tables of starts index all images of the folder.
     let range = if settings.stills.is_empty() {
         scene.cameras[0].frames
     } else {
         FrameRange::ALL
     };
-    let mut told = String::new();
+    let mut report = String::new();
     let mut step = |tracker: &mut pardalis::Tracker, set: &FrameSet| {
         let frame = range.first + range.step * set.index;
         let starts_here = starts.of_frame(tracker, frame)?;
@@ -171,18 +176,18 @@ pub(crate) fn locate(
             .whole()
             .and_then(|set| tracker.locate(&set, &starts_here, &settings.passes_m));
         let estimates =
-            located.map_err(|error| fault!("{}: {error}", starts.place_of_frame(frame)))?;
+            located.map_err(|error| user_error!("{}: {error}", starts.source_of_frame(frame)))?;
         for (name, estimate) in names.iter().zip(&estimates) {
-            tell(&mut told, set.index, name, estimate);
+            push_line(&mut report, set.index, name, estimate);
         }
         Ok(estimates)
     };
     let run = tracking::run_steps(scene_path, scene, &settings.stills, options, &mut step)?;
-    Ok((run, told))
+    Ok((run, report))
 }
 
-/// A line about one target in one image.
-fn tell(text: &mut String, index: usize, name: &str, estimate: &Estimate) {
+/// Appends a line about one target in one image.
+fn push_line(text: &mut String, index: usize, name: &str, estimate: &Estimate) {
     let _ = match &estimate.kinematics {
         Some(found) => {
             let [x, y, z] = found.position_m;
@@ -195,14 +200,14 @@ fn tell(text: &mut String, index: usize, name: &str, estimate: &Estimate) {
         }
         None => writeln!(
             text,
-            "frame {index}: {name} not seen around the start ({})",
+            "frame {index}: {name} not visible around the start ({})",
             estimate.state.name()
         ),
     };
 }
 
 impl Settings {
-    /// For the summary.
+    /// Formats the settings for the summary.
     fn written(&self) -> toml::Table {
         let (from, what) = self.starts.written();
         let passes: Vec<toml::Value> = self.passes_m.iter().map(|&m| m.into()).collect();

@@ -1,4 +1,4 @@
-//! Where the targets are looked for in each image.
+//! Start positions of the targets in each image.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,24 +9,24 @@ use pardalis::{TargetId, Tracker};
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_scene::Scene;
 
-use crate::fault::fault;
 use crate::tables::{Column, Row, Table};
+use crate::user_error::user_error;
 
-/// Where starts come from.
+/// The source of start positions.
 #[derive(Debug, Clone)]
 pub(crate) enum StartsFrom {
-    /// The scene.
+    /// The scene's own starts.
     Scene,
     /// One pixel for all images.
     Pixel([f64; 2]),
-    /// A table of positions, and whose rows count; the target's where nothing is said.
+    /// A table of positions, and the object whose rows to use; `None` for the target's name.
     Positions(PathBuf, Option<String>),
-    /// A table of pixels, and whose rows count.
+    /// A table of pixels, and the object whose rows to use.
     Clicks(PathBuf, Option<String>),
 }
 
 impl StartsFrom {
-    /// Key and value for the summary.
+    /// Returns a key and value for the summary.
     pub(super) fn written(&self) -> (&'static str, toml::Value) {
         match self {
             Self::Scene => ("starts", "scene".into()),
@@ -37,26 +37,27 @@ impl StartsFrom {
     }
 }
 
-/// Two numbers with a comma between them.
+/// Parses two numbers separated by a comma.
 pub(crate) fn parse_pixel(text: &str) -> Result<[f64; 2], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     numbers
         .and_then(|numbers| <[f64; 2]>::try_from(numbers).ok())
         .filter(|pixel| pixel.iter().all(|v| v.is_finite()))
-        .ok_or_else(|| "allowed: two numbers of pixels, such as 412,96.5".to_owned())
+        .ok_or_else(|| "allowed: two numbers in pixels, such as 412,96.5".to_owned())
 }
 
-/// Where one target is in one image, roughly.
+/// A rough start of one target in one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Place {
-    /// In metres.
+pub(super) enum RoughStart {
+    /// A position in the world, in metres.
     Position([f64; 3]),
-    /// In pixels of the camera of this number.
+    /// A pixel of the camera with the given index.
     Pixel(usize, [f64; 2]),
 }
 
-impl Place {
-    /// The start there. A pixel's ray is searched as the scene says where it starts by a pixel too.
+impl RoughStart {
+    /// Converts to a start. A pixel's ray is searched with the scene's settings if the scene also starts from
+    /// a pixel.
     fn start(self, of_scene: Option<&Start>) -> Start {
         match (self, of_scene) {
             (Self::Position(position_m), _) => Start::Gaussian(GaussianStart {
@@ -75,16 +76,16 @@ impl Place {
     }
 }
 
-/// A frame's place in a table, with its line.
-pub(super) type Listed = BTreeMap<usize, (Place, u64)>;
+/// The start of each frame in a table, with its line number.
+pub(super) type Listed = BTreeMap<usize, (RoughStart, u64)>;
 
 /// The starts of all images.
 pub(super) enum Starts {
-    /// As the scene says.
+    /// The scene's own starts.
     Scene,
-    /// One place for all.
-    Everywhere(Place),
-    /// A table: for each target, what it says of each frame.
+    /// One start for all images.
+    Same(RoughStart),
+    /// A table: the starts of each target by frame.
     Listed {
         file: PathBuf,
         targets: Vec<(String, Listed)>,
@@ -92,14 +93,15 @@ pub(super) enum Starts {
 }
 
 impl Starts {
-    /// Reads what there is to read.
+    /// Reads the starts.
     ///
-    /// Faults: the table does not fit the scene, or a pixel alone does not tell whose it is.
+    /// Errors: the table does not fit the scene, or a pixel is ambiguous because there are several cameras or
+    /// targets.
     pub(super) fn read(from: &StartsFrom, scene: &Scene, scene_path: &Path) -> Result<Self> {
         let several = scene.targets.iter().find(|target| target.bodies.len() > 1);
         if let (Some(target), false) = (several, matches!(from, StartsFrom::Scene)) {
-            return Err(fault!(
-                "{}: targets.{} has several landmarks, and a place does not say where each is; leave out --at, --from and --clicks: they start where the scene says",
+            return Err(user_error!(
+                "{}: targets.{} has several landmarks, which a single start does not locate; remove --at, --starts and --clicks to use the scene's start",
                 scene_path.display(),
                 target.name
             ));
@@ -107,9 +109,9 @@ impl Starts {
         match from {
             StartsFrom::Scene => Ok(Self::Scene),
             StartsFrom::Pixel(pixel) => match (&scene.cameras[..], &scene.targets[..]) {
-                ([_], [_]) => Ok(Self::Everywhere(Place::Pixel(0, *pixel))),
-                (cameras, targets) => Err(fault!(
-                    "--at: {} has {} cameras and {} targets, and a pixel does not say whose it is; give --clicks FILE.csv with the columns camera and object",
+                ([_], [_]) => Ok(Self::Same(RoughStart::Pixel(0, *pixel))),
+                (cameras, targets) => Err(user_error!(
+                    "--at: {} has {} cameras and {} targets, so the pixel is ambiguous; give --clicks FILE.csv with the columns camera and object",
                     scene_path.display(),
                     cameras.len(),
                     targets.len()
@@ -119,7 +121,7 @@ impl Starts {
                 let table = Table::read(file)?;
                 let columns = table.columns(["x_m", "y_m", "z_m"])?;
                 Self::listed(file, &table, object.as_deref(), scene, |row| {
-                    Ok(row.all_or_none(Some(columns))?.map(Place::Position))
+                    Ok(row.all_or_none(Some(columns))?.map(RoughStart::Position))
                 })
             }
             StartsFrom::Clicks(file, object) => {
@@ -132,22 +134,22 @@ impl Starts {
                     };
                     let number =
                         camera.map_or(Ok(0), |camera| camera_number(row, camera, scene))?;
-                    Ok(Some(Place::Pixel(number, pixel)))
+                    Ok(Some(RoughStart::Pixel(number, pixel)))
                 })
             }
         }
     }
 
-    /// The table's rows, each target's.
+    /// Reads the rows of each target.
     fn listed(
         file: &Path,
         table: &Table,
         object: Option<&str>,
         scene: &Scene,
-        place_of: impl Fn(&Row) -> Result<Option<Place>>,
+        start_of: impl Fn(&Row) -> Result<Option<RoughStart>>,
     ) -> Result<Self> {
         let frame_column = table.column("frame")?;
-        let whose = Whose::read(table, object, scene.targets.len())?;
+        let whose = Assignment::read(table, object, scene.targets.len())?;
         let mut targets = Vec::new();
         for target in &scene.targets {
             let wanted = whose.rows_of(file, object.unwrap_or(&target.name))?;
@@ -159,13 +161,13 @@ impl Starts {
                     continue;
                 }
                 let frame = row.count(frame_column)?;
-                let Some(place) = place_of(&row)? else {
+                let Some(rough_start) = start_of(&row)? else {
                     continue;
                 };
-                let (first, line) = *listed.entry(frame).or_insert((place, row.line));
-                if first.contradicts(&place) {
-                    return Err(fault!(
-                        "{}: frame {frame} has another place in line {line}; allowed: one place a frame",
+                let (first, line) = *listed.entry(frame).or_insert((rough_start, row.line));
+                if first.contradicts(&rough_start) {
+                    return Err(user_error!(
+                        "{}: frame {frame} already has a start in line {line}; allowed: one start per frame",
                         row.place()
                     ));
                 }
@@ -178,22 +180,22 @@ impl Starts {
         })
     }
 
-    /// The start of each body in the image of this number, target by target.
+    /// Returns the start of each body in the image with the given index, target by target.
     ///
-    /// Faults: the table has none.
+    /// Errors: the table has none.
     pub(super) fn of_frame(&self, tracker: &Tracker, frame: usize) -> Result<Vec<Option<Start>>> {
         let of_body = |(target, of_scene): (TargetId, Option<Start>)| match self {
             Self::Scene => Ok(of_scene),
-            Self::Everywhere(place) => Ok(Some(place.start(of_scene.as_ref()))),
+            Self::Same(rough_start) => Ok(Some(rough_start.start(of_scene.as_ref()))),
             Self::Listed { file, targets } => {
                 let (name, listed) = &targets[target.index()];
-                let Some((place, _)) = listed.get(&frame) else {
-                    return Err(fault!(
-                        "{}: has no place of {name} in frame {frame}; give each image a row, or take fewer images (first_frame, frame_limit)",
+                let Some((rough_start, _)) = listed.get(&frame) else {
+                    return Err(user_error!(
+                        "{}: has no start of {name} in frame {frame}; give each image a row, or use fewer images (first_frame, frame_limit)",
                         file.display()
                     ));
                 };
-                Ok(Some(place.start(of_scene.as_ref())))
+                Ok(Some(rough_start.start(of_scene.as_ref())))
             }
         };
         let mut starts = Vec::new();
@@ -205,18 +207,19 @@ impl Starts {
         Ok(starts)
     }
 
-    /// What to name when a start of this frame turns out to be faulty.
-    pub(super) fn place_of_frame(&self, frame: usize) -> String {
+    /// Returns what an error message about a start of this frame refers to.
+    pub(super) fn source_of_frame(&self, frame: usize) -> String {
         match self {
             Self::Scene => format!("frame {frame}"),
-            Self::Everywhere(_) => "--at".to_owned(),
+            Self::Same(_) => "--at".to_owned(),
             Self::Listed { file, .. } => format!("{}, frame {frame}", file.display()),
         }
     }
 }
 
-impl Place {
-    /// Whether two rows of a frame cannot both hold. Pixels of several cameras can: the first counts.
+impl RoughStart {
+    /// Reports whether two rows of a frame contradict each other. Pixels of several cameras do not: the first
+    /// is used.
     fn contradicts(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Pixel(camera, _), Self::Pixel(others, _)) if camera != others => false,
@@ -225,19 +228,19 @@ impl Place {
     }
 }
 
-/// How a table says whose rows are whose.
-enum Whose<'t> {
-    /// Not at all: there is one target.
+/// How the rows of a table are assigned to targets.
+enum Assignment<'t> {
+    /// There is only one target, so all rows belong to it.
     OneTarget,
-    /// By its column `object`, which holds these names.
+    /// By the column `object`, which contains these names.
     Column(Column<'t>, Vec<String>),
 }
 
-impl<'t> Whose<'t> {
+impl<'t> Assignment<'t> {
     fn read(table: &'t Table, object: Option<&str>, target_count: usize) -> Result<Self> {
         if target_count > 1 && object.is_some() {
-            return Err(fault!(
-                "--object: the scene has {target_count} targets; leave it out: each target takes the rows of its own name"
+            return Err(user_error!(
+                "--object: the scene has {target_count} targets; remove it: each target uses the rows with its own name"
             ));
         }
         let Some(column) = table.optional_column("object") else {
@@ -258,15 +261,15 @@ impl<'t> Whose<'t> {
         Ok(Self::Column(column, names))
     }
 
-    /// The column and what it must hold; nothing where all rows count.
+    /// Returns the column and the name that it must contain; `None` if all rows apply.
     fn rows_of<'n>(&self, file: &Path, wanted: &'n str) -> Result<Option<(Column<'t>, &'n str)>> {
         match self {
             Self::OneTarget => Ok(None),
             Self::Column(column, names) if names.iter().any(|name| name == wanted) => {
                 Ok(Some((*column, wanted)))
             }
-            Self::Column(_, names) => Err(fault!(
-                "{}, column object: nothing is named \"{wanted}\"; say by --object which of these it is: {}",
+            Self::Column(_, names) => Err(user_error!(
+                "{}, column object: nothing is named \"{wanted}\"; select one of these with --object: {}",
                 file.display(),
                 names.join(", ")
             )),
@@ -274,7 +277,7 @@ impl<'t> Whose<'t> {
     }
 }
 
-/// The column that says which camera a pixel is of; none is needed where there is one camera.
+/// Returns the column of the camera's name; `None` if there is only one camera.
 fn camera_column<'t>(table: &'t Table, scene: &Scene) -> Result<Option<Column<'t>>> {
     match scene.cameras.len() {
         1 => Ok(None),
@@ -287,8 +290,8 @@ fn camera_number(row: &Row, column: Column, scene: &Scene) -> Result<usize> {
     let found = scene.cameras.iter().position(|camera| camera.name == name);
     found.ok_or_else(|| {
         let names: Vec<&str> = scene.cameras.iter().map(|camera| &*camera.name).collect();
-        fault!(
-            "{}, column camera: \"{name}\" is no camera of the scene; allowed: {}",
+        user_error!(
+            "{}, column camera: \"{name}\" is not a camera of the scene; allowed: {}",
             row.place(),
             names.join(", ")
         )

@@ -10,8 +10,8 @@ use serde::Deserialize;
 use toml::Value;
 
 use super::metrics::METRICS;
-use crate::fault::fault;
 use crate::scene::read_text;
+use crate::user_error::user_error;
 
 /// The file's text, as it stands.
 #[derive(Debug, Deserialize)]
@@ -445,19 +445,21 @@ impl Experiment {
     pub(super) fn read(path: &Path) -> Result<Self> {
         let text = read_text(path)?;
         let place = path.display();
-        let file: File = toml::from_str(&text).map_err(|error| fault!("{place}: {error}"))?;
-        check_name(&file.name).map_err(|wrong| fault!("{place}: {wrong}"))?;
+        let file: File = toml::from_str(&text).map_err(|error| user_error!("{place}: {error}"))?;
+        check_name(&file.name).map_err(|wrong| user_error!("{place}: {wrong}"))?;
         let mut runs = file.runs;
         for sweep in file.sweeps {
             let name = sweep.name.clone();
             let expanded = sweep.expanded();
-            runs.extend(expanded.map_err(|wrong| fault!("{place}: sweep \"{name}\": {wrong}"))?);
+            runs.extend(
+                expanded.map_err(|wrong| user_error!("{place}: sweep \"{name}\": {wrong}"))?,
+            );
         }
         for (i, run) in runs.iter().enumerate() {
             run.check()
-                .map_err(|wrong| fault!("{place}: run \"{}\": {wrong}", run.name))?;
+                .map_err(|wrong| user_error!("{place}: run \"{}\": {wrong}", run.name))?;
             if let Some(other) = runs[..i].iter().find(|other| other.slug() == run.slug()) {
-                return Err(fault!(
+                return Err(user_error!(
                     "{place}: the runs \"{}\" and \"{}\" would write into one folder, {}; give names that differ in letters or digits",
                     other.name,
                     run.name,
@@ -471,7 +473,7 @@ impl Experiment {
             if file.figures[..i].iter().any(|other| other.name == *name) {
                 checked = Err("another figure has that name".to_owned());
             }
-            checked.map_err(|wrong| fault!("{place}: figure \"{name}\": {wrong}"))?;
+            checked.map_err(|wrong| user_error!("{place}: figure \"{name}\": {wrong}"))?;
         }
         Ok(Self {
             name: file.name,

@@ -15,7 +15,7 @@ use crate::draw::errors::{ErrorGroup, SphericalError, write_error_figures};
 use crate::draw::paths::{PathGroup, write_path_figures};
 use crate::draw::reliability::{ReliabilityGroup, write_reliability_figures};
 use crate::draw::sweep::{SweepPoint, SweepSeries, write_sweep_figures};
-use crate::fault::fault;
+use crate::user_error::user_error;
 
 /// Draws the figures of an experiment into a folder, those that show no run (of the few that `--verify` runs) aside. Gives the files.
 pub(super) fn draw_all(
@@ -43,7 +43,7 @@ pub(super) fn draw_all(
 /// Copies the PNG files among them.
 pub(super) fn copy_pngs(files: &[PathBuf], folder: &Path) -> Result<()> {
     let refuse = |error| {
-        fault!(
+        user_error!(
             "--figures {}: {error}; give a folder that can be written",
             folder.display()
         )

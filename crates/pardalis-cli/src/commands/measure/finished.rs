@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 
 use super::definition::Method;
-use crate::fault::fault;
 use crate::files::write_file;
+use crate::user_error::user_error;
 
 /// Larger files count by their size and time: they are videos.
 const MAX_READ_BYTES: u64 = 4 << 20;
@@ -45,7 +45,7 @@ impl Finished {
     pub(super) fn remove(folder: &Path) -> Result<()> {
         let path = Self::path(folder);
         match fs::remove_file(&path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(fault!(
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(user_error!(
                 "{}: cannot be removed ({error}); give another folder with -o",
                 path.display()
             )),

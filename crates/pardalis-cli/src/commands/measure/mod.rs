@@ -17,9 +17,9 @@ use anyhow::{Context as _, Result};
 use rayon::prelude::*;
 
 use crate::commands::simulate::Sequence;
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::say;
+use crate::output::print;
+use crate::user_error::user_error;
 use definition::Experiment;
 use finished::Finished;
 use jobs::Job;
@@ -117,7 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let plans = pool.install(|| plans(&experiment, arguments, &output));
     let plans = plans.with_context(place)?;
     if plans.is_empty() {
-        say("nothing to run: no run has any seeds (with --verify: verify_seeds)");
+        print("nothing to run: no run has any seeds (with --verify: verify_seeds)");
         return Ok(());
     }
     let all: Vec<Job> = plans.iter().flat_map(Plan::jobs).collect();
@@ -130,7 +130,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         })
         .collect();
     if jobs.len() < seeds {
-        say(format!(
+        print(format!(
             "{} of {seeds} seeds were tracked before and are taken (--fresh tracks them anew)",
             seeds - jobs.len()
         ));
@@ -143,7 +143,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut results = Results::default();
     let mut outside = Vec::new();
     for Measured { plan, figures, .. } in &measured {
-        say(results::told(plan.run, figures));
+        print(results::told(plan.run, figures));
         outside.extend(results::outside_bands(plan.run, figures));
         results.extend(plan.run, figures);
     }
@@ -151,10 +151,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let csv = output.join("results.csv");
     write_file(&csv, results.to_csv().as_bytes())?;
     write_file(&output.join("pooled.csv"), pooled.as_bytes())?;
-    say(csv.display());
+    print(csv.display());
     if let Some(record) = &arguments.record {
         fs::create_dir_all(record)
-            .map_err(|error| fault!("--record {}: {error}", record.display()))?;
+            .map_err(|error| user_error!("--record {}: {error}", record.display()))?;
         let file = |ending| record.join(format!("{}.{ending}", experiment.name));
         write_file(&file("csv"), results.to_csv().as_bytes())?;
         write_file(&file("facts.txt"), facts.as_bytes())?;

@@ -17,9 +17,9 @@ use crate::commands::locate::{self, StartsFrom};
 use crate::commands::simulate::Sequence;
 use crate::draw::camera_symbol::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
-use crate::fault::fault;
 use crate::files::write_file;
 use crate::progress::Progress;
+use crate::user_error::user_error;
 use crate::{scene, tables, tracking};
 
 /// A run whose scene and truth were found to be fine.
@@ -258,7 +258,7 @@ impl Fresh {
     fn simulate(&self, progress: &Progress) -> Result<()> {
         let Self { folder, .. } = self;
         std::fs::create_dir_all(folder.parent().unwrap_or(folder))
-            .map_err(|error| fault!("{}: {error}; give another -o", folder.display()))?;
+            .map_err(|error| user_error!("{}: {error}; give another -o", folder.display()))?;
         self.sequence.write(folder, true, progress)?;
         write_file(&Self::mark(folder), self.fingerprint.as_bytes())
     }

@@ -1,4 +1,4 @@
-//! `pardalis rectify`: the ground as seen from straight above.
+//! `pardalis rectify`: maps of the ground, seen from above.
 
 mod scene_text;
 
@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::rectify::{Area, Rectifier, area_seen_m, step_for_m};
+use pardalis::rectify::{Area, Rectifier, default_step_m, visible_area_m};
 use pardalis::view::View;
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::Camera;
@@ -16,18 +16,20 @@ use pardalis_images::{GrayImage, RgbImage, encode_png};
 use pardalis_scene::{CameraConfig, Scene};
 use rayon::prelude::*;
 
-use crate::fault::fault;
 use crate::folder::{Content, Folder};
+use crate::output::{print, warn};
 use crate::progress::Progress;
-use crate::say::{say, warn};
 use crate::scene;
 use crate::source::{Delivery, Source};
+use crate::user_error::user_error;
 
-/// Shows the ground as seen from straight above
+/// Makes maps of the ground, seen from straight above
 ///
-/// Turns the images of a scene's camera into maps of the plane z = 0: x to the right, y upwards, the same metres in every pixel, black where the camera
-/// shows nothing of it. What stands on the plane is drawn where it hides it. Writes into a folder: frames/NNNNNN.png with times.csv, camera.toml (the
-/// camera whose images these are, which knows where things above the plane are seen), mask.png where parts are black, and scene.toml, which tracks them.
+/// Rectifies the images of a scene's camera into maps of the plane z = 0: x to the right, y upwards, a
+/// constant number of metres per pixel, black where the camera does not see the plane. Objects above the
+/// plane appear where they occlude it. Writes into a folder: frames/NNNNNN.png with times.csv, camera.toml
+/// (the camera of the maps, which accounts for the position of objects above the plane), mask.png if parts
+/// are black, and scene.toml, which tracks on the maps.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis rectify floor.toml                          all that the camera shows well
@@ -35,36 +37,37 @@ use crate::source::{Delivery, Source};
   pardalis rectify floor.toml a.jpg b.jpg              these images, by the scene's camera
   pardalis track floor-rectified/scene.toml            tracks on the maps")]
 pub(crate) struct Arguments {
-    /// The scene file, with a camera of which it is known how it sees the plane
+    /// The scene file, with a camera whose relation to the plane is known
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// Images in place of the camera's
+    /// Images to use instead of the camera's
     #[arg(value_name = "IMAGE")]
     images: Vec<PathBuf>,
-    /// Which of the scene's cameras, where it has several
+    /// The camera to use, if the scene has several
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
-    /// The part of the plane: smallest x and y, greatest x and y, in metres [default: what the camera shows well]
+    /// The part of the plane: minimum x and y, maximum x and y, in metres [default: the part that the camera
+    /// sees well]
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
     area: Option<Area>,
-    /// Metres a pixel [default: as in the images, in the middle of the area]
+    /// Metres per pixel [default: as in the images, at the centre of the area]
     #[arg(long, value_name = "METRES")]
     step: Option<f64>,
-    /// Only the first so many of the camera's frames
+    /// Uses only the first N of the camera's frames
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "images")]
     frames: Option<u32>,
     /// The folder for the results [default: the scene's name with -rectified]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
-    /// Threads to work with; results do not depend on it [default: one a core]
+    /// Number of threads; results do not depend on it [default: one per core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Replaces what was rectified before
+    /// Replaces an earlier result
     #[arg(long)]
     force: bool,
 }
 
-/// What a folder of maps holds.
+/// The contents of a folder of maps.
 const CONTENT: Content = Content {
     mark: "rectified.txt",
     text: "Written by pardalis rectify. Its --force replaces this folder, unless there is something in it that it did not write.\n",
@@ -77,10 +80,11 @@ fn parse_area(text: &str) -> Result<Area, String> {
     numbers
         .and_then(|numbers| <[f64; 4]>::try_from(numbers).ok())
         .map(|[x0, y0, x1, y1]| [[x0, y0], [x1, y1]])
-        .ok_or_else(|| "allowed: four numbers of metres, such as -2,-1,2,3.5".to_owned())
+        .ok_or_else(|| "allowed: four numbers in metres, such as -2,-1,2,3.5".to_owned())
 }
 
-/// Runs the command. The folder appears when all is done; whatever fails before leaves what was there.
+/// Runs the command. The folder appears when it is complete; an earlier failure leaves the previous one
+/// intact.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let output = arguments.output.clone().unwrap_or_else(|| {
         let stem = arguments.scene.file_stem().unwrap_or_default();
@@ -89,16 +93,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(arguments.threads.map_or(0, usize::from))
         .build()?;
-    let told = pool.install(|| rectify(arguments, &output))?;
-    say(told);
+    let report = pool.install(|| rectify(arguments, &output))?;
+    print(report);
     Ok(())
 }
 
-/// Writes the folder; tells what is in it.
+/// Writes the folder and returns a report.
 fn rectify(arguments: &Arguments, output: &Path) -> Result<String> {
     let path = &arguments.scene;
     let mut scene = scene::read(path)?;
-    let number = chosen(path, &scene, arguments.camera.as_deref())?;
+    let number = selected_camera(path, &scene, arguments.camera.as_deref())?;
     let camera = &mut scene.cameras[number];
     if let Some(frames) = arguments.frames.map(|frames| frames as usize) {
         let limit = &mut camera.frames.limit;
@@ -106,8 +110,8 @@ fn rectify(arguments: &Arguments, output: &Path) -> Result<String> {
     }
     let (source, view) = scene::open_camera(path, camera, &arguments.images)?;
     if source.is_live() {
-        return Err(fault!(
-            "{}: cameras.{}: is a live camera, whose images have no end; record it to a file first",
+        return Err(user_error!(
+            "{}: cameras.{}: is a live camera, whose images never end; record it to a file first",
             path.display(),
             camera.name
         ));
@@ -130,11 +134,11 @@ fn rectify(arguments: &Arguments, output: &Path) -> Result<String> {
     let new_scene = scene_text::of(path, &camera.name, is_masked, &view, &rectifier)?;
     folder.write("scene.toml", new_scene.as_bytes())?;
     folder.finish()?;
-    Ok(told(arguments, output, images, &rectifier))
+    Ok(report(arguments, output, images, &rectifier))
 }
 
-/// The number of the camera that is meant.
-fn chosen(path: &Path, scene: &Scene, name: Option<&str>) -> Result<usize> {
+/// Returns the index of the selected camera.
+fn selected_camera(path: &Path, scene: &Scene, name: Option<&str>) -> Result<usize> {
     let names: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
     let found = match name {
         None if names.len() == 1 => Some(0),
@@ -143,7 +147,7 @@ fn chosen(path: &Path, scene: &Scene, name: Option<&str>) -> Result<usize> {
     };
     found.ok_or_else(|| {
         let given = name.map_or_else(|| "is needed".to_owned(), |name| format!("is {name}"));
-        fault!(
+        user_error!(
             "{}: --camera {given}; the scene's cameras are {}",
             path.display(),
             names.join(", ")
@@ -152,15 +156,15 @@ fn chosen(path: &Path, scene: &Scene, name: Option<&str>) -> Result<usize> {
 }
 
 fn rectifier(arguments: &Arguments, camera: &CameraConfig, view: &View) -> Result<Rectifier> {
-    let area_m = arguments.area.map_or_else(|| area_seen_m(view), Ok);
+    let area_m = arguments.area.map_or_else(|| visible_area_m(view), Ok);
     let made = area_m.and_then(|area_m| {
         let step_m = arguments
             .step
-            .map_or_else(|| step_for_m(view, area_m), Ok)?;
+            .map_or_else(|| default_step_m(view, area_m), Ok)?;
         Rectifier::new(view, area_m, step_m)
     });
     made.map_err(|error| {
-        fault!(
+        user_error!(
             "{}: cameras.{}: {error} (--area, --step)",
             arguments.scene.display(),
             camera.name
@@ -168,14 +172,15 @@ fn rectifier(arguments: &Arguments, camera: &CameraConfig, view: &View) -> Resul
     })
 }
 
-/// When a frame was taken and when it arrived, in seconds.
+/// Exposure and arrival times of a frame, in seconds.
 struct Times {
     frame: usize,
     time_s: f64,
     arrival_s: f64,
 }
 
-/// Writes the maps of all frames, under the numbers that these have in the order of their arrival, and their times. Gives their number.
+/// Writes the maps of all frames, numbered in the order of their arrival, and their times. Returns their
+/// number.
 fn write_frames(
     source: Source,
     camera: &CameraConfig,
@@ -192,7 +197,7 @@ fn write_frames(
                 let (width, height) = rectifier.size_px();
                 let picture =
                     RgbImage::from_raw(width as u32, height as u32, rectifier.rectify(&frame)?)
-                        .expect("three bytes a pixel");
+                        .expect("three bytes per pixel");
                 let name = frames.join(format!("{number:06}.png"));
                 folder.write(name, &encode_png(&picture)?)?;
                 Ok(Some(Times {
@@ -213,7 +218,7 @@ fn write_frames(
     let times: Vec<Option<Times>> = times.collect::<Result<_>>()?;
     let mut times: Vec<Times> = times.into_iter().flatten().collect();
     if times.is_empty() {
-        return Err(fault!(
+        return Err(user_error!(
             "no frame came from cameras.{}; nothing was written",
             camera.name
         ));
@@ -223,7 +228,7 @@ fn write_frames(
     Ok(times.len())
 }
 
-/// The text of times.csv; arrivals are told where they are not the times themselves.
+/// Formats times.csv, with arrival times only if they differ from the exposure times.
 fn table(times: &[Times]) -> String {
     let has_arrivals = times.iter().any(|t| t.arrival_s != t.time_s);
     let mut text = "frame,time_s".to_owned() + if has_arrivals { ",arrival_s\n" } else { "\n" };
@@ -241,24 +246,24 @@ fn table(times: &[Times]) -> String {
 fn png_of_mask(rectifier: &Rectifier) -> Result<Vec<u8>> {
     let (width, height) = rectifier.size_px();
     let grey = rectifier.shown().map(|shown| if shown { 255 } else { 0 });
-    let mask =
-        GrayImage::from_raw(width as u32, height as u32, grey.collect()).expect("one byte a pixel");
+    let mask = GrayImage::from_raw(width as u32, height as u32, grey.collect())
+        .expect("one byte per pixel");
     Ok(encode_png(&mask)?)
 }
 
-/// What was written, in words.
-fn told(arguments: &Arguments, output: &Path, images: usize, rectifier: &Rectifier) -> String {
+/// Formats the report.
+fn report(arguments: &Arguments, output: &Path, images: usize, rectifier: &Rectifier) -> String {
     let (width, height) = rectifier.size_px();
     let shown = rectifier.shown().filter(|shown| *shown).count();
     let [[x0, y0], [x1, y1]] = rectifier.area_m();
     let mut text = format!(
-        "{images} images of {width} x {height} pixels, {} m each: x {x0:.3} to {x1:.3} m, y {y0:.3} to {y1:.3} m; {:.0} % of them shows the plane\n",
+        "{images} images of {width} x {height} pixels, {} m per pixel: x {x0:.3} to {x1:.3} m, y {y0:.3} to {y1:.3} m; {:.0} % of the pixels show the plane\n",
         rectifier.step_m(),
         100.0 * shown as f64 / (width * height) as f64
     );
     let place = match rectifier.camera().center_m() {
         Some([x, y, z]) => format!("({x:.3}, {y:.3}, {z:.3}) m"),
-        None => "nobody knows where, so that heights over the plane cannot be told".to_owned(),
+        None => "an unknown position, so heights above the plane cannot be determined".to_owned(),
     };
     let next = if arguments.images.is_empty() {
         "track"
@@ -269,7 +274,7 @@ fn told(arguments: &Arguments, output: &Path, images: usize, rectifier: &Rectifi
     // Writing to a String cannot fail.
     let _ = write!(
         text,
-        "  {}: seen from {place}\n  {scene}: {} with these images in place of the camera's, all else as it was\nnext: pardalis {next} {scene}",
+        "  {}: seen from {place}\n  {scene}: {} with these images instead of the camera's\nnext: pardalis {next} {scene}",
         output.join("camera.toml").display(),
         arguments.scene.display(),
         scene = scene.display()

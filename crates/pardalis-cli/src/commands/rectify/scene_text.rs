@@ -1,21 +1,22 @@
-//! The scene that tracks the maps: the one given, with the maps in place of one camera's images.
+//! The scene that tracks on the maps: the given scene with the maps instead of one camera's images.
 
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis::rectify::{Rectifier, on_plane_m};
+use pardalis::rectify::{Rectifier, point_on_plane_m};
 use pardalis::view::View;
 use pardalis_camera::Projection as _;
 use toml::de::{DeTable, DeValue};
 
-use crate::fault::fault;
-use crate::say::warn;
+use crate::output::warn;
 use crate::scene::read_text;
+use crate::user_error::user_error;
 
-/// The text of the scene in the file at `path`, every table under its own header in the order of the text, values as they were written, but for this
-/// camera, clicks in its image, and paths, which become absolute.
+/// Formats the text of the scene in the file at `path`. Every table has its own header, in the order of the
+/// text, and values are kept verbatim, except for the given camera, clicks in its image, and paths, which
+/// become absolute.
 pub(super) fn of(
     path: &Path,
     camera: &str,
@@ -24,8 +25,8 @@ pub(super) fn of(
     rectifier: &Rectifier,
 ) -> Result<String> {
     let text = read_text(path)?;
-    // It was read before; only a file that changed since comes here.
-    let root = DeTable::parse(&text).map_err(|error| fault!("{}: {error}", path.display()))?;
+    // The scene was parsed before; this only fails if the file has changed since.
+    let root = DeTable::parse(&text).map_err(|error| user_error!("{}: {error}", path.display()))?;
     let mut writer = Writer {
         text: &text,
         folder: path.parent().unwrap_or(Path::new("")),
@@ -34,7 +35,7 @@ pub(super) fn of(
         view,
         rectifier,
         written: format!(
-            "# Written by pardalis rectify from {}: the images of cameras.{camera} are maps now.\n",
+            "# Written by pardalis rectify from {}: the images of cameras.{camera} are now maps.\n",
             path.display()
         ),
     };
@@ -44,7 +45,7 @@ pub(super) fn of(
 
 struct Writer<'a> {
     text: &'a str,
-    /// The given scene's.
+    /// The folder of the given scene.
     folder: &'a Path,
     camera: &'a str,
     is_masked: bool,
@@ -54,7 +55,7 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    /// The table of this key; its own values come before the tables in it.
+    /// Appends the table at a key; its own values come before the tables in it.
     fn push_table(&mut self, key: &[&str], table: &DeTable) {
         if let ["cameras", name] = key
             && *name == self.camera
@@ -93,7 +94,7 @@ impl Writer<'_> {
         }
     }
 
-    /// What the value of this key, in this table, is replaced by, if it is.
+    /// Returns the replacement of a value, if it needs one.
     fn replaced(&self, key: &[&str], table: &DeTable, value: &DeValue) -> Option<String> {
         match key {
             ["cameras", _, "images" | "video" | "calibration" | "mask"]
@@ -110,13 +111,13 @@ impl Writer<'_> {
         }
     }
 
-    /// The same place as seen from anywhere; nothing where there is no such file or folder: videos may be addresses.
+    /// Makes a path absolute; `None` if there is no such file or folder, because videos may be URLs.
     fn path(&self, path: &str) -> Option<String> {
         let absolute = fs::canonicalize(self.folder.join(path)).ok()?;
         Some(toml::Value::from(absolute.to_str()?).to_string())
     }
 
-    /// The same click on the map.
+    /// Converts a click to the map.
     fn click(&self, key: &str, value: &DeValue) -> Option<String> {
         let number = |value: &DeValue| match value {
             DeValue::Float(float) => float.as_str().replace('_', "").parse().ok(),
@@ -129,7 +130,7 @@ impl Writer<'_> {
             .filter_map(|v| number(v.get_ref()))
             .collect();
         let [u, v] = pixel[..] else { return None };
-        let on_map = on_plane_m(self.view, [u, v])
+        let on_map = point_on_plane_m(self.view, [u, v])
             .map(|[x, y]| self.rectifier.camera().project([x, y, 0.0]).0);
         let (width, height) = self.rectifier.size_px();
         let inside = |[u, v]: &[f64; 2]| {
@@ -137,7 +138,7 @@ impl Writer<'_> {
         };
         if !on_map.is_some_and(|pixel| inside(&pixel)) {
             warn(format!(
-                "{key}: what that pixel shows lies outside of the map; say anew in the new scene where the target starts"
+                "{key}: this pixel shows a point outside the map; set the start of the target again in the new scene"
             ));
         }
         on_map.map(|[u, v]| format!("[{u:.2}, {v:.2}]"))

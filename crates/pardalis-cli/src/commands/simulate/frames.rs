@@ -9,9 +9,9 @@ use pardalis_simulate::{Renderer, WorldCamera};
 use rayon::prelude::*;
 
 use super::Sequence;
-use crate::fault::fault;
 use crate::folder::Folder;
 use crate::progress::Progress;
+use crate::user_error::user_error;
 
 /// The folder of a camera's images: one for each where there are several.
 pub(super) fn folder_of(sequence: &Sequence, camera: usize) -> PathBuf {
@@ -77,5 +77,5 @@ pub(super) fn encoded(camera: &WorldCamera, rgb: Vec<u8>) -> Result<Vec<u8>> {
         Some(quality) => encode_jpeg(&image, quality, JpegSampling::TwoByTwo),
         None => encode_png(&image),
     };
-    file.map_err(|error| fault!("{error}"))
+    file.map_err(|error| user_error!("{error}"))
 }

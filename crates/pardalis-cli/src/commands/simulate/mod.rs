@@ -11,11 +11,11 @@ use anyhow::Result;
 use pardalis_scene::WorldConfig;
 use pardalis_simulate::{Delivery, World};
 
-use crate::fault::fault;
 use crate::folder::{Content, Folder};
+use crate::output::print;
 use crate::progress::Progress;
-use crate::say::say;
 use crate::scene::{problems_in, read_calibration, read_text};
+use crate::user_error::user_error;
 
 /// Makes images of a made-up world, with exact truth
 ///
@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let sequence = Sequence::read(path, &replaced)?;
     let progress = Progress::new("simulating", Some(sequence.image_count()));
     pool.install(|| sequence.write(&output, arguments.force, &progress))?;
-    say(sequence.told(&output));
+    print(sequence.told(&output));
     Ok(())
 }
 
@@ -122,7 +122,7 @@ impl Sequence {
             .collect();
         let silent = cameras.iter().zip(&deliveries).find(|(_, d)| d.is_empty());
         if let Some((camera, _)) = silent {
-            return Err(fault!(
+            return Err(user_error!(
                 "{}: camera {} delivers no image within duration_s = {duration_s}; let it last longer, or drop fewer",
                 path.display(),
                 camera.name

@@ -11,10 +11,10 @@ use pardalis_simulate::{Body, Course, Object, Path, Renderer, World, truth};
 
 use super::frames;
 use super::{Sequence, scene_text};
-use crate::fault::fault;
 use crate::folder::Folder;
 use crate::progress::Progress;
 use crate::source::decode::decode_image;
+use crate::user_error::user_error;
 
 /// How often a view of a target is looked for.
 const ATTEMPTS: u32 = 200;
@@ -76,7 +76,7 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
     for (learner, target) in learners.iter().zip(targets) {
         let target = &world.objects[target];
         let model = learner.learn().map_err(|_| {
-            fault!(
+            user_error!(
                 "{}: objects.{}: no still of {} shows it, so that its colours cannot be learnt; let cameras see it, or set training_stills (0 for none)",
                 sequence.path.display(),
                 target.name,

@@ -1,4 +1,4 @@
-//! What several tests and benchmarks need: the rendered fisheye sequence, its camera and the ball's colours.
+//! Fixtures shared by tests and benchmarks: the rendered fisheye sequence, its camera and the ball's colours.
 #![allow(dead_code)] // each test uses its part
 
 pub(crate) mod robot;
@@ -20,13 +20,13 @@ use pardalis_filter::particle_filter::FilterSettings;
 use pardalis_filter::resample::Resampling;
 use pardalis_images::{RgbImage, decode};
 
-/// Width and height of the sequence's images, pixels.
+/// Width and height of the sequence's images in pixels.
 pub(crate) const SIZE: (usize, usize) = (640, 480);
-/// The sequence's frame rate.
+/// Frame rate of the sequence in frames per second.
 pub(crate) const FPS: f64 = 25.0;
-/// The ball's radius, metres.
+/// Radius of the ball in metres.
 pub(crate) const RADIUS_M: f64 = 0.11;
-/// Where the ball is in the first frames, metres.
+/// Position of the ball in the first frames, in metres.
 pub(crate) const FIRST_POSITION_M: [f64; 3] = [1.35, -1.25, 0.62];
 
 pub(crate) fn data(path: &str) -> PathBuf {
@@ -41,7 +41,7 @@ pub(crate) fn open(path: &str) -> RgbImage {
     decode(&file).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// A picture of data/dioptric-jump.
+/// Loads a picture of data/dioptric-jump.
 pub(crate) fn jump_picture(index: usize) -> RgbImage {
     open(&format!("dioptric-jump/frames/{index:06}.jpg"))
 }
@@ -51,7 +51,7 @@ pub(crate) fn set_of(frame: Frame) -> FrameSet {
     FrameSet::of(CameraId::new(0), frame)
 }
 
-/// A picture as a frame of this format.
+/// Converts a picture to a frame of the given format.
 pub(crate) fn frame(
     picture: &RgbImage,
     format: PixelFormat,
@@ -66,7 +66,7 @@ pub(crate) fn frame(
     Frame::new(format, encoding, width, height, bytes, time_s).unwrap()
 }
 
-/// A picture in a YUV format. Chroma is taken from the top left pixel of those that share it.
+/// Converts a picture to a YUV format. The chroma of pixels that share it is that of the top left one.
 fn yuv_bytes(picture: &RgbImage, format: PixelFormat, encoding: YuvEncoding) -> Vec<u8> {
     let (width, height) = picture.dimensions();
     let yuv = |x: u32, y: u32| {
@@ -111,13 +111,13 @@ fn yuv_bytes(picture: &RgbImage, format: PixelFormat, encoding: YuvEncoding) -> 
     bytes
 }
 
-/// The sequence's camera.
+/// Returns the sequence's camera.
 pub(crate) fn fisheye() -> Camera {
     let model = Equidistant::new(145.562_250_654_857_8, [319.5, 239.5], 92.5_f64.to_radians());
     Camera::Equidistant(model.unwrap())
 }
 
-/// The pose of the sequence's camera: 0.9 m above the floor, looking down.
+/// Returns the pose of the sequence's camera: 0.9 m above the floor, looking down.
 pub(crate) fn world_from_fisheye() -> Pose {
     let rows = [
         [0.0, -1.0, 0.0, 0.0],
@@ -128,12 +128,12 @@ pub(crate) fn world_from_fisheye() -> Pose {
     pose_from_matrix(rows).unwrap()
 }
 
-/// The sequence's camera in its place.
+/// Returns the view of the sequence's camera.
 pub(crate) fn fisheye_view() -> View {
     View::new(fisheye(), world_from_fisheye(), SIZE, None).unwrap()
 }
 
-/// The ball's colours, learnt from the labelled stills of data/training/dioptric.
+/// Learns the ball's colours from the labelled images of data/training/dioptric.
 pub(crate) fn ball_colors(palette: Palette) -> ColorModel {
     let mut learner = ColorLearner::new(palette).unwrap();
     for i in 0..6 {
@@ -146,12 +146,12 @@ pub(crate) fn ball_colors(palette: Palette) -> ColorModel {
     learner.learn().unwrap()
 }
 
-/// The sequence's ball.
+/// Returns the sequence's ball.
 pub(crate) fn ball() -> Sphere {
     Sphere::new(RADIUS_M, SphereOutline::Tangent).unwrap()
 }
 
-/// How the paper tracks the ball offline: 90 mm/frame² of acceleration, survivors drawn at every step.
+/// Returns the paper's offline filter for the ball: 90 mm/frame² of acceleration, resampling at every step.
 pub(crate) fn ball_filter(particle_count: usize) -> FilterSettings {
     let noise = VelocityNoise::PiecewiseConstant {
         acceleration_sigma_mps2: 0.09 * FPS * FPS,
@@ -164,7 +164,7 @@ pub(crate) fn ball_filter(particle_count: usize) -> FilterSettings {
     }
 }
 
-/// A guess of where the ball is in the first frames.
+/// Returns a rough start position of the ball in the first frames.
 pub(crate) fn ball_start() -> GaussianStart {
     GaussianStart {
         position_m: FIRST_POSITION_M,
@@ -174,7 +174,7 @@ pub(crate) fn ball_start() -> GaussianStart {
     }
 }
 
-/// The ball as the tracker's target.
+/// Returns the ball as a target of the tracker.
 pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> InitializedSettings {
     InitializedSettings {
         shape: Shape::Sphere(ball()),

@@ -1,4 +1,5 @@
-//! The sequence of the plane: its camera known by the tape rectangle, its robot by two landmarks.
+//! Fixtures of the plane sequence: the camera calibrated by the tape rectangle, and the robot with two
+//! landmarks.
 
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{Cue, PatchSettings};
@@ -17,7 +18,7 @@ use pardalis_images::RgbImage;
 
 use super::{SIZE, data, open};
 
-/// The sequence's frame rate.
+/// Frame rate of the sequence in frames per second.
 pub(crate) const FPS: f64 = 15.0;
 /// Outer corners of the tape: u, v, x, y.
 const CORNERS: [[f64; 4]; 4] = [
@@ -26,41 +27,42 @@ const CORNERS: [[f64; 4]; 4] = [
     [402.42, 198.82, 1.045_246_7, 1.367_929_5],
     [195.57, 212.70, -0.949_881_4, 1.228_416_6],
 ];
-/// Where the camera stands.
+/// Position of the camera in metres.
 const CENTER_M: [f64; 3] = [0.0, -3.2, 3.0];
 
-/// A picture of data/plane-robot.
+/// Loads a picture of data/plane-robot.
 pub(crate) fn picture(index: usize) -> RgbImage {
     open(&format!("plane-robot/frames/{index:06}.jpg"))
 }
 
-/// The camera by its corners, with its place or without.
-pub(crate) fn mast(knows_its_place: bool) -> Plane<f64> {
+/// Returns the camera calibrated by the corners, with or without its position.
+pub(crate) fn mast(has_position: bool) -> Plane<f64> {
     let pairs = CORNERS.map(|[u, v, x, y]| PointPair {
         pixel: [u, v],
         plane_m: [x, y],
     });
     let found = fit(&pairs).unwrap();
-    Plane::new(&found.homography, knows_its_place.then_some(CENTER_M)).unwrap()
+    Plane::new(&found.homography, has_position.then_some(CENTER_M)).unwrap()
 }
 
-/// The sequence's camera; its frame is the world.
+/// Returns the view of the sequence's camera; the camera frame is the world.
 pub(crate) fn mast_view() -> View {
     View::new(Camera::Plane(mast(true)), Pose::identity(), SIZE, None).unwrap()
 }
 
-/// A landmark's shape.
+/// Returns the shape of a landmark.
 pub(crate) fn landmark() -> Shape {
     Shape::Flat(Flat::disc(0.06, 0.406).unwrap())
 }
 
-/// A landmark's colours: `red` or `yellow`.
+/// Returns the colours of a landmark: `red` or `yellow`.
 pub(crate) fn landmark_colors(name: &str) -> ColorModel {
     let path = data(&format!("colors/landmark-{name}.colors.toml"));
     ColorModel::from_text(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// The robot by its landmarks, red in front and yellow behind, each with the region and the difference cue.
+/// Returns the robot with its landmarks, red in front and yellow behind, each with the region and difference
+/// cues.
 pub(crate) fn robot_target(particle_count: usize) -> TargetSettings {
     let body = |colors, x_m| InitializedSettings {
         shape: landmark(),

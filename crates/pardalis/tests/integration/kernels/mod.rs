@@ -1,4 +1,4 @@
-//! The kernels against the naive reference, and the CPU levels against each other, on real and synthetic images.
+//! The kernels against the reference, and the CPU levels against each other, on real and synthetic images.
 
 mod colors;
 mod plane;
@@ -28,7 +28,8 @@ use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
 use pardalis_images::RgbImage;
 
-/// A point this close to a border between pixels may be rounded to either side: the kernels' single precision leaves some 2e-4 px.
+/// Single precision has an error of some 2e-4 px, so a point this close to a pixel border may be rounded to
+/// either side.
 const BORDER_PX: f64 = 1e-3;
 const FORMATS: [PixelFormat; 5] = [
     PixelFormat::Rgb8,
@@ -91,7 +92,7 @@ fn cameras() -> Vec<Camera> {
     ]
 }
 
-/// Where a camera of these stands: that of a plane knows the world alone.
+/// Returns the pose of one of the cameras: the identity for a plane camera, which knows only the world.
 fn world_from(camera: &Camera) -> Pose {
     match camera {
         Camera::Plane(_) => Pose::identity(),
@@ -115,7 +116,7 @@ fn palettes() -> Vec<ColorModel> {
     palettes.map(ball_colors).into()
 }
 
-/// Numbers in `[0, 1)`, one after the other.
+/// A sequence of numbers in `[0, 1)`.
 struct Uniform(Draws, u32);
 
 impl Uniform {
@@ -137,7 +138,7 @@ impl Uniform {
     }
 }
 
-/// A picture of coarse random patches, odd in size.
+/// Creates a picture of coarse random patches, of odd size.
 fn patches(seed: u32) -> RgbImage {
     let draws = Draws::new(seed, 1);
     RgbImage::from_fn(401, 333, |x, y| {
@@ -146,7 +147,8 @@ fn patches(seed: u32) -> RgbImage {
     })
 }
 
-/// Places all over the view and a little outside it, near and far; among them some that no camera can see rightly.
+/// Creates positions all over the view and slightly outside it, near and far, including some that no camera
+/// can project properly.
 fn particles(view: &View, count: usize, random: &mut Uniform) -> Particles {
     let (width, height) = (view.size().0 as f64, view.size().1 as f64);
     let mut particles = Particles::new(count, 3);
@@ -157,7 +159,7 @@ fn particles(view: &View, count: usize, random: &mut Uniform) -> Particles {
         ];
         let range_m = 0.1 * 100_f64.powf(random.next());
         let position = match i % 20 {
-            // Around the camera, inside of the ball and behind the camera too.
+            // Around the camera, also inside the ball and behind the camera.
             3 => [0.0, 0.0, 0.9],
             5 => [0.0, 0.02, 0.95],
             7 => [f64::NAN, 1.0, 0.3],
@@ -178,7 +180,8 @@ fn particles(view: &View, count: usize, random: &mut Uniform) -> Particles {
     particles
 }
 
-/// The point of a ray this far from where it begins; for cameras of a plane, which may be far above it, a tenth of that before the plane.
+/// Returns the point at a given distance along a ray. For plane cameras, which may be far above the plane,
+/// the point is a tenth of that distance before the plane.
 fn point_along(camera: &Camera, ray: &Ray<f64>, range_m: f64) -> [f64; 3] {
     let range_m = match camera {
         Camera::Plane(_) => -ray.origin[2] / ray.direction[2] - 0.1 * range_m,
@@ -187,15 +190,15 @@ fn point_along(camera: &Camera, ray: &Ray<f64>, range_m: f64) -> [f64; 3] {
     [0, 1, 2].map(|axis| ray.origin[axis] + range_m * ray.direction[axis])
 }
 
-/// Whether single precision may round a point to another pixel than double precision, or across the border of the camera's domain, or take another
-/// side of an upright body for the one that is seen.
+/// Reports whether single precision may round a point to another pixel than double precision, place it across
+/// the border of the camera's domain, or consider another side of an upright body visible.
 fn is_borderline(
     view: &View,
     shape: &Shape,
     settings: &ContourSettings,
     position_m: [f64; 3],
 ) -> bool {
-    // Squares of such distances are beyond single precision.
+    // Squares of such distances exceed single precision.
     if position_m.iter().any(|c| c.abs() > 1e18) {
         return true;
     }
@@ -208,7 +211,7 @@ fn is_borderline(
                 .any(|c| ((c - c.floor()) - 0.5).abs() < border_px)
     };
     let points = settings.points;
-    // What is compared with the image, and how far from the outline it lies along normals.
+    // The scales that are compared with the image, and their distance from the outline along normals.
     let compared = |position_m: [f64; 3]| match settings.sampling {
         Sampling::Scaled(scaled) => {
             let scales = [scaled.inner_scale, scaled.outer_scale];
@@ -225,12 +228,12 @@ fn is_borderline(
             vec![(sides.concat(), spline.reach_px)]
         }
     };
-    // The look-up of the exact mirror is coarser than single precision.
+    // The lookup table of the exact mirror is coarser than single precision.
     let error_px = match view.camera() {
         Camera::ExactMirror(_) => 5.0 * BORDER_PX,
         _ => BORDER_PX,
     };
-    // Normals of small outlines turn with the errors of their points.
+    // Errors of the points rotate the normals of small outlines.
     let [outline, _] = boundary_of_scales(view, shape, points, position_m, [1.0; 2]);
     let shortest_px = (0..outline.len())
         .filter_map(|k| {
@@ -267,7 +270,8 @@ fn is_borderline(
     })
 }
 
-/// A ball, cylinder or prism of some size, with either outline, or a flat shape; always that where a camera does not see how high anything is.
+/// Returns a ball, cylinder or prism of random size with either outline, or a flat shape; always a flat shape
+/// if the camera cannot see heights.
 fn some_shape(camera: &Camera, random: &mut Uniform) -> Shape {
     if matches!(camera, Camera::Plane(plane) if plane.center_m().is_none()) {
         return some_flat_shape(random, 1.0);
@@ -290,7 +294,7 @@ fn some_shape(camera: &Camera, random: &mut Uniform) -> Shape {
     Shape::Upright(Upright::new(section.unwrap(), height_m, outline).unwrap())
 }
 
-/// A disc or rectangle of some size and height, in metres times `unit_m`.
+/// Returns a disc or rectangle of random size and height, in metres times `unit_m`.
 fn some_flat_shape(random: &mut Uniform, unit_m: f64) -> Shape {
     let height_m = unit_m * random.between(0.0, 0.5) * random.below(2) as f64;
     let mut size_m = || unit_m * random.between(0.03, 0.5);
@@ -302,7 +306,7 @@ fn some_flat_shape(random: &mut Uniform, unit_m: f64) -> Shape {
     Shape::Flat(flat.unwrap())
 }
 
-/// Settings that look at points in one of the ways that there are.
+/// Returns random settings with any sampling.
 fn some_settings(random: &mut Uniform) -> ContourSettings {
     let points = 3 + random.below(57);
     let shared_pixels = (random.below(2) == 0).then(|| SharedPixels {
@@ -331,16 +335,16 @@ fn some_settings(random: &mut Uniform) -> ContourSettings {
     }
 }
 
-/// What the comparisons have seen.
+/// Counts of compared particles.
 #[derive(Debug, Default)]
 struct Tally {
     compared: usize,
     borderline: usize,
-    /// Compared, and seen by a camera.
+    /// Compared, and visible to a camera.
     seen: usize,
 }
 
-/// Holds the kernels to the reference, and the levels to each other, on one set of particles.
+/// Compares the kernels with the reference, and the levels with each other, for one set of particles.
 fn compare(
     views: &[View],
     frames: &[(usize, Frame)],
@@ -381,7 +385,7 @@ fn compare(
         let naive = contour_log_likelihood(&settings, &shape, colors, views, frames, position_m);
         assert!(
             (f64::from(fast) - naive).abs() <= 1e-4 * naive.abs(),
-            "{fast} where the reference has {naive}: {position_m:?}, {:?}, {:?}, {settings:?}, {shape:?}, {:?}",
+            "{fast}, but the reference is {naive}: {position_m:?}, {:?}, {:?}, {settings:?}, {shape:?}, {:?}",
             views[0].camera(),
             colors.palette(),
             frames[0].1.format()
@@ -482,7 +486,7 @@ fn kernels_agree_with_the_reference_for_any_number_of_particles_and_points() {
 }
 
 #[test]
-fn cameras_multiply() {
+fn likelihoods_of_cameras_multiply() {
     let picture = jump_picture(30);
     let frames = [
         (
@@ -520,7 +524,8 @@ fn cameras_multiply() {
     );
 }
 
-/// The reference itself, on what is known: outline points on the sphere's tangents, and a likelihood that is best at the truth.
+/// Checks the reference itself against known facts: outline points lie on the sphere's tangents, and the
+/// likelihood is highest at the true position.
 #[test]
 fn the_reference_finds_the_ball() {
     let frame = frame(
@@ -561,6 +566,6 @@ fn the_reference_finds_the_ball() {
     assert_eq!(
         at([0.0, 0.0, 1000.0]),
         -30.0,
-        "behind the camera is background"
+        "a ball behind the camera must count as background"
     );
 }

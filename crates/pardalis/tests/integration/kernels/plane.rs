@@ -1,4 +1,5 @@
-//! The region and the difference cue against the naive reference: every camera, format and mask, discs and rectangles, any samples and bins.
+//! The region and difference cues against the reference: every camera, format and mask, discs and rectangles,
+//! any samples and bins.
 
 use pardalis::color::{ChannelBins, ColorModel, Palette, YuvEncoding};
 use pardalis::likelihood::{Cue, CueSettings, Cues, PatchSettings};
@@ -49,7 +50,8 @@ fn log_likelihoods(
     out
 }
 
-/// Whether single precision may round a sample to another pixel than double precision, or fixed point a colour to another bin.
+/// Reports whether single precision may round a sample to another pixel than double precision, or fixed point
+/// a colour to another bin.
 fn is_borderline(
     view: &View,
     frame: &Frame,
@@ -57,7 +59,7 @@ fn is_borderline(
     settings: &PatchSettings,
     position_m: [f64; 3],
 ) -> bool {
-    // Products of such distances are beyond single precision.
+    // Products of such distances exceed single precision.
     if position_m.iter().any(|c| c.abs() > 1e18) {
         return true;
     }
@@ -86,7 +88,7 @@ fn is_borderline(
     if seen().any(near_border) || frame.format() != PixelFormat::Rgb8 && seen().any(is_halfway) {
         return true;
     }
-    // Far away, or at the border of the camera's domain, single precision is itself too coarse.
+    // Far away, or at the border of the camera's domain, single precision itself is too coarse.
     let shift = 1e-5 * position_m.iter().map(|c| c.abs()).sum::<f64>().max(0.1);
     (0..6).any(|k| {
         let mut shifted = position_m;
@@ -99,7 +101,7 @@ fn is_borderline(
     })
 }
 
-/// Holds both cues to the reference, and the levels to each other, on one set of particles.
+/// Compares both cues with the reference, and the levels with each other, for one set of particles.
 fn compare(
     views: &[View],
     frames: &[(usize, Frame)],
@@ -117,7 +119,7 @@ fn compare(
         }
         best
     });
-    // As if none of a camera's samples were seen.
+    // The likelihood if none of a camera's samples were visible.
     let unseen = settings.log_likelihood(frames.len() as f64);
     for i in 0..particles.count() {
         let position_m = particles.position_m(i);
@@ -137,7 +139,7 @@ fn compare(
             let error = (f64::from(fast) - naive).abs();
             assert!(
                 error <= -settings.log_likelihood(1e-5) + 1e-6 * naive.abs(),
-                "{fast} where the reference has {naive}: {position_m:?}, {:?}, {settings:?}, {shape:?}, {:?}",
+                "{fast}, but the reference is {naive}: {position_m:?}, {:?}, {settings:?}, {shape:?}, {:?}",
                 views[0].camera(),
                 frames[0].1.format()
             );
@@ -147,7 +149,7 @@ fn compare(
     }
 }
 
-/// The picture a little later: part of it moved, part of it still.
+/// Returns the picture a little later: one part has moved, the other is static.
 fn moved(picture: &RgbImage) -> RgbImage {
     let (width, height) = picture.dimensions();
     RgbImage::from_fn(width, height, |x, y| {
@@ -184,7 +186,7 @@ fn regions_agree_with_the_reference_for_every_camera_format_and_mask() {
                 for (number, frame) in frames.iter().enumerate() {
                     let pose = world_from(&camera);
                     let mut views = [view(camera.clone(), pose, frame, mask.clone())];
-                    // A camera may have another format from one frame to the next.
+                    // A camera may change its format from one frame to the next.
                     views[0].keep(before[(number + random.below(2)) % before.len()].clone());
                     let scene = (
                         some_flat_shape(&mut random, unit_m),
@@ -202,7 +204,7 @@ fn regions_agree_with_the_reference_for_every_camera_format_and_mask() {
 }
 
 #[test]
-fn regions_of_a_whole_rig_multiply_for_any_number_of_particles() {
+fn likelihoods_of_a_rig_multiply_for_any_number_of_particles() {
     let picture = jump_picture(30);
     let frames = [PixelFormat::Rgb8, PixelFormat::Nv12, PixelFormat::I420];
     let frames = frames.map(|format| frame(&picture, format, VIDEO, 0.0));
@@ -212,7 +214,7 @@ fn regions_of_a_whole_rig_multiply_for_any_number_of_particles() {
         view(fisheye(), aside, &frames[0], None),
         mast_view(),
     ];
-    // The second camera has no frame before.
+    // The second camera has no previous frame.
     views[0].keep(frame(&moved(&picture), PixelFormat::Rgb8, VIDEO, -0.04));
     views[2].keep(frame(&moved(&picture), PixelFormat::Rgb8, VIDEO, -0.04));
     let frames: Vec<(usize, Frame)> = frames.into_iter().enumerate().collect();
@@ -230,10 +232,11 @@ fn regions_of_a_whole_rig_multiply_for_any_number_of_particles() {
     assert!(tally.compared > 300 && tally.seen > 300, "{tally:?}");
 }
 
-/// The reference itself, on what is known: the red landmark of a robot that drives, and the red disc that lies still.
+/// Checks the reference itself against known facts: the red landmark of a moving robot, and a static red
+/// disc.
 #[test]
-fn the_reference_finds_the_landmark_and_sees_that_it_moves() {
-    // Truth of data/plane-robot in frame 20.
+fn the_reference_finds_the_landmark_and_its_motion() {
+    // True position in frame 20 of data/plane-robot.
     let landmark_m = [-0.835_225, -0.35, 0.0];
     let still_disc_m = [1.25, 1.6, 0.0];
     let frame_of = |index| frame(&robot::picture(index), PixelFormat::Rgb8, VIDEO, 0.0);
@@ -255,7 +258,7 @@ fn the_reference_finds_the_landmark_and_sees_that_it_moves() {
     assert_eq!(
         region(&landmark(), [0.0, -9.0, 0.0]),
         unseen,
-        "behind the camera"
+        "a region behind the camera must count as background"
     );
     let difference = |position_m| {
         let settings = PatchSettings::around();
@@ -266,7 +269,7 @@ fn the_reference_finds_the_landmark_and_sees_that_it_moves() {
 }
 
 #[test]
-fn cues_of_regions_need_a_flat_shape_and_sane_settings() {
+fn region_cues_require_a_flat_shape_and_valid_settings() {
     let around = PatchSettings::around();
     for cue in [Cue::Region(around), Cue::Difference(around)] {
         let colors = landmark_colors("red");

@@ -1,4 +1,5 @@
-//! The window cue against the naive reference: both ways of counting, every camera, format and mask, windows of all sizes.
+//! The window cue against the reference: both methods of counting, every camera, format and mask, windows of
+//! all sizes.
 
 use nalgebra::Point3;
 use pardalis::Frame;
@@ -27,7 +28,8 @@ fn cues(settings: WindowSettings, counting: WindowCounting, level: Level) -> Cue
     Cues::counting(&settings, Shape::Sphere(ball()), None, counting, level).unwrap()
 }
 
-/// Holds every way of counting at every level to the reference; gives how many particles were compared and how many matched pixels were seen.
+/// Compares every method of counting at every level with the reference. Returns the numbers of compared
+/// particles and of matching pixels.
 fn compare(
     views: &[View],
     frames: &[(usize, Frame)],
@@ -53,12 +55,12 @@ fn compare(
         let fast = all[0][i];
         assert!(all.iter().all(|out| out[i].to_bits() == fast.to_bits()));
         let position_m = particles.position_m(i);
-        // Single precision may round to the other pixel, and has no squares of such distances.
+        // Single precision may round to the other pixel, and cannot hold squares of such distances.
         let borderline = frames.iter().any(|(camera, _)| {
             let in_camera = views[*camera].camera_from_world() * Point3::from(position_m);
             let pixel = views[*camera].camera().project(in_camera.into());
             let near = |c: f64| ((c - c.floor()) - 0.5).abs() < BORDER_PX;
-            // At the very centre of the camera there is no direction.
+            // The very centre of the camera has no direction.
             in_camera.coords.norm() < 1e-6 || pixel.is_some_and(|pixel| pixel.into_iter().any(near))
         });
         if borderline || position_m.iter().any(|c| c.abs() > 1e18) {
@@ -67,7 +69,7 @@ fn compare(
         let naive = window_log_likelihood(&settings, &ORANGE, views, frames, position_m);
         assert!(
             (f64::from(fast) - naive).abs() <= 1e-5,
-            "{fast} where the reference has {naive}: {position_m:?}, {settings:?}"
+            "{fast}, but the reference is {naive}: {position_m:?}, {settings:?}"
         );
         compared += 1;
         above_floor += usize::from(naive > settings.floor.max(settings.outside).ln() + 1e-9);
@@ -114,7 +116,7 @@ fn window_counts_agree_with_the_reference_for_every_camera_format_and_mask() {
 }
 
 #[test]
-fn windows_of_a_whole_rig_multiply_for_any_number_of_particles() {
+fn likelihoods_of_a_rig_multiply_for_any_number_of_particles() {
     let picture = jump_picture(0);
     let frames = FORMATS.map(|format| frame(&picture, format, YuvEncoding::default(), 0.0));
     let frames: Vec<(usize, Frame)> = frames.into_iter().enumerate().collect();
@@ -136,7 +138,7 @@ fn windows_of_a_whole_rig_multiply_for_any_number_of_particles() {
 }
 
 #[test]
-fn what_the_paper_says_of_its_window() {
+fn window_likelihoods_follow_the_paper() {
     let settings = WindowSettings::default();
     assert_eq!(
         [0, 1, 2, 25].map(|matching| settings.likelihood(matching)),
@@ -159,7 +161,7 @@ fn what_the_paper_says_of_its_window() {
     ] {
         assert!(broken.check().is_err(), "{broken:?}");
     }
-    // Without a colour model the ranges are needed.
+    // Without a colour model the settings must give the ranges.
     let nothing_to_count = [Cue::Window(settings).into()];
     let made = Cues::new(
         &nothing_to_count,

@@ -14,11 +14,11 @@ use pardalis_scene::{Scene, TargetConfig, with_time_offsets};
 use rayon::prelude::*;
 
 use super::output;
-use crate::fault::fault;
 use crate::files::write_file;
-use crate::say::{say, warn};
+use crate::output::{print, warn};
 use crate::scene;
 use crate::source::{Delivery, Source};
+use crate::user_error::user_error;
 use report::Report;
 
 /// Estimates the time offsets between the cameras of a scene from a moving target
@@ -59,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let number = target(path, &read, arguments.target.as_deref())?;
     let mut open = scene::open(path, read, None, &[])?;
     let [body] = &open.scene.targets[number].bodies[..] else {
-        return Err(fault!(
+        return Err(user_error!(
             "{}: targets.{}: has several landmarks, but temporal calibration needs a single body; define a target of one body and choose it with --target NAME",
             path.display(),
             open.scene.targets[number].name
@@ -81,7 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         })
         .collect();
     let fits = calibrate_time(&cameras, &body.shape, arguments.max_offset_s)
-        .map_err(|refusal| fault!("{}: {refusal}", path.display()))?;
+        .map_err(|refusal| user_error!("{}: {refusal}", path.display()))?;
     let report = Report::new(&open.scene, &cameras, &fits);
 
     let folder = output::folder(arguments.output.as_deref(), path, "time");
@@ -99,7 +99,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(corrected) = &arguments.corrected {
         let text = with_time_offsets(&scene::read_text(path)?, &report.offsets_s());
         let text = text.ok_or_else(|| {
-            fault!(
+            user_error!(
                 "{}: the layout of the file does not allow inserting the offsets; add them by hand:\n{}",
                 path.display(),
                 report.settings()
@@ -108,7 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         write_file(corrected, text.as_bytes())?;
         written.push(corrected.clone());
     }
-    say(&report);
+    print(&report);
     output::say_written(&written);
     Ok(())
 }
@@ -122,7 +122,7 @@ fn check_folder(scene: &Path, corrected: &Path) -> Result<()> {
     if folder(scene) == folder(corrected) {
         return Ok(());
     }
-    Err(fault!(
+    Err(user_error!(
         "--corrected {}: lies in another folder than {}, but paths in a scene are relative to its folder; give a file beside the scene",
         corrected.display(),
         scene.display()
@@ -138,7 +138,7 @@ fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
         _ => {
             let names: Vec<&str> = scene.targets.iter().map(|t| &*t.name).collect();
             let unknown = wanted.map_or_else(String::new, |name| format!("no target {name}, but "));
-            Err(fault!(
+            Err(user_error!(
                 "{}: has {unknown}the targets {}; choose one with --target NAME",
                 path.display(),
                 names.join(", ")

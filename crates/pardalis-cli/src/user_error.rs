@@ -1,0 +1,30 @@
+//! Errors in the user's input, and the exit codes: 0 success, 2 invalid input or usage, 1 any other error.
+
+use std::io::Write as _;
+use std::process::ExitCode;
+
+/// An error in the user's input or usage. The text says what is wrong, where, and what is allowed.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct UserError(pub(crate) String);
+
+/// Formats an `anyhow::Error` that ends the program with exit code 2.
+macro_rules! user_error {
+    ($($argument:tt)*) => { anyhow::Error::new($crate::user_error::UserError(format!($($argument)*))) };
+}
+pub(crate) use user_error;
+
+/// Prints the error of a failed command and returns its exit code.
+///
+/// Errors of the library count as the user's input, because its arguments come from the user's files.
+pub(crate) fn exit_code_of(outcome: &anyhow::Result<()>) -> ExitCode {
+    let Err(error) = outcome else {
+        return ExitCode::SUCCESS;
+    };
+    // A failed write to standard error cannot be reported anywhere.
+    let _ = writeln!(std::io::stderr(), "error: {error:#}");
+    let users = error
+        .chain()
+        .any(|e| e.is::<UserError>() || e.is::<pardalis_core::Error>());
+    ExitCode::from(if users { 2 } else { 1 })
+}
