@@ -414,7 +414,7 @@ fn faulty_color_models() {
     );
     refused_colors(
         &with("model 1", "model 2"),
-        &["line 1: format is \"pardalis color model 2\"; allowed"],
+        &["line 1: format is \"pardalis color model 2\"; expected"],
     );
     refused_colors(&with("302", "-302"), &["line 6"]);
     refused_colors(&with("302", "1e308"), &["line 6"]);
