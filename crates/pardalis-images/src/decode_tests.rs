@@ -157,13 +157,13 @@ fn damage_inside_a_png_is_an_error() {
 
 #[test]
 fn every_type_of_png_becomes_rgb_and_grey() {
+    use png::BitDepth::{Eight, One, Sixteen};
+    use png::ColorType::{Grayscale, GrayscaleAlpha, Rgb, Rgba};
     let one = |color, depth, sample: &[u8]| {
         let file = one_pixel(color, depth, sample);
         let grey = decode_grey(&file).expect("decodes").into_raw();
         (decode(&file).expect("decodes").into_raw(), grey)
     };
-    use png::BitDepth::{Eight, One, Sixteen};
-    use png::ColorType::{Grayscale, GrayscaleAlpha, Rgb, Rgba};
     let grey = (vec![200; 3], vec![200]);
     assert_eq!(one(Grayscale, Eight, &[200]), grey);
     assert_eq!(one(Grayscale, Sixteen, &[200, 200]), grey);

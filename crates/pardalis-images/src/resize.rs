@@ -86,7 +86,7 @@ mod tests {
             for (x, _, [level]) in resized.enumerate_pixels() {
                 // Near the ends there is nothing to one side.
                 let place = (f64::from(x) + 0.5) / scale - 0.5;
-                let is_inside = x > 0 && x < last && place >= 0.0 && place <= 63.0;
+                let is_inside = x > 0 && x < last && (0.0..=63.0).contains(&place);
                 let error = f64::from(level) - 4.0 * place;
                 assert!(!is_inside || error.abs() <= 0.51, "{scale} {x}: {error}");
             }

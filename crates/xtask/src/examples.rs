@@ -2,6 +2,7 @@
 //!
 //! A page marks the place of a file with the lines `<!-- example PATH -->` and `<!-- end example -->`; PATH is relative to the root.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -44,7 +45,7 @@ fn splice(text: &str, source: impl Fn(&str) -> Result<String>) -> Result<String>
             let end = after
                 .find(END)
                 .ok_or_else(|| anyhow!("example {path} has no line {END}"))?;
-            spliced.push_str(&format!("\n```rust\n{}```\n\n", source(path)?));
+            let _ = write!(spliced, "\n```rust\n{}```\n\n", source(path)?);
             rest = &after[end..];
         }
     }

@@ -59,10 +59,9 @@ fn newest_record(root: &Path, name: &str) -> Result<PathBuf> {
         .map(|entry| Ok(entry?.path()))
         .collect::<Result<_, std::io::Error>>()?;
     dates.sort();
-    let records = dates.iter().map(|date| date.join(format!("{name}.csv")));
+    let mut records = dates.iter().map(|date| date.join(format!("{name}.csv")));
     records
-        .filter(|record| record.is_file())
-        .next_back()
+        .rfind(|record| record.is_file())
         .ok_or_else(|| anyhow!("experiments/record has no {name}.csv"))
 }
 
