@@ -1,6 +1,6 @@
 //! Scene, world and calibration files: from their text to validated settings.
 //!
-//! All problems of a file are reported at once, with key and line. [`reference`] describes every key.
+//! All problems of a file are reported at once, with key and line. [`mod@reference`] describes every key.
 
 mod appearance;
 pub mod calibration;

@@ -1,6 +1,7 @@
 //! Sources of examples in Markdown pages, so that no page shows code that does not compile.
 //!
 //! A page marks the place of a file with the lines `<!-- example PATH -->` and `<!-- end example -->`; PATH is relative to the root.
+//! `<!-- main of PATH -->` stands for the file up to the end of its first function.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -40,12 +41,20 @@ fn splice(text: &str, source: impl Fn(&str) -> Result<String>) -> Result<String>
         spliced.push_str(line);
         spliced.push('\n');
         rest = after;
-        let mark = line.strip_prefix("<!-- example ");
-        if let Some(path) = mark.and_then(|mark| mark.strip_suffix(" -->")) {
+        let mark = line.strip_prefix("<!-- ");
+        let mark = mark.and_then(|mark| mark.strip_suffix(" -->"));
+        let whole = mark.and_then(|mark| mark.strip_prefix("example "));
+        let main = mark.and_then(|mark| mark.strip_prefix("main of "));
+        if let Some(path) = whole.or(main) {
             let end = after
                 .find(END)
                 .ok_or_else(|| anyhow!("example {path} has no line {END}"))?;
-            let _ = write!(spliced, "\n```rust\n{}```\n\n", source(path)?);
+            let source = source(path)?;
+            let shown = match source.split_once("\n}\n") {
+                Some((function, _)) if main.is_some() => format!("{function}\n}}\n"),
+                _ => source,
+            };
+            let _ = write!(spliced, "\n```rust\n{shown}```\n\n");
             rest = &after[end..];
         }
     }
@@ -67,5 +76,11 @@ mod tests {
         assert_eq!(spliced, expected);
         assert_eq!(splice(&spliced, source).unwrap(), spliced);
         assert!(splice("<!-- example x.rs -->\n", source).is_err());
+        let source = |_: &str| Ok("fn main() {\n    a();\n}\n\nfn a() {}\n".to_owned());
+        let main = splice("<!-- main of x.rs -->\n<!-- end example -->\n", source).unwrap();
+        assert!(
+            main.contains("```rust\nfn main() {\n    a();\n}\n```\n"),
+            "{main}"
+        );
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A page marks the place of a table with the lines `<!-- table NAME: COLUMN, COLUMN -->` and `<!-- end -->`, where NAME is a record
 //! `experiments/record/DATE/NAME.csv`. Without columns the table shows all of them; `<!-- table NAME of RUN*: ... -->` shows only the runs whose
-//! names begin with RUN. A cell holds the median over the seeds of a run with the lowest and the highest value. Lengths are in mm, angles in mrad,
+//! names begin with RUN, `<!-- table NAME in all frames: ... -->` only the rows without a window. A cell holds the median over the seeds of a run with the lowest and the highest value. Lengths are in mm, angles in mrad,
 //! headings and courses in degrees, pixels to 0.001.
 
 use std::collections::BTreeSet;
@@ -21,11 +21,11 @@ pub(crate) fn run(root: &Path, check: bool) -> Result<()> {
         for name in names(&text) {
             let record = newest_record(root, name)
                 .with_context(|| format!("{}: table {name}", page.display()))?;
-            spliced = splice(&spliced, name, |mark| {
-                table_of(&record, &mark.columns, mark.runs)
-            })
-            .with_context(|| page.display().to_string())?
-            .ok_or_else(|| anyhow!("{}: table {name} has no line <!-- end -->", page.display()))?;
+            spliced = splice(&spliced, name, |mark| table_of(&record, mark))
+                .with_context(|| page.display().to_string())?
+                .ok_or_else(|| {
+                    anyhow!("{}: table {name} has no line <!-- end -->", page.display())
+                })?;
             count += 1;
         }
         if spliced != text {
@@ -67,8 +67,10 @@ fn newest_record(root: &Path, name: &str) -> Result<PathBuf> {
 
 /// Which table stands at a place of a page.
 struct Mark<'t> {
-    /// Only runs whose names begin so.
+    /// The beginning of the names of the runs to show.
     runs: &'t str,
+    /// Whether to show only the rows without a window.
+    all_frames: bool,
     /// The figures to show; none: all.
     columns: Vec<String>,
 }
@@ -78,6 +80,10 @@ impl<'t> Mark<'t> {
     fn of(line: &'t str, name: &str) -> Option<Self> {
         let inside = line.strip_prefix("<!-- table ")?.strip_suffix(" -->")?;
         let rest = inside.strip_prefix(name)?;
+        let (all_frames, rest) = match rest.strip_prefix(" in all frames") {
+            Some(rest) => (true, rest),
+            None => (false, rest),
+        };
         let (runs, columns) = match rest.strip_prefix(" of ") {
             Some(rest) => rest.split_once('*')?,
             None => ("", rest),
@@ -87,7 +93,11 @@ impl<'t> Mark<'t> {
             None if columns.is_empty() => Vec::new(),
             None => return None,
         };
-        Some(Self { runs, columns })
+        Some(Self {
+            runs,
+            all_frames,
+            columns,
+        })
     }
 }
 
@@ -117,7 +127,8 @@ fn splice(
 }
 
 /// The record as a Markdown table of the runs whose names begin with `runs`.
-fn table_of(path: &Path, columns: &[String], runs: &str) -> Result<String> {
+fn table_of(path: &Path, mark: &Mark) -> Result<String> {
+    let (columns, runs) = (&mark.columns, mark.runs);
     let text = fs::read_to_string(path)?;
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let broken = |error: csv::Error| anyhow!("{}: {error}", path.display());
@@ -138,6 +149,10 @@ fn table_of(path: &Path, columns: &[String], runs: &str) -> Result<String> {
         if rows.is_empty() {
             return Err(anyhow!("{}: has no run {runs}*", path.display()));
         }
+    }
+    if mark.all_frames {
+        let window = headers.iter().position(|h| h == "window");
+        rows.retain(|row| window.is_none_or(|i| row[i].is_empty()));
     }
     // A column of windows says something only where there are any.
     let keys: Vec<usize> = (0..headers.len())
@@ -295,6 +310,15 @@ fn median(sorted: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
+    /// All columns of the runs whose names begin so.
+    fn all(runs: &str) -> Mark<'_> {
+        Mark {
+            runs,
+            all_frames: false,
+            columns: Vec::new(),
+        }
+    }
+
     #[test]
     fn pages_show_the_newest_record_or_are_refused() {
         let root = tempfile::tempdir().unwrap();
@@ -335,15 +359,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let record = folder.path().join("jump.csv");
         std::fs::write(&record, "run,seed,target,rmse_m,lost_frames,ends_on_target\na,1,ball,0.3,0,1\na,2,ball,0.35,0,0\na,3,ball,0.31,0,1\nb,1,ball,1,2,0\n").unwrap();
-        let table = table_of(&record, &[], "").unwrap();
+        let table = table_of(&record, &all("")).unwrap();
         let expected = "| run | target | rmse (mm) | lost frames | ends on target |\n|---|---|---:|---:|---:|\n\
                         | a | ball | 310 (300 to 350) | 0 | 2 of 3 |\n| b | ball | 1000 | 2 | 0 of 1 |\n";
         assert_eq!(table, expected);
         assert!(
-            table_of(&record, &["rsme_m".to_owned()], "")
-                .unwrap_err()
-                .to_string()
-                .contains("rsme_m")
+            table_of(
+                &record,
+                &Mark {
+                    columns: vec!["rsme_m".to_owned()],
+                    ..all("")
+                }
+            )
+            .unwrap_err()
+            .to_string()
+            .contains("rsme_m")
         );
     }
 
@@ -369,9 +399,18 @@ mod tests {
         let record = folder.path().join("small.csv");
         let rows = "run,seed,target,window,estimates\na,1,ball,,3\na,1,ball,at first,2\n";
         fs::write(&record, rows).unwrap();
-        let table = table_of(&record, &[], "").unwrap();
+        let table = table_of(&record, &all("")).unwrap();
         let expected = "| a | ball | all frames | 3 |\n| a | ball | at first | 2 |\n";
         assert!(table.ends_with(expected), "{table}");
+        let whole = Mark {
+            all_frames: true,
+            ..all("")
+        };
+        let table = table_of(&record, &whole).unwrap();
+        assert!(
+            table.ends_with("|---|---|---:|\n| a | ball | 3 |\n"),
+            "{table}"
+        );
     }
 
     #[test]
@@ -383,12 +422,12 @@ mod tests {
             "run,seed,target,window,course_rad\nnear: a,1,ball,,0.1\nfar,1,ball,,2\n",
         )
         .unwrap();
-        let table = table_of(&record, &[], "near").unwrap();
+        let table = table_of(&record, &all("near")).unwrap();
         assert_eq!(
             table,
             "| run | target | course (°) |\n|---|---|---:|\n| near: a | ball | 5.73 |\n"
         );
-        let error = table_of(&record, &[], "none").unwrap_err().to_string();
+        let error = table_of(&record, &all("none")).unwrap_err().to_string();
         assert!(error.contains("no run none*"), "{error}");
     }
 }

@@ -195,7 +195,7 @@ fn edge_across(profile: impl Fn(f64) -> f64, reach_px: f64) -> Option<Edge> {
     })
 }
 
-/// A line y = line[0] + line[1] x that most points agree on, and these points: Theil and Sen's, then least squares without outliers.
+/// Fits a line `y = line[0] + line[1] * x` by the Theil-Sen estimator, then by least squares without outliers; returns the line and its inliers.
 fn robust_line(points: &[[f64; 2]]) -> Option<([f64; 2], Vec<[f64; 2]>)> {
     const ROUNDS: usize = 5;
     let slopes = points.iter().enumerate().flat_map(|(i, a)| {
