@@ -39,8 +39,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let colors = ColorModel::from_image(&Frame::from_rgb(640, 480, still, 0.0)?, &mask)?;
 
     let mut setup = Tracker::builder();
+    // Where the camera stands, roughly measured.
     let view = View::new(
-        Plane::new(&floor, None)?,
+        Plane::new(&floor, Some([0.9, -2.9, 3.0]))?,
         Pose::identity(),
         (640, 480),
         None,
