@@ -9,7 +9,7 @@ pub struct StateEstimate {
     pub velocity_mps: Option<[f64; 3]>,
     /// Covariance of the position in m²: xx, xy, xz, yy, yz, zz.
     pub covariance_m2: [f64; 6],
-    /// The position of the best particle, metres (thesis eq. 5.4). [`Filter`](crate::particle_filter::Filter): the particle with the greatest
+    /// The position of the best particle, metres (thesis eq. 5.4). [`ParticleFilter`](crate::particle_filter::ParticleFilter): the particle with the greatest
     /// weight, which is the most likely one if the filter resamples at every step, as published.
     /// [`BernoulliFilter`](crate::bernoulli::BernoulliFilter): the particle to which the images of the last update gave the greatest
     /// likelihood ratio; its weights are corrected for the proposal, so that the heaviest particle is one that the proposal rarely draws.
