@@ -18,7 +18,7 @@ pub(crate) struct Placement {
 }
 
 impl Placement {
-    /// The placement of so many turns that takes the square at one place to the square at another.
+    /// Returns the placement, with this number of quarter turns, that maps one square to another.
     pub(crate) fn of_square(turns: usize, from: [i32; 2], to: [i32; 2]) -> Self {
         let middle = turn(turns, from.map(|n| 2 * n + 1));
         let shift = |n: usize| (2 * to[n] + 1 - middle[n]) / 2;
@@ -28,7 +28,7 @@ impl Placement {
         }
     }
 
-    /// The placement of so many turns that takes the corner at one place to the corner at another.
+    /// Returns the placement, with this number of quarter turns, that maps one corner to another.
     pub(crate) fn of_corner(turns: usize, from: [i32; 2], to: [i32; 2]) -> Self {
         let turned = turn(turns, from);
         Self {

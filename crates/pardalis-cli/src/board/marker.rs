@@ -13,7 +13,7 @@ const MIN_CONTRAST: f64 = 15.0;
 /// Share of the border's modules that may read light.
 const MAX_BORDER_ERRORS: f64 = 0.1;
 
-/// A set of markers that are told apart by their modules.
+/// A set of markers that differ in their modules.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Dictionary {
     /// OpenCV's name, such as `DICT_4X4_50`.

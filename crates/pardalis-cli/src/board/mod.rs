@@ -190,7 +190,7 @@ fn detect_at(board: &Board, image: &GrayImage, scale: f64) -> Result<Vec<Corner>
     Ok(fitted)
 }
 
-/// Fits all corners in the image; those that can not be fitted are left out.
+/// Fits all corners in the image and omits those that cannot be fitted.
 fn fit(board: &Board, image: &GrayImage, placed: &Placed) -> Vec<Corner> {
     let distance = |a: &[f64], b: &[f64]| (a[0] - b[0]).hypot(a[1] - b[1]);
     // The least scale towards any neighbour: perspective makes it differ.

@@ -181,7 +181,7 @@ impl Board {
 }
 
 impl Print {
-    /// The dark ones of so many squares: those whose column and row, from the top left, add up to an even number, or to an odd one.
+    /// Adds the dark squares of a checkerboard: those whose column and row, from the top left, add up to an even number, or an odd one if `odd` is 1.
     fn add_squares(&mut self, [columns, rows]: [usize; 2], side_m: f64, odd: usize) {
         for down in 0..rows {
             for column in (0..columns).filter(|column| (column + down) % 2 == odd) {

@@ -9,11 +9,11 @@ use crate::tables::TrackRow;
 /// The confidences of one target in the scored frames.
 #[derive(Debug, Serialize)]
 pub(crate) struct Confidence {
-    /// Within which an estimate is right, in metres; none where nothing says it.
+    /// The distance within which an estimate counts as right, in metres; `None` if it is not known.
     pub(crate) diameter_m: Option<f64>,
-    /// The greatest; none where the track gives none.
+    /// The greatest confidence; `None` if the track has no confidences.
     pub(crate) confidence_max: Option<f64>,
-    /// Whether they mean what they say; none without a diameter or without confidences.
+    /// The reliability of the confidences; `None` without a diameter or without confidences.
     pub(crate) reliability: Option<Reliability>,
     /// What it is of.
     #[serde(skip)]

@@ -40,7 +40,7 @@ impl Frames {
         first..behind.max(first)
     }
 
-    /// For each frame the row nearest in time, none where none lies within the tolerance.
+    /// Returns for each frame the row nearest in time, or `None` if no row lies within the tolerance.
     pub(super) fn place<'a, T>(&self, series: &'a Series<T>) -> Vec<Option<&'a T>> {
         let mut placed: Vec<Option<(f64, &T)>> = vec![None; self.times_s.len()];
         for (time_s, row) in &series.rows {
