@@ -118,18 +118,25 @@ impl EdgeProfile {
         self.counts[side as usize].iter().map(mean).collect()
     }
 
-    /// Formats the profile as a section of a colour model file.
-    pub(super) fn to_text(&self) -> String {
-        let mut text = String::from(
-            "\n# how the target's colours blend into its surroundings, on the side darker than its mean and on the other: pixels at -4 to 4 px from the outline, one \
-             row per quarter of a pixel, in 32 bins of membership from -0.5 to 1.5 (0: as outside, 1: as inside)\n[edge]\n",
-        );
-        for (name, counts) in ["shaded", "lit"].iter().zip(&self.counts) {
-            let _ = writeln!(text, "{name} = [");
-            for row in counts {
-                let _ = writeln!(text, "    {row:?},");
+    /// Formats the profiles of an image's octaves as sections of a colour model file.
+    pub(super) fn all_to_text(octaves: &[Self]) -> String {
+        let mut text = String::new();
+        for (octave, profile) in octaves.iter().enumerate() {
+            text.push_str(match octave {
+                0 => {
+                    "\n# how the target's colours blend into its surroundings, on the side darker than its mean and on the other: pixels at -4 to 4 px from the outline, one \
+                     row per quarter of a pixel, in 32 bins of membership from -0.5 to 1.5 (0: as outside, 1: as inside)\n[edge]\n"
+                }
+                1 => "\n# the same in images of half the size, a quarter of the size and so on\n[[coarser_edges]]\n",
+                _ => "\n[[coarser_edges]]\n",
+            });
+            for (name, counts) in ["shaded", "lit"].iter().zip(&profile.counts) {
+                let _ = writeln!(text, "{name} = [");
+                for row in counts {
+                    let _ = writeln!(text, "    {row:?},");
+                }
+                text.push_str("]\n");
             }
-            text.push_str("]\n");
         }
         text
     }
@@ -249,11 +256,19 @@ fn mean(colors: impl Iterator<Item = [f32; 3]>) -> Option<[f32; 3]> {
     (count > 0.0).then(|| sum.map(|sum| sum / count))
 }
 
+/// Bodies with fewer pixels than this in a coarser octave teach nothing there. Hand-set: a disc with a radius of 5 px.
+const MIN_COARSE_AREA_PX: usize = 79;
+/// Radii in pixels, in its octave, of bodies whose mean colours are learnt there: the octave in which the tracker judges
+/// outlines (at most 16 px, and more than 8 px where there is a finer octave), and a little more so that none is left out.
+const BODY_RADIUS_PX: [f64; 2] = [7.75, 16.5];
+/// The number of octaves that profiles are learnt for. Derivation: those that the tracker uses.
+const OCTAVES: u32 = 5;
+
 /// Counts memberships along the outlines of labelled bodies, and collects their mean colours.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EdgeLearner {
-    /// Indexed in the order of [`Side::ALL`].
-    counts: [Counts; 2],
+    /// For each octave; indexed in the order of [`Side::ALL`].
+    counts: Vec<[Counts; 2]>,
     /// The mean colour of each body.
     bodies: Vec<[f32; 3]>,
     pixels: Vec<EdgePixel>,
@@ -268,10 +283,39 @@ impl EdgeLearner {
         width: usize,
         yuv: impl Fn(usize, usize) -> [f32; 3],
     ) {
-        for counts in &mut self.counts {
-            counts.resize(EdgeProfile::DISTANCES, [0; EdgeProfile::MEMBERSHIPS]);
+        let height = labels.len() / width.max(1);
+        for octave in 0..OCTAVES {
+            let size = 1 << octave;
+            let coarse = coarse_labels(labels, (width, height), size);
+            let mean_yuv = |x: usize, y: usize| {
+                let block = (0..size * size).map(|i| yuv(size * x + i % size, size * y + i / size));
+                mean(block).unwrap_or([f32::NAN; 3])
+            };
+            if !self.add_octave(octave as usize, &coarse, width / size, mean_yuv) {
+                break;
+            }
         }
-        for outline in OutlineDistance::of_parts(labels, width) {
+    }
+
+    /// Adds the outlines of one octave of an image. Returns whether there were any.
+    fn add_octave(
+        &mut self,
+        octave: usize,
+        labels: &[bool],
+        width: usize,
+        yuv: impl Fn(usize, usize) -> [f32; 3],
+    ) -> bool {
+        let least = if octave > 0 { MIN_COARSE_AREA_PX } else { 0 };
+        let mut outlines = OutlineDistance::of_parts(labels, width);
+        outlines.retain(|outline| outline.area_px() >= least);
+        if outlines.is_empty() {
+            return false;
+        }
+        if self.counts.len() <= octave {
+            let none = vec![[0; EdgeProfile::MEMBERSHIPS]; EdgeProfile::DISTANCES];
+            self.counts.push([none.clone(), none]);
+        }
+        for outline in outlines {
             self.pixels.clear();
             let pixels = &mut self.pixels;
             outline.for_each_near(|x, y, distance_px, turn| {
@@ -284,9 +328,13 @@ impl EdgeLearner {
             let Some(surroundings) = Surroundings::of(pixels) else {
                 continue;
             };
-            let inside = |pixel: &&EdgePixel| BodyColors::DEPTH_PX.contains(&pixel.distance_px);
-            let colors = pixels.iter().filter(inside).map(|pixel| pixel.yuv);
-            self.bodies.extend(mean(colors));
+            let radius_px = (outline.area_px() as f64 / std::f64::consts::PI).sqrt();
+            let [least_px, most_px] = BODY_RADIUS_PX;
+            if radius_px <= most_px && (octave == 0 || radius_px > least_px) {
+                let inside = |pixel: &&EdgePixel| BodyColors::DEPTH_PX.contains(&pixel.distance_px);
+                let colors = pixels.iter().filter(inside).map(|pixel| pixel.yuv);
+                self.bodies.extend(mean(colors));
+            }
             for pixel in pixels.iter() {
                 let membership = surroundings.membership(pixel);
                 let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
@@ -297,9 +345,10 @@ impl EdgeLearner {
                 // more.
                 let row = (row.max(0.0) as usize).min(EdgeProfile::DISTANCES - 1);
                 let side = surroundings.side(pixel) as usize;
-                self.counts[side][row][EdgeProfile::bin_of(membership)] += 1;
+                self.counts[octave][side][row][EdgeProfile::bin_of(membership)] += 1;
             }
         }
+        true
     }
 
     /// Returns the mean colours of the bodies; `None` if there were none.
@@ -307,15 +356,35 @@ impl EdgeLearner {
         BodyColors::new(self.bodies.clone())
     }
 
-    /// Returns the learnt profile; `None` if some distance on some side has no pixels.
-    pub(super) fn profile(&self) -> Option<EdgeProfile> {
+    /// Returns the learnt profile of each octave, up to the first in which some distance on some side has no pixels.
+    pub(super) fn profiles(&self) -> Vec<EdgeProfile> {
         let is_seen = |row: &[u32; EdgeProfile::MEMBERSHIPS]| row.iter().any(|&count| count > 0);
-        let is_whole = |counts: &Counts| !counts.is_empty() && counts.iter().all(is_seen);
-        let is_whole = self.counts.iter().all(is_whole);
-        is_whole.then(|| EdgeProfile {
-            counts: self.counts.clone(),
-        })
+        let is_whole = |counts: &Counts| counts.iter().all(is_seen);
+        let whole = self.counts.iter();
+        let whole = whole.take_while(|sides| sides.iter().all(is_whole));
+        whole
+            .map(|counts| EdgeProfile {
+                counts: counts.clone(),
+            })
+            .collect()
     }
+}
+
+/// Labels of an image whose pixels are blocks of the image's: those of which more than half is labelled, and every other one
+/// of those of which half is.
+fn coarse_labels(labels: &[bool], (width, height): (usize, usize), size: usize) -> Vec<bool> {
+    let (columns, rows) = (width / size, height / size);
+    let mut coarse = Vec::with_capacity(columns * rows);
+    for y in 0..rows {
+        for x in 0..columns {
+            let block = (0..size * size)
+                .filter(|i| labels[(size * y + i / size) * width + size * x + i % size]);
+            let twice = 2 * block.count();
+            let is_even = (x + y) % 2 == 0;
+            coarse.push(twice > size * size || (twice == size * size && is_even));
+        }
+    }
+    coarse
 }
 
 #[cfg(test)]
@@ -339,7 +408,7 @@ mod tests {
                 [60.0 + 100.0 * share as f32 + grain, 128.0, 128.0]
             });
         }
-        learner.profile().unwrap()
+        learner.profiles().swap_remove(0)
     }
 
     #[test]
@@ -383,11 +452,11 @@ mod tests {
     #[test]
     fn no_profile_without_whole_bodies() {
         let mut learner = EdgeLearner::default();
-        assert_eq!(learner.profile(), None);
+        assert_eq!(learner.profiles(), []);
         // A body that touches the image border.
         let labels: Vec<bool> = (0..400).map(|i| i % 20 < 8).collect();
         learner.add(&labels, 20, |x, _| [10.0 * x as f32, 0.0, 0.0]);
-        assert_eq!(learner.profile(), None);
+        assert_eq!(learner.profiles(), []);
     }
 
     #[test]
@@ -410,7 +479,7 @@ mod tests {
             parsed.read()
         };
         let profile = learnt(0.8);
-        let text = profile.to_text();
+        let text = EdgeProfile::all_to_text(std::slice::from_ref(&profile));
         let (_, section) = text.split_once("[edge]").unwrap();
         assert_eq!(read(section).unwrap(), profile);
         let (offset, message) = read("shaded = [[1, 2]]\nlit = []").unwrap_err();

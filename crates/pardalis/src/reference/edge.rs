@@ -283,7 +283,7 @@ fn line_log_ratios(
         .map(|pixel| pixel.yuv.x)
         .collect();
     let mean_luma = shaded.iter().sum::<f64>() / shaded.len() as f64;
-    let profile = colors.edge()?.log_ratios();
+    let profile = colors.edges().first()?.log_ratios();
     let mut lines = vec![[0.0; SHIFTS]; count];
     for pixel in pixels {
         let part = part_of(pixel.line, count);

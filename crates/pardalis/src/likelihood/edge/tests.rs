@@ -144,7 +144,7 @@ fn likelihoods_over_correspondence_lines_are_the_oracles() {
             .collect();
         let fast = with_frame(&frame, None, |cue, frame| {
             let mut detection = Detection::at(place_m);
-            cue.place_lines(std::slice::from_ref(&frame), &mut detection);
+            cue.place_lines(std::slice::from_ref(&frame), 0, &mut detection);
             assert_eq!(detection.camera_count(), 1);
             let columns = [0, 1, 2].map(|axis| {
                 let column = positions.iter().map(|position| position[axis] as f32);
