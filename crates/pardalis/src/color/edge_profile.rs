@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
+use super::alignment::{Alignment, shift_at};
 use super::body_colors::BodyColors;
 use super::membership::{EdgePixel, Side, Surroundings};
 use super::outline_distance::OutlineDistance;
@@ -24,6 +25,8 @@ const OTHER_SIDE_WEIGHT: f64 = 0.05;
 /// inside, in pixels. Origin: as in the bundled training sets.
 const SOFT_PX: f64 = 1.3;
 const SOFT_INSIDE_PX: f64 = 0.35;
+/// The least blur in images of reduced size, a standard deviation in pixels. Hand-set: pixels are means over squares.
+const MIN_SOFT_PX: f64 = 0.5;
 /// Noise of the default edge as standard deviations in units of membership: outside, then the additions in
 /// the middle of the edge and inside. Hand-set.
 const SOFT_NOISE: [f64; 3] = [0.1, 0.5, 0.08];
@@ -86,11 +89,13 @@ impl EdgeProfile {
         }
     }
 
-    /// Computes the log ratios of a soft step on either side, for colours that were learnt without an edge.
-    pub fn soft_step() -> [Box<EdgeLogRatios>; 2] {
+    /// Computes the log ratios of a soft step on either side, for colours that were learnt without an edge. `scale` is
+    /// the size of the image as a share of the full size.
+    pub fn soft_step(scale: f64) -> [Box<EdgeLogRatios>; 2] {
+        let blur_px = (scale * SOFT_PX).max(MIN_SOFT_PX);
         let row = |distance: usize| {
             let distance_px = 0.25 * distance as f64 - f64::from(Self::REACH_PX);
-            let off = (distance_px + SOFT_INSIDE_PX) / (SOFT_PX * std::f64::consts::SQRT_2);
+            let off = (distance_px + scale * SOFT_INSIDE_PX) / (blur_px * std::f64::consts::SQRT_2);
             let mean = 0.5 * libm::erfc(off);
             let [outside, middle, inside] = SOFT_NOISE;
             let sigma = outside + middle * mean * (1.0 - mean) + inside * mean;
@@ -264,6 +269,21 @@ const BODY_RADIUS_PX: [f64; 2] = [7.75, 16.5];
 /// The number of octaves that profiles are learnt for. Derivation: those that the tracker uses.
 const OCTAVES: u32 = 5;
 
+/// Parts of two octaves whose centres lie closer than this, in pixels of the finer one, are the same. Hand-set.
+const SAME_PART_PX: f32 = 2.0;
+
+/// The centre of an outline of an octave in the image, pixels.
+fn center_px(outline: &OutlineDistance, octave: usize) -> [f32; 2] {
+    let size = (1 << octave) as f32;
+    let center_px = outline.centroid_px();
+    center_px.map(|c| (c as f32 + 0.5) * size - 0.5)
+}
+
+/// The radius of a disc of a part's area, in pixels of its octave.
+fn radius_px(outline: &OutlineDistance) -> f64 {
+    (outline.area_px() as f64 / std::f64::consts::PI).sqrt()
+}
+
 /// Counts memberships along the outlines of labelled bodies, and collects their mean colours.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EdgeLearner {
@@ -284,71 +304,109 @@ impl EdgeLearner {
         yuv: impl Fn(usize, usize) -> [f32; 3],
     ) {
         let height = labels.len() / width.max(1);
-        for octave in 0..OCTAVES {
-            let size = 1 << octave;
-            let coarse = coarse_labels(labels, (width, height), size);
-            let mean_yuv = |x: usize, y: usize| {
-                let block = (0..size * size).map(|i| yuv(size * x + i % size, size * y + i / size));
-                mean(block).unwrap_or([f32::NAN; 3])
+        let octaves = (0..OCTAVES).map(|octave| {
+            let labels = coarse_labels(labels, (width, height), 1 << octave);
+            let mut outlines = OutlineDistance::of_parts(&labels, width >> octave);
+            let least = if octave > 0 { MIN_COARSE_AREA_PX } else { 0 };
+            outlines.retain(|outline| outline.area_px() >= least);
+            outlines
+        });
+        let octaves: Vec<_> = octaves.take_while(|outlines| !outlines.is_empty()).collect();
+        for outline in octaves.first().into_iter().flatten() {
+            let center_px = center_px(outline, 0);
+            let is_same = |octave: usize, other: &OutlineDistance| {
+                let [du, dv] = [0, 1].map(|i| self::center_px(other, octave)[i] - center_px[i]);
+                du.hypot(dv) < SAME_PART_PX * (1 << octave) as f32
             };
-            if !self.add_octave(octave as usize, &coarse, width / size, mean_yuv) {
-                break;
-            }
+            let same = octaves.iter().enumerate().map_while(|(octave, outlines)| {
+                outlines.iter().find(|other| is_same(octave, other))
+            });
+            self.add_part(&same.collect::<Vec<_>>(), &yuv);
         }
     }
 
-    /// Adds the outlines of one octave of an image. Returns whether there were any.
-    fn add_octave(
+    /// Adds a part, given its outline in each octave.
+    fn add_part(
         &mut self,
-        octave: usize,
-        labels: &[bool],
-        width: usize,
-        yuv: impl Fn(usize, usize) -> [f32; 3],
-    ) -> bool {
-        let least = if octave > 0 { MIN_COARSE_AREA_PX } else { 0 };
-        let mut outlines = OutlineDistance::of_parts(labels, width);
-        outlines.retain(|outline| outline.area_px() >= least);
-        if outlines.is_empty() {
-            return false;
+        outlines: &[&OutlineDistance],
+        yuv: &impl Fn(usize, usize) -> [f32; 3],
+    ) {
+        // The finest octave shows edges precisely, the one before it also those farther from a roughly drawn outline.
+        let wide = outlines.iter().rposition(|outline| radius_px(outline) > BODY_RADIUS_PX[1]);
+        let mut shift_px = [0.0; 3];
+        let mut alignment = None;
+        for octave in [wide.unwrap_or(0), 0] {
+            let size = (1 << octave) as f32;
+            self.take_pixels(outlines[octave], octave, shift_px, yuv);
+            alignment = Alignment::of(&self.pixels);
+            let found = alignment.as_ref();
+            let correction_px = found.and_then(|found| found.correction_px(SOFT_INSIDE_PX as f32 / size));
+            if let Some(correction_px) = correction_px {
+                (0..3).for_each(|i| shift_px[i] += size * correction_px[i]);
+            }
+        if std::env::var("PDEBUG").is_ok() {
+            eprintln!("octave {octave} shift {shift_px:?} agree {:?}", alignment.as_ref().map(|found| (0..32).filter(|i| found.agrees_at((*i as f32 + 0.5) / 32.0)).count()));
         }
-        if self.counts.len() <= octave {
+        }
+        for (octave, outline) in outlines.iter().enumerate() {
+            self.take_pixels(outline, octave, shift_px, yuv);
+            self.count(octave, radius_px(outline), alignment.as_ref());
+        }
+    }
+
+    /// Collects the pixels of an octave near an outline that is shifted by this many of the image's pixels.
+    fn take_pixels(
+        &mut self,
+        outline: &OutlineDistance,
+        octave: usize,
+        shift_px: [f32; 3],
+        yuv: impl Fn(usize, usize) -> [f32; 3],
+    ) {
+        let size = 1 << octave;
+        let mean_yuv = |x: usize, y: usize| {
+            let block = (0..size * size).map(|i| yuv(size * x + i % size, size * y + i / size));
+            mean(block).unwrap_or([f32::NAN; 3])
+        };
+        let pixels = &mut self.pixels;
+        pixels.clear();
+        outline.for_each_near(|x, y, distance_px, turn| {
+            pixels.push(EdgePixel {
+                yuv: mean_yuv(x, y),
+                distance_px: distance_px - shift_at(&shift_px, turn) / size as f32,
+                turn,
+            });
+        });
+    }
+
+    /// Counts the collected pixels of an octave, where the edge lies on the outline.
+    fn count(&mut self, octave: usize, radius_px: f64, alignment: Option<&Alignment>) {
+        let pixels = &self.pixels;
+        let Some(surroundings) = Surroundings::of(pixels) else {
+            return;
+        };
+        while self.counts.len() <= octave {
             let none = vec![[0; EdgeProfile::MEMBERSHIPS]; EdgeProfile::DISTANCES];
             self.counts.push([none.clone(), none]);
         }
-        for outline in outlines {
-            self.pixels.clear();
-            let pixels = &mut self.pixels;
-            outline.for_each_near(|x, y, distance_px, turn| {
-                pixels.push(EdgePixel {
-                    yuv: yuv(x, y),
-                    distance_px,
-                    turn,
-                });
-            });
-            let Some(surroundings) = Surroundings::of(pixels) else {
-                continue;
-            };
-            let radius_px = (outline.area_px() as f64 / std::f64::consts::PI).sqrt();
-            let [least_px, most_px] = BODY_RADIUS_PX;
-            if radius_px <= most_px && (octave == 0 || radius_px > least_px) {
-                let inside = |pixel: &&EdgePixel| BodyColors::DEPTH_PX.contains(&pixel.distance_px);
-                let colors = pixels.iter().filter(inside).map(|pixel| pixel.yuv);
-                self.bodies.extend(mean(colors));
-            }
-            for pixel in pixels.iter() {
-                let membership = surroundings.membership(pixel);
-                let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
-                if membership.is_nan() || row > (EdgeProfile::DISTANCES + 1) as f32 {
-                    continue;
-                }
-                // Pixels deeper inside count as at the smallest distance; the last row takes half a pixel
-                // more.
-                let row = (row.max(0.0) as usize).min(EdgeProfile::DISTANCES - 1);
-                let side = surroundings.side(pixel) as usize;
-                self.counts[octave][side][row][EdgeProfile::bin_of(membership)] += 1;
-            }
+        let [least_px, most_px] = BODY_RADIUS_PX;
+        if radius_px <= most_px && (octave == 0 || radius_px > least_px) {
+            let inside = |pixel: &&EdgePixel| BodyColors::DEPTH_PX.contains(&pixel.distance_px);
+            let colors = pixels.iter().filter(inside).map(|pixel| pixel.yuv);
+            self.bodies.extend(mean(colors));
         }
-        true
+        for pixel in pixels {
+            let membership = surroundings.membership(pixel);
+            let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
+            let is_edge = alignment.is_none_or(|found| found.agrees_at(pixel.turn));
+            if membership.is_nan() || !is_edge || row > (EdgeProfile::DISTANCES + 1) as f32 {
+                continue;
+            }
+            // Pixels deeper inside count as at the smallest distance; the last row takes half a pixel
+            // more.
+            let row = (row.max(0.0) as usize).min(EdgeProfile::DISTANCES - 1);
+            let side = surroundings.side(pixel) as usize;
+            self.counts[octave][side][row][EdgeProfile::bin_of(membership)] += 1;
+        }
     }
 
     /// Returns the mean colours of the bodies; `None` if there were none.
@@ -428,7 +486,7 @@ mod tests {
 
     #[test]
     fn log_ratios_are_finite_positive_inside_and_negative_outside() {
-        let tables = [learnt(0.8).log_ratios(), EdgeProfile::soft_step()];
+        let tables = [learnt(0.8).log_ratios(), EdgeProfile::soft_step(1.0)];
         for table in tables.into_iter().flatten() {
             assert!(
                 table

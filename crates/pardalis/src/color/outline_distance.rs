@@ -92,6 +92,11 @@ impl OutlineDistance {
         }
     }
 
+    /// The centroid of the part, pixels.
+    pub(super) fn centroid_px(&self) -> [f64; 2] {
+        self.centroid_px
+    }
+
     /// The number of pixels of the part.
     pub(super) fn area_px(&self) -> usize {
         self.area_px

@@ -199,9 +199,13 @@ impl SectorSums {
 const UNOCCLUDED_SHARE: f32 = 0.75;
 /// The share by which one frame changes what surrounds the target.
 const SURROUNDING_RATE: f32 = 0.1;
-/// A finer octave agrees if it moves the position no farther than this, in standard deviations of the coarser one, ... Hand-set.
-const MAX_REFINED_SIGMAS: f64 = 3.0;
-/// ... and if its log-likelihood ratio is at least this share of the coarser one's. Hand-set.
+/// Finer octaves start from these multiples of the distance found before, ... Hand-set: lines reach farther than these are apart.
+const DISTANCES: [f64; 3] = [1.0, 0.88, 1.14];
+/// ... with a prior wider than the coarser octave's uncertainty by this factor, whose errors are shared by the whole outline; ... Hand-set.
+const COARSE_SIGMAS: f64 = 3.0;
+/// ... they agree if they move the position no farther than this, in standard deviations of the prior, ... Hand-set.
+const MAX_SIGMAS: f64 = 3.0;
+/// ... and if their log-likelihood ratio is at least this share of the coarser one's. Hand-set.
 const MIN_REFINED_SHARE: f64 = 0.5;
 /// Times that correspondence lines are placed again, around the position that those before found.
 const ROUNDS: usize = 4;
@@ -251,30 +255,49 @@ impl EdgeCue {
         true
     }
 
-    /// Fits in octaves finer by one than before, from the position and with the uncertainty found there. Returns whether the finer octaves agree; otherwise
-    /// nothing changes.
+    /// Fits in octaves finer by one than before, near the position found there. Returns whether the finer octaves agree; otherwise nothing changes.
+    ///
+    /// Coarse edges are wide: where part of the outline is hidden or lost in shade, a body that is too small or too large may fit them as well. So that the fit
+    /// does not stay there, one camera's is repeated from smaller and larger sizes.
     fn refine(
         &mut self,
         frames: &[EdgeFrame],
         (is_planar, finer): (bool, u8),
         detection: &mut Detection,
     ) -> bool {
-        let cameras = detection.camera_count;
-        let (position_m, log_ratio) = (detection.position_m, detection.log_likelihood_ratio);
-        let (mean, information) = (Vector3::from(position_m), detection.information);
+        let mean = Vector3::from(detection.position_m);
+        let information = detection.information / (COARSE_SIGMAS * COARSE_SIGMAS);
         let prior = Some((&mean, &information));
-        let is_found = self.fit_octave(frames, prior, (is_planar, finer), detection);
-        let moved = Vector3::from(detection.position_m) - mean;
-        let agrees = is_found
-            && detection.camera_count == cameras
-            && (moved.transpose() * information * moved)[0] < MAX_REFINED_SIGMAS * MAX_REFINED_SIGMAS
-            && detection.log_likelihood_ratio > MIN_REFINED_SHARE * log_ratio;
-        if !agrees {
-            detection.position_m = position_m;
-            self.place_lines(frames, finer - 1, detection);
-            detection.information = information;
-            detection.log_likelihood_ratio = log_ratio;
+        let [mut best, mut latest] = std::mem::take(&mut self.spare);
+        best.camera_count = 0;
+        let viewpoint = match detection.lines() {
+            [lines] if !is_planar => frames.iter().find(|frame| frame.camera() == lines.camera),
+            _ => None,
+        };
+        let viewpoint = viewpoint.map(|frame| frame.prepared().view().world_from_camera());
+        let viewpoint = viewpoint.map_or(mean, |pose| pose.translation.vector);
+        let starts = if viewpoint == mean { 1 } else { DISTANCES.len() };
+        for distance in &DISTANCES[..starts] {
+            latest.position_m = (viewpoint + (mean - viewpoint) * *distance).into();
+            let is_found = self.fit_octave(frames, prior, (is_planar, finer), &mut latest);
+            let moved = Vector3::from(latest.position_m) - mean;
+            let agrees = is_found
+                && latest.camera_count == detection.camera_count
+                && (moved.transpose() * information * moved)[0] < MAX_SIGMAS * MAX_SIGMAS
+                && latest.log_likelihood_ratio > MIN_REFINED_SHARE * detection.log_likelihood_ratio;
+            let is_best =
+                best.camera_count == 0 || latest.log_likelihood_ratio > best.log_likelihood_ratio;
+            if agrees && is_best {
+                std::mem::swap(&mut best, &mut latest);
+            }
         }
+        let agrees = best.camera_count > 0;
+        if agrees {
+            best.judged_log_ratio = detection.judged_log_ratio;
+            best.number = detection.number;
+            std::mem::swap(&mut best, detection);
+        }
+        self.spare = [best, latest];
         agrees
     }
 
@@ -345,7 +368,7 @@ impl EdgeCue {
                 detection.lines.push(CorrespondenceLines::default());
             }
             let octave = Octave(self.octave().0.saturating_sub(finer));
-            let table = &self.tables[usize::from(octave.0).min(self.tables.len() - 1)];
+            let table = &self.tables[usize::from(octave.0)];
             let lines = &mut detection.lines[count];
             let has_edges = lines.place(
                 (frame, octave),

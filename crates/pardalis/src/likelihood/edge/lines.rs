@@ -203,11 +203,8 @@ impl CorrespondenceLines {
                 add(&mut around[sector], pixel.yuv);
             }
             let membership = surroundings.membership(pixel);
-            if membership.is_nan() {
-                continue;
-            }
             table.add(
-                (surroundings.side(pixel), membership),
+                (matches, surroundings.side(pixel), membership),
                 pixel.distance_px,
                 weight,
                 &mut self.log_ratios[line],

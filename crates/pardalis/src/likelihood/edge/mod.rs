@@ -90,17 +90,33 @@ impl EdgeSettings {
     }
 }
 
-/// An edge profile as lines sum it: for each bin of membership the log-ratios over distance, on either side.
+/// By how many nats a pixel in the target's colours speaks against lying outside of the outline, and another against lying inside. Derivation: ln P(colours | inside)
+/// / P(colours | outside) and the same of other colours, with probabilities of 0.7 and 0.1: highlights, prints, fingers and bags cover part of most bodies.
+const REGION_NATS: [f64; 2] = [1.95, 1.1];
+/// Pixels nearer to the outline than this say nothing by their colours alone, which are mixed there: in the frame's own pixels and in coarser octaves, whose
+/// edges are sharper. Hand-set.
+const MIXED_PX: [f64; 2] = [2.0, 1.0];
+
+/// What pixels near the outline say, as lines sum it.
 #[derive(Debug)]
 struct Table {
-    rows: [Vec<[f32; EdgeProfile::DISTANCES]>; 2],
+    /// Over distance, for pixels in other colours and in the target's, on either side of the body, in each bin of membership; the last is for pixels without.
+    rows: [[Vec<[f32; EdgeProfile::DISTANCES]>; 2]; 2],
 }
 
 impl Table {
-    fn new(by_distance: &[Box<EdgeLogRatios>; 2]) -> Self {
-        let rows = by_distance.each_ref().map(|by_distance| {
-            let row = |bin: usize| std::array::from_fn(|distance| by_distance[distance][bin]);
-            (0..EdgeProfile::MEMBERSHIPS).map(row).collect()
+    fn new(by_distance: &[Box<EdgeLogRatios>; 2], octave: Octave) -> Self {
+        let rows = [false, true].map(|matches| {
+            by_distance.each_ref().map(|by_distance| {
+                let row = |bin: usize| {
+                    std::array::from_fn(|distance| {
+                        let distance_px = 0.25 * distance as f64 - f64::from(EdgeProfile::REACH_PX);
+                        let of_region = region_log_ratio(matches, distance_px, octave) as f32;
+                        by_distance[distance].get(bin).copied().unwrap_or(0.0) + of_region
+                    })
+                };
+                (0..=EdgeProfile::MEMBERSHIPS).map(row).collect()
+            })
         });
         Self { rows }
     }
@@ -109,12 +125,17 @@ impl Table {
     #[inline(always)]
     fn add(
         &self,
-        (side, membership): (Side, f32),
+        (matches, side, membership): (bool, Side, f32),
         distance_px: f32,
         weight: f32,
         log_ratios: &mut [f32; SHIFTS],
     ) {
-        let row = &self.rows[side as usize][EdgeProfile::bin_of(membership)];
+        let bin = if membership.is_nan() {
+            EdgeProfile::MEMBERSHIPS
+        } else {
+            EdgeProfile::bin_of(membership)
+        };
+        let row = &self.rows[usize::from(matches)][side as usize][bin];
         let last = (row.len() - 1) as f32;
         for (i, log_ratio) in log_ratios.iter_mut().enumerate() {
             let step = (4.0 * (distance_px + REACH_PX + EdgeProfile::REACH_PX) - i as f32)
@@ -122,6 +143,18 @@ impl Table {
             let j = step as usize;
             *log_ratio += weight * (row[j] + (step - j as f32) * (row[j + 1] - row[j]));
         }
+    }
+}
+
+/// The log-ratio of a pixel by whether it is in the target's colours, in nats: at most 0, and 0 near the outline and on the side where it belongs.
+fn region_log_ratio(matches: bool, distance_px: f64, octave: Octave) -> f64 {
+    let [of_target, of_others] = REGION_NATS;
+    let mixed_px = MIXED_PX[usize::from(octave > Octave::default())];
+    let beyond = |px: f64| (px - mixed_px).clamp(0.0, 1.0);
+    if matches {
+        -of_target * beyond(distance_px)
+    } else {
+        -of_others * beyond(-distance_px)
     }
 }
 
@@ -137,13 +170,15 @@ pub(crate) struct EdgeCue {
     /// The height of the middle of the shape above its position, metres.
     middle_height_m: f32,
     diameter_m: f64,
-    /// One per octave, from the frame's own on; coarser octaves have the last one's.
+    /// One per octave; those coarser than the learnt profiles have the last one's.
     tables: Vec<Table>,
     palette: Palette,
     ranges: Option<ColorRanges>,
     points: Vec<Points>,
     coordinates: Vec<Coordinates>,
     buffers: LineBuffers,
+    /// The best and the latest of several fits.
+    spare: [Detection; 2],
     level: Level,
 }
 
@@ -160,17 +195,20 @@ impl EdgeCue {
         } else {
             &[]
         };
-        let table = |profile: &EdgeProfile| {
-            Table::new(&if settings.lit_and_shaded_profiles {
-                profile.log_ratios()
-            } else {
-                profile.without_sides().log_ratios()
-            })
+        let table = |octave: u8| {
+            let profile = profiles.get(usize::from(octave)).or(profiles.last());
+            let log_ratios = profile.map(|profile| {
+                if settings.lit_and_shaded_profiles {
+                    profile.log_ratios()
+                } else {
+                    profile.without_sides().log_ratios()
+                }
+            });
+            let log_ratios = log_ratios
+                .unwrap_or_else(|| EdgeProfile::soft_step(Octave(octave).scale().into()));
+            Table::new(&log_ratios, Octave(octave))
         };
-        let mut tables: Vec<Table> = profiles.iter().map(table).collect();
-        if tables.is_empty() {
-            tables.push(Table::new(&EdgeProfile::soft_step()));
-        }
+        let tables = (0..=Octave::COARSEST.0).map(table).collect();
         Ok(Self {
             settings,
             outline: OutlineKernel::new(shape, settings.correspondence_lines),
@@ -182,6 +220,7 @@ impl EdgeCue {
             points: vec![[[0.0; LANES]; 3]; settings.correspondence_lines],
             coordinates: vec![[[0.0; LANES]; 2]; settings.correspondence_lines],
             buffers: LineBuffers::new(),
+            spare: Default::default(),
             level,
         })
     }
