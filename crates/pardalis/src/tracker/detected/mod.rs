@@ -37,7 +37,7 @@ use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Measurement
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
 use tuning::{
-    BIRTH_DIAMETERS, BIRTH_VELOCITY_SIGMA_MPS, FOUND_CONFIDENCE, LOST_CONFIDENCE,
+    BIRTH_DIAMETERS, BIRTH_VELOCITY_SIGMA_MPS, FOUND_CONFIDENCE, LOST_CONFIDENCE, MAX_DETECTIONS,
     TIME_BEFORE_START_S,
 };
 use update::{Measurement, update};
@@ -78,7 +78,6 @@ struct CameraImage {
 }
 
 /// Memory that steps use again.
-#[derive(Default)]
 struct Buffers {
     frames: Vec<EdgeFrame<'static>>,
     associated: Vec<AssociatedDetection>,
@@ -132,14 +131,23 @@ impl DetectedTarget {
             existence,
             birth_density,
             filter,
-            detector: Detector::new(shape, ground_z_m),
+            detector: Detector::new(
+                shape,
+                ground_z_m,
+                views.len(),
+                settings.edge.correspondence_lines,
+            ),
             images: vec![CameraImage::default(); views.len()],
             adaptations: vec![Adaptation::default(); views.len()],
             visibilities: vec![None; views.len()],
             log_ratios: vec![Vec::new(); views.len()],
             detection_m2: None,
             other_landmarks_m: Vec::new(),
-            buffers: Buffers::default(),
+            buffers: Buffers {
+                frames: Vec::with_capacity(views.len()),
+                associated: Vec::with_capacity(MAX_DETECTIONS),
+                components: Vec::with_capacity(MAX_DETECTIONS),
+            },
         })
     }
 
