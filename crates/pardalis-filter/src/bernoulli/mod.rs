@@ -11,6 +11,10 @@
 mod draw;
 mod kinematics;
 mod moment_matched;
+#[cfg(test)]
+mod oracle;
+#[cfg(test)]
+mod oracle_tests;
 mod predicted_density;
 mod proposal;
 
