@@ -16,8 +16,7 @@
 //! ```
 //! use nalgebra::{Point3, Rotation3, Translation3, Vector3};
 //! use pardalis_calibrate::{
-//! CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind, OUTLIER_SIGMAS,
-//! calibrate,
+//!     CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind, calibrate,
 //! };
 //! use pardalis_camera::{Camera, Pinhole, Pose};
 //!
@@ -44,12 +43,9 @@
 //!     })
 //!     .collect();
 //!
-//! let settings = CalibrationSettings {
-//!     start: CalibrationStart::Model(ModelKind::Pinhole),
-//!     size_px: (640, 480),
-//!     board: true,
-//!     outlier_sigmas: OUTLIER_SIGMAS,
-//! };
+//! let start = CalibrationStart::Model(ModelKind::Pinhole);
+//! let mut settings = CalibrationSettings::new(start, (640, 480));
+//! settings.board = true;
 //! let calibration = calibrate(&views, &settings)?;
 //! assert!(calibration.rms_px < 1e-3);
 //! let focal_length = calibration.parameters[0];
@@ -115,6 +111,7 @@ pub struct CalibrationView {
 
 /// Settings of [`calibrate`].
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct CalibrationSettings {
     /// Initial camera: its model alone, or an approximate camera.
     pub start: CalibrationStart,
@@ -122,9 +119,21 @@ pub struct CalibrationSettings {
     pub size_px: (usize, usize),
     /// Whether the target is a board. A board is visible only from the side to which the z axis of its frame points.
     pub board: bool,
-    /// Number of robust standard deviations beyond which a point is an outlier (usually [`OUTLIER_SIGMAS`]);
+    /// Number of robust standard deviations beyond which a point is an outlier (by default [`OUTLIER_SIGMAS`]);
     /// infinity keeps all points.
     pub outlier_sigmas: f64,
+}
+
+impl CalibrationSettings {
+    /// Returns settings for images of this width and height in pixels: no board, and the default number of standard deviations for outliers.
+    pub fn new(start: CalibrationStart, size_px: (usize, usize)) -> Self {
+        Self {
+            start,
+            size_px,
+            board: false,
+            outlier_sigmas: OUTLIER_SIGMAS,
+        }
+    }
 }
 
 /// Default number of robust standard deviations beyond which a point is an outlier.

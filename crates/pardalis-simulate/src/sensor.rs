@@ -7,6 +7,7 @@ use pardalis_core::rng::{Draws, Stage};
 
 /// Image properties of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ImageSettings {
     /// Number of rays along each side of a pixel.
     pub samples: usize,

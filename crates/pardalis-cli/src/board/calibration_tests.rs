@@ -30,12 +30,9 @@ fn seen(board: &str, image: &str) -> CalibrationView {
 }
 
 fn settings(kind: ModelKind) -> CalibrationSettings {
-    CalibrationSettings {
-        start: CalibrationStart::Model(kind),
-        size_px: (640, 480),
-        board: true,
-        outlier_sigmas: OUTLIER_SIGMAS,
-    }
+    let mut settings = CalibrationSettings::new(CalibrationStart::Model(kind), (640, 480));
+    settings.board = true;
+    settings
 }
 
 #[test]

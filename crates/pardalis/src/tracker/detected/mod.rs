@@ -106,20 +106,16 @@ impl DetectedTarget {
         let is_planar = motion.is_planar();
         let extent_m = BIRTH_DIAMETERS * shape.diameter_m();
         let birth_density = libm::pow(extent_m, if is_planar { -2.0 } else { -3.0 });
-        let filter = BernoulliFilter::new(
-            BernoulliSettings {
-                particle_count: settings.particle_count,
-                motion,
-                birth_rate_hz: existence.birth_rate_hz,
-                death_rate_hz: existence.death_rate_hz,
-                relocation_rate_hz: existence.relocation_rate_hz,
-                birth_density,
-                birth_velocity_sigma_mps: BIRTH_VELOCITY_SIGMA_MPS,
-                velocity_jump_rate_hz: existence.velocity_jump_rate_hz,
-                velocity_jump_sigma_mps: existence.velocity_jump_sigma_mps,
-            },
-            draws,
-        )?;
+        let mut filter = BernoulliSettings::of(motion);
+        filter.particle_count = settings.particle_count;
+        filter.birth_rate_hz = existence.birth_rate_hz;
+        filter.death_rate_hz = existence.death_rate_hz;
+        filter.relocation_rate_hz = existence.relocation_rate_hz;
+        filter.birth_density = birth_density;
+        filter.birth_velocity_sigma_mps = BIRTH_VELOCITY_SIGMA_MPS;
+        filter.velocity_jump_rate_hz = existence.velocity_jump_rate_hz;
+        filter.velocity_jump_sigma_mps = existence.velocity_jump_sigma_mps;
+        let filter = BernoulliFilter::new(filter, draws)?;
         let ground_z_m = is_planar.then_some(existence.ground_z_m);
         Ok(Self {
             track: Track::new(views.len()),
