@@ -1,4 +1,4 @@
-//! Saddle points of the brightness: where two dark and two light corners of squares meet.
+//! Saddle points of the brightness, at which two dark and two light squares meet.
 
 use std::f64::consts::PI;
 
@@ -6,24 +6,24 @@ use chess_corners_core::{ChessParams, find_corners_u8};
 use nalgebra::{SMatrix, SVector};
 use pardalis_images::GrayImage;
 
-/// The saddle points of one image at most: the strongest are kept.
+/// Maximum number of saddle points per image; the strongest are kept.
 const MAX_SADDLES: usize = 3000;
 
-/// The least response of the detector: a sharp corner of n grey levels' contrast has 8 n, noise hardly any.
+/// Least response of the detector. A sharp corner with a contrast of n grey levels has 8 n, noise hardly any.
 const MIN_RESPONSE: f32 = 30.0;
 
 /// A saddle point.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Saddle {
-    /// Place in pixels; centres of pixels are at integers.
-    pub(crate) pixel: [f64; 2],
-    /// Directions of the four edges that meet, as angles in rad from x towards y of the image. From the first to the second and
-    /// from the third to the fourth the image is dark, between the others light.
-    pub(crate) directions_rad: [f64; 4],
+pub(super) struct Saddle {
+    /// Position in pixels; pixel centres have integer coordinates.
+    pub(super) pixel: [f64; 2],
+    /// Directions of the four edges that meet, as angles from x towards y of the image. The image is dark from the
+    /// first to the second and from the third to the fourth, and light between the others.
+    pub(super) directions_rad: [f64; 4],
 }
 
-/// All saddle points that the image may have, many of them no corners of any square.
-pub(crate) fn find(image: &GrayImage) -> Vec<Saddle> {
+/// Returns all candidate saddle points; many of them are not corners of squares.
+pub(super) fn find(image: &GrayImage) -> Vec<Saddle> {
     let (width, height) = (image.width() as usize, image.height() as usize);
     let mut settings = ChessParams::default();
     settings.threshold = MIN_RESPONSE;
@@ -42,8 +42,8 @@ pub(crate) fn find(image: &GrayImage) -> Vec<Saddle> {
         .collect()
 }
 
-/// Brightness between the centres of pixels, 0 to 255; beyond the border that of the border.
-pub(crate) fn brightness(image: &GrayImage, [x, y]: [f64; 2]) -> f64 {
+/// Returns the brightness, 0 to 255, interpolated bilinearly; beyond the image that of its border.
+pub(super) fn brightness(image: &GrayImage, [x, y]: [f64; 2]) -> f64 {
     let (x_max, y_max) = (image.width() - 1, image.height() - 1);
     let (x, y) = (
         x.clamp(0.0, f64::from(x_max)),
@@ -57,11 +57,11 @@ pub(crate) fn brightness(image: &GrayImage, [x, y]: [f64; 2]) -> f64 {
         + t * ((1.0 - s) * at(left, bottom) + s * at(right, bottom))
 }
 
-/// Fits the brightness of two blurred edges that cross, mean + contrast tanh(a / width) tanh(b / width) with a and b the
-/// distances from the edges, to the pixels within `radius_px`, by Levenberg and Marquardt from `start`.
+/// Fits two crossing blurred edges to the pixels within `radius_px` of `start` by the Levenberg-Marquardt method: the
+/// brightness is mean + contrast tanh(a / width) tanh(b / width), with the distances a and b from the edges.
 ///
-/// `None`: the pixels are no such crossing, or it lies beyond `radius_px` from the start.
-pub(crate) fn refine(image: &GrayImage, start: Saddle, radius_px: f64) -> Option<Saddle> {
+/// Returns `None` if the pixels do not show such a crossing, or if it is farther than `radius_px` from the start.
+pub(super) fn refine(image: &GrayImage, start: Saddle, radius_px: f64) -> Option<Saddle> {
     const STEPS: usize = 30;
     let samples = samples_around(image, start.pixel, radius_px);
     if samples.len() < 12 {
@@ -72,7 +72,7 @@ pub(crate) fn refine(image: &GrayImage, start: Saddle, radius_px: f64) -> Option
         .fold((f64::MAX, f64::MIN), |(low, high), &(_, value)| {
             (low.min(value), high.max(value))
         });
-    // Place, angles of both edges, mean, contrast, width.
+    // Position, angles of both edges, mean, contrast, width.
     let mut at = SVector::<f64, 7>::from([
         start.pixel[0],
         start.pixel[1],
@@ -114,14 +114,14 @@ pub(crate) fn refine(image: &GrayImage, start: Saddle, radius_px: f64) -> Option
         .iter()
         .map(|(_, v)| (v - at[4]).powi(2))
         .sum::<f64>();
-    // What the crossing leaves unexplained is less than half of what there is.
+    // The crossing must explain more than half of the variance.
     (moved_px <= radius_px && at[5] > 0.0 && cost < 0.5 * spread).then(|| Saddle {
         pixel: [at[0], at[1]],
         directions_rad: [at[2], at[3], at[2] + PI, at[3] + PI],
     })
 }
 
-/// The pixels within a radius of a place with their brightness.
+/// Returns the pixels within a radius of a point, with their brightness.
 fn samples_around(image: &GrayImage, [x, y]: [f64; 2], radius_px: f64) -> Vec<([f64; 2], f64)> {
     let range = |middle: f64, size: u32| {
         let first = (middle - radius_px).ceil().max(0.0) as u32;
@@ -139,17 +139,17 @@ fn samples_around(image: &GrayImage, [x, y]: [f64; 2], radius_px: f64) -> Vec<([
     samples
 }
 
-/// Squared differences between the samples and the crossing, summed.
+/// Returns the sum of squared differences between the samples and the crossing.
 fn cost_at(at: &SVector<f64, 7>, samples: &[([f64; 2], f64)]) -> f64 {
     let square = |&(pixel, value): &([f64; 2], f64)| (value - crossing(at, pixel).0).powi(2);
     samples.iter().map(square).sum()
 }
 
-/// Brightness of the crossing at a pixel, and its derivatives by the seven parameters.
+/// Returns the brightness of the crossing at a pixel, and its derivatives with respect to the seven parameters.
 fn crossing(at: &SVector<f64, 7>, [x, y]: [f64; 2]) -> (f64, SVector<f64, 7>) {
     let [x0, y0, first, second, mean, contrast, width] = (*at).into();
     let (dx, dy) = (x - x0, y - y0);
-    // Distance from an edge to the side towards which angles grow, and along it.
+    // Signed distance from an edge, positive on the side of greater angles, and position along it.
     let across = |angle: f64| {
         (
             angle.cos() * dy - angle.sin() * dx,
@@ -159,7 +159,7 @@ fn crossing(at: &SVector<f64, 7>, [x, y]: [f64; 2]) -> (f64, SVector<f64, 7>) {
     let ((a, along_a), (b, along_b)) = (across(first), across(second));
     let (ta, tb) = ((a / width).tanh(), (b / width).tanh());
     let (sa, sb) = ((1.0 - ta * ta) / width, (1.0 - tb * tb) / width);
-    // Dark from the first edge to the second: there a > 0 and b < 0.
+    // It is dark from the first edge to the second, where a > 0 and b < 0.
     let slope = SVector::from([
         contrast * (sa * tb * first.sin() + ta * sb * second.sin()),
         -contrast * (sa * tb * first.cos() + ta * sb * second.cos()),
@@ -170,4 +170,27 @@ fn crossing(at: &SVector<f64, 7>, [x, y]: [f64; 2]) -> (f64, SVector<f64, 7>) {
         -contrast * (sa * tb * a + ta * sb * b) / width,
     ]);
     (mean + contrast * ta * tb, slope)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fits_a_crossing_to_hundredths_of_a_pixel() {
+        let (center, first, second, width) = ([20.37, 18.81], 0.3_f64, 2.0_f64, 1.3);
+        let image = GrayImage::from_fn(40, 40, |x, y| {
+            let (dx, dy) = (f64::from(x) - center[0], f64::from(y) - center[1]);
+            let side = |angle: f64| ((angle.cos() * dy - angle.sin() * dx) / width).tanh();
+            [(120.0 + 80.0 * side(first) * side(second)).round() as u8]
+        });
+        let start = Saddle {
+            pixel: [21.0, 18.0],
+            directions_rad: [0.4, 1.9, 0.4 + PI, 1.9 + PI],
+        };
+        let fitted = refine(&image, start, 8.0).unwrap();
+        let error_px = (fitted.pixel[0] - center[0]).hypot(fitted.pixel[1] - center[1]);
+        assert!(error_px < 0.005, "{:?}", fitted.pixel);
+        assert!((fitted.directions_rad[0] - first).abs() < 0.002);
+    }
 }

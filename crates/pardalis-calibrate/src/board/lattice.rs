@@ -1,6 +1,6 @@
-//! Saddle points joined along edges of squares into lattices.
+//! Lattices: saddle points linked along the edges of squares.
 //!
-//! Each step from corner to corner is judged where it is, so that lenses may bend the board as they like.
+//! Each link is judged locally, so that lenses may bend the board.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -8,42 +8,43 @@ use pardalis_images::GrayImage;
 
 use super::saddle::{Saddle, brightness};
 
-/// How far an edge may turn between its ends and the line between them.
+/// Greatest angle between the direction of an edge at its ends and the line between them.
 const MAX_TURN_RAD: f64 = 0.35;
 
-/// Nearest saddle points in a direction that are tried.
+/// Number of nearest saddle points in a direction that are tried.
 const MAX_TRIES: usize = 6;
 
-/// A neighbour along an edge: which saddle point, and which of its directions leads back.
+/// A neighbour along an edge: index of its saddle point, and of the direction that leads back.
 type Link = Option<(usize, usize)>;
 
-/// Saddle points on an integer lattice: the second coordinate grows a quarter turn clockwise, as seen in the image, from the first.
+/// Saddle points on an integer lattice. In the image, the second axis is a clockwise quarter turn from the first.
 #[derive(Debug)]
-pub(crate) struct Lattice {
-    /// The saddle points by their place in the lattice.
-    pub(crate) nodes: BTreeMap<[i32; 2], Node>,
+pub(super) struct Lattice {
+    /// Saddle points by their index in the lattice.
+    pub(super) nodes: BTreeMap<[i32; 2], Node>,
 }
 
 /// A saddle point of a lattice.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Node {
-    /// Its number among all saddle points.
-    pub(crate) saddle: usize,
-    /// Which of the saddle point's directions leads along the lattice's first coordinate.
+pub(super) struct Node {
+    /// Index among all saddle points.
+    pub(super) saddle: usize,
+    /// Index of the saddle point's direction along the lattice's first axis.
     first_direction: usize,
 }
 
 impl Lattice {
-    /// Whether the square whose least corner this is, is dark; `None` without that corner.
-    pub(crate) fn is_dark(&self, corner: [i32; 2]) -> Option<bool> {
+    /// Reports whether the square whose corner with the least coordinates this is, is dark; `None` if the lattice lacks
+    /// that corner.
+    pub(super) fn is_dark(&self, corner: [i32; 2]) -> Option<bool> {
         self.nodes
             .get(&corner)
             .map(|node| node.first_direction % 2 == 0)
     }
 }
 
-/// Joins saddle points into lattices, the largest first; lattices of fewer than four points are left out.
-pub(crate) fn grow(image: &GrayImage, saddles: &[Saddle]) -> Vec<Lattice> {
+/// Links saddle points to lattices, the largest first. Lattices of fewer than four points are omitted.
+pub(super) fn grow(image: &GrayImage, saddles: &[Saddle]) -> Vec<Lattice> {
     let links = closed(&link(image, saddles));
     let mut seen = vec![false; saddles.len()];
     let mut lattices = Vec::new();
@@ -59,21 +60,21 @@ pub(crate) fn grow(image: &GrayImage, saddles: &[Saddle]) -> Vec<Lattice> {
     lattices
 }
 
-/// The lattice of all that hangs together with one saddle point.
+/// Returns the lattice of all saddle points that are connected with one.
 fn grow_from(seed: usize, links: &[[Link; 4]], seen: &mut [bool]) -> Lattice {
     let mut nodes = BTreeMap::new();
     let mut queue = VecDeque::from([([0, 0], seed, 0)]);
     seen[seed] = true;
-    while let Some((place, saddle, first_direction)) = queue.pop_front() {
+    while let Some((index, saddle, first_direction)) = queue.pop_front() {
         let node = Node {
             saddle,
             first_direction,
         };
-        // Where a false link leads around, two points claim one place: the one reached in fewer steps keeps it.
-        if nodes.contains_key(&place) {
+        // After a false link two points may get the same index: the one reached in fewer steps keeps it.
+        if nodes.contains_key(&index) {
             continue;
         }
-        nodes.insert(place, node);
+        nodes.insert(index, node);
         for side in 0..4 {
             let Some((next, back)) = links[saddle][(side + first_direction) % 4] else {
                 continue;
@@ -83,14 +84,14 @@ fn grow_from(seed: usize, links: &[[Link; 4]], seen: &mut [bool]) -> Lattice {
             }
             seen[next] = true;
             let step = [[1, 0], [0, 1], [-1, 0], [0, -1]][side];
-            let next_place = [place[0] + step[0], place[1] + step[1]];
-            queue.push_back((next_place, next, (back + 6 - side) % 4));
+            let next_index = [index[0] + step[0], index[1] + step[1]];
+            queue.push_back((next_index, next, (back + 6 - side) % 4));
         }
     }
     Lattice { nodes }
 }
 
-/// The neighbours of each saddle point in its four directions; who is not chosen back is no neighbour.
+/// Returns the mutual neighbours of each saddle point in its four directions.
 fn link(image: &GrayImage, saddles: &[Saddle]) -> Vec<[Link; 4]> {
     let chosen: Vec<[Link; 4]> = (0..saddles.len())
         .map(|from| choose(image, saddles, from))
@@ -105,9 +106,9 @@ fn link(image: &GrayImage, saddles: &[Saddle]) -> Vec<[Link; 4]> {
         .collect()
 }
 
-/// The links that are a side of a square whose four sides are links: false ones hardly ever close.
+/// Keeps the links that are sides of a square of four links; false links hardly ever close a square.
 fn closed(links: &[[Link; 4]]) -> Vec<[Link; 4]> {
-    // Four steps, after each a turn to the same side, lead back to where they began.
+    // Four steps with a turn to the same side after each lead back to the start.
     let closes = |from: usize, direction: usize, turn: usize| {
         let mut at = Some((from, direction));
         for _ in 0..4 {
@@ -124,7 +125,7 @@ fn closed(links: &[[Link; 4]]) -> Vec<[Link; 4]> {
         .collect()
 }
 
-/// The nearest saddle point in each direction to which an edge leads.
+/// Returns, for each direction, the nearest saddle point to which an edge leads.
 fn choose(image: &GrayImage, saddles: &[Saddle], from: usize) -> [Link; 4] {
     let start = saddles[from];
     let mut candidates: [Vec<(f64, usize)>; 4] = Default::default();
@@ -151,7 +152,8 @@ fn choose(image: &GrayImage, saddles: &[Saddle], from: usize) -> [Link; 4] {
     })
 }
 
-/// Whether an edge of a square leads from one saddle point in one of its directions to another: gives the other's direction back.
+/// Checks whether the edge of a square connects one saddle point, in one of its directions, with another. Returns the
+/// direction of the other that leads back.
 fn edge(image: &GrayImage, start: Saddle, direction: usize, end: Saddle) -> Option<usize> {
     let [dx, dy] = [end.pixel[0] - start.pixel[0], end.pixel[1] - start.pixel[1]];
     let length = dx.hypot(dy);
@@ -159,11 +161,11 @@ fn edge(image: &GrayImage, start: Saddle, direction: usize, end: Saddle) -> Opti
         let angle = end.directions_rad[back];
         -(angle.cos() * dx + angle.sin() * dy) > MAX_TURN_RAD.cos() * length
     })?;
-    // What is dark beside the one end must be dark beside the other.
+    // The same side of the edge must be dark at both ends.
     if (direction + back).is_multiple_of(2) {
         return None;
     }
-    // Beside the edge, but nearer to it than the markers in the squares are.
+    // The samples beside the edge must be nearer to it than the markers in the squares are.
     let beside_px = (0.08 * length).max(1.5);
     let normal = [-dy / length * beside_px, dx / length * beside_px];
     let sign = if direction.is_multiple_of(2) {

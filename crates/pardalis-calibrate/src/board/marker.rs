@@ -1,53 +1,53 @@
-//! Square markers: dictionaries, and the reading of one marker in a square of the lattice.
+//! Square markers: dictionaries, and reading a marker in a square of the lattice.
 
 use pardalis_images::GrayImage;
 
 use super::saddle::brightness;
 
-/// The dictionaries, one a line; the file's head says how they are written.
+/// The dictionaries, one per line. The file's header describes the format.
 const DICTIONARIES: &str = include_str!("dictionaries.txt");
 
-/// Least difference between the lightest and the darkest module, of 255.
+/// Least difference between the brightest and the darkest module, in grey levels of 255.
 const MIN_CONTRAST: f64 = 15.0;
 
-/// Share of the border's modules that may read light.
+/// Greatest fraction of the border's modules that may be light.
 const MAX_BORDER_ERRORS: f64 = 0.1;
 
 /// A set of markers that differ in their modules.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Dictionary {
+pub(super) struct Dictionary {
     /// OpenCV's name, such as `DICT_4X4_50`.
-    pub(crate) name: &'static str,
-    /// Modules along a side, without the border.
+    pub(super) name: &'static str,
+    /// Number of modules along a side, without the border.
     side: usize,
-    /// Wrong modules that are corrected.
+    /// Number of wrong modules that are corrected.
     corrected: u32,
-    /// The modules of each marker, row by row from the top left, the first the highest bit; 1 is white.
+    /// Modules of each marker, row by row from the top left. The first is the highest bit; 1 is white.
     codes: Vec<u64>,
 }
 
 /// A marker that was read.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Reading {
-    /// The marker's number in its dictionary.
-    pub(crate) id: usize,
-    /// Quarter turns, clockwise, that take directions in the corners that were given to those in the upright marker.
-    pub(crate) turns: usize,
+pub(super) struct Reading {
+    /// Number of the marker in its dictionary.
+    pub(super) id: usize,
+    /// Number of clockwise quarter turns from the given corners to the upright marker.
+    pub(super) turns: usize,
 }
 
-/// The names of all dictionaries.
-pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+/// Returns the names of all dictionaries.
+pub(super) fn names() -> impl Iterator<Item = &'static str> {
     lines().filter_map(|line| line.split(' ').next())
 }
 
-/// The lines of the dictionary file that hold dictionaries.
+/// Returns the lines of the dictionary file without its header.
 fn lines() -> impl Iterator<Item = &'static str> {
     DICTIONARIES.lines().filter(|line| !line.starts_with('#'))
 }
 
 impl Dictionary {
-    /// The dictionary of this name, if there is one.
-    pub(crate) fn named(name: &str) -> Option<Self> {
+    /// Returns the dictionary of this name; `None` if there is none.
+    pub(super) fn named(name: &str) -> Option<Self> {
         let line = lines().find(|line| line.split(' ').next() == Some(name))?;
         let mut fields = line.split(' ');
         Some(Self {
@@ -60,38 +60,39 @@ impl Dictionary {
         })
     }
 
-    /// Modules along a side, without the border.
-    pub(crate) fn side(&self) -> usize {
+    /// Returns the number of modules along a side, without the border.
+    pub(super) fn side(&self) -> usize {
         self.side
     }
 
-    /// Whether this module of an upright marker is white.
-    pub(crate) fn is_light(&self, id: usize, row: usize, column: usize) -> bool {
-        let place = row * self.side + column;
-        self.codes[id] >> (self.side * self.side - 1 - place) & 1 == 1
+    /// Reports whether this module of an upright marker is white.
+    pub(super) fn is_light(&self, id: usize, row: usize, column: usize) -> bool {
+        let module = row * self.side + column;
+        self.codes[id] >> (self.side * self.side - 1 - module) & 1 == 1
     }
 
-    /// How many markers there are.
-    pub(crate) fn len(&self) -> usize {
+    /// Returns the number of markers.
+    pub(super) fn len(&self) -> usize {
         self.codes.len()
     }
 
-    /// Reads the marker within a square whose corners lie at these pixels, clockwise from the square's own top left.
+    /// Reads the marker in a square with these corners in pixels, clockwise from the square's own top left.
     ///
-    /// `share` is the side of the marker by the side of the square, `border` the width of its dark border in modules.
-    pub(crate) fn read(
+    /// `fraction` is the side of the marker divided by the side of the square, `border` the width of its dark border in
+    /// modules.
+    pub(super) fn read(
         &self,
         image: &GrayImage,
         corners: [[f64; 2]; 4],
-        share: f64,
+        fraction: f64,
         border: usize,
     ) -> Option<Reading> {
         let modules = self.side + 2 * border;
         let to_image = square_to(corners)?;
         let light: Vec<f64> = (0..modules * modules)
             .map(|module| {
-                let place = |n: usize, shift: f64| {
-                    0.5 + share * ((n as f64 + 0.5 + shift) / modules as f64 - 0.5)
+                let position = |n: usize, shift: f64| {
+                    0.5 + fraction * ((n as f64 + 0.5 + shift) / modules as f64 - 0.5)
                 };
                 let mut sum = 0.0;
                 for (dx, dy) in [
@@ -101,7 +102,10 @@ impl Dictionary {
                     (-0.2, 0.2),
                     (0.2, 0.2),
                 ] {
-                    let at = [place(module % modules, dx), place(module / modules, dy)];
+                    let at = [
+                        position(module % modules, dx),
+                        position(module / modules, dy),
+                    ];
                     sum += brightness(image, to_image(at));
                 }
                 sum / 5.0
@@ -127,7 +131,7 @@ impl Dictionary {
         if border_errors as f64 > MAX_BORDER_ERRORS * border_modules as f64 {
             return None;
         }
-        // One more quarter turn takes what was in the bottom left to the top left.
+        // Each further quarter turn moves the bottom left to the top left.
         let last = self.side - 1;
         let turned = |turns: usize, row: usize, column: usize| {
             let (row, column) = match turns {
@@ -151,7 +155,8 @@ impl Dictionary {
     }
 }
 
-/// The projective map from the unit square to four pixels, in the order (0, 0), (1, 0), (1, 1), (0, 1); `None` where they lie on a line.
+/// Returns the projective map from the unit square to four pixels, in the order (0, 0), (1, 0), (1, 1), (0, 1); `None` if
+/// they are collinear.
 fn square_to([a, b, c, d]: [[f64; 2]; 4]) -> Option<impl Fn([f64; 2]) -> [f64; 2]> {
     let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
     let minus = |p: [f64; 2], q: [f64; 2]| [p[0] - q[0], p[1] - q[1]];

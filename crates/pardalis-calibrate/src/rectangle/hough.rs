@@ -1,6 +1,6 @@
 //! Straight lines by a Hough transform in polar coordinates.
 
-/// Angles that are voted for: one per degree.
+/// Number of angles: one per degree.
 const ANGLES: usize = 180;
 
 /// A line of the points p with (cos a, sin a) · p = r.
@@ -61,8 +61,8 @@ impl Votes {
         self.counts[angle * self.offsets + offset]
     }
 
-    /// Whether no cell within a radius has more votes; of cells with equally many, the one with the least offset, then
-    /// the least angle, counts.
+    /// Reports whether no cell within a radius has more votes. Of cells with equal votes, the one with the least offset,
+    /// then the least angle, wins.
     fn is_highest(&self, angle: usize, offset: usize, radius: usize) -> bool {
         let own = self.at(angle, offset);
         let angles = angle.saturating_sub(radius)..(angle + radius + 1).min(ANGLES);
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_row_and_a_column_of_points_are_the_lines() {
+    fn finds_lines_of_a_row_and_a_column_of_points() {
         let row = (10..42).map(|x| [x, 40]);
         let column = (5..38).map(|y| [30, y]);
         let found = lines(row.chain(column), (100, 80), 30, 3);
@@ -89,13 +89,13 @@ mod tests {
             angle_deg,
             offset_px,
         };
-        // All of the row also lies, rounded towards zero, at 39 px and 91 degrees, and of equally many votes the least offset
-        // counts. The column is found once more beyond half a turn, where its normal points the other way.
+        // The whole row also rounds to 39 px at 91 degrees, and of equal votes the least offset wins. The column is found
+        // again near 180 degrees, with the opposite normal.
         assert_eq!(found, [line(0, 30), line(91, 39), line(179, -29)]);
     }
 
     #[test]
-    fn few_points_are_no_line() {
+    fn ignores_too_few_points() {
         assert_eq!(lines((0..20).map(|x| [x, x]), (100, 80), 21, 3), []);
         assert_eq!(lines(std::iter::empty(), (100, 80), 0, 3), []);
     }

@@ -1,60 +1,63 @@
-//! Quadrilaterals of straight edges that can be a rectangle seen in perspective.
+//! Quadrilaterals of straight edges that may be the image of a rectangle.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::lines::{Line, dot};
 
-/// The least share of each side that has an edge, and the least mean of all four: something may hide a part.
+/// Least fraction of each side with an edge, and least mean of all four: parts may be occluded.
 const MIN_SUPPORT: f64 = 0.5;
 const MIN_MEAN_SUPPORT: f64 = 0.75;
 
-/// The least side, as a share of the image's shorter side.
-pub(super) const MIN_SIDE_SHARE: f64 = 0.1;
+/// Least length of a side divided by the image's shorter side.
+pub(super) const MIN_SIDE_FRACTION: f64 = 0.1;
 
-/// Corners may lie outside the image by this share of its longer side.
-const MAX_OUTSIDE_SHARE: f64 = 0.15;
+/// Greatest distance of corners from the image, divided by its longer side.
+const MAX_OUTSIDE_FRACTION: f64 = 0.15;
 
-/// Sides that meet turn by at least this sine.
+/// Least sine of the angle between adjacent sides.
 const MIN_TURN_SINE: f64 = 0.14;
 
-/// Corners of a rectangle come out right, for some focal length, up to this cosine.
+/// Greatest cosine of a corner's angle after rectification with a suitable focal length.
 const MAX_CORNER_COSINE: f64 = 0.12;
 
-/// The other edge of a tape is at most this share of the rectangle's size away, at least so many pixels, and turned by at most this sine.
-const MAX_TAPE_SHARE: f64 = 0.12;
+/// Limits for the other edge of a tape: greatest distance divided by the rectangle's size, least distance in pixels, and
+/// greatest sine of the angle between the edges.
+const MAX_TAPE_FRACTION: f64 = 0.12;
 const MIN_TAPE_PX: f64 = 1.0;
 const MAX_TAPE_SINE: f64 = 0.1;
 
-/// The least share of each side of a tape's other edge that must be seen, and the least mean of all four.
+/// Least visible fraction of each side of a tape's other edge, and least mean of all four.
 const MIN_OTHER_SUPPORT: f64 = 0.3;
 const MIN_OTHER_MEAN_SUPPORT: f64 = 0.6;
 
-/// The focal lengths of ordinary lenses, in units of the image's longer side.
+/// Focal lengths of common lenses, divided by the image's longer side.
 const FOCAL_LENGTHS: [f64; 9] = [0.4, 0.5, 0.65, 0.8, 1.0, 1.4, 2.0, 4.0, 8.0];
 
-/// A convex quadrilateral of four edges with one and the same side brighter.
+/// A convex quadrilateral of four edges that are all brighter on the inside, or all on the outside.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Quad {
-    /// Counter-clockwise to the eye: clockwise in numbers, as v points down.
+    /// Corners, counter-clockwise as seen in the image (v points down).
     pub(super) corners_px: [[f64; 2]; 4],
-    /// Whether its inside is brighter than its outside, at the edge.
+    /// Whether the inside is brighter than the outside, next to the edges.
     pub(super) inside_is_brighter: bool,
-    /// The share of each side, from its corner to the next, that has an edge.
+    /// Fraction of the side from each corner to the next that has an edge.
     pub(super) support: [f64; 4],
-    /// The line of each of these sides, by its number.
+    /// Index of the line of each of these sides.
     lines: [usize; 4],
-    /// How well it stands out: what the weakest side has in grey levels a pixel, times the root of the perimeter.
+    /// Conspicuousness: mean gradient of the weakest side in grey levels per pixel, times the square root of the
+    /// perimeter.
     pub(super) score: f64,
-    /// The least share of a side that lies in the image.
-    pub(super) seen_share: f64,
+    /// Least fraction of a side inside the image.
+    pub(super) visible_fraction: f64,
 }
 
 impl Quad {
-    /// The same quadrilateral, with its corners in another image.
-    pub(super) fn moved_to(self, corners_px: [[f64; 2]; 4]) -> Self {
+    /// Returns the same quadrilateral with other corners, such as those in an image of another size.
+    pub(super) fn with_corners(self, corners_px: [[f64; 2]; 4]) -> Self {
         Self { corners_px, ..self }
     }
 
+    /// Returns the area in square pixels.
     pub(super) fn area_px2(&self) -> f64 {
         let c = self.corners_px;
         let product = |i: usize| {
@@ -65,7 +68,7 @@ impl Quad {
     }
 }
 
-/// All quadrilaterals of these lines, the one that stands out best first.
+/// Returns all quadrilaterals of these lines in an image of this size, the most conspicuous first.
 pub(super) fn find(lines: &[Line], size_px: [f64; 2]) -> Vec<Quad> {
     let mut quads = Vec::new();
     for inside_is_brighter in [true, false] {
@@ -80,23 +83,24 @@ pub(super) fn find(lines: &[Line], size_px: [f64; 2]) -> Vec<Quad> {
     quads
 }
 
+/// Search for quadrilaterals that are brighter on one side.
 struct Search<'a> {
     lines: &'a [Line],
     size_px: [f64; 2],
     inside_is_brighter: bool,
 }
 
-/// One side between two corners.
+/// A side between two corners.
 #[derive(Clone, Copy)]
 struct Side {
     support: f64,
     gradient: f64,
     length_px: f64,
-    seen_share: f64,
+    visible_fraction: f64,
 }
 
 impl Search<'_> {
-    /// Tries all cycles of four lines that turn the same way; nearly all end at a side without edges.
+    /// Tries all cycles of four lines that turn the same way. Nearly all of them end early at a side without edges.
     fn run(&self, quads: &mut Vec<Quad>) {
         let count = self.lines.len();
         for a in 0..count {
@@ -129,7 +133,7 @@ impl Search<'_> {
         }
     }
 
-    /// The direction in which a side is walked, so that the inside is on the right hand in the image.
+    /// Returns the direction along a line that has the inside on its right in the image.
     fn direction(&self, line: usize) -> [f64; 2] {
         let tangent = self.lines[line].tangent();
         if self.inside_is_brighter {
@@ -139,26 +143,26 @@ impl Search<'_> {
         }
     }
 
-    /// Where a side ends and the next begins.
+    /// Returns the corner between a side and the next.
     fn corner(&self, line: usize, next: usize) -> Option<[f64; 2]> {
         let ([ax, ay], [bx, by]) = (self.direction(line), self.direction(next));
         if ax * by - ay * bx < MIN_TURN_SINE {
             return None;
         }
         let corner = self.lines[line].meets(&self.lines[next])?;
-        let margin_px = MAX_OUTSIDE_SHARE * self.size_px[0].max(self.size_px[1]);
+        let margin_px = MAX_OUTSIDE_FRACTION * self.size_px[0].max(self.size_px[1]);
         let is_near = |c: usize| (-margin_px..=self.size_px[c] + margin_px).contains(&corner[c]);
         (is_near(0) && is_near(1)).then_some(corner)
     }
 
-    /// A side of a line; none if it is short, goes the wrong way, or has too few edges.
+    /// Returns the side of a line between two corners; `None` if it is short, reversed, or has too few edges.
     fn side(&self, line: usize, from: [f64; 2], to: [f64; 2]) -> Option<Side> {
         let step = [to[0] - from[0], to[1] - from[1]];
         let length_px = dot(self.direction(line), step);
-        if length_px < MIN_SIDE_SHARE * self.size_px[0].min(self.size_px[1]) {
+        if length_px < MIN_SIDE_FRACTION * self.size_px[0].min(self.size_px[1]) {
             return None;
         }
-        // Edges are asked for where there is an image.
+        // Edges are only expected inside the image.
         let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
         for c in 0..2 {
             if step[c] != 0.0 {
@@ -168,20 +172,19 @@ impl Search<'_> {
                 leaves = leaves.min(a.max(b));
             }
         }
-        let seen_share = (leaves - enters).max(0.0);
+        let visible_fraction = (leaves - enters).max(0.0);
         let line = &self.lines[line];
-        let [p, q] =
-            [enters, leaves].map(|share| line.along([0, 1].map(|c| from[c] + share * step[c])));
+        let [p, q] = [enters, leaves].map(|t| line.along([0, 1].map(|c| from[c] + t * step[c])));
         let (support, gradient) = line.support(p.min(q), p.max(q));
         (support >= MIN_SUPPORT).then_some(Side {
             support: support.min(1.0),
             gradient,
             length_px,
-            seen_share,
+            visible_fraction,
         })
     }
 
-    /// The quadrilateral of these corners, clockwise to the eye, and the sides that start at them.
+    /// Returns the quadrilateral with these corners, clockwise as seen in the image, and the sides that start at them.
     fn quad(
         &self,
         [a, b, c, d]: [[f64; 2]; 4],
@@ -205,12 +208,13 @@ impl Search<'_> {
             support: [2, 1, 0, 3].map(|i| support[i]),
             lines: [2, 1, 0, 3].map(|i| lines[i]),
             score: least(of(|s| s.gradient)) * perimeter_px.sqrt(),
-            seen_share: least(of(|s| s.seen_share)),
+            visible_fraction: least(of(|s| s.visible_fraction)),
         })
     }
 }
 
-/// The other edge of a tape: the quadrilateral just outside or inside, with edges that are brighter on the other side, along part of each side.
+/// Returns the other edge of a tape: the quadrilateral just outside or inside with edges of the opposite direction along
+/// part of each side.
 pub(super) fn other_edge(quad: &Quad, lines: &[Line]) -> Option<Quad> {
     let found = [-1.0, 1.0].map(|side| edge_beside(quad, lines, side));
     let support = |quad: &Quad| quad.support.iter().sum::<f64>();
@@ -218,9 +222,9 @@ pub(super) fn other_edge(quad: &Quad, lines: &[Line]) -> Option<Quad> {
     found.into_iter().flatten().max_by(better)
 }
 
-/// The other edge towards the brighter (1) or the darker side (-1) of this one.
+/// Returns the other edge towards the brighter (1) or the darker side (-1) of this one.
 fn edge_beside(quad: &Quad, lines: &[Line], side: f64) -> Option<Quad> {
-    let reach_px = MAX_TAPE_SHARE * quad.area_px2().sqrt();
+    let reach_px = MAX_TAPE_FRACTION * quad.area_px2().sqrt();
     let beside = |i: usize| {
         let (line, ends) = (
             &lines[quad.lines[i]],
@@ -234,7 +238,8 @@ fn edge_beside(quad: &Quad, lines: &[Line], side: f64) -> Option<Quad> {
         let is_beside = |other: &usize| {
             let other = &lines[*other];
             let near = |end: [f64; 2]| {
-                // Their normals are opposite: the other edge lies on this one's brighter side where this corner is on the other's.
+                // The normals are opposite: the other edge is on this one's brighter side if this corner is on the
+                // other's.
                 let distance_px = side * (dot(other.normal, end) - other.offset_px);
                 (MIN_TAPE_PX..=reach_px).contains(&distance_px)
             };
@@ -260,15 +265,15 @@ fn edge_beside(quad: &Quad, lines: &[Line], side: f64) -> Option<Quad> {
     })
 }
 
-/// Whether the corners are right-angled for a lens of some ordinary focal length whose axis goes through the image's middle
-/// (Zhang and He 2007, "Whiteboard scanning", section 3).
+/// Reports whether the corners are right angles for a lens of some common focal length with its axis through the image's
+/// centre (Zhang and He 2007, "Whiteboard scanning", section 3).
 fn can_be_rectangle(corners_px: [[f64; 2]; 4], size_px: [f64; 2]) -> bool {
     let unit_px = size_px[0].max(size_px[1]);
     let [p, q, r, s] = corners_px.map(|[u, v]| {
         let [u, v] = [u - 0.5 * size_px[0], v - 0.5 * size_px[1]].map(|c| c / unit_px);
         Vector3::new(u, v, 1.0)
     });
-    // Opposite sides meet at the directions of the rectangle's own axes.
+    // Opposite sides meet at the vanishing points of the rectangle's axes.
     let along = p.cross(&q).cross(&s.cross(&r));
     let across = p.cross(&s).cross(&q.cross(&r));
     FOCAL_LENGTHS.iter().any(|f| {

@@ -1,11 +1,11 @@
-//! Canny's edges: a Gaussian blur, Sobel's gradients, non-maximum suppression and hysteresis.
+//! The Canny edge detector: Gaussian blur, Sobel gradients, non-maximum suppression and hysteresis.
 
 use pardalis_images::{GrayImage, Image};
 
-/// The gradient of a blurred image by Sobel's kernels, along x and y: eight times the grey levels per pixel.
+/// Sobel gradients of a blurred image along x and y: eight times the grey levels per pixel.
 pub(super) type Gradients = Image<i16, 2>;
 
-/// Computes the gradients of an image after a Gaussian blur. Beyond the border the image goes on as at the border.
+/// Computes the gradients of an image after a Gaussian blur. The border is replicated outwards.
 pub(super) fn blurred_gradients(image: &GrayImage, sigma_px: f32) -> Gradients {
     let blurred = blurred(image, sigma_px);
     let (right, bottom) = (blurred.width() - 1, blurred.height() - 1);
@@ -20,7 +20,7 @@ pub(super) fn blurred_gradients(image: &GrayImage, sigma_px: f32) -> Gradients {
     })
 }
 
-/// Blurs an image with a Gaussian that is cut off at two standard deviations; both passes round down to grey levels.
+/// Blurs an image with a Gaussian that is truncated at two standard deviations. Both passes round down to grey levels.
 pub(super) fn blurred(image: &GrayImage, sigma_px: f32) -> GrayImage {
     let kernel = gaussian(sigma_px);
     let reach = kernel.len() as i64 / 2;
@@ -47,7 +47,7 @@ pub(super) fn blurred(image: &GrayImage, sigma_px: f32) -> GrayImage {
     })
 }
 
-/// The weights of a Gaussian at whole pixels; they add up to 1.
+/// Returns the weights of a Gaussian at integer pixels; they sum to 1.
 fn gaussian(sigma_px: f32) -> Vec<f32> {
     let reach = (2.0 * sigma_px).ceil() as i32;
     let density = |x: i32| {
@@ -62,8 +62,8 @@ fn gaussian(sigma_px: f32) -> Vec<f32> {
     kernel
 }
 
-/// Finds edge pixels (255, others 0): local maxima of the gradient's length across the edge that are at least `high`,
-/// or at least `low` and connected to such.
+/// Finds edge pixels (255, others 0): local maxima of the gradient's magnitude across the edge that are at least `high`,
+/// or at least `low` and connected to such pixels.
 pub(super) fn edges(gradients: &Gradients, [low, high]: [f32; 2]) -> GrayImage {
     let strength = gradients.map(|[x, y]| [f32::from(x).hypot(f32::from(y))]);
     let thin = thinned(gradients, &strength);
@@ -77,7 +77,7 @@ pub(super) fn edges(gradients: &Gradients, [low, high]: [f32; 2]) -> GrayImage {
             edges.put_pixel(x, y, [255]);
             followed.push((x, y));
             while let Some((x, y)) = followed.pop() {
-                // Edges are thin, and each is reached from its strongest pixels, so that six neighbours suffice.
+                // Edges are thin and are followed from their strongest pixels, so that six neighbours suffice.
                 let neighbours = [
                     (x + 1, y),
                     (x + 1, y + 1),
@@ -98,7 +98,8 @@ pub(super) fn edges(gradients: &Gradients, [low, high]: [f32; 2]) -> GrayImage {
     edges
 }
 
-/// The gradient's length where neither neighbour across the edge has a longer one, and 0 elsewhere and on the border.
+/// Returns the gradient's magnitude where neither neighbour across the edge has a greater one, and 0 elsewhere and on
+/// the border.
 fn thinned(gradients: &Gradients, strength: &Image<f32, 1>) -> Image<f32, 1> {
     let (right, bottom) = (strength.width() - 1, strength.height() - 1);
     Image::from_fn(strength.width(), strength.height(), |x, y| {
@@ -131,10 +132,10 @@ mod tests {
     }
 
     #[test]
-    fn a_blur_keeps_one_level_and_spreads_a_point_to_all_sides_alike() {
+    fn blurs_symmetrically_and_keeps_constant_levels() {
         let plain = GrayImage::from_pixel(9, 7, [200]);
         let levels = blurred(&plain, 1.4);
-        // The weights add up to 1 but for rounding, and levels are rounded down.
+        // The weights sum to 1 except for rounding, and levels are rounded down.
         assert!(levels.as_raw().iter().all(|l| (199..=200).contains(l)));
         let mut point = GrayImage::new(15, 15);
         point.put_pixel(7, 7, [255]);
@@ -147,23 +148,23 @@ mod tests {
     }
 
     #[test]
-    fn gradients_of_a_ramp_are_eight_times_its_slope() {
+    fn gradient_of_a_ramp_is_eight_times_its_slope() {
         let ramp = GrayImage::from_fn(40, 30, |x, y| [(3 * x + 2 * y) as u8]);
         let gradients = blurred_gradients(&ramp, 0.1);
         assert_eq!(gradients.get_pixel(20, 15), [24, 16]);
-        // At the border the image goes on as there.
+        // The border is replicated outwards.
         assert_eq!(gradients.get_pixel(0, 15), [12, 16]);
     }
 
     #[test]
-    fn a_step_is_an_edge_if_it_is_high_enough() {
+    fn finds_steps_above_the_threshold() {
         let count = |dark, light| {
             let gradients = blurred_gradients(&step_edge(dark, light), 1.4);
             let edges = edges(&gradients, [16.0, 32.0]);
             edges.as_raw().iter().filter(|value| **value > 0).count()
         };
         assert_eq!(count(100, 102), 0);
-        // One pixel in each row but those of the border.
+        // One pixel per row except at the border.
         assert_eq!(count(100, 180), 28);
     }
 }

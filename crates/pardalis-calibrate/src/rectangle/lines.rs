@@ -1,6 +1,6 @@
-//! Straight edges in an image: Canny's edges, voted for by a Hough transform and fitted.
+//! Straight edges in an image: Canny edges, grouped by a Hough transform and fitted.
 //!
-//! Edges know which side is brighter, so that the two edges of a tape are never taken for one.
+//! Each edge has a brighter side, so that the two edges of a tape are not confused.
 
 use std::f64::consts::PI;
 
@@ -8,68 +8,68 @@ use pardalis_images::GrayImage;
 
 use super::{canny, hough};
 
-/// Edges that are followed and edges from which this starts, as gradients of Sobel's kernels: steps of about 8 and 16 grey levels.
+/// Low and high threshold of the Canny detector, as Sobel gradients: steps of about 8 and 16 grey levels.
 const CANNY_THRESHOLDS: [f32; 2] = [16.0, 32.0];
 
-/// Standard deviation of the blur before gradients are taken.
+/// Standard deviation of the blur before the gradients are computed.
 const BLUR_PX: f32 = 1.4;
 
-/// What Sobel's kernels give for one grey level a pixel.
+/// Sobel gradient of one grey level per pixel.
 const SOBEL_GAIN: f64 = 8.0;
 
-/// Edges vote in groups of like direction: so many around the circle, each with edges to either side of its middle.
+/// Edges vote in groups of similar direction: number of groups, and half the range of directions in each.
 const SECTORS: usize = 12;
 const SECTOR_HALF_RAD: f64 = 22.0 * PI / 180.0;
 
-/// The least votes, as a share of the image's shorter side.
-const MIN_VOTES_SHARE: f64 = 0.06;
+/// Least number of votes divided by the image's shorter side.
+const MIN_VOTES_FRACTION: f64 = 0.06;
 const SUPPRESSION_RADIUS: usize = 3;
 
-/// An edge belongs to a line within this distance and this angle.
+/// An edge pixel belongs to a line within this distance and angle.
 const HIT_DISTANCE_PX: f64 = 1.5;
 const HIT_ANGLE_RAD: f64 = 15.0 * PI / 180.0;
 
-/// Lines within this distance, where they are seen, and angle are one.
+/// Lines within this distance along their visible parts and within this angle are the same.
 const SAME_DISTANCE_PX: f64 = 1.5;
 const SAME_ANGLE_RAD: f64 = 2.0 * PI / 180.0;
 
-/// The lines that are kept: those that stand out most.
+/// Maximum number of lines; the most conspicuous are kept.
 const MAX_LINES: usize = 100;
 
 /// A pixel on an edge.
 #[derive(Debug, Clone, Copy)]
 struct EdgePixel {
     pixel: [f64; 2],
-    /// Towards the brighter side, in rad from x towards y of the image.
+    /// Direction to the brighter side, from x towards y of the image.
     direction_rad: f64,
-    /// In grey levels a pixel.
+    /// In grey levels per pixel.
     gradient: f64,
 }
 
 /// A straight line with edges along it: the points p with `normal` · p = `offset_px`.
 #[derive(Debug, Clone)]
 pub(super) struct Line {
-    /// Of length 1, towards the brighter side.
+    /// Unit vector towards the brighter side.
     pub(super) normal: [f64; 2],
     pub(super) offset_px: f64,
-    /// The place along the line, `tangent` · p, at which `sums` begin, in pixels.
+    /// Position along the line, `tangent` · p, at which `sums` begin, in pixels.
     first_px: f64,
-    /// For each pixel along the line, how many before it have an edge, and the gradients of these summed.
+    /// For each pixel along the line, the number of earlier pixels with an edge and the sum of their gradients.
     sums: Vec<(f64, f64)>,
 }
 
 impl Line {
-    /// The direction in which places along the line are counted.
+    /// Returns the unit vector along the line.
     pub(super) fn tangent(&self) -> [f64; 2] {
         [self.normal[1], -self.normal[0]]
     }
 
-    /// The place of a point along the line.
+    /// Returns the position of a point along the line, in pixels.
     pub(super) fn along(&self, p: [f64; 2]) -> f64 {
         dot(self.tangent(), p)
     }
 
-    /// Where two lines meet; none if they are parallel.
+    /// Returns the intersection of two lines; `None` if they are parallel.
     pub(super) fn meets(&self, other: &Line) -> Option<[f64; 2]> {
         let ([a, b], [c, d]) = (self.normal, other.normal);
         let determinant = a * d - b * c;
@@ -78,16 +78,18 @@ impl Line {
             .then(|| [(p * d - q * b) / determinant, (a * q - c * p) / determinant])
     }
 
-    /// Between two places along the line: the share that has an edge, and the mean gradient in grey levels a pixel, 0 where there is no edge.
+    /// Returns, between two positions along the line, the fraction with an edge and the mean gradient in grey levels per
+    /// pixel, where pixels without an edge count as 0.
     pub(super) fn support(&self, from_px: f64, to_px: f64) -> (f64, f64) {
         let last = (self.sums.len() - 1) as f64;
-        let at = |place: f64| self.sums[(place - self.first_px).round().clamp(0.0, last) as usize];
+        let at =
+            |position: f64| self.sums[(position - self.first_px).round().clamp(0.0, last) as usize];
         let (from, to) = (at(from_px), at(to_px));
         let length_px = (to_px - from_px).max(1.0);
         ((to.0 - from.0) / length_px, (to.1 - from.1) / length_px)
     }
 
-    /// How much it stands out: the gradients along it summed.
+    /// Returns the sum of the gradients along the line.
     fn strength(&self) -> f64 {
         self.sums[self.sums.len() - 1].1
     }
@@ -97,11 +99,11 @@ pub(super) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// The straight edges of an image, those that stand out most first.
+/// Returns the straight edges of an image, the most conspicuous first.
 pub(super) fn find(image: &GrayImage) -> Vec<Line> {
     let edges = edge_pixels(image);
     let (width, height) = image.dimensions();
-    let least_votes = (MIN_VOTES_SHARE * f64::from(width.min(height))).max(16.0) as u32;
+    let least_votes = (MIN_VOTES_FRACTION * f64::from(width.min(height))).max(16.0) as u32;
     let mut found = Vec::new();
     for sector in 0..SECTORS {
         let middle_rad = 2.0 * PI * sector as f64 / SECTORS as f64;
@@ -110,7 +112,7 @@ pub(super) fn find(image: &GrayImage) -> Vec<Line> {
         let voters = near.iter().map(|e| e.pixel.map(|c| c as u32));
         for polar in hough::lines(voters, (width, height), least_votes, SUPPRESSION_RADIUS) {
             let angle_rad = f64::from(polar.angle_deg as u32).to_radians();
-            // Hough's lines have no sides.
+            // Lines of the Hough transform do not distinguish the sides.
             let (angle_rad, offset_px) = if turn(angle_rad, middle_rad) <= PI / 2.0 {
                 (angle_rad, f64::from(polar.offset_px))
             } else {
@@ -131,12 +133,13 @@ pub(super) fn find(image: &GrayImage) -> Vec<Line> {
     lines
 }
 
-/// The angle between two directions, 0 to pi.
+/// Returns the angle between two directions, 0 to pi.
 fn turn(a_rad: f64, b_rad: f64) -> f64 {
     let difference = (a_rad - b_rad).rem_euclid(2.0 * PI);
     difference.min(2.0 * PI - difference)
 }
 
+/// Finds edge pixels with the Canny detector.
 fn edge_pixels(image: &GrayImage) -> Vec<EdgePixel> {
     let gradients = canny::blurred_gradients(image, BLUR_PX);
     let edges = canny::edges(&gradients, CANNY_THRESHOLDS);
@@ -154,7 +157,7 @@ fn edge_pixels(image: &GrayImage) -> Vec<EdgePixel> {
         .collect()
 }
 
-/// The line through the edges near a voted one.
+/// Fits a line to the edges near one of the Hough transform.
 fn fitted(edges: &[EdgePixel], angle_rad: f64, offset_px: f64) -> Option<Line> {
     let (mut angle_rad, mut offset_px) = (angle_rad, offset_px);
     for distance_px in [2.5, HIT_DISTANCE_PX] {
@@ -166,7 +169,7 @@ fn fitted(edges: &[EdgePixel], angle_rad: f64, offset_px: f64) -> Option<Line> {
             let products = near.iter().map(|p| (p[a] - mean[a]) * (p[b] - mean[b]));
             products.sum::<f64>()
         };
-        // Along the line scatter is largest.
+        // The scatter is greatest along the line.
         let along_rad = 0.5 * (2.0 * moment(0, 1)).atan2(moment(0, 0) - moment(1, 1));
         let across_rad = along_rad + PI / 2.0;
         angle_rad = if turn(across_rad, angle_rad) < PI / 2.0 {
@@ -176,7 +179,7 @@ fn fitted(edges: &[EdgePixel], angle_rad: f64, offset_px: f64) -> Option<Line> {
         };
         offset_px = dot([angle_rad.cos(), angle_rad.sin()], mean);
     }
-    // Not a number where there were no edges.
+    // NaN if there were no edges.
     offset_px.is_finite().then_some(())?;
     let normal = [angle_rad.cos(), angle_rad.sin()];
     let tangent = [normal[1], -normal[0]];
@@ -188,9 +191,9 @@ fn fitted(edges: &[EdgePixel], angle_rad: f64, offset_px: f64) -> Option<Line> {
     let ends = |pick: fn(f64, f64) -> f64| hits.iter().map(|h| h.0).reduce(pick);
     let (first_px, last_px) = (ends(f64::min)?.floor() - 1.0, ends(f64::max)?.ceil() + 1.0);
     let mut gradients = vec![0.0_f64; (last_px - first_px) as usize + 1];
-    for (place, gradient) in hits {
-        // Pixels of slanted edges are up to 1.4 apart.
-        let middle = (place - first_px).round() as usize;
+    for (position, gradient) in hits {
+        // Pixels of diagonal edges are up to 1.4 apart.
+        let middle = (position - first_px).round() as usize;
         for gradient_there in &mut gradients[middle - 1..=middle + 1] {
             *gradient_there = gradient_there.max(gradient);
         }
@@ -209,16 +212,18 @@ fn fitted(edges: &[EdgePixel], angle_rad: f64, offset_px: f64) -> Option<Line> {
     })
 }
 
+/// Reports whether an edge pixel belongs to a line.
 fn is_hit(edge: &EdgePixel, angle_rad: f64, offset_px: f64, distance_px: f64) -> bool {
     let (sin, cos) = angle_rad.sin_cos();
     (dot([cos, sin], edge.pixel) - offset_px).abs() <= distance_px
         && turn(edge.direction_rad, angle_rad) <= HIT_ANGLE_RAD
 }
 
+/// Reports whether two lines are the same edge.
 fn is_same(a: &Line, b: &Line) -> bool {
     let cosine = dot(a.normal, b.normal);
     let (normal, tangent) = (b.normal, b.tangent());
-    let end = |place: f64| [0, 1].map(|c| b.offset_px * normal[c] + place * tangent[c]);
+    let end = |position: f64| [0, 1].map(|c| b.offset_px * normal[c] + position * tangent[c]);
     let ends = [end(b.first_px), end(b.first_px + b.sums.len() as f64)];
     cosine > SAME_ANGLE_RAD.cos()
         && ends

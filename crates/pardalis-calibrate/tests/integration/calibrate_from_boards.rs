@@ -1,22 +1,23 @@
-//! From images of boards to cameras: rendered ones with known truth, and real ones with published intrinsics.
+//! Calibration from images of boards: rendered ones with ground truth, and real ones with published intrinsics.
 
 use std::path::Path;
 
 use nalgebra::Matrix4;
+use pardalis_calibrate::board::{Board, detect};
 use pardalis_calibrate::{
     CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind,
     OUTLIER_SIGMAS, RigCamera, calibrate, calibrate_rig,
 };
+use pardalis_images::decode_grey;
 
-use super::{Board, detect};
-use crate::source::decode::decode_mask;
-
-fn seen(board: &str, image: &str) -> CalibrationView {
+/// Detects a checkerboard of 9 x 6 inner corners with squares of this side.
+fn view(square_m: f64, image: &str) -> CalibrationView {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../data/calibration")
         .join(image);
-    let grey = decode_mask(&path).unwrap();
-    let corners = detect(&Board::from_argument(board).unwrap(), &grey).unwrap();
+    let grey = decode_grey(&std::fs::read(path).unwrap()).unwrap();
+    let board = Board::checkerboard(9, 6, square_m).unwrap();
+    let corners = detect(&board, &grey).unwrap();
     CalibrationView {
         name: image.to_owned(),
         correspondences: corners
@@ -39,9 +40,9 @@ fn settings(kind: ModelKind) -> CalibrationSettings {
 }
 
 #[test]
-fn the_rendered_fisheye_is_found_from_its_boards() {
+fn calibrates_a_rendered_fisheye_camera() {
     let views: Vec<_> = (0..6)
-        .map(|n| seen("checkerboard:9x6:0.06", &format!("dioptric/board_{n}.jpg")))
+        .map(|n| view(0.06, &format!("dioptric/board_{n}.jpg")))
         .collect();
     let found = calibrate(&views, &settings(ModelKind::Equidistant)).unwrap();
     println!("{} {:?}", found.rms_px, found.parameters);
@@ -74,19 +75,14 @@ fn the_rendered_fisheye_is_found_from_its_boards() {
 }
 
 #[test]
-fn real_stereo_pairs_give_the_published_focal_lengths() {
+fn calibrates_a_real_stereo_pair_to_published_focal_lengths() {
     let shots = [1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14];
     let cameras: Vec<RigCamera> = ["left", "right"]
         .into_iter()
         .map(|side| {
             let views: Vec<_> = shots
                 .iter()
-                .map(|n| {
-                    seen(
-                        "checkerboard:9x6:0.025",
-                        &format!("opencv-stereo/{side}{n:02}.jpg"),
-                    )
-                })
+                .map(|n| view(0.025, &format!("opencv-stereo/{side}{n:02}.jpg")))
                 .collect();
             let found = calibrate(&views, &settings(ModelKind::Pinhole)).unwrap();
             println!(
@@ -109,7 +105,7 @@ fn real_stereo_pairs_give_the_published_focal_lengths() {
     println!("{:?} {:?}", rig.rms_px, rig.cameras[1].world_from_camera);
     assert!(rig.rms_px.iter().all(|rms| *rms < 0.5), "{:?}", rig.rms_px);
     let baseline = rig.cameras[1].world_from_camera.unwrap().translation.vector;
-    // The second camera stands to the right, at the same height.
+    // The second camera is to the right, at the same height.
     assert!(baseline.x > 0.05 && baseline.y.abs() < 0.01, "{baseline:?}");
     let alone = [cameras[0].clone(), {
         let mut right = cameras[1].clone();

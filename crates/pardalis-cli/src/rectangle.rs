@@ -1,25 +1,44 @@
-//! Cameras of a scene that are known by a rectangle: it is found in their first images.
+//! Cameras of a scene that are calibrated by a rectangle, which is detected in their first images.
 
 use anyhow::Result;
-use pardalis::Frame;
+use pardalis_calibrate::rectangle::{Edge, detect};
+use pardalis_images::RgbImage;
 use pardalis_scene::{CameraConfig, FrameRange, Problem};
 
-use super::{Edge, find};
+use crate::draw::picture::picture_of;
 use crate::output::warn;
 use crate::source::{Delivery, Source, SourceConfig};
 use crate::user_error::user_error;
 
-/// The frames of a range; what cannot be decoded is left out, with a warning.
+/// Edge of a tape, as an argument of the command line.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub(crate) enum EdgeArgument {
+    /// The outer one.
+    Outer,
+    /// The inner one.
+    Inner,
+}
+
+impl From<EdgeArgument> for Edge {
+    fn from(argument: EdgeArgument) -> Self {
+        match argument {
+            EdgeArgument::Outer => Self::Outer,
+            EdgeArgument::Inner => Self::Inner,
+        }
+    }
+}
+
+/// Reads the images of a range. Those that cannot be decoded are omitted with a warning.
 ///
-/// Errors: there is none, or none can be decoded.
-pub(crate) fn first_frames(config: &SourceConfig) -> Result<Vec<Frame>> {
+/// Fails if there are none, or if none can be decoded.
+pub(crate) fn first_images(config: &SourceConfig) -> Result<Vec<RgbImage>> {
     let source = Source::open(config)?;
     let input = source.describe().input.clone();
-    let mut frames = Vec::new();
+    let mut images = Vec::new();
     let mut broken = None;
     for delivery in source {
         match delivery? {
-            Delivery::Frame { frame, .. } => frames.push(frame),
+            Delivery::Frame { frame, .. } => images.push(picture_of(&frame)),
             Delivery::Broken(error) => {
                 warn(format!("{error:#}; it is left out"));
                 broken = Some(error);
@@ -27,7 +46,7 @@ pub(crate) fn first_frames(config: &SourceConfig) -> Result<Vec<Frame>> {
         }
     }
     match broken {
-        _ if !frames.is_empty() => Ok(frames),
+        _ if !images.is_empty() => Ok(images),
         Some(error) => Err(error),
         None => Err(user_error!(
             "{input}: has no frames; give a folder of images or a video"
@@ -35,7 +54,8 @@ pub(crate) fn first_frames(config: &SourceConfig) -> Result<Vec<Frame>> {
     }
 }
 
-/// Finds the rectangle that a camera is known by, where it is, in its first images, and sets its model by it. The corners join the scene's settings.
+/// Detects the rectangle of a camera in its first images and sets the camera's model accordingly. Adds the corners to
+/// the scene's resolved settings. Does nothing if the camera has no rectangle.
 pub(crate) fn find_in_scene(
     camera: &mut CameraConfig,
     source: SourceConfig,
@@ -56,10 +76,10 @@ pub(crate) fn find_in_scene(
     } else {
         Edge::Outer
     };
-    let frames = first_frames(&first).map_err(|error| config.problem(format!("{error:#}")))?;
-    let found = find(&frames, edge).map_err(|error| config.problem(format!("{error:#}")))?;
-    let known = config.value.camera(found.corners_px);
-    let known = known.map_err(|error| config.problem(error.to_string()))?;
+    let images = first_images(&first).map_err(|error| config.problem(format!("{error:#}")))?;
+    let found = detect(&images, edge).map_err(|error| config.problem(error.to_string()))?;
+    let model = config.value.camera(found.corners_px);
+    let model = model.map_err(|error| config.problem(error.to_string()))?;
     let corners: toml::Table = [(
         "found_corners_px".to_owned(),
         toml::Value::from(
@@ -77,6 +97,6 @@ pub(crate) fn find_in_scene(
     {
         settings.extend(corners);
     }
-    camera.camera = known;
+    camera.camera = model;
     Ok(())
 }

@@ -1,22 +1,22 @@
-//! Boards as drawings to print, in true size.
+//! Drawings of boards to print, in true size.
 
 use std::fmt::Write as _;
 
-use super::{Board, Dictionary};
+use super::{Board, Dictionary, Geometry};
 
-/// Least white space around a board.
+/// Least white margin around a board.
 const MIN_MARGIN_MM: f64 = 12.0;
 
-/// Height of the note's letters, where the board is wide enough for them.
+/// Height of the note's letters if the board is wide enough.
 const NOTE_MM: f64 = 4.0;
 
-/// About the width of a letter by its height.
+/// Approximate width of a letter divided by its height.
 const LETTER_WIDTH: f64 = 0.6;
 
-/// Rectangles x, y, width, height in metres, from the print's top left corner.
+/// Rectangles as x, y, width and height in metres from the print's top left corner.
 type Rectangles = Vec<[f64; 4]>;
 
-/// What is printed black on white, and white on that again.
+/// Black rectangles, and white ones on top of them.
 #[derive(Default)]
 struct Print {
     black: Rectangles,
@@ -24,8 +24,8 @@ struct Print {
 }
 
 impl Board {
-    /// An SVG document of the board's true size, with a white margin and a note that says what it is.
-    pub(crate) fn svg(&self) -> String {
+    /// Returns an SVG document of the board in true size, with a white margin and a note that describes the board.
+    pub fn to_svg(&self) -> String {
         let [width, height] = self.size_m().map(|side| 1e3 * side);
         let print = self.print();
         let note = self.note();
@@ -49,11 +49,11 @@ impl Board {
         )
     }
 
-    /// What the board is, and how to print it.
+    /// Describes the board and how to print it.
     fn note(&self) -> String {
         let mm = |metres: f64| micrometres(1e3 * metres);
-        let what = match self {
-            Board::Checkerboard {
+        let what = match &self.geometry {
+            Geometry::Checkerboard {
                 columns,
                 rows,
                 square_m,
@@ -63,7 +63,7 @@ impl Board {
                     mm(*square_m)
                 )
             }
-            Board::Charuco {
+            Geometry::Charuco {
                 columns,
                 rows,
                 square_m,
@@ -75,7 +75,7 @@ impl Board {
                 mm(*marker_m),
                 dictionary.name
             ),
-            Board::AprilGrid {
+            Geometry::AprilGrid {
                 columns,
                 rows,
                 tag_m,
@@ -90,21 +90,21 @@ impl Board {
         format!("{what}. Print at 100 %, then measure.")
     }
 
-    /// Width and height of what is black.
+    /// Returns width and height of the printed area.
     fn size_m(&self) -> [f64; 2] {
-        match *self {
-            Board::Checkerboard {
+        match self.geometry {
+            Geometry::Checkerboard {
                 columns,
                 rows,
                 square_m,
             } => [columns + 1, rows + 1].map(|n| n as f64 * square_m),
-            Board::Charuco {
+            Geometry::Charuco {
                 columns,
                 rows,
                 square_m,
                 ..
             } => [columns, rows].map(|n| n as f64 * square_m),
-            Board::AprilGrid {
+            Geometry::AprilGrid {
                 columns,
                 rows,
                 tag_m,
@@ -114,20 +114,20 @@ impl Board {
         }
     }
 
-    /// White space that the board needs around it.
+    /// Returns the width of the white margin that detection requires.
     fn quiet_zone_m(&self) -> f64 {
-        match *self {
-            Board::Checkerboard { square_m, .. } | Board::Charuco { square_m, .. } => {
+        match self.geometry {
+            Geometry::Checkerboard { square_m, .. } | Geometry::Charuco { square_m, .. } => {
                 0.5 * square_m
             }
-            Board::AprilGrid { tag_m, spacing, .. } => spacing * tag_m,
+            Geometry::AprilGrid { tag_m, spacing, .. } => spacing * tag_m,
         }
     }
 
     fn print(&self) -> Print {
         let mut print = Print::default();
-        match self {
-            &Board::Checkerboard {
+        match &self.geometry {
+            &Geometry::Checkerboard {
                 columns,
                 rows,
                 square_m,
@@ -135,7 +135,7 @@ impl Board {
                 // The square in the bottom left is dark.
                 print.add_squares([columns + 1, rows + 1], square_m, rows % 2);
             }
-            Board::Charuco {
+            Geometry::Charuco {
                 columns,
                 rows,
                 square_m,
@@ -148,12 +148,12 @@ impl Board {
                     let Some(square) = self.marker_at(id, false) else {
                         break;
                     };
-                    // Places of squares are counted from the first inner corner.
+                    // Squares are counted from the first inner corner.
                     let at_m = square.map(|n| f64::from(n + 1) * square_m + inset_m);
                     print.add_marker(dictionary, id, at_m, *marker_m, self);
                 }
             }
-            Board::AprilGrid {
+            Geometry::AprilGrid {
                 columns,
                 rows,
                 tag_m,
@@ -161,17 +161,17 @@ impl Board {
                 dictionary,
             } => {
                 let gap_m = spacing * tag_m;
-                let place_m = |n: usize| n as f64 * (gap_m + tag_m);
+                let position_m = |n: usize| n as f64 * (gap_m + tag_m);
                 for down in 0..=*rows {
                     for column in 0..=*columns {
                         print
                             .black
-                            .push([place_m(column), place_m(down), gap_m, gap_m]);
+                            .push([position_m(column), position_m(down), gap_m, gap_m]);
                     }
                 }
                 for id in 0..columns * rows {
                     let (column, down) = (id % columns, rows - 1 - id / columns);
-                    let at_m = [column, down].map(|n| place_m(n) + gap_m);
+                    let at_m = [column, down].map(|n| position_m(n) + gap_m);
                     print.add_marker(dictionary, id, at_m, *tag_m, self);
                 }
             }
@@ -181,7 +181,8 @@ impl Board {
 }
 
 impl Print {
-    /// Adds the dark squares of a checkerboard: those whose column and row, from the top left, add up to an even number, or an odd one if `odd` is 1.
+    /// Adds the dark squares of a checkerboard: those with even column + row, counted from the top left, or odd if `odd`
+    /// is 1.
     fn add_squares(&mut self, [columns, rows]: [usize; 2], side_m: f64, odd: usize) {
         for down in 0..rows {
             for column in (0..columns).filter(|column| (column + down) % 2 == odd) {
@@ -217,12 +218,12 @@ impl Print {
     }
 }
 
-/// Millimetres to three decimals, which do for print.
+/// Rounds millimetres to three decimals, which suffices for print.
 fn micrometres(mm: f64) -> f64 {
     (mm * 1e3).round() / 1e3
 }
 
-/// All rectangles as one path in millimetres, so that neighbours leave no seam.
+/// Returns all rectangles as one path in millimetres, so that there are no seams between neighbours.
 fn path(rectangles: &Rectangles) -> String {
     let mut path = String::new();
     for rectangle in rectangles {

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Draws the ChArUco and AprilGrid images of this folder with OpenCV's own boards and tags, seen through cameras, and writes the true
-corners beside them (id, place in the board frame, pixel; only those that are at least 12 px inside of the image).
+"""Renders the ChArUco and AprilGrid images of this folder with OpenCV's own boards and tags, and writes the true corners to tables
+(id, position in the board frame, pixel; only those at least 12 px inside the image).
 
-The boards are seen by an equidistant fisheye or a pinhole camera, blurred by sigma 0.7 px, with noise of 3 grey levels, as JPEG.
-Needs numpy and opencv-python (made with 5.0). Also writes the dictionaries of the program.
+The images are those of an equidistant fisheye or a pinhole camera, blurred by sigma 0.7 px, with noise of 3 grey levels, as JPEG.
+Requires numpy and opencv-python (5.0 was used). Also writes src/board/dictionaries.txt.
 """
 
 import csv
@@ -124,9 +124,9 @@ def dictionaries():
     names += [f"DICT_APRILTAG_{family}" for family in ("16h5", "25h9", "36h10", "36h11")]
     with open(HERE / "../../src/board/dictionaries.txt", "w") as file:
         file.write(
-            "# Marker dictionaries of OpenCV (Apache-2.0), written by tests/boards/make.py. One line each: the name, the modules along a\n"
-            "# side without the border, the wrong modules that are corrected (OpenCV's error correction rate of 0.6), and for each id from\n"
-            "# 0 the modules, row by row from the top left, the first the highest bit, 1 for white, as one hexadecimal number.\n"
+            "# Marker dictionaries of OpenCV (Apache-2.0), written by tests/boards/make.py. One line each: name, number of modules along a\n"
+            "# side without the border, number of wrong modules that are corrected (OpenCV's error correction rate of 0.6), and for each id\n"
+            "# from 0 the modules as a hexadecimal number, row by row from the top left, highest bit first, 1 for white.\n"
         )
         for name in names:
             dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
