@@ -11,7 +11,7 @@ pub(super) const MIN_VISIBLE_FRACTION: f64 = 0.5;
 pub enum RectangleNotFound {
     /// No rectangle stands out, or there are no images.
     #[error(
-        "no rectangle stands out; needed: four straight sides in the image, of tape or a patch that is brighter or darker than the floor, each at least {:.0} % of the image's height long",
+        "there is no rectangle that stands out; needed: four straight sides in the image, of tape or a patch that is brighter or darker than the floor, each at least {:.0} % of the image's height long",
         100.0 * MIN_SIDE_FRACTION
     )]
     NotInView,
