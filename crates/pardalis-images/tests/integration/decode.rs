@@ -1,5 +1,6 @@
-use super::*;
-use crate::encode_png;
+//! Decoding of real and of damaged files.
+
+use pardalis_images::{DecodeError, RgbImage, decode, decode_grey, encode_png, size};
 
 fn real(file: &str) -> Vec<u8> {
     let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data");
