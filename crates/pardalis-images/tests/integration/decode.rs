@@ -1,6 +1,6 @@
 //! Decoding of real and of damaged files.
 
-use pardalis_images::{DecodeError, RgbImage, decode, decode_grey, encode_png, size};
+use pardalis_images::{RgbImage, decode, decode_grey, encode_png};
 
 fn real(file: &str) -> Vec<u8> {
     let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data");
