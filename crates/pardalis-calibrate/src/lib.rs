@@ -1,11 +1,13 @@
 //! Calibration of cameras of any model: intrinsics, poses, rigs, planes and time offsets, each with its
-//! uncertainty.
+//! uncertainty, and the detection of calibration boards and rectangles in images.
 //!
 //! | to find | from | use |
 //! |---|---|---|
+//! | the corners of a checkerboard, ChArUco board or AprilGrid | an image | [`board::detect`] |
 //! | intrinsics and poses | points with known positions, or several views of a board | [`calibrate`] |
 //! | the pose of a calibrated camera | four points in a plane, or six | [`fit_pose`] |
 //! | the relative poses of several cameras | simultaneous views of a board | [`calibrate_rig`] |
+//! | a rectangle of tape on a floor | images | [`rectangle::detect`] |
 //! | the plane that an uncalibrated camera sees | four or more points on it | [`plane::fit`] |
 //! | the offsets between the cameras' clocks | a moving target | [`calibrate_time`] |
 //!
@@ -69,13 +71,14 @@
 //! its pixels, and the best one is refined with a robust loss. Points that then deviate strongly are reported
 //! as outliers and excluded. Least squares on the remaining points gives the result and its covariance.
 
+pub mod board;
 mod bundle;
 mod check;
-
 mod intrinsics;
 mod least_squares;
 pub mod plane;
 mod pose;
+pub mod rectangle;
 mod rig;
 mod spread;
 mod start;
