@@ -1,11 +1,13 @@
 //! Calibration of cameras of any model: intrinsics, poses, rigs, planes and time offsets, each with its
-//! uncertainty.
+//! uncertainty, and the detection of calibration boards and rectangles in images.
 //!
 //! | to find | from | use |
 //! |---|---|---|
+//! | the corners of a checkerboard, ChArUco board or AprilGrid | an image | [`board::detect`] |
 //! | intrinsics and poses | points with known positions, or several views of a board | [`calibrate`] |
 //! | the pose of a calibrated camera | four points in a plane, or six | [`fit_pose`] |
 //! | the relative poses of several cameras | simultaneous views of a board | [`calibrate_rig`] |
+//! | a rectangle of tape on a floor | images | [`rectangle::detect`] |
 //! | the plane that an uncalibrated camera sees | four or more points on it | [`plane::fit`] |
 //! | the offsets between the cameras' clocks | a moving target | [`calibrate_time`] |
 //!
@@ -16,8 +18,7 @@
 //! ```
 //! use nalgebra::{Point3, Rotation3, Translation3, Vector3};
 //! use pardalis_calibrate::{
-//! CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind, OUTLIER_SIGMAS,
-//! calibrate,
+//!     CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind, calibrate,
 //! };
 //! use pardalis_camera::{Camera, Pinhole, Pose};
 //!
@@ -44,12 +45,9 @@
 //!     })
 //!     .collect();
 //!
-//! let settings = CalibrationSettings {
-//!     start: CalibrationStart::Model(ModelKind::Pinhole),
-//!     size_px: (640, 480),
-//!     board: true,
-//!     outlier_sigmas: OUTLIER_SIGMAS,
-//! };
+//! let start = CalibrationStart::Model(ModelKind::Pinhole);
+//! let mut settings = CalibrationSettings::new(start, (640, 480));
+//! settings.board = true;
 //! let calibration = calibrate(&views, &settings)?;
 //! assert!(calibration.rms_px < 1e-3);
 //! let focal_length = calibration.parameters[0];
@@ -73,13 +71,14 @@
 //! its pixels, and the best one is refined with a robust loss. Points that then deviate strongly are reported
 //! as outliers and excluded. Least squares on the remaining points gives the result and its covariance.
 
+pub mod board;
 mod bundle;
 mod check;
-
 mod intrinsics;
 mod least_squares;
 pub mod plane;
 mod pose;
+pub mod rectangle;
 mod rig;
 mod spread;
 mod start;
@@ -115,6 +114,7 @@ pub struct CalibrationView {
 
 /// Settings of [`calibrate`].
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct CalibrationSettings {
     /// Initial camera: its model alone, or an approximate camera.
     pub start: CalibrationStart,
@@ -122,9 +122,21 @@ pub struct CalibrationSettings {
     pub size_px: (usize, usize),
     /// Whether the target is a board. A board is visible only from the side to which the z axis of its frame points.
     pub board: bool,
-    /// Number of robust standard deviations beyond which a point is an outlier (usually [`OUTLIER_SIGMAS`]);
+    /// Number of robust standard deviations beyond which a point is an outlier (by default [`OUTLIER_SIGMAS`]);
     /// infinity keeps all points.
     pub outlier_sigmas: f64,
+}
+
+impl CalibrationSettings {
+    /// Returns settings for images of this width and height in pixels: no board, and the default number of standard deviations for outliers.
+    pub fn new(start: CalibrationStart, size_px: (usize, usize)) -> Self {
+        Self {
+            start,
+            size_px,
+            board: false,
+            outlier_sigmas: OUTLIER_SIGMAS,
+        }
+    }
 }
 
 /// Default number of robust standard deviations beyond which a point is an outlier.

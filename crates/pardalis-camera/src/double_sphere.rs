@@ -1,6 +1,6 @@
 //! Double sphere model of wide-angle lenses.
 
-use super::{Projection, Ray, check_focals, check_principal_point};
+use super::{Projection, Ray, check_focals, check_principal_point, domain_of_alpha};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
@@ -36,14 +36,7 @@ impl DoubleSphere<f64> {
         if !(xi > -1.0 && xi <= 1.0) {
             return Err(Error::out_of_range("xi", xi, "above -1 and at most 1"));
         }
-        if !(0.0..=1.0).contains(&alpha) {
-            return Err(Error::out_of_range("alpha", alpha, "0 to 1"));
-        }
-        let w1 = if alpha <= 0.5 {
-            alpha / (1.0 - alpha)
-        } else {
-            (1.0 - alpha) / alpha
-        };
+        let w1 = domain_of_alpha(alpha)?;
         Ok(Self {
             fx_px,
             fy_px,

@@ -1,6 +1,6 @@
 //! Equidistant fisheye: the radius in the image is proportional to the angle from the optical axis.
 
-use super::{Projection, Ray, check_angle, check_focal, check_principal_point};
+use super::{Projection, Ray, axis_angle, check_angle, check_focal, check_principal_point};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
@@ -76,18 +76,9 @@ impl<R: Real> Equidistant<R> {
 impl<R: Real> Projection<R> for Equidistant<R> {
     #[inline(always)]
     fn project(&self, [x, y, z]: [R; 3]) -> ([R; 2], bool) {
-        let r = (x * x + y * y).sqrt();
-        let angle = r.atan2(z);
-        let on_axis = !(r > R::of(1e-30));
-        let ahead = z > R::of(0.0);
-        // θ/r tends to 1/z on the axis, where the quotient is undefined.
-        let angle_over_r = if on_axis {
-            R::of(1.0) / if ahead { z } else { R::of(1.0) }
-        } else {
-            angle / r
-        };
+        let (angle, angle_over_r, defined) = axis_angle([x, y, z]);
         let scale = self.f_px_per_rad * angle_over_r;
-        let valid = angle <= self.max_angle_rad && (ahead || !on_axis);
+        let valid = angle <= self.max_angle_rad && defined;
         ([self.cx_px + scale * x, self.cy_px + scale * y], valid)
     }
 

@@ -1,6 +1,6 @@
 //! Extended unified model of wide-angle lenses.
 
-use super::{Projection, Ray, check_focals, check_principal_point};
+use super::{Projection, Ray, check_focals, check_principal_point, domain_of_alpha};
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
@@ -32,9 +32,7 @@ impl ExtendedUnified<f64> {
     ) -> Result<Self, Error> {
         check_focals(f_px)?;
         check_principal_point([cx_px, cy_px])?;
-        if !(0.0..=1.0).contains(&alpha) {
-            return Err(Error::out_of_range("alpha", alpha, "0 to 1"));
-        }
+        let w = domain_of_alpha(alpha)?;
         if !(beta > 0.0 && beta <= 1e6) {
             return Err(Error::out_of_range("beta", beta, "above 0 and at most 1e6"));
         }
@@ -45,11 +43,7 @@ impl ExtendedUnified<f64> {
             cy_px,
             alpha,
             beta,
-            min_cosine: if alpha <= 0.5 {
-                -alpha / (1.0 - alpha)
-            } else {
-                -(1.0 - alpha) / alpha
-            },
+            min_cosine: -w,
         })
     }
 

@@ -2,7 +2,8 @@
 //! `fisheye` module.
 
 use super::{
-    Projection, Ray, check_angle, check_coefficients, check_focals, check_principal_point,
+    Projection, Ray, axis_angle, check_angle, check_coefficients, check_focals,
+    check_principal_point,
 };
 use pardalis_core::Error;
 use pardalis_core::real::Real;
@@ -132,18 +133,9 @@ impl<R: Real> KannalaBrandt<R> {
 impl<R: Real> Projection<R> for KannalaBrandt<R> {
     #[inline(always)]
     fn project(&self, [x, y, z]: [R; 3]) -> ([R; 2], bool) {
-        let r = (x * x + y * y).sqrt();
-        let angle = r.atan2(z);
-        let on_axis = !(r > R::of(1e-30));
-        let ahead = z > R::of(0.0);
-        // θ/r tends to 1/z on the axis, where the quotient is undefined.
-        let angle_over_r = if on_axis {
-            R::of(1.0) / if ahead { z } else { R::of(1.0) }
-        } else {
-            angle / r
-        };
+        let (angle, angle_over_r, defined) = axis_angle([x, y, z]);
         let scale = self.stretch(angle) * angle_over_r;
-        let valid = angle <= self.last_angle_rad && (ahead || !on_axis);
+        let valid = angle <= self.last_angle_rad && defined;
         (
             [
                 self.cx_px + self.fx_px * scale * x,

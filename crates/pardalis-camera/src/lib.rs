@@ -389,6 +389,35 @@ fn check_principal_point([cx, cy]: [f64; 2]) -> Result<(), Error> {
     Ok(())
 }
 
+/// Returns the angle θ of a point from the optical axis, θ/r with r = √(x² + y²), and whether both are defined: they are
+/// not on the axis behind the camera.
+#[inline(always)]
+fn axis_angle<R: Real>([x, y, z]: [R; 3]) -> (R, R, bool) {
+    let r = (x * x + y * y).sqrt();
+    let angle = r.atan2(z);
+    let on_axis = !(r > R::of(1e-30));
+    let ahead = z > R::of(0.0);
+    // θ/r tends to 1/z on the axis, where the quotient is undefined.
+    let angle_over_r = if on_axis {
+        R::of(1.0) / if ahead { z } else { R::of(1.0) }
+    } else {
+        angle / r
+    };
+    (angle, angle_over_r, ahead || !on_axis)
+}
+
+/// Checks the parameter α of the double sphere and the extended unified model. Returns the w (w1) of their domain.
+fn domain_of_alpha(alpha: f64) -> Result<f64, Error> {
+    if !(0.0..=1.0).contains(&alpha) {
+        return Err(Error::out_of_range("alpha", alpha, "0 to 1"));
+    }
+    Ok(if alpha <= 0.5 {
+        alpha / (1.0 - alpha)
+    } else {
+        (1.0 - alpha) / alpha
+    })
+}
+
 fn check_angle(name: &str, value: f64) -> Result<(), Error> {
     if value > 0.0 && value <= std::f64::consts::PI {
         return Ok(());

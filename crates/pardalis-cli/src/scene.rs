@@ -199,10 +199,9 @@ pub(crate) fn open(
                 }
             }
         }
-        targets.push(TargetSettings {
-            bodies,
-            heading: target.heading,
-        });
+        let mut settings = TargetSettings::of_landmarks(bodies);
+        settings.heading = target.heading;
+        targets.push(settings);
     }
     if !problems.is_empty() {
         problems.sort();

@@ -8,6 +8,7 @@
 //! - [`real`]: arithmetic that is generic over the precision, and dual numbers for derivatives.
 //! - [`rng`]: counter-based random numbers, independent of the number of threads.
 //! - [`simd`]: kernels compiled for several instruction sets.
+//! - [`srgb`]: sRGB as linear light.
 //!
 //! ```
 //! use pardalis_core::rng::{Draws, Stage};
@@ -24,5 +25,6 @@ pub mod error;
 pub mod real;
 pub mod rng;
 pub mod simd;
+pub mod srgb;
 
 pub use error::Error;

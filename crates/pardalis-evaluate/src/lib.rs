@@ -112,6 +112,7 @@ pub struct Sample {
 
 /// Thresholds for visible and lost, and the reference point of spherical errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Settings {
     /// Reference point of distance, elevation and azimuth: world frame, metres.
     pub around_m: [f64; 3],

@@ -16,9 +16,7 @@
 //!
 //! ```
 //! use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-//! use pardalis_filter::motion::Motion;
 //! use pardalis_filter::particle_filter::FilterSettings;
-//! use pardalis_filter::resample::Resampling;
 //! use pardalis_filter::{Draws, Error, Level, Likelihood, ParticleFilter, Particles};
 //!
 //! /// A measured position, in metres, with a standard deviation of 5 cm per axis.
@@ -34,12 +32,8 @@
 //!     }
 //! }
 //!
-//! let settings = FilterSettings {
-//!     particle_count: 2000,
-//!     motion: Motion::DEFAULT,
-//!     resampling: Resampling::Systematic,
-//!     resample_below: 0.5,
-//! };
+//! let mut settings = FilterSettings::default();
+//! settings.resample_below = 0.5;
 //! let start = GaussianStart {
 //!     position_m: [0.0, 0.0, 1.0],
 //!     covariance_m2: diagonal_m2([0.2; 3]),

@@ -16,6 +16,7 @@ pub const MAX_PARTICLES: usize = 1_000_000;
 
 /// Settings of a particle filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct FilterSettings {
     /// The number of particles.
     pub particle_count: usize,

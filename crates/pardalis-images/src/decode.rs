@@ -243,7 +243,3 @@ fn rgb_from<const CHANNELS: usize>(
     let (pixels, _) = samples.as_chunks();
     pixels.iter().flat_map(|&pixel| rgb(pixel)).collect()
 }
-
-#[cfg(test)]
-#[path = "decode_tests.rs"]
-mod tests;

@@ -70,7 +70,9 @@ pub(super) fn read_cues(
             let cue = read(key, cue_table);
             let cameras = read_cameras(cue_table, cameras);
             let (cue, cameras) = (cue?, cameras.ok()?);
-            Some(CueSettings { cue, cameras })
+            let mut settings = CueSettings::from(cue);
+            settings.cameras = cameras;
+            Some(settings)
         });
         found |= table.has(key);
         valid &= cue.is_some() || !table.has(key);
@@ -145,57 +147,58 @@ fn read_cameras(cue: &Table, cameras: &[String]) -> Result<Option<Vec<usize>>, (
 }
 
 fn read_edge(edge: &Table) -> Option<EdgeSettings> {
-    let default = EdgeSettings::default();
-    let settings = EdgeSettings {
-        correspondence_lines: edge
-            .key("correspondence_lines", "Number of correspondence lines across the outline.")
-            .within(16.0..=1000.0)
-            .or(default.correspondence_lines),
-        likelihood_exponent: edge
-            .key(
-                "likelihood_exponent",
-                "Exponent of each pixel's likelihood; below 1 because neighbouring pixels are correlated.",
-            )
-            .within(above(0.0, 1.0))
-            .or(default.likelihood_exponent),
-        shared_sigma_px: edge
-            .key(
-                "shared_sigma_px",
-                "Standard deviation of errors that all lines of an outline share, such as shading.",
-            )
-            .within(0.0..=10.0)
-            .or(default.shared_sigma_px),
-        learned_profile: edge
-            .key(
-                "learned_profile",
-                "Whether the profile of edges is the learned one; otherwise it is a smooth step.",
-            )
-            .or(default.learned_profile),
-        lit_and_shaded_profiles: edge
-            .key(
-                "lit_and_shaded_profiles",
-                "Whether the lit and the shaded side have profiles of their own.",
-            )
-            .or(default.lit_and_shaded_profiles),
-        background_model: edge
-            .key(
-                "background_model",
-                "Whether parts of the outline that something else covers are ignored.",
-            )
-            .or(default.background_model),
-        color_evidence: edge
-            .key(
-                "color_evidence",
-                "Whether the mean colour within the outline contributes to the log-likelihood ratio of a detection.",
-            )
-            .or(default.color_evidence),
-        illumination_adaptation: edge
-            .key(
-                "illumination_adaptation",
-                "Whether colours are corrected for the present illumination.",
-            )
-            .or(default.illumination_adaptation),
-    };
+    let mut settings = EdgeSettings::default();
+    settings.correspondence_lines = edge
+        .key(
+            "correspondence_lines",
+            "Number of correspondence lines across the outline.",
+        )
+        .within(16.0..=1000.0)
+        .or(settings.correspondence_lines);
+    settings.likelihood_exponent = edge
+        .key(
+            "likelihood_exponent",
+            "Exponent of each pixel's likelihood; below 1 because neighbouring pixels are correlated.",
+        )
+        .within(above(0.0, 1.0))
+        .or(settings.likelihood_exponent);
+    settings.shared_sigma_px = edge
+        .key(
+            "shared_sigma_px",
+            "Standard deviation of errors that all lines of an outline share, such as shading.",
+        )
+        .within(0.0..=10.0)
+        .or(settings.shared_sigma_px);
+    settings.learned_profile = edge
+        .key(
+            "learned_profile",
+            "Whether the profile of edges is the learned one; otherwise it is a smooth step.",
+        )
+        .or(settings.learned_profile);
+    settings.lit_and_shaded_profiles = edge
+        .key(
+            "lit_and_shaded_profiles",
+            "Whether the lit and the shaded side have profiles of their own.",
+        )
+        .or(settings.lit_and_shaded_profiles);
+    settings.background_model = edge
+        .key(
+            "background_model",
+            "Whether parts of the outline that something else covers are ignored.",
+        )
+        .or(settings.background_model);
+    settings.color_evidence = edge
+        .key(
+            "color_evidence",
+            "Whether the mean colour within the outline contributes to the log-likelihood ratio of a detection.",
+        )
+        .or(settings.color_evidence);
+    settings.illumination_adaptation = edge
+        .key(
+            "illumination_adaptation",
+            "Whether colours are corrected for the present illumination.",
+        )
+        .or(settings.illumination_adaptation);
     edge.checked(settings.check())?;
     Some(settings)
 }
@@ -233,12 +236,11 @@ fn read_patch(
         );
         return None;
     }
-    let settings = PatchSettings {
-        scale,
-        samples,
-        bins: patch.checked(ChannelBins::new(bins))?,
-        sigma,
-    };
+    let mut settings = default;
+    settings.scale = scale;
+    settings.samples = samples;
+    settings.bins = patch.checked(ChannelBins::new(bins))?;
+    settings.sigma = sigma;
     patch.checked(settings.check().map(|()| settings))
 }
 
@@ -303,12 +305,10 @@ fn read_window(window: &Table) -> Option<WindowSettings> {
         }
         None
     };
-    let settings = WindowSettings {
-        size_px,
-        floor,
-        outside,
-        ranges,
-    };
+    let mut settings = default;
+    settings.floor = floor;
+    settings.outside = outside;
+    settings.ranges = ranges;
     window.checked(settings.check().map(|()| settings))
 }
 
@@ -343,12 +343,11 @@ fn read_contour(contour: &Table, default: ContourSettings) -> Option<ContourSett
         .key("b", "Width b of the likelihood exp(−D/b).")
         .within(above(0.0, 1e6))
         .or(default.b);
-    let settings = ContourSettings {
-        points,
-        sampling: sampling?,
-        kappa,
-        b,
-    };
+    let mut settings = default;
+    settings.points = points;
+    settings.sampling = sampling?;
+    settings.kappa = kappa;
+    settings.b = b;
     contour.checked(settings.check().map(|()| settings))
 }
 

@@ -37,7 +37,8 @@ pub use world::WorldConfig;
 use camera_names::CameraNames;
 use description::{KeyDescription, Presence};
 use keys::keys_of;
-use reader::{Journal, Table};
+use reader::Table;
+use replaced::read_with;
 
 /// The names for which [`is_name`] is true, in words.
 pub const NAMES_ALLOWED: &str = "1 to 64 of the characters A-Z a-z 0-9 _ -";
@@ -88,13 +89,9 @@ impl Scene {
         replaced: &toml::Table,
         read_calibration: ReadCalibration,
     ) -> Result<Self, Vec<Problem>> {
-        let (journal, mut root) = Journal::parse(text);
-        let values = replaced::text_behind(text, replaced);
-        replaced::put_all(&mut root, replaced, &values);
-        let table = Table::root(&journal, &root);
-        let mut scene = Self::read(&table, read_calibration);
-        table.finish();
-        let (warnings, resolved) = journal.finish()?;
+        let (mut scene, warnings, resolved) = read_with(text, replaced, |_, table| {
+            Self::read(table, read_calibration)
+        })?;
         scene.warnings = warnings;
         scene
             .warnings

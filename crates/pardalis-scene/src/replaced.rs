@@ -5,8 +5,28 @@ use std::fmt::Write as _;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// The values as a TOML text whose places all lie behind those of the scene's text, so that no line is told for them.
-pub(super) fn text_behind(scene_text: &str, replaced: &toml::Table) -> String {
+use super::journal::Problem;
+use super::reader::{Journal, Table};
+
+/// Reads the root table of a text with some of its settings replaced or added. Returns the result, all warnings and all
+/// resolved settings; on failure, every problem, in the order of lines.
+pub(super) fn read_with<T>(
+    text: &str,
+    replaced: &toml::Table,
+    read: impl FnOnce(&Journal, &Table) -> T,
+) -> Result<(T, Vec<Problem>, toml::Table), Vec<Problem>> {
+    let (journal, mut root) = Journal::parse(text);
+    let values = text_behind(text, replaced);
+    put_all(&mut root, replaced, &values);
+    let table = Table::root(&journal, &root);
+    let result = read(&journal, &table);
+    table.finish();
+    let (warnings, resolved) = journal.finish()?;
+    Ok((result, warnings, resolved))
+}
+
+/// Returns the values as TOML text with offsets beyond the end of the scene's text, so that problems with them have no line.
+fn text_behind(scene_text: &str, replaced: &toml::Table) -> String {
     let mut text = " ".repeat(scene_text.len() + 1);
     for (number, value) in replaced.values().enumerate() {
         let _ = writeln!(text, "{number} = {value}");
@@ -14,15 +34,11 @@ pub(super) fn text_behind(scene_text: &str, replaced: &toml::Table) -> String {
     text
 }
 
-/// Puts each value of the text that [`text_behind`] made in its place; of what stands there nothing is kept. Tables on the way are made.
-pub(super) fn put_all<'t>(
-    root: &mut Spanned<DeTable<'t>>,
-    replaced: &'t toml::Table,
-    values: &'t str,
-) {
+/// Replaces or inserts the values of the text from [`text_behind`]. Creates missing parent tables.
+fn put_all<'t>(root: &mut Spanned<DeTable<'t>>, replaced: &'t toml::Table, values: &'t str) {
     let (values, _) = DeTable::parse_recoverable(values);
     let mut values = values.into_inner();
-    // In the order of the keys: what lies deeper comes later.
+    // In the order of the keys, so that tables precede the settings inside them.
     for (number, path) in replaced.keys().enumerate() {
         if let Some(value) = values.remove(&*number.to_string()) {
             put(root.get_mut(), path, value);

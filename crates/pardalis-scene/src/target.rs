@@ -12,9 +12,7 @@ use pardalis::color::ColorModel;
 use pardalis::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
 use pardalis::shape::Shape;
 use pardalis::start::Start;
-use pardalis::tracker::{
-    BodySettings, DetectedSettings, ExistenceSettings, InitializedSettings, OcclusionRates,
-};
+use pardalis::tracker::{BodySettings, DetectedSettings, ExistenceSettings, InitializedSettings};
 use pardalis_core::Error;
 use pardalis_filter::bernoulli::check_motion;
 use pardalis_filter::motion::{ConstantVelocity, Motion};
@@ -266,26 +264,23 @@ impl BodyConfig {
                     }
                     None => None,
                 };
-                Ok(BodySettings::Detected(DetectedSettings {
-                    shape: self.shape,
-                    colors: colors
-                        .ok_or_else(|| missing("the edge cue's colour model", "learn one"))?,
-                    edge: *edge,
-                    motion: *motion,
-                    particle_count: *particle_count,
-                    existence: *existence,
-                    start,
-                }))
+                let no_colors = || missing("the edge cue's colour model", "learn one");
+                let colors = colors.ok_or_else(no_colors)?;
+                let mut settings = DetectedSettings::new(self.shape, colors);
+                settings.edge = *edge;
+                settings.motion = *motion;
+                settings.particle_count = *particle_count;
+                settings.existence = *existence;
+                settings.start = start;
+                Ok(settings.into())
             }
             TrackingConfig::Initialized { cues, filter, .. } => {
                 let no_start = || missing("the start", "give a position or a pixel");
-                Ok(BodySettings::Initialized(InitializedSettings {
-                    shape: self.shape,
-                    colors,
-                    cues: cues.clone(),
-                    filter: *filter,
-                    start: start.ok_or_else(no_start)?,
-                }))
+                let start = start.ok_or_else(no_start)?;
+                let mut settings = InitializedSettings::new(self.shape, colors, start);
+                settings.cues.clone_from(cues);
+                settings.filter = *filter;
+                Ok(settings.into())
             }
         }
     }
@@ -417,54 +412,51 @@ fn read_existence(table: &Table) -> Option<ExistenceSettings> {
             let key = existence.key(name, about).within(0.0..=1000.0);
             key.or(default)
         };
-        let settings = ExistenceSettings {
-            birth_rate_hz: rate(
-                "birth_rate_hz",
-                "Rate at which an absent target appears.",
-                default.birth_rate_hz,
-            ),
-            death_rate_hz: rate(
-                "death_rate_hz",
-                "Rate at which a present target disappears.",
-                default.death_rate_hz,
-            ),
-            relocation_rate_hz: rate(
-                "relocation_rate_hz",
-                "Rate at which the target is carried to any other place.",
-                default.relocation_rate_hz,
-            ),
-            velocity_jump_rate_hz: rate(
-                "velocity_jump_rate_hz",
-                "Rate of velocity jumps, such as bounces and kicks.",
-                default.velocity_jump_rate_hz,
-            ),
-            velocity_jump_sigma_mps: rate(
-                "velocity_jump_sigma_mps",
-                "Standard deviation of the velocity after a jump, on each axis.",
-                default.velocity_jump_sigma_mps,
-            ),
-            occlusion: OcclusionRates {
-                occlusion_hz: rate(
-                    "occlusion_rate_hz",
-                    "Rate at which a visible target becomes occluded in a camera.",
-                    default.occlusion.occlusion_hz,
-                ),
-                reappearance_hz: existence
-                    .key(
-                        "reappearance_rate_hz",
-                        "Rate at which an occluded target becomes visible again.",
-                    )
-                    .within(above(0.0, 1000.0))
-                    .or(default.occlusion.reappearance_hz),
-            },
-            ground_z_m: existence
-                .key(
-                    "ground_z_m",
-                    "Height of the ground in the world, below which there are no targets.",
-                )
-                .within(-1e6..=1e6)
-                .or(default.ground_z_m),
-        };
+        let mut settings = default;
+        settings.birth_rate_hz = rate(
+            "birth_rate_hz",
+            "Rate at which an absent target appears.",
+            default.birth_rate_hz,
+        );
+        settings.death_rate_hz = rate(
+            "death_rate_hz",
+            "Rate at which a present target disappears.",
+            default.death_rate_hz,
+        );
+        settings.relocation_rate_hz = rate(
+            "relocation_rate_hz",
+            "Rate at which the target is carried to any other place.",
+            default.relocation_rate_hz,
+        );
+        settings.velocity_jump_rate_hz = rate(
+            "velocity_jump_rate_hz",
+            "Rate of velocity jumps, such as bounces and kicks.",
+            default.velocity_jump_rate_hz,
+        );
+        settings.velocity_jump_sigma_mps = rate(
+            "velocity_jump_sigma_mps",
+            "Standard deviation of the velocity after a jump, on each axis.",
+            default.velocity_jump_sigma_mps,
+        );
+        settings.occlusion.occlusion_hz = rate(
+            "occlusion_rate_hz",
+            "Rate at which a visible target becomes occluded in a camera.",
+            default.occlusion.occlusion_hz,
+        );
+        settings.occlusion.reappearance_hz = existence
+            .key(
+                "reappearance_rate_hz",
+                "Rate at which an occluded target becomes visible again.",
+            )
+            .within(above(0.0, 1000.0))
+            .or(default.occlusion.reappearance_hz);
+        settings.ground_z_m = existence
+            .key(
+                "ground_z_m",
+                "Height of the ground in the world, below which there are no targets.",
+            )
+            .within(-1e6..=1e6)
+            .or(default.ground_z_m);
         existence.checked(settings.check())?;
         Some(settings)
     });
@@ -518,22 +510,20 @@ fn read_filter(table: &Table, shape: Option<&Shape>) -> Option<FilterSettings> {
             )
             .within(above(0.0, 1.0))
             .or(default.resample_below);
-        Some(FilterSettings {
-            particle_count,
-            motion: default.motion,
-            resampling: resampling?,
-            resample_below,
-        })
+        let mut settings = default;
+        settings.particle_count = particle_count;
+        settings.resampling = resampling?;
+        settings.resample_below = resample_below;
+        Some(settings)
     });
     let settings = if table.has("filter") {
         settings
     } else {
         Some(default)
     };
-    Some(FilterSettings {
-        motion: motion?,
-        ..settings?
-    })
+    let mut settings = settings?;
+    settings.motion = motion?;
+    Some(settings)
 }
 
 impl Word for Resampling {

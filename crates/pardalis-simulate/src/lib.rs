@@ -83,10 +83,12 @@ mod truth;
 pub use body::Body;
 pub use path::{Path, Sine, Throw, Waypoints};
 pub use render::Renderer;
-pub use sensor::{ImageSettings, linear_from_srgb};
+pub use sensor::ImageSettings;
 pub use texture::{Pattern, Texture};
 pub use timing::{Delivery, Timing};
 pub use truth::{Truth, truth};
+
+pub use pardalis_core::srgb::linear_from_srgb;
 
 use nalgebra::Vector3;
 

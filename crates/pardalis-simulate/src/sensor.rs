@@ -7,6 +7,7 @@ use pardalis_core::rng::{Draws, Stage};
 
 /// Image properties of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ImageSettings {
     /// Number of rays along each side of a pixel.
     pub samples: usize,
@@ -108,18 +109,6 @@ impl ImageSettings {
     }
 }
 
-/// Converts sRGB (0 to 255) to linear red, green and blue (0 to 1) according to IEC 61966-2-1.
-pub fn linear_from_srgb(srgb: [f64; 3]) -> [f64; 3] {
-    srgb.map(|grey| {
-        let v = grey / 255.0;
-        if v <= 0.040_45 {
-            v / 12.92
-        } else {
-            libm::pow((v + 0.055) / 1.055, 2.4)
-        }
-    })
-}
-
 /// Returns the sRGB value (0 to 255) of linear light and its derivative, from a table with an error below 0.1
 /// grey levels.
 fn grey_from_linear(level: f32) -> (f32, f32) {
@@ -147,6 +136,8 @@ fn grey_from_linear(level: f32) -> (f32, f32) {
 
 #[cfg(test)]
 mod tests {
+    use pardalis_core::srgb::linear_from_srgb;
+
     use super::*;
 
     #[test]

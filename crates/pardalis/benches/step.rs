@@ -1,6 +1,6 @@
 //! What a tracker step costs on one core, whole and in its stages, at every CPU level, and the naive reference beside it.
 //!
-//! `cargo bench -p pardalis --bench step`. Each measured path is first held to the reference.
+//! `cargo bench -p pardalis --bench step`. Each measured path is first held to the reference, and default steps to the truth.
 
 #[path = "../tests/integration/common/mod.rs"]
 mod common;
@@ -19,7 +19,7 @@ use pardalis::reference;
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::tracker::{DetectedSettings, TrackState};
 use pardalis::view::View;
-use pardalis::{CameraId, Frame, FrameSet, PixelFormat, TargetId, Tracker};
+use pardalis::{CameraId, Estimate, Frame, FrameSet, PixelFormat, TargetId, Tracker};
 use pardalis_camera::CalibratedCamera;
 use pardalis_core::rng::{Draws, Stage};
 use pardalis_core::simd::Level;
@@ -178,12 +178,28 @@ fn whole_steps(criterion: &mut Criterion) {
     }
 }
 
-/// A tracker with the default settings, and the sets that it is timed on: it has seen those before them.
+/// A tracker with the default settings, and the frames that it is timed on again and again: it has seen those before them.
 struct DefaultScene {
     name: &'static str,
     tracker: Tracker,
-    set: Vec<(CameraId, Frame)>,
+    frames: Vec<(CameraId, Frame)>,
+    /// Where the ball is in these frames, metres.
+    truth_m: Vector3<f64>,
     time_s: f64,
+}
+
+/// The number of the picture on which default steps are timed.
+const TIMED: usize = 11;
+/// How far estimates of default steps may be from the truth, metres.
+const MAX_ERROR_M: f64 = 0.03;
+
+/// Where the only ball of a sequence is in the timed picture.
+fn timed_truth_m(sequence: &str) -> Vector3<f64> {
+    let table = std::fs::read_to_string(data(&format!("{sequence}/truth.csv"))).unwrap();
+    let rows = table.lines().map(|row| row.split(',').collect::<Vec<_>>());
+    let row = rows.skip(1).find(|row| row[0] == TIMED.to_string());
+    let row = row.expect("the truth has the timed picture");
+    Vector3::from([4, 5, 6].map(|column| row[column].parse().unwrap()))
 }
 
 impl DefaultScene {
@@ -191,31 +207,56 @@ impl DefaultScene {
         name: &'static str,
         views: Vec<View>,
         ball: DetectedSettings,
-        sets: impl Fn(usize) -> Vec<(CameraId, Frame)>,
+        truth_m: Vector3<f64>,
+        frames_of: impl Fn(usize) -> Vec<(CameraId, Frame)>,
     ) -> Self {
         let mut tracker = Tracker::new(views, [ball], 1, Level::best()).unwrap();
-        let mut time_s = 0.0;
-        let mut set = Vec::new();
-        for index in 0..12 {
-            set = sets(index);
-            time_s = set[0].1.time_s();
-            tracker
-                .observe(&FrameSet::new(set.clone()).unwrap())
-                .unwrap();
+        for index in 0..TIMED {
+            let set = FrameSet::new(frames_of(index)).unwrap();
+            tracker.observe(&set).unwrap();
         }
-        let found = tracker.estimate_at(TargetId::new(0), time_s).unwrap();
-        assert_eq!(found.state, TrackState::Tracking, "{name}");
-        Self {
+        let frames = frames_of(TIMED);
+        let mut scene = Self {
             name,
             tracker,
-            set,
-            time_s,
+            time_s: frames[0].1.time_s() - 1.0 / FPS,
+            frames,
+            truth_m,
+        };
+        // As long as searches of whole images may still correct what was tracked.
+        for _ in 0..25 {
+            scene.step();
         }
+        scene.check();
+        scene
+    }
+
+    /// One step with the frames at the next instant.
+    fn step(&mut self) -> Estimate {
+        self.time_s += 1.0 / FPS;
+        let frames = self.frames.iter();
+        let frames =
+            frames.map(|(camera, frame)| (*camera, frame.with_time_s(self.time_s).unwrap()));
+        let set = FrameSet::new(frames).unwrap();
+        self.tracker.observe(black_box(&set)).unwrap();
+        let target = TargetId::new(0);
+        self.tracker.estimate_at(target, self.time_s).unwrap()
+    }
+
+    /// Holds the next estimate to the truth.
+    fn check(&mut self) {
+        let found = self.step();
+        assert_eq!(found.state, TrackState::Tracking, "{}", self.name);
+        let position_m = Vector3::from(found.kinematics.unwrap().position_m);
+        let error_m = (position_m - self.truth_m).norm();
+        assert!(error_m < MAX_ERROR_M, "{}: {error_m} m", self.name);
     }
 
     /// The default path on one ball in the fisheye camera.
     fn fisheye() -> Self {
-        Self::new("fisheye", vec![fisheye_view()], detected_ball(), |index| {
+        let truth_m = timed_truth_m("dioptric-jump");
+        let views = vec![fisheye_view()];
+        Self::new("fisheye", views, detected_ball(), truth_m, |index| {
             let time_s = index as f64 / FPS;
             let format = PixelFormat::Rgb8;
             let frame = frame(&jump_picture(index), format, YuvEncoding::default(), time_s);
@@ -236,7 +277,8 @@ impl DefaultScene {
         let ball = Sphere::new(0.035, SphereOutline::Tangent).unwrap();
         let ball = DetectedSettings::new(Shape::Sphere(ball), colors);
         let views = cameras.iter().map(view).collect();
-        Self::new("webcams", views, ball, |index| {
+        let truth_m = timed_truth_m("webcams-two");
+        Self::new("webcams", views, ball, truth_m, |index| {
             let of_camera = |camera: usize| {
                 let name = format!("webcams-two/frames/cam{}/{index:06}.jpg", camera + 1);
                 let picture = common::open(&name);
@@ -249,21 +291,13 @@ impl DefaultScene {
     }
 }
 
-/// Detection, association, update, visibility and adaptation, through the tracker: one step in ten searches whole images.
+/// Detection, association, update, visibility and adaptation, through the tracker: at least one step in ten searches whole images.
 fn default_steps(criterion: &mut Criterion) {
     for mut scene in [DefaultScene::fisheye(), DefaultScene::webcams()] {
         criterion.bench_function(&format!("step/default/{}", scene.name), |bencher| {
-            bencher.iter(|| {
-                scene.time_s += 1.0 / FPS;
-                let frames = scene.set.iter();
-                let frames = frames
-                    .map(|(camera, frame)| (*camera, frame.with_time_s(scene.time_s).unwrap()));
-                let set = FrameSet::new(frames).unwrap();
-                scene.tracker.observe(black_box(&set)).unwrap();
-                let target = TargetId::new(0);
-                scene.tracker.estimate_at(target, scene.time_s).unwrap()
-            });
+            bencher.iter(|| scene.step());
         });
+        scene.check();
     }
 }
 

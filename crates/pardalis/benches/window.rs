@@ -24,8 +24,6 @@ use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 use pardalis_filter::motion::RandomWalk;
-use pardalis_filter::particle_filter::FilterSettings;
-use pardalis_filter::resample::Resampling;
 
 /// The published number.
 const PARTICLES: usize = 200;
@@ -73,29 +71,22 @@ fn pink() -> ColorRanges {
 }
 
 fn window() -> WindowSettings {
-    WindowSettings {
-        ranges: Some(pink()),
-        ..WindowSettings::default()
-    }
+    let mut window = WindowSettings::default();
+    window.ranges = Some(pink());
+    window
 }
 
 fn target() -> InitializedSettings {
-    InitializedSettings {
-        shape: ball(),
-        colors: None,
-        cues: vec![Cue::Window(window()).into()],
-        filter: FilterSettings {
-            particle_count: PARTICLES,
-            motion: RandomWalk::PUBLISHED.into(),
-            resampling: Resampling::Systematic,
-            resample_below: 1.0,
-        },
-        start: Start::Gaussian(GaussianStart {
-            position_m: [0.45, 0.45, 0.12],
-            covariance_m2: diagonal_m2([0.03; 3]),
-            ..GaussianStart::default()
-        }),
-    }
+    let start = GaussianStart {
+        position_m: [0.45, 0.45, 0.12],
+        covariance_m2: diagonal_m2([0.03; 3]),
+        ..GaussianStart::default()
+    };
+    let mut target = InitializedSettings::new(ball(), None, Start::Gaussian(start));
+    target.cues = vec![Cue::Window(window()).into()];
+    target.filter.particle_count = PARTICLES;
+    target.filter.motion = RandomWalk::PUBLISHED.into();
+    target
 }
 
 /// Particles around the ball, as they lie while it is tracked, or strewn over the room in view.

@@ -1,8 +1,7 @@
 //! A lens that no built-in model describes: fit one to points that the lens projects.
 
 use pardalis_calibrate::{
-    CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind,
-    OUTLIER_SIGMAS, calibrate,
+    CalibrationSettings, CalibrationStart, CalibrationView, Correspondence, ModelKind, calibrate,
 };
 
 /// Your projection: a stereographic fisheye. `None` outside its field of view.
@@ -35,12 +34,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         name: "all points".to_owned(),
         correspondences,
     };
-    let settings = CalibrationSettings {
-        start: CalibrationStart::Model(ModelKind::KannalaBrandt),
-        size_px: (640, 480),
-        board: false,
-        outlier_sigmas: OUTLIER_SIGMAS,
-    };
+    let start = CalibrationStart::Model(ModelKind::KannalaBrandt);
+    let settings = CalibrationSettings::new(start, (640, 480));
     let calibration = calibrate(&[view], &settings)?;
     println!("fits to {:.4} px", calibration.rms_px);
     // calibration.camera goes into View::new like any built-in camera.

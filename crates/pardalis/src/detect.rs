@@ -18,8 +18,8 @@ pub(crate) mod tuning {
     /// The number of pixels out of 3 x 3 that the majority filter asks for. Derivation: a majority.
     pub(crate) const MAJORITY: u8 = 5;
 }
-use tuning::{MAJORITY, MAX_BLOBS, MIN_AREA_PX};
-pub(crate) use tuning::{MIN_POSTERIOR, SAMPLING_STEP_PX};
+use tuning::{MAJORITY, MIN_AREA_PX};
+pub(crate) use tuning::{MAX_BLOBS, MIN_POSTERIOR, SAMPLING_STEP_PX};
 
 /// A connected part of an image in the target's colours.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,6 +4,7 @@ mod compare;
 mod cycles;
 mod examples;
 mod links;
+mod reference;
 mod tables;
 
 use std::path::{Path, PathBuf};
@@ -19,6 +20,8 @@ Usage: cargo xtask COMMAND
   tables [--check]     put the newest record of each experiment into the tables of the pages, and the
                        examples into their places; with --check, change nothing and fail if a
                        page is out of date
+  reference [--check]  write the reference of keys and the JSON schemas in docs/reference; with --check, change
+                       nothing and fail if one is out of date
   compare CHECKOUT     track scenes with the release binaries of this checkout and of another one,
                        and fail if a track differs in any byte";
 
@@ -31,6 +34,8 @@ fn main() -> ExitCode {
         ["links"] => links::run(&root),
         ["tables"] => tables::run(&root, false).and_then(|()| examples::run(&root, false)),
         ["tables", "--check"] => tables::run(&root, true).and_then(|()| examples::run(&root, true)),
+        ["reference"] => reference::run(&root, false),
+        ["reference", "--check"] => reference::run(&root, true),
         ["compare", other] => compare::run(&root, Path::new(other)),
         _ => {
             eprintln!("{USAGE}");

@@ -39,12 +39,7 @@ fn rendered(folder: &str, columns: &str) -> CalibrationView {
 }
 
 fn settings(kind: ModelKind) -> CalibrationSettings {
-    CalibrationSettings {
-        start: CalibrationStart::Model(kind),
-        size_px: SIZE_PX,
-        board: false,
-        outlier_sigmas: OUTLIER_SIGMAS,
-    }
+    CalibrationSettings::new(CalibrationStart::Model(kind), SIZE_PX)
 }
 
 fn parameter(calibration: &Calibration, name: &str) -> (f64, f64) {
@@ -113,10 +108,8 @@ fn fits_exact_mirror_to_noise_level() {
         .zip(start)
         .map(|(p, factor)| p * factor)
         .collect();
-    let settings = CalibrationSettings {
-        start: CalibrationStart::Near(truth.camera.with_parameters(&start).unwrap()),
-        ..settings(ModelKind::Unified)
-    };
+    let start = CalibrationStart::Near(truth.camera.with_parameters(&start).unwrap());
+    let settings = CalibrationSettings::new(start, SIZE_PX);
     let found = calibrate(&[rendered("catadioptric", "noisy")], &settings).unwrap();
     for (parameter, truth) in found.parameters.iter().zip(exact) {
         let (name, value, sigma) = (parameter.name, parameter.value, parameter.sigma.unwrap());
@@ -411,12 +404,9 @@ fn fits_real_mirror_camera_at_least_as_well_as_opencv() {
         })
         .collect();
     let with_outliers = |outlier_sigmas| {
-        let settings = CalibrationSettings {
-            start: CalibrationStart::Model(ModelKind::Mei),
-            size_px: (1280, 960),
-            board: false,
-            outlier_sigmas,
-        };
+        let start = CalibrationStart::Model(ModelKind::Mei);
+        let mut settings = CalibrationSettings::new(start, (1280, 960));
+        settings.outlier_sigmas = outlier_sigmas;
         calibrate(&views, &settings).unwrap()
     };
     // All points, as in OpenCV.
@@ -464,12 +454,9 @@ const OPENCV_TEST_RMS_PX: [(&str, f64); 2] = [("plane", 0.472_150), ("cube", 0.2
 #[test]
 fn fits_real_fisheyes_as_well_as_opencv() {
     for (set, opencv_px) in OPENCV_TEST_RMS_PX {
-        let settings = CalibrationSettings {
-            start: CalibrationStart::Model(ModelKind::KannalaBrandt),
-            size_px: (1280, 800),
-            board: false,
-            outlier_sigmas: f64::INFINITY,
-        };
+        let start = CalibrationStart::Model(ModelKind::KannalaBrandt);
+        let mut settings = CalibrationSettings::new(start, (1280, 800));
+        settings.outlier_sigmas = f64::INFINITY;
         let fit = calibrate(&views_of(&format!("{set}-train")), &settings).unwrap();
         let mut squares_px2 = Vec::new();
         for mut view in views_of(&format!("{set}-test")) {

@@ -1,6 +1,9 @@
 //! Integration tests of calibration, in one executable.
 
+mod boards;
 mod calibrate;
+mod calibrate_from_boards;
 mod plane_corners;
+mod rectangles;
 mod rig;
 mod temporal;

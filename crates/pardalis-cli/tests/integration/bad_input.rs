@@ -5,6 +5,7 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
+use crate::common::run::interrupt;
 use crate::common::{Run, SCENE, Workplace, frame_file, rows_in, scene_with};
 
 use pardalis_images::{GrayImage, JpegSampling, RgbImage, encode_jpeg, encode_png};
@@ -290,15 +291,7 @@ fn ctrl_c_keeps_the_rows_and_says_so() {
         );
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
-    // The shell's own kill: the program of that name is not everywhere.
-    let sent = Command::new("/bin/sh")
-        .args(["-c", &format!("kill -INT {}", child.id())])
-        .status()
-        .unwrap();
-    assert!(sent.success());
-    let output = child.wait_with_output().unwrap();
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    let stderr = interrupt(child);
     let rows = place.rows().len();
     assert!((3..500).contains(&rows), "{rows}");
     assert!(

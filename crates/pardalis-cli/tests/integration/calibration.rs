@@ -1,6 +1,6 @@
 //! Scenes whose cameras come from calibration files, on the real binary.
 
-use crate::common::{SCENE, Workplace, data, scene_with};
+use crate::common::{OPENCV_FISHEYE, SCENE, Workplace, data, scene_with};
 
 /// The scene's own camera as a calibration file of ours.
 const RIG: &str = "[cameras.cam1]
@@ -13,23 +13,6 @@ field_of_view_deg = 185.0
 [cameras.cam2.model.pinhole]
 f_px = [300, 300]
 center_px = [320, 240]
-";
-
-/// The same camera as OpenCV's fisheye, which has no pose.
-const OPENCV: &str = "%YAML:1.0
----
-image_width: 640
-image_height: 480
-K: !!opencv-matrix
-   rows: 3
-   cols: 3
-   dt: d
-   data: [ 145.5622506548578, 0., 319.5, 0., 145.5622506548578, 239.5, 0., 0., 1. ]
-D: !!opencv-matrix
-   rows: 1
-   cols: 4
-   dt: d
-   data: [ 0., 0., 0., 0. ]
 ";
 
 const MODEL: &str = "model.equidistant = { f_px_per_rad = 145.5622506548578, center_px = [319.5, 239.5], field_of_view_deg = 185.0 }";
@@ -77,7 +60,7 @@ fn a_calibration_file_tracks_as_the_model_in_the_scene() {
     assert_eq!(place.rows(), expected);
 
     // The fisheye of zeros is the same model to rounding, but for where its field of view ends.
-    place.write("lens.yml", OPENCV);
+    place.write("lens.yml", OPENCV_FISHEYE);
     place
         .track(scene(
             "calibration = \"lens.yml\"\ncalibration_lens = \"fisheye\"",
@@ -117,7 +100,7 @@ fn a_calibration_can_name_its_camera() {
 fn faulty_calibrations() {
     let place = Workplace::with_frames(1);
     place.write("rig.toml", RIG);
-    place.write("lens.yml", OPENCV);
+    place.write("lens.yml", OPENCV_FISHEYE);
     let file = "calibration = \"rig.toml\"";
     let refused = |scene: String, wanted: &[&str]| place.track(scene).refused(wanted);
 

@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-use crate::common::{Run, Workplace, data, frame_file};
+use crate::common::{OPENCV_FISHEYE, Run, Workplace, data, frame_file};
 
 /// Runs `pardalis init` in the folder.
 fn init(place: &Workplace, arguments: &[&str]) -> Run {
@@ -227,29 +227,11 @@ fn a_pinhole_calibration_keeps_its_numbers() {
     }
 }
 
-/// The camera of data/dioptric-jump in OpenCV's fisheye format, which neither has a pose nor states its lens
-/// model.
-const OPENCV: &str = "%YAML:1.0
----
-image_width: 640
-image_height: 480
-K: !!opencv-matrix
-   rows: 3
-   cols: 3
-   dt: d
-   data: [ 145.5622506548578, 0., 319.5, 0., 145.5622506548578, 239.5, 0., 0., 1. ]
-D: !!opencv-matrix
-   rows: 1
-   cols: 4
-   dt: d
-   data: [ 0., 0., 0., 0. ]
-";
-
 #[test]
 fn scenes_refer_to_calibrations_of_any_format() {
     let place = Workplace::with_frames(2);
     fs::create_dir(place.path("lens")).unwrap();
-    place.write("lens/cam.yml", OPENCV);
+    place.write("lens/cam.yml", OPENCV_FISHEYE);
     let common = [
         "--fps",
         "25",

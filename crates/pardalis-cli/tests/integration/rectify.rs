@@ -4,42 +4,20 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use crate::common::{Run, SCENE, Workplace, rows_in, scene_with};
+use crate::common::{
+    FRONT_LANDMARK, PLANE_ROBOT, REAR_LANDMARK, Run, SCENE, Workplace, rows_in, scene_with,
+};
 
 use pardalis_images::decode_grey;
 
-/// The robot with two landmarks on data/plane-robot, by the corners of the tape, with colour and motion
-/// fused. The rear landmark comes first.
-const ROBOT: &str = r#"seed = 1
-[cameras.mast]
-images = "DATA/plane-robot/frames"
-fps = 15
-frame_limit = 60
-[cameras.mast.model.plane]
-points = [
-    [184.34, 327.52, -0.8452467, -0.2679295], # nearest
-    [448.73, 304.71, 1.1498814, -0.1284166],
-    [402.42, 198.82, 1.0452467, 1.3679295],
-    [195.57, 212.70, -0.9498814, 1.2284166],
-]
-camera_center_m = [0.0, -3.2, 3.0]
-[targets.robot]
-shape.disc = { radius_m = 0.06, height_m = 0.406 }
-filter = { particles = 500 }
-motion.planar_constant_velocity.velocity_sigma_mps = 0.2
-region = {}
-difference = {}
-[targets.robot.landmarks.rear]
-colors = "DATA/colors/landmark-yellow.colors.toml"
-start.gaussian = { position_m = [-1.6, -0.35, 0], position_sigma_m = 0.05, velocity_sigma_mps = 0.1 }
-[targets.robot.landmarks.front]
-colors = "DATA/colors/landmark-red.colors.toml"
-start.gaussian = { position_m = [-1.3, -0.35, 0], position_sigma_m = 0.05, velocity_sigma_mps = 0.1 }
-"#;
-
+/// The robot on data/plane-robot, with the rear landmark first and a comment.
 fn robot() -> String {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
-    ROBOT.replace("DATA", data.to_str().unwrap())
+    [PLANE_ROBOT, REAR_LANDMARK, FRONT_LANDMARK]
+        .concat()
+        .replace("frame_limit = 20", "frame_limit = 60")
+        .replace("-0.2679295],", "-0.2679295], # nearest")
+        .replace("DATA", data.to_str().unwrap())
 }
 
 /// Runs `pardalis` in the folder of a workplace.

@@ -4,35 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::common::run::{Run, rows_in};
+use crate::common::{FRONT_LANDMARK, PLANE_ROBOT, REAR_LANDMARK, Run, rows_in};
 
-/// Lines are counted in tests.
-const SCENE: &str = r#"seed = 1
-[cameras.mast]
-images = "DATA/plane-robot/frames"
-fps = 15
-frame_limit = 20
-[cameras.mast.model.plane]
-points = [
-    [184.34, 327.52, -0.8452467, -0.2679295],
-    [448.73, 304.71, 1.1498814, -0.1284166],
-    [402.42, 198.82, 1.0452467, 1.3679295],
-    [195.57, 212.70, -0.9498814, 1.2284166],
-]
-camera_center_m = [0.0, -3.2, 3.0]
-[targets.robot]
-shape.disc = { radius_m = 0.06, height_m = 0.406 }
-filter = { particles = 500 }
-motion.planar_constant_velocity.velocity_sigma_mps = 0.2
-region = {}
-difference = {}
-[targets.robot.landmarks.front]
-colors = "DATA/colors/landmark-red.colors.toml"
-start.gaussian = { position_m = [-1.3, -0.35, 0], position_sigma_m = 0.05, velocity_sigma_mps = 0.1 }
-[targets.robot.landmarks.rear]
-colors = "DATA/colors/landmark-yellow.colors.toml"
-start.gaussian = { position_m = [-1.6, -0.35, 0], position_sigma_m = 0.05, velocity_sigma_mps = 0.1 }
-"#;
+/// The front landmark comes first. Tests count lines.
+fn scene() -> String {
+    [PLANE_ROBOT, FRONT_LANDMARK, REAR_LANDMARK].concat()
+}
 
 /// A colour model as they were learnt before they held histograms of channels.
 const OLD_COLORS: &str = r#"format = "pardalis color model 1"
@@ -52,9 +29,10 @@ fn data() -> PathBuf {
 
 /// `pardalis track` on the scene with a piece of it, which must be there, replaced.
 fn track(folder: &Path, piece: &str, other: &str) -> Run {
-    assert!(SCENE.contains(piece), "{piece}");
+    let scene = scene();
+    assert!(scene.contains(piece), "{piece}");
     let data = data();
-    let scene = SCENE
+    let scene = scene
         .replace(piece, other)
         .replace("DATA", data.to_str().unwrap());
     fs::write(folder.join("scene.toml"), scene).unwrap();

@@ -11,6 +11,10 @@
 mod draw;
 mod kinematics;
 mod moment_matched;
+#[cfg(test)]
+mod oracle;
+#[cfg(test)]
+mod oracle_tests;
 mod predicted_density;
 mod proposal;
 
@@ -36,6 +40,7 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Settings of a Bernoulli filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct BernoulliSettings {
     /// The number of particles. With few particles the filter is overconfident if positions are measured much less precisely than they are predicted.
     pub particle_count: usize,

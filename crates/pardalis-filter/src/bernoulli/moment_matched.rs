@@ -145,14 +145,16 @@ impl BernoulliFilter {
             mean_m.z = self.proposal.height_m().unwrap_or(mean_m.z);
         }
         let factor_m = xx.cholesky()?.l();
-        let whitening = factor_m.try_inverse()?;
+        let mut whitening = factor_m.try_inverse()?;
         let gain_hz = vx * whitening.transpose() * whitening;
         let rest = vv - gain_hz * vx.transpose();
         let log_volume = 0.5 * free_axes as f64 * libm::log(std::f64::consts::TAU)
             + libm::log(factor_m.determinant());
         let mut drawn_m = factor_m;
         if free_axes == 2 {
+            // Components may have several heights: none is likelier than another.
             drawn_m[(2, 2)] = 0.0;
+            whitening[(2, 2)] = 0.0;
         }
         Some(Predicted {
             log_chance: libm::log(chance),

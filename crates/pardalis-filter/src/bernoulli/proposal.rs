@@ -14,6 +14,8 @@ const BIRTH_WIDENING: f64 = 2.0;
 const NEAR_SQUARED: f64 = 36.0;
 /// The least variance of a component along any axis, m²: 1 µm squared. Keeps densities finite.
 const MIN_VARIANCE_M2: f64 = 1e-12;
+/// The number of components for which there is room from the start: more allocate once. Hand-set.
+const COMPONENT_ROOM: usize = 8;
 /// Sweeps of Jacobi's rotations; each squares what is off the diagonal.
 const SWEEPS: usize = 10;
 
@@ -53,7 +55,7 @@ struct Component {
     log_agreement: f64,
 }
 
-/// The proposal density. A warm step of no more components than before allocates nothing.
+/// The proposal density. A step of no more components than [`COMPONENT_ROOM`], or than before, allocates nothing.
 #[derive(Debug)]
 pub(super) struct Proposal {
     free_axes: usize,
@@ -66,7 +68,7 @@ impl Proposal {
     pub(super) fn new(free_axes: usize) -> Self {
         Self {
             free_axes,
-            components: Vec::new(),
+            components: Vec::with_capacity(COMPONENT_ROOM),
             birth_share: 0.0,
         }
     }

@@ -209,12 +209,11 @@ fn filter(
     particle_count: usize,
     seed: u32,
 ) -> ParticleFilter {
-    let settings = FilterSettings {
-        particle_count,
-        motion: noise.motion(),
-        resampling,
-        resample_below,
-    };
+    let mut settings = FilterSettings::default();
+    settings.particle_count = particle_count;
+    settings.motion = noise.motion();
+    settings.resampling = resampling;
+    settings.resample_below = resample_below;
     ParticleFilter::new(settings, &START, Draws::new(seed, 0), Level::best()).unwrap()
 }
 

@@ -305,18 +305,18 @@ fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
             .key("jpeg_quality", "JPEG quality; 0 writes PNG.")
             .within(0.0..=100.0)
             .or(default.jpeg_quality.map_or(0, usize::from));
-        Some(ImageSettings {
-            samples,
-            shutter_s,
-            instants,
-            blur_px,
-            shot_noise,
-            read_noise,
-            gain_drift,
-            white_balance_drift,
-            drift_period_s,
-            jpeg_quality: (jpeg_quality > 0).then_some(jpeg_quality as u8),
-        })
+        let mut settings = default;
+        settings.samples = samples;
+        settings.shutter_s = shutter_s;
+        settings.instants = instants;
+        settings.blur_px = blur_px;
+        settings.shot_noise = shot_noise;
+        settings.read_noise = read_noise;
+        settings.gain_drift = gain_drift;
+        settings.white_balance_drift = white_balance_drift;
+        settings.drift_period_s = drift_period_s;
+        settings.jpeg_quality = (jpeg_quality > 0).then_some(jpeg_quality as u8);
+        Some(settings)
     });
     settings.unwrap_or(default)
 }

@@ -11,7 +11,7 @@ use super::camera::ReadCalibration;
 use super::description::{KeyDescription, Presence, above};
 use super::keys::keys_of;
 use super::reader::{Journal, Kind, Problem, Table};
-use super::replaced;
+use super::replaced::read_with;
 use pardalis_simulate::{Ground, Light, Pattern, Room, Tape, Texture, World, linear_from_srgb};
 
 /// The settings of a world file.
@@ -51,13 +51,9 @@ impl WorldConfig {
         replaced: &toml::Table,
         read_calibration: ReadCalibration,
     ) -> Result<Self, Vec<Problem>> {
-        let (journal, mut root) = Journal::parse(text);
-        let values = replaced::text_behind(text, replaced);
-        replaced::put_all(&mut root, replaced, &values);
-        let table = Table::root(&journal, &root);
-        let config = Self::read(&journal, &table, read_calibration);
-        table.finish();
-        journal.finish()?;
+        let (config, ..) = read_with(text, replaced, |journal, table| {
+            Self::read(journal, table, read_calibration)
+        })?;
         Ok(config.unwrap_or_else(|| unreachable!("a missing setting is a problem")))
     }
 

@@ -1,6 +1,6 @@
 //! The reference of keys and the JSON schemas: up to date, and in agreement with what the readers accept.
 //!
-//! `UPDATE=1 cargo test -p pardalis --test reference` writes the files in `docs/reference`.
+//! `cargo xtask reference` writes the files in `docs/reference`: it runs this test with the variable `UPDATE`.
 
 use std::path::{Path, PathBuf};
 
@@ -31,7 +31,7 @@ fn reference_files_are_up_to_date() {
             let written = std::fs::read_to_string(&path).unwrap_or_default();
             assert!(
                 written == text,
-                "docs/reference/{file} is out of date; run UPDATE=1 cargo test -p pardalis --test reference"
+                "docs/reference/{file} is out of date; run cargo xtask reference"
             );
         }
     }

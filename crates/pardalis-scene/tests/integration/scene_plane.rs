@@ -78,12 +78,11 @@ fn a_target_of_landmarks_has_its_settings_for_all_of_them() {
     assert_eq!(front.shape, disc);
     let rectangle = Shape::Flat(Flat::rectangle([0.2, 0.1], 0.0).unwrap());
     assert_eq!(rear.shape, rectangle);
-    let difference = PatchSettings {
-        scale: 2.0,
-        samples: 8,
-        bins: ChannelBins::new(32).unwrap(),
-        sigma: 0.3,
-    };
+    let mut difference = PatchSettings::around();
+    difference.scale = 2.0;
+    difference.samples = 8;
+    difference.bins = ChannelBins::new(32).unwrap();
+    difference.sigma = 0.3;
     let cues = [
         Cue::Region(PatchSettings::within(&disc)).into(),
         Cue::Difference(difference).into(),

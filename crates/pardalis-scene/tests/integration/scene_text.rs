@@ -234,7 +234,8 @@ fn cues_are_those_that_have_a_table_and_look_at_the_cameras_they_name() {
         cues("")[..],
         [CueSettings {
             cue: Cue::Contour(_),
-            cameras: None
+            cameras: None,
+            ..
         }]
     ));
     let window = &cues("window = {}")[..];
@@ -599,16 +600,15 @@ fn targets_without_start_are_detected_with_the_defaults_of_the_library() {
         "edge = { correspondence_lines = 100, likelihood_exponent = 0.3, shared_sigma_px = 0.1, learned_profile = false, lit_and_shaded_profiles = false, color_evidence = false, illumination_adaptation = false }\nexistence = { birth_rate_hz = 2, occlusion_rate_hz = 0.25 }\n\
          start.gaussian.position_m = [1, 2, 3]",
     );
-    let edge = EdgeSettings {
-        correspondence_lines: 100,
-        likelihood_exponent: 0.3,
-        shared_sigma_px: 0.1,
-        learned_profile: false,
-        lit_and_shaded_profiles: false,
-        background_model: true,
-        color_evidence: false,
-        illumination_adaptation: false,
-    };
+    let mut edge = EdgeSettings::default();
+    edge.correspondence_lines = 100;
+    edge.likelihood_exponent = 0.3;
+    edge.shared_sigma_px = 0.1;
+    edge.learned_profile = false;
+    edge.lit_and_shaded_profiles = false;
+    edge.background_model = true;
+    edge.color_evidence = false;
+    edge.illumination_adaptation = false;
     assert_eq!(found.edge, edge);
     assert_eq!(found.start.unwrap().position_m, [1.0, 2.0, 3.0]);
     assert_eq!(found.existence.birth_rate_hz, 2.0);

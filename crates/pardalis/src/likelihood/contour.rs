@@ -17,6 +17,7 @@ use pardalis_core::simd::Level;
 
 /// Parameters of the contour cue.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct ContourSettings {
     /// Number of points on the outline.
     pub points: usize,

@@ -17,6 +17,7 @@ use pardalis_filter::Particles;
 
 /// A cue and the cameras whose frames it evaluates.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct CueSettings {
     /// The cue.
     pub cue: Cue,

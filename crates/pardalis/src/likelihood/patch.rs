@@ -22,6 +22,7 @@ const MIN_VISIBLE_SHARE: f64 = 0.5;
 
 /// The region around a target, and how its histograms are compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct PatchSettings {
     /// Width and height of the region, relative to the target's.
     pub scale: f64,

@@ -14,6 +14,7 @@ use pardalis_core::simd::Level;
 
 /// Parameters of the window cue.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct WindowSettings {
     /// Width and height of the window in pixels, odd.
     pub size_px: usize,

@@ -4,6 +4,7 @@ use pardalis_core::Error;
 
 /// How often a visible target becomes occluded from a camera, and an occluded one reappears.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct OcclusionRates {
     /// Occlusions of a visible target per second, Hz.
     pub occlusion_hz: f64,
@@ -29,6 +30,7 @@ impl OcclusionRates {
 
 /// How a detected target appears, disappears and becomes occluded.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ExistenceSettings {
     /// Appearances per second while there is no target, Hz.
     pub birth_rate_hz: f64,

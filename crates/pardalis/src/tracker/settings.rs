@@ -2,7 +2,7 @@
 
 use super::existence::ExistenceSettings;
 use crate::color::ColorModel;
-use crate::likelihood::{CueSettings, EdgeSettings};
+use crate::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
 use crate::shape::{Shape, Sphere, SphereOutline};
 use crate::start::Start;
 use pardalis_core::Error;
@@ -12,11 +12,22 @@ use pardalis_filter::particle_filter::FilterSettings;
 
 /// A target: a body, or several landmarks of one, each of which is tracked on its own (Campos 2009, section 4).
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct TargetSettings {
     /// The body or the landmarks; their mean is the target's position.
     pub bodies: Vec<BodySettings>,
     /// The numbers of the landmarks in front and behind, if the target has a heading.
     pub heading: Option<[usize; 2]>,
+}
+
+impl TargetSettings {
+    /// Returns a target of several landmarks, without a heading.
+    pub fn of_landmarks(landmarks: Vec<BodySettings>) -> Self {
+        Self {
+            bodies: landmarks,
+            heading: None,
+        }
+    }
 }
 
 impl<B: Into<BodySettings>> From<B> for TargetSettings {
@@ -61,6 +72,7 @@ impl From<InitializedSettings> for BodySettings {
 
 /// A body that the tracker detects itself: by the edge cue and a Bernoulli filter.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct DetectedSettings {
     /// Its shape.
     pub shape: Shape,
@@ -106,6 +118,7 @@ impl DetectedSettings {
 
 /// A body that the published cues track from a given start.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct InitializedSettings {
     /// Its shape.
     pub shape: Shape,
@@ -117,6 +130,21 @@ pub struct InitializedSettings {
     pub filter: FilterSettings,
     /// Where its particles start.
     pub start: Start,
+}
+
+impl InitializedSettings {
+    /// Returns the default settings for a body of this shape, of these colours if its cues need any: the contour cue and 2000 particles.
+    pub fn new(shape: Shape, colors: Option<ColorModel>, start: Start) -> Self {
+        let mut filter = FilterSettings::default();
+        filter.motion = on_ground(filter.motion, &shape);
+        Self {
+            shape,
+            colors,
+            cues: vec![Cue::Contour(ContourSettings::of_shape(&shape)).into()],
+            filter,
+            start,
+        }
+    }
 }
 
 /// The motion of upright and flat shapes stays on the ground, unless a caller says otherwise.

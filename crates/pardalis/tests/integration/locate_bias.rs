@@ -4,15 +4,12 @@
 use crate::common::frame;
 use nalgebra::{Point3, Vector3};
 use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
-use pardalis::likelihood::{ContourSettings, Cue};
 use pardalis::shape::Shape;
 use pardalis::start::Start;
 use pardalis::tracker::{InitializedSettings, Tracker};
 use pardalis::view::View;
 use pardalis::{Frame, PixelFormat};
 use pardalis_core::simd::Level;
-use pardalis_filter::motion::Motion;
-use pardalis_filter::particle_filter::FilterSettings;
 use pardalis_filter::resample::Resampling;
 use pardalis_images::RgbImage;
 use pardalis_scene::calibration;
@@ -101,18 +98,11 @@ fn distance_errors_m(is_soft: bool) -> Vec<f64> {
                 position_m: center,
                 ..crate::common::ball_start()
             };
-            let target = InitializedSettings {
-                shape: Shape::Sphere(crate::common::ball()),
-                colors: Some(orange()),
-                cues: vec![Cue::Contour(ContourSettings::default()).into()],
-                filter: FilterSettings {
-                    particle_count: 3000,
-                    motion: Motion::DEFAULT,
-                    resampling: Resampling::Multinomial,
-                    resample_below: 1.0,
-                },
-                start: Start::Gaussian(start),
-            };
+            let shape = Shape::Sphere(crate::common::ball());
+            let start = Start::Gaussian(start);
+            let mut target = InitializedSettings::new(shape, Some(orange()), start);
+            target.filter.particle_count = 3000;
+            target.filter.resampling = Resampling::Multinomial;
             let mut tracker =
                 Tracker::new(vec![view.clone()], vec![target], 1, Level::best()).unwrap();
             let set = crate::common::set_of(rgb_frame(&picture(&view, center, is_soft)));

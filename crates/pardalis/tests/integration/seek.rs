@@ -10,10 +10,9 @@ use pardalis_images::RgbImage;
 
 /// The ball, of which nothing but size and colours is known.
 fn detected(edge: EdgeSettings) -> DetectedSettings {
-    DetectedSettings {
-        edge,
-        ..detected_ball()
-    }
+    let mut ball = detected_ball();
+    ball.edge = edge;
+    ball
 }
 
 fn tracker_with(edge: EdgeSettings, seed: u32) -> Tracker {
@@ -138,10 +137,8 @@ fn with_disc(mut picture: RgbImage, [u, v]: [f64; 2], radius_px: f64, rgb: [f64;
 #[test]
 fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is() {
     let painted = |rgb, color_evidence| {
-        let edge = EdgeSettings {
-            color_evidence,
-            ..EdgeSettings::default()
-        };
+        let mut edge = EdgeSettings::default();
+        edge.color_evidence = color_evidence;
         let picture = |index| with_disc(covered(index), [200.0, 150.0], 8.0, rgb);
         let frames = (0..15).map(|index| as_frame(&picture(index), index, PixelFormat::Rgb8));
         follow(&mut tracker_with(edge, 7), frames)
@@ -333,10 +330,8 @@ fn five_seconds(
     illumination_adaptation: bool,
     paint: impl Fn(usize, f64) -> RgbImage,
 ) -> Vec<Estimate> {
-    let edge = EdgeSettings {
-        illumination_adaptation,
-        ..EdgeSettings::default()
-    };
+    let mut edge = EdgeSettings::default();
+    edge.illumination_adaptation = illumination_adaptation;
     let frames = (0..FIVE_SECONDS).map(|frame| {
         let share = frame as f64 / (FIVE_SECONDS - 1) as f64;
         as_frame(&paint(picture_of(frame), share), frame, PixelFormat::Rgb8)

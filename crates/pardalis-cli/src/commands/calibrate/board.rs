@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis_calibrate::Calibration;
+use pardalis_calibrate::board::Board;
 use pardalis_scene::{NAMES_ALLOWED, is_name};
 
 use super::board_checks::{check_found, side, side_note};
@@ -12,7 +13,7 @@ use super::images::{self, observations};
 use super::model::ModelOptions;
 use super::report::Report;
 use super::{output, rig};
-use crate::board::Board;
+use crate::board::parse_board;
 use crate::user_error::user_error;
 
 /// Largest relative deviation of a measured distance.
@@ -60,7 +61,7 @@ pub(crate) struct Arguments {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let board = Board::from_argument(&arguments.board)?;
+    let board = parse_board(&arguments.board)?;
     if !arguments.rig.is_empty() {
         let folder = output::folder(arguments.output.as_deref(), Path::new("rig"), "calibration");
         return rig::run(&board, &arguments.model, &arguments.rig, &folder);

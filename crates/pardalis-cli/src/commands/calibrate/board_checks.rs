@@ -4,9 +4,9 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use anyhow::Result;
+use pardalis_calibrate::board::{Board, BoardKind};
 
 use super::images::SearchedImage;
-use crate::board::Board;
 use crate::user_error::user_error;
 
 /// Plausible side lengths of a board's squares and tags, in metres.
@@ -30,12 +30,11 @@ pub(super) fn check_found(source: &Path, images: &[SearchedImage]) -> Result<()>
 
 /// Returns the name of a board's elements and their side length in metres.
 pub(super) fn side(board: &Board) -> (&'static str, f64) {
-    match board {
-        Board::Checkerboard { square_m, .. } | Board::Charuco { square_m, .. } => {
-            ("square", *square_m)
-        }
-        Board::AprilGrid { tag_m, .. } => ("tag", *tag_m),
-    }
+    let name = match board.kind() {
+        BoardKind::Checkerboard | BoardKind::Charuco => "square",
+        BoardKind::AprilGrid => "tag",
+    };
+    (name, board.side_m())
 }
 
 /// Warns of a board whose side length is implausible in metres.

@@ -50,12 +50,9 @@ impl Fits {
         let outcomes: Vec<_> = models
             .into_par_iter()
             .map(|model| {
-                let settings = CalibrationSettings {
-                    start: model.start,
-                    size_px,
-                    board,
-                    outlier_sigmas: model.outlier_sigmas,
-                };
+                let mut settings = CalibrationSettings::new(model.start, size_px);
+                settings.board = board;
+                settings.outlier_sigmas = model.outlier_sigmas;
                 let outcome = calibrate(views, &settings);
                 bar.inc(1);
                 outcome.map_err(|refusal| (model.name, refusal))

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
+use pardalis_calibrate::board::{Board, BoardNotFound, Corner, detect};
 use pardalis_calibrate::{CalibrationView, Correspondence};
 use rayon::prelude::*;
 
-use crate::board::{Board, Corner, detect};
 use crate::source::decode::decode_mask;
 use crate::user_error::user_error;
 
@@ -19,7 +19,7 @@ pub(super) struct SearchedImage {
     /// File name.
     pub(super) name: String,
     /// Corners of the board, or the reason why it was not found.
-    pub(super) found: Result<Vec<Corner>, String>,
+    pub(super) found: Result<Vec<Corner>, BoardNotFound>,
 }
 
 /// Returns the images of a folder, of a pattern with `*` and `?` in its last component, or a single image,

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::Frame;
 use pardalis_calibrate::plane::{OUTLIER_PX, PlaneFit, PointPair, Rectangle, camera_center_m, fit};
+use pardalis_calibrate::rectangle::{DetectedRectangle, detect};
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::{Camera, Plane};
 use pardalis_images::RgbImage;
@@ -16,10 +16,10 @@ use super::output;
 use crate::draw::PALETTE;
 use crate::draw::grid::{Label, drawn_over};
 use crate::draw::overlay::{Mark, Shape};
-use crate::draw::picture::{picture_of, write_picture};
+use crate::draw::picture::write_picture;
 use crate::files::write_file;
 use crate::output::print;
-use crate::rectangle::{self, Edge, FoundRectangle};
+use crate::rectangle::{EdgeArgument, first_images};
 use crate::source::{SourceConfig, SourceKind, Timing};
 use crate::tables::Table;
 use crate::user_error::user_error;
@@ -59,7 +59,7 @@ pub(crate) struct Arguments {
     first: usize,
     /// Which edge of a tape was measured
     #[arg(long, value_name = "EDGE", default_value = "outer")]
-    edge: Edge,
+    edge: EdgeArgument,
     /// Focal length in pixels, if known; it determines the camera's position. The lens must hardly bend
     /// straight lines
     #[arg(long, value_name = "PX", value_parser = parse_length, conflicts_with_all = ["camera", "camera_height"])]
@@ -83,7 +83,7 @@ struct Known {
     pairs: Vec<PointPair>,
     /// Line of each point in its table; empty for a rectangle.
     lines: Vec<u64>,
-    found: Option<FoundRectangle>,
+    found: Option<DetectedRectangle>,
 }
 
 /// Runs the command.
@@ -92,13 +92,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let Some(input) = input.into_iter().flatten().next() else {
         return Err(user_error!("give images or --points FILE.csv"));
     };
-    let frames = match &arguments.images {
-        Some(images) => read_frames(images, arguments.frames)?,
+    let images = match &arguments.images {
+        Some(images) => read_images(images, arguments.frames)?,
         None => Vec::new(),
     };
     let known = match &arguments.points {
         Some(table) => read_points(table)?,
-        None => find_corners(arguments, input, &frames)?,
+        None => find_corners(arguments, input, &images)?,
     };
     let fitted = fit(&known.pairs).map_err(|error| match known.found {
         Some(_) => user_error!("{}: {error}", input.display()),
@@ -107,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             input.display()
         ),
     })?;
-    let size_px = frames.first().map(|frame| (frame.width(), frame.height()));
+    let size_px = images.first().map(RgbImage::size_px);
     let center_m = center_m(arguments, &fitted, size_px)?;
     let camera = CalibratedCamera {
         name: "camera".to_owned(),
@@ -119,17 +119,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     output::make_folder(&folder)?;
     let mut written = vec![folder.join("camera.toml")];
     write_file(&written[0], calibration::write_toml(&[camera]).as_bytes())?;
-    if let Some(frame) = frames.first() {
+    if let Some(image) = images.first() {
         written.push(folder.join("corners.png"));
-        write_picture(&written[1], &drawn(frame, &known, &fitted))?;
+        write_picture(&written[1], &drawn(image, &known, &fitted))?;
     }
     print(report(&known, &fitted, center_m)?);
     output::say_written(&written);
     Ok(())
 }
 
-/// Reads the first frames of a folder of images or of a video.
-fn read_frames(images: &Path, count: usize) -> Result<Vec<Frame>> {
+/// Reads the first images of a folder of images or of a video.
+fn read_images(images: &Path, count: usize) -> Result<Vec<RgbImage>> {
     let kind = if images.is_dir() {
         SourceKind::Images {
             folder: images.to_owned(),
@@ -142,7 +142,7 @@ fn read_frames(images: &Path, count: usize) -> Result<Vec<Frame>> {
             encoding: None,
         }
     };
-    rectangle::first_frames(&SourceConfig {
+    first_images(&SourceConfig {
         kind,
         time_offset_s: 0.0,
         frames: FrameRange {
@@ -153,9 +153,9 @@ fn read_frames(images: &Path, count: usize) -> Result<Vec<Frame>> {
 }
 
 /// Finds the rectangle's corners in the images and assigns their world positions.
-fn find_corners(arguments: &Arguments, input: &Path, frames: &[Frame]) -> Result<Known> {
-    let found = rectangle::find(frames, arguments.edge)
-        .map_err(|error| user_error!("{}: {error:#}", input.display()))?;
+fn find_corners(arguments: &Arguments, input: &Path, images: &[RgbImage]) -> Result<Known> {
+    let found = detect(images, arguments.edge.into())
+        .map_err(|error| user_error!("{}: {error}", input.display()))?;
     let of_corners = |corners_m: [[f64; 2]; 4]| Rectangle {
         corners_m,
         nearest: arguments.first - 1,
@@ -249,7 +249,7 @@ fn center_m(
 }
 
 /// Draws the points in order over an image: connected if they form a rectangle, outliers in another colour.
-fn drawn(frame: &Frame, known: &Known, fitted: &PlaneFit) -> RgbImage {
+fn drawn(image: &RgbImage, known: &Known, fitted: &PlaneFit) -> RgbImage {
     let [_, outlier_color, color, ..] = PALETTE;
     let mut marks = Vec::new();
     if known.found.is_some() {
@@ -280,7 +280,7 @@ fn drawn(frame: &Frame, known: &Known, fitted: &PlaneFit) -> RgbImage {
             color,
         });
     }
-    drawn_over(&picture_of(frame), marks, &labels)
+    drawn_over(image, marks, &labels)
 }
 
 /// Describes the result for the terminal.

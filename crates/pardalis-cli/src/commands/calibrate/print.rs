@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::board::Board;
+use crate::board::parse_board;
 use crate::files::write_file;
 use crate::output::print;
 
@@ -28,8 +28,8 @@ pub(crate) struct Arguments {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let board = Board::from_argument(&arguments.board)?;
-    write_file(&arguments.output, board.svg().as_bytes())?;
+    let board = parse_board(&arguments.board)?;
+    write_file(&arguments.output, board.to_svg().as_bytes())?;
     print(format!("{}", arguments.output.display()));
     Ok(())
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use pardalis_calibrate::board::Board;
 use pardalis_calibrate::{RigCamera, calibrate_rig};
 use pardalis_scene::calibration;
 
@@ -12,7 +13,6 @@ use super::model::ModelOptions;
 use super::report::Report;
 use super::rig_report::RigReport;
 use super::{images, output};
-use crate::board::Board;
 use crate::files::write_file;
 use crate::output::print;
 use crate::user_error::user_error;

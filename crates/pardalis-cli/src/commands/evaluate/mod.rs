@@ -128,11 +128,10 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     let summary_path = tracks_path.with_file_name("summary.json");
     let summary = RunSummary::read(&summary_path)?;
     let around = around(options, &summary, &summary_path)?;
-    let settings = Settings {
-        around_m: around.position_m,
-        visible_over: options.visible_over,
-        lost_beyond_m: options.lost_beyond_m,
-    };
+    let mut settings = Settings::default();
+    settings.around_m = around.position_m;
+    settings.visible_over = options.visible_over;
+    settings.lost_beyond_m = options.lost_beyond_m;
 
     let frames = Frames::of(&objects);
     let track_rows: Vec<_> = tracks.iter().map(|t| frames.place(t)).collect();

@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command};
-use pardalis::color::YuvEncoding;
-use pardalis::{Frame, PixelFormat};
+use pardalis::Frame;
 
 use super::label::Label;
 use crate::source::decode::decode_image;
@@ -71,15 +70,7 @@ impl LabelledFile {
         for label in &self.labels {
             label.mark(&self.image, (width, height), &mut is_object)?;
         }
-        let encoding = YuvEncoding::default();
-        let frame = Frame::new(
-            PixelFormat::Rgb8,
-            encoding,
-            width,
-            height,
-            image.into_raw(),
-            0.0,
-        )?;
+        let frame = Frame::from_rgb(width, height, image.into_raw(), 0.0)?;
         Ok((frame, is_object))
     }
 }

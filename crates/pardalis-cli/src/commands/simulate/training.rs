@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use pardalis::color::{ColorLearner, Palette, YuvEncoding};
-use pardalis::{Frame, PixelFormat};
+use pardalis::Frame;
+use pardalis::color::{ColorLearner, Palette};
 use pardalis_core::rng::{Draws, Stage};
 use pardalis_images::{GrayImage, encode_png};
 use pardalis_simulate::{Body, Course, Object, Path, Renderer, World, truth};
@@ -49,15 +49,7 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
         // As it will be seen: after it was compressed.
         let decoded = decode_image(&folder.path_of("training").join(&name))?;
         let (width, height) = camera.size_px;
-        let encoding = YuvEncoding::default();
-        let frame = Frame::new(
-            PixelFormat::Rgb8,
-            encoding,
-            width,
-            height,
-            decoded.into_raw(),
-            0.0,
-        )?;
+        let frame = Frame::from_rgb(width, height, decoded.into_raw(), 0.0)?;
         for (learner, &target) in learners.iter_mut().zip(&targets) {
             let coverage = renderer.coverage(target, 0.0);
             let mask: Vec<bool> = coverage.iter().map(|&share| share >= COVERED).collect();

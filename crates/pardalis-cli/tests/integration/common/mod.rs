@@ -32,6 +32,24 @@ saturation_bins = 12
 intensity_bins = 4
 "#;
 
+/// The camera of data/dioptric-jump in OpenCV's fisheye format, which neither has a pose nor states its lens
+/// model.
+pub(crate) const OPENCV_FISHEYE: &str = "%YAML:1.0
+---
+image_width: 640
+image_height: 480
+K: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 145.5622506548578, 0., 319.5, 0., 145.5622506548578, 239.5, 0., 0., 1. ]
+D: !!opencv-matrix
+   rows: 1
+   cols: 4
+   dt: d
+   data: [ 0., 0., 0., 0. ]
+";
+
 /// A scene that tracks the ball through the images in `images`, beside which the colours lie in ball.toml. Line numbers count in tests.
 pub(crate) const SCENE: &str = r#"seed = 1
 [cameras.cam1]
@@ -126,3 +144,38 @@ impl Workplace {
         rows_in(&fs::read_to_string(self.path("out/tracks.csv")).unwrap())
     }
 }
+
+/// A robot on the first 20 frames of data/plane-robot, by the corners of the tape, with colour and motion fused. Its
+/// landmarks follow; DATA stands for the folder of the data.
+pub(crate) const PLANE_ROBOT: &str = r#"seed = 1
+[cameras.mast]
+images = "DATA/plane-robot/frames"
+fps = 15
+frame_limit = 20
+[cameras.mast.model.plane]
+points = [
+    [184.34, 327.52, -0.8452467, -0.2679295],
+    [448.73, 304.71, 1.1498814, -0.1284166],
+    [402.42, 198.82, 1.0452467, 1.3679295],
+    [195.57, 212.70, -0.9498814, 1.2284166],
+]
+camera_center_m = [0.0, -3.2, 3.0]
+[targets.robot]
+shape.disc = { radius_m = 0.06, height_m = 0.406 }
+filter = { particles = 500 }
+motion.planar_constant_velocity.velocity_sigma_mps = 0.2
+region = {}
+difference = {}
+"#;
+
+/// The red landmark of [`PLANE_ROBOT`].
+pub(crate) const FRONT_LANDMARK: &str = r#"[targets.robot.landmarks.front]
+colors = "DATA/colors/landmark-red.colors.toml"
+start.gaussian = { position_m = [-1.3, -0.35, 0], position_sigma_m = 0.05, velocity_sigma_mps = 0.1 }
+"#;
+
+/// The yellow landmark of [`PLANE_ROBOT`].
+pub(crate) const REAR_LANDMARK: &str = r#"[targets.robot.landmarks.rear]
+colors = "DATA/colors/landmark-yellow.colors.toml"
+start.gaussian = { position_m = [-1.6, -0.35, 0], position_sigma_m = 0.05, velocity_sigma_mps = 0.1 }
+"#;

@@ -1,6 +1,6 @@
 //! Runs of the real program and the rows they write.
 
-use std::process::Command;
+use std::process::{Child, Command};
 
 /// The first line of every tracks.csv.
 pub(crate) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
@@ -58,4 +58,18 @@ impl Run {
             assert!(said, "no {wanted:?} in: {}", self.stderr);
         }
     }
+}
+
+/// Interrupts a running program as Ctrl-C does, checks that it ends with exit code 1 and returns its standard error.
+pub(crate) fn interrupt(child: Child) -> String {
+    // The shell's built-in kill, because the program of that name is not installed everywhere.
+    let sent = Command::new("/bin/sh")
+        .args(["-c", &format!("kill -INT {}", child.id())])
+        .status()
+        .unwrap();
+    assert!(sent.success());
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    stderr
 }

@@ -5,6 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, SystemTime};
 
 use super::{EXPERIMENT, pardalis, workplace};
+use crate::common::run::interrupt;
 use crate::common::{Run, SCENE, Workplace, data};
 
 const CSV: &str = "out/small/results.csv";
@@ -133,15 +134,7 @@ fn what_was_finished_before_ctrl_c_is_kept_and_the_rest_follows() {
         assert!(child.try_wait().unwrap().is_none(), "it ended early");
         std::thread::sleep(Duration::from_millis(1));
     }
-    // The shell's own kill: the program of that name is not everywhere.
-    let sent = Command::new("/bin/sh")
-        .args(["-c", &format!("kill -INT {}", child.id())])
-        .status()
-        .unwrap();
-    assert!(sent.success());
-    let output = child.wait_with_output().unwrap();
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    let stderr = interrupt(child);
     assert!(
         stderr.contains("interrupted: ") && stderr.contains(" of 42 seeds"),
         "{stderr}"

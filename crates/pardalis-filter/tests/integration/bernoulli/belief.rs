@@ -23,16 +23,15 @@ const VELOCITY_SIGMA_MPS: f64 = 1.0;
 const RATE_HZ: f64 = 0.2;
 
 fn settings() -> BernoulliSettings {
-    BernoulliSettings {
-        // Detections are four times as uncertain as what a step adds to a position: velocities that were sampled at a birth are remembered for long.
-        particle_count: 2000,
-        birth_rate_hz: RATE_HZ,
-        death_rate_hz: RATE_HZ,
-        relocation_rate_hz: RATE_HZ,
-        birth_density: SIDE_M.powi(-3),
-        birth_velocity_sigma_mps: VELOCITY_SIGMA_MPS,
-        ..BernoulliSettings::of(velocity())
-    }
+    let mut settings = BernoulliSettings::of(velocity());
+    // Detections are four times as uncertain as what a step adds to a position: velocities that were sampled at a birth are remembered for long.
+    settings.particle_count = 2000;
+    settings.birth_rate_hz = RATE_HZ;
+    settings.death_rate_hz = RATE_HZ;
+    settings.relocation_rate_hz = RATE_HZ;
+    settings.birth_density = SIDE_M.powi(-3);
+    settings.birth_velocity_sigma_mps = VELOCITY_SIGMA_MPS;
+    settings
 }
 
 /// A world that behaves as the filter thinks.

@@ -135,10 +135,8 @@ fn what_speaks_for_a_place_speaks_for_existence_only_so_far() {
 
 #[test]
 fn a_prediction_is_as_dense_as_its_gaussian() {
-    let settings = BernoulliSettings {
-        velocity_jump_rate_hz: 0.0,
-        ..certain(velocity())
-    };
+    let mut settings = certain(velocity());
+    settings.velocity_jump_rate_hz = 0.0;
     let mut tracked = filter(settings, 1);
     let nowhere = tracked.predicted_density(START.position_m, &slanted(0.2, 0.03));
     assert_eq!(nowhere, 0.0);
@@ -158,14 +156,9 @@ fn a_prediction_is_as_dense_as_its_gaussian() {
     }
     // Kicks: now and then it is predicted wider.
     let (rate_hz, sigma_mps, dt_s) = (2.0, 3.0, 0.3_f64);
-    let mut kicked = filter(
-        BernoulliSettings {
-            velocity_jump_rate_hz: rate_hz,
-            velocity_jump_sigma_mps: sigma_mps,
-            ..settings
-        },
-        1,
-    );
+    settings.velocity_jump_rate_hz = rate_hz;
+    settings.velocity_jump_sigma_mps = sigma_mps;
+    let mut kicked = filter(settings, 1);
     kicked.start(&POINT_START, 1.0).unwrap();
     kicked.predict(dt_s);
     let chance = 1.0 - (-rate_hz * dt_s).exp();
@@ -197,10 +190,8 @@ fn a_target_that_comes_into_being_is_found_at_once() {
         log_weight: 40.0,
     };
     for started in [false, true] {
-        let settings = BernoulliSettings {
-            birth_velocity_sigma_mps: 0.8,
-            ..lively()
-        };
+        let mut settings = lively();
+        settings.birth_velocity_sigma_mps = 0.8;
         let mut born = filter(settings, 3);
         if started {
             born.start(&START, 0.9).unwrap();
@@ -402,11 +393,9 @@ fn in_a_plane_a_prediction_is_so_dense_a_square_metre() {
 
 #[test]
 fn in_a_plane_densities_have_two_dimensions_and_particles_one_height() {
-    let settings = BernoulliSettings {
-        motion: walk(0.3).in_plane(),
-        birth_density: 0.05,
-        ..lively()
-    };
+    let mut settings = lively();
+    settings.motion = walk(0.3).in_plane();
+    settings.birth_density = 0.05;
     let variance = 0.3 * 0.2;
     let mean = Vector3::from(START.position_m);
     let near = mean + Vector3::new(0.3, -0.1, 0.0);

@@ -11,6 +11,9 @@ use proptest::prelude::*;
 
 use super::{START, filter, lively, matrix, velocity, walk};
 
+/// Makes settings invalid.
+type Break = fn(&mut BernoulliSettings);
+
 #[test]
 fn other_motion_and_settings_out_of_range_are_refused() {
     let jumping = RandomWalk::new(PositionNoise::Diffusion { density_m2ps: 1.0 })
@@ -39,50 +42,26 @@ fn other_motion_and_settings_out_of_range_are_refused() {
         );
     }
     let good = lively();
-    for (settings, name) in [
+    let breaks: [(Break, &str); 6] = [
+        (|settings| settings.particle_count = 0, "particles"),
+        (|settings| settings.birth_rate_hz = -1.0, "birth_rate_hz"),
         (
-            BernoulliSettings {
-                particle_count: 0,
-                ..good
-            },
-            "particles",
-        ),
-        (
-            BernoulliSettings {
-                birth_rate_hz: -1.0,
-                ..good
-            },
-            "birth_rate_hz",
-        ),
-        (
-            BernoulliSettings {
-                death_rate_hz: f64::NAN,
-                ..good
-            },
+            |settings| settings.death_rate_hz = f64::NAN,
             "death_rate_hz",
         ),
         (
-            BernoulliSettings {
-                relocation_rate_hz: f64::INFINITY,
-                ..good
-            },
+            |settings| settings.relocation_rate_hz = f64::INFINITY,
             "relocation_rate_hz",
         ),
+        (|settings| settings.birth_density = -0.1, "birth_density"),
         (
-            BernoulliSettings {
-                birth_density: -0.1,
-                ..good
-            },
-            "birth_density",
-        ),
-        (
-            BernoulliSettings {
-                birth_velocity_sigma_mps: -0.1,
-                ..good
-            },
+            |settings| settings.birth_velocity_sigma_mps = -0.1,
             "birth_velocity_sigma_mps",
         ),
-    ] {
+    ];
+    for (make_invalid, name) in breaks {
+        let mut settings = good;
+        make_invalid(&mut settings);
         let error = BernoulliFilter::new(settings, Draws::new(1, 0)).unwrap_err();
         assert!(error.to_string().starts_with(name), "{error}");
     }
@@ -196,17 +175,10 @@ proptest! {
             1..8,
         ),
     ) {
-        let [birth_rate_hz, death_rate_hz, relocation_rate_hz] = rates_hz;
-        let settings = BernoulliSettings {
-            particle_count: 37,
-            motion,
-            birth_rate_hz,
-            death_rate_hz,
-            relocation_rate_hz,
-            birth_density,
-            birth_velocity_sigma_mps: 1.0,
-            ..BernoulliSettings::of(motion)
-        };
+        let mut settings = BernoulliSettings::of(motion);
+        settings.particle_count = 37;
+        [settings.birth_rate_hz, settings.death_rate_hz, settings.relocation_rate_hz] = rates_hz;
+        settings.birth_density = birth_density;
         let mut filter = filter(settings, 9);
         if starts {
             filter.start(&START, 0.8).unwrap();

@@ -34,22 +34,20 @@ fn walk(density_m2ps: f64) -> Motion {
 
 /// Neither births, nor deaths, nor jumps.
 fn certain(motion: Motion) -> BernoulliSettings {
-    BernoulliSettings {
-        birth_rate_hz: 0.0,
-        death_rate_hz: 0.0,
-        relocation_rate_hz: 0.0,
-        ..BernoulliSettings::of(motion)
-    }
+    let mut settings = BernoulliSettings::of(motion);
+    settings.birth_rate_hz = 0.0;
+    settings.death_rate_hz = 0.0;
+    settings.relocation_rate_hz = 0.0;
+    settings
 }
 
 /// Births, deaths and jumps, each at another rate.
 fn lively() -> BernoulliSettings {
-    BernoulliSettings {
-        birth_rate_hz: 0.3,
-        death_rate_hz: 0.2,
-        relocation_rate_hz: 0.15,
-        ..BernoulliSettings::of(velocity())
-    }
+    let mut settings = BernoulliSettings::of(velocity());
+    settings.birth_rate_hz = 0.3;
+    settings.death_rate_hz = 0.2;
+    settings.relocation_rate_hz = 0.15;
+    settings
 }
 
 fn filter(settings: BernoulliSettings, seed: u32) -> BernoulliFilter {

@@ -121,14 +121,30 @@ impl Detection {
     }
 }
 
-/// Detections of one instant. Owns their buffers: no more of them than before allocate nothing.
-#[derive(Debug, Default)]
+/// Detections of one instant. Owns their buffers: no more of them than it has room for, or than before, allocate nothing.
+#[derive(Debug)]
 pub(crate) struct Detections {
     buffers: Vec<Detection>,
     count: usize,
 }
 
 impl Detections {
+    /// Makes room for detections, each with an outline of this many points in each camera.
+    pub(crate) fn with_room(detections: usize, cameras: usize, points: usize) -> Self {
+        let lines = || {
+            let lines = (0..cameras).map(|_| CorrespondenceLines::with_room(points));
+            lines.collect()
+        };
+        let detection = |_| Detection {
+            lines: lines(),
+            ..Detection::default()
+        };
+        Self {
+            buffers: (0..detections).map(detection).collect(),
+            count: 0,
+        }
+    }
+
     /// Removes all.
     pub(crate) fn clear(&mut self) {
         self.count = 0;

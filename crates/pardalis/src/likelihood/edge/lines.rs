@@ -145,6 +145,15 @@ fn orientation(outline: &[Coordinates]) -> f32 {
 }
 
 impl CorrespondenceLines {
+    /// Lines with room for an outline of this many points.
+    pub(super) fn with_room(points: usize) -> Self {
+        Self {
+            crossings: Vec::with_capacity(points),
+            log_ratios: Vec::with_capacity(points),
+            ..Self::default()
+        }
+    }
+
     /// Places lines across an outline, given as the first lane of its points, in an octave of the frame. Returns `false` if too little of it lies in the image, or if inside and
     /// outside have the same colours.
     pub(super) fn place(

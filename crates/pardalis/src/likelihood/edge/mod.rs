@@ -26,8 +26,17 @@ use pardalis_core::Error;
 use pardalis_core::simd::Level;
 
 /// Parameters of the edge cue.
+///
+/// ```
+/// use pardalis::likelihood::EdgeSettings;
+///
+/// let mut settings = EdgeSettings::default();
+/// settings.correspondence_lines = 100;
+/// assert!(settings.check().is_ok());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::struct_excessive_bools)] // parts that are switched off one by one, not states
+#[non_exhaustive]
 pub struct EdgeSettings {
     /// The number of correspondence lines across the outline, 16 to 1000.
     pub correspondence_lines: usize,

@@ -7,6 +7,7 @@ use super::tuning::{
     DISTINCT_DIAMETERS, FRAMES_BETWEEN_SEARCHES, MAX_DETECTIONS, MIN_LOG_RATIO,
     MIN_PREDICTED_EXISTENCE, SURE_EXISTENCE, SURE_LOG_RATIO,
 };
+use crate::detect::MAX_BLOBS;
 use crate::likelihood::edge::{Detection, Detections, EdgeCue, EdgeFrame};
 use crate::shape::Shape;
 use pardalis_filter::estimate::StateEstimate;
@@ -30,14 +31,22 @@ pub(super) struct Prediction {
 }
 
 impl Detector {
-    /// A detector of a body of this shape, on the ground at this height (metres) if its motion is planar.
-    pub(super) fn new(shape: Shape, ground_z_m: Option<f64>) -> Self {
+    /// A detector of a body of this shape with outlines of this many points, on the ground at this height (metres) if its motion is planar.
+    ///
+    /// It has room for a detection near the prediction and one at each blob; only where rays of several cameras meet may there be more.
+    pub(super) fn new(
+        shape: Shape,
+        ground_z_m: Option<f64>,
+        cameras: usize,
+        points: usize,
+    ) -> Self {
+        let room = 1 + cameras * MAX_BLOBS;
         Self {
             shape,
             is_planar: ground_z_m.is_some(),
             candidates: CandidateSearch::new(shape, ground_z_m),
             since_search: 0,
-            detections: Detections::default(),
+            detections: Detections::with_room(room, cameras, points),
         }
     }
 

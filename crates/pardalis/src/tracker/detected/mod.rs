@@ -37,7 +37,7 @@ use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Measurement
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
 use tuning::{
-    BIRTH_DIAMETERS, BIRTH_VELOCITY_SIGMA_MPS, FOUND_CONFIDENCE, LOST_CONFIDENCE,
+    BIRTH_DIAMETERS, BIRTH_VELOCITY_SIGMA_MPS, FOUND_CONFIDENCE, LOST_CONFIDENCE, MAX_DETECTIONS,
     TIME_BEFORE_START_S,
 };
 use update::{Measurement, update};
@@ -78,7 +78,6 @@ struct CameraImage {
 }
 
 /// Memory that steps use again.
-#[derive(Default)]
 struct Buffers {
     frames: Vec<EdgeFrame<'static>>,
     associated: Vec<AssociatedDetection>,
@@ -107,20 +106,16 @@ impl DetectedTarget {
         let is_planar = motion.is_planar();
         let extent_m = BIRTH_DIAMETERS * shape.diameter_m();
         let birth_density = libm::pow(extent_m, if is_planar { -2.0 } else { -3.0 });
-        let filter = BernoulliFilter::new(
-            BernoulliSettings {
-                particle_count: settings.particle_count,
-                motion,
-                birth_rate_hz: existence.birth_rate_hz,
-                death_rate_hz: existence.death_rate_hz,
-                relocation_rate_hz: existence.relocation_rate_hz,
-                birth_density,
-                birth_velocity_sigma_mps: BIRTH_VELOCITY_SIGMA_MPS,
-                velocity_jump_rate_hz: existence.velocity_jump_rate_hz,
-                velocity_jump_sigma_mps: existence.velocity_jump_sigma_mps,
-            },
-            draws,
-        )?;
+        let mut filter = BernoulliSettings::of(motion);
+        filter.particle_count = settings.particle_count;
+        filter.birth_rate_hz = existence.birth_rate_hz;
+        filter.death_rate_hz = existence.death_rate_hz;
+        filter.relocation_rate_hz = existence.relocation_rate_hz;
+        filter.birth_density = birth_density;
+        filter.birth_velocity_sigma_mps = BIRTH_VELOCITY_SIGMA_MPS;
+        filter.velocity_jump_rate_hz = existence.velocity_jump_rate_hz;
+        filter.velocity_jump_sigma_mps = existence.velocity_jump_sigma_mps;
+        let filter = BernoulliFilter::new(filter, draws)?;
         let ground_z_m = is_planar.then_some(existence.ground_z_m);
         Ok(Self {
             track: Track::new(views.len()),
@@ -132,14 +127,23 @@ impl DetectedTarget {
             existence,
             birth_density,
             filter,
-            detector: Detector::new(shape, ground_z_m),
+            detector: Detector::new(
+                shape,
+                ground_z_m,
+                views.len(),
+                settings.edge.correspondence_lines,
+            ),
             images: vec![CameraImage::default(); views.len()],
             adaptations: vec![Adaptation::default(); views.len()],
             visibilities: vec![None; views.len()],
             log_ratios: vec![Vec::new(); views.len()],
             detection_m2: None,
             other_landmarks_m: Vec::new(),
-            buffers: Buffers::default(),
+            buffers: Buffers {
+                frames: Vec::with_capacity(views.len()),
+                associated: Vec::with_capacity(MAX_DETECTIONS),
+                components: Vec::with_capacity(MAX_DETECTIONS),
+            },
         })
     }
 

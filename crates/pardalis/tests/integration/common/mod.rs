@@ -6,7 +6,6 @@ pub(crate) mod robot;
 use std::path::PathBuf;
 
 use pardalis::color::{ColorLearner, ColorModel, Palette, YuvEncoding};
-use pardalis::likelihood::{ContourSettings, Cue};
 use pardalis::shape::{Shape, Sphere, SphereOutline};
 use pardalis::start::Start;
 use pardalis::tracker::{DetectedSettings, InitializedSettings};
@@ -17,7 +16,6 @@ use pardalis_camera::{Pose, pose_from_matrix};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 use pardalis_filter::motion::{ConstantVelocity, VelocityNoise};
 use pardalis_filter::particle_filter::FilterSettings;
-use pardalis_filter::resample::Resampling;
 use pardalis_images::{RgbImage, decode};
 
 /// Width and height of the sequence's images in pixels.
@@ -156,12 +154,10 @@ pub(crate) fn ball_filter(particle_count: usize) -> FilterSettings {
     let noise = VelocityNoise::PiecewiseConstant {
         acceleration_sigma_mps2: 0.09 * FPS * FPS,
     };
-    FilterSettings {
-        particle_count,
-        motion: ConstantVelocity::new(noise).unwrap().into(),
-        resampling: Resampling::Systematic,
-        resample_below: 1.0,
-    }
+    let mut filter = FilterSettings::default();
+    filter.particle_count = particle_count;
+    filter.motion = ConstantVelocity::new(noise).unwrap().into();
+    filter
 }
 
 /// Returns a rough start position of the ball in the first frames.
@@ -176,13 +172,11 @@ pub(crate) fn ball_start() -> GaussianStart {
 
 /// Returns the ball as a target of the tracker.
 pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> InitializedSettings {
-    InitializedSettings {
-        shape: Shape::Sphere(ball()),
-        colors: Some(ball_colors(palette)),
-        cues: vec![Cue::Contour(ContourSettings::default()).into()],
-        filter: ball_filter(particle_count),
-        start: Start::Gaussian(ball_start()),
-    }
+    let (shape, colors) = (Shape::Sphere(ball()), ball_colors(palette));
+    let start = Start::Gaussian(ball_start());
+    let mut target = InitializedSettings::new(shape, Some(colors), start);
+    target.filter = ball_filter(particle_count);
+    target
 }
 
 /// The ball as a target that the tracker detects itself, of which nothing but size and colours is known.

@@ -11,9 +11,6 @@ use pardalis_calibrate::plane::{PointPair, fit};
 use pardalis_camera::Pose;
 use pardalis_camera::{Camera, Plane};
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
-use pardalis_filter::motion::Motion;
-use pardalis_filter::particle_filter::FilterSettings;
-use pardalis_filter::resample::Resampling;
 use pardalis_images::RgbImage;
 
 use super::{SIZE, data, open};
@@ -64,28 +61,24 @@ pub(crate) fn landmark_colors(name: &str) -> ColorModel {
 /// Returns the robot with its landmarks, red in front and yellow behind, each with the region and difference
 /// cues.
 pub(crate) fn robot_target(particle_count: usize) -> TargetSettings {
-    let body = |colors, x_m| InitializedSettings {
-        shape: landmark(),
-        colors: Some(landmark_colors(colors)),
-        cues: vec![
-            Cue::Region(PatchSettings::within(&landmark())).into(),
-            Cue::Difference(PatchSettings::around()).into(),
-        ],
-        filter: FilterSettings {
-            particle_count,
-            motion: Motion::DEFAULT.in_plane(),
-            resampling: Resampling::Systematic,
-            resample_below: 1.0,
-        },
-        start: Start::Gaussian(GaussianStart {
+    let body = |colors, x_m| {
+        let start = Start::Gaussian(GaussianStart {
             position_m: [x_m, -0.35, 0.0],
             covariance_m2: diagonal_m2([0.05, 0.05, 0.0]),
             velocity_sigma_mps: [0.1, 0.1, 0.0],
             ..GaussianStart::default()
-        }),
+        });
+        let colors = Some(landmark_colors(colors));
+        let mut settings = InitializedSettings::new(landmark(), colors, start);
+        settings.cues = vec![
+            Cue::Region(PatchSettings::within(&landmark())).into(),
+            Cue::Difference(PatchSettings::around()).into(),
+        ];
+        settings.filter.particle_count = particle_count;
+        settings
     };
-    TargetSettings {
-        bodies: vec![body("red", -1.3).into(), body("yellow", -1.6).into()],
-        heading: Some([0, 1]),
-    }
+    let landmarks = vec![body("red", -1.3).into(), body("yellow", -1.6).into()];
+    let mut target = TargetSettings::of_landmarks(landmarks);
+    target.heading = Some([0, 1]);
+    target
 }

@@ -324,15 +324,14 @@ fn some_settings(random: &mut Uniform) -> ContourSettings {
         steps: 1 + random.below(3),
         middle: random.below(2) == 0,
     });
-    ContourSettings {
-        points,
-        sampling: if random.below(3) == 0 && points >= 6 {
-            spline
-        } else {
-            scaled
-        },
-        ..Default::default()
-    }
+    let mut settings = ContourSettings::default();
+    settings.points = points;
+    settings.sampling = if random.below(3) == 0 && points >= 6 {
+        spline
+    } else {
+        scaled
+    };
+    settings
 }
 
 /// Counts of compared particles.
@@ -466,10 +465,8 @@ fn kernels_agree_with_the_reference_for_any_number_of_particles_and_points() {
         (257, 50),
         (1000, 49),
     ] {
-        let settings = ContourSettings {
-            points,
-            ..Default::default()
-        };
+        let mut settings = ContourSettings::default();
+        settings.points = points;
         let particles = particles(&views[0], count, &mut random);
         let frames = [(0, frame.clone())];
         compare(
@@ -503,10 +500,8 @@ fn likelihoods_of_cameras_multiply() {
     for (camera, frame) in &frames {
         views[*camera].prepare(PixelKind::of(frame), colors.palette());
     }
-    let settings = ContourSettings {
-        points: 20,
-        ..Default::default()
-    };
+    let mut settings = ContourSettings::default();
+    settings.points = 20;
     let mut tally = Tally::default();
     let particles = particles(&views[0], 500, &mut Uniform::new(13));
     compare(

@@ -27,12 +27,12 @@ use crate::common::{ball, ball_colors, fisheye, frame, jump_picture, world_from_
 const HALFWAY: f64 = 1e-4;
 
 fn some_settings(random: &mut Uniform) -> PatchSettings {
-    PatchSettings {
-        scale: random.between(0.3, 2.0),
-        samples: 1 + random.below(12),
-        bins: ChannelBins::new(2 << random.below(6)).unwrap(),
-        sigma: random.between(0.05, 0.5),
-    }
+    let mut settings = PatchSettings::around();
+    settings.scale = random.between(0.3, 2.0);
+    settings.samples = 1 + random.below(12);
+    settings.bins = ChannelBins::new(2 << random.below(6)).unwrap();
+    settings.sigma = random.between(0.05, 0.5);
+    settings
 }
 
 fn log_likelihoods(
@@ -278,28 +278,16 @@ fn region_cues_require_a_flat_shape_and_valid_settings() {
         let refused = made(Shape::Sphere(ball()), cue).unwrap_err().to_string();
         assert!(refused.contains("disc or rectangle"), "{refused}");
     }
-    for broken in [
-        PatchSettings {
-            scale: 0.0,
-            ..around
-        },
-        PatchSettings {
-            scale: f64::NAN,
-            ..around
-        },
-        PatchSettings {
-            sigma: 0.0,
-            ..around
-        },
-        PatchSettings {
-            samples: 0,
-            ..around
-        },
-        PatchSettings {
-            samples: 65,
-            ..around
-        },
-    ] {
+    let breaks: [fn(&mut PatchSettings); 5] = [
+        |settings| settings.scale = 0.0,
+        |settings| settings.scale = f64::NAN,
+        |settings| settings.sigma = 0.0,
+        |settings| settings.samples = 0,
+        |settings| settings.samples = 65,
+    ];
+    for make_invalid in breaks {
+        let mut broken = around;
+        make_invalid(&mut broken);
         assert!(broken.check().is_err(), "{broken:?}");
     }
 }

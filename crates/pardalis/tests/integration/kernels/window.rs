@@ -93,12 +93,11 @@ fn window_counts_agree_with_the_reference_for_every_camera_format_and_mask() {
             for mask in [None, Some(mask.clone())] {
                 let mut views = [view(camera.clone(), world_from(&camera), &frames[0], mask)];
                 for frame in &frames {
-                    let settings = WindowSettings {
-                        ranges: Some(ORANGE),
-                        floor: random.between(0.01, 0.1),
-                        outside: random.between(0.01, 0.1),
-                        ..WindowSettings::of_size(1 + 2 * random.below(12))
-                    };
+                    let [floor, outside] = [(); 2].map(|()| random.between(0.01, 0.1));
+                    let mut settings = WindowSettings::of_size(1 + 2 * random.below(12));
+                    settings.ranges = Some(ORANGE);
+                    settings.floor = floor;
+                    settings.outside = outside;
                     cues(settings, WindowCounting::Cheaper, Level::best())
                         .prepare(&mut views[0], frame);
                     let particles = particles(&views[0], 60, &mut random);
@@ -120,10 +119,8 @@ fn likelihoods_of_a_rig_multiply_for_any_number_of_particles() {
     let picture = jump_picture(0);
     let frames = FORMATS.map(|format| frame(&picture, format, YuvEncoding::default(), 0.0));
     let frames: Vec<(usize, Frame)> = frames.into_iter().enumerate().collect();
-    let settings = WindowSettings {
-        ranges: Some(ORANGE),
-        ..WindowSettings::default()
-    };
+    let mut settings = WindowSettings::default();
+    settings.ranges = Some(ORANGE);
     let mut views: Vec<View> = frames
         .iter()
         .map(|(_, frame)| view(fisheye(), world_from_fisheye(), frame, None))
@@ -145,20 +142,14 @@ fn window_likelihoods_follow_the_paper() {
         [0.04, 0.04, 0.08, 1.0]
     );
     assert_eq!(settings.outside, 1.0 / 25.0);
-    for broken in [
-        WindowSettings {
-            size_px: 4,
-            ..settings
-        },
-        WindowSettings {
-            floor: 0.0,
-            ..settings
-        },
-        WindowSettings {
-            outside: f64::NAN,
-            ..settings
-        },
-    ] {
+    let breaks: [fn(&mut WindowSettings); 3] = [
+        |settings| settings.size_px = 4,
+        |settings| settings.floor = 0.0,
+        |settings| settings.outside = f64::NAN,
+    ];
+    for make_invalid in breaks {
+        let mut broken = settings;
+        make_invalid(&mut broken);
         assert!(broken.check().is_err(), "{broken:?}");
     }
     // Without a colour model the settings must give the ranges.

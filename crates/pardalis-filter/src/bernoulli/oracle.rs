@@ -1,0 +1,389 @@
+//! A naive Bernoulli update: plain densities and full covariance matrices, one particle after the other, straight from the formulas in the documentation of
+//! [`super`]. It takes the drawn positions as given and computes everything else: existence, weights, births and velocities.
+
+use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Vector3};
+
+use super::kinematics::Kinematics;
+use super::{BernoulliSettings, Hypothesis, MeasurementComponent};
+
+/// The variance that every step adds to a position, m².
+const STEP_VARIANCE_M2: f64 = 1e-10;
+
+/// A Gaussian, or a positive function with the shape of one.
+struct Gaussian {
+    mean: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+impl Gaussian {
+    fn squared(&self, position: &DVector<f64>) -> f64 {
+        let off = position - &self.mean;
+        let precision = self.covariance.clone().try_inverse().unwrap();
+        (off.transpose() * precision * off)[0]
+    }
+
+    fn density(&self, position: &DVector<f64>) -> f64 {
+        let determinant = (&self.covariance * std::f64::consts::TAU).determinant();
+        (-0.5 * self.squared(position)).exp() / determinant.sqrt()
+    }
+
+    /// The normalised product of two.
+    fn product(&self, other: &Self) -> Self {
+        let [a, b] = [self, other].map(|g| g.covariance.clone().try_inverse().unwrap());
+        let covariance = (a + &b).try_inverse().unwrap();
+        let mean = &self.mean + &covariance * b * (&other.mean - &self.mean);
+        Self { mean, covariance }
+    }
+}
+
+/// The probabilities that a target which existed with this probability is where it moved, elsewhere, or absent after `dt_s` seconds: a Markov chain with the
+/// rates of the settings.
+pub(super) fn chances(settings: &BernoulliSettings, existence: f64, dt_s: f64) -> [f64; 3] {
+    let (born, dead) = (settings.birth_rate_hz, settings.death_rate_hz);
+    let moved = settings.relocation_rate_hz;
+    // Columns: from located, from elsewhere, from absent.
+    let rates = Matrix3::new(
+        -dead - moved,
+        0.0,
+        0.0, //
+        moved,
+        -dead,
+        born, //
+        dead,
+        dead,
+        -born,
+    );
+    ((rates * dt_s).exp() * Vector3::new(existence, 0.0, 1.0 - existence)).into()
+}
+
+/// The covariance of position and velocity on one axis after a step.
+struct Moved {
+    covariance: Matrix2<f64>,
+}
+
+impl Moved {
+    fn gain_hz(&self) -> f64 {
+        self.covariance[(1, 0)] / self.covariance[(0, 0)]
+    }
+
+    fn velocity_variance_m2ps2(&self) -> f64 {
+        self.covariance[(1, 1)] - self.covariance[(1, 0)].powi(2) / self.covariance[(0, 0)]
+    }
+}
+
+/// The filter before an update, and its prediction.
+pub(super) struct Before<'a> {
+    pub(super) settings: BernoulliSettings,
+    pub(super) hypotheses: &'a [Hypothesis],
+    pub(super) weights: &'a [f64],
+    /// The time since the last update, seconds.
+    pub(super) dt_s: f64,
+    /// The probabilities that the target is located, elsewhere and absent after that time.
+    pub(super) chances: [f64; 3],
+    pub(super) components: &'a [MeasurementComponent],
+}
+
+/// What an update makes of positions that were drawn, before likelihoods count.
+pub(super) struct Drawn {
+    /// Prior density over proposal density, times the weight of the ancestor.
+    pub(super) weights: Vec<f64>,
+    pub(super) hypotheses: Vec<Hypothesis>,
+}
+
+impl Before<'_> {
+    fn axes(&self) -> usize {
+        self.settings.motion.free_axes()
+    }
+
+    fn kinematics(&self) -> Kinematics {
+        Kinematics::of(&self.settings.motion).unwrap()
+    }
+
+    /// The probability of a velocity jump and the velocity's variance that it adds, if the target has a velocity and time passed.
+    fn jump(&self) -> Option<(f64, f64)> {
+        let is_possible = self.settings.velocity_jump_rate_hz > 0.0 && self.dt_s > 0.0;
+        (is_possible && self.kinematics().has_velocity()).then(|| {
+            let none = (-self.settings.velocity_jump_rate_hz * self.dt_s).exp();
+            (1.0 - none, self.settings.velocity_jump_sigma_mps.powi(2))
+        })
+    }
+
+    /// A step of one axis, F·P·Fᵀ + Q, with a velocity jump of this variance at any time.
+    fn moved(&self, velocity_variance_m2ps2: f64, jump_m2ps2: f64) -> Moved {
+        let t = self.dt_s;
+        let added = Matrix2::new(STEP_VARIANCE_M2, 0.0, 0.0, 0.0);
+        let covariance = match self.kinematics() {
+            Kinematics::Walk { diffusion_m2ps } => Matrix2::new(diffusion_m2ps * t, 0.0, 0.0, 0.0),
+            Kinematics::Velocity {
+                acceleration_density_m2ps3,
+            } => {
+                let transition = Matrix2::new(1.0, t, 0.0, 1.0);
+                let before = Matrix2::new(0.0, 0.0, 0.0, velocity_variance_m2ps2);
+                // A jump at any time adds the covariance of acceleration noise of its variance per step.
+                let noise = Matrix2::new(t * t / 3.0, t / 2.0, t / 2.0, 1.0)
+                    * (acceleration_density_m2ps3 * t + jump_m2ps2);
+                transition * before * transition.transpose() + noise
+            }
+        };
+        Moved {
+            covariance: covariance + added,
+        }
+    }
+
+    fn vector(&self, position_m: [f64; 3]) -> DVector<f64> {
+        DVector::from_column_slice(&position_m[..self.axes()])
+    }
+
+    fn scaled(&self, variance: f64) -> DMatrix<f64> {
+        DMatrix::identity(self.axes(), self.axes()) * variance
+    }
+
+    fn prediction(&self, before: &Hypothesis, moved: &Moved) -> Gaussian {
+        let [position, velocity] = [before.position_m, before.velocity_mps].map(|v| self.vector(v));
+        Gaussian {
+            mean: position + velocity * self.dt_s,
+            covariance: self.scaled(moved.covariance[(0, 0)]),
+        }
+    }
+
+    /// The components' Gaussians, each with its weight beside the best and its share of the births.
+    fn components(&self) -> Vec<(Gaussian, f64, f64)> {
+        let log_weights = self.components.iter().map(|component| component.log_weight);
+        let greatest = log_weights.clone().fold(f64::NEG_INFINITY, f64::max);
+        let total: f64 = log_weights.map(|log| (log - greatest).exp()).sum();
+        let axes = self.axes();
+        let of = |component: &MeasurementComponent| {
+            let [xx, xy, xz, yy, yz, zz] = component.covariance_m2;
+            let covariance = DMatrix::from_row_slice(3, 3, &[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
+            let gaussian = Gaussian {
+                mean: self.vector(component.position_m),
+                covariance: covariance.view((0, 0), (axes, axes)).into(),
+            };
+            let weight = (component.log_weight - greatest).exp();
+            let share = 0.5 / self.components.len() as f64 + 0.5 * weight / total;
+            (gaussian, weight, share)
+        };
+        self.components.iter().map(of).collect()
+    }
+
+    /// The density of births at the components, whose standard deviations they double.
+    fn birth_density(&self, position: &DVector<f64>) -> f64 {
+        let of = |(component, _, share): (Gaussian, f64, f64)| {
+            let mean = component.mean;
+            let covariance = component.covariance * 4.0;
+            share * Gaussian { mean, covariance }.density(position)
+        };
+        self.components().into_iter().map(of).sum()
+    }
+
+    /// The density from which the filter draws the position of a particle with this prediction.
+    fn proposal_density(&self, position: &DVector<f64>, prediction: &Gaussian) -> f64 {
+        let predicted = prediction.density(position);
+        let components = self.components();
+        if components.is_empty() {
+            return predicted;
+        }
+        let [located, elsewhere, _] = self.chances;
+        let birth = 0.1 + 0.9 * elsewhere / (located + elsewhere);
+        // Components within six standard deviations, by how well they agree with the prediction.
+        let near = components.iter().filter_map(|(component, weight, _)| {
+            let both = Gaussian {
+                mean: component.mean.clone(),
+                covariance: &component.covariance + &prediction.covariance,
+            };
+            let is_near = both.squared(&prediction.mean) <= 36.0;
+            is_near.then(|| (component, weight * both.density(&prediction.mean)))
+        });
+        let total: f64 = near.clone().map(|(_, agreement)| agreement).sum();
+        if total == 0.0 {
+            let birth = birth + (1.0 - birth) * 0.75 / 2.0;
+            return birth * self.birth_density(position) + (1.0 - birth) * predicted;
+        }
+        let products = near.map(|(component, agreement)| {
+            agreement / total * prediction.product(component).density(position)
+        });
+        birth * self.birth_density(position)
+            + (1.0 - birth) * (0.75 * products.sum::<f64>() + 0.25 * predicted)
+    }
+
+    /// The ancestor of each particle and its weight: those of systematic resampling if the effective sample size is half the number of particles or less.
+    fn ancestors(&self, resampling: f64) -> Vec<(usize, f64)> {
+        let count = self.weights.len();
+        let squares: f64 = self.weights.iter().map(|weight| weight * weight).sum();
+        if 1.0 / squares > 0.5 * count as f64 {
+            return self.weights.iter().copied().enumerate().collect();
+        }
+        let sum = |weights: &[f64]| weights.iter().sum::<f64>();
+        let ancestor = |i: usize| {
+            let point = (i as f64 + resampling) / count as f64 * sum(self.weights);
+            let is_beyond = |&j: &usize| sum(&self.weights[..=j]) > point;
+            (0..count).find(is_beyond).unwrap_or(count - 1)
+        };
+        let share = 1.0 / count as f64;
+        (0..count).map(|i| (ancestor(i), share)).collect()
+    }
+
+    fn born(&self, position_m: [f64; 3]) -> Hypothesis {
+        let has_velocity = self.kinematics().has_velocity();
+        let sigma_mps = self.settings.birth_velocity_sigma_mps;
+        Hypothesis {
+            position_m,
+            velocity_mps: [0.0; 3],
+            velocity_variance_m2ps2: if has_velocity { sigma_mps.powi(2) } else { 0.0 },
+        }
+    }
+
+    /// What the first draw makes of these positions. `resampling` is the offset of systematic resampling, `births` are the uniform numbers that say
+    /// whether a target was elsewhere before.
+    pub(super) fn first_draw(
+        &self,
+        positions_m: &[[f64; 3]],
+        resampling: f64,
+        births: impl Fn(usize) -> f64,
+    ) -> Drawn {
+        let [located, elsewhere, _] = self.chances;
+        let has_births = !self.components.is_empty();
+        let ancestors = self.ancestors(resampling);
+        let (mut weights, mut hypotheses) = (Vec::new(), Vec::new());
+        for (i, &position_m) in positions_m.iter().enumerate() {
+            let (ancestor, weight) = ancestors[i];
+            let before = &self.hypotheses[ancestor];
+            // One particle in four has a jump, whatever its probability.
+            let (jump_m2ps2, correction) = match self.jump() {
+                None => (0.0, 1.0),
+                Some((chance, variance)) if i % 4 == 0 => (variance, chance / 0.25),
+                Some((chance, _)) => (0.0, (1.0 - chance) / 0.75),
+            };
+            let moved = self.moved(before.velocity_variance_m2ps2, jump_m2ps2);
+            let prediction = self.prediction(before, &moved);
+            let position = self.vector(position_m);
+            let continued = located * prediction.density(&position);
+            let born = f64::from(has_births) * elsewhere * self.settings.birth_density;
+            let prior = continued + born;
+            let proposal = self.proposal_density(&position, &prediction);
+            weights.push(weight * correction * prior / proposal);
+            hypotheses.push(if births(i) < born / prior {
+                self.born(position_m)
+            } else {
+                let mut velocity_mps = before.velocity_mps;
+                let off_m = position - prediction.mean;
+                for (velocity, off_m) in velocity_mps.iter_mut().zip(&off_m) {
+                    *velocity += moved.gain_hz() * off_m;
+                }
+                Hypothesis {
+                    position_m,
+                    velocity_mps,
+                    velocity_variance_m2ps2: moved.velocity_variance_m2ps2(),
+                }
+            });
+        }
+        Drawn {
+            weights,
+            hypotheses,
+        }
+    }
+
+    /// Whether the particles after the first draw agree too little with the images: their effective sample size is less than a tenth of their number, and was
+    /// not before.
+    pub(super) fn is_drawn_again(&self, new_weights: &[f64]) -> bool {
+        let effective = |weights: &[f64]| 1.0 / weights.iter().map(|w| w * w).sum::<f64>();
+        let least = 0.1 * self.weights.len() as f64;
+        effective(new_weights) < least
+            && effective(self.weights) > least
+            && self.chances[0] > 0.0
+            && !self.components.is_empty()
+    }
+
+    /// The moments of position and velocity over all particles' predictions, with a velocity jump of this variance.
+    fn moments(&self, jump_m2ps2: f64) -> Moments {
+        let axes = self.axes();
+        let joint = |before: &Hypothesis| {
+            let moved = self.moved(before.velocity_variance_m2ps2, jump_m2ps2);
+            let position = self.prediction(before, &moved).mean;
+            let velocity = self.vector(before.velocity_mps);
+            let mean = DVector::from_iterator(2 * axes, position.iter().chain(&velocity).copied());
+            (mean, moved.covariance.kronecker(&self.scaled(1.0)))
+        };
+        let joints: Vec<_> = self.hypotheses.iter().map(joint).collect();
+        let mut mean = DVector::zeros(2 * axes);
+        for ((of_particle, _), weight) in joints.iter().zip(self.weights) {
+            mean += of_particle * *weight;
+        }
+        let mut covariance = DMatrix::zeros(2 * axes, 2 * axes);
+        for ((of_particle, own), weight) in joints.iter().zip(self.weights) {
+            let off = of_particle - &mean;
+            covariance += (&off * off.transpose() + own) * *weight;
+        }
+        let block = |row: usize, column: usize| -> DMatrix<f64> {
+            let start = (row * axes, column * axes);
+            covariance.view(start, (axes, axes)).into()
+        };
+        let gain = block(1, 0) * block(0, 0).try_inverse().unwrap();
+        let rest = block(1, 1) - &gain * block(0, 1);
+        Moments {
+            position: Gaussian {
+                mean: mean.rows(0, axes).into(),
+                covariance: block(0, 0),
+            },
+            velocity: mean.rows(axes, axes).into(),
+            gain,
+            velocity_variance_m2ps2: (rest.trace() / axes as f64).max(0.0),
+        }
+    }
+
+    /// What the moment-matched draw makes of these positions. `uniforms` are those that say whether a target's velocity jumped, and whether it was elsewhere
+    /// before.
+    pub(super) fn moment_matched_draw(
+        &self,
+        positions_m: &[[f64; 3]],
+        uniforms: impl Fn(usize) -> [f64; 2],
+    ) -> Drawn {
+        let [located, elsewhere, _] = self.chances;
+        let (chance, jump_m2ps2) = self.jump().unwrap_or_default();
+        let [steady, jumped] = [self.moments(0.0), self.moments(jump_m2ps2)];
+        let (mut weights, mut hypotheses) = (Vec::new(), Vec::new());
+        for (i, &position_m) in positions_m.iter().enumerate() {
+            let position = self.vector(position_m);
+            let as_steady = (1.0 - chance) * steady.position.density(&position);
+            let predicted = as_steady + chance * jumped.position.density(&position);
+            let born = elsewhere * self.settings.birth_density;
+            let prior = located * predicted + born;
+            let proposal = 0.5 * self.birth_density(&position) + 0.5 * predicted;
+            weights.push(prior / proposal / positions_m.len() as f64);
+            let [jump, birth] = uniforms(i);
+            hypotheses.push(if birth < born / prior {
+                self.born(position_m)
+            } else {
+                let has_jumped = jump >= as_steady / predicted;
+                if has_jumped { &jumped } else { &steady }.at(position_m, &position)
+            });
+        }
+        Drawn {
+            weights,
+            hypotheses,
+        }
+    }
+}
+
+/// A Gaussian over position and velocity.
+struct Moments {
+    position: Gaussian,
+    velocity: DVector<f64>,
+    /// The regression of the velocity on the position.
+    gain: DMatrix<f64>,
+    velocity_variance_m2ps2: f64,
+}
+
+impl Moments {
+    /// The hypothesis that the position leaves.
+    fn at(&self, position_m: [f64; 3], position: &DVector<f64>) -> Hypothesis {
+        let velocity = &self.velocity + &self.gain * (position - &self.position.mean);
+        let mut velocity_mps = [0.0; 3];
+        velocity_mps[..velocity.len()].copy_from_slice(velocity.as_slice());
+        Hypothesis {
+            position_m,
+            velocity_mps,
+            velocity_variance_m2ps2: self.velocity_variance_m2ps2,
+        }
+    }
+}

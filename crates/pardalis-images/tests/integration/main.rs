@@ -1,0 +1,3 @@
+//! Integration tests of decoding, in one executable.
+
+mod decode;
