@@ -31,7 +31,7 @@ pub(super) fn read(journal: &Journal, table: &Table) -> Vec<Object> {
         .collect();
     for (carrier, place) in carriers {
         if let Some(Object {
-            course: Course::Rides { .. },
+            course: Course::Attached { .. },
             ..
         }) = &objects[carrier]
         {
@@ -176,7 +176,7 @@ fn read_course(
                 let about = "Offset in the other object's frame: x ahead, y to its left, z up.";
                 let offset_m = read_point(path, "offset_m", about);
                 carriers.extend(carrier.map(|carrier| (carrier, path.at("to", ()))));
-                return Some(Course::Rides {
+                return Some(Course::Attached {
                     carrier: carrier?,
                     offset_m: offset_m?,
                 });

@@ -6,12 +6,14 @@ use std::ops::RangeInclusive;
 use pardalis_calibrate::{Calibration, FittedParameter, FittedView};
 use pardalis_camera::Camera;
 
-use super::fit::{Fit, Fits, all_sightings, free_parameters, largest_residual_px, sightings};
+use super::fit::{
+    Fit, Fits, all_observed_points, free_parameters, largest_residual_px, observed_points,
+};
 use super::images::SearchedImage;
 use super::observations::Observations;
 use super::trial::Trial;
 use crate::commands::camera::optics::Optics;
-use crate::draw::calibration::Sighting;
+use crate::draw::calibration::ObservedPoint;
 
 /// Largest number of outliers that are listed.
 const MAX_LISTED: usize = 20;
@@ -42,13 +44,13 @@ impl Report<'_> {
     }
 
     /// Returns the points of a view of the best fit.
-    pub(super) fn sightings(&self, view: usize) -> Vec<Sighting> {
-        sightings(self.best(), &self.observations.views, view)
+    pub(super) fn observed_points(&self, view: usize) -> Vec<ObservedPoint> {
+        observed_points(self.best(), &self.observations.views, view)
     }
 
     /// Returns the points of all views of a fit.
-    pub(super) fn all_sightings(&self, fit: &Calibration) -> Vec<Sighting> {
-        all_sightings(fit, &self.observations.views)
+    pub(super) fn all_observed_points(&self, fit: &Calibration) -> Vec<ObservedPoint> {
+        all_observed_points(fit, &self.observations.views)
     }
 
     /// Returns a title such as `40 points in 1 view, images of 640 x 480 pixels`.
@@ -101,7 +103,7 @@ impl Report<'_> {
                 fit.held_out_rms_px.map_or_else(|| "-".to_owned(), pixels)
             }),
             row("largest residual (px)", &|fit| {
-                pixels(largest_residual_px(&self.all_sightings(fit)))
+                pixels(largest_residual_px(&self.all_observed_points(fit)))
             }),
             row("outliers", &|fit| outlier_count(fit).to_string()),
             row("farthest ray from the axis (deg)", &|fit| {

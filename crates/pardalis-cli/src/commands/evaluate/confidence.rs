@@ -1,6 +1,6 @@
 //! What the confidences of a track are worth.
 
-use pardalis_evaluate::{Claim, Reliability, TrueState, reliability};
+use pardalis_evaluate::{CheckedConfidence, Reliability, TrueState, reliability};
 use serde::Serialize;
 
 use super::{Options, is_seen_by_so_many};
@@ -17,7 +17,7 @@ pub(crate) struct Confidence {
     pub(crate) reliability: Option<Reliability>,
     /// What it is of.
     #[serde(skip)]
-    pub(crate) claims: Vec<Claim>,
+    pub(crate) checks: Vec<CheckedConfidence>,
 }
 
 impl Confidence {
@@ -27,7 +27,7 @@ impl Confidence {
         options: &Options,
         diameter_m: Option<f64>,
     ) -> Self {
-        let (mut confidence_max, mut claims) = (None, Vec::new());
+        let (mut confidence_max, mut checks) = (None, Vec::new());
         for (row, truth) in rows {
             let Some(row) = row.filter(|_| is_seen_by_so_many(truth, options)) else {
                 continue;
@@ -36,14 +36,14 @@ impl Confidence {
                 continue;
             };
             confidence_max = Some(confidence_max.map_or(confidence, |m| confidence.max(m)));
-            let claim = |d| Claim::of(confidence, row.estimate.as_ref(), truth, d);
-            claims.extend(diameter_m.map(claim));
+            let check = |d| CheckedConfidence::of(confidence, row.estimate.as_ref(), truth, d);
+            checks.extend(diameter_m.map(check));
         }
         Self {
             diameter_m,
             confidence_max,
-            reliability: reliability(&claims),
-            claims,
+            reliability: reliability(&checks),
+            checks,
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use pardalis::tracker::PASSES_SIGMA_M;
-use pardalis_evaluate::Claim;
+use pardalis_evaluate::CheckedConfidence;
 use pardalis_scene::Scene;
 use rayon::prelude::*;
 
@@ -141,24 +141,24 @@ impl<'a> Plan<'a> {
             };
             (&*w.name, options)
         });
-        let (mut figures, mut claims) = (Vec::new(), Vec::new());
+        let (mut figures, mut checks) = (Vec::new(), Vec::new());
         for (window, options) in std::iter::once(whole).chain(windows) {
             for (seed, report) in (1..).zip(self.reports(&options)?) {
                 let finished =
                     Finished::read(&self.seed_folder(seed)).filter(|_| window.is_empty());
                 let ms_a_frame = finished.and_then(|f| f.ms_a_frame);
                 figures.extend(Figures::of(seed, window, &report, ms_a_frame));
-                claims.extend(report.targets.into_iter().map(|target| Claims {
+                checks.extend(report.targets.into_iter().map(|target| CheckedConfidences {
                     target: target.target,
                     window: window.to_owned(),
-                    claims: target.confidence.claims,
+                    checks: target.confidence.checks,
                 }));
             }
         }
         Ok(Measured {
             plan: self,
             figures,
-            claims,
+            checks,
         })
     }
 
@@ -297,12 +297,12 @@ fn simulated(
     Ok(recordings)
 }
 
-/// The claims of one target over one window, of one seed.
-pub(super) struct Claims {
+/// The checks of one target over one window, of one seed.
+pub(super) struct CheckedConfidences {
     pub(super) target: String,
     /// The name of the run's window; empty for all frames.
     pub(super) window: String,
-    pub(super) claims: Vec<Claim>,
+    pub(super) checks: Vec<CheckedConfidence>,
 }
 
 /// A run as it was tracked.
@@ -310,7 +310,7 @@ pub(super) struct Measured<'a> {
     pub(super) plan: &'a Plan<'a>,
     pub(super) figures: Vec<Figures>,
     /// Of every seed, target and window.
-    pub(super) claims: Vec<Claims>,
+    pub(super) checks: Vec<CheckedConfidences>,
 }
 
 impl Measured<'_> {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use pardalis_evaluate::{Claim, Reliability, reliability};
+use pardalis_evaluate::{CheckedConfidence, Reliability, reliability};
 
 use super::plan::Measured;
 use super::results::quoted;
@@ -12,9 +12,9 @@ const SIGMAS_99: f64 = 2.576;
 
 /// Whether the confidences of runs are right, over all their frames, targets and seeds; none where they give none.
 pub(super) fn reliability_of(runs: &[&Measured]) -> Option<Reliability> {
-    let claims = runs.iter().flat_map(|measured| &measured.claims);
-    let whole = claims.filter(|claims| claims.window.is_empty());
-    let all: Vec<Claim> = whole.flat_map(|c| c.claims.iter().copied()).collect();
+    let checks = runs.iter().flat_map(|measured| &measured.checks);
+    let whole = checks.filter(|checks| checks.window.is_empty());
+    let all: Vec<CheckedConfidence> = whole.flat_map(|c| c.checks.iter().copied()).collect();
     reliability(&all)
 }
 
@@ -27,8 +27,8 @@ pub(super) fn to_csv(measured: &[Measured]) -> String {
     for name in names {
         let runs: Vec<&Measured> = measured.iter().filter(|m| m.name() == name).collect();
         let mut keys: Vec<(&str, &str)> = Vec::new();
-        for claims in runs.iter().flat_map(|m| &m.claims) {
-            let key = (&*claims.target, &*claims.window);
+        for checks in runs.iter().flat_map(|m| &m.checks) {
+            let key = (&*checks.target, &*checks.window);
             if !keys.contains(&key) {
                 keys.push(key);
             }
@@ -45,15 +45,15 @@ fn push_row(text: &mut String, name: &str, target: &str, window: &str, runs: &[&
         .iter()
         .flat_map(|measured| nees_of_recordings(measured, target, window))
         .collect();
-    let claims: Vec<Claim> = (runs.iter().flat_map(|m| &m.claims))
+    let checks: Vec<CheckedConfidence> = (runs.iter().flat_map(|m| &m.checks))
         .filter(|c| c.target == target && c.window == window)
-        .flat_map(|c| c.claims.iter().copied())
+        .flat_map(|c| c.checks.iter().copied())
         .collect();
     let mean = mean(&nees);
     let band = mean.zip(half_band_99(&nees));
-    let reliability = reliability(&claims);
+    let reliability = reliability(&checks);
     let error = reliability.as_ref().map(|r| r.calibration_error);
-    let confidence_max = claims.iter().map(|c| c.confidence).reduce(f64::max);
+    let confidence_max = checks.iter().map(|c| c.confidence).reduce(f64::max);
     // Writing to a String cannot fail.
     let _ = write!(text, "{},{target},", quoted(name));
     if !window.is_empty() {

@@ -61,8 +61,7 @@ fn rows_of(world: &World, time_s: f64, camera: usize, frame: usize) -> String {
 
 /// Whether a heading says something: of what is no ball, and of what carries something.
 fn has_heading(world: &World, object: usize) -> bool {
-    let carries =
-        |other: &Object| matches!(other.course, Course::Rides { carrier, .. } if carrier == object);
+    let carries = |other: &Object| matches!(other.course, Course::Attached { carrier, .. } if carrier == object);
     !matches!(world.objects[object].body, Body::Sphere { .. }) || world.objects.iter().any(carries)
 }
 
