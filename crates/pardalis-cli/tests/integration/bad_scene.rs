@@ -338,7 +338,7 @@ fn files_that_are_no_scenes() {
     let program = || Command::new(env!("CARGO_BIN_EXE_pardalis"));
     Run::of(program().arg("track").arg(place.path("")))
         .refused(&["is a folder or a device; give a text file"]);
-    Run::of(program().args(["track", "no/such.toml"])).refused(&["no/such.toml: can not be read"]);
+    Run::of(program().args(["track", "no/such.toml"])).refused(&["no/such.toml: cannot be read"]);
 }
 
 #[test]
@@ -424,7 +424,7 @@ fn faulty_color_models() {
     fs::remove_file(place.path("ball.toml")).unwrap();
     let run = place.track(SCENE);
     run.refused(&[
-        "line 9: targets.ball.colors: ball.toml: can not be read",
+        "line 9: targets.ball.colors: ball.toml: cannot be read",
         "pardalis learn",
     ]);
 }

@@ -123,7 +123,7 @@ fn faulty_calibrations() {
 
     refused(
         scene("calibration = \"none.toml\"", true),
-        &["line 5: cameras.cam1.calibration: none.toml: can not be read: there is no such file"],
+        &["line 5: cameras.cam1.calibration: none.toml: cannot be read: there is no such file"],
     );
     place.write("bad.toml", RIG.replace("145.5622506548578", "-1"));
     refused(

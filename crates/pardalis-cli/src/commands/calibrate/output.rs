@@ -56,7 +56,7 @@ pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
     write("residuals.csv".to_owned(), residuals(report)?)?;
     write("report.html".to_owned(), page::page(report)?)?;
     print(report);
-    say_written(&written);
+    print_written(&written);
     Ok(())
 }
 
@@ -88,7 +88,7 @@ pub(super) fn make_folder(folder: &Path) -> Result<()> {
 }
 
 /// Prints the names of the written files.
-pub(super) fn say_written(written: &[PathBuf]) {
+pub(super) fn print_written(written: &[PathBuf]) {
     print("\nWritten:");
     for path in written {
         print(format!("  {}", path.display()));

@@ -1,9 +1,9 @@
-//! What the confidences of a track are worth.
+//! Evaluation of the confidences of a track.
 
 use pardalis_evaluate::{CheckedConfidence, Reliability, TrueState, reliability};
 use serde::Serialize;
 
-use super::{Options, is_seen_by_so_many};
+use super::{Options, has_required_cameras};
 use crate::tables::TrackRow;
 
 /// The confidences of one target in the scored frames.
@@ -15,13 +15,14 @@ pub(crate) struct Confidence {
     pub(crate) confidence_max: Option<f64>,
     /// The reliability of the confidences; `None` without a diameter or without confidences.
     pub(crate) reliability: Option<Reliability>,
-    /// What it is of.
+    /// The checked confidences from which `reliability` is computed.
     #[serde(skip)]
     pub(crate) checks: Vec<CheckedConfidence>,
 }
 
 impl Confidence {
-    /// Of rows of the track and of the truth. Without truth in a frame in which other objects have one, an object is nowhere.
+    /// Evaluates rows of the track against rows of the truth. In a frame with truth for other objects only, the object does
+    /// not exist.
     pub(super) fn of<'a>(
         rows: impl Iterator<Item = (Option<&'a TrackRow>, Option<&'a TrueState>)>,
         options: &Options,
@@ -29,7 +30,7 @@ impl Confidence {
     ) -> Self {
         let (mut confidence_max, mut checks) = (None, Vec::new());
         for (row, truth) in rows {
-            let Some(row) = row.filter(|_| is_seen_by_so_many(truth, options)) else {
+            let Some(row) = row.filter(|_| has_required_cameras(truth, options)) else {
                 continue;
             };
             let Some(confidence) = row.confidence else {

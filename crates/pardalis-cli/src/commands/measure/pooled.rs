@@ -1,4 +1,4 @@
-//! What is said of all recordings of a run or sweep together: whether covariances and confidences are honest.
+//! Statistics over all recordings of a run or sweep: consistency of covariances and reliability of confidences.
 
 use std::fmt::Write as _;
 
@@ -7,10 +7,10 @@ use pardalis_evaluate::{CheckedConfidence, Reliability, reliability};
 use super::plan::Measured;
 use super::results::quoted;
 
-/// 99 % of a normal distribution lie within so many standard deviations of its mean.
+/// Half width of the central 99 % of a normal distribution, in standard deviations.
 const SIGMAS_99: f64 = 2.576;
 
-/// Whether the confidences of runs are right, over all their frames, targets and seeds; none where they give none.
+/// Returns the reliability of the confidences of runs over all frames, targets and seeds; `None` without confidences.
 pub(super) fn reliability_of(runs: &[&Measured]) -> Option<Reliability> {
     let checks = runs.iter().flat_map(|measured| &measured.checks);
     let whole = checks.filter(|checks| checks.window.is_empty());
@@ -18,8 +18,9 @@ pub(super) fn reliability_of(runs: &[&Measured]) -> Option<Reliability> {
     reliability(&all)
 }
 
-/// A row for each run or sweep, target and window: `recordings` (those that differ in their images), their mean NEES with the 99 % band of that mean by
-/// the scatter of recordings, rows with a confidence, the calibration error over them and their greatest confidence.
+/// Returns one row per run or sweep, target and window: `recordings` (number of distinct recordings), their mean NEES with
+/// the 99 % band of that mean from the scatter of recordings, rows with a confidence, the calibration error over them and
+/// their largest confidence.
 pub(super) fn to_csv(measured: &[Measured]) -> String {
     let mut text = "run,target,window,recordings,mean_nees,nees_99_low,nees_99_high,rows,calibration_error,confidence_max\n".to_owned();
     let mut names: Vec<&str> = measured.iter().map(Measured::name).collect();
@@ -76,7 +77,7 @@ fn push_row(text: &mut String, name: &str, target: &str, window: &str, runs: &[&
     text.push('\n');
 }
 
-/// The mean NEES of each recording; where seeds share one, over them.
+/// Returns the mean NEES of each recording, over all seeds that share it.
 fn nees_of_recordings(measured: &Measured, target: &str, window: &str) -> Vec<f64> {
     let seeds = measured.figures.iter();
     let seeds = seeds.filter(|f| f.target == target && f.window == window);
@@ -88,12 +89,12 @@ fn nees_of_recordings(measured: &Measured, target: &str, window: &str) -> Vec<f6
     }
 }
 
-/// None of no numbers.
+/// `None` without numbers.
 fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// By how much the mean of independent numbers may be off, with 99 % probability; none where they are too few to tell.
+/// Returns the half width of the 99 % confidence band of the mean of independent numbers; `None` if they are too few.
 fn half_band_99(values: &[f64]) -> Option<f64> {
     let count = values.len() as f64;
     let mean = mean(values)?;
@@ -106,10 +107,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bands_narrow_with_the_root_of_the_number() {
+    fn bands_narrow_with_the_root_of_the_number_of_values() {
         assert_eq!(half_band_99(&[3.0]), None);
         let values = [2.0, 4.0, 2.0, 4.0];
-        // Variance 4/3, of the mean of four a quarter.
+        // The variance is 4/3; that of the mean of four values is a quarter of it.
         let expected = 2.576 * (1.0 / 3.0_f64).sqrt();
         assert!((half_band_99(&values).unwrap() - expected).abs() < 1e-12);
     }

@@ -59,7 +59,7 @@ fn bad_settings_name_experiment_run_scene_and_key() {
         ),
         (
             r#"set = { "targets.ball.colors" = "none.toml" }"#,
-            &["as set: targets.ball.colors: none.toml: can not be read"],
+            &["as set: targets.ball.colors: none.toml: cannot be read"],
         ),
     ];
     for (set, wanted) in cases {
@@ -384,5 +384,5 @@ fn the_example_of_the_help_is_an_experiment() {
     place.write("small.toml", example.replace("ball.toml", "none.toml"));
     // Only its scene is missing.
     let run = pardalis(&place, &["measure", "small.toml"]);
-    run.refused(&["run \"near\": none.toml: can not be read: there is no such file"]);
+    run.refused(&["run \"near\": none.toml: cannot be read: there is no such file"]);
 }
