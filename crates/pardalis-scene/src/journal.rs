@@ -1,4 +1,4 @@
-//! The problems, warnings and resolved settings of one file, gathered while its tables are read.
+//! The problems, warnings and resolved settings of one file, collected while its tables are read.
 
 use std::cell::RefCell;
 use std::fmt;
@@ -8,12 +8,12 @@ use toml::de::DeTable;
 
 use super::description::KeyDescription;
 
-/// A problem in a file and its place.
+/// A problem in a file and its position.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Problem {
-    /// The line, from 1; 0 for a value that was set from outside the file.
+    /// The line, from 1; 0 for a value that was set outside the file.
     pub line: usize,
-    /// The full key, as in `targets.ball.shape.sphere.radius_m`; empty for the file as a whole.
+    /// The full key, such as `targets.ball.shape.sphere.radius_m`; empty for the file as a whole.
     pub key: String,
     /// What is wrong and how to correct it.
     pub message: String,
@@ -33,14 +33,14 @@ impl fmt::Display for Problem {
     }
 }
 
-/// A setting and its place, for problems that appear only when the setting is used.
+/// A setting and its position, for problems that appear only when the setting is used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Located<T> {
     /// The setting.
     pub value: T,
     /// Its full key.
     pub key: String,
-    /// Its line, from 1; 0 if it was set from outside the file.
+    /// Its line, from 1; 0 if it was set outside the file.
     pub line: usize,
 }
 
@@ -57,21 +57,21 @@ impl<T> Located<T> {
 
 /// Problems and resolved settings, shared by all tables of one file.
 pub(super) struct Journal {
-    /// Where each line but the first begins.
+    /// Offset of the beginning of each line except the first.
     line_starts: Vec<usize>,
-    /// The text's length in bytes. Values behind it were set from outside.
+    /// The text's length in bytes. Values at larger offsets were set outside the file.
     text_len: usize,
     problems: RefCell<Vec<Problem>>,
     warnings: RefCell<Vec<Problem>>,
     /// Every setting with its final value, given or default.
     resolved: RefCell<toml::Table>,
-    /// Why the text is not TOML. All other problems may follow from this one.
+    /// The syntax error. All other problems may follow from it.
     syntax: Option<Problem>,
-    /// The keys that the reader asks for, while it describes them instead of reading a file.
+    /// The keys that the reader requests, while it describes them instead of reading a file.
     described: Option<RefCell<Vec<KeyDescription>>>,
 }
 
-/// The longest key or message that is shown, in characters.
+/// Maximum length of a key or message in characters.
 const MAX_SHOWN: usize = 300;
 
 impl Journal {
@@ -98,7 +98,7 @@ impl Journal {
                         Some((kind, line)) => {
                             has_duplicate_name = true;
                             format!(
-                                "two {kind} are named {key}, the first in line {line}; rename one"
+                                "two {kind} are named {key}, the first one in line {line}; rename one of them"
                             )
                         }
                         // The duplicate keys of the second table follow from its name.
@@ -123,7 +123,7 @@ impl Journal {
         (journal, root)
     }
 
-    /// A journal that collects descriptions of the keys that a reader asks for.
+    /// Creates a journal that collects descriptions of the keys that a reader requests.
     pub(super) fn describing() -> Self {
         Self {
             line_starts: Vec::new(),
@@ -140,7 +140,7 @@ impl Journal {
         self.described.is_some()
     }
 
-    /// Adds a key's description, unless another branch of the reader added it before.
+    /// Adds a key's description, unless another branch of the reader has already added it.
     pub(super) fn describe(&self, key: KeyDescription) {
         if let Some(described) = &self.described {
             let mut described = described.borrow_mut();
@@ -155,7 +155,7 @@ impl Journal {
         self.described.map(RefCell::into_inner).unwrap_or_default()
     }
 
-    /// Returns the line of an offset into the text, from 1; 0 behind the text.
+    /// Returns the line of an offset into the text, from 1; 0 beyond the text.
     pub(super) fn line_of(&self, offset: usize) -> usize {
         if offset > self.text_len {
             return 0;
@@ -196,7 +196,7 @@ impl Journal {
         }
     }
 
-    /// Adds a problem that was found after its table was read.
+    /// Adds a problem that was found after its table had been read.
     pub(super) fn report(&self, problem: Problem) {
         self.problems.borrow_mut().push(problem);
     }

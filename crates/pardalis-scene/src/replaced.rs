@@ -1,11 +1,12 @@
-//! Settings that take the place of a scene's own before it is checked: the sweeps of experiments.
+//! Settings that replace a scene's own before it is checked, for the sweeps of experiments.
 
 use std::fmt::Write as _;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// The values as a TOML text whose places all lie behind those of the scene's text, so that no line is told for them.
+/// Returns the values as a TOML text in which all offsets lie beyond the scene's text, so that messages about them state no
+/// line.
 pub(super) fn text_behind(scene_text: &str, replaced: &toml::Table) -> String {
     let mut text = " ".repeat(scene_text.len() + 1);
     for (number, value) in replaced.values().enumerate() {
@@ -14,7 +15,7 @@ pub(super) fn text_behind(scene_text: &str, replaced: &toml::Table) -> String {
     text
 }
 
-/// Puts each value of the text that [`text_behind`] made in its place; of what stands there nothing is kept. Tables on the way are made.
+/// Inserts each value of the text that [`text_behind`] returned. It replaces the previous value, and missing tables are created.
 pub(super) fn put_all<'t>(
     root: &mut Spanned<DeTable<'t>>,
     replaced: &'t toml::Table,
@@ -22,7 +23,7 @@ pub(super) fn put_all<'t>(
 ) {
     let (values, _) = DeTable::parse_recoverable(values);
     let mut values = values.into_inner();
-    // In the order of the keys: what lies deeper comes later.
+    // In the order of the keys, so that deeper keys come later.
     for (number, path) in replaced.keys().enumerate() {
         if let Some(value) = values.remove(&*number.to_string()) {
             put(root.get_mut(), path, value);
