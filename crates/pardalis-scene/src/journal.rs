@@ -98,7 +98,7 @@ impl Journal {
                         Some((kind, line)) => {
                             has_duplicate_name = true;
                             format!(
-                                "two {kind} are named {key}, the first one in line {line}; rename one of them"
+                                "two {kind} are named {key}, the first in line {line}; rename one"
                             )
                         }
                         // The duplicate keys of the second table follow from its name.
