@@ -89,8 +89,8 @@ fn other_frame_count((a, source_a): Camera, (b, source_b): Camera) -> Option<Str
     };
     ((length_a_s - length_b_s).abs() > allowed_s).then(|| {
         format!(
-            "camera {} has {count_a} images, {length_a_s} s at {fps_a} a second, and {} has {count_b}, {length_b_s} s at {fps_b} a second; \
-             with fps nothing says which instants a camera missed: put times.csv beside the images and take fps out, or cut the longer one by frame_limit",
+            "camera {} has {count_a} images, {length_a_s} s at {fps_a} per second, and {} has {count_b}, {length_b_s} s at {fps_b} per second; \
+             with fps it is unknown which images a camera missed: put times.csv next to the images and remove fps, or shorten the longer one with frame_limit",
             a.name, b.name
         )
     })

@@ -315,7 +315,7 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
                 }
                 (None, false) if images_folder.is_dir() => {
                     return Err(images.problem(format!(
-                        "the times of the images are unknown; add fps, or put times.csv into {}",
+                        "the times of the images are unknown; give fps, or put times.csv into {}",
                         images_folder.display()
                     )));
                 }

@@ -101,7 +101,7 @@ impl<'t> Mark<'t> {
     }
 }
 
-/// The text with each of the record's tables in its place; none where there is no place.
+/// Returns the text with each of the record's tables inserted at its marker; `None` without markers.
 fn splice(
     text: &str,
     name: &str,

@@ -15,7 +15,7 @@ const JPEG_QUALITY: u8 = 90;
 /// Returns the pixels of a frame, to draw on.
 pub(crate) fn picture_of(frame: &Frame) -> RgbImage {
     RgbImage::from_raw(frame.width() as u32, frame.height() as u32, frame.to_rgb8())
-        .expect("three bytes a pixel")
+        .expect("three bytes per pixel")
 }
 
 /// Writes a picture as JPEG or PNG, depending on the extension of the file's name.
@@ -57,7 +57,7 @@ pub(super) fn picture_from(canvas: &Pixmap) -> RgbImage {
     let (pixels, _) = canvas.data().as_chunks();
     let samples = pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]);
     RgbImage::from_raw(canvas.width(), canvas.height(), samples.collect())
-        .expect("three bytes a pixel")
+        .expect("three bytes per pixel")
 }
 
 /// Returns an opaque colour for a canvas.

@@ -204,7 +204,7 @@ impl<'a> Sweep<'a> {
         let times_ms: Vec<f64> = self.points().filter_map(usable_time).collect();
         let scale = Scale::new(&times_ms, true);
         let place = |point: &SweepPoint| usable_time(point).map(|ms| scale.at(ms));
-        let axis = scale.axis("time for a frame (ms)");
+        let axis = scale.axis("time per frame (ms)");
         let panel = self.draw_points(area, &axis, place, false)?;
         let right_end = area.get_pixel_range().0.end;
         let mut taken: Vec<[i32; 4]> = Vec::new();

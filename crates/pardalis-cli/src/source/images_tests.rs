@@ -99,7 +99,7 @@ fn invalid_times_are_rejected_with_their_line() {
         ("frame,time_s\n0,0\n1,0.1\n", "no row for frame 2 (a5.jpg)"),
         (
             "frame,time_s\n0,0\n1,0.1\n1,0.2\n",
-            "line 4: frame 1 is given a second time",
+            "line 4: frame 1 occurs twice",
         ),
         (
             "frame,time_s\n0,0\n2,0.1\n1,0.2\n",

@@ -81,7 +81,7 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
         if let Some((&last_frame, _)) = times.last_key_value() {
             if frame == last_frame {
                 return Err(user_error!(
-                    "{name}, line {line}: frame {frame} is given a second time; give each frame once"
+                    "{name}, line {line}: frame {frame} occurs twice; list each frame once"
                 ));
             }
             if frame < last_frame {

@@ -163,13 +163,13 @@ impl VideoFrames {
     }
 
     fn error_with_messages(&self, what: &str, messages: &[String]) -> Error {
-        let says = if messages.is_empty() {
+        let details = if messages.is_empty() {
             "ffmpeg printed no further messages.".to_owned()
         } else {
             format!("ffmpeg's messages:\n{}", messages.join("\n"))
         };
         user_error!(
-            "{}: {what}, after {} frames; check the file or the camera. {says}",
+            "{}: {what}, after {} frames; check the file or the camera. {details}",
             self.input,
             self.read
         )

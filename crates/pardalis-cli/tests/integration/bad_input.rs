@@ -152,7 +152,7 @@ fn invalid_times_are_rejected() {
     );
     refused_times(
         "frame,time_s\n0,0\n1,0.04\n1,0.08\n2,0.1\n",
-        &["line 4", "frame 1 is given a second time"],
+        &["line 4", "frame 1 occurs twice"],
     );
     refused_times(
         "frame,time_s\n0,0\n2,0.04\n1,0.08\n",

@@ -336,7 +336,7 @@ fn two_cameras() {
     assert_ne!(
         place.rows()[0][4..],
         both[0][4..],
-        "the second camera tells something"
+        "the second camera changes the estimate"
     );
 
     // Cameras that are not synchronised: each time has its own row.

@@ -296,7 +296,7 @@ impl BernoulliFilter {
             self.draw_new(&prior);
             log_ratios(&self.new_particles, &mut self.log_ratios);
             let log_exists = self.weight_new();
-            // Where it is, is told better by these; whether it is, by all predictions.
+            // The moment-matched particles are better for the position; all predictions together, for the existence.
             if self.agrees_too_little(&prior) && self.draw_moment_matched(&prior) {
                 log_ratios(&self.new_particles, &mut self.log_ratios);
                 if self.weight_new() == f64::NEG_INFINITY {

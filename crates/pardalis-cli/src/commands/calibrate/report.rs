@@ -68,13 +68,13 @@ impl Report<'_> {
 
     /// Returns one row per image: its name and the detection result.
     pub(super) fn image_rows(&self) -> Vec<[String; 2]> {
-        let said = |image: &SearchedImage| match &image.found {
+        let result_of = |image: &SearchedImage| match &image.found {
             Ok(corners) => format!("{} corners", corners.len()),
             Err(reason) => format!("not used: {reason}"),
         };
         self.images
             .iter()
-            .map(|image| [image.name.clone(), said(image)])
+            .map(|image| [image.name.clone(), result_of(image)])
             .collect()
     }
 
@@ -112,9 +112,9 @@ impl Report<'_> {
         ];
         if fits.iter().any(|fit| fit.trial.is_some()) {
             let tried = |name: &str, figure: &dyn Fn(&Trial) -> String| {
-                let said = |fit: &Fit| fit.trial.as_ref().map_or_else(String::new, figure);
+                let shown = |fit: &Fit| fit.trial.as_ref().map_or_else(String::new, figure);
                 std::iter::once(name.to_owned())
-                    .chain(fits.iter().map(said))
+                    .chain(fits.iter().map(shown))
                     .collect()
             };
             rows.push(tried("RMS of test points (px)", &|trial| {
@@ -320,8 +320,8 @@ impl Report<'_> {
 
 impl fmt::Display for Report<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for [name, said] in self.image_rows() {
-            writeln!(f, "{name}: {said}")?;
+        for [name, result] in self.image_rows() {
+            writeln!(f, "{name}: {result}")?;
         }
         writeln!(f, "{}\n", self.title())?;
         write_table(f, &self.comparison())?;

@@ -154,7 +154,7 @@ pub(super) fn outside_bands(run: &Run, figures: &[Figures]) -> Vec<String> {
 
 /// Returns the origin of a record: command, commit, version and machine.
 pub(super) fn facts(experiment: &Path) -> String {
-    let said = |program: &str, arguments: &[&str]| {
+    let output_of = |program: &str, arguments: &[&str]| {
         let output = Command::new(program)
             .args(arguments)
             .output()
@@ -165,7 +165,7 @@ pub(super) fn facts(experiment: &Path) -> String {
             |o| String::from_utf8_lossy(&o.stdout).trim().to_owned(),
         )
     };
-    let changes = said("git", &["status", "--porcelain", "--untracked-files=no"]);
+    let changes = output_of("git", &["status", "--porcelain", "--untracked-files=no"]);
     let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let cpu = cpu
         .lines()
@@ -175,13 +175,13 @@ pub(super) fn facts(experiment: &Path) -> String {
         "command   pardalis measure {}\nversion   {}\ncommit    {}{}\ncompiler  {}\ncpu       {}\ncores     {}\n",
         experiment.display(),
         env!("CARGO_PKG_VERSION"),
-        said("git", &["rev-parse", "HEAD"]),
+        output_of("git", &["rev-parse", "HEAD"]),
         if changes.is_empty() {
             ""
         } else {
             " with uncommitted changes"
         },
-        said("rustc", &["--version"]),
+        output_of("rustc", &["--version"]),
         cpu.trim_start_matches([':', ' ', '\t']),
         std::thread::available_parallelism().map_or(0, usize::from),
     )

@@ -71,7 +71,8 @@ pub(super) fn ending_of(camera: &WorldCamera) -> &'static str {
 /// Encodes a camera's image of three bytes per pixel.
 pub(super) fn encoded(camera: &WorldCamera, rgb: Vec<u8>) -> Result<Vec<u8>> {
     let (width, height) = camera.size_px;
-    let image = RgbImage::from_raw(width as u32, height as u32, rgb).expect("three bytes a pixel");
+    let image =
+        RgbImage::from_raw(width as u32, height as u32, rgb).expect("three bytes per pixel");
     let file = match camera.image.jpeg_quality {
         // Like webcams, but without chroma sited half a pixel off, which the encoder's own choice would produce.
         Some(quality) => encode_jpeg(&image, quality, JpegSampling::TwoByTwo),

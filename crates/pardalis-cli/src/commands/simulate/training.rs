@@ -68,7 +68,7 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
                 .map(|&is_target| 255 * u8::from(is_target))
                 .collect();
             let mask = GrayImage::from_raw(width as u32, height as u32, grey);
-            let bytes = encode_png(&mask.expect("one byte a pixel"))?;
+            let bytes = encode_png(&mask.expect("one byte per pixel"))?;
             let mask_name = format!("{still:03}_{}_mask.png", world.objects[target].name);
             folder.write(images.join(mask_name), &bytes)?;
         }

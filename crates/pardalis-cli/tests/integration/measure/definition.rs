@@ -6,7 +6,7 @@ use super::{figures_of, pardalis, results, value, workplace};
 use crate::common::{SCENE, Workplace, data};
 
 const RUN: &str = r#"name = "small"
-question = "What may it say?"
+question = "Which settings are valid?"
 [[runs]]
 name = "a"
 scene = "scene.toml"
@@ -310,7 +310,7 @@ fn figures_show_several_runs_and_are_copied_as_png() {
     let errors = svg("distances-errors");
     assert!(errors.contains("particles: 60") && !errors.contains("particles: 50"));
     let sweep = svg("cost-sweep");
-    assert!(sweep.contains("particles") && sweep.contains("time for a frame (ms)"),);
+    assert!(sweep.contains("particles") && sweep.contains("time per frame (ms)"),);
     let mut copied: Vec<_> = fs::read_dir(place.path("pictures"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())

@@ -12,15 +12,15 @@ fn different_numbers_of_images_are_rejected() {
     rig.remove("cam3", 119..120);
     rig.track("").refused(&[
         "scene.toml: a problem in the scene:",
-        "line 10: cameras.cam3.images: camera cam1 has 120 images, 4.8 s at 25 a second, and cam3 has 119",
-        "nothing says which instants a camera missed",
+        "line 10: cameras.cam3.images: camera cam1 has 120 images, 4.8 s at 25 per second, and cam3 has 119",
+        "it is unknown which images a camera missed",
         "put times.csv beside the images",
     ]);
     // At another rate, the same duration is allowed, within a frame.
     rig.edit("cam3", "fps = 24.8\n");
     rig.track("").fine();
     rig.edit("cam3", "fps = 12.5\n");
-    rig.track("").refused(&["119, 9.52 s at 12.5 a second"]);
+    rig.track("").refused(&["119, 9.52 s at 12.5 per second"]);
     assert!(rig.path("out").exists());
     let cut = "fps = 25\nframe_limit = 60\n";
     for camera in Rig::CAMERAS {

@@ -84,8 +84,8 @@ fn dt_s(step: usize) -> f64 {
     }
 }
 
-/// The mean over seeds of a number lies within so many standard errors of the exact one; returns the scatter of single runs in posterior standard
-/// deviations over √N.
+/// Checks that the mean over seeds agrees with the exact value within a number of standard errors; returns the scatter of
+/// single runs in posterior standard deviations over √N.
 fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str) -> f64 {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
