@@ -123,7 +123,7 @@ pub(crate) fn open(
 ) -> Result<OpenScene> {
     if !stills.is_empty() && scene.cameras.len() != 1 {
         return Err(user_error!(
-            "{}: the scene has {} cameras, and and the camera of images on the command line is ambiguous; leave them out, or give a scene with one camera",
+            "{}: the scene has {} cameras, and the camera of images on the command line is ambiguous; leave them out, or give a scene with one camera",
             path.display(),
             scene.cameras.len()
         ));

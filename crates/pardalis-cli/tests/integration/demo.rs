@@ -77,7 +77,7 @@ fn the_demo_tracks_the_ball_and_prints_the_error() {
     let mean_deg = figure(&errors["direction_mean_rad"]).to_degrees();
     for sentence in [
         format!("The mean position error was {mean_mm:.0} mm"),
-        format!("was off by {mean_deg:.1} degrees on average"),
+        format!("the mean direction error was {mean_deg:.1} degrees"),
     ] {
         assert!(said.contains(&sentence), "{sentence}: {said}");
     }

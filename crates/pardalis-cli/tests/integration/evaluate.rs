@@ -537,7 +537,7 @@ fn invalid_options_are_rejected_with_the_allowed_values() {
         (&["--lost-beyond-m", "NaN"], "a finite number"),
         (&["--from", "x"], "a finite number"),
         (&["--from", "100"], "no frame of"),
-        (&["--json", "/nowhere/at/all.json"], "can be written"),
+        (&["--json", "/nowhere/at/all.json"], "write permission"),
     ] {
         let message = fault(&file, &sequence("dioptric-two-balls"), options);
         assert!(

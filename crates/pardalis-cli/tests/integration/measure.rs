@@ -218,7 +218,7 @@ fn invalid_experiments_are_rejected_by_name() {
         (
             "\"again\"",
             "\"First frames- few particles\"",
-            &["small.toml", "one folder", "names"],
+            &["small.toml", "the same folder", "names"],
         ),
     ];
     for (piece, other, wanted) in cases {

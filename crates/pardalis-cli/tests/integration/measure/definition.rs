@@ -137,7 +137,7 @@ names = ["smooth", "rough"]
 
     for (piece, other, wanted) in [
         ("values = [50, 60]\n", "", "needs key and values"),
-        ("[0.9, 1.1]", "[0.9]", "no list of 2 values"),
+        ("[0.9, 1.1]", "[0.9]", "not a list of 2 values"),
         (
             "\"smooth\", ",
             "",
@@ -330,7 +330,7 @@ fn figures_show_several_runs_and_are_copied_as_png() {
             "\"particles: 70\"",
             "\"particles: 70\" is not a run or sweep",
         ),
-        ("[\"particles\"]", "[\"a\"]", "\"a\" is no sweep"),
+        ("[\"particles\"]", "[\"a\"]", "\"a\" is not a sweep"),
         ("\"cost\"", "\"distances\"", "the name is used twice"),
         (
             "\"cost\"",

@@ -86,7 +86,7 @@ fn each_seed_has_its_own_world_and_all_are_pooled() {
         (
             "world = \"world.toml\"",
             "scene = \"scene.toml\"\ntruth = \"truth.csv\"",
-            "fresh_world needs a world",
+            "fresh_world needs the key world",
         ),
         (
             "\"targets.ball.filter.particles\" = 100",
