@@ -41,8 +41,8 @@ pub(super) enum CuesConfig {
     Published(Vec<CueSettings>),
 }
 
-/// Reads the cues of a target: each cue that has a table. Without any, the target has the edge cue, which detects it, or, if
-/// the scene states a start, the contour cue.
+/// Reads the cues of a target: each cue that has a table. Without any, the target has the edge cue, which detects it,
+/// or, if the scene states a start, the contour cue.
 pub(super) fn read_cues(
     table: &Table,
     shape: Option<&Shape>,

@@ -1,5 +1,5 @@
-//! Calibration files of every format: Pardalis TOML, whose tables `[cameras.NAME]` contain model, size and pose like scene
-//! files, and the [formats of other programs](pardalis_camera::formats).
+//! Calibration files of every format: Pardalis TOML, whose tables `[cameras.NAME]` contain model, size and pose like
+//! scene files, and the [formats of other programs](pardalis_camera::formats).
 
 use std::fmt::Write as _;
 

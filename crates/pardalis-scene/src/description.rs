@@ -1,7 +1,8 @@
 //! Descriptions of the keys of a file, recorded from the code that reads them.
 //!
-//! The reader declares each key once, where it reads it: name, meaning, type, range and default. `keys_of` runs the same code without a file and
-//! records these declarations, so that the reference and the JSON schema cannot differ from what the reader accepts.
+//! The reader declares each key once, where it reads it: name, meaning, type, range and default. `keys_of` runs the
+//! same code without a file and records these declarations, so that the reference and the JSON schema cannot differ
+//! from what the reader accepts.
 
 use std::fmt;
 

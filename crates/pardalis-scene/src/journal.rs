@@ -75,7 +75,8 @@ pub(super) struct Journal {
 const MAX_SHOWN: usize = 300;
 
 impl Journal {
-    /// Parses the text. A syntax error is reported alone; of duplicate keys the first is kept, and the rest of the file is still read.
+    /// Parses the text. A syntax error is reported alone; of duplicate keys the first is kept, and the rest of the
+    /// file is still read.
     pub(super) fn parse(text: &str) -> (Self, Spanned<DeTable<'_>>) {
         let (root, errors) = DeTable::parse_recoverable(text);
         let mut journal = Self {
@@ -181,7 +182,8 @@ impl Journal {
         self.warnings.borrow_mut().push(warning);
     }
 
-    /// Returns all problems in the order of their lines or, if there are none, the warnings and every setting with its final value.
+    /// Returns all problems in the order of their lines or, if there are none, the warnings and every setting with
+    /// its final value.
     pub(super) fn finish(self) -> Result<(Vec<Problem>, toml::Table), Vec<Problem>> {
         if let Some(problem) = self.syntax {
             return Err(vec![problem]);
@@ -221,7 +223,8 @@ impl Journal {
     }
 }
 
-/// Returns the kind of a duplicate key that names a camera or target, and the line in which the first table of that name begins.
+/// Returns the kind of a duplicate key that names a camera or target, and the line in which the first table of that
+/// name begins.
 fn first_of_name(text: &str, offset: usize, key: &str) -> Option<(&'static str, usize)> {
     let before = text.get(..offset)?.trim_end().strip_suffix('.')?;
     let kinds = ["cameras", "targets"];

@@ -43,8 +43,8 @@ impl Key<'_, '_, '_> {
         }
     }
 
-    /// States the default if it depends on other keys, the condition under which the key is required, or what applies without an
-    /// optional key.
+    /// States the default if it depends on other keys, the condition under which the key is required, or what applies
+    /// without an optional key.
     pub(super) fn depends(self, depends: &'static str) -> Self {
         Self { depends, ..self }
     }
@@ -89,7 +89,8 @@ impl Key<'_, '_, '_> {
         self.read()
     }
 
-    /// Reads the setting, if it is given. The caller reports a missing setting, under the condition that [`Key::depends`] states.
+    /// Reads the setting, if it is given. The caller reports a missing setting, under the condition that
+    /// [`Key::depends`] states.
     pub(super) fn conditional<T: Setting>(self) -> Option<T> {
         self.describe::<T>(Presence::RequiredIf(self.depends));
         self.read()

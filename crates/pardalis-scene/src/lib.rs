@@ -69,21 +69,22 @@ impl Scene {
     /// The default seed.
     pub const DEFAULT_SEED: u32 = 1;
 
-    /// Returns the default of [`Scene::max_delay_s`] in seconds: 0 for a single camera, which has no others to wait for.
+    /// Returns the default of [`Scene::max_delay_s`] in seconds: 0 for a single camera, which has no others to wait
+    /// for.
     pub fn default_max_delay_s(camera_count: usize) -> f64 {
         if camera_count > 1 { 0.1 } else { 0.0 }
     }
 
-    /// Reads a scene's text. The caller reads the calibration files that the scene names. Returns every problem on failure, in
-    /// the order of lines.
+    /// Reads a scene's text. The caller reads the calibration files that the scene names. Returns every problem on
+    /// failure, in the order of lines.
     pub fn parse(text: &str, read_calibration: ReadCalibration) -> Result<Self, Vec<Problem>> {
         Self::parse_with(text, &toml::Table::new(), read_calibration)
     }
 
     /// Reads a scene's text like [`Scene::parse`], with some of its settings replaced or added.
     ///
-    /// `replaced` maps full keys, such as `targets.ball.filter.particles`, to values. A table replaces the whole table of that key.
-    /// Problems with these values have no line.
+    /// `replaced` maps full keys, such as `targets.ball.filter.particles`, to values. A table replaces the whole
+    /// table of that key. Problems with these values have no line.
     pub fn parse_with(
         text: &str,
         replaced: &toml::Table,

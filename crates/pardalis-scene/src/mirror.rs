@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use super::reader::{Kind, Table};
 use pardalis_camera::{ConstantResolution, MirrorForm, MirrorProfile, Resolution};
 
-/// Reads the mirror: the key `profile` or one of the tables of [`KINDS`]. `vertex_m` moves it to another distance from the pinhole.
+/// Reads the mirror: the key `profile` or one of the tables of [`KINDS`]. `vertex_m` moves it to another distance
+/// from the pinhole.
 pub(super) fn read_profile(table: &Table) -> Option<MirrorProfile> {
     let vertex_m = table
         .key(

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use toml::de::{DeTable, DeValue};
 
-/// Returns the scene's text with `time_offset_s` of these cameras (name, seconds) replaced or added; `None` if the layout of
-/// the text does not allow this without other changes.
+/// Returns the scene's text with `time_offset_s` of these cameras (name, seconds) replaced or added; `None` if the
+/// layout of the text does not allow this without other changes.
 pub fn with_time_offsets(text: &str, offsets_s: &[(&str, f64)]) -> Option<String> {
     let root = DeTable::parse(text).ok()?;
     let cameras = table(root.get_ref().get("cameras")?.get_ref())?;
@@ -36,8 +36,8 @@ fn table<'a, 't>(value: &'a DeValue<'t>) -> Option<&'a DeTable<'t>> {
     }
 }
 
-/// Returns the insertion of an offset before the key that begins here, in the same table: as the previous line, or before the
-/// key in a table in braces.
+/// Returns the insertion of an offset before the key that begins here, in the same table: as the previous line, or
+/// before the key in a table in braces.
 fn insertion(text: &str, key_start: usize, offset_s: f64) -> (Range<usize>, String) {
     let line_start = text[..key_start].rfind('\n').map_or(0, |at| at + 1);
     let before = &text[line_start..key_start];

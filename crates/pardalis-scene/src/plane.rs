@@ -28,8 +28,8 @@ impl RectangleConfig {
     /// The default number of images to search.
     const FRAMES: usize = 10;
 
-    /// Returns the camera from the rectangle's corners in pixels, counter-clockwise as seen in the image, beginning with the one
-    /// nearest to the image's bottom left.
+    /// Returns the camera from the rectangle's corners in pixels, counter-clockwise as seen in the image, beginning
+    /// with the one nearest to the image's bottom left.
     pub fn camera(&self, corners_px: [[f64; 2]; 4]) -> Result<Camera, Error> {
         let found = fit(&self.rectangle.pairs(corners_px))?;
         let center_m = self.center.of(&found.homography)?;

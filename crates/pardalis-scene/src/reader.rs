@@ -167,8 +167,8 @@ impl<'a, 't> Table<'a, 't> {
         self.as_table(key, value)
     }
 
-    /// Declares a table and reads it, if it is given. Without the table, [`Table::has`] is false; a key that is not a table is
-    /// reported here.
+    /// Declares a table and reads it, if it is given. Without the table, [`Table::has`] is false; a key that is not a
+    /// table is reported here.
     pub(super) fn section<T>(
         &self,
         key: &'static str,
@@ -199,8 +199,8 @@ impl<'a, 't> Table<'a, 't> {
         ))
     }
 
-    /// Declares a table of tables whose names the user chooses, and returns these in the order of the text. The caller finishes
-    /// each.
+    /// Declares a table of tables whose names the user chooses, and returns these in the order of the text. The
+    /// caller finishes each.
     pub(super) fn named_tables(
         &self,
         key: &'static str,

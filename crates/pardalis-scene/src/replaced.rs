@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Returns the values as a TOML text in which all offsets lie beyond the scene's text, so that messages about them state no
-/// line.
+/// Returns the values as a TOML text in which all offsets lie beyond the scene's text, so that messages about them
+/// state no line.
 pub(super) fn text_behind(scene_text: &str, replaced: &toml::Table) -> String {
     let mut text = " ".repeat(scene_text.len() + 1);
     for (number, value) in replaced.values().enumerate() {
@@ -15,7 +15,8 @@ pub(super) fn text_behind(scene_text: &str, replaced: &toml::Table) -> String {
     text
 }
 
-/// Inserts each value of the text that [`text_behind`] returned. It replaces the previous value, and missing tables are created.
+/// Inserts each value of the text that [`text_behind`] returned. It replaces the previous value, and missing tables
+/// are created.
 pub(super) fn put_all<'t>(
     root: &mut Spanned<DeTable<'t>>,
     replaced: &'t toml::Table,

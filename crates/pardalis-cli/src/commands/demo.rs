@@ -74,7 +74,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 /// The sequence of the demo.
 const SEQUENCE: &str = "dioptric-jump";
 
-/// Returns the folder with the bundled sequences: the given one, or `data` in this folder, above it, or above the program.
+/// Returns the folder with the bundled sequences: the given one, or `data` in this folder, above it, or above the
+/// program.
 fn find_data(given: Option<&Path>) -> Result<PathBuf> {
     let holds_it = |folder: &Path| folder.join(SEQUENCE).join("scene.toml").is_file();
     if let Some(folder) = given {

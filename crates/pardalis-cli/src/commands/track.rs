@@ -11,12 +11,12 @@ use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
 /// Tracks the targets of a scene
 ///
 /// Reads a scene file (`pardalis init` writes one to start from), tracks every target through all frames and writes a
-/// folder with tracks.csv (position, velocity, covariance and best particle, one row per frame and target), summary.json,
-/// and plots (from above, from the side, in an oblique view, and over time).
+/// folder with tracks.csv (position, velocity, covariance and best particle, one row per frame and target),
+/// summary.json, and plots (from above, from the side, in an oblique view, and over time).
 ///
-/// With several cameras, frames that arrive early wait up to timing.max_delay_s (a key of the scene; default 0.1 s, with
-/// one camera 0) for earlier frames of other cameras. A camera that fails, ends or freezes does not stop the others; a
-/// table at the end and summary.json list the frames of each camera that were used and dropped.
+/// With several cameras, frames that arrive early wait up to timing.max_delay_s (a key of the scene; default 0.1 s,
+/// with one camera 0) for earlier frames of other cameras. A camera that fails, ends or freezes does not stop the
+/// others; a table at the end and summary.json list the frames of each camera that were used and dropped.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis track ball.toml                      results into the folder ball-tracks
@@ -26,7 +26,8 @@ pub(crate) struct Arguments {
     /// The scene file
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// The folder for the results, or - to print only the rows on standard output [default: the scene's name with -tracks]
+    /// The folder for the results, or - to print only the rows on standard output [default: the scene's name with
+    /// -tracks]
     #[arg(short, long, value_name = "FOLDER|-")]
     output: Option<PathBuf>,
     /// Overrides the scene's seed
@@ -42,8 +43,8 @@ pub(crate) struct Arguments {
     /// frame,time_s,target,landmark,particle,x_m,…,vx_mps,…,weight
     ///
     /// One row per frame, target and particle, written while tracking. Particles are those of the last update before
-    /// resampling; their weights sum to one. Targets without an estimate have no rows. Files are large: 500 particles take about
-    /// 60 kB per frame.
+    /// resampling; their weights sum to one. Targets without an estimate have no rows. Files are large: 500 particles
+    /// take about 60 kB per frame.
     #[arg(long, value_name = "FILE.csv")]
     particles: Option<PathBuf>,
     /// Draws no plots

@@ -18,8 +18,8 @@ pub(crate) struct CameraSymbol {
 }
 
 impl CameraSymbol {
-    /// Returns the cameras of a scene whose positions are known. Cameras that are calibrated by a plane are drawn looking
-    /// straight down because their orientation is unknown.
+    /// Returns the cameras of a scene whose positions are known. Cameras that are calibrated by a plane are drawn
+    /// looking straight down because their orientation is unknown.
     pub(crate) fn of_scene(scene: &Scene) -> Vec<Self> {
         let cameras = scene.cameras.iter().filter_map(|camera| {
             let world_from_camera = match camera.camera {
@@ -44,9 +44,9 @@ impl CameraSymbol {
         self.world_from_camera.translation.vector.into()
     }
 
-    /// Returns a pyramid that opens in the viewing direction, with its tip at the camera, as lines of world points in metres.
-    /// For a camera with a mirror, adds the mirror's rim and its bulge. `length_m` is the length of the pyramid.
-    /// has the mirror's rim and its bulge before it. `length_m` is that of the pyramid.
+    /// Returns a pyramid that opens in the viewing direction, with its tip at the camera, as lines of world points in
+    /// metres. For a camera with a mirror, adds the mirror's rim and its bulge. `length_m` is the length of the
+    /// pyramid.
     pub(super) fn outline_m(&self, length_m: f64) -> Vec<Vec<[f64; 3]>> {
         let world = |camera: [f64; 3]| -> [f64; 3] {
             let offset = self.world_from_camera.rotation * (length_m * Vector3::from(camera));

@@ -14,7 +14,8 @@ use super::{INK, PALETTE};
 /// Height of each of the three panels.
 const PANEL_HEIGHT_PX: f64 = 250.0;
 
-/// The mean is drawn over at most `MAX_BINS` parts of the distance, with at least `MIN_BIN_VALUES` values each on average.
+/// The mean is drawn over at most `MAX_BINS` parts of the distance, with at least `MIN_BIN_VALUES` values each on
+/// average.
 const MAX_BINS: usize = 8;
 const MIN_BIN_VALUES: usize = 4;
 

@@ -29,8 +29,8 @@ fn zoom_of((width, height): (u32, u32)) -> u32 {
     }
 }
 
-/// Draws marks and labels over an image. A label stands to the right of its point, or to the left if there is no room on
-/// the right; labels without room on either side are left out.
+/// Draws marks and labels over an image. A label stands to the right of its point, or to the left if there is no room
+/// on the right; labels without room on either side are left out.
 pub(crate) fn drawn_over(image: &RgbImage, marks: Vec<Mark>, labels: &[Label]) -> RgbImage {
     let zoom = zoom_of(image.dimensions());
     let (width, height) = (zoom * image.width(), zoom * image.height());

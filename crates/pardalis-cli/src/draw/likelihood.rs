@@ -23,8 +23,8 @@ pub(crate) struct Curve {
     pub(crate) points: Vec<[f64; 2]>,
 }
 
-/// Draws curves over one axis into `STEM.svg` and `STEM.png` in a folder that must exist. `marked` is a value on that axis
-/// with a name; it is shown as a vertical line.
+/// Draws curves over one axis into `STEM.svg` and `STEM.png` in a folder that must exist. `marked` is a value on that
+/// axis with a name; it is shown as a vertical line.
 pub(crate) fn write_curves(
     folder: &Path,
     stem: &str,

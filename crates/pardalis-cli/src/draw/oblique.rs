@@ -16,7 +16,8 @@ use super::{INK, Rgb, shortened};
 /// Elevation of the viewer above the horizon.
 const ELEVATION_DEG: f64 = 24.0;
 
-/// Candidate azimuths of the viewer, about the vertical, from x. Never along an axis, so that floor and wall are both visible.
+/// Candidate azimuths of the viewer, about the vertical, from x. Never along an axis, so that floor and wall are both
+/// visible.
 const AZIMUTHS_DEG: [f64; 8] = [-60.0, -30.0, 30.0, 60.0, 120.0, 150.0, -150.0, -120.0];
 
 /// Space around the drawing for tick labels and the axes' names, and above it for notes.
@@ -191,7 +192,8 @@ impl Stage {
         (self.end_m(axis, false) / self.step_m).round() * self.step_m
     }
 
-    /// Returns the horizontal axis perpendicular to the wall, which is the one of the two rear walls that faces the viewer more.
+    /// Returns the horizontal axis perpendicular to the wall, which is the one of the two rear walls that faces the
+    /// viewer more.
     fn wall_axis(&self) -> usize {
         usize::from(self.view.to_viewer[1].abs() > self.view.to_viewer[0].abs())
     }

@@ -124,8 +124,8 @@ pub(super) fn equal_scales(
     (widened(x, plot_px[0]), widened(y, plot_px[1]))
 }
 
-/// Returns the logarithms of 1, 2 and 5 times powers of ten with their labels, or only of powers of ten if those were too
-/// many.
+/// Returns the logarithms of 1, 2 and 5 times powers of ten with their labels, or only of powers of ten if those were
+/// too many.
 fn decade_ticks(range: &Range<f64>, max_count: f64) -> Vec<(f64, String)> {
     let decades = range.start.floor() as i32..=range.end.ceil() as i32;
     let digits: &[u32] = if 3.0 * (range.end - range.start) <= max_count {
@@ -143,7 +143,8 @@ fn decade_ticks(range: &Range<f64>, max_count: f64) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// Returns multiples of 1, 2 or 5 times a power of ten, about `max_count` at most, and the number of decimals they need.
+/// Returns multiples of 1, 2 or 5 times a power of ten, about `max_count` at most, and the number of decimals they
+/// need.
 pub(super) fn ticks(range: &Range<f64>, max_count: f64) -> (Vec<f64>, usize) {
     let spacing = (range.end - range.start) / max_count.max(1.0);
     let exponent = spacing.log10().floor();

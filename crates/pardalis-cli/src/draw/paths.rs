@@ -15,12 +15,12 @@ pub(crate) struct PathGroup {
     pub(crate) tracks: Vec<TrackSeries>,
 }
 
-/// Draws the paths of groups of runs with truth and cameras into `STEM-top` and `STEM-3d`, each `.svg` and `.png`, in a folder
-/// that must exist. Returns the paths of the files.
+/// Draws the paths of groups of runs with truth and cameras into `STEM-top` and `STEM-3d`, each `.svg` and `.png`, in
+/// a folder that must exist. Returns the paths of the files.
 ///
-/// Positions are in the world frame, in metres; those that are not finite or beyond 100 km count as missing. Estimates far
-/// from the truth are cut off (without truth or if `reaches_far` is set: those far from 98 % of the estimates), and a note
-/// states their number.
+/// Positions are in the world frame, in metres; those that are not finite or beyond 100 km count as missing.
+/// Estimates far from the truth are cut off (without truth or if `reaches_far` is set: those far from 98 % of the
+/// estimates), and a note states their number.
 pub(crate) fn write_path_figures(
     folder: &Path,
     stem: &str,

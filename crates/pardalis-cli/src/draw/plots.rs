@@ -56,11 +56,11 @@ const MIN_SPAN_M: f64 = 0.02;
 
 const COORDINATES: [&str; 3] = ["x (m)", "y (m)", "z (m)"];
 
-/// Draws tracks, truth and cameras (world frame, metres) into `above`, `side`, `3d` and `coordinates`, each `.svg` and `.png`,
-/// in a folder that must exist. Returns the paths of the files.
+/// Draws tracks, truth and cameras (world frame, metres) into `above`, `side`, `3d` and `coordinates`, each `.svg`
+/// and `.png`, in a folder that must exist. Returns the paths of the files.
 ///
-/// Positions that are not finite or beyond 100 km count as missing. Estimates far from the truth (without truth, far from
-/// 98 % of the estimates) are cut off, and a note states their number.
+/// Positions that are not finite or beyond 100 km count as missing. Estimates far from the truth (without truth, far
+/// from 98 % of the estimates) are cut off, and a note states their number.
 pub(crate) fn write_track_plots(
     folder: &Path,
     series: &[TrackSeries],
@@ -369,8 +369,8 @@ impl<'a> Figures<'a> {
         Ok(())
     }
 
-    /// Draws tracks, and the truth as a thin line on top so that both are visible. Parts outside the panel are cut off; a
-    /// note states how many estimates they contain.
+    /// Draws tracks, and the truth as a thin line on top so that both are visible. Parts outside the panel are cut
+    /// off; a note states how many estimates they contain.
     fn draw_paths(
         &self,
         area: &Area<'_>,

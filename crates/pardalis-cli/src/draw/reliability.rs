@@ -27,9 +27,9 @@ pub(crate) struct ReliabilityGroup {
     pub(crate) reliability: Reliability,
 }
 
-/// Draws the share of right rows against their mean confidence, one mark per bin, with the line on which both are equal,
-/// and below it the number of rows, into `STEM-reliability.svg` and `.png` in a folder that must exist. Returns the paths
-/// of the files.
+/// Draws the share of right rows against their mean confidence, one mark per bin, with the line on which both are
+/// equal, and below it the number of rows, into `STEM-reliability.svg` and `.png` in a folder that must exist.
+/// Returns the paths of the files.
 pub(crate) fn write_reliability_figures(
     folder: &Path,
     stem: &str,

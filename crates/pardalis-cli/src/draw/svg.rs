@@ -48,8 +48,8 @@ pub(super) fn fill(color: Rgb, opacity: f64) -> ShapeStyle {
     line(color, opacity, 0.0).filled()
 }
 
-/// Returns the style of dark text of this height, set to the left or right of its point or centred on it, and vertically
-/// centred.
+/// Returns the style of dark text of this height, set to the left or right of its point or centred on it, and
+/// vertically centred.
 pub(super) fn text_style(height_px: f64, side: HPos) -> TextStyle<'static> {
     // Plotters divides the size by 1.24 when it writes SVG.
     (FONT_FAMILY, 1.24 * height_px * UNITS_PER_PX)

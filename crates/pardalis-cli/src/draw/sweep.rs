@@ -63,7 +63,6 @@ pub(crate) struct SweepSeries {
 
 /// Draws errors against a setting and, if times are known, against the time per frame into `STEM-sweep.svg` and `.png`
 /// in a folder that must exist; `x_name` names the setting with its unit. Returns the paths of the files.
-/// in a folder that must exist; `x_name` names the setting with its unit. Gives the paths of the files.
 ///
 /// The axis of the setting has numbers if all values are numbers, otherwise labels. Axes are logarithmic if the largest
 /// value is more than 20 times the smallest. Points with errors that are not finite are left out.
@@ -248,8 +247,8 @@ impl<'a> Sweep<'a> {
         Ok(())
     }
 
-    /// Draws the points at the positions that `place` returns, with bars from the lowest to the highest error, and lines
-    /// between them if they are `joined`.
+    /// Draws the points at the positions that `place` returns, with bars from the lowest to the highest error, and
+    /// lines between them if they are `joined`.
     fn draw_points<'b>(
         &self,
         area: &Area<'b>,

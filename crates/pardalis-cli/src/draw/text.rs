@@ -47,8 +47,8 @@ pub(super) fn width_em(text: &str) -> f32 {
     glyphs(text).map(|(_, advance)| advance).sum()
 }
 
-/// Returns the outlines of a line of text of font size 1 whose base line begins at the origin, with y downwards; `None` if
-/// nothing is visible.
+/// Returns the outlines of a line of text of font size 1 whose base line begins at the origin, with y downwards;
+/// `None` if nothing is visible.
 pub(super) fn outlines(text: &str) -> Option<Path> {
     let mut pen = Pen {
         path: PathBuilder::new(),
@@ -63,8 +63,8 @@ pub(super) fn outlines(text: &str) -> Option<Path> {
     pen.path.finish()
 }
 
-/// Returns the glyphs of a text and their advances in units of the font size. Question marks replace characters that the
-/// font lacks.
+/// Returns the glyphs of a text and their advances in units of the font size. Question marks replace characters that
+/// the font lacks.
 fn glyphs(text: &str) -> impl Iterator<Item = (GlyphId, f32)> {
     text.chars().map(|c| {
         let glyph = FACE.glyph_index(c).or_else(|| FACE.glyph_index('?'));

@@ -29,7 +29,8 @@ pub(super) struct Programs {
 }
 
 impl Programs {
-    /// Searches the folders of a search path in the format of the environment variable `PATH`. Fails if a program is not installed.
+    /// Searches the folders of a search path in the format of the environment variable `PATH`. Fails if a program is
+    /// not installed.
     pub(super) fn find(search_path: &OsStr) -> Result<Self> {
         let find = |name: &str| {
             let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);

@@ -60,8 +60,8 @@ impl ImageFrames {
         Self::of(files.iter().cloned().zip(times).collect())
     }
 
-    /// Opens one or more files with their times. The first image with a valid header determines the size of all; if there is
-    /// none, the error of the first is returned.
+    /// Opens one or more files with their times. The first image with a valid header determines the size of all; if
+    /// there is none, the error of the first is returned.
     fn of(files: Vec<(PathBuf, ImageTimes)>) -> Result<Self> {
         let mut sizes = files.iter().map(|(file, _)| (file, image_size(file)));
         let first = sizes.by_ref().find(|(_, size)| size.is_ok());
@@ -249,7 +249,8 @@ fn trailing_number(path: &Path) -> Option<u64> {
     stem[stem.len() - digits..].parse().ok()
 }
 
-/// Returns a key that alternates text and numbers, each number as its length and its digits, so that `b2` sorts before `b10`.
+/// Returns a key that alternates text and numbers, each number as its length and its digits, so that `b2` sorts
+/// before `b10`.
 fn natural_key(name: &str) -> Vec<(String, usize, String)> {
     let mut key = Vec::new();
     let mut rest = name;

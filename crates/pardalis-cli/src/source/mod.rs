@@ -117,8 +117,8 @@ pub(crate) enum Delivery {
     Frame {
         /// The frame with its time stamp, including the camera's time offset.
         frame: Frame,
-        /// When it reached the program, in seconds. Recorded sources: on the clock of the time stamps, never decreasing. Live
-        /// sources: on the program's clock.
+        /// When it reached the program, in seconds. Recorded sources: on the clock of the time stamps, never
+        /// decreasing. Live sources: on the program's clock.
         arrival_s: f64,
     },
     /// An image that cannot be used, with the reason; others may follow.
@@ -292,8 +292,8 @@ impl Source {
         self.is_live
     }
 
-    /// Waits for the first frame and returns its time stamp in seconds; `None` if there is no frame. Call it before taking
-    /// any frame.
+    /// Waits for the first frame and returns its time stamp in seconds; `None` if there is no frame. Call it before
+    /// taking any frame.
     pub(crate) fn first_time_s(&mut self) -> Option<f64> {
         loop {
             match self.peeked.back() {
@@ -396,8 +396,8 @@ impl Drop for Source {
 /// The clock of arrivals.
 #[derive(Debug, Clone, Copy)]
 enum Clock {
-    /// The recording: a frame arrives at its recorded arrival time, else at its own time stamp, but never before the frame
-    /// preceding it.
+    /// The recording: a frame arrives at its recorded arrival time, else at its own time stamp, but never before the
+    /// frame preceding it.
     Recorded,
     /// The program's clock, at the time when it receives the frame.
     Live,

@@ -27,9 +27,9 @@ impl ImageTimes {
     }
 }
 
-/// Reads the columns `frame` (ascending, from 0), `time_s` and, if present, `arrival_s` of a CSV file with a header. Times
-/// may decrease. Frames are delivered in order of arrival, or of their numbers without arrivals. Other columns are ignored;
-/// equal times mark repeated frames.
+/// Reads the columns `frame` (ascending, from 0), `time_s` and, if present, `arrival_s` of a CSV file with a header.
+/// Times may decrease. Frames are delivered in order of arrival, or of their numbers without arrivals. Other columns
+/// are ignored; equal times mark repeated frames.
 pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
     let name = path.display();
     let text = std::fs::read(path).map_err(|error| {

@@ -23,7 +23,8 @@ const MAX_DOTS: usize = 300;
 const TRAIL: usize = 50;
 /// Points of a drawn contour.
 const CONTOUR_POINTS: usize = 72;
-/// Length of the arrow along the heading, as a multiple of the distance of the front landmark from the target's position.
+/// Length of the arrow along the heading, as a multiple of the distance of the front landmark from the target's
+/// position.
 const ARROW_LENGTH: f64 = 4.0;
 
 /// Removes the frames of an earlier run, which might have been longer.
@@ -85,8 +86,8 @@ impl Annotator {
         &self.folder
     }
 
-    /// Returns the trail and the particles of each target, the contours of the best particle in white and those of the mean
-    /// in black, as in the paper.
+    /// Returns the trail and the particles of each target, the contours of the best particle in white and those of
+    /// the mean in black, as in the paper.
     fn marks(&self, instant: &Instant, view: &View) -> Result<Vec<Mark>> {
         let mut marks = Vec::new();
         for (number, estimate) in instant.estimates.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! Collects frames of several cameras as they arrive and emits them in order of time. Independent of sources and clocks.
+//! Collects frames of several cameras as they arrive and emits them in order of time. Independent of sources and
+//! clocks.
 
 use pardalis::{CameraId, Error, Frame};
 use serde::Serialize;
@@ -103,7 +104,8 @@ pub(crate) struct Merge {
     /// Number of emitted sets.
     set_count: usize,
     arriving: Arrivals,
-    /// The latest time stamp of earlier arrivals, in seconds: everything up to it would already be emitted if nothing waited.
+    /// The latest time stamp of earlier arrivals, in seconds: everything up to it would already be emitted if nothing
+    /// waited.
     passed_s: f64,
 }
 
@@ -173,8 +175,8 @@ impl Merge {
         counts.broken += 1;
     }
 
-    /// Returns the earliest set if one of its frames or of a later set has waited long enough at `now_s`, on the clock of
-    /// arrivals.
+    /// Returns the earliest set if one of its frames or of a later set has waited long enough at `now_s`, on the
+    /// clock of arrivals.
     pub(crate) fn next_set(&mut self, now_s: f64) -> Option<FrameSet> {
         let is_due = |held: &Held| held.arrival_s + self.hold_s < now_s;
         if !self.held.iter().any(is_due) {

@@ -144,8 +144,8 @@ fn a_repeated_image_is_frozen() {
 }
 
 proptest::proptest! {
-    /// For any arrivals: sets are in strict order of time, each frame is emitted once or counted as left out, and waiting
-    /// longer loses no more frames.
+    /// For any arrivals: sets are in strict order of time, each frame is emitted once or counted as left out, and
+    /// waiting longer loses no more frames.
     #[test]
     fn every_frame_is_emitted_once_or_counted(
         frames in proptest::collection::vec((0..4_usize, 0..60_u32, 0..80_u32), 0..60),

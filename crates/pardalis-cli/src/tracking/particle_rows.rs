@@ -21,9 +21,9 @@ const STATE_COLUMNS: usize = 6;
 
 /// Writes the particles of each estimate to a file.
 ///
-/// Only targets with an estimate have rows, because the particles of a searching or lost target mean nothing. Particles are
-/// written before resampling; those of a detected target are those of its last update. The weights of the particles of one
-/// landmark, or of a target without landmarks, sum to one.
+/// Only targets with an estimate have rows, because the particles of a searching or lost target mean nothing.
+/// Particles are written before resampling; those of a detected target are those of its last update. The weights of
+/// the particles of one landmark, or of a target without landmarks, sum to one.
 pub(crate) struct ParticleRows {
     out: BufWriter<File>,
     path: PathBuf,

@@ -1,5 +1,5 @@
-//! `pardalis track` on hostile input: every error in the user's input ends with exit code 2 and a message that names the file,
-//! the key or line, the problem and the allowed values; rows written before stay complete.
+//! `pardalis track` on hostile input: every error in the user's input ends with exit code 2 and a message that names
+//! the file, the key or line, the problem and the allowed values; rows written before stay complete.
 
 use std::fs;
 use std::io::{BufRead, BufReader};

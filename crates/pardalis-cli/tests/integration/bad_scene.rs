@@ -1,5 +1,5 @@
-//! `pardalis track` on hostile scenes and colour models: every problem ends with exit code 2 and a message that names the file,
-//! the key, the line, the problem and the allowed values.
+//! `pardalis track` on hostile scenes and colour models: every problem ends with exit code 2 and a message that names
+//! the file, the key, the line, the problem and the allowed values.
 
 use std::fs;
 use std::process::Command;

@@ -98,7 +98,7 @@ fn figures(tracks: &Path, truth: &Path, options: &[&str]) -> Value {
 }
 
 /// Returns the message of a run that ends with exit code 2.
-fn fault(tracks: &Path, truth: &Path, options: &[&str]) -> String {
+fn error_message(tracks: &Path, truth: &Path, options: &[&str]) -> String {
     let output = evaluate(tracks, truth, options);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{message}");
@@ -281,7 +281,7 @@ fn spherical_errors_are_relative_to_the_first_camera_or_the_given_point() {
     assert!(point["source"].as_str().unwrap().contains("cam2"));
     for broken in ["{", r#"{"cameras": {"c": {"position_m": [0, 0]}}}"#] {
         folder.write("summary.json", broken);
-        let message = fault(&file, &sequence("dioptric-jump"), &[]);
+        let message = error_message(&file, &sequence("dioptric-jump"), &[]);
         assert!(
             message.contains("summary.json") && message.contains("--around"),
             "{message}"
@@ -430,19 +430,19 @@ fn invalid_tracks_are_rejected_with_file_line_and_column() {
         ),
     ] {
         let file = folder.write("tracks.csv", content);
-        let message = fault(&file, &truth, &[]);
+        let message = error_message(&file, &truth, &[]);
         assert!(message.contains("tracks.csv"), "{message}");
         for part in expected {
             assert!(message.contains(part), "\"{part}\" is not in: {message}");
         }
     }
     let file = folder.write("tracks.csv", b"time_s,target,x_m,y_m,z_m\n0,\xff,1,2,3\n");
-    let message = fault(&file, &truth, &[]);
+    let message = error_message(&file, &truth, &[]);
     assert!(
         message.contains("line 2") && message.contains("UTF-8"),
         "{message}"
     );
-    let message = fault(&folder.0.join("none.csv"), &truth, &[]);
+    let message = error_message(&folder.0.join("none.csv"), &truth, &[]);
     assert!(message.contains("none.csv"), "{message}");
 }
 
@@ -473,13 +473,13 @@ fn invalid_truth_is_rejected_with_file_line_and_column() {
             &["line 3", "line 2", "must repeat"],
         ),
     ] {
-        let message = fault(&tracks, &folder.write("truth.csv", content), &[]);
+        let message = error_message(&tracks, &folder.write("truth.csv", content), &[]);
         assert!(message.contains("truth.csv"), "{message}");
         for part in expected {
             assert!(message.contains(part), "\"{part}\" is not in: {message}");
         }
     }
-    let message = fault(&tracks, &folder.0.join("none"), &[]);
+    let message = error_message(&tracks, &folder.0.join("none"), &[]);
     assert!(message.contains("none"), "{message}");
 }
 
@@ -539,7 +539,7 @@ fn invalid_options_are_rejected_with_the_allowed_values() {
         (&["--from", "100"], "no frame of"),
         (&["--json", "/nowhere/at/all.json"], "write permission"),
     ] {
-        let message = fault(&file, &sequence("dioptric-two-balls"), options);
+        let message = error_message(&file, &sequence("dioptric-two-balls"), options);
         assert!(
             message.contains(expected),
             "\"{expected}\" is not in: {message}"
@@ -547,7 +547,7 @@ fn invalid_options_are_rejected_with_the_allowed_values() {
     }
     // A target without an object is named; tracks without any object are rejected.
     let hider = folder.write("truth.csv", "time_s,object,x_m,y_m,z_m\n0,occluder,1,2,3\n");
-    let message = fault(&file, &hider, &[]);
+    let message = error_message(&file, &hider, &[]);
     assert!(message.contains("no target (ball1, ball2)"), "{message}");
     let single = folder.write("truth.csv", "time_s,object,x_m,y_m,z_m\n0,ball2,1,2,3\n");
     let all = figures(&file, &single, &[]);
@@ -583,7 +583,7 @@ fn headings_are_compared_if_both_tables_have_one() {
     let line = table.lines().find(|l| l.contains("heading error, median"));
     assert!(line.unwrap().ends_with("4.30"), "{table}");
     let north = folder.write("north.csv", rows("north"));
-    let message = fault(&north, &truth, &[]);
+    let message = error_message(&north, &truth, &[]);
     for part in ["north.csv", "line 2", "heading_rad", "north"] {
         assert!(message.contains(part), "{message}");
     }

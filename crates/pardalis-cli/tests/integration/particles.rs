@@ -1,5 +1,5 @@
-//! The output of particles and of the best one, and its independence of the number of threads, for detected and for initialised
-//! targets.
+//! The output of particles and of the best one, and its independence of the number of threads, for detected and for
+//! initialised targets.
 
 use std::fs;
 
@@ -52,7 +52,8 @@ fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
     squares.sum::<f64>().sqrt()
 }
 
-/// Runs a scene and compares its particles with its rows; `is_best` reports whether a particle may be the best one of its frame.
+/// Runs a scene and compares its particles with its rows; `is_best` reports whether a particle may be the best one of
+/// its frame.
 fn check(scene: &str, count: usize, is_best: impl Fn(&Particle, &[&Particle]) -> bool) {
     let place = Workplace::with_frames(FRAMES);
     let track = |threads: &str| {

@@ -1,5 +1,5 @@
-//! `pardalis track` on the four cameras of data/webcams-four, one of which fails: the target is not lost, and the summary
-//! states the failure.
+//! `pardalis track` on the four cameras of data/webcams-four, one of which fails: the target is not lost, and the
+//! summary states the failure.
 
 mod faults;
 mod place;

@@ -1,5 +1,5 @@
-//! `pardalis track` on frames of data/dioptric-jump: rows, summary, pictures, and that they depend only on scene, frames and
-//! seed.
+//! `pardalis track` on frames of data/dioptric-jump: rows, summary, pictures, and that they depend only on scene,
+//! frames and seed.
 
 use std::fs;
 

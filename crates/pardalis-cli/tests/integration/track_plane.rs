@@ -1,4 +1,5 @@
-//! `pardalis track` in the plane, on frames of data/plane-robot: two landmarks form one target with a heading; invalid scenes.
+//! `pardalis track` in the plane, on frames of data/plane-robot: two landmarks form one target with a heading;
+//! invalid scenes.
 
 use std::fs;
 use std::path::{Path, PathBuf};

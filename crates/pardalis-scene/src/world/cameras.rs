@@ -18,8 +18,8 @@ use pardalis_simulate::{ImageSettings, Timing, WorldCamera};
 const MAX_SIDE_PX: f64 = 4096.0;
 /// Maximum number of exposures of one camera.
 const MAX_EXPOSURES: f64 = 100_000.0;
-/// Maximum standard deviation of time stamps as a share of the frame interval. Errors are cut at three standard deviations, so
-/// that time stamps still ascend.
+/// Maximum standard deviation of time stamps as a share of the frame interval. Errors are cut at three standard
+/// deviations, so that time stamps still ascend.
 const MAX_JITTER: f64 = 0.15;
 
 /// Reads the cameras; invalid ones are left out and reported to the journal.
@@ -201,7 +201,8 @@ fn read_roll_deg(table: &Table) -> f64 {
         .or(0.0)
 }
 
-/// Reads the pose: a matrix, or the position and the point at which the camera looks, or the pose of the calibration file.
+/// Reads the pose: a matrix, or the position and the point at which the camera looks, or the pose of the calibration
+/// file.
 fn read_view(table: &Table, file_pose: Option<Pose>) -> Option<Pose> {
     let given = read_pose(table);
     let looks = ["look_from_m", "look_at_m", "roll_deg"].map(|key| table.knows(key));

@@ -40,8 +40,8 @@ impl WorldConfig {
     /// Default standard deviation of starts, in metres.
     pub const DEFAULT_START_SIGMA_M: f64 = 0.05;
 
-    /// Reads a world's text. The caller reads the calibration files that the world names. Returns every problem on failure, in
-    /// the order of lines.
+    /// Reads a world's text. The caller reads the calibration files that the world names. Returns every problem on
+    /// failure, in the order of lines.
     pub fn parse(text: &str, read_calibration: ReadCalibration) -> Result<Self, Vec<Problem>> {
         Self::parse_with(text, &toml::Table::new(), read_calibration)
     }

@@ -1,4 +1,5 @@
-//! Damaged, unsupported and contradictory calibration files yield errors with a line and a name, never a panic or a wrong camera.
+//! Damaged, unsupported and contradictory calibration files yield errors with a line and a name, never a panic or a
+//! wrong camera.
 
 use pardalis_camera::formats::{Lens, MAX_TEXT_BYTES};
 use pardalis_scene::calibration::read;
@@ -111,7 +112,8 @@ fn check(text: &str, lens: Option<Lens>) -> bool {
     }
 }
 
-/// Returns the sample with a few bits flipped, or bytes removed, duplicated, swapped or replaced, depending on the seed.
+/// Returns the sample with a few bits flipped, or bytes removed, duplicated, swapped or replaced, depending on the
+/// seed.
 fn mutated(text: &str, seed: u64) -> String {
     // The generator of Numerical Recipes; any other would do.
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -159,8 +161,8 @@ fn damage(name: &str, lens: Option<Lens>, mutations: u64) -> usize {
         .count()
 }
 
-/// Reads a thousand mutations of each sample. `MUTATIONS=1000000 cargo test --release -p pardalis-scene --test integration
-/// mutated -- --nocapture` reads more and prints the counts.
+/// Reads a thousand mutations of each sample. `MUTATIONS=1000000 cargo test --release -p pardalis-scene --test
+/// integration mutated -- --nocapture` reads more and prints the counts.
 #[test]
 fn truncated_and_mutated_samples_are_read_or_rejected() {
     let count = std::env::var("MUTATIONS").map_or(1000, |v| v.parse().unwrap());

@@ -1,5 +1,5 @@
-//! Scenes of the plane: cameras of a plane or an image, flat shapes, region cues, targets with several landmarks; errors
-//! with key and line.
+//! Scenes of the plane: cameras of a plane or an image, flat shapes, region cues, targets with several landmarks;
+//! errors with key and line.
 
 use pardalis::color::ChannelBins;
 use pardalis::likelihood::{Cue, PatchSettings};

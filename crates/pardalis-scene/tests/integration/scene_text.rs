@@ -89,7 +89,8 @@ fn no_calibration(file: &str, _: Option<Lens>) -> Result<Vec<CalibratedCamera>, 
     Err(format!("{file}: is not there"))
 }
 
-/// Parses a scene and checks that errors are in order, with lines of the text and messages; reports whether it is valid.
+/// Parses a scene and checks that errors are in order, with lines of the text and messages; reports whether it is
+/// valid.
 fn check_scene(text: &str) -> bool {
     let Err(problems) = Scene::parse(text, &no_calibration) else {
         return true;
@@ -121,7 +122,8 @@ fn check_colors(text: &str) -> bool {
 fn texts_truncated_at_any_byte_are_read_or_rejected() {
     assert!(check_scene(SCENE) && check_colors(COLORS));
     let cut = |text: &'static str| (0..text.len()).filter_map(move |end| text.get(..end));
-    // The rest is a valid scene only if a target has shape and colours and no setting is truncated: all others have defaults.
+    // The rest is a valid scene only if a target has shape and colours and no setting is truncated: all others have
+    // defaults.
     let sound: Vec<_> = cut(SCENE).filter(|text| check_scene(text)).collect();
     let begun = SCENE.find("\ncontour.spline").unwrap_or_default();
     assert!(sound.len() < 60, "{}", sound.len());

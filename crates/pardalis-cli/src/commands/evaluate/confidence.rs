@@ -21,8 +21,8 @@ pub(crate) struct Confidence {
 }
 
 impl Confidence {
-    /// Evaluates rows of the track against rows of the truth. In a frame with truth for other objects only, the object does
-    /// not exist.
+    /// Evaluates rows of the track against rows of the truth. In a frame with truth for other objects only, the
+    /// object does not exist.
     pub(super) fn of<'a>(
         rows: impl Iterator<Item = (Option<&'a TrackRow>, Option<&'a TrueState>)>,
         options: &Options,

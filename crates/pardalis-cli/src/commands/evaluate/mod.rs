@@ -41,8 +41,8 @@ pub(crate) struct Arguments {
 /// Options that affect the results.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Options {
-    /// Pairs a target with an object of the truth; may be repeated [default: the object of the same name, else the one that
-    /// the target follows best; objects named occluder… only by name]
+    /// Pairs a target with an object of the truth; may be repeated [default: the object of the same name, else the
+    /// one that the target follows best; objects named occluder… only by name]
     #[arg(long, value_name = "TARGET=OBJECT", value_parser = name_pair)]
     pub(crate) map: Vec<(String, String)>,
     /// The origin of distance, elevation and azimuth in the world, in metres [default: the first camera in the
@@ -55,8 +55,8 @@ pub(crate) struct Options {
     /// An estimate farther than this from the truth counts as lost
     #[arg(long, value_name = "METRES", value_parser = length, default_value_t = Settings::LOST_BEYOND_M)]
     pub(crate) lost_beyond_m: f64,
-    /// The diameter of targets: a confidence or state is right if the object is within this distance [default: the targets'
-    /// own diameters, from the summary.json next to the tracks]
+    /// The diameter of targets: a confidence or state is right if the object is within this distance [default: the
+    /// targets' own diameters, from the summary.json next to the tracks]
     #[arg(long, value_name = "METRES", value_parser = length)]
     pub(crate) diameter_m: Option<f64>,
     /// Evaluates only the frames from this time on
@@ -65,12 +65,12 @@ pub(crate) struct Options {
     /// Evaluates only the frames up to this time
     #[arg(long = "to", value_name = "SECONDS", value_parser = finite, allow_hyphen_values = true)]
     pub(crate) to_s: Option<f64>,
-    /// Evaluates only the frames in which exactly this number of cameras (of those with an image at that time) see more than
-    /// half of the object
+    /// Evaluates only the frames in which exactly this number of cameras (of those with an image at that time) see
+    /// more than half of the object
     #[arg(long, value_name = "CAMERAS")]
     pub(crate) seen_by: Option<usize>,
-    /// Evaluates every row of the tracks, with the truth interpolated to its time (by a cubic if the truth includes velocities,
-    /// otherwise linearly)
+    /// Evaluates every row of the tracks, with the truth interpolated to its time (by a cubic if the truth includes
+    /// velocities, otherwise linearly)
     #[arg(long)]
     pub(crate) interpolate: bool,
 }

@@ -28,10 +28,10 @@ const OUTLINE_POINTS: usize = 200;
 
 /// Illustrates the likelihood of the contour cue in one frame
 ///
-/// For one position of a target, writes into a folder: sampled.svg (the inner and outer pixels that are compared, over the
-/// image), scales.svg (the likelihood of the outline scaled by a factor) and ray.svg (the likelihood of a target along the
-/// ray through a pixel, against its distance from the camera), each also as PNG, and the curves as scales.csv and ray.csv.
-/// Likelihoods are log-likelihood ratios to pure background in nats.
+/// For one position of a target, writes into a folder: sampled.svg (the inner and outer pixels that are compared,
+/// over the image), scales.svg (the likelihood of the outline scaled by a factor) and ray.svg (the likelihood of a
+/// target along the ray through a pixel, against its distance from the camera), each also as PNG, and the curves as
+/// scales.csv and ray.csv. Likelihoods are log-likelihood ratios to pure background in nats.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis likelihood ball.toml --at 1.35,-1.25,0.62 -o likelihood

@@ -159,8 +159,8 @@ pub(super) struct Run {
     pub(super) timed: bool,
     /// Origin of distance, elevation and azimuth in the world frame; if `None`, the first camera.
     pub(super) origin_m: Option<[f64; 3]>,
-    /// An object counts as visible if more than this share of it is visible, and an estimate farther than `lost_beyond_m` from
-    /// it counts as lost.
+    /// An object counts as visible if more than this share of it is visible, and an estimate farther than
+    /// `lost_beyond_m` from it counts as lost.
     #[serde(default = "visible_over")]
     pub(super) visible_over: f64,
     #[serde(default = "lost_beyond_m")]

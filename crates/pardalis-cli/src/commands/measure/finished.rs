@@ -16,8 +16,8 @@ use crate::user_error::user_error;
 /// Larger files, which are videos, are identified by size and modification time.
 const MAX_READ_BYTES: u64 = 4 << 20;
 
-/// finished.json in a seed's folder, written when its tracks are complete. It has no figures: they are recomputed cheaply from
-/// the tracks.
+/// finished.json in a seed's folder, written when its tracks are complete. It has no figures: they are recomputed
+/// cheaply from the tracks.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Finished {
     /// Fingerprint of everything that determines the tracks (see [`of_run`] and [`of_seed`]).

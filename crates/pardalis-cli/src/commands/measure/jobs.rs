@@ -57,8 +57,8 @@ impl Job<'_> {
     }
 }
 
-/// Tracks all seeds with this number of threads, in the order of the list, except that timed seeds run last and one at a
-/// time.
+/// Tracks all seeds with this number of threads, in the order of the list, except that timed seeds run last and one
+/// at a time.
 ///
 /// Stops on Ctrl-C and after the first failure; finished seeds are kept.
 pub(super) fn track_all(jobs: &[Job], threads: usize) -> Result<()> {

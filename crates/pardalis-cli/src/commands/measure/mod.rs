@@ -29,10 +29,10 @@ use results::Results;
 
 /// Runs an experiment with several seeds and evaluates it
 ///
-/// EXPERIMENT.toml names scenes, their truth, and bands for the figures of every seed. Writes results.csv (one row per run,
-/// seed, target and window), pooled.csv (per run or sweep over all recordings: NEES with its 99 % band, reliability of the
-/// confidences), every track, and plots with all seeds. An interrupted experiment resumes: finished seeds are reused if
-/// program, scene and frames are unchanged.
+/// EXPERIMENT.toml names scenes, their truth, and bands for the figures of every seed. Writes results.csv (one row
+/// per run, seed, target and window), pooled.csv (per run or sweep over all recordings: NEES with its 99 % band,
+/// reliability of the confidences), every track, and plots with all seeds. An interrupted experiment resumes:
+/// finished seeds are reused if program, scene and frames are unchanged.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis measure experiments/jump/experiment.toml
@@ -88,7 +88,8 @@ pub(crate) struct Arguments {
     /// Runs only the first `verify_seeds` seeds of each run
     #[arg(long)]
     verify: bool,
-    /// Also copies results.csv into this folder, under the experiment's name, with the commit and a description of the machine
+    /// Also copies results.csv into this folder, under the experiment's name, with the commit and a description of
+    /// the machine
     #[arg(long, value_name = "FOLDER", conflicts_with = "verify")]
     record: Option<PathBuf>,
     /// Also copies the figures that the experiment defines, as PNG, into this folder
@@ -97,7 +98,8 @@ pub(crate) struct Arguments {
     /// Tracks all seeds again
     #[arg(long)]
     fresh: bool,
-    /// Number of seeds that are tracked in parallel, one thread each; results do not depend on it [default: one per core]
+    /// Number of seeds that are tracked in parallel, one thread each; results do not depend on it [default: one per
+    /// core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
 }

@@ -206,8 +206,8 @@ impl<'a> Plan<'a> {
         Ok(tracks)
     }
 
-    /// Returns the truth of the evaluated objects for plots, from the first recording: recordings of a world differ only in
-    /// their images.
+    /// Returns the truth of the evaluated objects for plots, from the first recording: recordings of a world differ
+    /// only in their images.
     pub(super) fn truth(&self, figures: &[Figures]) -> Result<Vec<TruthSeries>> {
         let mut truth = tables::read_truth(&self.recording(1).truth_path)?;
         truth.retain(|object| figures.iter().any(|f| f.object == object.name));
@@ -269,7 +269,8 @@ impl Fresh {
     }
 }
 
-/// Simulates those of a run's worlds that are missing, one per thread in parallel, and reads the scene and the truth of each.
+/// Simulates those of a run's worlds that are missing, one per thread in parallel, and reads the scene and the truth
+/// of each.
 fn simulated(
     run: &Run,
     world: &Path,

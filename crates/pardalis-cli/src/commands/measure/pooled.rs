@@ -18,9 +18,9 @@ pub(super) fn reliability_of(runs: &[&Measured]) -> Option<Reliability> {
     reliability(&all)
 }
 
-/// Returns one row per run or sweep, target and window: `recordings` (number of distinct recordings), their mean NEES with
-/// the 99 % band of that mean from the scatter of recordings, rows with a confidence, the calibration error over them and
-/// their largest confidence.
+/// Returns one row per run or sweep, target and window: `recordings` (number of distinct recordings), their mean NEES
+/// with the 99 % band of that mean from the scatter of recordings, rows with a confidence, the calibration error over
+/// them and their largest confidence.
 pub(super) fn to_csv(measured: &[Measured]) -> String {
     let mut text = "run,target,window,recordings,mean_nees,nees_99_low,nees_99_high,rows,calibration_error,confidence_max\n".to_owned();
     let mut names: Vec<&str> = measured.iter().map(Measured::name).collect();

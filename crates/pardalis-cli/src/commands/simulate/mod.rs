@@ -19,9 +19,10 @@ use crate::user_error::user_error;
 
 /// Renders images of a synthetic world, with ground truth
 ///
-/// Reads a world file (objects with colours and paths, light, floor, and cameras of any model, with clocks and faults) and
-/// writes a sequence: the images of each camera with times.csv, truth.csv, the cameras, a scene that tracks the targets, and
-/// their colour models, learnt from stills in different light. The same file and seed give the same bytes.
+/// Reads a world file (objects with colours and paths, light, floor, and cameras of any model, with clocks and
+/// faults) and writes a sequence: the images of each camera with times.csv, truth.csv, the cameras, a scene that
+/// tracks the targets, and their colour models, learnt from stills in different light. The same file and seed give
+/// the same bytes.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis simulate data/worlds/ring.toml -o ring

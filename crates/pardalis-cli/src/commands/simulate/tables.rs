@@ -15,8 +15,8 @@ use crate::folder::Folder;
 
 const HEADER: &str = "frame,time_s,object,camera,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,xc_m,yc_m,zc_m,u_px,v_px,visible_fraction,heading_rad\n";
 
-/// Returns the text of truth.csv: one row per delivered image and object, in order of true times. `frame` is the index of
-/// the image in its camera's folder.
+/// Returns the text of truth.csv: one row per delivered image and object, in order of true times. `frame` is the
+/// index of the image in its camera's folder.
 pub(super) fn truth(sequence: &Sequence) -> String {
     let mut images: Vec<(f64, usize, usize)> = Vec::new();
     for (camera, deliveries) in sequence.deliveries.iter().enumerate() {
@@ -65,7 +65,8 @@ fn has_heading(world: &World, object: usize) -> bool {
     !matches!(world.objects[object].body, Body::Sphere { .. }) || world.objects.iter().any(carries)
 }
 
-/// Writes cameras.toml, which the scene uses, and cameras.json in the format of other sequences if it supports the models.
+/// Writes cameras.toml, which the scene uses, and cameras.json in the format of other sequences if it supports the
+/// models.
 pub(super) fn write_cameras(world: &World, folder: &Folder) -> Result<()> {
     let cameras: Vec<_> = world.cameras.iter().map(calibrated).collect();
     let text = calibration::write(CalibrationFormat::Pardalis, &cameras)?;

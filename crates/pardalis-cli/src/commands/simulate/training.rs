@@ -23,8 +23,8 @@ const VISIBLE: f64 = 0.8;
 /// Minimum covered share of a pixel for it to belong to the target.
 const COVERED: f32 = 0.5;
 
-/// Writes `training/NNN.*` with `NNN_TARGET_mask.png`, 255 on the target, and each target's colour model. Stills cycle through
-/// cameras and targets.
+/// Writes `training/NNN.*` with `NNN_TARGET_mask.png`, 255 on the target, and each target's colour model. Stills
+/// cycle through cameras and targets.
 pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -> Result<()> {
     let world = sequence.world();
     let targets: Vec<_> = (0..world.objects.len())

@@ -32,7 +32,8 @@ saturation_bins = 12
 intensity_bins = 4
 "#;
 
-/// A scene that tracks the ball through the images in `images`, with the colours in ball.toml. Tests refer to its line numbers.
+/// A scene that tracks the ball through the images in `images`, with the colours in ball.toml. Tests refer to its
+/// line numbers.
 pub(crate) const SCENE: &str = r#"seed = 1
 [cameras.cam1]
 images = "images"

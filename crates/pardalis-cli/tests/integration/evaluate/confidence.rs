@@ -4,13 +4,13 @@ use std::fmt::Write as _;
 
 use serde_json::Value;
 
-use super::{Folder, assert_near, evaluate, fault, figures};
+use super::{Folder, assert_near, error_message, evaluate, figures};
 
 #[test]
 fn states_are_compared_with_the_truth() {
     let folder = Folder::new("states");
-    // The ball is occluded in frames 3 to 5; the track reports it one frame late, and needs two frames to find it again, the first
-    // of them at a wrong position.
+    // The ball is occluded in frames 3 to 5; the track reports it one frame late, and needs two frames to find it
+    // again, the first of them at a wrong position.
     let words = ["tracking", "tracking", "tracking", "tracking", "occluded"];
     let words = [&words[..], &["lost", "tracking", "tracking"]].concat();
     let mut truth_text = "time_s,object,x_m,y_m,z_m,visible_fraction\n".to_owned();
@@ -36,7 +36,7 @@ fn states_are_compared_with_the_truth() {
     assert_eq!(none["elsewhere_frames"], Value::Null);
 
     folder.write("tracks.csv", tracks_text.replace("lost", "hidden"));
-    let message = fault(&tracks, &truth, &[]);
+    let message = error_message(&tracks, &truth, &[]);
     assert!(
         message.contains("line 7, column state") && message.contains("occluded"),
         "{message}"
@@ -102,7 +102,7 @@ fn confidences_are_compared_with_the_truth() {
         "tracks.csv",
         "time_s,target,x_m,y_m,z_m,confidence\n0,ball,1,2,3,1.5\n",
     );
-    let message = fault(&tracks, &truth, &[]);
+    let message = error_message(&tracks, &truth, &[]);
     assert!(
         message.contains("line 2, column confidence") && message.contains("0 to 1"),
         "{message}"

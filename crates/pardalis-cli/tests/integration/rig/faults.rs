@@ -90,8 +90,8 @@ mod with_ffmpeg {
     use super::*;
     use crate::common::run::{Run, rows_in};
 
-    /// A rig whose second camera is a video that is decoded by the shell script, in which FFMPEG stands for the installed ffmpeg;
-    /// `None` if ffmpeg is not installed.
+    /// A rig whose second camera is a video that is decoded by the shell script, in which FFMPEG stands for the
+    /// installed ffmpeg; `None` if ffmpeg is not installed.
     fn rig_with_video(options: &str, script: &str) -> Option<Rig> {
         let found = std::env::split_paths(&std::env::var_os("PATH")?)
             .map(|folder| folder.join("ffmpeg"))

@@ -1,5 +1,5 @@
-//! Targets that come, go and are put elsewhere, detected among clutter and sometimes missed: what the filter believes is true as often as it says, and its errors
-//! are as large.
+//! Targets that come, go and are put elsewhere, detected among clutter and sometimes missed: what the filter believes
+//! is true as often as it says, and its errors are as large.
 
 use nalgebra::Vector3;
 use pardalis_core::rng::{Draws, Stage};
@@ -24,7 +24,8 @@ const RATE_HZ: f64 = 0.2;
 
 fn settings() -> BernoulliSettings {
     BernoulliSettings {
-        // Detections are four times as uncertain as what a step adds to a position: velocities that were sampled at a birth are remembered for long.
+        // Detections are four times as uncertain as what a step adds to a position: velocities that were sampled at a
+        // birth are remembered for long.
         particle_count: 2000,
         birth_rate_hz: RATE_HZ,
         death_rate_hz: RATE_HZ,
