@@ -14,7 +14,7 @@ fn different_numbers_of_images_are_rejected() {
         "scene.toml: a problem in the scene:",
         "line 10: cameras.cam3.images: camera cam1 has 120 images, 4.8 s at 25 per second, and cam3 has 119",
         "it is unknown which images a camera missed",
-        "put times.csv beside the images",
+        "put times.csv next to the images",
     ]);
     // At another rate, the same duration is allowed, within a frame.
     rig.edit("cam3", "fps = 24.8\n");
