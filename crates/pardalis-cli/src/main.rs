@@ -30,20 +30,19 @@ use clap::{Parser, Subcommand};
   pardalis demo                                   tracks the bundled sequence
   pardalis learn --image a.jpg --rect 10,20,30,40 -o ball.colors.toml
   pardalis init images --fps 25 --colors ball.colors.toml --pixel 460,88
-  pardalis track scene.toml --annotate
-  pardalis locate scene.toml --at 460,88             single images, independently
-  pardalis rectify scene.toml                        maps of the ground, seen from above
+  pardalis track scene.toml --annotate            tracks, plots and annotated frames
+  pardalis locate scene.toml --at 460,88          single images, independently
+  pardalis rectify scene.toml                     maps of the ground, seen from above
 
 Without cameras:
-  pardalis simulate data/worlds/ring.toml -o ring    images of a synthetic world, with ground truth
+  pardalis simulate data/worlds/ring.toml -o ring   images of a synthetic world, with ground truth
 
 Cameras:
   pardalis camera show calib.yml                     properties of a calibration in any format
   pardalis init images --fps 25 --camera calib.yml   a scene that uses it
   pardalis calibrate board images --board checkerboard:9x6:0.025 --model all
   pardalis calibrate pose points.csv --camera calib.yml
-  pardalis calibrate plane images --size 2.0x1.5     a floor with a rectangle of tape
-  pardalis calibrate plane images --size 2.0x1.5     a floor by a rectangle on it, without a calibration
+  pardalis calibrate plane images --size 2.0x1.5     a floor from a rectangle on it, with an unknown camera
 
 Exit codes: 0 success; 2 invalid input or usage; 1 any other error.")]
 struct Arguments {

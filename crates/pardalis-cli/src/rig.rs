@@ -1,4 +1,4 @@
-//! Cameras of one scene that cannot have seen the same thing at the same time: refused before tracking starts.
+//! Checks before tracking that the cameras of one scene can have recorded the same events at the same time.
 
 use std::path::Path;
 
@@ -6,16 +6,16 @@ use pardalis_scene::{CameraConfig, Input, Problem};
 
 use crate::source::{Source, TimeSpan};
 
-/// From this ratio on two cameras' steps of time are in different units, whatever their rates.
+/// If the intervals of two cameras differ by this factor or more, their time stamps have different units.
 const OTHER_UNIT: f64 = 50.0;
 
-/// How far apart the time spans of single images may lie, in seconds.
+/// Largest distance between the time spans of single images, in seconds.
 const APART_S: f64 = 1.0;
 
-/// A camera of the scene with its opened source, where it could be opened.
+/// A camera of the scene with its source, if the source could be opened.
 pub(crate) type Opened<'a> = (&'a CameraConfig, Option<&'a Source>);
 
-/// The problems of cameras with those before them; what is at odds with a camera that has a problem itself is not told again.
+/// Returns the problems of each camera with those before it; a camera that has a problem itself causes no further ones.
 pub(crate) fn problems(cameras: &[Opened], folder: &Path) -> Vec<Problem> {
     let mut sound: Vec<&Opened> = Vec::new();
     let mut problems = Vec::new();
@@ -37,13 +37,13 @@ pub(crate) fn problems(cameras: &[Opened], folder: &Path) -> Vec<Problem> {
     problems
 }
 
-/// Two cameras of one folder, file or device.
+/// Checks for two cameras with the same folder, file or device.
 fn same_input(a: &CameraConfig, b: &CameraConfig, folder: &Path) -> Option<String> {
     let real = |camera: &CameraConfig| {
         let path = folder.join(&camera.input.place().value);
         path.canonicalize().unwrap_or(path)
     };
-    // Some devices are told apart by ffmpeg's options alone.
+    // Some devices differ only in ffmpeg's options.
     let options = |camera: &CameraConfig| match &camera.input {
         Input::Images { .. } => Vec::new(),
         Input::Video { input_options, .. } => input_options.clone(),
@@ -64,7 +64,7 @@ fn live_and_recorded((a, source_a): Camera, (b, source_b): Camera) -> Option<Str
     };
     (source_a.is_live() != source_b.is_live()).then(|| {
         format!(
-            "camera {} is {}, {} is {}; they cannot have seen the same: give cameras that are all live or all recorded",
+            "camera {} is {}, {} is {}; cameras must be all live or all recorded",
             a.name,
             word(source_a),
             b.name,
@@ -73,7 +73,7 @@ fn live_and_recorded((a, source_a): Camera, (b, source_b): Camera) -> Option<Str
     })
 }
 
-/// With `fps` nothing says which instants a camera missed.
+/// Checks the numbers of images; with `fps` nothing states which images a camera missed.
 fn other_frame_count((a, source_a): Camera, (b, source_b): Camera) -> Option<String> {
     let fps = |camera: &CameraConfig| match camera.input {
         Input::Images { fps, .. } => fps,
@@ -89,17 +89,17 @@ fn other_frame_count((a, source_a): Camera, (b, source_b): Camera) -> Option<Str
     };
     ((length_a_s - length_b_s).abs() > allowed_s).then(|| {
         format!(
-            "camera {} has {count_a} images, {length_a_s} s at {fps_a} a second, and {} has {count_b}, {length_b_s} s at {fps_b} a second; \
-             with fps nothing says which instants a camera missed: put times.csv beside the images and take fps out, or cut the longer one by frame_limit",
+            "camera {} has {count_a} images, {length_a_s} s at {fps_a} per second, and {} has {count_b}, {length_b_s} s at {fps_b} per second; \
+             with fps it is unknown which images a camera missed: put times.csv next to the images and remove fps, or shorten the longer one with frame_limit",
             a.name, b.name
         )
     })
 }
 
-/// Time stamps of different units, or of different clocks.
+/// Checks for time stamps of different units or clocks.
 fn other_clock((a, source_a): Camera, (b, source_b): Camera) -> Option<String> {
     let (span_a, span_b) = (source_a.span()?, source_b.span()?);
-    let told = |camera: &CameraConfig, span: TimeSpan| {
+    let describe = |camera: &CameraConfig, span: TimeSpan| {
         let step = span
             .step_s
             .map_or_else(String::new, |s| format!(", {s:.6} s apart"));
@@ -108,7 +108,7 @@ fn other_clock((a, source_a): Camera, (b, source_b): Camera) -> Option<String> {
             camera.name, span.first_s, span.last_s
         )
     };
-    let both = format!("{}, {}", told(a, span_a), told(b, span_b));
+    let both = format!("{}, {}", describe(a, span_a), describe(b, span_b));
     if let (Some(step_a_s), Some(step_b_s)) = (span_a.step_s, span_b.step_s)
         && step_a_s.min(step_b_s) > 0.0
         && (step_a_s / step_b_s).max(step_b_s / step_a_s) > OTHER_UNIT
@@ -131,7 +131,7 @@ fn other_clock((a, source_a): Camera, (b, source_b): Camera) -> Option<String> {
     (apart_s > step_s).then(|| {
         format!(
             "{both}: they have no time in common, so their clocks differ (one may count from 1970, the other from its start); \
-             record both by one clock, or set time_offset_s (with {} for {} they would begin together)",
+             record both with the same clock, or set time_offset_s (with {} for {} both would begin at the same time)",
             span_a.first_s - span_b.first_s + b.time_offset_s,
             b.name
         )

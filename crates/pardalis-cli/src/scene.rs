@@ -1,4 +1,4 @@
-//! Scene files: reads them, opens what they name, and reports every problem before anything runs.
+//! Scene files: reads them, opens the files they name, and reports every problem before anything runs.
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};
@@ -25,22 +25,22 @@ use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use crate::track_start;
 use crate::user_error::{UserError, user_error};
 
-/// The largest scene or colour model file that is read, in bytes: they are written by people.
+/// Maximum size of a scene or colour model file in bytes; such files are small.
 const MAX_TEXT_BYTES: u64 = 4 << 20;
 
-/// From this time between images on, in seconds, a camera's time stamps may be in another unit.
+/// With an interval of this many seconds or more between images, time stamps may be in another unit.
 const LONG_STEP_S: f64 = 5.0;
 
-/// Problems of a scene that are listed at most.
+/// Maximum number of problems of a scene that are listed.
 const MAX_LISTED: usize = 50;
 
 /// A scene whose files are open.
 pub(crate) struct OpenScene {
-    /// What the file says.
+    /// The contents of the file.
     pub(crate) scene: Scene,
     /// The frames of each camera, in the scene's order.
     pub(crate) sources: Vec<Source>,
-    /// Ready for the first frames.
+    /// The tracker, ready for the first frames.
     pub(crate) tracker: Tracker,
 }
 
@@ -48,8 +48,8 @@ pub(crate) struct OpenScene {
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     let name = path.display();
     let unreadable = |error: io::Error| match error.kind() {
-        io::ErrorKind::NotFound => user_error!("{name}: can not be read: there is no such file"),
-        _ => user_error!("{name}: can not be read: {error}; give a text file"),
+        io::ErrorKind::NotFound => user_error!("{name}: cannot be read: there is no such file"),
+        _ => user_error!("{name}: cannot be read: {error}; give a text file"),
     };
     let metadata = fs::metadata(path).map_err(unreadable)?;
     if !metadata.is_file() {
@@ -72,12 +72,13 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
     })
 }
 
-/// Reads and checks a scene file; of the files it names it opens calibrations only. Warns of what may not be meant.
+/// Reads and checks a scene file; of the files it names, only calibrations are opened. Warns of probable mistakes.
 pub(crate) fn read(path: &Path) -> Result<Scene> {
     read_with(path, &toml::Table::new())
 }
 
-/// Reads and checks a scene file as [`read`] does, with settings replaced: full keys, as `targets.ball.filter.particles`, with their values.
+/// Reads and checks a scene file like [`read`], with some settings replaced: full keys, such as
+/// `targets.ball.filter.particles`, with their values.
 pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
     let text = read_text(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -101,7 +102,7 @@ pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
     Ok(scene)
 }
 
-/// The cameras of a calibration file that a scene in this folder names; on failure the message, with the file and its line.
+/// Reads the cameras of a calibration file that a scene in this folder names. Errors name the file and its line.
 pub(crate) fn read_calibration(
     folder: &Path,
     file: &str,
@@ -112,8 +113,8 @@ pub(crate) fn read_calibration(
     calibration::read(&text, lens).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Opens all that a scene names, which was read from the file at `path`. `seed` takes the place of the scene's, `stills`, where there are any,
-/// that of its one camera's frames.
+/// Opens all files of a scene, which was read from the file at `path`. `seed`, if given, replaces the scene's seed, and
+/// `stills`, if any, replace the frames of its only camera.
 pub(crate) fn open(
     path: &Path,
     mut scene: Scene,
@@ -122,7 +123,7 @@ pub(crate) fn open(
 ) -> Result<OpenScene> {
     if !stills.is_empty() && scene.cameras.len() != 1 {
         return Err(user_error!(
-            "{}: the scene has {} cameras, and images of the command line do not say which took them; leave them out, or give a scene with one camera",
+            "{}: the scene has {} cameras, and the camera of images on the command line is ambiguous; leave them out, or give a scene with one camera",
             path.display(),
             scene.cameras.len()
         ));
@@ -231,7 +232,7 @@ fn start_problem(body: &BodyConfig, message: String) -> Problem {
     }
 }
 
-/// Opens one camera of the scene in the file at `path`, with `stills`, where there are any, in place of its frames.
+/// Opens one camera of the scene in the file at `path`; `stills`, if any, replace its frames.
 pub(crate) fn open_camera(
     path: &Path,
     camera: &CameraConfig,
@@ -251,7 +252,7 @@ pub(crate) fn open_camera(
     }
 }
 
-/// Warns of time stamps that may not be in seconds, though all cameras agree.
+/// Warns if time stamps may not be in seconds although all cameras agree.
 fn warn_of_units(path: &Path, opened: &[rig::Opened]) {
     for (camera, source) in opened {
         let step_s = source.and_then(Source::span).and_then(|span| span.step_s);
@@ -259,7 +260,7 @@ fn warn_of_units(path: &Path, opened: &[rig::Opened]) {
             && step_s > LONG_STEP_S
         {
             warn(format!(
-                "{}: cameras.{}: its images are {step_s} s apart by times.csv, which is in seconds; are these milliseconds?",
+                "{}: cameras.{}: its images are {step_s} s apart in times.csv, which is in seconds; are these milliseconds?",
                 path.display(),
                 camera.name
             ));
@@ -267,7 +268,7 @@ fn warn_of_units(path: &Path, opened: &[rig::Opened]) {
     }
 }
 
-/// One error that lists every problem of a scene, or of what else the file is.
+/// Returns one error that lists all problems of a scene or another file (`what`).
 pub(crate) fn problems_in(what: &str, path: &Path, problems: &[Problem]) -> anyhow::Error {
     use std::fmt::Write as _;
     let mut text = match problems.len() {
@@ -283,7 +284,7 @@ pub(crate) fn problems_in(what: &str, path: &Path, problems: &[Problem]) -> anyh
     anyhow::Error::new(UserError(text))
 }
 
-/// A path of a scene file: relative ones start at the scene's folder.
+/// Resolves a path in a scene file: relative paths start at the scene's folder.
 fn resolve(folder: &Path, path: &str) -> PathBuf {
     folder.join(path)
 }
@@ -294,7 +295,7 @@ fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> 
     Source::open(&config).map_err(|error| place.problem(format!("{error:#}")))
 }
 
-/// What to open for a camera of a scene in this folder.
+/// Returns the source settings of a camera of a scene in this folder.
 fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, Problem> {
     let kind = match &camera.input {
         Input::Images {
@@ -313,11 +314,11 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
                 }
                 (None, false) if images_folder.is_dir() => {
                     return Err(images.problem(format!(
-                        "nothing says when the images were taken; give fps beside images, or put times.csv into {}",
+                        "the times of the images are unknown; give fps, or put times.csv into {}",
                         images_folder.display()
                     )));
                 }
-                // Where there is no folder, opening it says so.
+                // A missing folder is reported when it is opened.
                 (None, _) => Timing::TimesFile,
             };
             SourceKind::Images {
@@ -331,7 +332,7 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
             encoding,
         } => {
             let file = resolve(folder, &input.value);
-            // Addresses, and devices that only ffmpeg's options tell apart, are no paths.
+            // Addresses, and devices that only ffmpeg's options identify, are not paths.
             let may_be_no_path = input.value.contains("://") || !input_options.is_empty();
             let name = if may_be_no_path && !file.exists() {
                 input.value.clone()
@@ -352,7 +353,7 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
     })
 }
 
-/// The view of a camera whose images have this size; problems with size and masks are added to the list.
+/// Creates the view of a camera whose images have this size; problems with size and masks are added to the list.
 fn view_of(
     camera: &CameraConfig,
     folder: &Path,
@@ -369,7 +370,7 @@ fn view_of(
         && stated.value != [width as f64, height as f64]
     {
         refuse(stated.problem(format!(
-            "is {} x {}, but the images are {width} x {height}; the camera model holds for one size only",
+            "is {} x {}, but the images are {width} x {height}; a camera model is valid for one size only",
             stated.value[0], stated.value[1]
         )));
     }
@@ -412,16 +413,16 @@ fn view_of(
     View::new(camera.camera.clone(), camera.world_from_camera, size, mask).ok()
 }
 
-/// The colours of a body of the scene in the file at `path`.
+/// Reads the colours of a body of the scene in the file at `path`.
 ///
-/// Errors: it has none, or the file cannot be read.
+/// Errors: the body has no colours, or the file cannot be read.
 pub(crate) fn colors(path: &Path, body: &BodyConfig) -> Result<ColorModel> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let read =
         read_colors(body, folder).map_err(|problem| problems_in("scene", path, &[problem]))?;
     read.ok_or_else(|| {
         user_error!(
-            "{}: targets.{}.colors: is missing, and the target is looked for by its colours; give a file that `pardalis learn` made",
+            "{}: targets.{}.colors: is missing, and the target is detected by its colours; give a file written by `pardalis learn`",
             path.display(),
             body.name
         )
@@ -438,19 +439,19 @@ fn read_colors(body: &BodyConfig, folder: &Path) -> Result<Option<ColorModel>, P
         let counts_learnt = |cue: &CueSettings| matches!(cue.cue, Cue::Window(window) if window.ranges.is_none());
         if model.ranges().is_none() && body.cues().iter().any(counts_learnt) {
             return Err(user_error!(
-                "{}: holds no ranges of hue and saturation, which the window cue counts; learn it again, or give window.hue_deg and window.saturation",
+                "{}: has no ranges of hue and saturation, which the window cue needs; learn it again, or give window.hue_deg and window.saturation",
                 path.display()
             ));
         }
         let compares_channels = |cue: &CueSettings| matches!(cue.cue, Cue::Region(_));
         if model.channels().is_none() && body.cues().iter().any(compares_channels) {
             return Err(user_error!(
-                "{}: holds no histograms of red, green and blue, which the region cue compares; learn it again",
+                "{}: has no histograms of red, green and blue, which the region cue needs; learn it again",
                 path.display()
             ));
         }
         Ok(model)
     });
     read.map(Some)
-        .map_err(|error| file.problem(format!("{error:#}; `pardalis learn` makes such files")))
+        .map_err(|error| file.problem(format!("{error:#}; `pardalis learn` writes such files")))
 }

@@ -1,4 +1,4 @@
-//! Tables of numbers: tracks.csv and truth.csv. Every fault names file, line and column.
+//! CSV tables: `tracks.csv` and `truth.csv`. Every error names file, line and column.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -10,29 +10,30 @@ use pardalis_evaluate::{EstimatedState, TrueState};
 
 use crate::user_error::user_error;
 
-/// What one target or object does over time.
+/// The rows of one target or object over time.
 #[derive(Debug)]
 pub(crate) struct Series<T> {
     /// Name of the target or object.
     pub(crate) name: String,
-    /// Time in seconds and what holds then, in time order, each time once.
+    /// Times in seconds and their values, in ascending order, each time once.
     pub(crate) rows: Vec<(f64, T)>,
 }
 
-/// What a track says of one time.
+/// The row of a track for one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TrackRow {
-    /// Where the track gives it.
+    /// `None` if the track does not state it.
     pub(crate) state: Option<TrackState>,
-    /// None while the target is searched or lost.
+    /// `None` while the target is searched for or lost.
     pub(crate) estimate: Option<EstimatedState>,
-    /// 0 to 1, where the track gives it.
+    /// 0 to 1; `None` if the track does not state it.
     pub(crate) confidence: Option<f64>,
 }
 
-/// Reads tracks.csv: for each target, in order of appearance, its rows.
+/// Reads `tracks.csv` and returns the rows of each target, in order of appearance.
 ///
-/// Needs the columns `time_s,target,x_m,y_m,z_m`; takes states, velocities, headings, covariances, confidences and best particles where it finds them.
+/// Needs the columns `time_s,target,x_m,y_m,z_m`. States, velocities, headings, covariances, confidences and best
+/// particles are optional.
 pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<TrackRow>>> {
     let table = Table::read(path)?;
     let [time, target] = [table.column("time_s")?, table.column("target")?];
@@ -75,19 +76,19 @@ pub(crate) fn read_tracks(path: &Path) -> Result<Vec<Series<TrackRow>>> {
     Ok(tracks.into_series(|(row, _)| row))
 }
 
-/// One time of an object while truth.csv is read.
+/// An object at one time, while `truth.csv` is read.
 struct TruthRow {
     state: TrueState,
-    /// The cameras whose rows are in `state`.
+    /// The cameras whose rows have been merged into `state`.
     cameras: Vec<String>,
-    /// The line of the first of them.
+    /// The line of the first of these rows.
     line: u64,
 }
 
-/// Reads truth.csv: for each object, in order of appearance, where it is.
+/// Reads `truth.csv` and returns the rows of each object, in order of appearance.
 ///
-/// Needs the columns `time_s,object,x_m,y_m,z_m`; takes `camera`, velocities, `heading_rad` and `visible_fraction`
-/// where it finds them. Rows of several cameras become one, with the greatest visible fraction.
+/// Needs the columns `time_s,object,x_m,y_m,z_m`; `camera`, velocities, `heading_rad` and `visible_fraction`
+/// are optional. Rows of several cameras are merged into one, with the largest visible fraction.
 pub(crate) fn read_truth(path: &Path) -> Result<Vec<Series<TrueState>>> {
     let table = Table::read(path)?;
     let [time, object] = [table.column("time_s")?, table.column("object")?];
@@ -145,10 +146,10 @@ pub(crate) fn read_truth(path: &Path) -> Result<Vec<Series<TrueState>>> {
     Ok(objects.into_series(|row| row.state))
 }
 
-/// Gathers rows by name and time.
+/// Collects rows by name and time.
 struct Collector<T> {
     series: Vec<Series<T>>,
-    /// From name and the bits of the time to the place in `series` and its rows.
+    /// Maps a name to its index in `series`, and the bits of a time to its row.
     places: HashMap<String, (usize, HashMap<u64, usize>)>,
 }
 
@@ -162,7 +163,7 @@ impl<T> Default for Collector<T> {
 }
 
 impl<T> Collector<T> {
-    /// Adds a row, or gives the one that is already there.
+    /// Adds a row; returns the existing row if there is one with the same name and time.
     fn add(&mut self, name: &str, time_s: f64, row: T) -> Option<&mut T> {
         if !self.places.contains_key(name) {
             let place = (self.series.len(), HashMap::new());
@@ -174,7 +175,7 @@ impl<T> Collector<T> {
         }
         let (series, times) = self.places.get_mut(name)?;
         let rows = &mut self.series[*series].rows;
-        // Adding zero makes -0 the same time as 0.
+        // Adding zero turns -0 into 0, which is the same time.
         let at = *times.entry((time_s + 0.0).to_bits()).or_insert(rows.len());
         if at < rows.len() {
             return Some(&mut rows[at].1);
@@ -183,7 +184,7 @@ impl<T> Collector<T> {
         None
     }
 
-    /// The series in order of appearance, each in time order.
+    /// Returns the series in order of appearance, each in ascending order of time.
     fn into_series<U>(self, finish: impl Fn(T) -> U) -> Vec<Series<U>> {
         let in_order = |Series { name, rows }: Series<T>| {
             let finished = rows.into_iter().map(|(time_s, row)| (time_s, finish(row)));
@@ -195,14 +196,14 @@ impl<T> Collector<T> {
     }
 }
 
-/// A column that the table has.
+/// An existing column of the table.
 #[derive(Clone, Copy)]
 pub(crate) struct Column<'n> {
     name: &'n str,
     index: usize,
 }
 
-/// A whole CSV file with its header.
+/// A CSV file with its header, read completely.
 pub(crate) struct Table {
     path: PathBuf,
     header: StringRecord,
@@ -212,7 +213,7 @@ pub(crate) struct Table {
 impl Table {
     /// Reads a file with a header and at least one row.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let failed = |error: csv::Error| csv_fault(path, &error);
+        let failed = |error: csv::Error| csv_error(path, &error);
         let mut builder = ReaderBuilder::new();
         let mut reader = builder.trim(Trim::All).from_path(path).map_err(failed)?;
         let header = reader.headers().map_err(failed)?.clone();
@@ -253,7 +254,7 @@ impl Table {
         Ok(table)
     }
 
-    /// A column that must be there.
+    /// Returns a required column.
     pub(crate) fn column<'n>(&self, name: &'n str) -> Result<Column<'n>> {
         self.optional_column(name).ok_or_else(|| {
             let found: Vec<&str> = self.header.iter().collect();
@@ -265,7 +266,7 @@ impl Table {
         })
     }
 
-    /// Columns that must be there.
+    /// Returns required columns.
     pub(crate) fn columns<'n, const N: usize>(
         &self,
         names: [&'n str; N],
@@ -277,18 +278,18 @@ impl Table {
         Ok(columns)
     }
 
-    /// A column that may be there.
+    /// Returns an optional column.
     pub(crate) fn optional_column<'n>(&self, name: &'n str) -> Option<Column<'n>> {
         let index = self.header.iter().position(|found| found == name)?;
         Some(Column { name, index })
     }
 
-    /// Columns that mean something together only.
+    /// Returns optional columns if all of them exist.
     fn optional_columns<'n, const N: usize>(&self, names: [&'n str; N]) -> Option<[Column<'n>; N]> {
         self.columns(names).ok()
     }
 
-    /// The rows below the header.
+    /// Returns the rows below the header.
     pub(crate) fn rows(&self) -> impl Iterator<Item = Row<'_>> {
         self.records.iter().map(|record| Row {
             path: &self.path,
@@ -301,23 +302,23 @@ impl Table {
 /// One row of a table.
 pub(crate) struct Row<'a> {
     path: &'a Path,
-    /// Its line in the file.
+    /// Line number in the file.
     pub(crate) line: u64,
     record: &'a StringRecord,
 }
 
 impl Row<'_> {
-    /// File and line, for faults.
+    /// Returns file and line, for error messages.
     pub(crate) fn place(&self) -> String {
         format!("{}, line {}", self.path.display(), self.line)
     }
 
-    /// A cell as it stands; every row has as many cells as the header.
+    /// Returns the text of a cell; every row has as many cells as the header.
     fn cell(&self, column: Column<'_>) -> &str {
         &self.record[column.index]
     }
 
-    /// A text that is not empty.
+    /// Returns a text that is not empty.
     pub(crate) fn text(&self, column: Column<'_>) -> Result<&str> {
         match self.cell(column) {
             "" => Err(self.misfit(column, "a name")),
@@ -325,7 +326,7 @@ impl Row<'_> {
         }
     }
 
-    /// A finite number, none where there is no such column or its cell is empty.
+    /// Parses a finite number; `None` without the column or if its cell is empty.
     fn optional_number(&self, column: Option<Column<'_>>) -> Result<Option<f64>> {
         let Some(column) = column else {
             return Ok(None);
@@ -344,13 +345,13 @@ impl Row<'_> {
         }
     }
 
-    /// A finite number.
+    /// Parses a finite number.
     fn number(&self, column: Column<'_>) -> Result<f64> {
         let number = self.optional_number(Some(column))?;
         number.ok_or_else(|| self.misfit(column, "a finite number"))
     }
 
-    /// Finite numbers.
+    /// Parses finite numbers.
     pub(crate) fn numbers<const N: usize>(&self, columns: [Column<'_>; N]) -> Result<[f64; N]> {
         let mut numbers = [0.0; N];
         for (number, column) in numbers.iter_mut().zip(columns) {
@@ -359,13 +360,13 @@ impl Row<'_> {
         Ok(numbers)
     }
 
-    /// A whole number from 0.
+    /// Parses a whole number from 0.
     pub(crate) fn count(&self, column: Column<'_>) -> Result<usize> {
         let count = self.cell(column).parse();
         count.map_err(|_| self.misfit(column, "a whole number from 0"))
     }
 
-    /// Finite numbers, none where there are no such columns or all their cells are empty.
+    /// Parses finite numbers; `None` without the columns or if all their cells are empty.
     pub(crate) fn all_or_none<const N: usize>(
         &self,
         columns: Option<[Column<'_>; N]>,
@@ -378,7 +379,7 @@ impl Row<'_> {
         }
     }
 
-    /// A share from 0 to 1, none where there is no such column or its cell is empty.
+    /// Parses a share from 0 to 1; `None` without the column or if its cell is empty.
     fn fraction(&self, column: Option<Column<'_>>) -> Result<Option<f64>> {
         match (column, self.optional_number(column)?) {
             (Some(column), Some(share)) if !(0.0..=1.0).contains(&share) => {
@@ -388,7 +389,7 @@ impl Row<'_> {
         }
     }
 
-    /// A track's state, none where there is no such column or its cell is empty.
+    /// Parses a track's state; `None` without the column or if its cell is empty.
     fn state(&self, column: Option<Column<'_>>) -> Result<Option<TrackState>> {
         let Some(column) = column.filter(|&c| !self.cell(c).is_empty()) else {
             return Ok(None);
@@ -399,7 +400,7 @@ impl Row<'_> {
         known.ok_or_else(misfit).map(Some)
     }
 
-    /// The fault of a cell that holds something else than is allowed.
+    /// Returns the error of a cell with an invalid value.
     fn misfit(&self, column: Column<'_>, allowed: &str) -> anyhow::Error {
         let (place, cell) = (self.place(), self.cell(column));
         let found = if cell.is_empty() {
@@ -414,8 +415,8 @@ impl Row<'_> {
     }
 }
 
-/// The fault of a file that cannot be read as a table.
-fn csv_fault(path: &Path, error: &csv::Error) -> anyhow::Error {
+/// Returns the error of a file that cannot be read as a table.
+fn csv_error(path: &Path, error: &csv::Error) -> anyhow::Error {
     let is_folder = path.is_dir();
     let path = path.display();
     match error.kind() {
@@ -453,7 +454,7 @@ fn csv_fault(path: &Path, error: &csv::Error) -> anyhow::Error {
 mod tests {
     use super::*;
 
-    /// Reads a table from text through a file of that name.
+    /// Reads a table from text, using a temporary file with this name.
     fn read<T>(name: &str, text: &str, reader: fn(&Path) -> Result<T>) -> Result<T> {
         let path = std::env::temp_dir().join(format!("pardalis-{}-{name}", std::process::id()));
         std::fs::write(&path, text).unwrap();
@@ -463,7 +464,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_become_one_row_with_the_best_view() {
+    fn rows_of_several_cameras_are_merged_with_the_best_view() {
         let text = "time_s,object,camera,x_m,y_m,z_m,visible_fraction\n\
                     0.04,ball,cam1,1,2,3,\n0.04,ball,cam2,1,2,3,0.25\n0.04,ball,cam3,1,2,3,0.125\n\
                     0,ball,cam1,4,5,6,\n0,robot,cam1,7,8,9,1\n";
@@ -479,7 +480,7 @@ mod tests {
 
     #[test]
     fn rows_without_position_have_no_estimate() {
-        // With the byte order mark of spreadsheets, spaces, and columns in another order.
+        // With the byte order mark of spreadsheets, spaces, and a different order of columns.
         let text = "\u{feff}target, time_s,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,confidence\r\n\
                     ball, 0,,,,,,,0.25\r\nball, 0.04, 1, 2, 3, 4, 5, 6,\r\n";
         let tracks = read("bare", text, read_tracks).unwrap();
@@ -498,7 +499,7 @@ mod tests {
     }
 
     #[test]
-    fn every_truncation_is_read_or_refused() {
+    fn every_truncation_is_read_or_rejected() {
         let text = "time_s,object,camera,x_m,y_m,z_m,visible_fraction\n\
                     0,ball,cam1,1,2,3,0.5\n0.04,bäll,\"cam,2\",1e-3,2,3,1\n";
         let bytes = text.as_bytes();

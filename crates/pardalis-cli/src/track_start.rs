@@ -1,4 +1,4 @@
-//! Starts from a track: another robot's, or an earlier run's.
+//! Starts from a track of another robot or of an earlier run.
 
 use std::path::Path;
 
@@ -9,12 +9,12 @@ use pardalis_scene::TrackStart;
 use crate::tables;
 use crate::user_error::user_error;
 
-/// The oldest estimate that is taken, in seconds before the first frame: what a target does for longer than that is anybody's guess.
+/// Maximum age of an estimate in seconds before the first frame; after a longer time, the target could be anywhere.
 const MAX_AGE_S: f64 = 10.0;
 
-/// The track's last estimate at or before the first frame, moved into the scene's world, and its time in seconds.
-///
-/// Errors: the file is no track, has no such target, or no estimate of it in the last seconds before that frame.
+/// Returns the track's last estimate at or before the first frame, transformed into the scene's world, and its time in
+/// seconds.
+/// Errors: the file is not a track, lacks the target, or has no estimate of it in the last seconds before that frame.
 pub(crate) fn read(
     start: &TrackStart,
     path: &Path,
@@ -30,7 +30,7 @@ pub(crate) fn read(
             names.join(", ")
         ));
     };
-    // Where no frame can be had, tracking says so; the track alone is checked here.
+    // If no frame can be read, tracking reports it; this function checks only the track.
     let first_time_s = first_time_s.unwrap_or(f64::INFINITY);
     let before = track
         .rows
@@ -68,7 +68,7 @@ pub(crate) fn read(
     let here = there.moved(&start.world_from_other);
     here.check().map_err(|error| {
         user_error!(
-            "{name}: the estimate of \"{}\" at {time_s} s cannot be started from: {error}",
+            "{name}: the estimate of \"{}\" at {time_s} s cannot be used as a start: {error}",
             start.target
         )
     })?;

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-/// An error in the user's input or usage. The text says what is wrong, where, and what is allowed.
+/// An error in the user's input or usage. The text states the problem, its position, and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct UserError(pub(crate) String);

@@ -62,7 +62,7 @@ pub use course::Course;
 pub use distribution::{Distribution, MeanSd};
 pub use heading::Heading;
 pub use identity::{Identities, assign, ends_on_another, identities};
-pub use reliability::{Bin, Claim, Reliability, reliability};
+pub use reliability::{Bin, CheckedConfidence, Reliability, reliability};
 pub use spherical::{SphericalError, spherical_error, wrapped_rad};
 pub use states::{States, states};
 pub use summary::{Consistency, Errors, Evaluation, Summary, evaluate};

@@ -10,17 +10,17 @@ const BINS: usize = 10;
 /// Share of an object above which it counts as in view of a camera.
 const IN_VIEW_OVER: f64 = 0.1;
 
-/// The statement of one row of a track: a confidence and whether the row is right.
+/// The confidence of one row of a track, and whether the row is right.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Claim {
+pub struct CheckedConfidence {
     /// Confidence of the row: a probability, 0 to 1.
     pub confidence: f64,
     /// Whether the row is right.
     pub is_right: bool,
 }
 
-impl Claim {
-    /// Judges one row. A row with an estimate states that the object is within `diameter_m` (metres) of it. A
+impl CheckedConfidence {
+    /// Checks one row. A row with an estimate states that the object is within `diameter_m` (metres) of it. A
     /// row without one states that the object is in view: more than 0.1 of it is visible, or the share is
     /// unknown. Without ground truth the object does not exist, and both statements are wrong.
     pub fn of(
@@ -64,17 +64,19 @@ pub struct Bin {
     pub share_right: f64,
 }
 
-/// Bins the claims of one or more tracks; `None` if there are no claims.
-pub fn reliability(claims: &[Claim]) -> Option<Reliability> {
-    let bin_of = |claim: &Claim| ((claim.confidence * BINS as f64) as usize).min(BINS - 1);
+/// Bins the checked confidences of one or more tracks; `None` without any.
+pub fn reliability(checks: &[CheckedConfidence]) -> Option<Reliability> {
+    let bin_of =
+        |check: &CheckedConfidence| ((check.confidence * BINS as f64) as usize).min(BINS - 1);
     let bins: Vec<Bin> = (0..BINS)
         .filter_map(|bin| {
-            let inside: Vec<&Claim> = claims.iter().filter(|c| bin_of(c) == bin).collect();
+            let inside: Vec<&CheckedConfidence> =
+                checks.iter().filter(|c| bin_of(c) == bin).collect();
             let rows = inside.len() as f64;
-            let right = inside.iter().filter(|claim| claim.is_right).count();
+            let right = inside.iter().filter(|check| check.is_right).count();
             (!inside.is_empty()).then(|| Bin {
                 rows: inside.len(),
-                mean_confidence: inside.iter().map(|claim| claim.confidence).sum::<f64>() / rows,
+                mean_confidence: inside.iter().map(|check| check.confidence).sum::<f64>() / rows,
                 share_right: right as f64 / rows,
             })
         })
@@ -82,9 +84,9 @@ pub fn reliability(claims: &[Claim]) -> Option<Reliability> {
     let errors = bins
         .iter()
         .map(|bin| bin.rows as f64 * (bin.mean_confidence - bin.share_right).abs());
-    let calibration_error = errors.sum::<f64>() / claims.len() as f64;
-    (!claims.is_empty()).then_some(Reliability {
-        rows: claims.len(),
+    let calibration_error = errors.sum::<f64>() / checks.len() as f64;
+    (!checks.is_empty()).then_some(Reliability {
+        rows: checks.len(),
         calibration_error,
         bins,
     })
@@ -94,17 +96,17 @@ pub fn reliability(claims: &[Claim]) -> Option<Reliability> {
 mod tests {
     use super::*;
 
-    fn claims(confidence: f64, right: usize, wrong: usize) -> Vec<Claim> {
-        let claim = |is_right| Claim {
+    fn checks(confidence: f64, right: usize, wrong: usize) -> Vec<CheckedConfidence> {
+        let check = |is_right| CheckedConfidence {
             confidence,
             is_right,
         };
-        [vec![claim(true); right], vec![claim(false); wrong]].concat()
+        [vec![check(true); right], vec![check(false); wrong]].concat()
     }
 
     #[test]
     fn correct_confidences_have_no_error() {
-        let all = [claims(0.75, 3, 1), claims(1.0, 5, 0), claims(0.0, 0, 7)].concat();
+        let all = [checks(0.75, 3, 1), checks(1.0, 5, 0), checks(0.0, 0, 7)].concat();
         let found = reliability(&all).unwrap();
         assert_eq!((found.rows, found.bins.len()), (16, 3));
         assert!(found.calibration_error < 1e-12);
@@ -115,8 +117,8 @@ mod tests {
     fn bins_are_weighted_by_their_rows() {
         // Overconfident by 0.4 in a bin of ten, underconfident by 0.75 in a bin of five; confidences are
         // averaged within a bin.
-        let all = [claims(0.93, 2, 3), claims(0.97, 3, 2)].concat();
-        let all = [all, claims(0.25, 5, 0)].concat();
+        let all = [checks(0.93, 2, 3), checks(0.97, 3, 2)].concat();
+        let all = [all, checks(0.25, 5, 0)].concat();
         let found = reliability(&all).unwrap();
         let error = (10.0 * (0.95 - 0.5) + 5.0 * 0.75) / 15.0;
         assert!((found.calibration_error - error).abs() < 1e-12);
@@ -130,7 +132,7 @@ mod tests {
 
     #[test]
     fn interval_bounds_belong_to_the_upper_bin_and_one_to_the_last() {
-        let all = [claims(0.5, 1, 0), claims(0.49, 1, 0), claims(1.0, 1, 0)].concat();
+        let all = [checks(0.5, 1, 0), checks(0.49, 1, 0), checks(1.0, 1, 0)].concat();
         let found = reliability(&all).unwrap();
         let means: Vec<f64> = found.bins.iter().map(|bin| bin.mean_confidence).collect();
         assert_eq!(means, [0.49, 0.5, 1.0]);
@@ -152,8 +154,9 @@ mod tests {
             visible_fraction: share,
             seeing_cameras: None,
         };
-        let is_right =
-            |estimate, truth: Option<&TrueState>| Claim::of(0.5, estimate, truth, 0.25).is_right;
+        let is_right = |estimate, truth: Option<&TrueState>| {
+            CheckedConfidence::of(0.5, estimate, truth, 0.25).is_right
+        };
         let here = Some(&estimate);
         // Within a diameter, even while occluded; too far away; without an object.
         assert!(is_right(here, Some(&truth(1.25, Some(0.0)))));

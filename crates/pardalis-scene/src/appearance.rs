@@ -29,20 +29,20 @@ const PUBLISHED_CUES: [Kind; 4] = [
     ),
 ];
 
-/// What the edge cue does.
+/// Description of the edge cue.
 const ABOUT_EDGE: &str = "Edge cue: detects the target itself, needs no start and stands alone. The default of targets without cues and start.";
 
-/// The cues of a target, which decide how it is tracked.
+/// The cues of a target, which determine how it is tracked.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum CuesConfig {
     /// The edge cue detects the target.
     Edge(EdgeSettings),
-    /// These track it from a given start.
+    /// Cues that track it from a given start.
     Published(Vec<CueSettings>),
 }
 
-/// Reads the cues of a target: each that has a table. Without any, the target has the edge cue, which detects it, or, if the scene states a start, the contour
-/// cue.
+/// Reads the cues of a target: each cue that has a table. Without any, the target has the edge cue, which detects it,
+/// or, if the scene states a start, the contour cue.
 pub(super) fn read_cues(
     table: &Table,
     shape: Option<&Shape>,
@@ -112,7 +112,7 @@ pub(super) fn read_cues(
     (valid && !cues.is_empty()).then_some(CuesConfig::Published(cues))
 }
 
-/// Returns the numbers of the cameras that a cue names, `None` if it names none, or an error after reporting a problem.
+/// Returns the indices of the cameras that a cue names, `None` if it names none, or an error after reporting a problem.
 fn read_cameras(cue: &Table, cameras: &[String]) -> Result<Option<Vec<usize>>, ()> {
     let names = cue
         .key("cameras", "Names of the cameras that the cue uses.")
@@ -251,7 +251,7 @@ fn read_window(window: &Table) -> Option<WindowSettings> {
         .or(WindowSettings::default().size_px);
     let default = WindowSettings::of_size(size_px);
     let floor = window
-        .key("floor", "Least likelihood of a window inside the image.")
+        .key("floor", "Minimum likelihood of a window inside the image.")
         .within(above(0.0, 1.0))
         .depends("one pixel: 1 / size_px²")
         .or(default.floor);
@@ -266,7 +266,7 @@ fn read_window(window: &Table) -> Option<WindowSettings> {
     let hue_deg = window
         .key(
             "hue_deg",
-            "Least and greatest hue of the target's colours; [340, 20] contains 0. Together with `saturation`.",
+            "Minimum and maximum hue of the target's colours; [340, 20] contains 0. Together with `saturation`.",
         )
         .within(0.0..=360.0)
         .depends("learned with the colour model")
@@ -274,7 +274,7 @@ fn read_window(window: &Table) -> Option<WindowSettings> {
     let saturation = window
         .key(
             "saturation",
-            "Least and greatest saturation. Together with `hue_deg`.",
+            "Minimum and maximum saturation. Together with `hue_deg`.",
         )
         .within(0.0..=1.0)
         .depends("learned with the colour model")
@@ -282,7 +282,7 @@ fn read_window(window: &Table) -> Option<WindowSettings> {
     let intensity = window
         .key(
             "intensity",
-            "Least and greatest intensity. Only with `hue_deg` and `saturation`.",
+            "Minimum and maximum intensity. Only with `hue_deg` and `saturation`.",
         )
         .within(0.0..=1.0)
         .depends("[0.1, 0.9] with `hue_deg` and `saturation`; else learned with the colour model")

@@ -1,5 +1,5 @@
-//! Calibration files of every format: Pardalis TOML, whose tables `[cameras.NAME]` hold model, size and pose as scene files do, and the
-//! [formats of other programs](pardalis_camera::formats).
+//! Calibration files of every format: Pardalis TOML, whose tables `[cameras.NAME]` contain model, size and pose like
+//! scene files, and the [formats of other programs](pardalis_camera::formats).
 
 use std::fmt::Write as _;
 
@@ -18,14 +18,14 @@ use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 /// A format of calibration files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CalibrationFormat {
-    /// Pardalis TOML: the camera tables of scene files. Holds every model and poses.
+    /// Pardalis TOML: the camera tables of scene files. Supports every model, and poses.
     Pardalis,
     /// The format of another program.
     Foreign(Format),
 }
 
 impl CalibrationFormat {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Self; 7] = {
         let [a, b, c, d, e, f] = Format::ALL;
         [
@@ -39,7 +39,7 @@ impl CalibrationFormat {
         ]
     };
 
-    /// The name of the format in commands.
+    /// Returns the name of the format in commands.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pardalis => "pardalis",
@@ -47,7 +47,7 @@ impl CalibrationFormat {
         }
     }
 
-    /// Whether it can hold a model, named as by [`Camera::kind`].
+    /// Reports whether the format supports a model with this name (see [`Camera::kind`]).
     pub fn holds(self, kind: &str) -> bool {
         match self {
             Self::Pardalis => true,
@@ -75,7 +75,7 @@ pub fn write(format: CalibrationFormat, cameras: &[CalibratedCamera]) -> Result<
     }
 }
 
-/// Whether a line is a table's header or a setting, as no other format has them.
+/// Reports whether a line is a table's header or a setting, which exist in no other format.
 fn is_toml_line(line: &str) -> bool {
     let line = line.trim();
     let begins_name = |text: &str| text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
@@ -104,7 +104,7 @@ fn one_error(problems: Vec<Problem>) -> Error {
     }
 }
 
-/// Reads the whole text of a calibration in Pardalis TOML. On failure: every problem, in the order of lines.
+/// Reads the text of a calibration in Pardalis TOML. Returns every problem on failure, in the order of lines.
 pub fn read_toml(text: &str) -> Result<Vec<CalibratedCamera>, Vec<Problem>> {
     let (journal, root) = Journal::parse(text);
     let table = Table::root(&journal, &root);
@@ -142,7 +142,7 @@ fn read_camera(name: String, table: Table) -> Option<CalibratedCamera> {
     let whole = |v: f64| v.fract() == 0.0 && v >= 1.0 && v <= MAX_IMAGE_SIDE_PX as f64;
     if size_px.is_some_and(|size| !size.into_iter().all(whole)) {
         let allowed = format!("two whole numbers from 1 to {MAX_IMAGE_SIDE_PX}, [width, height]");
-        table.refuse("size_px", &allowed);
+        table.reject("size_px", &allowed);
     }
     let world_from_camera = read_pose(&table).or(camera.as_ref().and_then(pose_of_model));
     table.finish();
@@ -154,7 +154,7 @@ fn read_camera(name: String, table: Table) -> Option<CalibratedCamera> {
     })
 }
 
-/// Returns the text of a calibration in Pardalis TOML; reading it gives the same cameras.
+/// Returns the text of a calibration in Pardalis TOML; reading it returns the same cameras.
 pub fn write_toml(cameras: &[CalibratedCamera]) -> String {
     let mut text = "# Camera calibration: models in pixels, poses in metres.\n".to_owned();
     for camera in cameras {
@@ -167,7 +167,7 @@ pub fn write_toml(cameras: &[CalibratedCamera]) -> String {
             let matrix = pose.to_homogeneous();
             text.push_str("world_from_camera = [\n");
             for row in matrix.row_iter() {
-                // Minus zero becomes zero.
+                // Adding zero turns minus zero into zero.
                 let row: Vec<f64> = row.iter().map(|v| v + 0.0).collect();
                 let _ = writeln!(text, "    {row:?},");
             }
@@ -184,7 +184,7 @@ pub fn write_toml(cameras: &[CalibratedCamera]) -> String {
     text
 }
 
-/// The keys of a model's table.
+/// Appends the keys of a model's table.
 fn push_model(text: &mut String, camera: &Camera) {
     let values: Vec<f64> = camera.parameters().iter().map(|&(_, v)| v).collect();
     let mut push = |key: &str, value: &dyn std::fmt::Debug| {
@@ -248,7 +248,7 @@ fn push_model(text: &mut String, camera: &Camera) {
     }
 }
 
-/// Models whose keys are the names of their parameters, but for pairs.
+/// Appends the keys of models whose keys are the names of their parameters, except for pairs.
 fn push_by_name(
     parameters: &[(&'static str, f64)],
     mut push: impl FnMut(&str, &dyn std::fmt::Debug),
@@ -266,7 +266,7 @@ fn push_by_name(
     }
 }
 
-/// Twice the angle in degrees: the roundest number that is read as the same angle.
+/// Returns twice the angle in degrees, as the roundest number that is read as the same angle.
 fn field_of_view_deg(max_angle_rad: f64) -> f64 {
     let degrees = 2.0 * max_angle_rad.to_degrees();
     let round = (degrees * 1e6).round() / 1e6;

@@ -29,9 +29,9 @@ impl Word for Lens {
     ];
 }
 
-/// Reads the calibration file of this name, as the caller finds it; on failure the message, which names file and line.
+/// Reads the calibration file of this name. Errors are messages that name file and line.
 ///
-/// The second argument says what the file is about where it does not ([`pardalis_camera::formats::read`]).
+/// The second argument resolves ambiguous coefficients in the file ([`pardalis_camera::formats::read`]).
 pub type ReadCalibration<'a> =
     &'a dyn Fn(&str, Option<Lens>) -> Result<Vec<CalibratedCamera>, String>;
 
@@ -40,52 +40,52 @@ pub type ReadCalibration<'a> =
 pub struct CameraConfig {
     /// Its name.
     pub name: String,
-    /// Where its frames come from.
+    /// The source of its frames.
     pub input: Input,
     /// Added to its time stamps, in seconds.
     pub time_offset_s: f64,
-    /// Which of its frames are read.
+    /// The frames that are read.
     pub frames: FrameRange,
-    /// Its model; until a rectangle is found in its images, that of [`Plane::image`].
+    /// Its model. Until a rectangle is found in its images, the model of [`Plane::image`].
     pub camera: Camera,
-    /// The rectangle by which the program finds its model, where that is how it is known.
+    /// The rectangle in its images that determines its model, if the scene uses one.
     pub rectangle: Option<Located<RectangleConfig>>,
-    /// The size of its images in pixels, where the scene states it.
+    /// The size of its images in pixels, if the scene states it.
     pub size_px: Option<Located<[f64; 2]>>,
-    /// The image whose white pixels it may use.
+    /// The image whose white pixels are usable.
     pub mask: Option<Located<String>>,
-    /// The circle whose pixels it may use.
+    /// The circle whose pixels are usable.
     pub mask_circle: Option<MaskCircle>,
     /// Its pose.
     pub world_from_camera: Pose,
 }
 
-/// Some of the frames of an input.
+/// A selection of the frames of an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameRange {
-    /// Frames left out at the beginning.
+    /// Number of frames skipped at the beginning.
     pub first: usize,
-    /// From there on, every so many-th frame is read; at least 1.
+    /// From there on, every `step`-th frame is read; at least 1.
     pub step: usize,
-    /// The most frames to read.
+    /// Maximum number of frames to read.
     pub limit: Option<usize>,
 }
 
 impl FrameRange {
-    /// All of them.
+    /// All frames.
     pub const ALL: Self = Self {
         first: 0,
         step: 1,
         limit: None,
     };
 
-    /// How many of so many frames are read.
+    /// Returns how many of `frames` frames are read.
     pub fn count_of(&self, frames: usize) -> usize {
         let left = frames.saturating_sub(self.first).div_ceil(self.step);
         left.min(self.limit.unwrap_or(usize::MAX))
     }
 
-    /// Whether the frame of this number is read, the limit aside.
+    /// Reports whether the frame with this index is read, ignoring the limit.
     pub fn takes(&self, frame: usize) -> bool {
         frame >= self.first && (frame - self.first).is_multiple_of(self.step)
     }
@@ -94,35 +94,35 @@ impl FrameRange {
 /// A circle in the image: centre and radius in pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaskCircle {
-    /// The middle.
+    /// The centre.
     pub center_px: [f64; 2],
     /// The radius.
     pub radius_px: Located<f64>,
 }
 
-/// Where a camera's frames come from.
+/// The source of a camera's frames.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
     /// A folder of images.
     Images {
         /// The folder.
         folder: Located<String>,
-        /// Frames a second; where there is none, `times.csv` beside the images says when each was taken.
+        /// Frames per second; if `None`, `times.csv` in the folder states the time of each image.
         fps: Option<f64>,
     },
-    /// Anything that an installed ffmpeg opens.
+    /// Any input that an installed ffmpeg opens.
     Video {
         /// The file, address or device.
         input: Located<String>,
         /// ffmpeg's options before `-i`.
         input_options: Vec<String>,
-        /// What the numbers of its pixels mean, where the stream does not say or errs.
+        /// Encoding of its pixels, if the stream does not state it or states it wrongly.
         encoding: Option<YuvEncoding>,
     },
 }
 
 impl Input {
-    /// The folder, file, address or device, with its place in the scene.
+    /// Returns the folder, file, address or device, with its position in the scene.
     pub fn place(&self) -> &Located<String> {
         match self {
             Self::Images { folder, .. } => folder,
@@ -156,7 +156,7 @@ impl CameraConfig {
                 .within(1.0..)
                 .or(all.step),
             limit: table
-                .key("frame_limit", "The most frames to read.")
+                .key("frame_limit", "Maximum number of frames to read.")
                 .within(1.0..)
                 .depends("all frames")
                 .optional(),
@@ -209,7 +209,7 @@ impl CameraConfig {
 }
 
 impl CameraConfig {
-    /// Where it stands in the world, in metres; nothing where only a plane that it sees is known.
+    /// Returns the camera's position in the world, in metres; `None` for a camera of a plane whose position is unknown.
     pub fn position_m(&self) -> Option<[f64; 3]> {
         match &self.camera {
             Camera::Plane(plane) => plane.center_m(),
@@ -218,10 +218,10 @@ impl CameraConfig {
     }
 }
 
-/// Elements of two matrices of the same pose differ by this much at most: files round.
+/// Elements of two matrices of the same pose differ at most by this much, because files contain rounded numbers.
 const SAME_POSE: f64 = 1e-6;
 
-/// What a scene says of a camera itself, or a calibration file in its place.
+/// The settings of a camera's optics, from the scene or from a calibration file.
 struct Optics {
     camera: Camera,
     rectangle: Option<Located<RectangleConfig>>,
@@ -251,7 +251,7 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
         return None;
     }
     let own_pose = model.as_ref().and_then(pose_of_model);
-    // A faulty plane reports its own problems.
+    // An invalid plane reports its own problems.
     let needs_no_pose = table
         .peek("model")
         .is_some_and(|model| model.has("plane") || model.has("image"));
@@ -271,7 +271,7 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
     }
     let given_pose = read_pose(table);
     let file_pose = file.as_ref().and_then(|file| file.world_from_camera);
-    // Intended for a camera that was moved; but a guess written by `pardalis init` may have been forgotten.
+    // An override suits a camera that was moved, but may also be a forgotten guess of `pardalis init`.
     if let (Some(given), Some(in_file)) = (&given_pose, &file_pose)
         && (given.to_homogeneous() - in_file.to_homogeneous()).amax() > SAME_POSE
     {
@@ -307,7 +307,7 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
     })
 }
 
-/// The camera of the calibration file, where the scene names one.
+/// Returns the camera of the calibration file, if the scene names one.
 pub(super) fn read_calibrated(
     name: &str,
     table: &Table,
@@ -358,7 +358,7 @@ pub(super) fn read_calibrated(
     };
     if found.is_none() {
         if wanted.is_some() {
-            table.refuse("calibration_camera", &names);
+            table.reject("calibration_camera", &names);
         } else {
             let message =
                 format!("contains the cameras {names}; select one with calibration_camera");

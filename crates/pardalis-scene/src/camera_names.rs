@@ -1,22 +1,22 @@
-//! What the targets of a scene need to know of its cameras.
+//! Properties of a scene's cameras that its targets depend on.
 
 use super::camera::CameraConfig;
 use super::plane::Center;
 use pardalis_camera::Camera;
 
-/// The cameras of a scene, as far as its targets need to know them.
+/// The cameras of a scene, as far as its targets depend on them.
 #[derive(Debug)]
 pub(super) struct CameraNames {
-    /// All of them.
+    /// The names of all cameras.
     pub(super) all: Vec<String>,
-    /// Those that are known by a plane alone, so that they say nothing of heights over it.
+    /// Cameras of a plane with unknown position, which cannot measure heights above the plane.
     pub(super) without_height: Vec<String>,
-    /// The one of those known by a plane that stands lowest, and its height in metres.
+    /// The lowest camera of a plane, and its height in metres.
     pub(super) lowest: Option<(String, f64)>,
 }
 
 impl CameraNames {
-    /// Collects the names of cameras; `all` also holds those that could not be read.
+    /// Collects the names of cameras; `all` also contains those that could not be read.
     pub(super) fn new(all: Vec<String>, cameras: &[CameraConfig]) -> Self {
         Self {
             all,
@@ -26,7 +26,7 @@ impl CameraNames {
     }
 }
 
-/// The camera of a plane that stands lowest over it, and its height in metres.
+/// Returns the lowest camera of a plane, and its height in metres.
 fn lowest(cameras: &[CameraConfig]) -> Option<(String, f64)> {
     let height = |camera: &CameraConfig| {
         let center_m = match (&camera.rectangle, &camera.camera) {
@@ -43,7 +43,7 @@ fn lowest(cameras: &[CameraConfig]) -> Option<(String, f64)> {
     heights.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The names of cameras that are known by a plane alone.
+/// Returns the names of cameras of a plane with unknown position.
 fn without_height(cameras: &[CameraConfig]) -> Vec<String> {
     let is_one = |camera: &&CameraConfig| match (&camera.rectangle, &camera.camera) {
         (Some(rectangle), _) => rectangle.value.center == Center::Unknown,

@@ -1,24 +1,25 @@
 //! Descriptions of the keys of a file, recorded from the code that reads them.
 //!
-//! The reader declares each key once, where it reads it: name, meaning, type, range and default. `keys_of` runs the same code without a file and
-//! records these declarations, so that the reference and the JSON schema cannot differ from what the reader accepts.
+//! The reader declares each key once, where it reads it: name, meaning, type, range and default. `keys_of` runs the
+//! same code without a file and records these declarations, so that the reference and the JSON schema cannot differ
+//! from what the reader accepts.
 
 use std::fmt;
 
 /// A key of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeyDescription {
-    /// The full key, as in `cameras.NAME.size_px`, with `NAME` for names that the user chooses.
+    /// The full key, such as `cameras.NAME.size_px`, with `NAME` for names that the user chooses.
     pub path: String,
-    /// What it means.
+    /// Its meaning.
     pub about: &'static str,
-    /// What it holds.
+    /// Its content.
     pub content: Content,
-    /// Whether it must be given, and what holds if it is not.
+    /// Whether it is required, and its default otherwise.
     pub presence: Presence,
 }
 
-/// What a key holds.
+/// The content of a key.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Content {
     /// A value.
@@ -27,7 +28,7 @@ pub enum Content {
         kind: Type,
         /// The unit of its numbers; empty if they have none.
         unit: &'static str,
-        /// The numbers that are allowed.
+        /// The range of allowed numbers.
         range: Option<Range>,
     },
     /// A table of further keys.
@@ -38,18 +39,18 @@ pub enum Content {
     Named,
 }
 
-/// Whether a key must be given.
+/// Whether a key is required.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Presence {
-    /// Always.
+    /// Always required.
     Required,
-    /// On the condition that the text states.
+    /// Required under the condition in the text.
     RequiredIf(&'static str),
-    /// No; the text states what holds without it, or is empty.
+    /// Optional; the text states what applies without it, or is empty.
     Optional(&'static str),
-    /// No; this value holds without it.
+    /// Optional with this default.
     Default(toml::Value),
-    /// No; the text states the default, which depends on other keys.
+    /// Optional; the text states the default, which depends on other keys.
     DefaultDepends(&'static str),
 }
 
@@ -66,7 +67,7 @@ pub enum Type {
     Text,
     /// One of a few words.
     Words(Vec<&'static str>),
-    /// A list of items; its length, if that is fixed.
+    /// A list of items, with its length if that is fixed.
     List(Box<Type>, Option<usize>),
     /// Either of two types.
     Either(Box<Type>, Box<Type>),
@@ -118,7 +119,7 @@ pub struct Range {
 }
 
 impl Range {
-    /// Whether the range contains a number.
+    /// Reports whether the range contains a number.
     pub fn contains(&self, value: f64) -> bool {
         let high_enough = value > self.least || (!self.above && value == self.least);
         let low_enough = value < self.greatest || (!self.below && value == self.greatest);
@@ -179,7 +180,7 @@ impl From<std::ops::RangeFrom<f64>> for Range {
     }
 }
 
-/// A number as people write it: `1000000` as such, far greater and smaller ones in scientific notation.
+/// Formats a number the usual way: `1000000` as such, much larger and smaller numbers in scientific notation.
 fn plain(value: f64) -> String {
     if value != 0.0 && !(1e-4..1e7).contains(&value.abs()) {
         format!("{value:e}")
@@ -202,7 +203,7 @@ impl fmt::Display for Range {
     }
 }
 
-/// The unit that the end of a key's name states; empty if it states none.
+/// Returns the unit that the suffix of a key's name states; empty if it states none.
 pub(super) fn unit_of(name: &str) -> &'static str {
     const UNITS: [(&str, &str); 19] = [
         ("_px_per_rad", "px/rad"),

@@ -1,4 +1,4 @@
-//! The problems, warnings and resolved settings of one file, gathered while its tables are read.
+//! The problems, warnings and resolved settings of one file, collected while its tables are read.
 
 use std::cell::RefCell;
 use std::fmt;
@@ -8,12 +8,12 @@ use toml::de::DeTable;
 
 use super::description::KeyDescription;
 
-/// A problem in a file and its place.
+/// A problem in a file and its position.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Problem {
-    /// The line, from 1; 0 for a value that was set from outside the file.
+    /// The line, from 1; 0 for a value that was set outside the file.
     pub line: usize,
-    /// The full key, as in `targets.ball.shape.sphere.radius_m`; empty for the file as a whole.
+    /// The full key, such as `targets.ball.shape.sphere.radius_m`; empty for the file as a whole.
     pub key: String,
     /// What is wrong and how to correct it.
     pub message: String,
@@ -33,14 +33,14 @@ impl fmt::Display for Problem {
     }
 }
 
-/// A setting and its place, for problems that appear only when the setting is used.
+/// A setting and its position, for problems that appear only when the setting is used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Located<T> {
     /// The setting.
     pub value: T,
     /// Its full key.
     pub key: String,
-    /// Its line, from 1; 0 if it was set from outside the file.
+    /// Its line, from 1; 0 if it was set outside the file.
     pub line: usize,
 }
 
@@ -57,25 +57,26 @@ impl<T> Located<T> {
 
 /// Problems and resolved settings, shared by all tables of one file.
 pub(super) struct Journal {
-    /// Where each line but the first begins.
+    /// Offset of the beginning of each line except the first.
     line_starts: Vec<usize>,
-    /// The text's length in bytes. Values behind it were set from outside.
+    /// The text's length in bytes. Values at larger offsets were set outside the file.
     text_len: usize,
     problems: RefCell<Vec<Problem>>,
     warnings: RefCell<Vec<Problem>>,
     /// Every setting with its final value, given or default.
     resolved: RefCell<toml::Table>,
-    /// Why the text is not TOML. All other problems may follow from this one.
+    /// The syntax error. All other problems may follow from it.
     syntax: Option<Problem>,
-    /// The keys that the reader asks for, while it describes them instead of reading a file.
+    /// The keys that the reader requests, while it describes them instead of reading a file.
     described: Option<RefCell<Vec<KeyDescription>>>,
 }
 
-/// The longest key or message that is shown, in characters.
+/// Maximum length of a key or message in characters.
 const MAX_SHOWN: usize = 300;
 
 impl Journal {
-    /// Parses the text. A syntax error is reported alone; of duplicate keys the first is kept, and the rest of the file is still read.
+    /// Parses the text. A syntax error is reported alone; of duplicate keys the first is kept, and the rest of the
+    /// file is still read.
     pub(super) fn parse(text: &str) -> (Self, Spanned<DeTable<'_>>) {
         let (root, errors) = DeTable::parse_recoverable(text);
         let mut journal = Self {
@@ -123,7 +124,7 @@ impl Journal {
         (journal, root)
     }
 
-    /// A journal that collects descriptions of the keys that a reader asks for.
+    /// Creates a journal that collects descriptions of the keys that a reader requests.
     pub(super) fn describing() -> Self {
         Self {
             line_starts: Vec::new(),
@@ -140,7 +141,7 @@ impl Journal {
         self.described.is_some()
     }
 
-    /// Adds a key's description, unless another branch of the reader added it before.
+    /// Adds a key's description, unless another branch of the reader has already added it.
     pub(super) fn describe(&self, key: KeyDescription) {
         if let Some(described) = &self.described {
             let mut described = described.borrow_mut();
@@ -155,7 +156,7 @@ impl Journal {
         self.described.map(RefCell::into_inner).unwrap_or_default()
     }
 
-    /// Returns the line of an offset into the text, from 1; 0 behind the text.
+    /// Returns the line of an offset into the text, from 1; 0 beyond the text.
     pub(super) fn line_of(&self, offset: usize) -> usize {
         if offset > self.text_len {
             return 0;
@@ -181,7 +182,8 @@ impl Journal {
         self.warnings.borrow_mut().push(warning);
     }
 
-    /// Returns all problems in the order of their lines or, if there are none, the warnings and every setting with its final value.
+    /// Returns all problems in the order of their lines or, if there are none, the warnings and every setting with
+    /// its final value.
     pub(super) fn finish(self) -> Result<(Vec<Problem>, toml::Table), Vec<Problem>> {
         if let Some(problem) = self.syntax {
             return Err(vec![problem]);
@@ -196,7 +198,7 @@ impl Journal {
         }
     }
 
-    /// Adds a problem that was found after its table was read.
+    /// Adds a problem that was found after its table had been read.
     pub(super) fn report(&self, problem: Problem) {
         self.problems.borrow_mut().push(problem);
     }
@@ -221,7 +223,8 @@ impl Journal {
     }
 }
 
-/// Returns the kind of a duplicate key that names a camera or target, and the line in which the first table of that name begins.
+/// Returns the kind of a duplicate key that names a camera or target, and the line in which the first table of that
+/// name begins.
 fn first_of_name(text: &str, offset: usize, key: &str) -> Option<(&'static str, usize)> {
     let before = text.get(..offset)?.trim_end().strip_suffix('.')?;
     let kinds = ["cameras", "targets"];

@@ -11,7 +11,7 @@ pub(super) struct Key<'k, 'a, 't> {
     about: &'static str,
     unit: &'static str,
     range: Option<Range>,
-    /// On what the default, or whether the key is required, depends.
+    /// The condition that determines the default or whether the key is required.
     depends: &'static str,
 }
 
@@ -30,7 +30,7 @@ impl<'a, 't> Table<'a, 't> {
 }
 
 impl Key<'_, '_, '_> {
-    /// States the unit, where the key's name does not.
+    /// States the unit, if the key's name does not.
     pub(super) fn unit(self, unit: &'static str) -> Self {
         Self { unit, ..self }
     }
@@ -43,7 +43,8 @@ impl Key<'_, '_, '_> {
         }
     }
 
-    /// States the default where it depends on other keys, the condition under which the key is required, or what holds without an optional key.
+    /// States the default if it depends on other keys, the condition under which the key is required, or what applies
+    /// without an optional key.
     pub(super) fn depends(self, depends: &'static str) -> Self {
         Self { depends, ..self }
     }
@@ -66,14 +67,14 @@ impl Key<'_, '_, '_> {
     fn read<T: Setting>(&self) -> Option<T> {
         let value = self.table.get(self.name)?;
         let Some(setting) = T::read(value.get_ref()) else {
-            self.table.refuse(self.name, &T::allowed());
+            self.table.reject(self.name, &T::allowed());
             return None;
         };
         let written = setting.write();
         if let Some(range) = self.range
             && !numbers(&written).all(|number| range.contains(number))
         {
-            self.table.refuse(self.name, &range.to_string());
+            self.table.reject(self.name, &range.to_string());
             return None;
         }
         self.table
@@ -88,7 +89,8 @@ impl Key<'_, '_, '_> {
         self.read()
     }
 
-    /// Reads the setting, if it is given. The caller reports when it is missing, under the condition that [`Key::depends`] states.
+    /// Reads the setting, if it is given. The caller reports a missing setting, under the condition that
+    /// [`Key::depends`] states.
     pub(super) fn conditional<T: Setting>(self) -> Option<T> {
         self.describe::<T>(Presence::RequiredIf(self.depends));
         self.read()
@@ -140,20 +142,20 @@ impl Key<'_, '_, '_> {
         Some(default)
     }
 
-    /// Reads the setting with its place, if it is given.
+    /// Reads the setting with its position, if it is given.
     pub(super) fn located<T: Setting>(self) -> Option<Located<T>> {
         let (table, name) = (self.table, self.name);
         self.optional().map(|value| table.at(name, value))
     }
 
-    /// As [`Key::conditional`], with the place.
+    /// Like [`Key::conditional`], with the position.
     pub(super) fn located_conditional<T: Setting>(self) -> Option<Located<T>> {
         let (table, name) = (self.table, self.name);
         self.conditional().map(|value| table.at(name, value))
     }
 }
 
-/// Every number in a value.
+/// Returns every number in a value.
 fn numbers(value: &toml::Value) -> Box<dyn Iterator<Item = f64> + '_> {
     match value {
         toml::Value::Float(number) => Box::new(std::iter::once(*number)),

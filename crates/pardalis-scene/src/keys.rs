@@ -1,4 +1,4 @@
-//! The keys that reading a file declares.
+//! The keys that a reader of files declares.
 
 use toml::de::DeTable;
 
@@ -6,7 +6,7 @@ use super::description::{Content, KeyDescription};
 use super::journal::Journal;
 use super::reader::Table;
 
-/// Returns the keys that a reader of files asks for, in the order in which it does.
+/// Returns the keys that a reader of files requests, in the order in which it does.
 pub(super) fn keys_of(read: impl FnOnce(&Journal, &Table)) -> Vec<KeyDescription> {
     let journal = Journal::describing();
     let empty = DeTable::new();
@@ -14,7 +14,7 @@ pub(super) fn keys_of(read: impl FnOnce(&Journal, &Table)) -> Vec<KeyDescription
     journal.into_described()
 }
 
-/// The keys directly in a table.
+/// Returns the keys directly in a table.
 pub(super) fn keys_in<'k>(
     keys: &'k [KeyDescription],
     table: &'k str,
@@ -23,7 +23,7 @@ pub(super) fn keys_in<'k>(
         .filter(move |key| name_in(&key.path, table).is_some())
 }
 
-/// The name of a key directly in a table.
+/// Returns the name of a key directly in a table.
 pub(super) fn name_in<'k>(path: &'k str, table: &str) -> Option<&'k str> {
     let name = if table.is_empty() {
         path
@@ -33,7 +33,7 @@ pub(super) fn name_in<'k>(path: &'k str, table: &str) -> Option<&'k str> {
     (!name.contains('.')).then_some(name)
 }
 
-/// The path of the table in which the keys of a table key are: below the name for tables with names.
+/// Returns the path of the table that contains the keys of a table key; below the name for tables with names.
 pub(super) fn inside(key: &KeyDescription) -> String {
     match key.content {
         Content::Named => format!("{}.NAME", key.path),

@@ -40,10 +40,10 @@ use keys::keys_of;
 use reader::Table;
 use replaced::read_with;
 
-/// The names for which [`is_name`] is true, in words.
+/// The rule that [`is_name`] checks, as text.
 pub const NAMES_ALLOWED: &str = "1 to 64 of the characters A-Z a-z 0-9 _ -";
 
-/// Whether a text may name a camera, target or object. Names appear in keys, tables and paths.
+/// Reports whether a text may name a camera, target or object. Names appear in keys, tables and paths.
 pub fn is_name(text: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     (1..=64).contains(&text.len()) && text.chars().all(plain)
@@ -58,7 +58,7 @@ pub struct Scene {
     pub cameras: Vec<CameraConfig>,
     /// The targets, in the order of the text.
     pub targets: Vec<TargetConfig>,
-    /// How long a frame waits, from its arrival, for earlier ones of other cameras, in seconds.
+    /// How long a frame waits after its arrival for earlier frames of other cameras, in seconds.
     pub max_delay_s: f64,
     /// Settings that are valid but probably not intended.
     pub warnings: Vec<Problem>,
@@ -67,23 +67,25 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The seed of scenes that state none.
+    /// The default seed.
     pub const DEFAULT_SEED: u32 = 1;
 
-    /// Returns how long frames wait for others by default, in seconds: a single camera has no others to wait for.
+    /// Returns the default of [`Scene::max_delay_s`] in seconds: 0 for a single camera, which has no others to wait
+    /// for.
     pub fn default_max_delay_s(camera_count: usize) -> f64 {
         if camera_count > 1 { 0.1 } else { 0.0 }
     }
 
-    /// Reads a scene's text. The caller reads the calibration files that it names. On failure, returns every problem, in the order of lines.
+    /// Reads a scene's text. The caller reads the calibration files that the scene names. Returns every problem on
+    /// failure, in the order of lines.
     pub fn parse(text: &str, read_calibration: ReadCalibration) -> Result<Self, Vec<Problem>> {
         Self::parse_with(text, &toml::Table::new(), read_calibration)
     }
 
-    /// Reads a scene's text as [`Scene::parse`] does, with some of its settings replaced or added.
+    /// Reads a scene's text like [`Scene::parse`], with some of its settings replaced or added.
     ///
-    /// `replaced` maps full keys, such as `targets.ball.filter.particles`, to values. A table replaces the whole table of that key.
-    /// Problems with these values have no line.
+    /// `replaced` maps full keys, such as `targets.ball.filter.particles`, to values. A table replaces the whole
+    /// table of that key. Problems with these values have no line.
     pub fn parse_with(
         text: &str,
         replaced: &toml::Table,
@@ -107,7 +109,7 @@ impl Scene {
         })
     }
 
-    /// Reads all settings; what is invalid is left out and reported to the journal.
+    /// Reads all settings; invalid ones are left out and reported to the journal.
     fn read(table: &Table, read_calibration: ReadCalibration) -> Self {
         let seed = table
             .key("seed", "Seed of all random numbers.")

@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use super::reader::{Kind, Table};
 use pardalis_camera::{ConstantResolution, MirrorForm, MirrorProfile, Resolution};
 
-/// Reads the mirror: the key `profile` or one of the tables of [`KINDS`]. `vertex_m` moves it to another distance from the pinhole.
+/// Reads the mirror: the key `profile` or one of the tables of [`KINDS`]. `vertex_m` moves it to another distance
+/// from the pinhole.
 pub(super) fn read_profile(table: &Table) -> Option<MirrorProfile> {
     let vertex_m = table
         .key(
@@ -18,7 +19,7 @@ pub(super) fn read_profile(table: &Table) -> Option<MirrorProfile> {
     let rows = table
         .key(
             "profile",
-            "The mirror as rows [t, F] or [t, F, F']: distance from the axis and height over the pinhole in metres, and the slope.",
+            "The mirror as rows [t, F] or [t, F, F']: distance from the axis and height above the pinhole in metres, and the slope.",
         )
         .unit("m")
         .depends("unless the mirror is one of the tables below")
@@ -115,7 +116,7 @@ fn read_rows(table: &Table, rows: &[Vec<f64>]) -> Option<MirrorProfile> {
         (Some(rows), _) => table.checked(MirrorProfile::from_rows(&rows)),
         (_, Some(rows)) => table.checked(MirrorProfile::from_rows_with_slopes(&rows)),
         _ => {
-            table.refuse("profile", "rows [t, F] or rows [t, F, F'], in metres");
+            table.reject("profile", "rows [t, F] or rows [t, F, F'], in metres");
             None
         }
     }
@@ -127,12 +128,12 @@ fn columns<const N: usize>(rows: &[Vec<f64>]) -> Option<Vec<[f64; N]>> {
         .collect()
 }
 
-/// A length of the mirror, in metres.
+/// Reads a length of the mirror, in metres.
 fn length(table: &Table, name: &'static str, about: &'static str) -> Option<f64> {
     table.key(name, about).within(1e-6..=1000.0).required()
 }
 
-/// The distance of the vertex and the radius of the rim, which every mirror has.
+/// Reads the distance of the vertex and the radius of the rim, which every mirror has.
 fn read_vertex_and_rim(table: &Table) -> [Option<f64>; 2] {
     [
         length(
@@ -182,7 +183,7 @@ fn read_constant_resolution(table: &Table) -> Option<MirrorProfile> {
     let plane_z_m = table
         .key(
             "plane_z_m",
-            "Where the plane is in the camera's frame, below `vertex_m`: negative for a floor below a camera that looks up.",
+            "Height z of the plane in the camera's frame, below `vertex_m`: negative for a floor below a camera that looks up.",
         )
         .within(-1e6..=1e6)
         .required();
@@ -198,7 +199,7 @@ fn read_constant_resolution(table: &Table) -> Option<MirrorProfile> {
     let rim_shows = table
         .key(
             "rim_view_m",
-            "Distance from the axis of the place that the rim shows.",
+            "Distance from the axis of the point of the plane that is visible at the rim.",
         )
         .within(1e-6..=1e6)
         .depends("unless `resolution_per_m` is given")
@@ -207,7 +208,7 @@ fn read_constant_resolution(table: &Table) -> Option<MirrorProfile> {
     let offset = table
         .key(
             "offset",
-            "Offset of the image radius, in focal lengths; below 0 the mirror has a tip and does not show the places near the axis.",
+            "Offset of the image radius, in focal lengths; below 0 the mirror has a tip and does not show the points near the axis.",
         )
         .within(-1e6..=0.0)
         .or(0.0);

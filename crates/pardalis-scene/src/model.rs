@@ -14,7 +14,7 @@ use pardalis_core::Error;
 /// A camera's model.
 pub(super) enum Model {
     Known(Camera),
-    /// To be found from a rectangle in the camera's images.
+    /// A model that is determined by a rectangle in the camera's images.
     Rectangle(Located<RectangleConfig>),
 }
 
@@ -69,7 +69,7 @@ const KINDS: [Kind; 12] = [
     ),
 ];
 
-/// Reads the camera's model from the table `model`, for files without images in which to find a rectangle.
+/// Reads the camera's model from the table `model`, for files without images, in which a rectangle cannot be detected.
 pub(super) fn read_model(table: &Table) -> Option<Camera> {
     match read_any_model(table)? {
         Model::Known(camera) => Some(camera),
@@ -128,12 +128,12 @@ fn read_kind(kind: &'static str, table: &Table) -> Option<Model> {
     camera.map(Model::Known)
 }
 
-/// The pose of cameras whose model is a plane of the world: their frame is the world's.
+/// Returns the pose of cameras whose model is a plane of the world: the world's frame.
 pub(super) fn pose_of_model(camera: &Camera) -> Option<Pose> {
     matches!(camera, Camera::Plane(_)).then(Pose::identity)
 }
 
-/// Returns the principal point, which every model has.
+/// Returns the principal point, which all other models have.
 pub(super) fn principal_point_px(camera: &Camera) -> [f64; 2] {
     let parameters = camera.parameters();
     ["cx_px", "cy_px"].map(|name| {
@@ -158,9 +158,9 @@ fn at_center<T>(result: Result<T, Error>) -> Result<T, Error> {
     })
 }
 
-/// The greatest focal length in pixels.
+/// Maximum focal length in pixels.
 const MAX_FOCAL: f64 = 1e6;
-/// The greatest magnitude of a distortion coefficient.
+/// Maximum magnitude of a distortion coefficient.
 const MAX_COEFFICIENT: f64 = 1e9;
 
 /// Reads the field of view and returns half of it, in radians.

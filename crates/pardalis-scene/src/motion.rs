@@ -1,4 +1,4 @@
-//! How a target moves.
+//! The motion model of a target.
 
 use super::description::Presence;
 use super::reader::{Kind, Table};
@@ -29,7 +29,7 @@ const KINDS: [Kind; 6] = [
     ("planar_random_walk", "The same at a fixed height."),
 ];
 
-/// The strongest process noise, in any unit.
+/// Maximum strength of the process noise, in any unit.
 const MAX_STRENGTH: f64 = 1e9;
 
 /// Reads the table `motion`. The default of upright bodies and flat shapes is planar.
@@ -62,7 +62,7 @@ pub(super) fn read_motion(
     })
 }
 
-/// A key, its meaning, its greatest value and what is made of its number.
+/// A key, its meaning, its maximum and the conversion of its number.
 type Alternative<T> = (&'static str, &'static str, f64, fn(f64) -> T);
 
 /// Reads the one of several exclusive settings that is given, or returns the default, without which one must be given.
@@ -101,7 +101,7 @@ fn one_setting_of<T>(
     }
 }
 
-/// Where one of the settings must be given.
+/// The condition under which one of the settings is required.
 const ONE_OF_THEM: &str = "give exactly one of the alternatives";
 
 fn read_constant_velocity(table: &Table, default: ConstantVelocity) -> Option<ConstantVelocity> {
@@ -210,8 +210,8 @@ fn read_jumps(table: &Table, is_planar: bool) -> Option<Jumps> {
         ONE_OF_THEM,
     );
     let corners = [
-        ("min_m", "Corner of the box with the least coordinates."),
-        ("max_m", "Corner of the box with the greatest coordinates."),
+        ("min_m", "Corner of the box with the minimum coordinates."),
+        ("max_m", "Corner of the box with the maximum coordinates."),
     ];
     let [min_m, max_m] = corners.map(|(key, about)| {
         let corner = table.key(key, about).within(-1e6..=1e6);

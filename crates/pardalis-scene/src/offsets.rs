@@ -1,11 +1,11 @@
-//! Time offsets written into a scene's text, all else left as it was.
+//! Insertion of time offsets into a scene's text, which is otherwise unchanged.
 
 use std::ops::Range;
 
 use toml::de::{DeTable, DeValue};
 
-/// The scene's text with these cameras' `time_offset_s` (name, seconds) put in place of what it says, or added; `None` where the text is laid out so
-/// that this cannot be done without touching anything else.
+/// Returns the scene's text with `time_offset_s` of these cameras (name, seconds) replaced or added; `None` if the
+/// layout of the text does not allow this without other changes.
 pub fn with_time_offsets(text: &str, offsets_s: &[(&str, f64)]) -> Option<String> {
     let root = DeTable::parse(text).ok()?;
     let cameras = table(root.get_ref().get("cameras")?.get_ref())?;
@@ -26,7 +26,7 @@ pub fn with_time_offsets(text: &str, offsets_s: &[(&str, f64)]) -> Option<String
     for (place, new) in edits.iter().rev() {
         edited.replace_range(place.clone(), new);
     }
-    says(text, &edited, offsets_s).then_some(edited)
+    is_equivalent(text, &edited, offsets_s).then_some(edited)
 }
 
 fn table<'a, 't>(value: &'a DeValue<'t>) -> Option<&'a DeTable<'t>> {
@@ -36,7 +36,8 @@ fn table<'a, 't>(value: &'a DeValue<'t>) -> Option<&'a DeTable<'t>> {
     }
 }
 
-/// The offset before the key that begins here, in the same table: as the line before, or before it in a table in braces.
+/// Returns the insertion of an offset before the key that begins here, in the same table: as the previous line, or
+/// before the key in a table in braces.
 fn insertion(text: &str, key_start: usize, offset_s: f64) -> (Range<usize>, String) {
     let line_start = text[..key_start].rfind('\n').map_or(0, |at| at + 1);
     let before = &text[line_start..key_start];
@@ -51,8 +52,8 @@ fn insertion(text: &str, key_start: usize, offset_s: f64) -> (Range<usize>, Stri
     )
 }
 
-/// Whether the edited text says what the first did, and these offsets.
-fn says(text: &str, edited: &str, offsets_s: &[(&str, f64)]) -> bool {
+/// Reports whether the edited text has the settings of the original text and these offsets.
+fn is_equivalent(text: &str, edited: &str, offsets_s: &[(&str, f64)]) -> bool {
     let (Ok(mut wanted), Ok(edited)) = (text.parse::<toml::Table>(), edited.parse::<toml::Table>())
     else {
         return false;
@@ -74,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn offsets_are_replaced_or_added_and_all_else_stays() {
+    fn offsets_are_replaced_or_added_and_everything_else_stays() {
         let text = "# my scene\nseed = 3\n[cameras.left] # first\nimages = \"l\"\nfps = 25\n\n[cameras.right]\n  # theirs\n  video = \"r.mp4\" # loud\n  \
                     time_offset_s = 1e-3   # guessed\n[cameras.top]\nfps = 25\nimages = 't' # top\n";
         let edited = with_time_offsets(text, &[("right", -0.125), ("top", 0.04)]).unwrap();
@@ -85,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_may_be_written_in_any_way() {
+    fn tables_may_have_any_layout() {
         for (text, wanted) in [
             (
                 "cameras.a = { images = \"x\" }\n",
@@ -108,8 +109,8 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_done_is_not_done() {
-        // A brace on the line before: the new line would need a comma.
+    fn unsupported_layouts_are_not_edited() {
+        // After the brace on the previous line, the new line would need a comma.
         let text = "cameras.a = {\n  images = \"x\",\n}\n";
         assert_eq!(with_time_offsets(text, &[("a", 0.5)]), None);
         assert_eq!(with_time_offsets("cameras = 3", &[("a", 0.5)]), None);

@@ -1,4 +1,4 @@
-//! Cameras that are known by a plane: points of it or the homography, and where the camera stands.
+//! Cameras of a plane: points of it or the homography, and the position of the camera.
 
 use nalgebra::Matrix3;
 
@@ -10,25 +10,26 @@ use pardalis_camera::Homography;
 use pardalis_camera::{Camera, Plane};
 use pardalis_core::Error;
 
-/// A plane that is known by a rectangle on it, which is to be found in the camera's images.
+/// A plane with a rectangle that is to be detected in the camera's images.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RectangleConfig {
     /// The rectangle.
     pub rectangle: Rectangle,
-    /// Whether the inner edge of a tape was measured, not the outer one.
+    /// Whether the inner edge of a tape was measured instead of the outer one.
     pub inner_edge: bool,
-    /// How many images are looked at, from the first on.
+    /// Number of images to search, beginning with the first.
     pub frames: usize,
     pub(super) center: Center,
 }
 
 impl RectangleConfig {
-    /// The number, from 1, of the corner nearest the image's bottom left.
+    /// The default number, from 1, of the corner nearest to the image's bottom left.
     const NEAREST_CORNER: usize = 1;
-    /// Images that are searched.
+    /// The default number of images to search.
     const FRAMES: usize = 10;
 
-    /// The camera, from the rectangle's corners in pixels: counterclockwise to the eye, first the one nearest the image's bottom left.
+    /// Returns the camera from the rectangle's corners in pixels, counter-clockwise as seen in the image, beginning
+    /// with the one nearest to the image's bottom left.
     pub fn camera(&self, corners_px: [[f64; 2]; 4]) -> Result<Camera, Error> {
         let found = fit(&self.rectangle.pairs(corners_px))?;
         let center_m = self.center.of(&found.homography)?;
@@ -36,7 +37,7 @@ impl RectangleConfig {
     }
 }
 
-/// What is known of where a camera stands.
+/// What is known of a camera's position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Center {
     Unknown,
@@ -56,15 +57,15 @@ impl Center {
     }
 }
 
-/// What the table `model.plane` says.
+/// The contents of the table `model.plane`.
 pub(super) enum PlaneModel {
     /// The camera.
     Known(Plane<f64>),
-    /// It is to be found.
+    /// A camera that is to be determined from a rectangle.
     Rectangle(RectangleConfig),
 }
 
-/// The table `model.plane`.
+/// Reads the table `model.plane`.
 pub(super) fn read_plane(table: &Table) -> Option<PlaneModel> {
     let ways = ["points", "homography", "rectangle"];
     let given: Vec<&str> = ways.into_iter().filter(|way| table.knows(way)).collect();
@@ -72,7 +73,7 @@ pub(super) fn read_plane(table: &Table) -> Option<PlaneModel> {
     let points = table
         .key(
             "points",
-            "Four or more points of the plane, each [u, v, x, y]: the pixel and the place in the world in metres. With more than four, outliers are left out.",
+            "Four or more points of the plane, each [u, v, x, y]: the pixel and the world position in metres. With more than four, outliers are left out.",
         )
         .unit("px, m")
         .depends("unless `homography` or `rectangle` is given")
@@ -118,7 +119,7 @@ pub(super) fn read_plane(table: &Table) -> Option<PlaneModel> {
         .map(PlaneModel::Known)
 }
 
-/// Which edge of a tape was measured.
+/// The edge of a tape that was measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum TapeEdge {
     Outer,
@@ -130,7 +131,7 @@ impl Word for TapeEdge {
         &[("outer", Self::Outer), ("inner", Self::Inner)];
 }
 
-/// Reads the table `rectangle`, for a camera whose place is not known yet.
+/// Reads the table `rectangle`, for a camera that is not known yet.
 fn read_rectangle(plane: &Table) -> Option<RectangleConfig> {
     let about = "A rectangle on the plane, such as tape on the floor, that the program finds in the camera's first images. Only in scenes.";
     plane.section("rectangle", about, |table| {
@@ -211,7 +212,7 @@ fn fit_points(table: &Table, points: &[[f64; 4]]) -> Option<Homography> {
             |[du, dv]| format!("{:.1} px away", libm::hypot(du, dv)),
         );
         let message = format!(
-            "point {} disagrees with the others, which put it {distance}; it is left out",
+            "point {} disagrees with the others, which place it {distance}; it is ignored",
             outlier + 1
         );
         table.warn("points", message);
@@ -219,19 +220,19 @@ fn fit_points(table: &Table, points: &[[f64; 4]]) -> Option<Homography> {
     Some(found.homography)
 }
 
-/// Reads where the camera is: directly, or from its intrinsics. Returns `None` after reporting a problem.
+/// Reads the camera's position: given directly, or from its intrinsics. Returns `None` after reporting a problem.
 fn read_center(table: &Table) -> Option<Center> {
     let camera_center_m = table
         .key(
             "camera_center_m",
-            "Where the camera is in the world, above the plane. Needed for shapes that rise over the plane, or `f_px` and `center_px` in its place.",
+            "Position of the camera in the world, above the plane. Shapes that rise above the plane need it, or `f_px` and `center_px` instead.",
         )
         .depends("not known")
         .optional();
     let f_px = table
         .key(
             "f_px",
-            "Focal lengths, from which the camera's place is computed. Together with `center_px`.",
+            "Focal lengths, from which the camera's position is computed. Together with `center_px`.",
         )
         .within(1e-3..=1e6)
         .depends("not known")

@@ -1,4 +1,4 @@
-//! Reads the tables of a TOML text and reports every problem with its key and line, where serde would stop at the first.
+//! Reads the tables of a TOML text and reports every problem with its key and line, whereas serde stops at the first.
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -11,7 +11,7 @@ pub(super) use super::journal::{Journal, Located, Problem};
 use super::{NAMES_ALLOWED, is_name};
 use pardalis_core::Error;
 
-/// A table of the text. It remembers the keys that the reader asks for and reports all others as unknown.
+/// A table of the text. It records the keys that the reader requests and reports all others as unknown.
 pub(super) struct Table<'a, 't> {
     pub(super) journal: &'a Journal,
     path: String,
@@ -20,7 +20,7 @@ pub(super) struct Table<'a, 't> {
     known: RefCell<Vec<&'static str>>,
 }
 
-/// One of the tables of which a file gives exactly one: its key and its meaning.
+/// The key and the meaning of a table in a group of which a file contains exactly one.
 pub(super) type Kind = (&'static str, &'static str);
 
 impl<'a, 't> Table<'a, 't> {
@@ -28,7 +28,7 @@ impl<'a, 't> Table<'a, 't> {
         Self::new(journal, String::new(), root.get_ref(), 0..0)
     }
 
-    /// A table without a file, to which the reader describes its keys.
+    /// Creates a table without a file, to which the reader describes its keys.
     pub(super) fn describing(journal: &'a Journal, empty: &'a DeTable<'t>) -> Self {
         Self::new(journal, String::new(), empty, 0..0)
     }
@@ -43,12 +43,12 @@ impl<'a, 't> Table<'a, 't> {
         }
     }
 
-    /// The table below this one to which the reader describes the keys of a table.
+    /// Returns the table below this one to which the reader describes the keys of a table.
     fn described(&self, key: &str) -> Self {
         Self::new(self.journal, self.path_of(key), self.table, 0..0)
     }
 
-    /// Whether the reader describes its keys instead of reading a file. It then visits every branch.
+    /// Reports whether the reader describes its keys instead of reading a file. It then visits every branch.
     pub(super) fn is_describing(&self) -> bool {
         self.journal.is_describing()
     }
@@ -78,7 +78,7 @@ impl<'a, 't> Table<'a, 't> {
         self.table.get(key)
     }
 
-    /// Returns the place of a key, or of the table if the key is not given.
+    /// Returns the position of a key, or of the table if the key is missing.
     fn offset_of(&self, key: &str) -> usize {
         match self.table.get(key) {
             Some(value) => value.span().start,
@@ -104,8 +104,8 @@ impl<'a, 't> Table<'a, 't> {
             .warn(self.offset_of(key), self.path_of(key), message.into());
     }
 
-    /// Reports that the value of a key is not allowed. The value is shown as written.
-    pub(super) fn refuse(&self, key: &str, allowed: &str) {
+    /// Reports that the value of a key is not allowed. The value is printed as written.
+    pub(super) fn reject(&self, key: &str, allowed: &str) {
         let value = self.table.get(key).map(|value| shown(value.get_ref()));
         self.problem(
             key,
@@ -119,17 +119,17 @@ impl<'a, 't> Table<'a, 't> {
             .add(self.span.start, self.path.clone(), message.into());
     }
 
-    /// Whether the key is given.
+    /// Reports whether the key is given.
     pub(super) fn has(&self, key: &str) -> bool {
         self.table.get(key).is_some()
     }
 
-    /// Whether the key is given. Marks the key as known, for a message better than that the key does not exist.
+    /// Reports whether the key is given and marks it as known, for a better message than that the key does not exist.
     pub(super) fn knows(&self, key: &'static str) -> bool {
         self.get(key).is_some()
     }
 
-    /// Returns a value that was made from a key, with the key's place.
+    /// Returns a value that was made from a key, with the key's position.
     pub(super) fn at<T>(&self, key: &str, value: T) -> Located<T> {
         Located {
             value,
@@ -148,7 +148,7 @@ impl<'a, 't> Table<'a, 't> {
                 allowed,
             }) if self.known.borrow().contains(&name.as_str()) => {
                 if self.has(&name) {
-                    self.refuse(&name, &allowed);
+                    self.reject(&name, &allowed);
                 } else {
                     self.problem(&name, format!("is {value}; allowed: {allowed}"));
                 }
@@ -167,7 +167,8 @@ impl<'a, 't> Table<'a, 't> {
         self.as_table(key, value)
     }
 
-    /// Declares a table and reads it, if it is given. Without the table, [`Table::has`] is false; of a key that is no table, this reports it.
+    /// Declares a table and reads it, if it is given. Without the table, [`Table::has`] is false; a key that is not a
+    /// table is reported here.
     pub(super) fn section<T>(
         &self,
         key: &'static str,
@@ -187,7 +188,7 @@ impl<'a, 't> Table<'a, 't> {
 
     fn as_table(&self, key: &str, value: &'a Spanned<DeValue<'t>>) -> Option<Table<'a, 't>> {
         let DeValue::Table(table) = value.get_ref() else {
-            self.refuse(key, "a table");
+            self.reject(key, "a table");
             return None;
         };
         Some(Self::new(
@@ -198,7 +199,8 @@ impl<'a, 't> Table<'a, 't> {
         ))
     }
 
-    /// Declares a table of tables with names that the user chooses, and returns these in the order of the text. The caller finishes each.
+    /// Declares a table of tables whose names the user chooses, and returns these in the order of the text. The
+    /// caller finishes each.
     pub(super) fn named_tables(
         &self,
         key: &'static str,
@@ -277,7 +279,7 @@ impl<'a, 't> Table<'a, 't> {
         self.problem(key, message);
     }
 
-    /// Declares tables of which this one must hold exactly one, and reads that one.
+    /// Declares several tables of which this one must contain exactly one, and reads that one.
     pub(super) fn one_of<T>(
         &self,
         kinds: &[Kind],
@@ -326,7 +328,7 @@ impl<'a, 't> Table<'a, 't> {
         }
     }
 
-    /// Reports the keys that the reader did not ask for.
+    /// Reports the keys that the reader did not request.
     pub(super) fn finish(self) {
         let known = self.known.borrow();
         for (key, _) in self
@@ -335,7 +337,7 @@ impl<'a, 't> Table<'a, 't> {
             .filter(|(key, _)| !known.contains(&&**key.get_ref()))
         {
             let name = key.get_ref();
-            // Far longer names are near to none, and costly to compare.
+            // Much longer names are never similar, and costly to compare.
             let near = known
                 .iter()
                 .filter(|k| name.len() <= 2 * k.len())
@@ -359,7 +361,7 @@ impl<'a, 't> Table<'a, 't> {
     }
 }
 
-/// A value as a person wrote it, shortened.
+/// Formats a value as written, shortened.
 fn shown(value: &DeValue) -> String {
     match value {
         DeValue::String(text) => {
@@ -385,7 +387,7 @@ fn listed<'w>(words: impl Iterator<Item = &'w str>) -> String {
         .join(", ")
 }
 
-/// Edits from one word to another (Levenshtein).
+/// Returns the number of edits between two words (Levenshtein).
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

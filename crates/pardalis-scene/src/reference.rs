@@ -85,7 +85,7 @@ impl FileKind {
     }
 }
 
-/// What a table holds, relative to it, so that equal tables are printed once.
+/// Returns the contents of a table with paths relative to it, so that equal tables are printed once.
 fn contents<'k>(keys: &'k [KeyDescription], table: &str) -> Vec<(&'k str, &'k KeyDescription)> {
     keys.iter()
         .filter_map(|key| Some((key.path.strip_prefix(table)?.strip_prefix('.')?, key)))
@@ -104,7 +104,7 @@ fn is_same(keys: &[KeyDescription], a: &str, b: &str) -> bool {
     a.len() == b.len() && a.iter().zip(&b).all(equal)
 }
 
-/// Pushes the section of a table, then those of the tables in it.
+/// Appends the section of a table, then those of the tables in it.
 fn push_table<'k>(
     text: &mut String,
     keys: &'k [KeyDescription],
@@ -122,7 +122,7 @@ fn push_table<'k>(
     for key in values {
         push_row(text, key, name_in(&key.path, table).unwrap_or_default());
     }
-    // What landmarks and cameras have in common with the tables before them is printed there.
+    // Landmarks and cameras share keys with the tables before them, which are printed there.
     let (named, tables): (Vec<_>, Vec<_>) =
         keys_in(keys, table).partition(|key| key.content == Content::Named);
     for key in tables.into_iter().chain(named) {
@@ -196,7 +196,7 @@ fn push_row(text: &mut String, key: &KeyDescription, name: &str) {
     );
 }
 
-/// A default as written in TOML, rounded to six digits.
+/// Formats a default as in TOML, rounded to six digits.
 fn shown(value: &toml::Value) -> String {
     match value {
         toml::Value::Float(number) => {

@@ -1,4 +1,4 @@
-//! Settings that take the place of a scene's own before it is checked: the sweeps of experiments.
+//! Settings that replace a scene's own before it is checked, for the sweeps of experiments.
 
 use std::fmt::Write as _;
 
@@ -25,7 +25,8 @@ pub(super) fn read_with<T>(
     Ok((result, warnings, resolved))
 }
 
-/// Returns the values as TOML text with offsets beyond the end of the scene's text, so that problems with them have no line.
+/// Returns the values as a TOML text in which all offsets lie beyond the scene's text, so that messages about them
+/// state no line.
 fn text_behind(scene_text: &str, replaced: &toml::Table) -> String {
     let mut text = " ".repeat(scene_text.len() + 1);
     for (number, value) in replaced.values().enumerate() {

@@ -44,7 +44,7 @@ fn table(keys: &[KeyDescription], path: &str) -> Map<String, Value> {
     map(schema)
 }
 
-/// The meaning of a key, with what a schema cannot express.
+/// Returns the meaning of a key, including what a schema cannot express.
 fn described(key: &KeyDescription) -> String {
     let mut sentences = vec![key.about.to_owned()];
     if let Content::Value { unit, .. } = key.content
@@ -88,7 +88,7 @@ fn value(kind: &Type, range: Option<Range>) -> Value {
         Type::Number => bounded(json!({ "type": "number" }), range),
         Type::Integer(least, greatest) => {
             let mut schema = map(json!({ "type": "integer" }));
-            // The limits of the machine's integers say nothing.
+            // The limits of 64-bit integers are not restrictions.
             if *least > i64::MIN {
                 schema.insert("minimum".to_owned(), (*least).into());
             }
@@ -132,7 +132,7 @@ fn bounded(schema: Value, range: Option<Range>) -> Value {
     Value::Object(schema)
 }
 
-/// A bound without a fraction as an integer, as people write it.
+/// Converts a bound without a fraction to an integer.
 fn number(bound: f64) -> Value {
     if bound.fract() == 0.0 && bound.abs() < 1e15 {
         (bound as i64).into()

@@ -8,9 +8,9 @@ use super::description::Type;
 pub(super) trait Setting: Sized {
     /// The type, for the reference.
     fn kind() -> Type;
-    /// The allowed values, in words.
+    /// The allowed values, as text.
     fn allowed() -> String;
-    /// The same for a list of them.
+    /// The allowed values of a list of them.
     const LIST: &'static str = "a list";
     fn read(value: &DeValue) -> Option<Self>;
     fn write(&self) -> toml::Value;
@@ -195,7 +195,7 @@ impl<const ROWS: usize, const COLUMNS: usize> Setting for [[f64; COLUMNS]; ROWS]
 
 /// A setting that is one of a few words.
 pub(super) trait Word: Copy + PartialEq + 'static {
-    /// Each word and its meaning.
+    /// Each word and its value.
     const WORDS: &'static [(&'static str, Self)];
 }
 
@@ -221,7 +221,7 @@ impl<T: Word> Setting for T {
     }
 }
 
-/// One number for all three axes, or three.
+/// One number for all three axes, or three numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PerAxis(pub(super) [f64; 3]);
 

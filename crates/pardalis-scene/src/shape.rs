@@ -6,7 +6,7 @@ use super::reader::{Kind, Table};
 use super::setting::Word;
 use pardalis::shape::{Flat, Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
 
-/// Reads the table `shape`. A camera known by a plane alone cannot tell the height of anything.
+/// Reads the table `shape`. A camera of a plane with unknown position cannot measure heights.
 pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<Shape> {
     let shape = read_body(table)?;
     let is_on_plane = matches!(shape, Shape::Flat(flat) if flat.height_m == 0.0);
@@ -14,7 +14,7 @@ pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<Shape> 
         table.problem(
             "shape",
             format!(
-                "rises over the plane, but the place of camera \"{camera}\" is not known; give cameras.{camera}.model.plane.camera_center_m \
+                "rises above the plane, but the position of camera \"{camera}\" is unknown; give cameras.{camera}.model.plane.camera_center_m \
                  or its f_px and center_px (model.image has no heights at all), or a disc or rectangle without height_m"
             ),
         );
@@ -26,7 +26,7 @@ pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<Shape> 
         table.problem(
             "shape",
             format!(
-                "is {} m over the plane, and camera \"{camera}\" is {height_m} m over it; allowed: below the camera",
+                "is {} m above the plane, and camera \"{camera}\" is {height_m} m above it; allowed: below the camera",
                 flat.height_m
             ),
         );
@@ -49,7 +49,7 @@ const SHAPES: [Kind; 5] = [
 fn read_body(table: &Table) -> Option<Shape> {
     let about = "The shape and size of the target.";
     let presence =
-        Presence::RequiredIf("unless each landmark has a shape of its own, or the target has one");
+        Presence::RequiredIf("unless each landmark has its own shape, or the target has one");
     let shape = table.choice("shape", about, &SHAPES, presence, |kind, body| match kind {
         "sphere" => read_sphere(body),
         "cylinder" => {
@@ -105,9 +105,9 @@ fn read_body(table: &Table) -> Option<Shape> {
     shape
 }
 
-/// The largest size of a body, in metres.
+/// Maximum size of a body, in metres.
 const MAX_SIZE_M: f64 = 1000.0;
-/// The largest size of a flat shape, in metres, or in pixels for a camera without calibration.
+/// Maximum size of a flat shape, in metres, or in pixels for a camera without calibration.
 const MAX_FLAT_SIZE: f64 = 1e5;
 
 fn length(table: &Table, name: &'static str, about: &'static str, greatest: f64) -> Option<f64> {
@@ -118,7 +118,7 @@ fn length(table: &Table, name: &'static str, about: &'static str, greatest: f64)
 }
 
 fn read_height_over_ground(body: &Table) -> f64 {
-    body.key("height_m", "Height over the ground z = 0.")
+    body.key("height_m", "Height above the ground z = 0.")
         .within(0.0..=MAX_FLAT_SIZE)
         .or(0.0)
 }

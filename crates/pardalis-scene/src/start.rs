@@ -1,4 +1,4 @@
-//! Where the targets of a scene start.
+//! The starts of a scene's targets.
 
 use super::description::{Presence, above};
 use super::reader::{Kind, Located, Table};
@@ -7,12 +7,12 @@ use pardalis::start::{PixelStart, Start};
 use pardalis_camera::{Pose, pose_from_matrix};
 use pardalis_filter::gaussian::{GaussianStart, MAX_START, diagonal_m2};
 
-/// Where a target starts, as a scene says it.
+/// The start of a target, as described by a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StartConfig {
-    /// The scene says it all.
+    /// The scene describes it completely.
     Here(Start),
-    /// A track does, another robot's say, that the caller reads.
+    /// The last estimate of a track, such as another robot's, which the caller reads.
     Track(TrackStart),
 }
 
@@ -21,15 +21,15 @@ pub enum StartConfig {
 pub struct TrackStart {
     /// The tracks.csv.
     pub file: String,
-    /// The target's name there.
+    /// The target's name in it.
     pub target: String,
-    /// The track's world in this one.
+    /// Pose of the track's world in this one.
     pub world_from_other: Pose,
-    /// Standard deviation of the velocity on each axis, m/s, which tracks do not say.
+    /// Standard deviation of the velocity on each axis in m/s, which tracks do not state.
     pub velocity_sigma_mps: f64,
 }
 
-/// The standard deviation of the velocity of a track, in m/s.
+/// The default standard deviation of a track's velocity, in m/s.
 const TRACK_VELOCITY_SIGMA_MPS: f64 = GaussianStart::VELOCITY_SIGMA_MPS[0];
 
 const KINDS: [Kind; 3] = [
@@ -50,7 +50,7 @@ pub(super) fn read_start(
     name: &str,
     cameras: &[String],
 ) -> Option<Located<StartConfig>> {
-    let about = "Where the target is in the first frames. A target with the edge cue needs none, since it is detected.";
+    let about = "Initial position of the target. A target with the edge cue needs none because it is detected.";
     let presence = if table.has("start") {
         Presence::Optional("")
     } else {
@@ -138,13 +138,16 @@ fn read_pixel(table: &Table, cameras: &[String]) -> Option<Located<StartConfig>>
         .within(0.0..=1000.0)
         .or(default.pixel_sigma_px);
     let min_range_m = table
-        .key("min_range_m", "Where the search along the ray begins.")
+        .key(
+            "min_range_m",
+            "Distance at which the search along the ray begins.",
+        )
         .within(above(0.0, MAX_START))
         .or(default.min_range_m);
     let max_range_m = table
         .key(
             "max_range_m",
-            "Where it ends, unless the ray meets the ground before; greater than `min_range_m`.",
+            "Distance at which the search ends, unless the ray meets the ground before; greater than `min_range_m`.",
         )
         .within(above(0.0, MAX_START))
         .or(default.max_range_m);
@@ -174,7 +177,7 @@ fn read_pixel(table: &Table, cameras: &[String]) -> Option<Located<StartConfig>>
         .0;
     let camera = camera?;
     let Some(camera_number) = cameras.iter().position(|name| *name == camera) else {
-        table.refuse("camera", &cameras.join(", "));
+        table.reject("camera", &cameras.join(", "));
         return None;
     };
     let start = PixelStart {

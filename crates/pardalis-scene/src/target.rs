@@ -24,53 +24,53 @@ use pardalis_filter::resample::Resampling;
 pub struct TargetConfig {
     /// Its name.
     pub name: String,
-    /// Its one body, which has its name, or its landmarks.
+    /// Its single body, which has its name, or its landmarks.
     pub bodies: Vec<BodyConfig>,
-    /// The numbers of its landmarks `front` and `rear`, where it has these.
+    /// The indices of its landmarks `front` and `rear`, if it has both.
     pub heading: Option<[usize; 2]>,
 }
 
-/// A target of one body, or a landmark of one of several.
+/// The body of a target, or one of its landmarks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyConfig {
     /// Its name.
     pub name: String,
     /// Its shape.
     pub shape: Shape,
-    /// The file with its colours; none where every cue knows its own.
+    /// The file with its colours; `None` if no cue needs it.
     pub colors: Option<Located<String>>,
-    /// In which way it is tracked.
+    /// How it is tracked.
     pub tracking: TrackingConfig,
 }
 
-/// One of the two ways in which a body is tracked.
+/// One of the two ways to track a body.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TrackingConfig {
     /// The tracker detects the target itself.
     Detected {
         /// The edge cue.
         edge: EdgeSettings,
-        /// How it moves.
+        /// Its motion model.
         motion: Motion,
         /// The number of particles.
         particle_count: usize,
         /// How it appears, disappears and becomes occluded.
         existence: ExistenceSettings,
-        /// Where it is at first, if that is known, with the place of the position or file.
+        /// Its initial position, if known, with its position in the scene file.
         start: Option<Located<StartConfig>>,
     },
-    /// The published cues track it from a given start.
+    /// Published cues track it from a given start.
     Initialized {
         /// The cues.
         cues: Vec<CueSettings>,
         /// Its particle filter.
         filter: FilterSettings,
-        /// Where its particles start, with the place of the position, pixel or file.
+        /// The start of its particles, with its position in the scene file.
         start: Located<StartConfig>,
     },
 }
 
-/// What the bodies of a target share, before their starts are read.
+/// The settings that the bodies of a target share, before their starts are read.
 enum Shared {
     Detected {
         edge: EdgeSettings,
@@ -88,10 +88,10 @@ impl TargetConfig {
     /// Reads one target. Returns `None` after reporting a problem to the journal.
     #[allow(clippy::too_many_lines)] // one table, read from top to bottom
     pub(super) fn read(name: String, table: Table, cameras: &CameraNames) -> Option<Self> {
-        let about = "Landmarks on the target, two or more, each with `colors`, `start` and perhaps a `shape` of its own. With the names `front` and `rear` they give the target a heading.";
+        let about = "Landmarks on the target, two or more, each with its own `colors`, `start` and optionally `shape`. Landmarks named `front` and `rear` determine the heading of the target.";
         let landmarks = table.named_tables("landmarks", about, Presence::Optional(""));
         let has_landmarks = table.has("landmarks") || table.is_describing();
-        // Each landmark may have a shape of its own.
+        // Each landmark may have its own shape.
         let shape = (!has_landmarks || table.has("shape") || table.is_describing())
             .then(|| read_shape(&table, cameras))
             .flatten();
@@ -133,7 +133,7 @@ impl TargetConfig {
                 let message = "is missing; give a colour model, made by `pardalis learn`, or, for the window cue alone, window.hue_deg and window.saturation";
                 table.problem("colors", message);
             }
-            // If all share a shape, the cue's own table reports it.
+            // If the landmarks share a shape, the cue's own table reports it.
             let has_form = matches!(shape, Some(Shape::Sphere(_) | Shape::Upright(_)));
             let needs_flat_shape = shared.as_ref().is_some_and(Shared::needs_flat_shape);
             if has_form && needs_flat_shape {
@@ -142,7 +142,7 @@ impl TargetConfig {
             }
             let tracking = match &shared {
                 Some(shared) => shared.with_start(table, &name, &cameras.all),
-                // Problems of the start are reported all the same.
+                // The start is read anyway, to report its problems.
                 None => read_start(table, &name, &cameras.all).and(None),
             };
             Some(BodyConfig {
@@ -193,7 +193,7 @@ impl TargetConfig {
     }
 }
 
-/// A heading needs a landmark `front` and one `rear`.
+/// Returns the landmarks `front` and `rear`, which a heading needs.
 fn read_heading(table: &Table, landmarks: &[String]) -> Option<[usize; 2]> {
     let [front, rear] = ["front", "rear"].map(|name| landmarks.iter().position(|l| l == name));
     if front.is_some() != rear.is_some() {
@@ -204,7 +204,7 @@ fn read_heading(table: &Table, landmarks: &[String]) -> Option<[usize; 2]> {
 }
 
 impl BodyConfig {
-    /// Where it starts, if the scene says so.
+    /// Returns its start, if the scene states one.
     pub fn start(&self) -> Option<&Located<StartConfig>> {
         match &self.tracking {
             TrackingConfig::Detected { start, .. } => start.as_ref(),
@@ -212,7 +212,7 @@ impl BodyConfig {
         }
     }
 
-    /// The published cues; none if the tracker detects the body itself.
+    /// Returns the published cues; empty if the tracker detects the body itself.
     pub fn cues(&self) -> &[CueSettings] {
         match &self.tracking {
             TrackingConfig::Detected { .. } => &[],
@@ -220,7 +220,7 @@ impl BodyConfig {
         }
     }
 
-    /// How it moves.
+    /// Returns its motion model.
     pub fn motion(&self) -> &Motion {
         match &self.tracking {
             TrackingConfig::Detected { motion, .. } => motion,
@@ -228,7 +228,7 @@ impl BodyConfig {
         }
     }
 
-    /// The number of its particles.
+    /// Returns the number of its particles.
     pub fn particle_count(&self) -> usize {
         match &self.tracking {
             TrackingConfig::Detected { particle_count, .. } => *particle_count,
@@ -236,9 +236,9 @@ impl BodyConfig {
         }
     }
 
-    /// Its settings, once its files are read.
+    /// Returns its settings, given the contents of its files.
     ///
-    /// Errors: a detected body without colours or with a start in a pixel, an initialised one without start.
+    /// Errors: a detected body without colours or with a pixel as start, an initialised one without start.
     pub fn settings(
         &self,
         colors: Option<ColorModel>,
@@ -285,7 +285,7 @@ impl BodyConfig {
         }
     }
 
-    /// Its contour cue, if it has one.
+    /// Returns its contour cue, if it has one.
     pub fn contour(&self) -> Option<&ContourSettings> {
         self.cues().iter().find_map(|cue| match &cue.cue {
             Cue::Contour(contour) => Some(contour),
@@ -311,7 +311,7 @@ impl Shared {
         }
     }
 
-    /// What the bodies share, with the start of the body in this table.
+    /// Combines the shared settings with the start of the body in this table.
     fn with_start(&self, table: &Table, name: &str, cameras: &[String]) -> Option<TrackingConfig> {
         match self {
             Self::Detected {
@@ -341,10 +341,10 @@ impl Shared {
     }
 }
 
-/// Reads what the bodies of a target share. Returns `None` if its cues are invalid.
+/// Reads the settings that the bodies of a target share. Returns `None` if its cues are invalid.
 fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -> Option<Shared> {
     if table.is_describing() {
-        // The keys of both ways.
+        // Declares the keys of both ways.
         read_filter(table, shape);
         read_existence(table);
         return None;
@@ -385,7 +385,7 @@ fn read_shared(table: &Table, shape: Option<&Shape>, cues: Option<CuesConfig>) -
     }
 }
 
-/// Reads the start of a detected body, which needs none. The journal has the problem after an error.
+/// Reads the optional start of a detected body. After an error, the journal contains the problem.
 fn read_detected_start(
     table: &Table,
     name: &str,
@@ -425,7 +425,7 @@ fn read_existence(table: &Table) -> Option<ExistenceSettings> {
         );
         settings.relocation_rate_hz = rate(
             "relocation_rate_hz",
-            "Rate at which the target is carried to any other place.",
+            "Rate at which the target is moved to an arbitrary position.",
             default.relocation_rate_hz,
         );
         settings.velocity_jump_rate_hz = rate(
@@ -467,7 +467,7 @@ fn read_existence(table: &Table) -> Option<ExistenceSettings> {
     }
 }
 
-/// What the table `filter` holds.
+/// Description of the table `filter`.
 const ABOUT_FILTER: &str = "The particle filter.";
 
 /// Reads the number of particles of a detected target.
@@ -478,7 +478,7 @@ fn read_detected_particles(table: &Table) -> usize {
         for key in ["resampling", "resample_below"] {
             if filter.knows(key) {
                 let message =
-                    "has no effect on a detected target, whose filter resamples in its own way";
+                    "has no effect on a detected target, whose filter resamples differently";
                 filter.warn(key, message);
             }
         }

@@ -1,10 +1,10 @@
-//! How the cameras of a scene work together: waiting for late frames, and cameras with the same pose.
+//! The timing of several cameras: waiting for late frames. Also checks for cameras with the same pose.
 
 use super::Scene;
 use super::camera::CameraConfig;
 use super::reader::{Problem, Table};
 
-/// The longest time that frames may wait for others, in seconds: waiting frames occupy memory.
+/// Maximum time that frames may wait for others, in seconds, because waiting frames occupy memory.
 const MAX_DELAY_S: f64 = 60.0;
 
 /// Reads the setting `timing.max_delay_s`. A single camera has no others to wait for.
@@ -25,7 +25,7 @@ pub(super) fn read_max_delay_s(root: &Table, camera_count: usize) -> f64 {
     max_delay_s.unwrap_or(default_s)
 }
 
-/// Returns a warning for each camera with exactly the pose of one before it, as in a copied table.
+/// Returns a warning for each camera with exactly the pose of an earlier one, as in a copied table.
 pub(super) fn cameras_at_one_place(cameras: &[CameraConfig]) -> impl Iterator<Item = Problem> {
     cameras.iter().enumerate().filter_map(|(number, camera)| {
         let twin = cameras[..number]

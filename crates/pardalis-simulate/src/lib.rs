@@ -181,7 +181,7 @@ pub enum Course {
     /// Along its own path.
     Path(Path),
     /// On another object, at an offset in metres in the carrier's frame: x ahead, y to the left, z up.
-    Rides {
+    Attached {
         /// Index of the carrier in [`World::objects`]; it must have its own path.
         carrier: usize,
         /// Offset from the carrier's position, in metres.
@@ -251,7 +251,7 @@ impl World {
     pub fn placed(&self, time_s: f64) -> Vec<Placed> {
         let of_object = |object: &Object| match &object.course {
             Course::Path(path) => on_path(object, path, time_s),
-            Course::Rides { carrier, offset_m } => {
+            Course::Attached { carrier, offset_m } => {
                 let carrier = &self.objects[*carrier];
                 let Course::Path(path) = &carrier.course else {
                     unreachable!("carriers have their own paths")
@@ -278,16 +278,16 @@ impl World {
     pub(crate) fn moves(&self, object: usize) -> bool {
         let path_of = match &self.objects[object].course {
             Course::Path(path) => path,
-            Course::Rides { carrier, .. } => match &self.objects[*carrier].course {
+            Course::Attached { carrier, .. } => match &self.objects[*carrier].course {
                 Course::Path(path) => path,
-                Course::Rides { .. } => unreachable!("carriers have their own paths"),
+                Course::Attached { .. } => unreachable!("carriers have their own paths"),
             },
         };
         !matches!(path_of, Path::Still { .. })
     }
 }
 
-/// Half of the step for a rider's velocity by finite differences, in seconds.
+/// Half of the step for the velocity of an attached object by finite differences, in seconds.
 const STEP_S: f64 = 1e-4;
 
 fn on_path(object: &Object, path: &Path, time_s: f64) -> Placed {

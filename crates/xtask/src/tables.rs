@@ -1,9 +1,10 @@
 //! Tables of experiment records in Markdown pages, so that no figure in a page is typed by hand.
 //!
-//! A page marks the place of a table with the lines `<!-- table NAME: COLUMN, COLUMN -->` and `<!-- end -->`, where NAME is a record
-//! `experiments/record/DATE/NAME.csv`. Without columns the table shows all of them; `<!-- table NAME of RUN*: ... -->` shows only the runs whose
-//! names begin with RUN, `<!-- table NAME in all frames: ... -->` only the rows without a window. A cell holds the median over the seeds of a run with the lowest and the highest value. Lengths are in mm, angles in mrad,
-//! headings and courses in degrees, pixels to 0.001.
+//! A page marks the place of a table with the lines `<!-- table NAME: COLUMN, COLUMN -->` and `<!-- end -->`, where
+//! NAME is a record `experiments/record/DATE/NAME.csv`. Without columns the table shows all of them; `<!-- table NAME
+//! of RUN*: ... -->` shows only the runs whose names begin with RUN, `<!-- table NAME in all frames: ... -->` only
+//! the rows without a window. A cell holds the median over the seeds of a run with the lowest and the highest value.
+//! Lengths are in mm, angles in mrad, headings and courses in degrees, pixels to 0.001.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -101,7 +102,7 @@ impl<'t> Mark<'t> {
     }
 }
 
-/// The text with each of the record's tables in its place; none where there is no place.
+/// Returns the text with each of the record's tables inserted at its marker; `None` without markers.
 fn splice(
     text: &str,
     name: &str,
@@ -257,7 +258,8 @@ fn heading(name: &str) -> String {
 /// Figures that are 1 where something is so, and 0 where it is not.
 const YES_OR_NO: [&str; 2] = ["ends_on_target", "changed_target"];
 
-/// Median, lowest and highest of a column's values, or the value itself where there is one; of figures that say yes or no, how often they say yes.
+/// Median, lowest and highest of a column's values, or the value itself where there is one; of figures that say yes
+/// or no, how often they say yes.
 fn cell(name: &str, values: &[&str]) -> String {
     let unit = UNITS.iter().find(|(end, ..)| name.ends_with(end));
     let scale = unit.map_or(1.0, |(.., scale)| *scale);

@@ -1,4 +1,4 @@
-//! `pardalis demo`: tracks the bundled sequence and says how far the result is from the truth.
+//! `pardalis demo`: tracks the bundled sequence and prints the error against ground truth.
 
 use std::path::{Path, PathBuf};
 
@@ -12,8 +12,8 @@ use crate::user_error::user_error;
 
 /// Tracks the bundled sequence
 ///
-/// An orange ball is lowered, thrown and bounces before a fisheye camera; it is found by itself. Writes tracks, plots
-/// with the truth, and annotated frames, and says how far the tracks are from the truth.
+/// An orange ball is lowered, thrown, and bounces in front of a fisheye camera. The program detects it without a start
+/// position. Writes tracks, plots with the truth, and annotated frames, and prints the mean error.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// The folder for the results
@@ -47,7 +47,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         run.series
             .draw(&arguments.output, &run.open.scene, &truth)?,
     );
-    print(track::told(&run));
+    print(track::summary(&run));
     let report = evaluate::score_files(
         &arguments.output,
         &truth_path,
@@ -60,8 +60,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .and_then(|t| t.scores.all.errors.as_ref())
     {
         print(format!(
-            "\nOn average the ball was {:.0} mm from where it is, at 1.8 to 3.9 m, almost all of it in distance: its direction\n\
-             was off by {:.1} degrees on average. Look at {} and {}.",
+            "\nThe mean position error was {:.0} mm at 1.8 to 3.9 m from the camera, almost all of it in distance;\n\
+             the mean direction error was {:.1} degrees. See {} and {}.",
             1e3 * errors.position_m.mean,
             errors.direction_mean_rad.to_degrees(),
             arguments.output.join("annotated").display(),
@@ -74,7 +74,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 /// The sequence of the demo.
 const SEQUENCE: &str = "dioptric-jump";
 
-/// The folder with the bundled sequences: as given, or `data` in this folder, above it, or above the program.
+/// Returns the folder with the bundled sequences: the given one, or `data` in this folder, above it, or above the
+/// program.
 fn find_data(given: Option<&Path>) -> Result<PathBuf> {
     let holds_it = |folder: &Path| folder.join(SEQUENCE).join("scene.toml").is_file();
     if let Some(folder) = given {
@@ -82,7 +83,7 @@ fn find_data(given: Option<&Path>) -> Result<PathBuf> {
             return Ok(folder.to_owned());
         }
         return Err(user_error!(
-            "--data {}: holds no {SEQUENCE}/scene.toml; give the folder data of the source",
+            "--data {}: holds no {SEQUENCE}/scene.toml; give the folder `data` of the source code",
             folder.display()
         ));
     }
@@ -97,6 +98,6 @@ fn find_data(given: Option<&Path>) -> Result<PathBuf> {
         .flat_map(|path| path.ancestors())
         .map(|folder| folder.join("data"));
     above.into_iter().find(|folder| holds_it(folder)).ok_or_else(|| {
-        user_error!("the bundled sequences were not found; run this inside the source folder, or give it: --data PATH/data")
+        user_error!("the bundled sequences were not found; run this inside the source folder, or use --data PATH/data")
     })
 }

@@ -1,4 +1,4 @@
-//! `pardalis track`: the main job.
+//! `pardalis track`: tracks the targets of a scene.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -10,37 +10,41 @@ use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
 
 /// Tracks the targets of a scene
 ///
-/// Reads a scene file (`pardalis init` writes one to start from), tracks every target through all its frames and writes
-/// into a folder: tracks.csv (position, velocity, covariance and the best particle's position, one row per frame and target), summary.json, and
-/// plots (from above, from the side, in an oblique view, against time).
+/// Reads a scene file (`pardalis init` writes one to start from), tracks every target through all frames and writes a
+/// folder with tracks.csv (position, velocity, covariance and best particle, one row per frame and target),
+/// summary.json, and plots (from above, from the side, in an oblique view, and over time).
 ///
-/// With several cameras a frame waits, from its arrival, for earlier ones of the others: timing.max_delay_s of the scene (0.1, with one
-/// camera 0). A camera that fails, ends or freezes does not stop the others; a table at the end and summary.json tell what became of its frames.
+/// With several cameras, frames that arrive early wait up to timing.max_delay_s (a key of the scene; default 0.1 s,
+/// with one camera 0) for earlier frames of other cameras. A camera that fails, ends or freezes does not stop the
+/// others; a table at the end and summary.json list the frames of each camera that were used and dropped.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis track ball.toml                      results into the folder ball-tracks
-  pardalis track ball.toml -o run7 --annotate   also the frames with contours and particles drawn in
-  pardalis track ball.toml -o - | head          rows to standard output as they come")]
+  pardalis track ball.toml -o run7 --annotate   also the frames with contours and particles
+  pardalis track ball.toml -o - | head          rows to standard output while tracking")]
 pub(crate) struct Arguments {
     /// The scene file
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// The folder for the results, or - for the rows alone on standard output [default: the scene's name with -tracks]
+    /// The folder for the results, or - to print only the rows on standard output [default: the scene's name with
+    /// -tracks]
     #[arg(short, long, value_name = "FOLDER|-")]
     output: Option<PathBuf>,
-    /// Takes the place of the scene's seed
+    /// Overrides the scene's seed
     #[arg(long)]
     seed: Option<u32>,
-    /// Threads to track with; results do not depend on it [default: one a core]
+    /// Number of threads; results do not depend on it [default: one per core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Also writes every frame with contours and particles drawn in
+    /// Also writes every frame with contours and particles drawn on it
     #[arg(long)]
     annotate: bool,
-    /// Also writes the particles behind each estimate to a file: frame,time_s,target,landmark,particle,x_m,…,vx_mps,…,weight
+    /// Also writes the particles of each estimate to a file with the columns
+    /// frame,time_s,target,landmark,particle,x_m,…,vx_mps,…,weight
     ///
-    /// One row per frame, target and particle, written as the frames come. Particles are those of the last update, before resampling; their weights sum to one. Targets
-    /// without an estimate have no rows. Large: 500 particles take about 60 kB per frame.
+    /// One row per frame, target and particle, written while tracking. Particles are those of the last update before
+    /// resampling; their weights sum to one. Targets without an estimate have no rows. Files are large: 500 particles
+    /// take about 60 kB per frame.
     #[arg(long, value_name = "FILE.csv")]
     particles: Option<PathBuf>,
     /// Draws no plots
@@ -79,13 +83,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let run = tracking::run(&arguments.scene, &options)?;
     let _ = std::io::stderr().write_all(warnings(&run).as_bytes());
     if !to_stdout {
-        // Whoever reads may have seen enough; the results are in the folder.
-        let _ = std::io::stdout().write_all(told(&run).as_bytes());
+        // The reader may have closed the pipe; the results are in the folder.
+        let _ = std::io::stdout().write_all(summary(&run).as_bytes());
     }
     Ok(())
 }
 
-/// What a run came through though it may have harmed its results, a line each.
+/// Returns warnings about problems that may have impaired the results, one per line.
 fn warnings(run: &Run) -> String {
     use std::fmt::Write as _;
     let mut text = String::new();
@@ -96,7 +100,7 @@ fn warnings(run: &Run) -> String {
         if counters.ffmpeg_errors > 0 {
             let _ = writeln!(
                 text,
-                "warning: cameras.{name}: ffmpeg reported {} errors in {}; frames may be missing or damaged, play it to see",
+                "warning: cameras.{name}: ffmpeg reported {} errors in {}; frames may be missing or damaged; play the video to check",
                 counters.ffmpeg_errors,
                 source.describe().input
             );
@@ -104,14 +108,14 @@ fn warnings(run: &Run) -> String {
         if record.frames.dropped_late > 0 {
             let _ = writeln!(
                 text,
-                "warning: cameras.{name}: {} frames left out that came too late; timing.max_delay_s is {}, the longest time that frames wait for others",
+                "warning: cameras.{name}: {} frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is {} s",
                 record.frames.dropped_late, run.open.scene.max_delay_s
             );
         }
         if 2 * record.frames.used < record.frames.delivered {
             let _ = writeln!(
                 text,
-                "warning: cameras.{name}: only {} of its {} frames were used; the table says what became of the others",
+                "warning: cameras.{name}: only {} of its {} frames were used; the table shows why the others were not",
                 record.frames.used, record.frames.delivered
             );
         }
@@ -119,7 +123,8 @@ fn warnings(run: &Run) -> String {
     text
 }
 
-/// A table of what became of the frames of each camera, and in how many it saw each target; nothing for one camera with which all went well.
+/// Returns a table of the frames of each camera, and in how many of them it saw each target; empty for a single camera
+/// without problems.
 fn camera_table(run: &Run) -> String {
     use std::fmt::Write as _;
     let records = &run.outcome.cameras;
@@ -171,14 +176,13 @@ fn camera_table(run: &Run) -> String {
     text + "\n"
 }
 
-/// What a run did, in words.
-pub(crate) fn told(run: &Run) -> String {
+/// Returns a summary of the run as text.
+pub(crate) fn summary(run: &Run) -> String {
     use std::fmt::Write as _;
     let outcome = &run.outcome;
     let frames = outcome.frame_sets;
     let rate = frames as f64 / outcome.tracking_s.max(1e-9);
-    let mut text =
-        format!("tracked {frames} frames ({rate:.0} a second spent on tracking itself)\n");
+    let mut text = format!("tracked {frames} frames ({rate:.0} per second of tracking time)\n");
     for (target, states) in run.open.scene.targets.iter().zip(run.series.states()) {
         let _ = writeln!(
             text,

@@ -1,4 +1,4 @@
-//! Pictures of a calibration: where points were seen and where the camera says they are.
+//! Pictures of a calibration: observed points and their projections.
 
 use std::collections::BTreeMap;
 
@@ -21,64 +21,64 @@ const MARGIN_PX: f64 = 44.0;
 /// Height of the line of text under a picture.
 const CAPTION_PX: f64 = 26.0;
 
-/// Arrows are magnified so that the typical one has this length on the picture.
+/// Arrows are magnified so that a typical one has this length in the picture.
 const ARROW_PX: f64 = 24.0;
 
-/// No arrow is longer on the picture.
+/// Maximum length of an arrow in the picture.
 const MAX_ARROW_PX: f64 = 80.0;
 
-/// More arrows or marks than this would hide one another.
+/// With more arrows or marks than this, they would cover one another.
 const MAX_MARKS: usize = 600;
 
-/// Cells along the longer side of the image, where residuals are averaged.
+/// Number of cells along the longer side of the image in which residuals are averaged.
 const MEAN_CELLS: f64 = 28.0;
 
 const OBSERVED: Rgb = PALETTE[0];
 const PROJECTED: Rgb = PALETTE[1];
 const OUTLIER: Rgb = PALETTE[3];
 
-/// A point in an image.
+/// An observed point in an image, with its residual.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Sighting {
-    /// Where it was seen, in pixels.
+pub(crate) struct ObservedPoint {
+    /// Its observed position, in pixels.
     pub(crate) observed: [f64; 2],
-    /// Observed minus projected, in pixels; `None` where the camera sees it nowhere.
+    /// Observed minus projected, in pixels; `None` if the point does not project into the camera.
     pub(crate) residual_px: Option<[f64; 2]>,
     /// Whether the fit left it out.
     pub(crate) outlier: bool,
 }
 
-impl Sighting {
-    /// Where the camera says that it is, in pixels.
+impl ObservedPoint {
+    /// Returns the position at which the camera model projects the point, in pixels.
     pub(crate) fn projected(&self) -> Option<[f64; 2]> {
         let [du, dv] = self.residual_px?;
         Some([self.observed[0] - du, self.observed[1] - dv])
     }
 }
 
-/// Observed points as circles and projected ones as crosses, over the image's area: an SVG document.
+/// Draws observed points as circles and projected ones as crosses, over the image's area.
 pub(crate) fn observed_and_projected(
     size_px: (usize, usize),
-    sightings: &[Sighting],
+    points: &[ObservedPoint],
 ) -> anyhow::Result<Drawing> {
     let caption = "circle: observed; cross: projected; violet: left out of the fit";
-    // Many points are drawn small; those left out are never, and lie above the others.
-    let small = (MAX_MARKS as f64 / sightings.len().max(1) as f64)
+    // Marks shrink if there are many points, but points left out of the fit stay large and are drawn last.
+    let small = (MAX_MARKS as f64 / points.len().max(1) as f64)
         .sqrt()
         .min(1.0);
-    let (left_out, fitted): (Vec<&Sighting>, Vec<&Sighting>) =
-        sightings.iter().partition(|s| s.outlier);
+    let (left_out, fitted): (Vec<&ObservedPoint>, Vec<&ObservedPoint>) =
+        points.iter().partition(|s| s.outlier);
     image_picture(size_px, caption, |plane, area| {
-        for sighting in fitted.into_iter().chain(left_out) {
-            let (color, size) = if sighting.outlier {
+        for point in fitted.into_iter().chain(left_out) {
+            let (color, size) = if point.outlier {
                 (OUTLIER, 1.0)
             } else {
                 (OBSERVED, small)
             };
             let style = |color| line(color, 0.9, 1.2 * size.max(0.5));
-            let at = plane.at(sighting.observed);
+            let at = plane.at(point.observed);
             area.draw(&Circle::new(at, units(4.5 * size), style(color)))?;
-            if let Some(projected) = sighting.projected().filter(|p| plane.is_near(*p)) {
+            if let Some(projected) = point.projected().filter(|p| plane.is_near(*p)) {
                 let (x, y) = plane.at(projected);
                 let arm = units(3.5 * size);
                 for sign in [-1, 1] {
@@ -91,38 +91,38 @@ pub(crate) fn observed_and_projected(
     })
 }
 
-/// Residuals as arrows from the projected to the observed points, magnified; of many points their means by cells: an SVG document.
+/// Draws residuals as magnified arrows from the projected to the observed points. Many points are averaged in cells.
 pub(crate) fn residual_arrows(
     size_px: (usize, usize),
-    sightings: &[Sighting],
+    points: &[ObservedPoint],
 ) -> anyhow::Result<Drawing> {
-    let (shown, [what, note]) = if sightings.len() > MAX_MARKS {
-        let means = mean_residuals(size_px, sightings);
+    let (shown, [what, note]) = if points.len() > MAX_MARKS {
+        let means = mean_residuals(size_px, points);
         (means, ["mean residuals of small areas", ""])
     } else {
         let note = "; violet: left out of the fit";
-        (sightings.to_vec(), ["residuals", note])
+        (points.to_vec(), ["residuals", note])
     };
     let squares = shown
         .iter()
-        .filter(|sighting| !sighting.outlier)
-        .filter_map(|sighting| sighting.residual_px)
+        .filter(|point| !point.outlier)
+        .filter_map(|point| point.residual_px)
         .map(|[du, dv]| du * du + dv * dv);
     let typical_px = (squares.clone().sum::<f64>() / squares.count().max(1) as f64).sqrt();
     let picture_px = WIDTH_PX - 2.0 * MARGIN_PX;
     let factor = round_factor(ARROW_PX / typical_px.max(1e-6) * size_px.0 as f64 / picture_px);
     let caption = format!("{what}, {factor} times as long as they are{note}");
     image_picture(size_px, &caption, |plane, area| {
-        for sighting in &shown {
-            let Some([du, dv]) = sighting.residual_px else {
+        for point in &shown {
+            let Some([du, dv]) = point.residual_px else {
                 continue;
             };
-            let color = if sighting.outlier { OUTLIER } else { OBSERVED };
-            let [u, v] = [sighting.observed[0] - du, sighting.observed[1] - dv];
+            let color = if point.outlier { OUTLIER } else { OBSERVED };
+            let [u, v] = [point.observed[0] - du, point.observed[1] - dv];
             if !plane.is_near([u, v]) {
                 continue;
             }
-            // An outlier's arrow may leave the picture by far: it ends before.
+            // The arrow of an outlier is cut before it leaves the picture.
             let length = factor * du.hypot(dv).clamp(1e-9, 1e9);
             let cut = (MAX_ARROW_PX / plane.scale / length).min(1.0) * factor;
             let shaft = [du, dv].map(|d| cut * d.clamp(-1e9, 1e9));
@@ -145,13 +145,13 @@ pub(crate) fn residual_arrows(
     })
 }
 
-/// The mean residual of the fitted points in each cell of a grid over the image, at their mean place.
-fn mean_residuals((width, height): (usize, usize), sightings: &[Sighting]) -> Vec<Sighting> {
+/// Returns the mean residual of the fitted points in each cell of a grid over the image, at their mean position.
+fn mean_residuals((width, height): (usize, usize), points: &[ObservedPoint]) -> Vec<ObservedPoint> {
     let cell_px = width.max(height) as f64 / MEAN_CELLS;
     let mut sums: BTreeMap<[i64; 2], (f64, [f64; 4])> = BTreeMap::new();
-    for sighting in sightings.iter().filter(|sighting| !sighting.outlier) {
-        if let Some([du, dv]) = sighting.residual_px {
-            let [u, v] = sighting.observed;
+    for point in points.iter().filter(|point| !point.outlier) {
+        if let Some([du, dv]) = point.residual_px {
+            let [u, v] = point.observed;
             let cell = [u, v].map(|at| (at / cell_px).floor() as i64);
             let (count, sum) = sums.entry(cell).or_default();
             *count += 1.0;
@@ -162,7 +162,7 @@ fn mean_residuals((width, height): (usize, usize), sightings: &[Sighting]) -> Ve
     }
     let mean = |(count, sum): (f64, [f64; 4])| {
         let [u, v, du, dv] = sum.map(|sum| sum / count);
-        Sighting {
+        ObservedPoint {
             observed: [u, v],
             residual_px: Some([du, dv]),
             outlier: false,
@@ -171,9 +171,12 @@ fn mean_residuals((width, height): (usize, usize), sightings: &[Sighting]) -> Ve
     sums.into_values().map(mean).collect()
 }
 
-/// How many points were seen in each cell of a grid over the image: an SVG document.
-pub(crate) fn coverage(size_px: (usize, usize), sightings: &[Sighting]) -> anyhow::Result<Drawing> {
-    let counts = cell_counts(size_px, sightings);
+/// Draws the number of observed points in each cell of a grid over the image.
+pub(crate) fn coverage(
+    size_px: (usize, usize),
+    points: &[ObservedPoint],
+) -> anyhow::Result<Drawing> {
+    let counts = cell_counts(size_px, points);
     let most = counts.iter().flatten().copied().max().unwrap_or(0).max(1) as f64;
     let seen = counts.iter().flatten().filter(|&&count| count > 0).count();
     let cells = GRID_CELLS * GRID_CELLS;
@@ -187,7 +190,7 @@ pub(crate) fn coverage(size_px: (usize, usize), sightings: &[Sighting]) -> anyho
                 };
                 let corners = [corner(0, 0), corner(1, 1)];
                 if count > 0 {
-                    // Even one point is told from none.
+                    // A cell with a single point must differ visibly from an empty one.
                     let shade = 0.15 + 0.55 * count as f64 / most;
                     area.draw(&Rectangle::new(corners, fill(OBSERVED, shade)))?;
                 }
@@ -203,13 +206,13 @@ pub(crate) fn coverage(size_px: (usize, usize), sightings: &[Sighting]) -> anyho
     })
 }
 
-/// Residuals against one another with the circle of one standard deviation of each coordinate: an SVG document.
-pub(crate) fn residual_scatter(sightings: &[Sighting], rms_px: f64) -> anyhow::Result<Drawing> {
+/// Draws residuals in u against those in v, with a circle of one standard deviation of a coordinate.
+pub(crate) fn residual_scatter(points: &[ObservedPoint], rms_px: f64) -> anyhow::Result<Drawing> {
     let sigma_px = rms_px / 2.0_f64.sqrt();
-    let largest = sightings
+    let largest = points
         .iter()
-        .filter(|sighting| !sighting.outlier)
-        .filter_map(|sighting| sighting.residual_px)
+        .filter(|point| !point.outlier)
+        .filter_map(|point| point.residual_px)
         .flatten()
         .fold(2.0 * sigma_px.max(1e-9), |largest, r| largest.max(r.abs()));
     let size = [560.0, 420.0];
@@ -219,7 +222,7 @@ pub(crate) fn residual_scatter(sightings: &[Sighting], rms_px: f64) -> anyhow::R
     ];
     let around = padded(Some(-largest..=largest), 1e-9);
     let (x, y) = equal_scales(&around, &around, plot_px);
-    let outside = sightings
+    let outside = points
         .iter()
         .filter(|s| s.outlier || s.residual_px.is_none())
         .count();
@@ -230,10 +233,10 @@ pub(crate) fn residual_scatter(sightings: &[Sighting], rms_px: f64) -> anyhow::R
             &Axis::new(x, "observed − projected, u (px)"),
             &Axis::new(y, "observed − projected, v (px)"),
         )?;
-        let residuals = sightings
+        let residuals = points
             .iter()
-            .filter(|sighting| !sighting.outlier)
-            .filter_map(|sighting| sighting.residual_px);
+            .filter(|point| !point.outlier)
+            .filter_map(|point| point.residual_px);
         panel.draw_series(
             residuals.map(|[du, dv]| Circle::new((du, dv), units(2.5), fill(OBSERVED, 0.6))),
         )?;
@@ -259,7 +262,7 @@ pub(crate) fn residual_scatter(sightings: &[Sighting], rms_px: f64) -> anyhow::R
     })
 }
 
-/// The root mean square residual of each view as a bar: an SVG document.
+/// Draws the root mean square residual of each view as a bar.
 pub(crate) fn rms_bars(views: &[(&str, f64)], overall_px: f64) -> anyhow::Result<Drawing> {
     const ROW_PX: f64 = 20.0;
     const NAME_PX: f64 = 180.0;
@@ -302,20 +305,20 @@ pub(crate) fn rms_bars(views: &[(&str, f64)], overall_px: f64) -> anyhow::Result
     })
 }
 
-/// The points of each cell, row by row; those outside the image are in none.
+/// Counts the points in each cell, row by row; points outside the image are not counted.
 pub(crate) fn cell_counts(
     (width, height): (usize, usize),
-    sightings: &[Sighting],
+    points: &[ObservedPoint],
 ) -> [[usize; GRID_CELLS]; GRID_CELLS] {
     let mut counts = [[0; GRID_CELLS]; GRID_CELLS];
-    for sighting in sightings {
+    for point in points {
         let cell = |at: f64, side: usize| {
             let share = (at + 0.5) / side as f64;
             (0.0..=1.0)
                 .contains(&share)
                 .then(|| ((share * GRID_CELLS as f64) as usize).min(GRID_CELLS - 1))
         };
-        let [u, v] = sighting.observed;
+        let [u, v] = point.observed;
         if let (Some(column), Some(row)) = (cell(u, width), cell(v, height)) {
             counts[row][column] += 1;
         }
@@ -323,7 +326,7 @@ pub(crate) fn cell_counts(
     counts
 }
 
-/// 1, 2 or 5 times a power of ten, at most this.
+/// Returns the largest 1, 2 or 5 times a power of ten that is at most `most`.
 fn round_factor(most: f64) -> f64 {
     let power = 10_f64.powf(most.max(1.0).log10().floor());
     [5.0, 2.0, 1.0]
@@ -333,28 +336,28 @@ fn round_factor(most: f64) -> f64 {
         .unwrap_or(1.0)
 }
 
-/// The image's area on a picture.
+/// The area of the image in a picture.
 struct ImagePlane {
     size_px: [f64; 2],
-    /// Pixels of the picture by those of the image.
+    /// Pixels of the picture per pixel of the image.
     scale: f64,
 }
 
 impl ImagePlane {
-    /// A pixel on the picture, in units.
+    /// Returns the position of an image pixel in the picture, in units.
     fn at(&self, [u, v]: [f64; 2]) -> (i32, i32) {
         let on_picture = |at: f64| units(MARGIN_PX + self.scale * (at + 0.5));
         (on_picture(u), on_picture(v))
     }
 
-    /// Whether a pixel is in the image or not far beside it.
+    /// Reports whether a pixel is in the image or close to it.
     fn is_near(&self, pixel: [f64; 2]) -> bool {
         let near = |at: f64, side: f64| at > -0.1 * side && at < 1.1 * side;
         near(pixel[0], self.size_px[0]) && near(pixel[1], self.size_px[1])
     }
 }
 
-/// A picture of the image's area with its pixel coordinates and a caption.
+/// Draws a picture of the image's area with its pixel coordinates and a caption.
 fn image_picture(
     (width, height): (usize, usize),
     caption: &str,

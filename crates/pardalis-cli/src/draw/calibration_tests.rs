@@ -4,13 +4,13 @@ use super::*;
 use crate::draw::svg::write_svg_and_png;
 use crate::draw::test_folder;
 
-/// Points on a spiral, one left out, one that projects nowhere.
-fn sightings() -> Vec<Sighting> {
+/// Points on a spiral, one of them left out of the fit and one without a projection.
+fn points() -> Vec<ObservedPoint> {
     (0..60)
         .map(|i| {
             let (sin, cos) = (0.7 * f64::from(i)).sin_cos();
             let radius_px = 3.5 * f64::from(i);
-            Sighting {
+            ObservedPoint {
                 observed: [320.0 + radius_px * cos, 240.0 + radius_px * sin],
                 residual_px: (i != 7).then_some(if i == 9 {
                     [30.0, -20.0]
@@ -26,7 +26,7 @@ fn sightings() -> Vec<Sighting> {
 #[test]
 fn pictures_are_drawn() {
     let folder = test_folder("calibration");
-    let (size, points) = ((640, 480), sightings());
+    let (size, points) = ((640, 480), points());
     for (name, document) in [
         ("points", observed_and_projected(size, &points)),
         ("arrows", residual_arrows(size, &points)),
@@ -42,9 +42,9 @@ fn pictures_are_drawn() {
 }
 
 #[test]
-fn pictures_take_any_numbers() {
+fn pictures_accept_any_numbers() {
     for number in [0.0, 1e300, -1e300] {
-        let wild = [Sighting {
+        let wild = [ObservedPoint {
             observed: [number; 2],
             residual_px: Some([number; 2]),
             outlier: false,
@@ -62,8 +62,8 @@ fn pictures_take_any_numbers() {
 }
 
 #[test]
-fn cells_count_the_points_in_them() {
-    let at = |observed| Sighting {
+fn cells_count_their_points() {
+    let at = |observed| ObservedPoint {
         observed,
         residual_px: None,
         outlier: false,
@@ -80,8 +80,8 @@ fn cells_count_the_points_in_them() {
 }
 
 #[test]
-fn many_residuals_are_averaged_by_cells() {
-    let point = |u: f64, residual_px, outlier| Sighting {
+fn many_residuals_are_averaged_in_cells() {
+    let point = |u: f64, residual_px, outlier| ObservedPoint {
         observed: [u, 3.0],
         residual_px,
         outlier,

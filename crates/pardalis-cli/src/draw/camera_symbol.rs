@@ -1,4 +1,4 @@
-//! Cameras as plots show them.
+//! Symbols of cameras in plots.
 
 use std::f64::consts::PI;
 
@@ -11,14 +11,15 @@ use pardalis_scene::Scene;
 pub(crate) struct CameraSymbol {
     /// Its name, written beside it.
     pub(crate) name: String,
-    /// Where it stands, in metres; it looks along its z.
+    /// Its pose, in metres; the camera looks along its z axis.
     pub(crate) world_from_camera: Pose,
-    /// Whether it looks at the world in a mirror.
+    /// Whether the camera looks into a mirror.
     pub(crate) looks_into_mirror: bool,
 }
 
 impl CameraSymbol {
-    /// The cameras of a scene whose place is known. Those known by a plane look straight down: how they are turned, nobody knows.
+    /// Returns the cameras of a scene whose positions are known. Cameras that are calibrated by a plane are drawn
+    /// looking straight down because their orientation is unknown.
     pub(crate) fn of_scene(scene: &Scene) -> Vec<Self> {
         let cameras = scene.cameras.iter().filter_map(|camera| {
             let world_from_camera = match camera.camera {
@@ -38,13 +39,14 @@ impl CameraSymbol {
         cameras.collect()
     }
 
-    /// Its place in the world, in metres.
+    /// Returns the position in the world, in metres.
     pub(super) fn position_m(&self) -> [f64; 3] {
         self.world_from_camera.translation.vector.into()
     }
 
-    /// A pyramid that opens where it looks, with its tip at the camera, as lines of world points in metres; a camera of a mirror
-    /// has the mirror's rim and its bulge before it. `length_m` is that of the pyramid.
+    /// Returns a pyramid that opens in the viewing direction, with its tip at the camera, as lines of world points in
+    /// metres. For a camera with a mirror, adds the mirror's rim and its bulge. `length_m` is the length of the
+    /// pyramid.
     pub(super) fn outline_m(&self, length_m: f64) -> Vec<Vec<[f64; 3]>> {
         let world = |camera: [f64; 3]| -> [f64; 3] {
             let offset = self.world_from_camera.rotation * (length_m * Vector3::from(camera));

@@ -1,4 +1,4 @@
-//! Errors of positions in the camera's own terms, each against distance.
+//! Errors of positions in the camera's spherical coordinates, each against distance.
 
 use std::path::{Path, PathBuf};
 
@@ -14,11 +14,12 @@ use super::{INK, PALETTE};
 /// Height of each of the three panels.
 const PANEL_HEIGHT_PX: f64 = 250.0;
 
-/// The mean is drawn over so many parts of the distance at most, of so many values each on average at least.
+/// The mean is drawn over at most `MAX_BINS` parts of the distance, with at least `MIN_BIN_VALUES` values each on
+/// average.
 const MAX_BINS: usize = 8;
 const MIN_BIN_VALUES: usize = 4;
 
-/// Finer differences are rounding.
+/// Smaller differences are rounding errors.
 const MIN_SPAN: f64 = 0.1;
 
 /// Distance in metres; errors of distance, elevation and azimuth in millimetres and milliradians.
@@ -29,7 +30,7 @@ type InPlotUnits = (f64, [f64; 3]);
 pub(crate) struct SphericalError {
     /// From the camera to the true position, in metres.
     pub(crate) distance_m: f64,
-    /// In metres; positive: estimated too far.
+    /// In metres; positive if the estimate is too far away.
     pub(crate) distance_error_m: f64,
     /// In radians.
     pub(crate) elevation_error_rad: f64,
@@ -58,9 +59,9 @@ pub(crate) struct ErrorGroup {
 }
 
 /// Draws errors of distance, elevation and azimuth against distance, and their means over parts of the distance, into
-/// `STEM-errors.svg` and `.png` in a folder that must exist. Gives the paths of the files.
+/// `STEM-errors.svg` and `.png` in a folder that must exist. Returns the paths of the files.
 ///
-/// Errors that are not finite are left out; those far beyond 98 % of all are too, and a note says how many.
+/// Leaves out errors that are not finite and errors far outside the range of 98 % of them; a note states their number.
 pub(crate) fn write_error_figures(
     folder: &Path,
     stem: &str,
@@ -106,7 +107,7 @@ pub(crate) fn write_error_figures(
     Ok(write_svg_and_png(folder, &name, &drawing)?.into())
 }
 
-/// Draws the points of each group, (distance, error).
+/// Draws the points (distance, error) of each group.
 fn draw_panel(
     area: &Area<'_>,
     across: Axis<'_>,
@@ -119,7 +120,7 @@ fn draw_panel(
     let mut panel = panel(area, &across, &Axis::new(shown, name))?;
     let zero = [(ranges[0].start, 0.0), (ranges[0].end, 0.0)];
     draw_path(&mut panel, &zero, line(INK, 1.0, 1.0))?;
-    // Pale where marks lie over one another.
+    // Translucent where many marks overlap.
     let opacity = (200.0 / all.len().max(1) as f64).clamp(0.25, 0.9);
     for (i, points) in groups.iter().enumerate() {
         let inside = points.iter().filter(|point| is_inside(point, &ranges));
@@ -145,7 +146,7 @@ fn draw_panel(
     }
 }
 
-/// The mean points of equal parts of the distance, those without any left out.
+/// Returns the mean points of equal parts of the distance; parts without points are left out.
 fn means(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let Some(distances) = extent(points.iter().map(|point| point[0])) else {
         return Vec::new();

@@ -42,7 +42,7 @@ fn count(svg: &str, color: &str) -> usize {
 fn each_error_has_a_mark_in_each_panel() {
     let groups = [group("on the floor", 0.02), group("0.34 m above it", -0.03)];
     let svg = drawn("static", &groups);
-    // Three panels of 40 marks and a mean; the legend's.
+    // Three panels with 40 marks and a mean each, and the legend's mark.
     assert_eq!(count(&svg, "#0072B2"), 3 * 41 + 1);
     assert_eq!(count(&svg, "#D55E00"), 3 * 41 + 1);
     for text in [
@@ -58,7 +58,7 @@ fn each_error_has_a_mark_in_each_panel() {
 }
 
 #[test]
-fn wild_errors_are_left_out_and_said() {
+fn wild_errors_are_left_out_and_counted_in_a_note() {
     let mut groups = [group("floor", 0.02), group("air", 0.0), group("far", 0.01)];
     groups[0].errors[3].distance_error_m = 40.0;
     groups[1].errors[3].azimuth_error_rad = f64::NAN;
@@ -67,7 +67,7 @@ fn wild_errors_are_left_out_and_said() {
 }
 
 #[test]
-fn nothing_and_single_errors_are_drawn() {
+fn empty_and_single_groups_are_drawn() {
     assert!(drawn("nothing", &[]).contains("no estimate"));
     let mut one = group("one", 0.0);
     one.errors.truncate(1);
@@ -75,7 +75,7 @@ fn nothing_and_single_errors_are_drawn() {
 }
 
 #[test]
-fn means_are_of_equal_parts() {
+fn means_cover_equal_parts_of_the_distance() {
     let points: Vec<[f64; 2]> = (0..8).map(|i| [f64::from(i), f64::from(i * i)]).collect();
     assert_eq!(means(&points), [[1.5, 3.5], [5.5, 31.5]]);
     assert_eq!(means(&[[2.0, 1.0]]), [[2.0, 1.0]]);

@@ -15,12 +15,12 @@ pub(crate) struct Label {
     pub(crate) color: Rgb,
 }
 
-/// Images of a shorter side are drawn twice as large, so that thin lines and their labels stay apart.
+/// Images with a shorter side than this are drawn twice as large, so that thin lines and their labels stay apart.
 const SMALL_SIDE_PX: u32 = 1000;
 
 const TEXT_PX: f32 = 11.0;
 
-/// Pixels of the drawing for a pixel of an image of this size.
+/// Returns the pixels of the drawing per pixel of an image of this size.
 fn zoom_of((width, height): (u32, u32)) -> u32 {
     if width.min(height) < SMALL_SIDE_PX {
         2
@@ -29,7 +29,8 @@ fn zoom_of((width, height): (u32, u32)) -> u32 {
     }
 }
 
-/// Draws marks and labels over an image; labels stand right of their points, or left where there is no room; those without room are left out.
+/// Draws marks and labels over an image. A label stands to the right of its point, or to the left if there is no room
+/// on the right; labels without room on either side are left out.
 pub(crate) fn drawn_over(image: &RgbImage, marks: Vec<Mark>, labels: &[Label]) -> RgbImage {
     let zoom = zoom_of(image.dimensions());
     let (width, height) = (zoom * image.width(), zoom * image.height());

@@ -1,4 +1,4 @@
-//! A plot of a colour model: its most frequent bins, and how well its score parts object from background.
+//! A plot of a colour model: its most frequent bins, and how well its score separates object and background.
 
 use std::path::{Path, PathBuf};
 
@@ -12,25 +12,25 @@ use super::{INK, PALETTE, Rgb, shortened};
 /// One bin of a colour histogram.
 #[derive(Debug, Clone)]
 pub(crate) struct ColorBin {
-    /// The colour it stands for.
+    /// The mean colour of the bin.
     pub(crate) color: Rgb,
-    /// What it is called.
+    /// Its label.
     pub(crate) label: String,
-    /// The share of the object's pixels that fall into it, from 0 to 1.
+    /// The share of the object's pixels in the bin, from 0 to 1.
     pub(crate) share: f64,
 }
 
-/// What the plot of a colour model shows.
+/// The contents of the plot of a colour model.
 #[derive(Debug, Clone)]
 pub(crate) struct ColorModelPlot {
-    /// In any order; the most frequent are drawn.
+    /// In any order; only the most frequent bins are drawn.
     pub(crate) bins: Vec<ColorBin>,
-    /// Scores of the object's labelled pixels, with the number of pixels of each; infinite ones count at the ends of
+    /// Scores of the object's labelled pixels, each with its number of pixels; infinite scores count at the ends of
     /// the axis.
     pub(crate) object_log_odds: Vec<(f64, u64)>,
-    /// Scores of the background's pixels.
+    /// Scores of the background's pixels, likewise.
     pub(crate) background_log_odds: Vec<(f64, u64)>,
-    /// Pixels that score higher are taken for the object's.
+    /// Pixels with higher scores are classified as the object's.
     pub(crate) threshold: f64,
 }
 
@@ -178,7 +178,7 @@ fn pixels(scores: &[(f64, u64)]) -> u64 {
     scores.iter().map(|(_, pixels)| pixels).sum()
 }
 
-/// The outline of the distribution of scores over the range, in percent a class; empty without scores.
+/// Returns the outline of the distribution of scores over the range, in percent per class; empty without scores.
 fn outline(scores: &[(f64, u64)], range: &std::ops::Range<f64>) -> Vec<(f64, f64)> {
     let width = (range.end - range.start) / CLASSES as f64;
     let mut counts = [0; CLASSES];

@@ -24,7 +24,7 @@ fn plot() -> ColorModelPlot {
 }
 
 #[test]
-fn bars_have_their_bins_colours() {
+fn bars_have_the_colours_of_their_bins() {
     let folder = test_folder("histogram");
     let [svg, png] = write_color_model_plot(&folder, "colour", &plot()).unwrap();
     let picture = decode_image(&png).unwrap();

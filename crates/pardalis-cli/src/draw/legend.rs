@@ -1,4 +1,4 @@
-//! The column beside a plot that says what its lines and marks mean.
+//! The column beside a plot that explains its lines and marks.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
@@ -10,13 +10,13 @@ use super::{INK, PALETTE, Rgb, shortened};
 pub(super) const WIDTH_PX: f64 = 180.0;
 
 const ROW_PX: f64 = 20.0;
-/// From line to line of one entry.
+/// Distance between the lines of one entry.
 const LINE_PX: f64 = 15.0;
 const LINE_CHARS: usize = 17;
 const MAX_LINES: usize = 3;
 const TOP_PX: f64 = 22.0;
 
-/// What stands before an entry's text.
+/// The symbol before an entry's text.
 #[derive(Clone, Copy)]
 pub(super) enum Key {
     /// A thick coloured line: a target's track.
@@ -25,19 +25,19 @@ pub(super) enum Key {
     Truth,
     /// A pale stripe with a line in it.
     Band,
-    /// Where a path begins.
+    /// The start of a path.
     Start,
-    /// Where a path ends.
+    /// The end of a path.
     End,
     /// A camera.
     Camera,
-    /// The mark of a group, by its number.
+    /// The mark of a group, by its index.
     Mark(usize),
-    /// A bar from a lowest to a highest value.
+    /// A bar from the lowest to the highest value.
     Bar,
 }
 
-/// Writes the entries one below the other, as many as there is room for.
+/// Writes the entries one below the other, as many as fit.
 pub(super) fn draw(area: &Area<'_>, entries: &[(Key, String)]) -> anyhow::Result<()> {
     let height_px = size_px(area)[1];
     let style = text_style(13.0, HPos::Left);
@@ -60,7 +60,7 @@ pub(super) fn draw(area: &Area<'_>, entries: &[(Key, String)]) -> anyhow::Result
     Ok(())
 }
 
-/// The lines of a name, broken between words; the end of a long one is left out.
+/// Splits a name into lines between words; the end of a long name is left out.
 fn wrapped(name: &str) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in name.split_whitespace() {
@@ -105,22 +105,22 @@ fn draw_key(area: &Area<'_>, key: Key, y_px: f64) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// An open circle of this relative size.
+/// Returns an open circle of this relative size.
 pub(super) fn start_mark<C>(at: C, color: Rgb, size: f64) -> Circle<C, i32> {
     Circle::new(at, units(4.5 * size), line(color, 1.0, 2.0 * size))
 }
 
-/// A filled circle of this relative size.
+/// Returns a filled circle of this relative size.
 pub(super) fn end_mark<C>(at: C, color: Rgb, size: f64) -> Circle<C, i32> {
     Circle::new(at, units(4.5 * size), fill(color, 1.0))
 }
 
-/// A dark triangle.
+/// Returns a dark triangle.
 pub(super) fn camera_mark<C>(at: C) -> TriangleMarker<C, i32> {
     TriangleMarker::new(at, units(6.0), fill(INK, 1.0))
 }
 
-/// The mark of a group by its number, about its middle: another shape and colour for each of the first six.
+/// Returns the mark of a group: a different shape and colour for each of the first six groups.
 pub(super) fn group_mark(group: usize, opacity: f64) -> PathElement<(i32, i32)> {
     let shapes: [&[(f64, f64)]; 6] = [
         &[(-1.0, 0.0), (1.0, 0.0), (0.0, 0.0), (0.0, -1.0), (0.0, 1.0)],
@@ -172,7 +172,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_broken_between_words() {
+    fn names_are_split_between_words() {
         assert_eq!(wrapped("ball"), ["ball"]);
         assert_eq!(wrapped(""), [""]);
         assert_eq!(

@@ -1,4 +1,4 @@
-//! Pictures of a camera's lens: what its image sees, and how finely.
+//! Pictures of a camera's lens: its field of view and its resolution.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use super::panel::{Axis, BOTTOM_PX, TOP_PX, draw_path, panel, runs};
 use super::svg::{Area, drawing, fill, line, text_style, units, write_svg_and_png, write_text};
 use super::{INK, PALETTE, Rgb};
 
-/// Points of the image, pixel centres at integers; a gap interrupts the line.
+/// Points of the image, pixel centres at integers; `None` interrupts the line.
 pub(crate) type ImageCurve = Vec<Option<[f64; 2]>>;
 
 /// The image plane of a camera.
@@ -19,15 +19,15 @@ pub(crate) struct FieldOfView {
     pub(crate) size_px: (usize, usize),
     /// Outline of the pixels that have a ray.
     pub(crate) rim_px: Vec<[f64; 2]>,
-    /// Curves of the same angle from the axis, with their labels.
+    /// Curves of equal angle from the axis, with their labels.
     pub(crate) circles: Vec<(String, ImageCurve)>,
-    /// Curves of the same direction around the axis.
+    /// Curves of equal direction around the axis.
     pub(crate) spokes: Vec<ImageCurve>,
 }
 
-/// One curve of a plot against the angle.
+/// One curve of a plot over the angle.
 pub(crate) struct LensCurve {
-    /// What it is, for the legend.
+    /// Its name in the legend.
     pub(crate) name: &'static str,
     /// Angles from the axis in degrees, in ascending order, and values.
     pub(crate) points: Vec<(f64, f64)>,
@@ -72,9 +72,9 @@ pub(crate) fn write_field_of_view(
             draw_curve(circle, line(PALETTE[0], 1.0, 1.6))?;
         }
         let mut boxes = Vec::new();
-        // From outside in: those in the middle crowd.
+        // From the outside in, because labels in the middle are crowded.
         for (label, circle) in view.circles.iter().rev() {
-            // Halfway between two spokes there is room; elsewhere where the image has no pixel there.
+            // There is room halfway between two spokes; without a pixel there, take the first point of the circle.
             let at = circle.get(circle.len() / 8).copied().flatten();
             if let Some(at) = at.or_else(|| circle.iter().copied().flatten().next()) {
                 write_boxed(area, label, place_px(at), &mut boxes)?;
@@ -85,7 +85,7 @@ pub(crate) fn write_field_of_view(
     write_svg_and_png(folder, name, &drawing)
 }
 
-/// Fills the image with the pattern of pixels that see nothing.
+/// Fills the image with the pattern of pixels that have no ray.
 fn draw_hatched(area: &Area<'_>, [width_px, height_px]: [f64; 2]) -> anyhow::Result<()> {
     let low = MARGIN_PX;
     let (right, bottom) = (low + width_px, low + height_px);
@@ -106,7 +106,7 @@ fn draw_hatched(area: &Area<'_>, [width_px, height_px]: [f64; 2]) -> anyhow::Res
 /// Half of a label's height.
 const HALF_LABEL_PX: f64 = 8.0;
 
-/// Writes text on a patch of paper, unless it would touch one of those before.
+/// Writes text on a white patch, unless it would touch an earlier label.
 fn write_boxed(
     area: &Area<'_>,
     text: &str,
@@ -131,7 +131,7 @@ fn write_boxed(
     write_text(area, text, at_px, &text_style(12.0, HPos::Center))
 }
 
-/// Where a label is.
+/// The area of a label.
 struct LabelBox {
     center_px: [f64; 2],
     half_width_px: f64,
@@ -144,7 +144,7 @@ impl LabelBox {
     }
 }
 
-/// Draws the radius in pixels and the pixels per degree against the angle into `NAME.svg` and `NAME.png` of a folder
+/// Draws the radius in pixels and the pixels per degree against the angle into `NAME.svg` and `NAME.png` in a folder
 /// that must exist. The first curve of each is the camera's own.
 pub(crate) fn write_distortion(
     folder: &Path,
@@ -162,7 +162,7 @@ pub(crate) fn write_distortion(
 }
 
 fn draw_curves(area: &Area<'_>, name: &'static str, curves: &[LensCurve]) -> anyhow::Result<()> {
-    /// How much higher than the camera's own curve others are followed.
+    /// Other curves are drawn up to this multiple of the maximum of the camera's own curve.
     const ROOM: f64 = 1.7;
     let (plot, column) = area.split_horizontally(units(LONG_SIDE_PX - legend::WIDTH_PX));
     let own = curves.first().map_or(&[][..], |curve| &curve.points);
@@ -174,7 +174,7 @@ fn draw_curves(area: &Area<'_>, name: &'static str, curves: &[LensCurve]) -> any
     let mut entries = Vec::new();
     // The camera's own curve lies on top.
     for (index, curve) in curves.iter().enumerate().rev() {
-        // Thin, so that what it covers shows at both sides.
+        // Thin, so that the curves below it show at both sides.
         let (color, width_px) = if index == 0 {
             (INK, 1.5)
         } else {

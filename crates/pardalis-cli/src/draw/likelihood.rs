@@ -1,4 +1,4 @@
-//! How the contour cue judges one frame: curves of its log-likelihood, and the pixels that it compares.
+//! Illustrations of the contour cue in one frame: curves of its log-likelihood, and the pixels that it compares.
 
 use std::path::{Path, PathBuf};
 
@@ -17,13 +17,14 @@ const PIXEL_PX: f64 = 12.0;
 const INNER: Rgb = [255, 220, 0];
 const OUTER: Rgb = [0, 90, 255];
 
-/// One curve: a name and points (x, nats more likely than pure background).
+/// One curve: a name and points (x, log-likelihood ratio to pure background in nats).
 pub(crate) struct Curve {
     pub(crate) name: String,
     pub(crate) points: Vec<[f64; 2]>,
 }
 
-/// Draws curves over one axis into `STEM.svg` and `STEM.png` in a folder that must exist. `marked` is a value on that axis with a name; a vertical line shows it.
+/// Draws curves over one axis into `STEM.svg` and `STEM.png` in a folder that must exist. `marked` is a value on that
+/// axis with a name; it is shown as a vertical line.
 pub(crate) fn write_curves(
     folder: &Path,
     stem: &str,
@@ -60,9 +61,9 @@ fn color_of(curve: usize) -> Rgb {
     PALETTE[curve % PALETTE.len()]
 }
 
-/// A part of an image, and what is drawn over it, in pixels of the whole image.
+/// A part of an image and the marks over it, in pixels of the whole image.
 pub(crate) struct Sampled<'a> {
-    /// Column and row of the part's first pixel.
+    /// Column and row of the first pixel of the part.
     pub(crate) origin_px: [usize; 2],
     /// Its rows of colours.
     pub(crate) rows: Vec<Vec<Rgb>>,
@@ -89,7 +90,7 @@ pub(crate) fn write_sampled(
             (Key::Truth, "outline (white in the image)".to_owned()),
         ];
         legend::draw(&column, &entries)?;
-        // Of a pixel's square, from its corner, all but a margin on each side.
+        // The square of a pixel, from its corner, without a margin on each side.
         let square = |[x, y]: [usize; 2], margin: f64, color: Rgb| {
             let at = |pixel: usize, origin: usize, end: f64| {
                 let offset = pixel as f64 - origin as f64;

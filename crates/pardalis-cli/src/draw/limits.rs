@@ -1,16 +1,16 @@
-//! What part of the world a plot shows: estimates that went astray must not make all else one dot.
+//! The part of the world that a plot shows: estimates far off the path must not shrink everything else to a dot.
 
 use std::ops::{Range, RangeInclusive};
 
 use super::panel::extent;
 
-/// Plots reach beyond what is trusted by this share of its longest side.
+/// Plots extend beyond the trusted positions by this share of the longest side.
 const GROWTH: f64 = 0.25;
 
-/// They reach at least as far.
+/// Plots extend beyond the trusted positions by at least this much.
 const MIN_GROWTH_M: f64 = 0.1;
 
-/// All but the lowest and the highest percent of the values.
+/// Returns the range of all but the lowest and the highest percent of the values.
 pub(super) fn central(values: impl Iterator<Item = f64>) -> Option<RangeInclusive<f64>> {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     values.sort_by(f64::total_cmp);
@@ -19,8 +19,8 @@ pub(super) fn central(values: impl Iterator<Item = f64>) -> Option<RangeInclusiv
     Some(at(0.01)..=at(0.99))
 }
 
-/// The ranges of x, y and z in metres that hold truth, cameras and the estimates that are not far from them; without truth,
-/// not far from 98 % of the estimates. `None` where there is nothing.
+/// Returns the ranges of x, y and z in metres that contain truth, cameras and the estimates that are not far from them;
+/// without truth, those not far from 98 % of the estimates. `None` if there is nothing to show.
 pub(super) fn shown_ranges_m(
     estimates_m: &[[f64; 3]],
     truth_m: &[[f64; 3]],
@@ -55,7 +55,7 @@ pub(super) fn shown_ranges_m(
     })
 }
 
-/// The range of 0 and of the values that are not far from 98 % of them.
+/// Returns the range of 0 and of the values that are not far from 98 % of them.
 pub(super) fn shown_range_with_zero(values: &[f64]) -> RangeInclusive<f64> {
     let trusted = central(values.iter().copied()).unwrap_or(0.0..=0.0);
     let (low, high) = (trusted.start().min(0.0), trusted.end().max(0.0));
@@ -65,13 +65,13 @@ pub(super) fn shown_range_with_zero(values: &[f64]) -> RangeInclusive<f64> {
     extent(reached.chain([low, high])).unwrap_or(trusted)
 }
 
-/// Whether a point lies in the ranges of its coordinates.
+/// Reports whether a point lies in the ranges of its coordinates.
 pub(super) fn is_inside<const N: usize>(point: &[f64; N], ranges: &[Range<f64>; N]) -> bool {
     let mut both = point.iter().zip(ranges);
     both.all(|(at, range)| (range.start..=range.end).contains(at))
 }
 
-/// The pieces of a path within the ranges of its coordinates, cut off where it crosses them.
+/// Returns the pieces of a path within the ranges of its coordinates, cut where it crosses them.
 pub(super) fn clipped<const N: usize>(
     path: &[[f64; N]],
     ranges: &[Range<f64>; N],
@@ -108,7 +108,7 @@ pub(super) fn clipped<const N: usize>(
     pieces
 }
 
-/// From which to which share of its length a segment is within the ranges (Liang and Barsky 1984).
+/// Returns the shares of its length at which a segment enters and leaves the ranges (Liang and Barsky 1984).
 fn shares_inside<const N: usize>(
     from: &[f64; N],
     to: &[f64; N],
@@ -129,7 +129,7 @@ fn shares_inside<const N: usize>(
     (enters <= leaves).then_some([enters, leaves])
 }
 
-/// The words about points that a plot leaves out, where there are any.
+/// Returns the note about points that a plot leaves out; `None` if it leaves out none.
 pub(super) fn outside_note(outside: usize, all: usize) -> Option<String> {
     (outside > 0).then(|| format!("{outside} of {all} estimates are outside"))
 }
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn the_truth_or_the_many_tell_what_is_shown() {
+    fn the_shown_range_follows_the_truth_or_most_estimates() {
         let mut estimates: Vec<_> = (0..1000)
             .map(|i| [0.001 * f64::from(i), 0.0, 0.0])
             .collect();

@@ -1,4 +1,4 @@
-//! Pictures for people: plots of tracks, images with what was estimated drawn over them, colour models.
+//! Pictures for people: plots of tracks, images with estimates drawn over them, colour models.
 //!
 //! Plots are drawn once, as SVG and in pixels with the bundled font, so that both look the same on every
 //! machine. Overlays and mosaics are drawn into the pixels of an image.
@@ -29,7 +29,7 @@ mod text;
 /// Red, green, blue.
 pub(crate) type Rgb = [u8; 3];
 
-/// Okabe and Ito's colours, which the colour-blind can tell apart; without yellow, too pale on white.
+/// The colours of Okabe and Ito, which colour-blind people can distinguish, without yellow, which is too pale on white.
 pub(crate) const PALETTE: [Rgb; 6] = [
     [0, 114, 178],
     [213, 94, 0],
@@ -42,7 +42,7 @@ pub(crate) const PALETTE: [Rgb; 6] = [
 /// Text, axes and truth.
 const INK: Rgb = [40, 40, 40];
 
-/// The text without control characters, which XML forbids, and with an ellipsis where it is too long.
+/// Returns the text without control characters, which XML forbids, and shortened with an ellipsis if it is too long.
 fn shortened(text: &str, max_chars: usize) -> String {
     let clean: Vec<char> = text.chars().filter(|c| !c.is_control()).collect();
     if clean.len() <= max_chars {
@@ -52,7 +52,7 @@ fn shortened(text: &str, max_chars: usize) -> String {
     kept.chain(['…']).collect()
 }
 
-/// A folder of this name, beside the test program, for the pictures of one test.
+/// Returns a folder with this name, beside the test program, for the pictures of one test.
 #[cfg(test)]
 fn test_folder(name: &str) -> std::path::PathBuf {
     let program = std::env::current_exe().expect("the test program has a path");

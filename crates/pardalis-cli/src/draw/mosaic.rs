@@ -1,4 +1,4 @@
-//! Labelled images beside the scores that a colour model gives their pixels.
+//! Labelled images beside the scores that a colour model gives to their pixels.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use super::{INK, Rgb};
 /// One labelled image and its scores.
 #[derive(Debug, Clone)]
 pub(crate) struct Tile {
-    /// Written over it.
+    /// The text above it.
     pub(crate) label: String,
     /// The image.
     pub(crate) image: RgbImage,
@@ -26,13 +26,13 @@ const SIDE_PX: u32 = 220;
 const GAP_PX: u32 = 10;
 const LABEL_PX: u32 = 22;
 const KEY_PX: u32 = 44;
-/// Side of the shown square, as a multiple of the object's.
+/// Side of the shown square, as a multiple of the object's size.
 const SURROUNDINGS: f64 = 2.0;
 const MIN_SHOWN_PX: f64 = 16.0;
 
 const PAPER: Rgb = [255; 3];
 const OUTSIDE: Rgb = [200; 3];
-/// Scores far below, at and far above the threshold.
+/// Colours of scores far below, at and far above the threshold.
 const COLD: Rgb = [0, 90, 181];
 const NEUTRAL: Rgb = [247; 3];
 const WARM: Rgb = [220, 50, 32];
@@ -115,7 +115,7 @@ struct Crop {
 }
 
 impl Crop {
-    /// The surroundings of the mask; the whole image where the mask is empty.
+    /// Returns the surroundings of the mask, or the whole image if the mask is empty.
     fn around_mask(tile: &Tile) -> Self {
         let (width, height) = tile.image.dimensions();
         let (mut columns, mut rows) = ((u32::MAX, 0), (u32::MAX, 0));
@@ -142,7 +142,7 @@ impl Crop {
         }
     }
 
-    /// The image's pixel at a pixel of the tile, where there is one.
+    /// Returns the image pixel for a pixel of the tile, or `None` outside the image.
     fn source(&self, tile: &Tile, x: u32, y: u32) -> Option<(u32, u32)> {
         let scale = self.side_px / f64::from(SIDE_PX);
         let u = (self.corner_px[0] + scale * (f64::from(x) + 0.5)).floor();
@@ -157,7 +157,7 @@ impl Crop {
             .is_some_and(|(u, v)| is_object(tile, u, v))
     }
 
-    /// The image's colour; white just inside the mask's edge and black just outside of it.
+    /// Returns the image's colour, but white just inside the edge of the mask and black just outside it.
     fn outlined_color(&self, tile: &Tile, x: u32, y: u32) -> Rgb {
         let Some((u, v)) = self.source(tile, x, y) else {
             return OUTSIDE;
@@ -191,7 +191,7 @@ fn is_object(tile: &Tile, x: u32, y: u32) -> bool {
     tile.mask.get(index) == Some(&true)
 }
 
-/// The distance from the threshold at which colours are full: 98 % of the shown scores lie nearer.
+/// Returns the distance from the threshold at which colours are saturated: 98 % of the shown scores are nearer.
 fn score_reach(tiles: &[Tile], crops: &[Crop], threshold: f32) -> f32 {
     let mut distances: Vec<f32> = Vec::new();
     for (tile, crop) in tiles.iter().zip(crops) {
@@ -209,7 +209,7 @@ fn score_reach(tiles: &[Tile], crops: &[Crop], threshold: f32) -> f32 {
     distances.get(index).copied().unwrap_or(1.0).max(1e-3)
 }
 
-/// The colour of a score from -1 to 1.
+/// Returns the colour of a score from -1 to 1.
 fn diverging_color(score: f32) -> Rgb {
     let end = if score < 0.0 { COLD } else { WARM };
     let share = score.abs().min(1.0);

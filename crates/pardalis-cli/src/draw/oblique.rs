@@ -1,4 +1,4 @@
-//! The oblique view of paths: an orthographic picture of the floor, of the wall behind, and of what is between.
+//! The oblique view of paths: an orthographic picture of the floor, the rear wall, and everything between them.
 
 use std::ops::Range;
 
@@ -13,10 +13,11 @@ use super::plots::{Figures, Point, Trace, WIDTH_PX, free_row};
 use super::svg::{Area, Drawing, drawing, fill, line, text_style, units, write_text};
 use super::{INK, Rgb, shortened};
 
-/// How far above the horizon the viewer is.
+/// Elevation of the viewer above the horizon.
 const ELEVATION_DEG: f64 = 24.0;
 
-/// Where the viewer may be, about the vertical from x. Never along an axis: floor and wall are both seen from all of them.
+/// Candidate azimuths of the viewer, about the vertical, from x. Never along an axis, so that floor and wall are both
+/// visible.
 const AZIMUTHS_DEG: [f64; 8] = [-60.0, -30.0, 30.0, 60.0, 120.0, 150.0, -150.0, -120.0];
 
 /// Space around the drawing for tick labels and the axes' names, and above it for notes.
@@ -25,20 +26,20 @@ const TOP_PX: f64 = 46.0;
 const BOTTOM_PX: f64 = 62.0;
 const MAX_HEIGHT_PX: f64 = 560.0;
 
-/// From an edge to its tick labels and to its name.
+/// Distances from an edge to its tick labels and to its name.
 const LABEL_PX: f64 = 17.0;
 const NAME_PX: f64 = 40.0;
 
-/// Labels are wider than high: beside an edge its name is this much farther.
+/// Labels are wider than high: beside an edge, the name is this much farther away.
 const NAME_ASIDE_PX: f64 = 20.0;
 
-/// The pyramid of a camera, by the longest side of what is shown.
+/// Length of a camera's pyramid as a share of the longest side of the shown volume.
 const CAMERA_SHARE: f64 = 0.05;
 
 const FLOOR: Rgb = [246, 246, 246];
 const GRID: Rgb = [214, 214, 214];
 
-/// Directions in the world, of length 1: to the right and up on the picture, and to the viewer.
+/// Unit vectors in the world: to the right and up in the picture, and towards the viewer.
 #[derive(Clone, Copy)]
 struct View {
     right: [f64; 3],
@@ -57,7 +58,7 @@ impl View {
         }
     }
 
-    /// The view in which these places are spread out most.
+    /// Returns the view in which these positions are spread out most.
     fn of_most_spread(places_m: &[[f64; 3]]) -> Self {
         let spread = |view: &Self| {
             let count = places_m.len().max(1) as f64;
@@ -69,7 +70,7 @@ impl View {
             });
             xx * yy - xy * xy
         };
-        // The first of equals.
+        // The first of equally good views wins.
         let mut best = Self::from_azimuth(AZIMUTHS_DEG[0]);
         for view in AZIMUTHS_DEG[1..].iter().map(|a| Self::from_azimuth(*a)) {
             if spread(&view) > 1.01 * spread(&best) {
@@ -79,21 +80,21 @@ impl View {
         best
     }
 
-    /// Right and up on the picture, in metres.
+    /// Projects a position to the picture: right and up, in metres.
     fn flat(&self, place_m: [f64; 3]) -> [f64; 2] {
         [self.right, self.up].map(|axis| (0..3).map(|i| axis[i] * place_m[i]).sum())
     }
 }
 
-/// What is shown of the world, and how it comes onto the picture.
+/// The shown part of the world and its projection to the picture.
 struct Stage {
     view: View,
-    /// Of x, y and z, in metres; their ends are multiples of the step, but for one below the floor.
+    /// Of x, y and z, in metres. The ends are multiples of the step, except for one below the floor.
     ranges_m: [Range<f64>; 3],
     step_m: f64,
     decimals: usize,
     px_per_m: f64,
-    /// Where the world's origin is on the picture.
+    /// The world's origin in the picture.
     origin_px: [f64; 2],
     height_px: f64,
 }
@@ -108,7 +109,7 @@ impl Stage {
             let last = (range.end / step_m - 1e-9).ceil().max(first + 1.0);
             first * step_m..last * step_m
         });
-        // Below the floor is only what strays there.
+        // Only outliers lie below the floor.
         if shown_m[2].contains(&0.0) {
             ranges_m[2].start = shown_m[2].start;
         }
@@ -147,7 +148,7 @@ impl Stage {
         }
     }
 
-    /// A place on the picture, in pixels.
+    /// Returns a position in the picture, in pixels.
     fn at_px(&self, place_m: [f64; 3]) -> [f64; 2] {
         let [right_m, up_m] = self.view.flat(place_m);
         [
@@ -156,13 +157,13 @@ impl Stage {
         ]
     }
 
-    /// A place on the picture, in units.
+    /// Returns a position in the picture, in units.
     fn at(&self, place_m: [f64; 3]) -> (i32, i32) {
         let [x, y] = self.at_px(place_m);
         (units(x), units(y))
     }
 
-    /// The multiples of the step in the range of an axis.
+    /// Returns the multiples of the step in the range of an axis.
     fn marks(&self, axis: usize) -> impl Iterator<Item = f64> + use<> {
         let range = &self.ranges_m[axis];
         let first = (range.start / self.step_m - 1e-6).ceil() as i64;
@@ -171,13 +172,13 @@ impl Stage {
         (first..=last).map(move |i| i as f64 * step_m)
     }
 
-    /// The height of the floor, where the picture reaches it; else the picture's lower end.
+    /// Returns the height of the floor, or of the picture's lower end if the picture does not include the floor.
     fn floor_m(&self) -> f64 {
         let Range { start, end } = self.ranges_m[2];
         if end > 0.0 { start.max(0.0) } else { start }
     }
 
-    /// The end of a horizontal axis that is nearer to the viewer (`front`) or farther.
+    /// Returns the end of a horizontal axis that is nearer to the viewer (`front`) or farther away.
     fn end_m(&self, axis: usize, front: bool) -> f64 {
         if (self.view.to_viewer[axis] > 0.0) == front {
             self.ranges_m[axis].end
@@ -186,17 +187,18 @@ impl Stage {
         }
     }
 
-    /// The mark at the rear end of a horizontal axis.
+    /// Returns the mark at the rear end of a horizontal axis.
     fn rear_mark_m(&self, axis: usize) -> f64 {
         (self.end_m(axis, false) / self.step_m).round() * self.step_m
     }
 
-    /// The horizontal axis across the wall, which is that of the two rear walls that faces the viewer more.
+    /// Returns the horizontal axis perpendicular to the wall, which is the one of the two rear walls that faces the
+    /// viewer more.
     fn wall_axis(&self) -> usize {
         usize::from(self.view.to_viewer[1].abs() > self.view.to_viewer[0].abs())
     }
 
-    /// A place with one coordinate replaced.
+    /// Returns a position with one coordinate replaced.
     fn with(place_m: [f64; 3], axis: usize, at_m: f64) -> [f64; 3] {
         let mut moved = place_m;
         moved[axis] = at_m;
@@ -212,7 +214,7 @@ impl Stage {
         Self::with(place_m, axis, self.end_m(axis, false))
     }
 
-    /// Draws a line through places of the world; a place alone becomes a dot.
+    /// Draws a line through world positions; a single position becomes a dot.
     fn draw_line(
         &self,
         area: &Area<'_>,
@@ -228,14 +230,14 @@ impl Stage {
         Ok(())
     }
 
-    /// Draws floor and wall with their grids, and the metres at their edges.
+    /// Draws floor and wall with their grids, and the coordinates at their edges.
     fn draw_room(&self, area: &Area<'_>) -> anyhow::Result<()> {
         let wall = self.wall_axis();
         let along = 1 - wall;
         let wall_m = self.end_m(wall, false);
         let front_m = [0, 1].map(|axis| self.end_m(axis, true));
         let [low_m, high_m] = [self.floor_m(), self.ranges_m[2].end];
-        // A place by its coordinates across the wall, along it, and upwards.
+        // A position from its coordinates perpendicular to the wall, along it, and upwards.
         let place = |across: f64, along_m: f64, up: f64| {
             let mut place_m = [0.0, 0.0, up];
             place_m[wall] = across;
@@ -286,7 +288,7 @@ impl Stage {
             )?;
         }
 
-        // The heights stand at the wall's edge that is nearer to the viewer, away from the room.
+        // The heights stand at that edge of the wall which is nearer to the viewer, outside the room.
         let (edge_m, other_m) = (front_m[along], self.end_m(along, false));
         let edges = [
             (wall, place(0.0, edge_m, low_m), along, edge_m - other_m),
@@ -299,7 +301,7 @@ impl Stage {
         Ok(())
     }
 
-    /// Draws the edge along an axis through a place, with its ticks' labels and its name on the outward side.
+    /// Draws the edge along an axis through a position, with its tick labels and its name on the outward side.
     fn draw_edge(
         &self,
         area: &Area<'_>,
@@ -324,7 +326,7 @@ impl Stage {
             let at = at_px(at_m);
             let tick = [at, beside(at, 4.0)].map(|[x, y]| (units(x), units(y)));
             area.draw(&PathElement::new(tick, line(INK, 1.0, 1.0)))?;
-            // Where the wall stands, the lowest height has its label.
+            // At the wall, the lowest height already has its label here.
             if axis == self.wall_axis() && at_m == self.rear_mark_m(axis) {
                 continue;
             }
@@ -361,7 +363,7 @@ impl Stage {
         Ok(())
     }
 
-    /// The pieces of a path that are in the room.
+    /// Returns the pieces of a path that are inside the room.
     fn pieces_m(&self, path: &Trace) -> Vec<Vec<[f64; 3]>> {
         let runs = path.runs.iter().flat_map(|run| {
             let places_m: Vec<_> = run.iter().map(|point| point.position_m).collect();
@@ -372,10 +374,10 @@ impl Stage {
 }
 
 impl Figures<'_> {
-    /// The oblique view of all paths with their shadows on floor and rear wall, and of the cameras: an SVG document.
+    /// Draws the oblique view of all paths with their shadows on floor and rear wall, and of the cameras.
     pub(super) fn oblique(&self) -> anyhow::Result<Drawing> {
         let mut shown_m = [0, 1, 2].map(|axis| self.range_m(axis));
-        // The floor belongs to the picture, unless all is far above it.
+        // The floor is part of the picture unless everything is far above it.
         let [x_m, y_m] = [&shown_m[0], &shown_m[1]].map(|r| r.end - r.start);
         let lowest_m = self.lowest_m();
         if (0.0..=2.0 * x_m.max(y_m)).contains(&lowest_m) {
@@ -421,7 +423,7 @@ impl Figures<'_> {
         Ok(())
     }
 
-    /// Marks where the tracks begin and end.
+    /// Marks the first and the last points of the tracks.
     fn draw_ends(&self, area: &Area<'_>, stage: &Stage) -> anyhow::Result<()> {
         for track in &self.tracks {
             let seen = |point: &&Point| is_inside(&point.position_m, &stage.ranges_m);

@@ -1,4 +1,4 @@
-//! What was estimated, drawn over the image it was estimated from.
+//! Estimates drawn over the image that they were computed from.
 
 use pardalis_images::RgbImage;
 use tiny_skia::{
@@ -9,24 +9,24 @@ use super::Rgb;
 use super::picture::{canvas_of, opaque, picture_from};
 use super::text::{Caption, write_caption};
 
-/// How the points of a mark are drawn.
+/// The way in which the points of a mark are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Shape {
-    /// A small translucent dot at each: a cloud of particles.
+    /// A small translucent dot at each point: a cloud of particles.
     Dots,
-    /// A line through them.
+    /// A line through the points.
     Line,
-    /// A line through them and back to the first.
+    /// A closed line through the points.
     Contour,
 }
 
 /// Points that are drawn in one colour.
 #[derive(Debug, Clone)]
 pub(crate) struct Mark {
-    /// How they are drawn.
+    /// The way in which they are drawn.
     pub(crate) shape: Shape,
-    /// Image points, pixel centres at integers; they may lie outside. A gap interrupts the line: so does
-    /// what is not finite.
+    /// Image points, pixel centres at integers. They may lie outside the image. `None` and points that are not finite
+    /// interrupt the line.
     pub(crate) points_px: Vec<Option<[f64; 2]>>,
     /// Their colour.
     pub(crate) color: Rgb,
@@ -37,13 +37,13 @@ pub(crate) struct Mark {
 pub(crate) struct Overlay {
     /// Drawn in this order.
     pub(crate) marks: Vec<Mark>,
-    /// A line of text at the top; nothing where it is empty.
+    /// A line of text at the top; not drawn if it is empty.
     pub(crate) label: String,
-    /// The place that is shown enlarged in a lower corner, with the marks around it.
+    /// The image point whose neighbourhood is shown enlarged in a lower corner, with the marks around it.
     pub(crate) zoom_at_px: Option<[f64; 2]>,
 }
 
-/// Side of the square that is shown enlarged, in pixels of the image.
+/// Side of the square that is enlarged, in pixels of the image.
 const ZOOMED_SIDE_PX: u32 = 40;
 const MAX_ZOOM: u32 = 8;
 /// Side of the enlarged square, as a share of the image's shorter side.
@@ -69,9 +69,9 @@ pub(crate) fn annotated(image: &RgbImage, overlay: &Overlay) -> RgbImage {
     picture_from(&canvas)
 }
 
-/// Which part of the image a canvas shows, and how large.
+/// The part of the image that a canvas shows, and its magnification.
 struct View {
-    /// Column and row of the image's pixel in the canvas' top left corner.
+    /// Column and row of the image pixel in the top left corner of the canvas.
     origin_px: [u32; 2],
     /// Side of an image pixel on the canvas.
     zoom: u32,
@@ -83,7 +83,7 @@ impl View {
         zoom: 1,
     };
 
-    /// Where an image point lies on the canvas.
+    /// Returns the position of an image point on the canvas.
     fn canvas_from_image(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         // The canvas counts from the corners of its pixels, not from their centres.
         [
@@ -115,7 +115,7 @@ impl View {
         let mut translucent = opaque(color);
         translucent.set_alpha(DOT_OPACITY);
         paint.set_color(translucent);
-        // Enlarged dots grow less than the image, so that what they mark stays visible.
+        // Enlarged dots grow less than the image, so that the image below them stays visible.
         let radius = DOT_RADIUS_PX * f64::from(self.zoom).sqrt();
         let (width, height) = (f64::from(canvas.width()), f64::from(canvas.height()));
         for [x, y] in points.iter().flatten() {
@@ -171,7 +171,7 @@ fn paint(color: Rgb) -> Paint<'static> {
     paint
 }
 
-/// The part of a line that lies on a canvas of this size or just beside it (Liang and Barsky).
+/// Returns the part of a line that lies on a canvas of this size or just beside it (Liang and Barsky).
 fn clipped(from: [f64; 2], to: [f64; 2], size: [f64; 2]) -> Option<[[f64; 2]; 2]> {
     const MARGIN: f64 = 4.0;
     if !from.iter().chain(&to).all(|c| c.is_finite()) {
@@ -191,7 +191,7 @@ fn clipped(from: [f64; 2], to: [f64; 2], size: [f64; 2]) -> Option<[[f64; 2]; 2]
             end = end.min(crossings[0].max(crossings[1]));
         }
     }
-    // What does not cut is kept to the bit, so that joined lines stay joined.
+    // An end that is not clipped keeps its exact bits, so that joined lines stay joined.
     let at = |share: f64| {
         [0, 1].map(|axis| match share {
             0.0 => from[axis],
@@ -203,7 +203,7 @@ fn clipped(from: [f64; 2], to: [f64; 2], size: [f64; 2]) -> Option<[[f64; 2]; 2]
     (start <= end && ends.iter().flatten().all(|c| c.is_finite())).then_some(ends)
 }
 
-/// The enlarged neighbourhood of a place, in a lower corner of the image.
+/// The enlarged neighbourhood of a point, in a lower corner of the image.
 struct Inset {
     view: View,
     corner_px: [u32; 2],
@@ -214,7 +214,7 @@ impl Inset {
     /// Gap between the inset and the image's border.
     const GAP_PX: u32 = 6;
 
-    /// Places the inset; there is none without a place in the image, and none in images too small for it.
+    /// Places the inset; `None` without a point inside the image and in images that are too small for it.
     fn at(image: &RgbImage, place_px: Option<[f64; 2]>) -> Option<Self> {
         let [u, v] = place_px?;
         let (width, height) = image.dimensions();
@@ -288,7 +288,7 @@ fn draw_frame(canvas: &mut Pixmap, corner_px: [u32; 2], side_px: u32, width_px: 
     }
 }
 
-/// Writes the label white on a dark strip along the top.
+/// Writes the label in white on a dark strip along the top.
 fn draw_label(canvas: &mut Pixmap, label: &str) {
     let width_px = canvas.width() as f32;
     let height_px = (width_px / 45.0).clamp(9.0, 24.0);

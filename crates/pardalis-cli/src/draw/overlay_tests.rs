@@ -31,7 +31,7 @@ fn mark(shape: Shape, points_px: Vec<Option<[f64; 2]>>, color: Rgb) -> Overlay {
 }
 
 #[test]
-fn a_dot_colours_the_pixel_it_lies_on() {
+fn a_dot_colours_the_pixel_under_it() {
     let overlay = mark(Shape::Dots, vec![Some([7.0, 3.0])], [255, 0, 0]);
     let picture = annotated(&grey(20, 10), &overlay);
     let [r, g, _] = picture.get_pixel(7, 3);
@@ -117,7 +117,7 @@ fn the_inset_shows_the_neighbourhood_enlarged_away_from_it() {
 }
 
 #[test]
-fn pictures_are_written_as_their_names_say() {
+fn pictures_are_written_in_the_format_of_their_extension() {
     let folder = test_folder("overlay");
     let encoding = pardalis::color::YuvEncoding::default();
     let format = pardalis::PixelFormat::Rgb8;

@@ -28,39 +28,39 @@ const TICK_PX: f64 = 4.0;
 
 const GRID: Rgb = [224, 224, 224];
 
-/// What one axis shows.
+/// The contents of one axis.
 pub(super) struct Axis<'a> {
     /// Lowest and highest value; must not be empty.
     range: Range<f64>,
-    /// What is shown, with its unit.
+    /// The shown quantity, with its unit.
     name: &'a str,
     marks: Marks<'a>,
 }
 
-/// Where an axis has ticks, and what they say.
+/// The positions and labels of the ticks of an axis.
 enum Marks<'a> {
     /// At round numbers.
     Round,
     /// At 1, 2 and 5 times powers of ten; the axis holds decadic logarithms.
     Decades,
-    /// These, at 0, 1, 2 and so on.
+    /// These names, at 0, 1, 2 and so on.
     Names(&'a [String]),
 }
 
 impl<'a> Axis<'a> {
-    /// Of these values.
+    /// Creates a linear axis.
     pub(super) fn new(range: Range<f64>, name: &'a str) -> Self {
         let marks = Marks::Round;
         Self { range, name, marks }
     }
 
-    /// Of values whose decadic logarithms are in the range; points are given by their logarithms.
+    /// Creates a logarithmic axis; the range and the points are decadic logarithms.
     pub(super) fn logarithmic(range: Range<f64>, name: &'a str) -> Self {
         let marks = Marks::Decades;
         Self { range, name, marks }
     }
 
-    /// Of things with names, the first at 0, the next at 1.
+    /// Creates an axis of names, the first at 0, the next at 1.
     pub(super) fn of_names(names: &'a [String], name: &'a str) -> Self {
         Self {
             range: -0.5..names.len().max(1) as f64 - 0.5,
@@ -69,12 +69,12 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// Lowest and highest value.
+    /// Returns the lowest and highest value.
     pub(super) fn range(&self) -> Range<f64> {
         self.range.clone()
     }
 
-    /// Ticks with their labels, about `max_count` at most.
+    /// Returns ticks with their labels, about `max_count` at most.
     fn ticks(&self, max_count: f64) -> Vec<(f64, String)> {
         match self.marks {
             Marks::Round => {
@@ -92,7 +92,7 @@ impl<'a> Axis<'a> {
     }
 }
 
-/// The range of all values, or nothing where there are none.
+/// Returns the range of all values; `None` without values.
 pub(super) fn extent(values: impl Iterator<Item = f64>) -> Option<RangeInclusive<f64>> {
     values.fold(None, |extent, value| match extent {
         None => Some(value..=value),
@@ -100,7 +100,7 @@ pub(super) fn extent(values: impl Iterator<Item = f64>) -> Option<RangeInclusive
     })
 }
 
-/// The extent with a margin, at least `min_span` wide; around 0 where there is no extent.
+/// Returns the extent with a margin, at least `min_span` wide; a range around 0 without an extent.
 pub(super) fn padded(extent: Option<RangeInclusive<f64>>, min_span: f64) -> Range<f64> {
     let extent = extent.unwrap_or(0.0..=0.0);
     let middle = 0.5 * (extent.start() + extent.end());
@@ -108,7 +108,7 @@ pub(super) fn padded(extent: Option<RangeInclusive<f64>>, min_span: f64) -> Rang
     middle - 0.5 * span..middle + 0.5 * span
 }
 
-/// Widens one of two ranges so that a unit is as long on both axes of a plot of this size.
+/// Widens one of two ranges so that both axes of a plot of this size have the same scale.
 pub(super) fn equal_scales(
     x: &Range<f64>,
     y: &Range<f64>,
@@ -124,7 +124,8 @@ pub(super) fn equal_scales(
     (widened(x, plot_px[0]), widened(y, plot_px[1]))
 }
 
-/// Logarithms of 1, 2 and 5 times powers of ten, or of powers of ten alone where those would be too many, with the numbers.
+/// Returns the logarithms of 1, 2 and 5 times powers of ten with their labels, or only of powers of ten if those were
+/// too many.
 fn decade_ticks(range: &Range<f64>, max_count: f64) -> Vec<(f64, String)> {
     let decades = range.start.floor() as i32..=range.end.ceil() as i32;
     let digits: &[u32] = if 3.0 * (range.end - range.start) <= max_count {
@@ -142,7 +143,8 @@ fn decade_ticks(range: &Range<f64>, max_count: f64) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// Multiples of 1, 2 or 5 times a power of ten, about `max_count` at most, with the decimals they need.
+/// Returns multiples of 1, 2 or 5 times a power of ten, about `max_count` at most, and the number of decimals they
+/// need.
 pub(super) fn ticks(range: &Range<f64>, max_count: f64) -> (Vec<f64>, usize) {
     let spacing = (range.end - range.start) / max_count.max(1.0);
     let exponent = spacing.log10().floor();
@@ -162,19 +164,19 @@ pub(super) fn ticks(range: &Range<f64>, max_count: f64) -> (Vec<f64>, usize) {
     (values, (-step_exponent).max(0.0) as usize)
 }
 
-/// A tick's label, with a true minus sign.
+/// Returns a tick's label, with a true minus sign.
 pub(super) fn tick_label(value: f64, decimals: usize) -> String {
     format!("{value:.decimals$}").replace('-', "−")
 }
 
-/// Draws grid, ticks and names of the axes of a panel that fills the area.
+/// Draws grid, ticks and axis names of a panel that fills the area.
 pub(super) fn panel<'a>(area: &Area<'a>, x: &Axis<'_>, y: &Axis<'_>) -> anyhow::Result<Panel<'a>> {
     let [width_px, height_px] = size_px(area);
     let plot_px = [
         width_px - LEFT_PX - RIGHT_PX,
         height_px - TOP_PX - BOTTOM_PX,
     ];
-    // Labels of large times are long: the fewer of them fit.
+    // Labels of large times are long, so that fewer of them fit.
     let label_chars = x
         .ticks(8.0)
         .last()
@@ -182,7 +184,7 @@ pub(super) fn panel<'a>(area: &Area<'a>, x: &Axis<'_>, y: &Axis<'_>) -> anyhow::
     let x_room = plot_px[0] / (TICK_CHAR_PX * label_chars as f64 + 30.0);
     let x_ticks = x.ticks(x_room);
     let y_ticks = y.ticks((plot_px[1] / 30.0).min(10.0));
-    // Names are cut where they would reach into one another.
+    // Names are shortened if they would overlap.
     let most_chars = (plot_px[0] / x_ticks.len().max(1) as f64 / TICK_CHAR_PX * 1.2).max(4.0);
 
     let [left, top] = [LEFT_PX, TOP_PX];
@@ -227,7 +229,7 @@ fn draw_stroke(area: &Area<'_>, ends_px: [[f64; 2]; 2], color: Rgb) -> anyhow::R
     Ok(())
 }
 
-/// Says at the top of an area's panel why it is empty, or what it leaves out.
+/// Writes a note at the top of an area's panel: why it is empty, or what it leaves out.
 pub(super) fn write_note(area: &Area<'_>, note: &str) -> anyhow::Result<()> {
     let middle_px = 0.5 * (LEFT_PX + size_px(area)[0] - RIGHT_PX);
     let half_width_px = 4.0 * note.chars().count() as f64;
@@ -240,7 +242,7 @@ pub(super) fn write_note(area: &Area<'_>, note: &str) -> anyhow::Result<()> {
     write_text(area, note, [middle_px, TOP_PX + 8.0], &style)
 }
 
-/// Draws a line through points in the coordinates of the axes; a point alone becomes a dot.
+/// Draws a line through points in the coordinates of the axes; a single point becomes a dot.
 pub(super) fn draw_path(
     panel: &mut Panel<'_>,
     points: &[(f64, f64)],
@@ -255,7 +257,7 @@ pub(super) fn draw_path(
     Ok(())
 }
 
-/// The stretches of values without gaps.
+/// Splits values into runs without gaps.
 pub(super) fn runs<T>(values: impl Iterator<Item = Option<T>>) -> Vec<Vec<T>> {
     let mut runs = vec![Vec::new()];
     for value in values {
@@ -290,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn logarithmic_ticks_say_the_numbers_themselves() {
+    fn logarithmic_ticks_are_labelled_with_the_numbers_themselves() {
         let labels = |range| -> Vec<String> {
             let ticks = decade_ticks(&range, 8.0);
             ticks.into_iter().map(|(_, label)| label).collect()
@@ -306,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_part_the_runs() {
+    fn gaps_separate_the_runs() {
         let values = [None, Some(1), Some(2), None, None, Some(3)];
         assert_eq!(runs(values.into_iter()), [vec![1, 2], vec![3]]);
     }

@@ -6,7 +6,7 @@ use super::camera_symbol::CameraSymbol;
 use super::plots::{Figures, TrackSeries, TruthSeries};
 use super::svg::write_svg_and_png;
 
-/// Tracks that share a colour and an entry of the legend: one method's, say, a run each.
+/// Tracks that share a colour and an entry of the legend, such as all runs of one method.
 #[derive(Debug, Clone)]
 pub(crate) struct PathGroup {
     /// What the legend calls them.
@@ -15,11 +15,12 @@ pub(crate) struct PathGroup {
     pub(crate) tracks: Vec<TrackSeries>,
 }
 
-/// Draws the paths of groups of runs with truth and cameras into `STEM-top` and `STEM-3d`, each `.svg` and `.png`, in a folder
-/// that must exist. Gives the paths of the files.
+/// Draws the paths of groups of runs with truth and cameras into `STEM-top` and `STEM-3d`, each `.svg` and `.png`, in
+/// a folder that must exist. Returns the paths of the files.
 ///
-/// Positions are in the world frame, in metres; those that are not finite or beyond 100 km count as no estimate. What lies far
-/// from the truth (without truth, or where all are wanted, from 98 % of the estimates) is cut off, and a note says how much.
+/// Positions are in the world frame, in metres; those that are not finite or beyond 100 km count as missing.
+/// Estimates far from the truth are cut off (without truth or if `reaches_far` is set: those far from 98 % of the
+/// estimates), and a note states their number.
 pub(crate) fn write_path_figures(
     folder: &Path,
     stem: &str,

@@ -16,7 +16,7 @@ fn place_m(i: u32) -> [f64; 3] {
     [1.0 + 2.0 * share, 1.5 - 2.5 * share, 0.1 + 0.8 * hop]
 }
 
-/// A run that strays about the path and, if it is told to, is far away at its end.
+/// A run that oscillates about the path and, if `flies_off` is set, is far away at its end.
 fn run(seed: u32, flies_off: bool) -> TrackSeries {
     let rows = (0..ROWS).map(|i| {
         let stray_m = 0.05 * f64::from(seed * 7 + i).sin();
@@ -67,7 +67,7 @@ fn camera(looks_into_mirror: bool) -> CameraSymbol {
     }
 }
 
-/// The documents from above and in the oblique view; the PNG beside each can be read.
+/// Returns the documents from above and in the oblique view, after checking that the PNG beside each can be read.
 fn drawn(
     stem: &str,
     groups: &[PathGroup],
@@ -92,7 +92,7 @@ fn drawn(
     })
 }
 
-/// Lines of so many points.
+/// Counts the lines with this number of points.
 fn lines_of(svg: &str, points: u32) -> usize {
     let lines = svg.lines().filter(|line| line.contains("<polyline"));
     let counts = lines.filter_map(|line| line.split("points=\"").nth(1)?.split('"').next());
@@ -130,21 +130,21 @@ fn every_run_is_drawn_with_its_shadows() {
 }
 
 #[test]
-fn a_run_that_flies_off_is_cut_and_said() {
+fn a_run_that_flies_off_is_cut_and_counted_in_a_note() {
     let mut groups = [group("offline", 0..10)];
     groups[0].tracks[3] = run(3, true);
     for (stem, truth) in [("astray", &truth()[..]), ("astray-without-truth", &[])] {
         let [top, oblique] = drawn(stem, &groups, truth, &[camera(false)]);
         for svg in [top, oblique] {
             assert!(has_line(&svg, "4 of 600 estimates are outside"));
-            // The axes are those of the others.
+            // The axes fit the other runs.
             assert!(!has_line(&svg, "20"));
         }
     }
 }
 
 #[test]
-fn runs_that_go_astray_are_shown_where_that_is_wanted() {
+fn distant_runs_are_shown_if_requested() {
     let mut astray = group("astray", 0..2);
     for row in astray.tracks.iter_mut().flat_map(|track| &mut track.rows) {
         row.position_m = row.position_m.map(|[x, y, z]| [x, y + 20.0, z]);

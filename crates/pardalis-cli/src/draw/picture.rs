@@ -1,4 +1,4 @@
-//! Images that are drawn into: pixels in and out, and files.
+//! Images that are drawn into: conversion to and from canvases, and files.
 
 use std::path::Path;
 
@@ -12,13 +12,13 @@ use crate::user_error::user_error;
 
 const JPEG_QUALITY: u8 = 90;
 
-/// The pixels of a frame, for drawing on.
+/// Returns the pixels of a frame, to draw on.
 pub(crate) fn picture_of(frame: &Frame) -> RgbImage {
     RgbImage::from_raw(frame.width() as u32, frame.height() as u32, frame.to_rgb8())
-        .expect("three bytes a pixel")
+        .expect("three bytes per pixel")
 }
 
-/// Writes a picture as JPEG or PNG, as the file's name ends.
+/// Writes a picture as JPEG or PNG, depending on the extension of the file's name.
 pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
     let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     let bytes = match ending.as_ref().and_then(|e| e.to_str()) {
@@ -42,7 +42,7 @@ pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> anyhow::Result<(
     write_file(path, &bytes)
 }
 
-/// The picture as a canvas to draw on; nothing where it has no pixels.
+/// Returns the picture as a canvas to draw on; `None` if it has no pixels.
 pub(super) fn canvas_of(picture: &RgbImage) -> Option<Pixmap> {
     let mut canvas = Pixmap::new(picture.width(), picture.height())?;
     let pixels = canvas.data_mut().chunks_exact_mut(4);
@@ -52,15 +52,15 @@ pub(super) fn canvas_of(picture: &RgbImage) -> Option<Pixmap> {
     Some(canvas)
 }
 
-/// What was drawn on an opaque canvas.
+/// Returns the pixels of an opaque canvas.
 pub(super) fn picture_from(canvas: &Pixmap) -> RgbImage {
     let (pixels, _) = canvas.data().as_chunks();
     let samples = pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]);
     RgbImage::from_raw(canvas.width(), canvas.height(), samples.collect())
-        .expect("three bytes a pixel")
+        .expect("three bytes per pixel")
 }
 
-/// An opaque colour of the canvas.
+/// Returns an opaque colour for a canvas.
 pub(super) fn opaque([r, g, b]: Rgb) -> Color {
     Color::from_rgba8(r, g, b, 255)
 }

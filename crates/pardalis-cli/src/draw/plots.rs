@@ -21,7 +21,7 @@ use super::{INK, PALETTE, Rgb, shortened};
 pub(crate) struct Sample {
     /// The instant, in seconds.
     pub(crate) time_s: f64,
-    /// The estimate in the world frame, where there is one.
+    /// The estimate in the world frame, if there is one.
     pub(crate) position_m: Option<[f64; 3]>,
     /// Its covariance in m²: xx, xy, xz, yy, yz, zz.
     pub(crate) covariance_m2: Option<[f64; 6]>,
@@ -32,35 +32,35 @@ pub(crate) struct Sample {
 pub(crate) struct TrackSeries {
     /// The target's name.
     pub(crate) name: String,
-    /// In the order of time.
+    /// In ascending order of time.
     pub(crate) rows: Vec<Sample>,
 }
 
-/// Where one target really was.
+/// The true path of one target.
 #[derive(Debug, Clone)]
 pub(crate) struct TruthSeries {
-    /// Instants in seconds and positions in the world frame in metres, in the order of time.
+    /// Times in seconds and positions in the world frame in metres, in ascending order of time.
     pub(crate) rows: Vec<(f64, [f64; 3])>,
 }
 
-/// Width of every figure and of the plots in it.
+/// Width of every figure.
 pub(super) const WIDTH_PX: f64 = 960.0;
 const PLOT_WIDTH_PX: f64 = WIDTH_PX - legend::WIDTH_PX - LEFT_PX - RIGHT_PX;
 
-/// Further away is a number gone wrong, not a place: it would make all else one dot.
+/// Positions farther away are numerical failures and would shrink everything else to a dot.
 const MAX_DISTANCE_M: f64 = 1e5;
 const MAX_TIME_S: f64 = 1e11;
 
-/// A target that stands still is not drawn as if it shook.
+/// Minimum span of an axis, so that the noise of a still target does not fill the plot.
 const MIN_SPAN_M: f64 = 0.02;
 
 const COORDINATES: [&str; 3] = ["x (m)", "y (m)", "z (m)"];
 
-/// Draws tracks, truth and cameras (world frame, metres) into `above`, `side`, `3d` and `coordinates`, each `.svg` and `.png`,
-/// in a folder that must exist. Gives the paths of the files.
+/// Draws tracks, truth and cameras (world frame, metres) into `above`, `side`, `3d` and `coordinates`, each `.svg`
+/// and `.png`, in a folder that must exist. Returns the paths of the files.
 ///
-/// Positions that are not finite or beyond 100 km count as no estimate. What lies far from the truth (without truth, from 98 %
-/// of the estimates) is cut off, and a note says how much.
+/// Positions that are not finite or beyond 100 km count as missing. Estimates far from the truth (without truth, far
+/// from 98 % of the estimates) are cut off, and a note states their number.
 pub(crate) fn write_track_plots(
     folder: &Path,
     series: &[TrackSeries],
@@ -81,7 +81,7 @@ pub(crate) fn write_track_plots(
     Ok(paths)
 }
 
-/// One instant of a series, with numbers that can be drawn.
+/// One time of a series, with numbers that can be drawn.
 pub(super) struct Point {
     time_s: f64,
     pub(super) position_m: [f64; 3],
@@ -89,31 +89,31 @@ pub(super) struct Point {
     two_sigma_m: Option<[f64; 3]>,
 }
 
-/// The stretches without gaps of one track or one target's truth.
+/// The runs without gaps of one track or of one target's truth.
 pub(super) struct Trace {
-    /// Of a track: its target's or group's.
+    /// For a track, the colour of its target or group.
     pub(super) color: Rgb,
     pub(super) runs: Vec<Vec<Point>>,
 }
 
 impl Trace {
-    /// Its first and last point.
+    /// Returns the first and the last point.
     pub(super) fn ends(&self) -> (Option<&Point>, Option<&Point>) {
         let (first, last) = (self.runs.first(), self.runs.last());
         (first.and_then(|r| r.first()), last.and_then(|r| r.last()))
     }
 }
 
-/// What figures of paths show.
+/// The contents of figures of paths.
 pub(super) struct Figures<'a> {
     pub(super) tracks: Vec<Trace>,
     pub(super) truth: Vec<Trace>,
     pub(super) cameras: Vec<&'a CameraSymbol>,
     /// The names of targets or groups, each once.
     names: Vec<&'a str>,
-    /// Of tracks: opacity and width in pixels; pale and thin where many lie over one another.
+    /// Opacity and width in pixels of tracks; translucent and thin if there are many.
     pub(super) stroke: (f64, f64),
-    /// Of the marks at the ends of tracks, by that in the legend.
+    /// Size of the marks at the ends of tracks, relative to that in the legend.
     pub(super) mark_size: f64,
     /// The shown extents of x, y and z.
     shown_m: [Option<RangeInclusive<f64>>; 3],
@@ -138,13 +138,13 @@ fn point(sample: &Sample) -> Option<Point> {
     })
 }
 
-/// All places of some paths.
+/// Returns all positions of some paths.
 fn places_m(paths: &[Trace]) -> Vec<[f64; 3]> {
     let points = paths.iter().flat_map(|path| path.runs.iter().flatten());
     points.map(|point| point.position_m).collect()
 }
 
-/// The height of a name beside a mark, in units: names that would lie on one another are moved down.
+/// Returns the height of a name beside a mark, in units; names that would overlap are moved down.
 pub(super) fn free_row(taken: &mut Vec<(i32, i32)>, mark: (i32, i32)) -> i32 {
     let same_place = |a: (i32, i32), b: (i32, i32)| {
         (a.0 - b.0).abs() < units(130.0) && (a.1 - b.1).abs() < units(14.0)
@@ -158,7 +158,7 @@ pub(super) fn free_row(taken: &mut Vec<(i32, i32)>, mark: (i32, i32)) -> i32 {
 }
 
 impl<'a> Figures<'a> {
-    /// Of tracks with the names of their targets or groups.
+    /// Creates the figures of tracks with the names of their targets or groups.
     pub(super) fn new(
         series: impl Iterator<Item = (&'a str, &'a TrackSeries)>,
         truth: &[TruthSeries],
@@ -210,14 +210,14 @@ impl<'a> Figures<'a> {
         figures
     }
 
-    /// The same with plots that reach wherever nearly all estimates do, however far from the truth.
+    /// Extends the plots to nearly all estimates, however far from the truth.
     pub(super) fn reaching_far(mut self) -> Self {
         let cameras_m: Vec<_> = self.cameras.iter().map(|c| c.position_m()).collect();
         self.shown_m = shown_ranges_m(&places_m(&self.tracks), &[], &cameras_m);
         self
     }
 
-    /// All estimates of all tracks.
+    /// Returns all estimates of all tracks.
     pub(super) fn estimates(&self) -> impl Iterator<Item = &Point> {
         self.tracks.iter().flat_map(|t| t.runs.iter().flatten())
     }
@@ -227,7 +227,7 @@ impl<'a> Figures<'a> {
         self.estimates().chain(truth)
     }
 
-    /// The path that the oblique view is chosen for: the truth where it is known.
+    /// Returns the path for which the oblique view is chosen: the truth if it is known, otherwise the tracks.
     pub(super) fn main_path_m(&self) -> Vec<[f64; 3]> {
         if self.truth.is_empty() {
             places_m(&self.tracks)
@@ -236,7 +236,7 @@ impl<'a> Figures<'a> {
         }
     }
 
-    /// What to say of a plot that leaves out estimates, or has none.
+    /// Returns the note for a plot that leaves out estimates or has none.
     pub(super) fn note(&self, outside: usize) -> Option<String> {
         let all = self.estimates().count();
         if all == 0 {
@@ -249,17 +249,17 @@ impl<'a> Figures<'a> {
         self.estimates().next().is_some()
     }
 
-    /// The range of one coordinate over truth, cameras, and tracks that are not far from them.
+    /// Returns the range of one coordinate over truth, cameras, and the estimates that are not far from them.
     pub(super) fn range_m(&self, axis: usize) -> Range<f64> {
         padded(self.shown_m[axis].clone(), MIN_SPAN_M)
     }
 
-    /// The lowest height shown; 0 where there is none.
+    /// Returns the lowest height shown, or 0 if nothing is shown.
     pub(super) fn lowest_m(&self) -> f64 {
         self.shown_m[2].as_ref().map_or(0.0, |range| *range.start())
     }
 
-    /// All from above: an SVG document.
+    /// Draws everything from above.
     pub(super) fn above(&self) -> anyhow::Result<Drawing> {
         let ranges = [self.range_m(0), self.range_m(1)];
         let [x_span, y_span] = [&ranges[0], &ranges[1]].map(|r| r.end - r.start);
@@ -278,7 +278,7 @@ impl<'a> Figures<'a> {
     fn side(&self) -> anyhow::Result<Drawing> {
         let ranges = [0, 1, 2].map(|axis| self.range_m(axis));
         let [x_span, y_span, z_span] = ranges.each_ref().map(|r| r.end - r.start);
-        // The same scale in both panels: both are as wide as the longer of x and y asks for.
+        // Both panels have the same scale and are as wide as the longer of x and y requires.
         let span = x_span.max(y_span);
         let plot_px = [
             PLOT_WIDTH_PX,
@@ -322,7 +322,7 @@ impl<'a> Figures<'a> {
         })
     }
 
-    /// The range of one coordinate over tracks and truth, and over the bands as long as the paths
+    /// Returns the range of one coordinate over tracks and truth, extended to the bands as long as the paths
     /// remain legible.
     fn range_with_bands_m(&self, axis: usize) -> Range<f64> {
         let paths = self.range_m(axis);
@@ -340,7 +340,7 @@ impl<'a> Figures<'a> {
         all.map_or(paths, |all| *all.start()..*all.end())
     }
 
-    /// Fills the band of two standard deviations about a track, cut off at the plot's edge.
+    /// Fills the band of two standard deviations around a track, cut off at the plot's edge.
     fn draw_band(
         &self,
         panel: &mut Panel<'_>,
@@ -359,7 +359,7 @@ impl<'a> Figures<'a> {
                 };
                 let outline: Vec<_> = edge(1.0).chain(edge(-1.0).rev()).collect();
                 if stretch.len() == 1 {
-                    // A band of one instant has no width: a bar shows it.
+                    // A band at a single time has no width; a bar shows it.
                     draw_path(panel, &outline, line(track.color, 0.4, 2.0))?;
                 } else {
                     panel.draw_series([Polygon::new(outline, style)])?;
@@ -369,8 +369,8 @@ impl<'a> Figures<'a> {
         Ok(())
     }
 
-    /// Draws tracks, and the truth thin on top of them so that both are seen, as far as they are within the panel; a note says
-    /// how much is not.
+    /// Draws tracks, and the truth as a thin line on top so that both are visible. Parts outside the panel are cut
+    /// off; a note states how many estimates they contain.
     fn draw_paths(
         &self,
         area: &Area<'_>,
@@ -397,7 +397,7 @@ impl<'a> Figures<'a> {
         Ok(())
     }
 
-    /// Draws what happens in the plane of two of the coordinates x, y, z.
+    /// Draws the projection to the plane of two of the coordinates x, y, z.
     fn draw_map(
         &self,
         area: &Area<'_>,
@@ -426,7 +426,7 @@ impl<'a> Figures<'a> {
         self.draw_cameras(&mut panel, flat, middle_m)
     }
 
-    /// Marks the cameras and writes their names, on the side where there is room.
+    /// Marks the cameras and writes their names on the side with more room.
     fn draw_cameras(
         &self,
         panel: &mut Panel<'_>,
@@ -455,7 +455,7 @@ impl<'a> Figures<'a> {
         Ok(())
     }
 
-    /// Draws the legend of a plot against time or of a map; gives the area left of it.
+    /// Draws the legend of a plot over time or of a map; returns the area left of it.
     pub(super) fn draw_legend<'b>(
         &self,
         area: &Area<'b>,

@@ -49,7 +49,7 @@ fn one_row(position_m: Option<[f64; 3]>, covariance_m2: Option<[f64; 6]>) -> Tra
     }
 }
 
-/// A file per figure and format, the PNG decodable and not blank.
+/// Checks one file per figure and format, and that each PNG is decodable and not blank.
 fn check_files(paths: &[PathBuf]) {
     assert_eq!(paths.len(), 8);
     for path in paths {
@@ -97,7 +97,7 @@ fn tracks_truth_and_cameras_are_drawn_in_their_colours() {
         }
         assert!(
             !picture.pixels().any(|p| p == PALETTE[2]),
-            "one colour a target"
+            "one colour per target"
         );
     }
     let above = std::fs::read_to_string(&paths[0]).unwrap();
@@ -239,7 +239,7 @@ fn the_true_path_of_a_thrown_ball_is_drawn() {
 }
 
 #[test]
-fn a_target_that_stands_still_is_seen_at_every_instant() {
+fn a_target_that_stands_still_is_drawn_over_time() {
     let mut track = helix("ball", 0.0);
     for row in &mut track.rows {
         row.position_m = Some([1.0, 2.0, 0.5]);

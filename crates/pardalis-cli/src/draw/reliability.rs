@@ -1,4 +1,4 @@
-//! Confidences beside how often they are right.
+//! Stated confidences against the share of rows that are right.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ const PANEL_WIDTH_PX: f64 = 480.0;
 const SHARES_HEIGHT_PX: f64 = 440.0;
 const ROWS_HEIGHT_PX: f64 = 200.0;
 
-/// Confidences and shares, with room for marks at the ends.
+/// Range of confidences and shares, with room for marks at the ends.
 const SHARES: std::ops::Range<f64> = -0.03..1.03;
 
 /// The rows of tracks that share a mark and an entry of the legend.
@@ -23,12 +23,13 @@ const SHARES: std::ops::Range<f64> = -0.03..1.03;
 pub(crate) struct ReliabilityGroup {
     /// What the legend calls them.
     pub(crate) name: String,
-    /// What came of their confidences.
+    /// The reliability of their confidences.
     pub(crate) reliability: Reliability,
 }
 
-/// Draws the share of rows that are right against their mean confidence, a mark a bin, with the line on which the two are equal, and below how many rows
-/// there are, into `STEM-reliability.svg` and `.png` in a folder that must exist. Gives the paths of the files.
+/// Draws the share of right rows against their mean confidence, one mark per bin, with the line on which both are
+/// equal, and below it the number of rows, into `STEM-reliability.svg` and `.png` in a folder that must exist.
+/// Returns the paths of the files.
 pub(crate) fn write_reliability_figures(
     folder: &Path,
     stem: &str,
@@ -45,7 +46,7 @@ pub(crate) fn write_reliability_figures(
             (Key::Mark(i), format!("{}: error {error:.3}", group.name))
         };
         let mut entries: Vec<_> = groups.iter().enumerate().map(named).collect();
-        entries.push((Key::Truth, "as it should be".to_owned()));
+        entries.push((Key::Truth, "perfectly calibrated".to_owned()));
         legend::draw(&column, &entries)?;
         let (upper, lower) = plots.split_vertically(units(SHARES_HEIGHT_PX));
         draw_shares(&upper, groups)?;
@@ -73,7 +74,7 @@ fn draw_rows(area: &Area<'_>, groups: &[ReliabilityGroup]) -> anyhow::Result<()>
     draw_bins(&mut panel, groups, |bin| (bin.rows as f64).log10())
 }
 
-/// A mark a bin and a line between those of a group.
+/// Draws one mark per bin and a line through the marks of each group.
 fn draw_bins(
     panel: &mut Panel<'_>,
     groups: &[ReliabilityGroup],
@@ -95,22 +96,22 @@ fn draw_bins(
 mod tests {
     use super::*;
     use crate::draw::test_folder;
-    use pardalis_evaluate::{Claim, reliability};
+    use pardalis_evaluate::{CheckedConfidence, reliability};
 
     /// Left in `draw-tests` beside the test program.
     #[test]
     fn groups_are_named_with_their_errors() {
         let folder = test_folder("reliability");
-        let claims = |every: usize| -> Vec<Claim> {
-            let claim = |i: usize| Claim {
+        let checks = |every: usize| -> Vec<CheckedConfidence> {
+            let check = |i: usize| CheckedConfidence {
                 confidence: (i % 100) as f64 / 99.0,
                 is_right: !i.is_multiple_of(every),
             };
-            (0..900).map(claim).collect()
+            (0..900).map(check).collect()
         };
         let group = |name: &str, every| ReliabilityGroup {
             name: name.to_owned(),
-            reliability: reliability(&claims(every)).unwrap(),
+            reliability: reliability(&checks(every)).unwrap(),
         };
         let groups = [group("clutter", 2), group("plain", 7)];
         let files = write_reliability_figures(&folder, "two", &groups).unwrap();

@@ -1,4 +1,4 @@
-//! What plots are drawn on: every line, shape and text goes to an SVG document and to pixels at once.
+//! The surface of plots: every line, shape and text goes to an SVG document and to pixels at once.
 
 use std::io;
 
@@ -17,12 +17,12 @@ use super::text::{outlines, width_em};
 pub(super) struct Sheet<'a> {
     svg: SVGBackend<'a>,
     pixels: &'a mut Pixmap,
-    /// From plotters' units to pixels.
+    /// Maps plotters' units to pixels.
     transform: Transform,
 }
 
 impl<'a> Sheet<'a> {
-    /// A sheet of this size in plotters' units, which the pixels show whole.
+    /// Creates a sheet of this size in plotters' units; `pixels` shows all of it.
     pub(super) fn new(svg: &'a mut String, size: (u32, u32), pixels: &'a mut Pixmap) -> Self {
         let scale = pixels.width() as f32 / size.0 as f32;
         Self {
@@ -42,7 +42,7 @@ impl<'a> Sheet<'a> {
     }
 
     fn stroke(&mut self, path: Option<Path>, color: BackendColor, width: u32) {
-        // As in the document, round ends make a dot of a line without length.
+        // As in the document, round ends turn a line without length into a dot.
         let stroke = Stroke {
             width: width as f32,
             line_cap: LineCap::Round,
@@ -103,7 +103,7 @@ impl DrawingBackend for Sheet<'_> {
         if fill {
             self.fill(path, style.color(), Transform::identity());
         } else {
-            // The document gives no width: one unit.
+            // The document gives no width, which means one unit.
             self.stroke(path, style.color(), 1);
         }
         Ok(())
@@ -158,8 +158,8 @@ impl DrawingBackend for Sheet<'_> {
         (x, y): BackendCoord,
     ) -> Outcome {
         self.svg.draw_text(text, style, (x, y))?;
-        // As plotters writes it into the document: the font size, and how far the base line lies below the point, with
-        // half the font size for the height of a small x. White space counts as one blank.
+        // The same layout as plotters' SVG: the font size, and a base line below the point by
+        // half the font size times the height of a small x. White space counts as one blank.
         let size = (style.size() / 1.24) as f32;
         let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
         let left = match style.anchor().h_pos {

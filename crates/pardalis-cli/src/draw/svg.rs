@@ -1,4 +1,4 @@
-//! Drawings of plots: an SVG document and the same in pixels.
+//! Drawings of plots, as an SVG document and as pixels.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use super::text::FONT_FAMILY;
 use super::{INK, Rgb, shortened};
 use crate::files::write_file;
 
-/// Plotters rounds to whole units: this many make a pixel, so that curves stay smooth.
+/// Plotters rounds to whole units; with this many units per pixel, curves stay smooth.
 const UNITS_PER_PX: f64 = 10.0;
 
 /// Pixels of the PNG for each pixel of the SVG, for sharp text on dense screens.
@@ -23,18 +23,18 @@ const PNG_SCALE: f64 = 2.0;
 /// A part of a drawing; its coordinates are units.
 pub(super) type Area<'a> = DrawingArea<Sheet<'a>, Shift>;
 
-/// Pixels in plotters' units.
+/// Converts pixels to plotters' units.
 pub(super) fn units(px: f64) -> i32 {
     (px * UNITS_PER_PX).round() as i32
 }
 
-/// Width and height of an area in pixels.
+/// Returns the width and height of an area in pixels.
 pub(super) fn size_px(area: &Area<'_>) -> [f64; 2] {
     let (width, height) = area.dim_in_pixel();
     [width, height].map(|side| f64::from(side) / UNITS_PER_PX)
 }
 
-/// A line of this colour, opacity and width.
+/// Returns the style of a line of this colour, opacity and width.
 pub(super) fn line(color: Rgb, opacity: f64, width_px: f64) -> ShapeStyle {
     ShapeStyle {
         color: RGBAColor(color[0], color[1], color[2], opacity),
@@ -43,12 +43,13 @@ pub(super) fn line(color: Rgb, opacity: f64, width_px: f64) -> ShapeStyle {
     }
 }
 
-/// A filled shape of this colour and opacity.
+/// Returns the style of a filled shape of this colour and opacity.
 pub(super) fn fill(color: Rgb, opacity: f64) -> ShapeStyle {
     line(color, opacity, 0.0).filled()
 }
 
-/// Dark text of this height, set left or right of or centred at its point, and vertically centred on it.
+/// Returns the style of dark text of this height, set to the left or right of its point or centred on it, and
+/// vertically centred.
 pub(super) fn text_style(height_px: f64, side: HPos) -> TextStyle<'static> {
     // Plotters divides the size by 1.24 when it writes SVG.
     (FONT_FAMILY, 1.24 * height_px * UNITS_PER_PX)
@@ -73,11 +74,11 @@ pub(super) fn write_text(
 pub(crate) struct Drawing {
     /// An SVG document.
     pub(crate) svg: String,
-    /// The same in twice as many pixels.
+    /// The same drawing with twice as many pixels per side.
     pixels: Pixmap,
 }
 
-/// Draws on a white sheet of this size in pixels.
+/// Creates a drawing on a white sheet of this size in pixels.
 pub(super) fn drawing(
     size_px: [f64; 2],
     draw: impl FnOnce(&Area<'_>) -> anyhow::Result<()>,
@@ -96,7 +97,7 @@ pub(super) fn drawing(
         area.present()?;
     }
     let [width_px, height_px] = size_px;
-    // Round ends make a dot of a line without length: a target that stands still.
+    // Round ends turn a line without length into a dot: a target that stands still.
     let svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width_px}\" height=\"{height_px}\" \
          viewBox=\"0 0 {width} {height}\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n\
@@ -124,7 +125,7 @@ mod tests {
 
     const SIZE_PX: [f64; 2] = [80.0, 20.0];
 
-    /// How many pixels are darker than half.
+    /// Counts the pixels that are darker than half.
     fn dark(draw: impl FnOnce(&Area<'_>) -> anyhow::Result<()>) -> usize {
         let pixels = drawing(SIZE_PX, draw).unwrap().pixels;
         pixels.pixels().iter().filter(|p| p.red() < 128).count()
@@ -153,7 +154,7 @@ mod tests {
             area.draw(&PathElement::new(points, line([0; 3], 1.0, 4.0)))?;
             Ok(())
         };
-        // 20 pixels long and 4 wide, with a disc of 4 at its ends together.
+        // 20 pixels long and 4 wide; its two round ends add up to a disc of diameter 4.
         let expected = 4.0 * (20.0 * 4.0 + std::f64::consts::PI * 4.0);
         assert!((dark(row) as f64 - expected).abs() < 0.03 * expected);
         let point = |area: &Area<'_>| {
@@ -165,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_set_where_its_style_says_and_turned() {
+    fn text_is_aligned_and_rotated_as_its_style_requires() {
         let bounds = |style: TextStyle<'_>| {
             let text = |area: &Area<'_>| {
                 area.draw_text("HHHH", &style, (units(40.0), units(10.0)))?;
@@ -196,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_does_not_exist_is_named() {
+    fn the_error_names_a_folder_that_does_not_exist() {
         let empty = drawing([1.0, 1.0], |_| Ok(())).unwrap();
         let error = write_svg_and_png(Path::new("/nowhere/at/all"), "above", &empty).unwrap_err();
         assert!(error.is::<crate::user_error::UserError>());

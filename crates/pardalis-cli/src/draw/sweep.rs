@@ -1,4 +1,4 @@
-//! Errors against a setting that was varied, and against the time that each took.
+//! Errors against a setting that was varied, and against the computing time.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -15,29 +15,29 @@ use super::{PALETTE, Rgb, shortened};
 const PANEL_WIDTH_PX: f64 = 520.0;
 const HEIGHT_PX: f64 = 420.0;
 
-/// An axis whose largest value is more times its smallest is logarithmic.
+/// An axis is logarithmic if the ratio of its largest to its smallest value exceeds this.
 const LOGARITHMIC_OVER: f64 = 20.0;
 
-/// About the width of a character of a point's label.
+/// Approximate width of a character of a point's label.
 const LABEL_CHAR_PX: f64 = 6.6;
 
-/// Series are drawn beside one another by this share of the axis, so that their bars are told apart.
+/// Series are shifted by this share of the axis, so that their bars do not coincide.
 const SHIFT_SHARE: f64 = 0.009;
 
-/// Of one value of the setting, over its seeds.
+/// The results for one value of the setting, over all its seeds.
 #[derive(Debug, Clone)]
 pub(crate) struct SweepPoint {
-    /// What the value is called.
+    /// The label of the value.
     pub(crate) label: String,
     /// The value itself, if it is a number.
     pub(crate) value: Option<f64>,
-    /// Milliseconds of computation for a frame, where they were taken.
+    /// Milliseconds of computation per frame, if they were measured.
     pub(crate) ms_a_frame: Option<f64>,
     /// The median error, in metres.
     pub(crate) median_m: f64,
-    /// The lowest, in metres.
+    /// The lowest error, in metres.
     pub(crate) lowest_m: f64,
-    /// The highest, in metres.
+    /// The highest error, in metres.
     pub(crate) highest_m: f64,
 }
 
@@ -52,7 +52,7 @@ impl SweepPoint {
     }
 }
 
-/// One run of the sweep, with all else equal.
+/// One run of the sweep, with everything else equal.
 #[derive(Debug, Clone)]
 pub(crate) struct SweepSeries {
     /// What the legend calls it.
@@ -61,11 +61,11 @@ pub(crate) struct SweepSeries {
     pub(crate) points: Vec<SweepPoint>,
 }
 
-/// Draws errors against a setting and, where times are known, against the time for a frame into `STEM-sweep.svg` and `.png`
-/// in a folder that must exist; `x_name` names the setting with its unit. Gives the paths of the files.
+/// Draws errors against a setting and, if times are known, against the time per frame into `STEM-sweep.svg` and `.png`
+/// in a folder that must exist; `x_name` names the setting with its unit. Returns the paths of the files.
 ///
-/// The setting's axis has numbers if all values are; else labels. Axes are logarithmic where the largest value is more than
-/// 20 times the smallest. Points with errors that are not finite are left out.
+/// The axis of the setting has numbers if all values are numbers, otherwise labels. Axes are logarithmic if the largest
+/// value is more than 20 times the smallest. Points with errors that are not finite are left out.
 pub(crate) fn write_sweep_figures(
     folder: &Path,
     stem: &str,
@@ -105,7 +105,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// Of values; a linear one begins at 0 if it is `from_zero`.
+    /// Creates the scale of some values; a linear one begins at 0 if `from_zero` is set.
     fn new(values: &[f64], from_zero: bool) -> Self {
         let range = extent(values.iter().copied());
         let is_logarithmic = range
@@ -128,7 +128,7 @@ impl Scale {
         }
     }
 
-    /// Where a value is on the axis.
+    /// Returns the position of a value on the axis.
     fn at(&self, value: f64) -> f64 {
         if self.is_logarithmic {
             value.log10()
@@ -203,7 +203,7 @@ impl<'a> Sweep<'a> {
         let times_ms: Vec<f64> = self.points().filter_map(usable_time).collect();
         let scale = Scale::new(&times_ms, true);
         let place = |point: &SweepPoint| usable_time(point).map(|ms| scale.at(ms));
-        let axis = scale.axis("time for a frame (ms)");
+        let axis = scale.axis("time per frame (ms)");
         let panel = self.draw_points(area, &axis, place, false)?;
         let right_end = area.get_pixel_range().0.end;
         let mut taken: Vec<[i32; 4]> = Vec::new();
@@ -247,7 +247,8 @@ impl<'a> Sweep<'a> {
         Ok(())
     }
 
-    /// Draws the points with bars from lowest to highest, where `place` says that they are on the axis, and lines between them.
+    /// Draws the points at the positions that `place` returns, with bars from the lowest to the highest error, and
+    /// lines between them if they are `joined`.
     fn draw_points<'b>(
         &self,
         area: &Area<'b>,

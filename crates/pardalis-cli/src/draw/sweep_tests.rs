@@ -39,7 +39,7 @@ fn lines(svg: &str, text: &str) -> usize {
 }
 
 #[test]
-fn numbers_make_an_axis_of_numbers_and_times_a_second_panel() {
+fn numbers_make_a_numeric_axis_and_times_a_second_panel() {
     let svg = drawn(
         "numbers",
         &[
@@ -48,9 +48,9 @@ fn numbers_make_an_axis_of_numbers_and_times_a_second_panel() {
         ],
     );
     assert_eq!(lines(&svg, "number of particles"), 1);
-    assert_eq!(lines(&svg, "time for a frame (ms)"), 1);
+    assert_eq!(lines(&svg, "time per frame (ms)"), 1);
     assert_eq!(lines(&svg, "error (mm)"), 2);
-    // Logarithmic: at 1000 on the one axis and beside a point of each series.
+    // Logarithmic: at 1000 on one axis and beside a point of each series.
     assert!(lines(&svg, "10000") >= 1 && lines(&svg, "100") >= 1);
     assert_eq!(lines(&svg, "1000 particles"), 2);
     assert_eq!(
@@ -67,7 +67,7 @@ fn names_make_an_axis_of_names() {
     }
     let svg = drawn("names", &[one]);
     assert_eq!(lines(&svg, "100 particles"), 1);
-    assert_eq!(lines(&svg, "time for a frame (ms)"), 0);
+    assert_eq!(lines(&svg, "time per frame (ms)"), 0);
 }
 
 #[test]

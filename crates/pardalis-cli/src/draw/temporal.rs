@@ -18,7 +18,7 @@ const AFTER: Rgb = PALETTE[0];
 pub(crate) struct TimeResiduals<'a> {
     /// The camera's name.
     pub(crate) name: &'a str,
-    /// Time in seconds, and distances in pixels before and after the correction, if known.
+    /// Time in seconds, and distances in pixels before and after the correction (`None` if unknown).
     pub(crate) residuals: Vec<(f64, [Option<f64>; 2])>,
 }
 

@@ -14,7 +14,7 @@ static FONT: &[u8] = include_bytes!("../../assets/DejaVuSans-subset.ttf");
 static FACE: LazyLock<Face<'static>> =
     LazyLock::new(|| Face::parse(FONT, 0).expect("the bundled font is complete"));
 
-/// The font's name in SVG; readers without it take their own.
+/// The font's name in SVG; viewers that lack it substitute their own.
 pub(super) const FONT_FAMILY: &str = "DejaVu Sans, sans-serif";
 
 /// Text to write on a canvas.
@@ -23,7 +23,7 @@ pub(super) struct Caption<'a> {
     /// Left end of its base line, in pixels of the canvas.
     pub(super) at_px: [f32; 2],
     pub(super) height_px: f32,
-    /// Longer text is set smaller.
+    /// Longer text is set in a smaller size.
     pub(super) max_width_px: f32,
     pub(super) color: Rgb,
 }
@@ -42,13 +42,13 @@ pub(super) fn write_caption(canvas: &mut Pixmap, caption: &Caption<'_>) {
     }
 }
 
-/// The length of a line of text by the height of its letters (the font size).
+/// Returns the width of a line of text in units of the font size.
 pub(super) fn width_em(text: &str) -> f32 {
     glyphs(text).map(|(_, advance)| advance).sum()
 }
 
-/// The outlines of a line of text of font size 1 whose base line begins at the origin, with y downwards; `None` where
-/// nothing is visible.
+/// Returns the outlines of a line of text of font size 1 whose base line begins at the origin, with y downwards;
+/// `None` if nothing is visible.
 pub(super) fn outlines(text: &str) -> Option<Path> {
     let mut pen = Pen {
         path: PathBuilder::new(),
@@ -63,7 +63,8 @@ pub(super) fn outlines(text: &str) -> Option<Path> {
     pen.path.finish()
 }
 
-/// The glyphs of a text and how far each moves on, by the font size. Characters that the font lacks show as question marks.
+/// Returns the glyphs of a text and their advances in units of the font size. Question marks replace characters that
+/// the font lacks.
 fn glyphs(text: &str) -> impl Iterator<Item = (GlyphId, f32)> {
     text.chars().map(|c| {
         let glyph = FACE.glyph_index(c).or_else(|| FACE.glyph_index('?'));
@@ -118,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_font_has_what_plots_write() {
+    fn the_font_covers_the_characters_of_plots() {
         let missing: String = "abcxyzABCXYZäöüßéñ0123456789 .,:;()[]%°±²³×µσπ−…√≤≥"
             .chars()
             .filter(|&c| FACE.glyph_index(c).is_none())
@@ -127,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_as_long_as_its_letters_and_rises_from_its_base_line() {
+    fn text_is_as_wide_as_its_letters_and_rises_from_its_base_line() {
         assert_eq!(width_em(""), 0.0);
         assert!(outlines("  ").is_none());
         // DejaVu Sans: 1401 of 2048 units for the letter A, 1493 high.
@@ -138,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn long_captions_shrink_to_their_room() {
+    fn long_captions_shrink_to_their_maximum_width() {
         let last_dark = |max_width_px| {
             let mut canvas = Pixmap::new(400, 20).unwrap();
             let caption = Caption {

@@ -1,4 +1,4 @@
-//! JPEG and PNG files as images; errors name the file.
+//! Decoding of JPEG and PNG files; errors name the file.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use pardalis_images::{DecodeError, GrayImage, RgbImage, decode, decode_grey, siz
 
 use crate::user_error::user_error;
 
-// What is decoded can be tracked.
+// Every image that can be decoded can be tracked.
 const _: () = assert!(pardalis_images::MAX_SIDE_PX == pardalis_core::error::MAX_IMAGE_SIDE_PX);
 
 /// Decodes a JPEG or PNG file of any pixel type to 8-bit RGB. Alpha is dropped.
@@ -19,7 +19,7 @@ pub(crate) fn decode_image(path: &Path) -> Result<RgbImage> {
     decoded(path, decode)
 }
 
-/// Decodes a JPEG or PNG file of any pixel type to 8-bit grey; colours by the weights of BT.601.
+/// Decodes a JPEG or PNG file of any pixel type to 8-bit grey, converting colours with the weights of BT.601.
 ///
 /// # Errors
 ///
@@ -40,7 +40,7 @@ pub(crate) fn image_size(path: &Path) -> Result<(usize, usize)> {
 fn decoded<T>(path: &Path, decode: impl Fn(&[u8]) -> Result<T, DecodeError>) -> Result<T> {
     let name = path.display();
     let file =
-        std::fs::read(path).map_err(|error| user_error!("{name}: can not be read: {error}"))?;
+        std::fs::read(path).map_err(|error| user_error!("{name}: cannot be read: {error}"))?;
     decode(&file).map_err(|error| user_error!("{name}: {error}"))
 }
 
@@ -53,7 +53,7 @@ mod tests {
         let error = decode_image(Path::new("nowhere.png"))
             .unwrap_err()
             .to_string();
-        assert!(error.contains("nowhere.png: can not be read"), "{error}");
+        assert!(error.contains("nowhere.png: cannot be read"), "{error}");
         let folder = tempfile::TempDir::new().unwrap();
         let path = folder.path().join("cut.jpg");
         std::fs::write(&path, [0xFF, 0xD8, 0xFF]).unwrap();

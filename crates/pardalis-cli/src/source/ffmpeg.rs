@@ -1,4 +1,4 @@
-//! The installed ffmpeg and ffprobe programs: finding them, asking about a stream, running a decode.
+//! The installed ffmpeg and ffprobe programs: finding them, probing a stream, running a decode.
 
 use std::collections::VecDeque;
 use std::ffi::OsStr;
@@ -16,20 +16,21 @@ use serde::Deserialize;
 use super::TimeSpan;
 use crate::user_error::user_error;
 
-/// How many of ffmpeg's last messages an error quotes.
+/// Number of ffmpeg's last messages that an error quotes.
 const QUOTED_LINES: usize = 5;
 
-/// Name of the filter that reports time stamps, by which its lines are told from all others.
+/// Name of the filter that reports time stamps; it distinguishes these lines from all other messages.
 const STAMP_FILTER: &str = "showinfo@pardalis";
 
-/// Where the programs are.
+/// Paths of the programs.
 pub(super) struct Programs {
     ffmpeg: PathBuf,
     ffprobe: PathBuf,
 }
 
 impl Programs {
-    /// Looks in the folders of a search path as in the environment's `PATH`. Fault: not installed.
+    /// Searches the folders of a search path in the format of the environment variable `PATH`. Fails if a program is
+    /// not installed.
     pub(super) fn find(search_path: &OsStr) -> Result<Self> {
         let find = |name: &str| {
             let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
@@ -49,7 +50,7 @@ impl Programs {
         })
     }
 
-    /// Asks ffprobe about the first video stream. Faults: it can not be opened, or has no video.
+    /// Probes the first video stream. Fails if the input cannot be opened or has no video.
     pub(super) fn probe(&self, input: &str, input_options: &[String]) -> Result<ProbedStream> {
         let output = Command::new(&self.ffprobe)
             .args([
@@ -65,26 +66,24 @@ impl Programs {
             .args(["-i", &input_argument(input, input_options)])
             .stdin(Stdio::null())
             .output()
-            .with_context(|| format!("{} can not be started", self.ffprobe.display()))?;
+            .with_context(|| format!("{} cannot be started", self.ffprobe.display()))?;
         if !output.status.success() {
             let messages = String::from_utf8_lossy(&output.stderr);
             let lines: Vec<_> = messages.lines().collect();
             return Err(user_error!(
-                "{input}: ffprobe can not open it; check the name and the input options. It says:\n{}",
+                "{input}: ffprobe cannot open it; check the name and the input options. ffprobe's messages:\n{}",
                 lines[lines.len().saturating_sub(QUOTED_LINES)..].join("\n")
             ));
         }
         let probed: Probed = serde_json::from_slice(&output.stdout)
-            .with_context(|| format!("{input}: ffprobe's answer is not understood"))?;
+            .with_context(|| format!("{input}: ffprobe's output cannot be parsed"))?;
         probed.streams.into_iter().next().ok_or_else(|| {
-            user_error!(
-                "{input}: there is no video stream in it; give a file or device with a picture"
-            )
+            user_error!("{input}: there is no video stream in it; give a file or device with video")
         })
     }
 
-    /// Starts to decode the first video stream to raw frames of a pixel format named as ffmpeg does, filtered.
-    /// Every frame that the stream holds is written once, with its own time stamp.
+    /// Starts to decode the first video stream to filtered raw frames of a pixel format with ffmpeg's name.
+    /// Every frame of the stream is written once, with its own time stamp.
     pub(super) fn decode(
         &self,
         input: &str,
@@ -114,7 +113,7 @@ impl Programs {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
-            .with_context(|| format!("{} can not be started", self.ffmpeg.display()))?;
+            .with_context(|| format!("{} cannot be started", self.ffmpeg.display()))?;
         let (Some(pixels), Some(messages)) = (child.stdout.take(), child.stderr.take()) else {
             unreachable!("both are piped");
         };
@@ -134,20 +133,20 @@ impl Programs {
         })
     }
 
-    /// The option that keeps ffmpeg from dropping and doubling frames; ffmpeg 5.1 gave it a new name.
+    /// Returns the option that keeps ffmpeg from dropping and duplicating frames; ffmpeg 5.1 renamed it.
     fn frame_rate_option(&self) -> Result<&'static str> {
         let help = Command::new(&self.ffmpeg)
             .args(["-hide_banner", "-h", "long"])
             .stdin(Stdio::null())
             .output()
-            .with_context(|| format!("{} can not be started", self.ffmpeg.display()))?;
+            .with_context(|| format!("{} cannot be started", self.ffmpeg.display()))?;
         let has_new_name = String::from_utf8_lossy(&help.stdout).contains("-fps_mode");
         Ok(if has_new_name { "-fps_mode" } else { "-vsync" })
     }
 }
 
-/// A file is marked as such, lest ffmpeg take a colon in its name for a protocol. With a format of its own
-/// (`-f`), what is given may be anything but a file.
+/// Returns the argument of `-i`. A file is marked as such because ffmpeg takes a colon in a name for a protocol. With a
+/// format of its own (`-f`), the input may be anything, so it stays as it is.
 fn input_argument(input: &str, input_options: &[String]) -> String {
     if Path::new(input).is_file() && !input_options.iter().any(|option| option == "-f") {
         format!("file:{input}")
@@ -156,7 +155,7 @@ fn input_argument(input: &str, input_options: &[String]) -> String {
     }
 }
 
-/// ffmpeg's formats that are cameras and screens.
+/// The formats of ffmpeg that are cameras and screens.
 const DEVICE_FORMATS: [&str; 12] = [
     "v4l2",
     "video4linux2",
@@ -172,7 +171,7 @@ const DEVICE_FORMATS: [&str; 12] = [
     "kmsgrab",
 ];
 
-/// Those of ffmpeg's input options that ffprobe knows: it reads nothing at a rate.
+/// Returns ffmpeg's input options without those that ffprobe lacks, which set a reading rate.
 fn options_of_ffprobe(input_options: &[String]) -> Vec<&String> {
     let mut options = input_options.iter();
     let mut known = Vec::new();
@@ -186,7 +185,8 @@ fn options_of_ffprobe(input_options: &[String]) -> Vec<&String> {
     known
 }
 
-/// Whether frames come as they are taken: from a device, from an address, or from a file that is read at its own rate.
+/// Reports whether frames arrive while they are taken: from a device, from an address, or from a file that is read at
+/// its own rate.
 pub(super) fn is_live(input: &str, input_options: &[String]) -> bool {
     let at_own_rate = |option: &String| option == "-re" || option == "-readrate";
     let is_device = input_options
@@ -202,23 +202,23 @@ struct Probed {
     streams: Vec<ProbedStream>,
 }
 
-/// What ffprobe says about a video stream, in its own words.
+/// ffprobe's description of a video stream, with its own field names.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct ProbedStream {
     pub(super) codec_name: String,
-    /// Size in pixels before any rotation.
+    /// Width in pixels before any rotation.
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) pix_fmt: String,
     pub(super) color_space: String,
     pub(super) color_range: String,
-    /// A number in text; left out where the container does not say.
+    /// A number as text; empty if the container does not state it.
     pub(super) nb_frames: String,
-    /// Seconds in text, as the next; left out where the container does not say.
+    /// Seconds as text, like the next field; empty if the container does not state it.
     pub(super) start_time: String,
     pub(super) duration: String,
-    /// A fraction in text.
+    /// A fraction as text.
     pub(super) avg_frame_rate: String,
     pub(super) side_data_list: Vec<SideData>,
 }
@@ -230,7 +230,7 @@ pub(super) struct SideData {
 }
 
 impl ProbedStream {
-    /// By how many degrees ffmpeg turns the frames to stand upright, as the file asks.
+    /// Returns the angle in degrees by which ffmpeg rotates the frames, as the file requests.
     pub(super) fn rotation_deg(&self) -> i64 {
         self.side_data_list
             .iter()
@@ -239,7 +239,7 @@ impl ProbedStream {
             .unwrap_or(0)
     }
 
-    /// When its frames were taken, where the container says it.
+    /// Returns the time span of the frames, if the container states it.
     pub(super) fn span(&self) -> Option<TimeSpan> {
         let first_s: f64 = self.start_time.parse().ok()?;
         let duration_s: f64 = self.duration.parse().ok()?;
@@ -253,7 +253,7 @@ impl ProbedStream {
         })
     }
 
-    /// The number of frames, where the container says it.
+    /// Returns the number of frames, if the container states it.
     pub(super) fn frame_count(&self) -> Option<usize> {
         self.nb_frames.parse().ok()
     }
@@ -263,32 +263,32 @@ impl ProbedStream {
 pub(super) struct Decode {
     /// Raw frames, one after another.
     pub(super) pixels: ChildStdout,
-    /// One for each raw frame, sent before it is written; ends when ffmpeg does.
+    /// One stamp per raw frame, sent before the frame is written; closed when ffmpeg ends.
     pub(super) stamps: Receiver<Stamp>,
-    /// Gives the last messages.
+    /// Returns the last messages.
     pub(super) log: Option<JoinHandle<Vec<String>>>,
     pub(super) process: Arc<Process>,
 }
 
-/// The operating system's process, shared with those who may want to end it.
+/// The operating system's process, shared by everything that may have to end it.
 pub(super) struct Process {
     child: Mutex<Child>,
     error_count: AtomicUsize,
 }
 
 impl Process {
-    /// Ends ffmpeg, so that its pipes close. Nothing happens where it has ended already.
+    /// Ends ffmpeg, so that its pipes close. Does nothing if it has already ended.
     pub(super) fn kill(&self) {
         // An error means that it has just ended by itself.
         let _ = self.child().kill();
     }
 
-    /// Waits for ffmpeg to end. To be called once its pipes are closed, or after [`Process::kill`].
+    /// Waits for ffmpeg to end. Call it after its pipes are closed or after [`Process::kill`].
     pub(super) fn wait(&self) -> std::io::Result<ExitStatus> {
         self.child().wait()
     }
 
-    /// How many errors ffmpeg has reported so far.
+    /// Returns the number of errors that ffmpeg has reported so far.
     pub(super) fn error_count(&self) -> usize {
         self.error_count.load(Ordering::Relaxed)
     }
@@ -298,16 +298,16 @@ impl Process {
     }
 }
 
-/// What ffmpeg says of a frame before it writes it.
+/// ffmpeg's report about a frame, printed before the frame is written.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Stamp {
-    /// Presentation time in seconds, as the stream says; none where it does not.
+    /// Presentation time in seconds; `None` if the stream does not state it.
     pub(super) time_s: Option<f64>,
     /// Width and height in pixels.
     pub(super) size_px: (usize, usize),
 }
 
-/// Drains ffmpeg's messages until it ends: sends time stamps on, counts errors, gives the last other messages.
+/// Drains ffmpeg's messages until it ends: forwards time stamps, counts errors, and returns the last other messages.
 fn read_log(messages: ChildStderr, stamps: &Sender<Stamp>, process: &Process) -> Vec<String> {
     let mut last = VecDeque::new();
     let mut time_base = (0, 1);
@@ -315,7 +315,7 @@ fn read_log(messages: ChildStderr, stamps: &Sender<Stamp>, process: &Process) ->
     let mut line = Vec::new();
     loop {
         line.clear();
-        // Bytes, not text: file names in messages may be in any encoding.
+        // Bytes instead of text: file names in messages may have any encoding.
         match messages.read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => return last.into(),
             Ok(_) => {}
@@ -326,7 +326,7 @@ fn read_log(messages: ChildStderr, stamps: &Sender<Stamp>, process: &Process) ->
             if let Some(found) = time_base_in(report) {
                 time_base = found;
             } else if let Some(stamp) = stamp_in(report, time_base) {
-                // Nobody listens once the frames have been given up; the pipe is drained all the same.
+                // The receiver is gone once the frames have been dropped; the pipe is drained nevertheless.
                 let _ = stamps.send(stamp);
             }
             continue;
@@ -343,14 +343,14 @@ fn read_log(messages: ChildStderr, stamps: &Sender<Stamp>, process: &Process) ->
     }
 }
 
-/// Numerator and denominator of seconds, from `… config in time_base: 1/12800, frame_rate: …`.
+/// Parses numerator and denominator of the time base in seconds from `… config in time_base: 1/12800, frame_rate: …`.
 fn time_base_in(report: &str) -> Option<(i64, i64)> {
     let (_, after) = report.split_once("config in time_base: ")?;
     let (numerator, denominator) = after.split_once(',')?.0.split_once('/')?;
     Some((numerator.parse().ok()?, denominator.parse().ok()?))
 }
 
-/// From `… n:   3 pts:   1536 pts_time:0.12 … s:640x480 …`. The time in seconds that stands there is rounded.
+/// Parses `… n:   3 pts:   1536 pts_time:0.12 … s:640x480 …`. The printed time in seconds is rounded and not used.
 fn stamp_in(report: &str, (numerator, denominator): (i64, i64)) -> Option<Stamp> {
     let value_of = |key: &str| report.split_once(key)?.1.split_whitespace().next();
     let (width, height) = value_of(" s:")?.split_once('x')?;

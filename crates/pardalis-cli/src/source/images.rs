@@ -1,4 +1,4 @@
-//! JPEG and PNG images: a folder of them in natural order, or some by name.
+//! JPEG and PNG images: a folder in natural order, or a list of files.
 
 use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
@@ -12,18 +12,18 @@ use super::times::{ImageTimes, read_times};
 use super::{Pixels, TimeSpan, TimedBytes, Timing};
 use crate::user_error::user_error;
 
-/// The images still to be delivered.
+/// The images that are still to be delivered.
 pub(super) struct ImageFrames {
     /// Each file with its times.
     files: IntoIter<(PathBuf, ImageTimes)>,
-    /// Width and height of all images in pixels, and the file that sets them.
+    /// Width and height of all images in pixels, and the file that determines them.
     size_px: (usize, usize),
     first_file: PathBuf,
 }
 
 impl ImageFrames {
-    /// Lists the folder and finds the time of each image, before any is decoded. Those of the
-    /// range are taken, in the order of their arrival; times still count from the folder's first image.
+    /// Lists the folder and determines the time of each image before any is decoded. Only the images of the
+    /// range are delivered, in order of arrival; times count from the folder's first image nevertheless.
     pub(super) fn open(folder: &Path, timing: &Timing, range: FrameRange) -> Result<Self> {
         let files = list_images(folder)?;
         let count = files.len();
@@ -42,7 +42,7 @@ impl ImageFrames {
             .step_by(range.step)
             .take(range.limit.unwrap_or(usize::MAX))
             .collect();
-        // Those of one instant keep their order, and so do all where no arrivals are known.
+        // A stable sort: images with equal arrival times, and all images without arrival times, keep their order.
         let arrival_s = |times: &ImageTimes| times.arrival_s.unwrap_or_default();
         taken.sort_by(|a, b| arrival_s(&a.1).total_cmp(&arrival_s(&b.1)));
         if taken.is_empty() {
@@ -54,13 +54,14 @@ impl ImageFrames {
         Self::of(taken)
     }
 
-    /// These images, a second apart.
+    /// Opens a list of images whose times are one second apart.
     pub(super) fn stills(files: &[PathBuf]) -> Result<Self> {
         let times = (0..files.len()).map(|index| ImageTimes::at(index as f64));
         Self::of(files.iter().cloned().zip(times).collect())
     }
 
-    /// One or more files, each with its times. The first that is whole sets the size of all; where there is none, the first's fault is given.
+    /// Opens one or more files with their times. The first image with a valid header determines the size of all; if
+    /// there is none, the error of the first is returned.
     fn of(files: Vec<(PathBuf, ImageTimes)>) -> Result<Self> {
         let mut sizes = files.iter().map(|(file, _)| (file, image_size(file)));
         let first = sizes.by_ref().find(|(_, size)| size.is_ok());
@@ -75,22 +76,22 @@ impl ImageFrames {
         })
     }
 
-    /// When the images still to be delivered were taken.
+    /// Returns the time span of the images that are still to be delivered.
     pub(super) fn span(&self) -> TimeSpan {
         TimeSpan::of(self.files.as_slice().iter().map(|f| f.1.time_s).collect())
     }
 
-    /// Width and height of all images in pixels.
+    /// Returns the width and height of all images in pixels.
     pub(super) fn size_px(&self) -> (usize, usize) {
         self.size_px
     }
 
-    /// How many images are still to be delivered.
+    /// Returns the number of images that are still to be delivered.
     pub(super) fn frame_count(&self) -> usize {
         self.files.len()
     }
 
-    /// Number and names of the images, for people.
+    /// Returns a description of the content: number and names of the images.
     pub(super) fn content(&self) -> String {
         let name = |file: Option<&(PathBuf, ImageTimes)>| {
             file.map_or_else(String::new, |f| file_name(&f.0))
@@ -132,14 +133,14 @@ impl Iterator for ImageFrames {
     }
 }
 
-/// The images of a folder in natural order, each with its index in time.
+/// Lists the images of a folder in natural order, each with its index in time.
 ///
-/// Where all names end in a number, that number less the first one's is the index, so that a missing file
-/// leaves a gap in time; otherwise the position counts. Hidden files, other files and folders are passed over.
+/// If all names end in a number, the index is that number minus the first one, so that a missing file
+/// leaves a gap in time; otherwise it is the position in the list. Hidden files, other files and folders are skipped.
 fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
     let unreadable = |error| {
         user_error!(
-            "{}: the folder can not be read: {error}; give a folder of JPEG or PNG images",
+            "{}: the folder cannot be read: {error}; give a folder of JPEG or PNG images",
             folder.display()
         )
     };
@@ -184,7 +185,7 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
         .collect())
 }
 
-/// Replaces each image's index in time by its times.
+/// Replaces each image's index by its times.
 fn with_times(
     folder: &Path,
     files: Vec<(PathBuf, u64)>,
@@ -241,14 +242,15 @@ fn is_image_name(path: &Path) -> bool {
         && !file_name(path).starts_with('.')
 }
 
-/// The number at the end of a file's name before its extension; none where it overflows.
+/// Returns the number at the end of a file's name before its extension; `None` if there is none or it overflows.
 fn trailing_number(path: &Path) -> Option<u64> {
     let stem = path.file_stem()?.to_string_lossy();
     let digits = stem.len() - stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
     stem[stem.len() - digits..].parse().ok()
 }
 
-/// Text and numbers in turn, so that `b2` comes before `b10`: each number as its length and its digits.
+/// Returns a key that alternates text and numbers, each number as its length and its digits, so that `b2` sorts
+/// before `b10`.
 fn natural_key(name: &str) -> Vec<(String, usize, String)> {
     let mut key = Vec::new();
     let mut rest = name;

@@ -27,7 +27,7 @@ fn named(names: &[(&str, u64)]) -> Vec<(String, u64)> {
 }
 
 #[test]
-fn numbers_count_in_time_and_gaps_stay() {
+fn numbers_are_indices_in_time_with_gaps() {
     let folder = folder_with(&[
         "f9.jpg",
         "f10.JPG",
@@ -44,14 +44,14 @@ fn numbers_count_in_time_and_gaps_stay() {
 }
 
 #[test]
-fn without_numbers_at_the_end_the_natural_order_counts() {
+fn names_without_final_numbers_are_in_natural_order() {
     let folder = folder_with(&["b10x.png", "b2x.png", "a.png", "b2.png"]);
     let order = [("a.png", 0), ("b2.png", 1), ("b2x.png", 2), ("b10x.png", 3)];
     assert_eq!(listed(&folder), named(&order));
 }
 
 #[test]
-fn numbers_too_long_for_time_are_still_ordered() {
+fn overflowing_numbers_are_still_sorted() {
     let folder = folder_with(&["30000000000000000000.png", "200000000000000000000.png"]);
     let order = [
         ("30000000000000000000.png", 0),
@@ -68,11 +68,11 @@ fn error_of(folder: &Path, timing: &Timing) -> String {
 }
 
 #[test]
-fn folders_that_can_not_be_read_are_named() {
+fn unreadable_folders_are_named_in_errors() {
     let fps = Timing::Fps(25.0);
     let missing = error_of(Path::new("/nonexistent/frames"), &fps);
     assert!(
-        missing.contains("/nonexistent/frames: the folder can not be read"),
+        missing.contains("/nonexistent/frames: the folder cannot be read"),
         "{missing}"
     );
     let empty = error_of(folder_with(&[]).path(), &fps);
@@ -94,12 +94,12 @@ fn folders_that_can_not_be_read_are_named() {
 }
 
 #[test]
-fn faulty_times_are_refused_with_their_line() {
+fn invalid_times_are_rejected_with_their_line() {
     for (text, expected) in [
         ("frame,time_s\n0,0\n1,0.1\n", "no row for frame 2 (a5.jpg)"),
         (
             "frame,time_s\n0,0\n1,0.1\n1,0.2\n",
-            "line 4: frame 1 is given a second time",
+            "line 4: frame 1 occurs twice",
         ),
         (
             "frame,time_s\n0,0\n2,0.1\n1,0.2\n",
@@ -124,11 +124,11 @@ fn faulty_times_are_refused_with_their_line() {
         assert!(error.contains(expected), "{expected}: {error}");
     }
     let error = error_of(folder_with(&["a3.jpg"]).path(), &Timing::TimesFile);
-    assert!(error.contains("times.csv: can not be read"), "{error}");
+    assert!(error.contains("times.csv: cannot be read"), "{error}");
 }
 
 #[test]
-fn times_of_missing_images_are_passed_over_and_equal_ones_kept() {
+fn times_of_missing_images_are_skipped_and_equal_times_kept() {
     let folder = folder_with(&["a3.jpg", "a5.jpg", "a6.jpg"]);
     let text = "\u{feff}frame,time_s,note\r\n0, 10.5,x\r\n1,10.6,x\r\n2,11,x\r\n3,11,x\r\n";
     std::fs::write(folder.path().join("times.csv"), text).expect("written");

@@ -1,4 +1,4 @@
-//! Where frames come from: a folder of images, or whatever an installed ffmpeg opens.
+//! Sources of frames: a folder of images, or anything that an installed ffmpeg opens.
 
 pub(crate) mod decode;
 mod ffmpeg;
@@ -26,20 +26,20 @@ use ffmpeg::{Process, Programs};
 use images::ImageFrames;
 use video::VideoFrames;
 
-/// How many frames are decoded ahead of the one that is worked on.
+/// Number of frames that are decoded ahead.
 const FRAMES_AHEAD: usize = 3;
 
-/// How long the first frame of a live camera is waited for where its time must be known.
+/// How long to wait for the first frame of a live camera if its time is needed.
 const FIRST_FRAME_WAIT: Duration = Duration::from_secs(5);
 
-/// What a camera's frames are read from.
+/// Settings of the source of a camera's frames.
 #[derive(Debug, Clone)]
 pub(crate) struct SourceConfig {
     /// The files or the device.
     pub(crate) kind: SourceKind,
     /// Added to every time stamp, in seconds.
     pub(crate) time_offset_s: f64,
-    /// Which of its frames are read.
+    /// The frames to read.
     pub(crate) frames: FrameRange,
 }
 
@@ -50,77 +50,78 @@ pub(crate) enum SourceKind {
     Images {
         /// The folder that holds them, and `times.csv`.
         folder: PathBuf,
-        /// When they were taken.
+        /// Their times.
         timing: Timing,
     },
-    /// A video file, stream or camera device, by way of an installed ffmpeg.
+    /// A video file, stream or camera device, read with an installed ffmpeg.
     Video {
-        /// As after ffmpeg's `-i`.
+        /// The argument of ffmpeg's `-i`.
         input: String,
         /// ffmpeg's options before `-i`, such as `-f v4l2`.
         input_options: Vec<String>,
-        /// What the numbers of YUV pixels mean, where the stream does not say or errs.
+        /// Encoding of YUV pixels, if the stream does not state it or states it wrongly.
         encoding: Option<YuvEncoding>,
     },
 }
 
-/// When the images of a folder were taken.
+/// The times of the images of a folder.
 #[derive(Debug, Clone)]
 pub(crate) enum Timing {
     /// At a constant rate, in frames per second.
     Fps(f64),
-    /// As `times.csv` beside the images says.
+    /// From `times.csv` in the folder of the images.
     TimesFile,
 }
 
-/// What a source delivers, for checks and summaries.
+/// Description of a source, for checks and summaries.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Description {
     /// The folder, file or device, as given.
     pub(crate) input: String,
-    /// What is in it: number and names of images, or a video's codec and pixel format.
+    /// Its content: number and names of images, or a video's codec and pixel format.
     pub(crate) content: String,
     /// Width and height of every frame in pixels.
     pub(crate) size_px: (usize, usize),
-    /// How the pixels of the frames are laid out.
+    /// Pixel format of the frames.
     pub(crate) pixel_format: PixelFormat,
-    /// What the numbers of YUV pixels mean; none for RGB.
+    /// Encoding of YUV pixels; `None` for RGB.
     pub(crate) encoding: Option<YuvEncoding>,
-    /// How many frames there will be, where that is known.
+    /// Number of frames, if it is known.
     pub(crate) frame_count: Option<usize>,
 }
 
-/// What decoding came to so far. Complete once the source has ended.
+/// Statistics of decoding so far; complete once the source has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Counters {
-    /// Errors that ffmpeg reported while it went on: frames may be damaged.
+    /// Errors that ffmpeg reported without stopping: frames may be damaged.
     pub(crate) ffmpeg_errors: usize,
-    /// Time spent decoding, beside tracking, in seconds. For videos: waiting for ffmpeg.
+    /// Time spent decoding, in parallel with tracking, in seconds. For videos: time waiting for ffmpeg.
     pub(crate) decode_s: f64,
 }
 
-/// When a recorded source's frames were taken, its camera's time offset included.
+/// Time span of a recorded source, including its camera's time offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TimeSpan {
     /// The earliest time stamp, in seconds.
     pub(crate) first_s: f64,
-    /// The latest one, in seconds.
+    /// The latest time stamp, in seconds.
     pub(crate) last_s: f64,
-    /// The usual time from frame to frame, in seconds; none for a single frame.
+    /// The typical interval between frames, in seconds; `None` for a single frame.
     pub(crate) step_s: Option<f64>,
 }
 
-/// What a source delivers next.
+/// The next item of a source.
 #[derive(Debug)]
 pub(crate) enum Delivery {
     /// A frame.
     Frame {
-        /// With its time stamp, the camera's time offset included.
+        /// The frame with its time stamp, including the camera's time offset.
         frame: Frame,
-        /// When it reached the program, in seconds. Recorded: on the clock of the time stamps, never running backwards. Live: on the program's clock.
+        /// When it reached the program, in seconds. Recorded sources: on the clock of the time stamps, never
+        /// decreasing. Live sources: on the program's clock.
         arrival_s: f64,
     },
-    /// An image that cannot be used, and why; others may follow.
+    /// An image that cannot be used, with the reason; others may follow.
     Broken(anyhow::Error),
 }
 
@@ -128,31 +129,31 @@ pub(crate) enum Delivery {
 struct TimedBytes {
     bytes: Vec<u8>,
     time_s: f64,
-    /// Where the recording says it.
+    /// `None` if the recording does not state it.
     arrival_s: Option<f64>,
 }
 
-/// What a reader of files or streams gives next. After an error there is nothing more.
+/// The next item of a reader of files or streams. Nothing follows an error.
 enum Pixels {
     Frame(TimedBytes),
     Broken(anyhow::Error),
 }
 
-/// A delivery, or why there are no more, and the time in seconds that it took.
+/// A delivery, or the error that ended decoding, and the time that it took in seconds.
 type Decoded = (Result<Delivery>, f64);
 
-/// The frames of one camera in the order of their arrival, decoded ahead on a thread of their own.
+/// The frames of one camera in order of arrival, decoded ahead on a separate thread.
 ///
-/// After an error there are no more frames.
+/// Nothing follows an error.
 pub(crate) struct Source {
     description: Description,
-    /// None where it is not known before the frames are read.
+    /// `None` if it is not known before the frames are read.
     span: Option<TimeSpan>,
     is_live: bool,
     counters: Counters,
-    /// What was fetched to know the time of the first frame.
+    /// Deliveries received in advance to determine the time of the first frame.
     peeked: VecDeque<Result<Delivery>>,
-    /// Nothing once the thread has ended.
+    /// `None` once the thread has ended.
     decoding: Option<(Receiver<Decoded>, JoinHandle<()>)>,
     process: Option<Arc<Process>>,
 }
@@ -160,7 +161,7 @@ pub(crate) struct Source {
 impl Source {
     /// Opens the source and starts to decode.
     ///
-    /// Errors: whatever can be seen to be wrong before the first frame is decoded.
+    /// Fails on every error that is detectable before the first frame is decoded.
     pub(crate) fn open(config: &SourceConfig) -> Result<Self> {
         match &config.kind {
             SourceKind::Images { folder, timing } => {
@@ -195,7 +196,7 @@ impl Source {
         }
     }
 
-    /// One or more JPEG and PNG images of one size that have nothing to do with one another; their times are a second apart.
+    /// Opens one or more unrelated JPEG and PNG images of one size; their times are one second apart.
     pub(crate) fn stills(files: &[PathBuf]) -> Result<Self> {
         let input = "images of the command line".to_owned();
         Ok(Self::of_images(input, ImageFrames::stills(files)?, 0.0))
@@ -254,7 +255,7 @@ impl Source {
                     })
                 });
                 let failed = delivery.is_err();
-                // Nobody receives any more: the source was dropped.
+                // The receiver is gone: the source was dropped.
                 if sender.send((delivery, watch.elapsed_s())).is_err() || failed {
                     break;
                 }
@@ -271,27 +272,28 @@ impl Source {
         }
     }
 
-    /// Width and height of every frame in pixels.
+    /// Returns the width and height of every frame in pixels.
     pub(crate) fn size(&self) -> (usize, usize) {
         self.description.size_px
     }
 
-    /// How many frames there will be, where that is known.
+    /// Returns the number of frames, if it is known.
     pub(crate) fn frame_count(&self) -> Option<usize> {
         self.description.frame_count
     }
 
-    /// When its frames were taken, where that is known before they are read.
+    /// Returns the time span of the frames, if it is known before they are read.
     pub(crate) fn span(&self) -> Option<TimeSpan> {
         self.span
     }
 
-    /// Whether its frames come as they are taken, from a device or a stream.
+    /// Reports whether frames arrive while they are taken, from a device or a stream.
     pub(crate) fn is_live(&self) -> bool {
         self.is_live
     }
 
-    /// The time stamp of the first frame in seconds, once it is decoded; nothing where there is no such frame. To be called before any is taken.
+    /// Waits for the first frame and returns its time stamp in seconds; `None` if there is no frame. Call it before
+    /// taking any frame.
     pub(crate) fn first_time_s(&mut self) -> Option<f64> {
         loop {
             match self.peeked.back() {
@@ -309,12 +311,12 @@ impl Source {
         }
     }
 
-    /// What the source delivers.
+    /// Returns the description of the source.
     pub(crate) fn describe(&self) -> &Description {
         &self.description
     }
 
-    /// What decoding came to so far.
+    /// Returns the statistics of decoding so far.
     pub(crate) fn counters(&self) -> Counters {
         Counters {
             ffmpeg_errors: self
@@ -325,7 +327,7 @@ impl Source {
         }
     }
 
-    /// What has come already: the next delivery, or that there are no more; pending where it must be waited for.
+    /// Returns the next delivery, or the end of the source, if it is available without waiting; otherwise pending.
     pub(crate) fn poll_next(&mut self) -> Poll<Option<Result<Delivery>>> {
         if !self.peeked.is_empty() {
             return Poll::Ready(self.next());
@@ -354,7 +356,7 @@ impl Source {
         delivery
     }
 
-    /// Nothing more comes; a panic of the thread is passed on.
+    /// Ends the source and propagates a panic of the thread.
     fn end(&mut self) -> Option<Result<Delivery>> {
         if let Err(panic) = self.stop() {
             std::panic::resume_unwind(panic);
@@ -362,7 +364,7 @@ impl Source {
         None
     }
 
-    /// Stops decoding and waits until the thread, and ffmpeg, have ended. Gives the thread's panic, if any.
+    /// Stops decoding and waits until the thread and ffmpeg have ended. Returns the thread's panic, if any.
     fn stop(&mut self) -> std::thread::Result<()> {
         if let Some(process) = &self.process {
             process.kill();
@@ -386,22 +388,23 @@ impl Iterator for Source {
 
 impl Drop for Source {
     fn drop(&mut self) {
-        // Whatever went wrong on the thread concerns nobody any more.
+        // Errors on the thread no longer matter.
         let _ = self.stop();
     }
 }
 
-/// What says when frames arrive.
+/// The clock of arrivals.
 #[derive(Debug, Clone, Copy)]
 enum Clock {
-    /// The recording: a frame arrives when it says so, else at its own time stamp, or right after the frame before it.
+    /// The recording: a frame arrives at its recorded arrival time, else at its own time stamp, but never before the
+    /// frame preceding it.
     Recorded,
-    /// The program's clock, when it receives the frame.
+    /// The program's clock, at the time when it receives the frame.
     Live,
 }
 
 impl TimeSpan {
-    /// Of one or more time stamps in seconds.
+    /// Returns the span of one or more time stamps in seconds.
     fn of(mut times_s: Vec<f64>) -> Self {
         times_s.sort_by(f64::total_cmp);
         let mut steps_s: Vec<f64> = times_s.array_windows().map(|[a, b]| b - a).collect();

@@ -21,7 +21,7 @@ fn images(folder: &Path, timing: Timing) -> SourceConfig {
     }
 }
 
-/// A folder with the sequence's frames 0, 1, 3 and 4.
+/// Creates a folder with the sequence's frames 0, 1, 3 and 4.
 fn broken_sequence() -> TempDir {
     let folder = TempDir::new().expect("a folder");
     for name in ["000000.jpg", "000001.jpg", "000003.jpg", "000004.jpg"] {
@@ -30,7 +30,7 @@ fn broken_sequence() -> TempDir {
     folder
 }
 
-/// The frame that comes next, and its arrival.
+/// Returns the next frame and its arrival.
 fn next_frame(source: &mut Source) -> (Frame, f64) {
     match source.next() {
         Some(Ok(Delivery::Frame { frame, arrival_s })) => (frame, arrival_s),
@@ -38,7 +38,7 @@ fn next_frame(source: &mut Source) -> (Frame, f64) {
     }
 }
 
-/// Why the image that comes next cannot be used.
+/// Returns the reason why the next image cannot be used.
 fn next_broken(source: &mut Source) -> String {
     match source.next() {
         Some(Ok(Delivery::Broken(why))) => why.to_string(),
@@ -47,7 +47,7 @@ fn next_broken(source: &mut Source) -> String {
 }
 
 #[test]
-fn a_sequence_comes_whole_and_in_order() {
+fn a_sequence_is_complete_and_in_order() {
     let config = images(&sequence(), Timing::Fps(25.0));
     let mut source = Source::open(&config).expect("opens");
     assert_eq!(
@@ -74,7 +74,7 @@ fn a_sequence_comes_whole_and_in_order() {
 }
 
 #[test]
-fn a_part_of_a_sequence_keeps_its_times() {
+fn a_range_of_a_sequence_keeps_its_times() {
     let folder = broken_sequence();
     let config = SourceConfig {
         time_offset_s: -0.5,
@@ -90,7 +90,7 @@ fn a_part_of_a_sequence_keeps_its_times() {
     assert_eq!(source.first_time_s(), Some(0.1 - 0.5));
     let times_s = [(); 2].map(|()| next_frame(&mut source).0.time_s());
     let wanted_s = [0.1 - 0.5, 0.4 - 0.5];
-    assert_eq!(times_s, wanted_s, "frame 2 is missing, and leaves a gap");
+    assert_eq!(times_s, wanted_s, "frame 2 is missing and leaves a gap");
     assert!(source.next().is_none());
     let beyond = SourceConfig {
         frames: FrameRange {
@@ -107,7 +107,7 @@ fn a_part_of_a_sequence_keeps_its_times() {
 }
 
 #[test]
-fn frames_arrive_when_the_recording_says_or_by_their_stamps() {
+fn frames_arrive_at_recorded_times_or_at_their_stamps() {
     let folder = broken_sequence();
     let arrivals_s = |times: &str| {
         std::fs::write(folder.path().join("times.csv"), times).expect("written");
@@ -121,10 +121,10 @@ fn frames_arrive_when_the_recording_says_or_by_their_stamps() {
             (frame.time_s(), arrival_s)
         })
     };
-    // Stamps may run backwards; the order of delivery is that of the numbers.
+    // Stamps may decrease; frames are delivered in order of their numbers.
     let wanted = [(11.0, 11.0), (12.0, 12.0), (11.5, 12.0), (13.0, 13.0)];
     assert_eq!(arrivals_s("frame,time_s\n0,1\n1,2\n3,1.5\n4,3\n"), wanted);
-    // A camera's clock does not move the recorder's, and arrivals say the order.
+    // The camera's time offset does not shift arrival times, which determine the order.
     let wanted = [(11.0, 11.25), (13.0, 12.5), (14.0, 12.5), (12.0, 20.0)];
     assert_eq!(
         arrivals_s("frame,time_s,arrival_s\n0,1,11.25\n1,2,20\n3,3,12.5\n4,4,12.5\n"),
@@ -133,7 +133,7 @@ fn frames_arrive_when_the_recording_says_or_by_their_stamps() {
 }
 
 #[test]
-fn broken_images_and_those_of_another_size_are_passed_over() {
+fn broken_images_and_images_of_another_size_are_skipped() {
     let folder = broken_sequence();
     let third = folder.path().join("000003.jpg");
     let bytes = std::fs::read(&third).expect("read");
@@ -169,12 +169,12 @@ fn broken_images_and_those_of_another_size_are_passed_over() {
 fn a_source_dropped_early_stops_its_thread() {
     let mut source = Source::open(&images(&sequence(), Timing::Fps(25.0))).expect("opens");
     next_frame(&mut source);
-    // Joins the thread, which waits with frames that nobody takes: this must return.
+    // Joins the thread, which is blocked with frames that nothing receives: this must return.
     drop(source);
 }
 
 #[test]
-fn a_time_offset_that_is_no_number_is_an_error() {
+fn a_time_offset_that_is_not_a_number_is_an_error() {
     let config = SourceConfig {
         time_offset_s: f64::NAN,
         ..images(&sequence(), Timing::Fps(25.0))

@@ -1,4 +1,4 @@
-//! `times.csv`: when the images of a folder were taken, and when they arrived.
+//! `times.csv`: the times at which the images of a folder were taken and arrived.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,12 +13,12 @@ use crate::user_error::user_error;
 pub(super) struct ImageTimes {
     /// Its time stamp, in seconds.
     pub(super) time_s: f64,
-    /// When it reached the program that recorded it, in seconds; none where that is not known.
+    /// When it reached the program that recorded it, in seconds; `None` if unknown.
     pub(super) arrival_s: Option<f64>,
 }
 
 impl ImageTimes {
-    /// A time stamp alone, in seconds.
+    /// Creates times with a time stamp in seconds only.
     pub(super) fn at(time_s: f64) -> Self {
         Self {
             time_s,
@@ -27,13 +27,14 @@ impl ImageTimes {
     }
 }
 
-/// Reads columns `frame` (ascending, from 0), `time_s` and, where it is there, `arrival_s` of a CSV file with a header; times may run backwards. Frames are
-/// delivered in the order of their arrival, without arrivals in that of their numbers. Further columns are left alone; equal times are repeated frames.
+/// Reads the columns `frame` (ascending, from 0), `time_s` and, if present, `arrival_s` of a CSV file with a header.
+/// Times may decrease. Frames are delivered in order of arrival, or of their numbers without arrivals. Other columns
+/// are ignored; equal times mark repeated frames.
 pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
     let name = path.display();
     let text = std::fs::read(path).map_err(|error| {
         user_error!(
-            "{name}: can not be read: {error}; write one with the header frame,time_s, or give fps"
+            "{name}: cannot be read: {error}; write one with the header frame,time_s, or give fps"
         )
     })?;
     let mut reader = csv::ReaderBuilder::new()
@@ -41,7 +42,7 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
         .from_reader(text.as_slice());
     let header = reader
         .headers()
-        .map_err(|error| user_error!("{name}: the header can not be read: {error}"))?;
+        .map_err(|error| user_error!("{name}: the header cannot be read: {error}"))?;
     let find = |wanted: &str| header.iter().position(|column| column == wanted);
     let column = |wanted: &str| {
         find(wanted).ok_or_else(|| {
@@ -80,7 +81,7 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
         if let Some((&last_frame, _)) = times.last_key_value() {
             if frame == last_frame {
                 return Err(user_error!(
-                    "{name}, line {line}: frame {frame} is given a second time; give each frame once"
+                    "{name}, line {line}: frame {frame} occurs twice; list each frame once"
                 ));
             }
             if frame < last_frame {

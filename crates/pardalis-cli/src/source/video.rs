@@ -1,4 +1,4 @@
-//! Video files, streams and camera devices, by way of an installed ffmpeg, in their own pixel format.
+//! Video files, streams and camera devices, read with an installed ffmpeg in their own pixel format.
 
 use std::io::Read;
 use std::sync::Arc;
@@ -13,28 +13,28 @@ use super::ffmpeg::{Decode, ProbedStream, Process, Programs};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
 use crate::user_error::user_error;
 
-/// From this many lines on a picture counts as high definition where it does not say its matrix.
+/// A picture with at least this number of lines counts as high definition if it does not state its matrix.
 const HIGH_DEFINITION_LINES: usize = 720;
 
-/// The frames still to be delivered.
+/// The frames that are still to be delivered.
 pub(super) struct VideoFrames {
     input: String,
     span: Option<TimeSpan>,
     size_px: (usize, usize),
     byte_count: usize,
-    /// Which frames are delivered.
+    /// The frames to deliver.
     range: FrameRange,
-    /// Frames that are still to be delivered at most.
+    /// Maximum number of frames that are still to be delivered.
     remaining: Option<usize>,
-    /// Frames read so far, those left out included.
+    /// Frames read so far, including skipped ones.
     read: usize,
     decode: Decode,
     ended: bool,
 }
 
 impl VideoFrames {
-    /// Opens the first video stream of what ffmpeg knows by this name. The frames of
-    /// the range are delivered.
+    /// Opens the first video stream of an input of ffmpeg and delivers the frames of
+    /// the range.
     pub(super) fn open(
         programs: &Programs,
         input: &str,
@@ -77,17 +77,17 @@ impl VideoFrames {
         Ok((description, frames))
     }
 
-    /// The process that must be killed to end a wait for a frame.
+    /// Returns the process, which must be killed to end a wait for a frame.
     pub(super) fn process(&self) -> Arc<Process> {
         Arc::clone(&self.decode.process)
     }
 
-    /// When the frames were taken, where the container says it.
+    /// Returns the time span of the frames, if the container states it.
     pub(super) fn span(&self) -> Option<TimeSpan> {
         self.span
     }
 
-    /// Reads one frame; nothing at a sound end.
+    /// Reads one frame; `None` at the regular end.
     fn read_frame(&mut self) -> Result<Option<TimedBytes>> {
         let Ok(stamp) = self.decode.stamps.recv() else {
             return self.end().map(|()| None);
@@ -106,7 +106,7 @@ impl VideoFrames {
         }
         if self.decode.pixels.read_exact(&mut bytes).is_err() {
             self.end()?;
-            return Err(self.fault_with_messages("ffmpeg ended within a frame", &[]));
+            return Err(self.error_with_messages("ffmpeg ended within a frame", &[]));
         }
         let Some(time_s) = stamp.time_s else {
             return Err(user_error!(
@@ -124,7 +124,7 @@ impl VideoFrames {
         }))
     }
 
-    /// Looks why there are no more frames: fine at the end of the stream, else a fault that quotes ffmpeg.
+    /// Checks why there are no more frames: succeeds at the end of the stream, otherwise fails with ffmpeg's messages.
     fn end(&mut self) -> Result<()> {
         let log = self.decode.log.take().map(std::thread::JoinHandle::join);
         let messages = match log {
@@ -140,15 +140,15 @@ impl VideoFrames {
             .is_ok_and(|count| count > 0)
         {
             return Err(
-                self.fault_with_messages("ffmpeg wrote more frames than time stamps", &messages)
+                self.error_with_messages("ffmpeg wrote more frames than time stamps", &messages)
             );
         }
         let status = self.decode.process.wait().context("waiting for ffmpeg")?;
         if !status.success() {
-            return Err(self.fault_with_messages(&format!("ffmpeg failed ({status})"), &messages));
+            return Err(self.error_with_messages(&format!("ffmpeg failed ({status})"), &messages));
         }
         if self.read == 0 {
-            return Err(self.fault_with_messages("ffmpeg found no frame to decode", &messages));
+            return Err(self.error_with_messages("ffmpeg found no frame to decode", &messages));
         }
         if self.read <= self.range.first {
             return Err(user_error!(
@@ -162,14 +162,14 @@ impl VideoFrames {
         Ok(())
     }
 
-    fn fault_with_messages(&self, what: &str, messages: &[String]) -> Error {
-        let says = if messages.is_empty() {
-            "It says nothing more.".to_owned()
+    fn error_with_messages(&self, what: &str, messages: &[String]) -> Error {
+        let details = if messages.is_empty() {
+            "ffmpeg printed no further messages.".to_owned()
         } else {
-            format!("It says:\n{}", messages.join("\n"))
+            format!("ffmpeg's messages:\n{}", messages.join("\n"))
         };
         user_error!(
-            "{}: {what}, after {} frames; check the file or the camera. {says}",
+            "{}: {what}, after {} frames; check the file or the camera. {details}",
             self.input,
             self.read
         )
@@ -201,12 +201,12 @@ impl Iterator for VideoFrames {
 impl Drop for VideoFrames {
     fn drop(&mut self) {
         self.decode.process.kill();
-        // So that no dead process is left behind; how it ended does not matter any more.
+        // Reaps the process; its exit status no longer matters.
         let _ = self.decode.process.wait();
     }
 }
 
-/// The size at which ffmpeg delivers the frames: it turns them upright.
+/// Returns the size at which ffmpeg delivers the frames, after rotating them upright.
 fn upright_size_px(stream: &ProbedStream) -> (usize, usize) {
     if stream.rotation_deg().rem_euclid(180) == 90 {
         (stream.height, stream.width)
@@ -215,7 +215,7 @@ fn upright_size_px(stream: &ProbedStream) -> (usize, usize) {
     }
 }
 
-/// For people: what the stream is, and what is done to it.
+/// Returns a description of the stream and its conversion.
 fn content(stream: &ProbedStream, layout: &Layout) -> String {
     let conversion = if layout.pix_fmt == stream.pix_fmt {
         String::new()
@@ -224,7 +224,7 @@ fn content(stream: &ProbedStream, layout: &Layout) -> String {
     };
     let turn = match stream.rotation_deg() {
         0 => String::new(),
-        degrees => format!(", turned by {degrees} degrees as the file asks"),
+        degrees => format!(", rotated by {degrees} degrees as the file requests"),
     };
     format!(
         "{} video in {}{conversion}{turn}",
@@ -232,25 +232,25 @@ fn content(stream: &ProbedStream, layout: &Layout) -> String {
     )
 }
 
-/// In which pixel format frames are taken, and how ffmpeg brings them there.
+/// The pixel format of the frames, and ffmpeg's conversion to it.
 #[derive(Debug, PartialEq)]
 struct Layout {
     format: PixelFormat,
-    /// The same in ffmpeg's words.
+    /// The same as ffmpeg's name.
     pix_fmt: String,
-    /// None for RGB.
+    /// `None` for RGB.
     encoding: Option<YuvEncoding>,
     /// ffmpeg's filters.
     filter: String,
 }
 
 impl Layout {
-    /// The stream's own format where it is one of ours, else the nearest.
+    /// Chooses the stream's own format if it is supported, otherwise the nearest one.
     fn of(stream: &ProbedStream, given: Option<YuvEncoding>) -> Self {
         let encoding = given.or_else(|| encoding_of(stream));
         let source = stream.pix_fmt.as_str();
         let (format, pix_fmt) = nearest_format(source);
-        // Chroma in packed pairs can not be turned, and RGB is what stands for any other matrix.
+        // Packed chroma cannot be rotated, and RGB replaces unsupported matrices.
         let packed = matches!(format, PixelFormat::Yuyv | PixelFormat::Uyvy);
         let (format, pix_fmt) = if (packed && stream.rotation_deg() != 0) || encoding.is_none() {
             (PixelFormat::Rgb8, "rgb24")
@@ -261,7 +261,7 @@ impl Layout {
         let filter = if pix_fmt == source {
             format!("format={pix_fmt}")
         } else if !is_rgb {
-            // The same range named on both sides keeps ffmpeg from stretching the values.
+            // Naming the same range on both sides keeps ffmpeg from rescaling the values.
             format!("scale=in_range=full:out_range=full,format={pix_fmt}")
         } else {
             let exact = "flags=accurate_rnd+full_chroma_int+full_chroma_inp";
@@ -289,7 +289,7 @@ impl Layout {
     }
 }
 
-/// The format that loses least, by ffmpeg's names.
+/// Returns the supported format that loses least, from ffmpeg's name.
 fn nearest_format(pix_fmt: &str) -> (PixelFormat, &str) {
     match pix_fmt {
         "yuv420p" | "yuvj420p" => (PixelFormat::I420, pix_fmt),
@@ -298,7 +298,7 @@ fn nearest_format(pix_fmt: &str) -> (PixelFormat, &str) {
         "uyvy422" => (PixelFormat::Uyvy, pix_fmt),
         "nv21" => (PixelFormat::Nv12, "nv12"),
         "yvyu422" | "nv16" => (PixelFormat::Yuyv, "yuyv422"),
-        // With alpha, or with more bits.
+        // With alpha or more bits.
         _ if ["yuv420p", "yuva420p", "p01"]
             .iter()
             .any(|p| pix_fmt.starts_with(p)) =>
@@ -315,7 +315,8 @@ fn nearest_format(pix_fmt: &str) -> (PixelFormat, &str) {
     }
 }
 
-/// What the stream says about its YUV, and what is usual where it does not. None: another matrix than ours.
+/// Returns the YUV encoding that the stream states, or the usual one if it states none; `None` if the matrix is not
+/// supported.
 fn encoding_of(stream: &ProbedStream) -> Option<YuvEncoding> {
     let matrix = match stream.color_space.as_str() {
         "bt709" => YuvMatrix::Bt709,

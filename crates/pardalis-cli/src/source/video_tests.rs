@@ -9,7 +9,7 @@ use crate::source::{Clock, Counters, Delivery, Source, SourceConfig, SourceKind}
 use pardalis::Frame;
 use pardalis_scene::FrameRange;
 
-/// The installed programs; none, with a note, where these tests can not be made.
+/// Returns the installed programs; prints a note and returns `None` if these tests cannot run.
 fn programs() -> Option<Programs> {
     let found = Programs::find(&std::env::var_os("PATH").unwrap_or_default()).ok();
     if found.is_none() {
@@ -18,7 +18,7 @@ fn programs() -> Option<Programs> {
     found
 }
 
-/// Runs ffmpeg, which must succeed, and gives what it writes to its output.
+/// Runs ffmpeg, which must succeed, and returns its standard output.
 fn ffmpeg(arguments: &[&str]) -> Vec<u8> {
     let output = Command::new("ffmpeg")
         .args(["-loglevel", "error", "-nostdin", "-y"])
@@ -44,7 +44,7 @@ fn path_in(folder: &TempDir, name: &str) -> String {
     folder.path().join(name).to_string_lossy().into_owned()
 }
 
-/// Makes a clip of the sequence's first six frames, as the arguments say.
+/// Creates a clip of the sequence's first six frames with these arguments.
 fn clip(folder: &TempDir, name: &str, arguments: &[&str]) -> String {
     let path = path_in(folder, name);
     let pattern = format!("{}/%06d.jpg", sequence());
@@ -65,7 +65,7 @@ fn config(input: &str) -> SourceConfig {
     }
 }
 
-/// A frame; nothing in a video is broken and can be passed over.
+/// Unwraps a frame; a video has no broken images that could be skipped.
 fn frame_of(delivery: Delivery) -> Frame {
     match delivery {
         Delivery::Frame { frame, .. } => frame,
@@ -73,7 +73,7 @@ fn frame_of(delivery: Delivery) -> Frame {
     }
 }
 
-/// What the source describes, all time stamps and all bytes; every frame must be sound.
+/// Reads the whole source: its description, all time stamps, all bytes and the statistics. Every frame must be valid.
 fn read(config: &SourceConfig) -> (Description, Vec<f64>, Vec<u8>, Counters) {
     let mut source = Source::open(config).expect("opens");
     let (mut times, mut bytes) = (Vec::new(), Vec::new());
@@ -86,7 +86,7 @@ fn read(config: &SourceConfig) -> (Description, Vec<f64>, Vec<u8>, Counters) {
 }
 
 #[test]
-fn pixels_come_in_the_streams_own_format() {
+fn pixels_are_delivered_in_the_streams_own_format() {
     if programs().is_none() {
         return;
     }
@@ -172,7 +172,7 @@ fn planar_422_is_packed_without_loss_in_both_ranges() {
 }
 
 #[test]
-fn formats_that_are_not_ours_become_rgb() {
+fn unsupported_formats_are_converted_to_rgb() {
     if programs().is_none() {
         return;
     }
@@ -196,7 +196,7 @@ fn formats_that_are_not_ours_become_rgb() {
         );
         assert!(bytes == rgb, "{pix_fmt}");
     }
-    // 4:4:4 in each encoding: as our own conversion, but for rounding.
+    // 4:4:4 in each encoding: equal to our own conversion except for rounding.
     let path = clip(
         &folder,
         "444.nut",
@@ -231,7 +231,7 @@ fn formats_that_are_not_ours_become_rgb() {
 }
 
 #[test]
-fn time_stamps_are_the_streams_own() {
+fn time_stamps_are_those_of_the_stream() {
     if programs().is_none() {
         return;
     }
@@ -247,7 +247,7 @@ fn time_stamps_are_the_streams_own() {
     std::fs::write(&list_path, list).expect("written");
     let path = path_in(&folder, "odd:name %d.mkv");
     let output = format!("file:{path}");
-    // A first time other than zero, and rates that change from frame to frame.
+    // The first time differs from zero, and the frame rate varies.
     ffmpeg(&[
         "-f",
         "concat",
@@ -326,7 +326,7 @@ fn time_stamps_are_the_streams_own() {
 }
 
 #[test]
-fn rotated_videos_stand_upright() {
+fn rotated_videos_are_delivered_upright() {
     if programs().is_none() {
         return;
     }
@@ -340,7 +340,7 @@ fn rotated_videos_stand_upright() {
     let rotate = ["-metadata:s:v:0", "rotate=90", "-c", "copy"];
     ffmpeg(&[&["-i", &lying], rotate.as_slice(), &[&turned]].concat());
     let (description, _, bytes, _) = read(&config(&turned));
-    if description.content.contains("turned by") {
+    if description.content.contains("rotated by") {
         assert_eq!(description.size_px, (480, 640));
         let expected = ffmpeg(&["-i", &turned, "-f", "rawvideo", "-pix_fmt", "yuv420p", "-"]);
         assert!(bytes == expected);
@@ -350,7 +350,7 @@ fn rotated_videos_stand_upright() {
 }
 
 #[test]
-fn what_ffmpeg_can_not_read_is_named() {
+fn unreadable_inputs_are_named_in_errors() {
     if programs().is_none() {
         return;
     }
@@ -369,10 +369,10 @@ fn what_ffmpeg_can_not_read_is_named() {
     std::fs::write(&half, &bytes[..bytes.len() / 2]).expect("written");
     for (input, expected) in [
         ("/nonexistent/a.mp4", "No such file"),
-        (&text, "can not open it"),
+        (&text, "cannot open it"),
         (&sound, "no video stream"),
         (&half, "moov atom not found"),
-        ("", "can not open it"),
+        ("", "cannot open it"),
     ] {
         let error = Source::open(&config(input))
             .err()
@@ -405,7 +405,7 @@ fn a_source_dropped_early_ends_ffmpeg() {
     drop(source);
 }
 
-/// Programs that stand in for ffmpeg's: the second fails as the shell script says.
+/// Creates programs that replace ffmpeg's: the second runs the shell script.
 #[cfg(unix)]
 fn stand_in(folder: &TempDir, script: &str) -> Programs {
     use std::os::unix::fs::PermissionsExt;
@@ -435,7 +435,7 @@ fn stand_in(folder: &TempDir, script: &str) -> Programs {
     Programs::find(OsStr::new(folder.path())).expect("both stand-ins")
 }
 
-/// Reads a clip of six frames with a stand-in: the times of the sound frames, the error, the counters.
+/// Reads a clip of six frames with a stand-in; returns the times of the valid frames, the error and the statistics.
 #[cfg(unix)]
 fn read_with(script: &str) -> Option<(Vec<f64>, Option<String>, Counters)> {
     programs()?;
@@ -463,8 +463,8 @@ fn read_with(script: &str) -> Option<(Vec<f64>, Option<String>, Counters)> {
 
 #[cfg(unix)]
 #[test]
-fn frames_before_a_failure_are_delivered_and_the_failure_quoted() {
-    // The third frame is cut off within.
+fn frames_before_a_failure_are_delivered_and_the_failure_is_quoted() {
+    // The third frame is truncated.
     let script = "FFMPEG \"$@\" | head -c 1000000; echo '[fatal] camera unplugged' >&2; exit 9";
     let Some((times, error, counters)) = read_with(script) else {
         return;

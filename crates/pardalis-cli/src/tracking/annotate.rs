@@ -1,4 +1,4 @@
-//! Annotated frames: what was estimated, drawn over the image it was estimated from.
+//! Annotated frames: estimates drawn over the image that they were computed from.
 
 use std::collections::VecDeque;
 use std::fs;
@@ -17,16 +17,17 @@ use crate::draw::overlay::{Mark, Overlay, Shape, annotated};
 use crate::draw::picture::{picture_of, write_picture};
 use crate::user_error::user_error;
 
-/// Particles shown at most: more would hide the target.
+/// Maximum number of particles shown; more would hide the target.
 const MAX_DOTS: usize = 300;
-/// Positions of the past that are drawn as a trail.
+/// Number of past positions that are drawn as a trail.
 const TRAIL: usize = 50;
 /// Points of a drawn contour.
 const CONTOUR_POINTS: usize = 72;
-/// The arrow along a heading, in distances of the front landmark from the target's position.
+/// Length of the arrow along the heading, as a multiple of the distance of the front landmark from the target's
+/// position.
 const ARROW_LENGTH: f64 = 4.0;
 
-/// Removes what an earlier, longer run left, which would pass for this one's.
+/// Removes the frames of an earlier run, which might have been longer.
 fn remove_frames(folder: &Path) -> std::io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
@@ -39,19 +40,20 @@ fn remove_frames(folder: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Writes one JPEG a frame.
+/// Writes one JPEG per frame.
 pub(crate) struct Annotator {
     folder: PathBuf,
     /// The folder of each camera.
     camera_folders: Vec<PathBuf>,
     targets: Vec<TargetConfig>,
     has_trails: bool,
-    /// The last positions of each target; nothing where there was no estimate.
+    /// The last positions of each target; `None` where there was no estimate.
     trails: Vec<VecDeque<Option<[f64; 3]>>>,
 }
 
 impl Annotator {
-    /// Creates the folders: `annotated`, with one for each camera in it where there are several; frames of an earlier run are removed.
+    /// Creates the folder `annotated`, with one subfolder per camera if there are several, and removes the frames of an
+    /// earlier run.
     pub(crate) fn create(output: &Path, scene: &Scene, annotate: Annotate) -> Result<Self> {
         let folder = output.join("annotated");
         let camera_folders: Vec<PathBuf> = match &scene.cameras[..] {
@@ -79,12 +81,13 @@ impl Annotator {
         })
     }
 
-    /// Where the frames are.
+    /// Returns the folder of the frames.
     pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// The trail of each target, its cloud, the contours of the best particle in white and those of the mean in black, as the paper draws them.
+    /// Returns the trail and the particles of each target, the contours of the best particle in white and those of
+    /// the mean in black, as in the paper.
     fn marks(&self, instant: &Instant, view: &View) -> Result<Vec<Mark>> {
         let mut marks = Vec::new();
         for (number, estimate) in instant.estimates.iter().enumerate() {
@@ -140,9 +143,9 @@ impl Annotator {
     }
 }
 
-/// The contours of the best particle in white and those of the mean in black.
+/// Adds the contours of the best particle in white and those of the mean in black.
 fn push_outlines(marks: &mut Vec<Mark>, body: &BodyConfig, known: &StateEstimate, view: &View) {
-    // Other cues know nothing of outlines: the body's own is shown.
+    // Cues other than the contour cue have no scaled contours: draw the outline itself.
     let scales = body
         .contour()
         .map_or_else(|| vec![1.0], |contour| contour.sampling.shown_scales());
@@ -167,7 +170,7 @@ fn push_outlines(marks: &mut Vec<Mark>, body: &BodyConfig, known: &StateEstimate
     }
 }
 
-/// Some of a body's particles, each as the pixel of the place that is shown for it.
+/// Returns some of a body's particles, each at the pixel of its drawn position.
 fn cloud(body: &BodyConfig, particles: &Particles, view: &View, color: [u8; 3]) -> Mark {
     let step = particles.count().div_ceil(MAX_DOTS);
     let points_px = (0..particles.count())
@@ -181,7 +184,8 @@ fn cloud(body: &BodyConfig, particles: &Particles, view: &View, color: [u8; 3]) 
     }
 }
 
-/// What is shown of a body at this position: the middle of a flat shape, which lies above it; else the position.
+/// Returns the drawn position of a body at this position: the middle of a flat shape, which lies above its position;
+/// otherwise the position itself.
 fn shown_m(body: &BodyConfig, [x, y, z]: [f64; 3]) -> [f64; 3] {
     match body.shape {
         pardalis::shape::Shape::Flat(flat) => [x, y, z + flat.height_m],
@@ -189,7 +193,7 @@ fn shown_m(body: &BodyConfig, [x, y, z]: [f64; 3]) -> [f64; 3] {
     }
 }
 
-/// An arrow over the ground from a target's position towards its front.
+/// Returns an arrow on the ground from a target's position towards its front.
 fn arrow([x, y, z]: [f64; 3], front_m: [f64; 3], view: &View, color: [u8; 3]) -> Mark {
     let (ahead, left) = (
         [front_m[0] - x, front_m[1] - y],

@@ -1,4 +1,4 @@
-//! The frames of a scene's cameras as sets in order of time. A camera that fails stops alone.
+//! The frames of a scene's cameras as sets in order of time. A camera that fails does not stop the others.
 
 use std::task::Poll;
 use std::time::Duration;
@@ -11,52 +11,52 @@ use crate::interrupt;
 use crate::source::{Delivery, Source};
 use crate::timing::now_s;
 
-/// How often live cameras are asked for frames.
+/// Polling interval of live cameras.
 const POLL: Duration = Duration::from_millis(1);
 
-/// Broken images that are named for each camera; all are counted.
+/// Number of broken images per camera that are reported by name; all are counted.
 const NAMED_BROKEN: usize = 3;
 
-/// A camera that ends this much before another has ended early, in seconds.
+/// A camera that ends this long before another has ended early, in seconds.
 const EARLY_S: f64 = 1.0;
 
-/// How it went with one camera.
+/// Statistics of one camera.
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct CameraRecord {
     /// Its frames.
     pub(crate) frames: FrameCounts,
-    /// That it failed, or ended before the others.
+    /// Set if the camera failed or ended before the others.
     pub(crate) stopped: Option<Stopped>,
 }
 
-/// Why a camera gave no more frames.
+/// Why a camera delivered no more frames.
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct Stopped {
-    /// Its last time stamp, in seconds; none where nothing came.
+    /// Its last time stamp, in seconds; `None` if it delivered no frame.
     pub(crate) time_s: Option<f64>,
-    /// In words.
+    /// The reason as text.
     pub(crate) reason: String,
 }
 
-/// A frame with its camera's number and arrival in seconds.
+/// A frame with its camera's index and its arrival in seconds.
 type Arrived = (usize, Frame, f64);
 
-/// The sets of frames of all cameras; cameras need not run at one rate.
+/// The sets of frames of all cameras, which may have different rates.
 pub(crate) struct FrameSets<'a> {
     sources: &'a mut [Source],
     names: Vec<String>,
     is_live: bool,
-    /// The next frame of each recorded source, once it is fetched.
+    /// The next frame of each recorded source, if it has been fetched.
     next: Vec<Option<Arrived>>,
     /// Why each source failed.
     failures: Vec<Option<String>>,
     merge: Merge,
-    /// What is to be told to the user, and was not yet.
+    /// Warnings that have not been printed yet.
     warnings: Vec<String>,
 }
 
 impl<'a> FrameSets<'a> {
-    /// Takes frames from these sources, which are all recorded or all live; the cameras' names are for messages.
+    /// Takes frames from these sources, which are all recorded or all live. The cameras' names are for messages.
     pub(crate) fn new(sources: &'a mut [Source], names: Vec<String>, max_delay_s: f64) -> Self {
         Self {
             is_live: sources.iter().any(Source::is_live),
@@ -69,12 +69,12 @@ impl<'a> FrameSets<'a> {
         }
     }
 
-    /// What went wrong since this was asked before.
+    /// Returns the warnings since the last call.
     pub(crate) fn warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)
     }
 
-    /// How it went with each camera, once no more sets are wanted.
+    /// Returns the statistics of each camera, after the last set.
     pub(crate) fn records(&mut self) -> Vec<CameraRecord> {
         let counts: Vec<FrameCounts> = self.merge.counts().collect();
         let ends_s = counts.iter().filter_map(|counts| counts.last_time_s);
@@ -105,7 +105,7 @@ impl<'a> FrameSets<'a> {
             .collect()
     }
 
-    /// Looks at what a source gave; a frame is given back.
+    /// Handles a delivery of a source; returns it if it is a frame.
     fn sort(&mut self, camera: usize, delivery: anyhow::Result<Delivery>) -> Option<Arrived> {
         let name = &self.names[camera];
         match delivery {
@@ -134,7 +134,7 @@ impl<'a> FrameSets<'a> {
         None
     }
 
-    /// The next set of recorded cameras. Nothing is timed: however fast they are decoded, the sets are the same.
+    /// Returns the next set of recorded cameras. The sets do not depend on the speed of decoding.
     fn next_recorded(&mut self) -> Option<FrameSet> {
         loop {
             for camera in 0..self.sources.len() {
@@ -148,7 +148,7 @@ impl<'a> FrameSets<'a> {
             let first = waiting.min_by(|a, b| a.2.total_cmp(&b.2));
             let first = first.map(|&(camera, _, arrival_s)| (camera, arrival_s));
             let now_s = first.map_or(f64::INFINITY, |(_, arrival_s)| arrival_s);
-            let set = self.merge.hand_on(now_s);
+            let set = self.merge.next_set(now_s);
             if set.is_some() {
                 return set;
             }
@@ -157,7 +157,8 @@ impl<'a> FrameSets<'a> {
         }
     }
 
-    /// The next set of live cameras: none waits for one that is silent. Nothing once all have ended, or the user wants to stop.
+    /// Returns the next set of live cameras without waiting for silent ones; `None` once all have ended or the user
+    /// interrupts.
     fn next_live(&mut self) -> Option<FrameSet> {
         while !interrupt::requested() {
             let now_s = now_s();
@@ -182,7 +183,7 @@ impl<'a> FrameSets<'a> {
             let all_ended = ended == self.sources.len();
             let set = self
                 .merge
-                .hand_on(if all_ended { f64::INFINITY } else { now_s });
+                .next_set(if all_ended { f64::INFINITY } else { now_s });
             if set.is_some() || all_ended {
                 return set;
             }

@@ -1,67 +1,69 @@
-//! Frames of several cameras, taken as they arrive and handed on in order of time. It knows no sources and no clock.
+//! Collects frames of several cameras as they arrive and emits them in order of time. Independent of sources and
+//! clocks.
 
 use pardalis::{CameraId, Error, Frame};
 use serde::Serialize;
 
-/// Frames closer in time than this belong to one set, in seconds: triggered cameras whose time stamps were rounded.
+/// Frames closer in time than this form one set, in seconds: triggered cameras whose time stamps were rounded.
 const SAME_INSTANT_S: f64 = 1e-6;
 
-/// The frames of one instant.
+/// The frames of one time.
 pub(crate) struct FrameSet {
-    /// With one camera the number of its image, else that of the set; from 0.
+    /// With one camera the index of its image, otherwise that of the set, from 0.
     pub(crate) index: usize,
-    /// The latest time stamp, in seconds; it grows from set to set.
+    /// The latest time stamp, in seconds; it increases from set to set.
     pub(crate) time_s: f64,
-    /// Each frame with its camera's number, in ascending order of it.
+    /// Each frame with its camera's index, in ascending order.
     pub(crate) frames: Vec<(usize, Frame)>,
-    /// The cameras among them whose image is, byte for byte, the one they gave before.
+    /// The cameras among them whose image is, byte for byte, the previous one.
     frozen: Vec<usize>,
 }
 
 impl FrameSet {
-    /// All its frames, for the tracker.
+    /// Returns all frames, for the tracker.
     pub(crate) fn whole(&self) -> Result<pardalis::FrameSet, Error> {
         let frames = self.frames.iter().cloned();
         pardalis::FrameSet::new(frames.map(|(camera, frame)| (CameraId::new(camera), frame)))
     }
 
-    /// Its frames without frozen images, which carry no new information; the time stays.
-    pub(crate) fn fresh(&self) -> Result<pardalis::FrameSet, Error> {
+    /// Returns the frames without frozen images, which carry no new information; the time is unchanged.
+    pub(crate) fn without_frozen(&self) -> Result<pardalis::FrameSet, Error> {
         let mut set = self.whole()?;
         set.retain(|camera, _| !self.frozen.contains(&camera.index()));
         Ok(set)
     }
 }
 
-/// What became of the frames of one camera. Once all are handed on: `delivered` is the sum of `used`, `frozen`, `dropped_late`, `repeated` and `broken`.
+/// Statistics of the frames of one camera. Once all are emitted, `delivered` is the sum of `used`, `frozen`,
+/// `dropped_late`, `repeated` and `broken`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub(crate) struct FrameCounts {
-    /// All that came.
+    /// Number of frames received.
     pub(crate) delivered: usize,
-    /// Weighed.
+    /// Frames that updated the tracker.
     pub(crate) used: usize,
-    /// Of those that were handed on: those that only waiting for them saved from being dropped.
+    /// Emitted frames that would have been dropped as late without waiting for them.
     pub(crate) sorted_in_late: usize,
-    /// Left out because later ones had been handed on.
+    /// Frames dropped because later ones had already been emitted.
     pub(crate) dropped_late: usize,
-    /// The same image again, byte for byte: it tells nothing new, and was not weighed.
+    /// Frames whose image repeats the previous one byte for byte, and which therefore did not update the tracker.
     pub(crate) frozen: usize,
-    /// Left out because this camera had given a frame of the same time.
+    /// Frames dropped because the camera had already delivered a frame with the same time.
     pub(crate) repeated: usize,
-    /// No images, or of another size.
+    /// Files that are not images or have another size.
     pub(crate) broken: usize,
     /// The earliest time stamp, in seconds.
     pub(crate) first_time_s: Option<f64>,
-    /// The latest one, in seconds.
+    /// The latest time stamp, in seconds.
     pub(crate) last_time_s: Option<f64>,
-    /// The longest time from one frame that was handed on to the next, in seconds.
+    /// The longest interval between emitted frames, in seconds.
     pub(crate) longest_gap_s: f64,
 }
 
 /// A frame that waits for earlier ones.
 struct Held {
     camera: usize,
-    /// Its number among all that its camera delivered.
+    /// Its index among all frames of its camera.
     number: usize,
     frame: Frame,
     arrival_s: f64,
@@ -69,45 +71,46 @@ struct Held {
     late: bool,
 }
 
-/// What is known of one camera.
+/// State of one camera.
 #[derive(Default)]
 struct Seen {
     counts: FrameCounts,
-    /// The image that came last.
+    /// The most recent image.
     last: Option<Frame>,
-    /// The time stamp of the frame that was handed on last, in seconds.
-    handed_on_s: Option<f64>,
+    /// The time stamp of the frame that was emitted last, in seconds.
+    emitted_s: Option<f64>,
 }
 
-/// The set that was handed on last.
+/// The set that was emitted last.
 struct LastSet {
     first_s: f64,
     time_s: f64,
     cameras: Vec<usize>,
 }
 
-/// The frames that arrived at one instant, to [`SAME_INSTANT_S`].
+/// The frames that arrived at one time, within [`SAME_INSTANT_S`].
 struct Arrivals {
     arrival_s: f64,
     latest_s: f64,
 }
 
-/// Puts frames in order of time.
+/// Sorts frames by time.
 pub(crate) struct Merge {
-    /// How long frames are held from their arrival, in seconds.
+    /// How long frames are held after their arrival, in seconds.
     hold_s: f64,
     held: Vec<Held>,
     cameras: Vec<Seen>,
     last_set: Option<LastSet>,
-    /// Sets handed on.
+    /// Number of emitted sets.
     set_count: usize,
     arriving: Arrivals,
-    /// The latest time stamp of those that arrived before, in seconds: what would have been handed on if nothing waited.
+    /// The latest time stamp of earlier arrivals, in seconds: everything up to it would already be emitted if nothing
+    /// waited.
     passed_s: f64,
 }
 
 impl Merge {
-    /// For this many cameras; `max_delay_s` is how long frames wait for earlier ones.
+    /// Creates a merge for this number of cameras; `max_delay_s` is how long frames wait for earlier ones.
     pub(crate) fn new(camera_count: usize, max_delay_s: f64) -> Self {
         Self {
             hold_s: max_delay_s.max(SAME_INSTANT_S),
@@ -123,7 +126,7 @@ impl Merge {
         }
     }
 
-    /// Takes a frame. Frames are to be given in the order of their arrival, in seconds, over all cameras.
+    /// Takes a frame. Frames must be given in order of arrival (seconds) over all cameras.
     pub(crate) fn take(&mut self, camera: usize, frame: Frame, arrival_s: f64) {
         let time_s = frame.time_s();
         if arrival_s > self.arriving.arrival_s + SAME_INSTANT_S {
@@ -172,8 +175,9 @@ impl Merge {
         counts.broken += 1;
     }
 
-    /// The earliest set, where a frame of it or of a later one has waited long enough at `now_s`, on the clock of arrivals.
-    pub(crate) fn hand_on(&mut self, now_s: f64) -> Option<FrameSet> {
+    /// Returns the earliest set if one of its frames or of a later set has waited long enough at `now_s`, on the
+    /// clock of arrivals.
+    pub(crate) fn next_set(&mut self, now_s: f64) -> Option<FrameSet> {
         let is_due = |held: &Held| held.arrival_s + self.hold_s < now_s;
         if !self.held.iter().any(is_due) {
             return None;
@@ -215,7 +219,7 @@ impl Merge {
                 counts.used += 1;
             }
             counts.sorted_in_late += usize::from(held.late);
-            if let Some(last_s) = seen.handed_on_s.replace(time_s) {
+            if let Some(last_s) = seen.emitted_s.replace(time_s) {
                 counts.longest_gap_s = counts.longest_gap_s.max(time_s - last_s);
             }
             set.time_s = set.time_s.max(time_s);
@@ -230,7 +234,7 @@ impl Merge {
         Some(set)
     }
 
-    /// What became of the frames of each camera so far.
+    /// Returns the statistics of each camera so far.
     pub(crate) fn counts(&self) -> impl Iterator<Item = FrameCounts> {
         self.cameras.iter().map(|seen| seen.counts)
     }

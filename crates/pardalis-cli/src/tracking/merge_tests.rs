@@ -3,7 +3,7 @@ use pardalis::color::YuvEncoding;
 
 use super::*;
 
-/// A small image whose content is its time, so that no two are the same.
+/// A small image whose content is its time, so that no two images are equal.
 fn frame(time_s: f64) -> Frame {
     image(time_s, time_s)
 }
@@ -22,7 +22,7 @@ fn image(time_s: f64, content: f64) -> Frame {
     frame.expect("a sound frame")
 }
 
-/// All sets of these frames (camera, time stamp, arrival), which need not be in order of arrival, and what became of them.
+/// Returns all sets of these frames (camera, time stamp, arrival), in any order, and the statistics.
 fn merged(
     camera_count: usize,
     max_delay_s: f64,
@@ -33,24 +33,27 @@ fn merged(
     let mut merge = Merge::new(camera_count, max_delay_s);
     let mut sets = Vec::new();
     for (camera, time_s, arrival_s) in frames {
-        sets.extend(std::iter::from_fn(|| merge.hand_on(arrival_s)));
+        sets.extend(std::iter::from_fn(|| merge.next_set(arrival_s)));
         merge.take(camera, frame(time_s), arrival_s);
     }
-    sets.extend(std::iter::from_fn(|| merge.hand_on(f64::INFINITY)));
+    sets.extend(std::iter::from_fn(|| merge.next_set(f64::INFINITY)));
     (sets, merge.counts().collect())
 }
 
-fn told(sets: &[FrameSet]) -> Vec<(f64, Vec<usize>)> {
+fn times_and_cameras(sets: &[FrameSet]) -> Vec<(f64, Vec<usize>)> {
     let cameras = |set: &FrameSet| set.frames.iter().map(|(camera, _)| *camera).collect();
     sets.iter().map(|set| (set.time_s, cameras(set))).collect()
 }
 
 #[test]
-fn triggered_cameras_come_in_one_set_and_free_ones_each_by_themselves() {
+fn triggered_cameras_share_sets_and_free_running_cameras_do_not() {
     let triggered = [(0, 0.0, 0.0), (1, 4e-7, 4e-7), (0, 0.1, 0.1), (1, 0.1, 0.1)];
     for max_delay_s in [0.0, 1.0] {
         let (sets, _) = merged(2, max_delay_s, &triggered);
-        assert_eq!(told(&sets), [(4e-7, vec![0, 1]), (0.1, vec![0, 1])]);
+        assert_eq!(
+            times_and_cameras(&sets),
+            [(4e-7, vec![0, 1]), (0.1, vec![0, 1])]
+        );
     }
     let free = [
         (0, 0.0, 0.0),
@@ -60,7 +63,7 @@ fn triggered_cameras_come_in_one_set_and_free_ones_each_by_themselves() {
     ];
     let (sets, counts) = merged(2, 0.1, &free);
     assert_eq!(
-        told(&sets),
+        times_and_cameras(&sets),
         [
             (0.0, vec![0]),
             (0.03, vec![1]),
@@ -76,9 +79,9 @@ fn triggered_cameras_come_in_one_set_and_free_ones_each_by_themselves() {
     assert_eq!(counts[1].longest_gap_s, 0.13 - 0.03);
 }
 
-/// A camera whose frames arrive one interval late: the delay saves exactly those that are dropped without it.
+/// A camera whose frames arrive one interval late: waiting saves exactly the frames that are dropped without it.
 #[test]
-fn a_late_camera_is_sorted_in_or_dropped() {
+fn late_frames_are_sorted_in_or_dropped() {
     let mut frames = Vec::new();
     for n in 0..10 {
         let time_s = f64::from(n) * 0.04;
@@ -99,11 +102,11 @@ fn a_late_camera_is_sorted_in_or_dropped() {
 }
 
 #[test]
-fn of_equal_times_of_a_camera_the_first_counts() {
-    // In one set, and after it was handed on.
+fn the_first_of_equal_times_of_a_camera_is_used() {
+    // Within one set, and after the set was emitted.
     let frames = [(0, 1.0, 1.0), (0, 1.0, 1.0), (0, 2.0, 2.0), (0, 2.0, 2.5)];
     let (sets, counts) = merged(1, 0.0, &frames);
-    assert_eq!(told(&sets), [(1.0, vec![0]), (2.0, vec![0])]);
+    assert_eq!(times_and_cameras(&sets), [(1.0, vec![0]), (2.0, vec![0])]);
     assert_eq!(
         (sets[0].index, sets[1].index),
         (0, 2),
@@ -113,7 +116,7 @@ fn of_equal_times_of_a_camera_the_first_counts() {
 }
 
 #[test]
-fn an_image_that_is_the_one_before_again_is_not_fresh() {
+fn a_repeated_image_is_frozen() {
     let mut merge = Merge::new(2, 0.0);
     for (camera, content) in [(0, 1.0), (1, 2.0), (0, 1.0), (1, 3.0), (0, 1.0), (1, 3.0)] {
         let step = merge.counts().map(|c| c.delivered).sum::<usize>() / 2;
@@ -121,11 +124,11 @@ fn an_image_that_is_the_one_before_again_is_not_fresh() {
         merge.take(camera, image(time_s, content), time_s);
     }
     merge.count_broken(1);
-    let sets: Vec<FrameSet> = std::iter::from_fn(|| merge.hand_on(f64::INFINITY)).collect();
+    let sets: Vec<FrameSet> = std::iter::from_fn(|| merge.next_set(f64::INFINITY)).collect();
     let fresh: Vec<Vec<usize>> = sets
         .iter()
         .map(|set| {
-            set.fresh()
+            set.without_frozen()
                 .unwrap()
                 .frames()
                 .map(|(camera, _)| camera.index())
@@ -141,9 +144,10 @@ fn an_image_that_is_the_one_before_again_is_not_fresh() {
 }
 
 proptest::proptest! {
-    /// Whatever arrives when: sets in strict order of time, each frame handed on once or counted as left out, and waiting longer loses no more.
+    /// For any arrivals: sets are in strict order of time, each frame is emitted once or counted as left out, and
+    /// waiting longer loses no more frames.
     #[test]
-    fn every_frame_is_handed_on_once_or_counted(
+    fn every_frame_is_emitted_once_or_counted(
         frames in proptest::collection::vec((0..4_usize, 0..60_u32, 0..80_u32), 0..60),
         delays in (0..40_u32, 0..40_u32),
     ) {

@@ -1,4 +1,4 @@
-//! The main job: frames of all cameras in time order, through the tracker, to the sinks.
+//! Tracking: frames of all cameras in time order, through the tracker, to the sinks.
 
 mod annotate;
 mod frame_sets;
@@ -30,77 +30,77 @@ use particle_rows::ParticleRows;
 use rows::Rows;
 pub(crate) use series::{SeriesCollector, truth_series};
 
-/// Where results go and what else is wanted.
+/// Where results go, and optional outputs.
 #[derive(Debug, Clone)]
 pub(crate) struct Options {
-    /// A folder, or standard output, which takes the rows alone.
+    /// A folder, or standard output, which receives only the rows.
     pub(crate) output: Output,
-    /// Takes the place of the scene's seed.
+    /// Overrides the scene's seed.
     pub(crate) seed: Option<u32>,
-    /// Threads to track with; the CPU's number of cores where there is none.
+    /// Number of threads; if `None`, one per core.
     pub(crate) threads: Option<usize>,
     /// Whether to write annotated frames.
     pub(crate) annotate: Annotate,
-    /// A file for the particles behind each estimate.
+    /// A file for the particles of each estimate.
     pub(crate) particles: Option<PathBuf>,
     /// Whether to draw plots.
     pub(crate) plots: bool,
-    /// Whether to show how far it is, on a terminal.
+    /// Whether to show a progress bar on a terminal.
     pub(crate) progress: bool,
 }
 
-/// Whether annotated frames are written, and what they show beside estimates.
+/// Whether to write annotated frames, and what they show beside estimates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Annotate {
-    /// None are written.
+    /// No annotated frames.
     No,
-    /// The frame alone.
+    /// Only the present estimates.
     Frame,
-    /// Where the targets were in the frames before, too.
+    /// Also the targets' past positions.
     Trails,
 }
 
-/// Where results go.
+/// Destination of results.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Output {
     /// All results, each in its file.
     Folder(PathBuf),
-    /// The rows alone.
+    /// Only the rows.
     Stdout,
 }
 
-/// One instant: its frames and what is known after them.
+/// One time: its frames and the state after them.
 pub(crate) struct Instant<'a> {
-    /// As [`FrameSet::index`].
+    /// See [`FrameSet::index`].
     pub(crate) index: usize,
     /// The latest time stamp of the set, in seconds.
     pub(crate) time_s: f64,
-    /// The frames, each with its camera's number.
+    /// The frames, each with its camera's index.
     pub(crate) frames: &'a [(usize, Frame)],
     /// The tracker after the frames.
     pub(crate) tracker: &'a Tracker,
-    /// One estimate a target.
+    /// One estimate per target.
     pub(crate) estimates: &'a [Estimate],
 }
 
-/// What takes results, instant by instant.
+/// Receives the results, one time after another.
 pub(crate) trait Sink: Send {
-    /// Takes one instant; what it writes is complete when it returns.
+    /// Takes one time; its output is complete on return.
     fn take(&mut self, instant: &Instant) -> Result<()>;
 }
 
-/// What a run came to.
+/// Outcome of a run.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Outcome {
-    /// Frame sets that were tracked.
+    /// Number of frame sets that were tracked.
     pub(crate) frame_sets: usize,
-    /// How it went with each camera, in the scene's order.
+    /// Statistics of each camera, in the scene's order.
     pub(crate) cameras: Vec<CameraRecord>,
-    /// Whether the user stopped it.
+    /// Whether the user interrupted it.
     pub(crate) interrupted: bool,
-    /// What ended it early.
+    /// The error that ended it early.
     pub(crate) error: Option<String>,
-    /// Seconds spent waiting for frames; they are decoded beside tracking.
+    /// Seconds spent waiting for frames, which are decoded in parallel.
     pub(crate) waiting_s: f64,
     /// Seconds spent tracking.
     pub(crate) tracking_s: f64,
@@ -108,44 +108,45 @@ pub(crate) struct Outcome {
     pub(crate) writing_s: f64,
 }
 
-/// A finished run, for those who show it.
+/// A finished run.
 pub(crate) struct Run {
-    /// The scene, as run.
+    /// The scene as it was run.
     pub(crate) open: OpenScene,
-    /// What it came to.
+    /// Its outcome.
     pub(crate) outcome: Outcome,
     /// The track of each target.
     pub(crate) series: SeriesCollector,
-    /// The files that were written, in the order a reader wants them.
+    /// The files that were written, the most important first.
     pub(crate) files: Vec<PathBuf>,
 }
 
-/// Makes estimates, one a target, of the frames of one instant.
+/// Computes one estimate per target from the frames of one time.
 pub(crate) type Step<'a> =
     &'a mut (dyn FnMut(&mut Tracker, &FrameSet) -> Result<Vec<Estimate>> + Send);
 
-/// Tracks a scene. What was written stays, whatever ends the run; an error that ended it is given back after all files are complete.
+/// Tracks a scene. Output that was written stays, whatever ends the run; an error that ended it is returned after all
+/// files are complete.
 pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
     run_scene(scene_path, scene::read(scene_path)?, options)
 }
 
-/// Tracks a scene as [`run`] does, read before from the file of that name.
+/// Tracks like [`run`] a scene that has been read from the file of that name.
 pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> Result<Run> {
     run_steps(scene_path, scene, &[], options, &mut observe)
 }
 
-/// One step of tracking. Where every image is one that was weighed before, the state is only predicted.
+/// Runs one step of tracking. If every image is frozen, the state is only predicted.
 fn observe(tracker: &mut Tracker, set: &FrameSet) -> Result<Vec<Estimate>> {
     let mut observe = || -> Result<Vec<Estimate>, pardalis_core::Error> {
-        tracker.observe(&set.fresh()?)?;
+        tracker.observe(&set.without_frozen()?)?;
         let estimate = |target| tracker.estimate_at(target, set.time_s);
         tracker.targets().map(estimate).collect()
     };
     observe().map_err(|error| user_error!("frame {}: {error}", set.index))
 }
 
-/// Takes a scene, read from the file of that name, through all its frames, or through `stills` in their place, by these steps. Results
-/// and errors as [`run`].
+/// Runs these steps over all frames of a scene that has been read from the file of that name, or over `stills` instead.
+/// Results and errors are those of [`run`].
 pub(crate) fn run_steps(
     scene_path: &Path,
     scene: Scene,
@@ -208,7 +209,7 @@ pub(crate) fn run_steps(
     }
 }
 
-/// The loop. Never fails: what ended it early comes back beside the outcome.
+/// The main loop. Never fails: an error that ended it early is part of the outcome.
 fn track(
     open: &mut OpenScene,
     step: Step,
@@ -233,7 +234,7 @@ fn track(
         }
         let watch = Stopwatch::start();
         let Some(set) = frame_sets.next() else {
-            // Waiting for live cameras ends on request, too.
+            // An interrupt also ends the wait for live cameras.
             if interrupt::requested() {
                 continue;
             }
@@ -268,7 +269,7 @@ fn track(
     outcome.cameras = frame_sets.records();
     let warnings = frame_sets.warnings();
     let ended_by = match ended_by {
-        // Whoever read our rows has seen enough.
+        // The reader of the rows has closed the pipe deliberately.
         Some(error) if is_broken_pipe(&error) => None,
         None if outcome.frame_sets == 0 => Some(user_error!(
             "no frame came from any camera; nothing was tracked\n  {}",
@@ -290,7 +291,7 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
         .any(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
-/// A bar on a terminal; nothing elsewhere.
+/// Returns a progress bar on a terminal and a hidden one elsewhere.
 fn progress_bar(frames: Option<usize>) -> ProgressBar {
     let bar = match frames {
         Some(frames) => ProgressBar::new(frames as u64),
@@ -302,8 +303,8 @@ fn progress_bar(frames: Option<usize>) -> ProgressBar {
         "tracking {spinner} {pos} frames, {rate}"
     };
     let rate = |state: &ProgressState, text: &mut dyn std::fmt::Write| {
-        // A bar that cannot be drawn harms nothing.
-        let _ = write!(text, "{:.0} a second", state.per_sec());
+        // A failure to format the rate is harmless.
+        let _ = write!(text, "{:.0} per second", state.per_sec());
     };
     match ProgressStyle::with_template(template) {
         Ok(style) => bar.with_style(style.with_key("rate", rate)),

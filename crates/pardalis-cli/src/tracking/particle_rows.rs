@@ -1,4 +1,4 @@
-//! Particles on request: one row per instant, target and particle, flushed after each instant.
+//! Optional output of particles: one row per time, target and particle, flushed after each time.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -13,16 +13,17 @@ use pardalis_scene::{Scene, TargetConfig};
 use super::{Instant, Sink};
 use crate::user_error::user_error;
 
-/// The first line. Further columns may follow in later versions.
+/// The header line. Later versions may append columns.
 const HEADER: &str =
     "frame,time_s,target,landmark,particle,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,weight\n";
-/// Columns of positions and velocities; a motion model without velocities has only the first three.
+/// Number of columns of position and velocity; a motion model without velocities has only the first three.
 const STATE_COLUMNS: usize = 6;
 
-/// Writes the particles behind each estimate to a file.
+/// Writes the particles of each estimate to a file.
 ///
-/// Only targets with an estimate have rows: the particles of a target that is searched for or lost mean nothing. Particles are written before resampling; those of a
-/// detected target are as of its last update. The weights of the particles of one landmark, or of a target without landmarks, sum to one.
+/// Only targets with an estimate have rows, because the particles of a searching or lost target mean nothing.
+/// Particles are written before resampling; those of a detected target are those of its last update. The weights of
+/// the particles of one landmark, or of a target without landmarks, sum to one.
 pub(crate) struct ParticleRows {
     out: BufWriter<File>,
     path: PathBuf,
@@ -84,7 +85,7 @@ impl Sink for ParticleRows {
     }
 }
 
-/// Adds a row per particle. Numbers are in the shortest form that reads back to the same value.
+/// Adds one row per particle. Numbers are in the shortest form that parses to the same value.
 fn push_rows(text: &mut String, labels: &str, particles: &Particles) {
     let columns = particles.columns();
     for (particle, log_weight) in particles.log_weights.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! tracks.csv: one row an instant and target, flushed as it comes.
+//! `tracks.csv`: one row per time and target, flushed immediately.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -10,14 +10,14 @@ use pardalis::Estimate;
 use super::{Instant, Output, Sink, is_broken_pipe};
 use crate::user_error::user_error;
 
-/// The first line. Further columns may follow in later versions.
+/// The header line. Later versions may append columns.
 const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
                       xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence,best_x_m,best_y_m,best_z_m\n";
 
 /// Writes rows to a file or to standard output.
 pub(crate) struct Rows {
     out: Box<dyn Write + Send>,
-    /// The file, for messages.
+    /// The destination, for messages.
     place: String,
     names: Vec<String>,
     text: String,
@@ -54,14 +54,14 @@ impl Rows {
             text: HEADER.to_owned(),
         };
         match rows.write() {
-            // The first row meets it again, and the run ends quietly.
+            // Writing the first row fails in the same way and ends the run quietly.
             Err(error) if is_broken_pipe(&error) => {}
             written => written?,
         }
         Ok(rows)
     }
 
-    /// One write an instant: a reader, or a crash, never sees half a row.
+    /// Writes all rows of one time at once, so that neither a reader nor a crash sees half a row.
     fn write(&mut self) -> Result<()> {
         self.out
             .write_all(self.text.as_bytes())
@@ -80,7 +80,7 @@ impl Sink for Rows {
     }
 }
 
-/// Numbers in their shortest form that reads back to the same value; fields that do not apply are empty.
+/// Writes one row. Numbers are in the shortest form that parses to the same value; fields that do not apply are empty.
 fn write_row(text: &mut String, instant: &Instant, name: &str, estimate: &Estimate) {
     let state = estimate.state.name();
     let _ = write!(text, "{},{},{name},{state}", instant.index, instant.time_s);

@@ -1,4 +1,4 @@
-//! Keeps the track of each target for plots and for the words at the end.
+//! Collects the track of each target for plots and for the final report.
 
 use std::path::{Path, PathBuf};
 
@@ -12,13 +12,13 @@ use crate::draw::camera_symbol::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
 use crate::tables::Series;
 
-/// Gathers the tracks.
+/// Collects the tracks.
 pub(crate) struct SeriesCollector {
     tracks: Vec<TrackSeries>,
     states: Vec<StateCounts>,
 }
 
-/// How many rows of a target were in each state.
+/// Number of rows of a target in each state.
 #[derive(Debug, Clone, Copy, Default, serde::Serialize)]
 pub(crate) struct StateCounts {
     pub(crate) searching: usize,
@@ -28,7 +28,7 @@ pub(crate) struct StateCounts {
 }
 
 impl SeriesCollector {
-    /// For targets of these names.
+    /// Creates a collector for targets of these names.
     pub(crate) fn new(names: &[String]) -> Self {
         let tracks = names
             .iter()
@@ -43,12 +43,12 @@ impl SeriesCollector {
         }
     }
 
-    /// The rows in each state, a target each.
+    /// Returns the number of rows in each state for each target.
     pub(crate) fn states(&self) -> &[StateCounts] {
         &self.states
     }
 
-    /// Draws the plots into a folder; `truth` beside them where it is known.
+    /// Draws the plots into a folder, with the truth if it is known.
     pub(crate) fn draw(
         &self,
         folder: &Path,
@@ -60,7 +60,7 @@ impl SeriesCollector {
     }
 }
 
-/// Where objects really were, to be drawn.
+/// Returns the true paths for plots.
 pub(crate) fn truth_series(truth: &[Series<TrueState>]) -> Vec<TruthSeries> {
     let series = truth.iter().map(|object| TruthSeries {
         rows: object

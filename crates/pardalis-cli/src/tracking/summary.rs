@@ -1,4 +1,4 @@
-//! summary.json: what was run, with which settings, and how it went.
+//! `summary.json`: the scene, its settings, and the outcome of the run.
 
 use std::path::{Path, PathBuf};
 
@@ -38,7 +38,7 @@ pub(crate) fn write(
     }
     let mut targets = Map::new();
     for (number, (target, states)) in open.scene.targets.iter().zip(series.states()).enumerate() {
-        let mut told = Map::new();
+        let mut per_camera = Map::new();
         let contributions = open.tracker.contributions(TargetId::new(number))?;
         for (camera, contribution) in open.scene.cameras.iter().zip(contributions) {
             let frames = contribution.frames;
@@ -48,11 +48,11 @@ pub(crate) fn write(
                 "seen_frames": contribution.seen_frames,
                 "mean_evidence_nats": mean_nats,
             });
-            told.insert(camera.name.clone(), entry);
+            per_camera.insert(camera.name.clone(), entry);
         }
         let diameters_m = target.bodies.iter().map(|body| body.shape.diameter_m());
         let diameter_m = diameters_m.fold(0.0, f64::max);
-        let entry = json!({ "diameter_m": diameter_m, "rows": states, "cameras": told });
+        let entry = json!({ "diameter_m": diameter_m, "rows": states, "cameras": per_camera });
         targets.insert(target.name.clone(), entry);
     }
     let summary = json!({

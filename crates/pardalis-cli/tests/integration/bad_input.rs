@@ -1,5 +1,5 @@
-//! `pardalis track` on hostile input: every fault of the user's ends with exit code 2 and a message that names the file, the key or line, what is
-//! wrong and what is allowed; rows written before stay whole.
+//! `pardalis track` on hostile input: every error in the user's input ends with exit code 2 and a message that names
+//! the file, the key or line, the problem and the allowed values; rows written before stay complete.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -10,7 +10,7 @@ use crate::common::{Run, SCENE, Workplace, frame_file, rows_in, scene_with};
 
 use pardalis_images::{GrayImage, JpegSampling, RgbImage, encode_jpeg, encode_png};
 
-/// A PNG file that is but its header and its end.
+/// A PNG file that consists only of its header and its end.
 fn png_of_size(width: u32, height: u32) -> Vec<u8> {
     let mut bytes = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR".to_vec();
     bytes.extend(width.to_be_bytes());
@@ -34,7 +34,7 @@ fn grey_png(place: &Workplace, name: &str, width: u32, height: u32, grey: u8) {
 }
 
 #[test]
-fn a_faulty_image_is_left_out_and_told() {
+fn a_broken_image_is_skipped_and_reported() {
     let whole = fs::read(frame_file(3)).unwrap();
     let small = encode_jpeg(&RgbImage::new(320, 240), 75, JpegSampling::Automatic).unwrap();
     let cases: [(&str, Vec<u8>, &str); 9] = [
@@ -63,13 +63,13 @@ fn a_faulty_image_is_left_out_and_told() {
         let summary = fs::read_to_string(place.path("out/summary.json")).unwrap();
         assert!(summary.contains("\"broken\": 1"), "{summary}");
     }
-    // The first whose header is sound sets the size.
+    // The first image with a valid header determines the size.
     let place = Workplace::with_frames(3);
     fs::write(place.image(0), png_of_size(60_000, 60_000)).unwrap();
     let run = place.track(SCENE);
     assert_eq!((run.code, place.rows().len()), (Some(0), 2));
     assert!(run.stderr.contains("60000 x 60000"), "{}", run.stderr);
-    // Where none has a sound one nothing runs, and where none can be decoded nothing is tracked.
+    // Without any valid header nothing runs; without any decodable image nothing is tracked.
     for number in 1..3 {
         fs::write(place.image(number), "no image").unwrap();
     }
@@ -88,7 +88,7 @@ fn a_faulty_image_is_left_out_and_told() {
 }
 
 #[test]
-fn faulty_masks() {
+fn invalid_masks_are_rejected() {
     let place = Workplace::with_frames(2);
     grey_png(&place, "small.png", 64, 48, 255);
     grey_png(&place, "black.png", 640, 480, 127);
@@ -100,9 +100,9 @@ fn faulty_masks() {
             "mask = \"black.png\"",
             &["black.png", "white (128 or more)"],
         ),
-        ("mask = \"none.png\"", &["none.png", "can not be read"]),
+        ("mask = \"none.png\"", &["none.png", "cannot be read"]),
         ("mask = \"text.png\"", &["text.png", "not a JPEG or PNG"]),
-        ("mask = \".\"", &["can not be read"]),
+        ("mask = \".\"", &["cannot be read"]),
         ("mask_radius_px = 0.1", &["mask_radius_px", "larger radius"]),
         ("mask_radius_px = 0", &["is 0; allowed: above 0"]),
         ("mask_radius_px = nan", &["is nan; allowed: a finite"]),
@@ -121,7 +121,7 @@ fn faulty_masks() {
 }
 
 #[test]
-fn faulty_times() {
+fn invalid_times_are_rejected() {
     let place = Workplace::with_frames(3);
     let scene = scene_with("fps = 25\n", "");
     let refused_times = |text: &str, wanted: &[&str]| {
@@ -153,7 +153,7 @@ fn faulty_times() {
     );
     refused_times(
         "frame,time_s\n0,0\n1,0.04\n1,0.08\n2,0.1\n",
-        &["line 4", "frame 1 is given a second time"],
+        &["line 4", "frame 1 occurs twice"],
     );
     refused_times(
         "frame,time_s\n0,0\n2,0.04\n1,0.08\n",
@@ -186,7 +186,7 @@ fn faulty_times() {
         .track(&scene)
         .refused(&["line 3: cameras.cam1.images", "give fps"]);
 
-    // A gap of numbers that no clock spans.
+    // A gap in the numbers that is too long for time stamps.
     fs::copy(frame_file(3), place.path("images/9223372036854775807.jpg")).unwrap();
     place.track(SCENE).refused(&[
         "line 3: cameras.cam1.images",
@@ -197,7 +197,7 @@ fn faulty_times() {
 }
 
 #[test]
-fn outputs_that_can_not_be_written() {
+fn unwritable_outputs_are_reported() {
     let place = Workplace::with_frames(2);
     place.write("file", "mine");
     place
@@ -226,7 +226,7 @@ fn outputs_that_can_not_be_written() {
 }
 
 #[test]
-fn a_reader_who_has_seen_enough_ends_the_run_quietly() {
+fn a_closed_pipe_ends_the_run_quietly() {
     let place = Workplace::with_frames(12);
     for lines in [0, 1, 3] {
         let mut child = place
@@ -247,7 +247,7 @@ fn a_reader_who_has_seen_enough_ends_the_run_quietly() {
             "{lines} lines"
         );
     }
-    // Nor do the words at the end need a reader.
+    // The final report needs no reader either.
     let mut child = place
         .command(SCENE, &["-o", "out", "--no-plots"])
         .stdout(Stdio::piped())
@@ -265,9 +265,9 @@ fn a_reader_who_has_seen_enough_ends_the_run_quietly() {
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_keeps_the_rows_and_says_so() {
+fn ctrl_c_keeps_the_rows_and_is_reported() {
     let place = Workplace::with_frames(1);
-    // Hard links to one image: a long sequence that costs no room.
+    // Hard links to one image: a long sequence that needs little space.
     for number in 1..500 {
         fs::hard_link(place.image(0), place.image(number)).unwrap();
     }
@@ -305,7 +305,7 @@ fn ctrl_c_keeps_the_rows_and_says_so() {
 }
 
 #[test]
-fn results_of_an_earlier_run_are_replaced_whole() {
+fn results_of_an_earlier_run_are_replaced_completely() {
     let place = Workplace::with_frames(6);
     place.track(SCENE).fine();
     assert_eq!(place.rows().len(), 6);
@@ -313,7 +313,7 @@ fn results_of_an_earlier_run_are_replaced_whole() {
         .track(scene_with("fps = 25", "fps = 25\nframe_limit = 2"))
         .fine();
     assert_eq!(place.rows().len(), 2);
-    // A scene that is refused leaves them as they are.
+    // A scene that is rejected leaves them unchanged.
     place.track("seed = 0").refused(&["cameras"]);
     assert_eq!(place.rows().len(), 2);
     place.write("out/tracks.csv", "x".repeat(100_000));
@@ -322,7 +322,7 @@ fn results_of_an_earlier_run_are_replaced_whole() {
 }
 
 #[test]
-fn videos_without_ffmpeg_or_without_end() {
+fn videos_without_ffmpeg_or_truncated_are_reported() {
     let place = Workplace::with_frames(10);
     let video = scene_with("images = \"images\"\nfps = 25", "video = \"cut.mkv\"");
     let without = Run::of(place.command(&video, &["-o", "-"]).env("PATH", ""));
@@ -365,9 +365,9 @@ fn videos_without_ffmpeg_or_without_end() {
         place.write("cut.mkv", &whole[..whole.len() * share / 1000]);
         place
             .track(&video)
-            .refused(&["cut.mkv: ff", "check the", "It says:"]);
+            .refused(&["cut.mkv: ff", "check the", "messages:"]);
     }
-    // Cut off amid its frames: those before are tracked, and ffmpeg's complaint is passed on.
+    // Truncated between frames: the earlier frames are tracked, and ffmpeg's messages are passed on.
     place.write("cut.mkv", &whole[..whole.len() * 7 / 10]);
     let run = place.track(&video);
     let rows = place.rows().len();

@@ -1,5 +1,5 @@
-//! `pardalis track` on hostile scenes and colour models: every problem ends with exit code 2 and a message that names the file, the key, the line,
-//! what is wrong and what is allowed.
+//! `pardalis track` on hostile scenes and colour models: every problem ends with exit code 2 and a message that names
+//! the file, the key, the line, the problem and the allowed values.
 
 use std::fs;
 use std::process::Command;
@@ -168,9 +168,9 @@ fn other_numbers_and_types_name_their_key_and_line() {
     assert!(!place.path("out").exists());
 }
 
-/// Whatever number stands anywhere: it is refused with its line, or all of the rows are finite numbers.
+/// Any number in any setting is either rejected with its line, or all rows contain finite numbers.
 #[test]
-fn no_number_makes_rows_that_are_none() {
+fn no_number_causes_invalid_rows() {
     let place = Workplace::with_frames(3);
     let rest = "mask_radius_px = 1000\nmask_center_px = [300.0, 200.0]\nfirst_frame = 1\nframe_limit = 2\n\
                 time_offset_s = 0.5\nworld_from";
@@ -209,7 +209,7 @@ fn no_number_makes_rows_that_are_none() {
             "9223372036854775807",
         ] {
             let text = [&scene[..start], value, &scene[end..]].concat();
-            // The greatest numbers that are taken must also be drawn.
+            // The largest accepted numbers must also be drawable.
             let drawn = if value == "1e9" {
                 "--annotate"
             } else {
@@ -242,7 +242,7 @@ fn no_number_makes_rows_that_are_none() {
 }
 
 #[test]
-fn all_problems_of_a_scene_in_one_run() {
+fn all_problems_of_a_scene_are_reported_in_one_run() {
     let place = Workplace::with_frames(2);
     let scene = scene_with("seed = 1\n", "seed = 1\nseed = 2\nsead = 3\n")
         .replace("fps = 25", "fps = 25\nmask = 7\nmask = 8")
@@ -282,7 +282,7 @@ fn all_problems_of_a_scene_in_one_run() {
         .collect();
     assert!(lines.is_sorted(), "{}", run.stderr);
 
-    // Problems that show only when files are opened come all at once as well.
+    // Problems that appear only when files are opened are reported together as well.
     let scene = scene_with("\"images\"", "\"nowhere\"").replace("ball.toml", "none.toml");
     place.track(scene).refused(&[
         "2 problems",
@@ -292,7 +292,7 @@ fn all_problems_of_a_scene_in_one_run() {
 }
 
 #[test]
-fn files_that_are_no_scenes() {
+fn files_that_are_not_scenes_are_rejected() {
     let place = Workplace::with_frames(1);
     let missing = [
         "cameras: is missing",
@@ -338,11 +338,11 @@ fn files_that_are_no_scenes() {
     let program = || Command::new(env!("CARGO_BIN_EXE_pardalis"));
     Run::of(program().arg("track").arg(place.path("")))
         .refused(&["is a folder or a device; give a text file"]);
-    Run::of(program().args(["track", "no/such.toml"])).refused(&["no/such.toml: can not be read"]);
+    Run::of(program().args(["track", "no/such.toml"])).refused(&["no/such.toml: cannot be read"]);
 }
 
 #[test]
-fn deep_and_long_scenes_end_soon() {
+fn deep_and_long_scenes_are_rejected_quickly() {
     let place = Workplace::with_frames(1);
     let keys = vec!["a"; 10_000].join(".");
     let cases = [
@@ -375,7 +375,7 @@ fn deep_and_long_scenes_end_soon() {
 }
 
 #[test]
-fn faulty_color_models() {
+fn invalid_color_models_are_rejected() {
     let place = Workplace::with_frames(1);
     let refused_colors = |text: &[u8], wanted: &[&str]| {
         place.write("ball.toml", text);
@@ -424,13 +424,13 @@ fn faulty_color_models() {
     fs::remove_file(place.path("ball.toml")).unwrap();
     let run = place.track(SCENE);
     run.refused(&[
-        "line 9: targets.ball.colors: ball.toml: can not be read",
+        "line 9: targets.ball.colors: ball.toml: cannot be read",
         "pardalis learn",
     ]);
 }
 
 #[test]
-fn clicked_pixels_where_there_is_no_ray() {
+fn clicked_pixels_without_a_ray_are_rejected() {
     let place = Workplace::with_frames(1);
     let (before, _) = SCENE.split_once("[targets.ball.start").unwrap();
     let scene = |pixel: &str| format!("{before}[targets.ball.start.pixel]\npixel_px = {pixel}\n");

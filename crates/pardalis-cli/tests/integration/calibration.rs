@@ -1,8 +1,8 @@
-//! Scenes whose cameras come from calibration files, on the real binary.
+//! Scenes with cameras from calibration files, run with the real program.
 
 use crate::common::{OPENCV_FISHEYE, SCENE, Workplace, data, scene_with};
 
-/// The scene's own camera as a calibration file of ours.
+/// The scene's own camera as a Pardalis calibration file.
 const RIG: &str = "[cameras.cam1]
 size_px = [640, 480]
 world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]]
@@ -19,14 +19,14 @@ const MODEL: &str = "model.equidistant = { f_px_per_rad = 145.5622506548578, cen
 const POSE: &str =
     "world_from_camera = [[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0.9], [0, 0, 0, 1]]\n";
 
-/// The scene with other lines in place of the camera's model, with or without its pose.
+/// The scene with other lines instead of the camera's model, with or without its pose.
 fn scene(lines: &str, pose: bool) -> String {
     let scene = scene_with(MODEL, lines);
     if pose { scene } else { scene.replace(POSE, "") }
 }
 
 #[test]
-fn a_calibration_file_tracks_as_the_model_in_the_scene() {
+fn a_calibration_file_tracks_like_the_model_in_the_scene() {
     let place = Workplace::with_frames(3);
     place.track(SCENE).fine();
     let expected = place.rows();
@@ -36,7 +36,7 @@ fn a_calibration_file_tracks_as_the_model_in_the_scene() {
         .fine();
     assert_eq!(place.rows(), expected);
 
-    // The scene's pose wins over the file's, which is said; the same pose needs no word.
+    // The scene's pose overrides the file's with a warning; an equal pose causes none.
     place
         .track(scene("calibration = \"rig.toml\"", true))
         .fine();
@@ -59,7 +59,7 @@ fn a_calibration_file_tracks_as_the_model_in_the_scene() {
         .fine();
     assert_eq!(place.rows(), expected);
 
-    // The fisheye of zeros is the same model to rounding, but for where its field of view ends.
+    // The fisheye without coefficients is the same model except for rounding and the limit of its field of view.
     place.write("lens.yml", OPENCV_FISHEYE);
     place
         .track(scene(
@@ -78,7 +78,7 @@ fn a_calibration_file_tracks_as_the_model_in_the_scene() {
 }
 
 #[test]
-fn a_calibration_can_name_its_camera() {
+fn a_calibration_can_select_its_camera() {
     let place = Workplace::with_frames(1);
     place.write("rig.toml", RIG.replace("cam1", "left"));
     let named = "calibration = \"rig.toml\"\ncalibration_camera = \"left\"";
@@ -97,7 +97,7 @@ fn a_calibration_can_name_its_camera() {
 }
 
 #[test]
-fn faulty_calibrations() {
+fn invalid_calibrations_are_rejected() {
     let place = Workplace::with_frames(1);
     place.write("rig.toml", RIG);
     place.write("lens.yml", OPENCV_FISHEYE);
@@ -106,7 +106,7 @@ fn faulty_calibrations() {
 
     refused(
         scene("calibration = \"none.toml\"", true),
-        &["line 5: cameras.cam1.calibration: none.toml: can not be read: there is no such file"],
+        &["line 5: cameras.cam1.calibration: none.toml: cannot be read: there is no such file"],
     );
     place.write("bad.toml", RIG.replace("145.5622506548578", "-1"));
     refused(
@@ -158,7 +158,7 @@ fn faulty_calibrations() {
         scene("calibration = \"small.toml\"", true),
         &["line 5: cameras.cam1.calibration: is 320 x 240, but the images are 640 x 480"],
     );
-    // Several problems at once, each with its place.
+    // Several problems at once, each with its position.
     refused(
         scene("calibration = \"none.toml\"", true).replace("radius_m = 0.11", "radius_m = 0"),
         &["2 problems", "none.toml", "radius_m: is 0"],

@@ -1,4 +1,4 @@
-//! `pardalis demo`: the first thing that anybody runs.
+//! `pardalis demo`, which most users run first.
 
 use std::fs;
 use std::path::Path;
@@ -21,7 +21,7 @@ fn run(program: &Path, folder: &Path, arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn the_demo_tracks_the_ball_and_says_how_well() {
+fn the_demo_tracks_the_ball_and_prints_the_error() {
     let folder = tempfile::tempdir().unwrap();
     let program = Path::new(env!("CARGO_BIN_EXE_pardalis"));
     let data = data();
@@ -76,15 +76,15 @@ fn the_demo_tracks_the_ball_and_says_how_well() {
     assert!(mean_mm < 60.0, "{mean_mm} mm");
     let mean_deg = figure(&errors["direction_mean_rad"]).to_degrees();
     for sentence in [
-        format!("On average the ball was {mean_mm:.0} mm from where it is"),
-        format!("was off by {mean_deg:.1} degrees on average"),
+        format!("The mean position error was {mean_mm:.0} mm"),
+        format!("the mean direction error was {mean_deg:.1} degrees"),
     ] {
         assert!(said.contains(&sentence), "{sentence}: {said}");
     }
 }
 
 #[test]
-fn a_missing_data_folder_is_named_with_what_to_do() {
+fn a_missing_data_folder_is_named_with_a_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |program: &Path, arguments: &[&str], wanted: &[&str]| {
         let output = run(program, folder.path(), arguments);
@@ -97,7 +97,7 @@ fn a_missing_data_folder_is_named_with_what_to_do() {
     let program = Path::new(env!("CARGO_BIN_EXE_pardalis"));
     let wanted = ["--data nowhere", "dioptric-jump/scene.toml"];
     refused(program, &["demo", "--data", "nowhere"], &wanted);
-    // Installed elsewhere, the program has no data above it.
+    // Installed elsewhere, the program has no data folder above it.
     let installed = folder.path().join("pardalis");
     fs::copy(program, &installed).unwrap();
     refused(&installed, &["demo"], &["not found", "--data PATH/data"]);

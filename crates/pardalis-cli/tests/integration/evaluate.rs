@@ -1,4 +1,4 @@
-//! `pardalis evaluate` on real sequences, with tracks made from their truth.
+//! `pardalis evaluate` on real sequences, with tracks derived from their truth.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -18,7 +18,7 @@ impl Folder {
         Self(path)
     }
 
-    /// Writes a file and gives its path.
+    /// Writes a file and returns its path.
     fn write(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
         let path = self.0.join(name);
         fs::write(&path, content).unwrap();
@@ -26,7 +26,7 @@ impl Folder {
     }
 }
 
-/// A sequence folder of the repository.
+/// Returns a sequence folder of the repository.
 fn sequence(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../data")
@@ -42,7 +42,7 @@ struct TruthRow {
     velocity_mps: [f64; 3],
 }
 
-/// The truth of a sequence with one camera.
+/// Reads the truth of a sequence with one camera.
 fn truth(name: &str) -> Vec<TruthRow> {
     let text = fs::read_to_string(sequence(name).join("truth.csv")).unwrap();
     let row = |line: &str| {
@@ -61,7 +61,7 @@ fn truth(name: &str) -> Vec<TruthRow> {
 const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
                       xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence\n";
 
-/// A tracks.csv whose estimates lie `offset_m` from the truth, with a covariance of (0.1 m)² an axis.
+/// Returns a tracks.csv whose estimates are `offset_m` from the truth, with a variance of (0.1 m)² on each axis.
 fn tracks(rows: &[TruthRow], offset_m: [f64; 3]) -> String {
     let mut text = HEADER.to_owned();
     for (frame, row) in rows.iter().enumerate() {
@@ -86,7 +86,7 @@ fn evaluate(tracks: &Path, truth: &Path, options: &[&str]) -> Output {
         .unwrap()
 }
 
-/// The figures as JSON; fails the test where there are none.
+/// Returns the results as JSON; fails the test if there are none.
 fn figures(tracks: &Path, truth: &Path, options: &[&str]) -> Value {
     let output = evaluate(tracks, truth, &[options, &["--json", "-"]].concat());
     assert!(
@@ -97,8 +97,8 @@ fn figures(tracks: &Path, truth: &Path, options: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// The message of a run that ends with the exit code of a fault.
-fn fault(tracks: &Path, truth: &Path, options: &[&str]) -> String {
+/// Returns the message of a run that ends with exit code 2.
+fn error_message(tracks: &Path, truth: &Path, options: &[&str]) -> String {
     let output = evaluate(tracks, truth, options);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{message}");
@@ -115,11 +115,11 @@ fn assert_near(found: &Value, expected: f64) {
 }
 
 #[test]
-fn a_known_offset_is_found_again() {
+fn a_known_offset_is_measured() {
     let folder = Folder::new("offset");
     let file = tracks(&truth("dioptric-jump"), [0.03, -0.04, 0.12]);
     folder.write("tracks.csv", file);
-    // Folders on both sides.
+    // Both arguments may be folders.
     let all = figures(&folder.0, &sequence("dioptric-jump"), &[]);
     let target = &all["targets"][0];
     assert_eq!(
@@ -150,7 +150,7 @@ fn a_known_offset_is_found_again() {
 }
 
 #[test]
-fn the_best_particle_is_scored_beside_the_mean() {
+fn the_best_particle_is_evaluated_in_addition_to_the_mean() {
     let folder = Folder::new("best");
     let plain = tracks(&truth("dioptric-jump"), [0.03, -0.04, 0.12]);
     folder.write("tracks.csv", &plain);
@@ -172,7 +172,7 @@ fn the_best_particle_is_scored_beside_the_mean() {
 }
 
 #[test]
-fn the_table_says_the_same_as_the_json_file() {
+fn the_table_agrees_with_the_json_file() {
     let folder = Folder::new("table");
     let file = folder.write(
         "tracks.csv",
@@ -207,10 +207,10 @@ fn the_table_says_the_same_as_the_json_file() {
 }
 
 #[test]
-fn missing_and_stray_rows_are_counted() {
+fn missing_and_extra_rows_are_counted() {
     let folder = Folder::new("gaps");
     let rows = truth("dioptric-jump");
-    // 10 frames have no row, 20 a row without estimate, and 5 rows no truth.
+    // 10 frames have no row, 20 have a row without estimate, and 5 rows have no truth.
     let mut text = tracks(&rows[..80], [0.0; 3]);
     for row in &rows[80..100] {
         writeln!(text, "0,{},ball,lost,,,,,,,,,,,,,,9,0.1", row.time_s).unwrap();
@@ -234,13 +234,13 @@ fn missing_and_stray_rows_are_counted() {
 }
 
 #[test]
-fn hidden_frames_are_told_apart() {
+fn occluded_frames_are_evaluated_separately() {
     let folder = Folder::new("hidden");
     let rows = truth("dioptric-occlusion-robot");
     let balls: Vec<_> = rows.into_iter().filter(|r| r.object == "ball").collect();
     let file = folder.write("tracks.csv", tracks(&balls, [0.0, 0.0, 0.1]));
     let truth = sequence("dioptric-occlusion-robot");
-    // In frames 43 to 53 and 41 to 55 at most 0.6 and 0.8 of the ball are seen.
+    // In frames 43 to 53 and 41 to 55, at most 0.6 and 0.8 of the ball are visible.
     let frames =
         |options| figures(&file, &truth, options)["targets"][0]["visible"]["frames"].clone();
     assert_eq!(frames(&[]), 90 - 11);
@@ -256,7 +256,7 @@ fn hidden_frames_are_told_apart() {
 }
 
 #[test]
-fn spherical_errors_are_taken_around_the_first_camera_or_the_given_point() {
+fn spherical_errors_are_relative_to_the_first_camera_or_the_given_point() {
     let folder = Folder::new("around");
     let file = folder.write(
         "tracks.csv",
@@ -267,7 +267,7 @@ fn spherical_errors_are_taken_around_the_first_camera_or_the_given_point() {
         let errors = all["targets"][0]["all"]["errors"].clone();
         (all["around"].clone(), errors)
     };
-    // Far below, an offset along z is all distance.
+    // From a point far below, an offset along z is purely a distance error.
     let (point, errors) = around(&["--around", "-1,2,-1e9"]);
     assert_eq!(point["position_m"], serde_json::json!([-1.0, 2.0, -1e9]));
     assert!((errors["distance_m"]["mean"].as_f64().unwrap() - 0.1).abs() < 1e-6);
@@ -281,7 +281,7 @@ fn spherical_errors_are_taken_around_the_first_camera_or_the_given_point() {
     assert!(point["source"].as_str().unwrap().contains("cam2"));
     for broken in ["{", r#"{"cameras": {"c": {"position_m": [0, 0]}}}"#] {
         folder.write("summary.json", broken);
-        let message = fault(&file, &sequence("dioptric-jump"), &[]);
+        let message = error_message(&file, &sequence("dioptric-jump"), &[]);
         assert!(
             message.contains("summary.json") && message.contains("--around"),
             "{message}"
@@ -289,7 +289,7 @@ fn spherical_errors_are_taken_around_the_first_camera_or_the_given_point() {
     }
 }
 
-/// The truth of two balls under other names for the first and the second.
+/// Returns the truth of two balls with other names for the first and the second.
 fn renamed(rows: &[TruthRow], first: &str, second: &str) -> Vec<TruthRow> {
     let rename = |row: &TruthRow| TruthRow {
         object: if row.object == "ball1" { first } else { second }.to_owned(),
@@ -299,12 +299,12 @@ fn renamed(rows: &[TruthRow], first: &str, second: &str) -> Vec<TruthRow> {
 }
 
 #[test]
-fn swapped_balls_are_found_out_or_mapped_back() {
+fn swapped_balls_are_detected_or_mapped_back() {
     let folder = Folder::new("swapped");
     let balls = sequence("dioptric-two-balls");
     let rows = renamed(&truth("dioptric-two-balls"), "ball2", "ball1");
     let file = folder.write("tracks.csv", tracks(&rows, [0.01, 0.0, 0.0]));
-    // Names decide, and the figures tell that they are wrong.
+    // Names determine the pairs, and the results show that they are wrong.
     let all = figures(&file, &balls, &[]);
     assert_eq!(
         all["identities"],
@@ -327,11 +327,11 @@ fn swapped_balls_are_found_out_or_mapped_back() {
 }
 
 #[test]
-fn other_names_get_their_objects_by_position() {
+fn targets_with_other_names_are_paired_by_position() {
     let folder = Folder::new("names");
     let balls = sequence("dioptric-two-balls");
     let rows = renamed(&truth("dioptric-two-balls"), "right", "left");
-    // From frame 60 on the tracks have changed places.
+    // From frame 60 on, the tracks are swapped.
     let swapped = renamed(&truth("dioptric-two-balls"), "left", "right");
     let late = |row: &&TruthRow| row.time_s > 2.39;
     let mixed: Vec<_> = rows
@@ -360,7 +360,7 @@ fn other_names_get_their_objects_by_position() {
 }
 
 #[test]
-fn one_target_of_another_name_is_scored_against_the_object_that_hides_nothing() {
+fn a_single_target_is_paired_with_the_object_that_is_not_an_occluder() {
     let folder = Folder::new("alone");
     let rows = truth("dioptric-occlusion-robot");
     let mut balls: Vec<_> = rows.into_iter().filter(|r| r.object == "ball").collect();
@@ -377,7 +377,7 @@ fn one_target_of_another_name_is_scored_against_the_object_that_hides_nothing() 
 }
 
 #[test]
-fn bad_tracks_are_refused_with_file_line_and_column() {
+fn invalid_tracks_are_rejected_with_file_line_and_column() {
     let folder = Folder::new("bad-tracks");
     let truth = sequence("dioptric-jump");
     let bare = "time_s,target,x_m,y_m,z_m\n";
@@ -430,24 +430,24 @@ fn bad_tracks_are_refused_with_file_line_and_column() {
         ),
     ] {
         let file = folder.write("tracks.csv", content);
-        let message = fault(&file, &truth, &[]);
+        let message = error_message(&file, &truth, &[]);
         assert!(message.contains("tracks.csv"), "{message}");
         for part in expected {
             assert!(message.contains(part), "\"{part}\" is not in: {message}");
         }
     }
     let file = folder.write("tracks.csv", b"time_s,target,x_m,y_m,z_m\n0,\xff,1,2,3\n");
-    let message = fault(&file, &truth, &[]);
+    let message = error_message(&file, &truth, &[]);
     assert!(
         message.contains("line 2") && message.contains("UTF-8"),
         "{message}"
     );
-    let message = fault(&folder.0.join("none.csv"), &truth, &[]);
+    let message = error_message(&folder.0.join("none.csv"), &truth, &[]);
     assert!(message.contains("none.csv"), "{message}");
 }
 
 #[test]
-fn bad_truth_is_refused_with_file_line_and_column() {
+fn invalid_truth_is_rejected_with_file_line_and_column() {
     let folder = Folder::new("bad-truth");
     let tracks = folder.write("tracks.csv", "time_s,target,x_m,y_m,z_m\n0,ball,1,2,3\n");
     let bare = "time_s,object,camera,x_m,y_m,z_m,visible_fraction\n";
@@ -473,18 +473,18 @@ fn bad_truth_is_refused_with_file_line_and_column() {
             &["line 3", "line 2", "must repeat"],
         ),
     ] {
-        let message = fault(&tracks, &folder.write("truth.csv", content), &[]);
+        let message = error_message(&tracks, &folder.write("truth.csv", content), &[]);
         assert!(message.contains("truth.csv"), "{message}");
         for part in expected {
             assert!(message.contains(part), "\"{part}\" is not in: {message}");
         }
     }
-    let message = fault(&tracks, &folder.0.join("none"), &[]);
+    let message = error_message(&tracks, &folder.0.join("none"), &[]);
     assert!(message.contains("none"), "{message}");
 }
 
 #[test]
-fn only_the_frames_of_a_time_are_scored() {
+fn only_frames_between_two_times_are_evaluated() {
     let folder = Folder::new("window");
     let rows = truth("dioptric-two-balls");
     let file = folder.write("tracks.csv", tracks(&rows, [0.0, 0.3, 0.4]));
@@ -495,7 +495,7 @@ fn only_the_frames_of_a_time_are_scored() {
         (&0.4.into(), &0.8.into())
     );
     let ball = &scored["targets"][0];
-    // Both ends are included, at 25 frames a second.
+    // Both ends are included, at 25 frames per second.
     assert_eq!(ball["all"]["frames"], 11);
     assert_eq!(ball["changed_target"], false);
     let errors = &ball["all"]["errors"];
@@ -508,7 +508,7 @@ fn only_the_frames_of_a_time_are_scored() {
 }
 
 #[test]
-fn bad_options_are_refused_and_say_what_is_allowed() {
+fn invalid_options_are_rejected_with_the_allowed_values() {
     let folder = Folder::new("bad-options");
     let rows = truth("dioptric-two-balls");
     let file = folder.write("tracks.csv", tracks(&rows, [0.0; 3]));
@@ -523,11 +523,11 @@ fn bad_options_are_refused_and_say_what_is_allowed() {
         ),
         (
             &["--map", "ball1=ball1", "--map", "ball1=ball2"],
-            "one object a target",
+            "one object per target",
         ),
         (
             &["--map", "ball1=ball1", "--map", "ball2=ball1"],
-            "one target an object",
+            "one target per object",
         ),
         (&["--map", "ball1"], "TARGET=OBJECT"),
         (&["--around", "1,2"], "three numbers"),
@@ -537,17 +537,17 @@ fn bad_options_are_refused_and_say_what_is_allowed() {
         (&["--lost-beyond-m", "NaN"], "a finite number"),
         (&["--from", "x"], "a finite number"),
         (&["--from", "100"], "no frame of"),
-        (&["--json", "/nowhere/at/all.json"], "can be written"),
+        (&["--json", "/nowhere/at/all.json"], "write permission"),
     ] {
-        let message = fault(&file, &sequence("dioptric-two-balls"), options);
+        let message = error_message(&file, &sequence("dioptric-two-balls"), options);
         assert!(
             message.contains(expected),
             "\"{expected}\" is not in: {message}"
         );
     }
-    // A track that has no object left is named, one without any object is refused.
+    // A target without an object is named; tracks without any object are rejected.
     let hider = folder.write("truth.csv", "time_s,object,x_m,y_m,z_m\n0,occluder,1,2,3\n");
-    let message = fault(&file, &hider, &[]);
+    let message = error_message(&file, &hider, &[]);
     assert!(message.contains("no target (ball1, ball2)"), "{message}");
     let single = folder.write("truth.csv", "time_s,object,x_m,y_m,z_m\n0,ball2,1,2,3\n");
     let all = figures(&file, &single, &[]);
@@ -555,7 +555,7 @@ fn bad_options_are_refused_and_say_what_is_allowed() {
 }
 
 #[test]
-fn headings_are_compared_where_both_tables_have_one() {
+fn headings_are_compared_if_both_tables_have_one() {
     let folder = Folder::new("headings");
     let truth = folder.write(
         "truth.csv",
@@ -583,7 +583,7 @@ fn headings_are_compared_where_both_tables_have_one() {
     let line = table.lines().find(|l| l.contains("heading error, median"));
     assert!(line.unwrap().ends_with("4.30"), "{table}");
     let north = folder.write("north.csv", rows("north"));
-    let message = fault(&north, &truth, &[]);
+    let message = error_message(&north, &truth, &[]);
     for part in ["north.csv", "line 2", "heading_rad", "north"] {
         assert!(message.contains(part), "{message}");
     }

@@ -5,7 +5,7 @@ use std::fs;
 use crate::common::run::Run;
 use crate::common::{SCENE, Workplace};
 
-/// Where the ball is in the first frame.
+/// The position of the ball in the first frame.
 const TRUTH: &str = "1.35,-1.25,0.62";
 
 fn likelihood(place: &Workplace, scene: &str, arguments: &[&str]) -> Run {
@@ -18,7 +18,7 @@ fn likelihood(place: &Workplace, scene: &str, arguments: &[&str]) -> Run {
     Run::of(&mut command)
 }
 
-/// The columns of a table of numbers, and its header.
+/// Returns the header and the columns of a table of numbers.
 fn table(place: &Workplace, name: &str) -> (String, Vec<Vec<f64>>) {
     let text = fs::read_to_string(place.path(&format!("out/{name}"))).unwrap();
     let (header, rows) = text.split_once('\n').unwrap();
@@ -28,14 +28,14 @@ fn table(place: &Workplace, name: &str) -> (String, Vec<Vec<f64>>) {
     (header.to_owned(), columns.collect())
 }
 
-/// Where a curve is highest.
+/// Returns the position of the maximum of a curve.
 fn peak(x: &[f64], y: &[f64]) -> f64 {
     let best = (0..y.len()).max_by(|&a, &b| y[a].total_cmp(&y[b])).unwrap();
     x[best]
 }
 
 #[test]
-fn the_true_size_and_place_are_likely_and_wider_contours_flatter() {
+fn the_true_size_and_position_are_likely_and_wider_contours_give_flatter_curves() {
     let place = Workplace::with_frames(2);
     let arguments = ["--at", TRUTH, "--contours", "0.7,1.3"];
     likelihood(&place, SCENE, &arguments).fine();
@@ -52,10 +52,10 @@ fn the_true_size_and_place_are_likely_and_wider_contours_flatter() {
     for curve in [near, far] {
         let best = peak(scale, curve);
         assert!((0.7..1.2).contains(&best), "{best}");
-        // Of pure background nothing is left where the outline is twice as large.
+        // An outline of twice the size is hardly more likely than pure background.
         assert!(curve.last().unwrap() < &(0.5 * curve.iter().copied().fold(0.0, f64::max)));
     }
-    // The share of scales within 3 nats of the best: the thesis' "wider and flatter" (section 6.3).
+    // The share of scales within 3 nats of the best: "wider and flatter" in the thesis (section 6.3).
     let width = |curve: &[f64]| {
         let most = curve.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         curve.iter().filter(|&&nats| nats > most - 3.0).count()
@@ -75,7 +75,7 @@ fn the_true_size_and_place_are_likely_and_wider_contours_flatter() {
 }
 
 #[test]
-fn what_cannot_be_judged_is_refused() {
+fn invalid_requests_are_rejected() {
     let place = Workplace::with_frames(1);
     let (detected, _) = SCENE.split_once("contour = ").unwrap();
     for (scene, arguments, wanted) in [

@@ -400,7 +400,7 @@ fn unusable_tracks_are_rejected_as_starts() {
                 "tracking,1.3,-1.2,0.6,0,0,0,,0.01,9,0,0.01,0,0.01,50,1",
             ),
             "",
-            "the estimate of \"ball\" at 0 s cannot be started from: covariance_m2 is [0.01, 9.0,",
+            "the estimate of \"ball\" at 0 s cannot be used as a start: covariance_m2 is [0.01, 9.0,",
         ),
     ] {
         place.write("other/tracks.csv", text);
@@ -471,7 +471,7 @@ fn clicks_are_assigned_to_cameras_and_targets() {
         (
             two_cameras(&place),
             "images/000000.jpg",
-            "scene.toml: the scene has 2 cameras, and images of the command line",
+            "scene.toml: the scene has 2 cameras, and the camera of images on the command line",
         ),
         (
             two_cameras(&place),

@@ -26,7 +26,7 @@ const FIGURES: &str = "coverage,lost_frames,ends_on_target,frames_to_find,frames
     planar_mean_m,planar_sd_m,planar_rmse_m,bias_x_m,bias_y_m,bias_z_m,velocity_rmse_mps,course_error_median_rad,course_rad,\
     true_course_rad,heading_error_median_rad,heading_error_p95_rad,heading_bias_rad,changed_target,calibration_error,confidence_max,estimates,ms_a_frame";
 
-/// A folder with the experiment, its scene of three frames and their truth.
+/// Creates a folder with the experiment, its scene of three frames and their truth.
 fn workplace(experiment: &str) -> Workplace {
     let place = Workplace::with_frames(3);
     place.write("scene.toml", SCENE);
@@ -42,7 +42,7 @@ fn pardalis(place: &Workplace, arguments: &[&str]) -> Run {
     Run::of(command.current_dir(place.path("")).args(arguments))
 }
 
-/// The rows of out/small/results.csv; checks the header.
+/// Returns the rows of out/small/results.csv after checking the header.
 fn results(place: &Workplace) -> Vec<String> {
     let text = fs::read_to_string(place.path("out/small/results.csv")).unwrap();
     let mut lines = text.lines().map(str::to_owned);
@@ -53,7 +53,7 @@ fn results(place: &Workplace) -> Vec<String> {
     lines.collect()
 }
 
-/// The figures of a row, none where the field is empty.
+/// Returns the figures of a row; `None` for empty fields.
 fn figures_of(row: &str) -> Vec<Option<f64>> {
     let fields: Vec<&str> = row.split(',').collect();
     let figures = &fields[fields.len() - FIGURES.split(',').count()..];
@@ -63,13 +63,13 @@ fn figures_of(row: &str) -> Vec<Option<f64>> {
         .collect()
 }
 
-/// The figure of that name.
+/// Returns the figure of that name.
 fn value(figures: &[Option<f64>], name: &str) -> Option<f64> {
     figures[FIGURES.split(',').position(|f| f == name).unwrap()]
 }
 
 #[test]
-fn every_seed_of_every_run_is_tracked_scored_and_recorded() {
+fn every_seed_of_every_run_is_tracked_evaluated_and_recorded() {
     let place = workplace(EXPERIMENT);
     let run = pardalis(
         &place,
@@ -92,7 +92,7 @@ fn every_seed_of_every_run_is_tracked_scored_and_recorded() {
     let wanted = [(first, 1), (first, 2), (first, 3), (again, 1), (again, 2)];
     assert_eq!(starts, wanted.map(|(run, seed)| format!("{run},{seed}")));
     let figures: Vec<_> = rows.iter().map(|row| figures_of(row)).collect();
-    // A seed says all of a run; another gives another.
+    // A seed determines a run completely; different seeds give different results.
     assert_eq!(figures[0], figures[3]);
     assert_ne!(figures[0], figures[1]);
     for row in &figures {
@@ -151,7 +151,7 @@ fn every_seed_of_every_run_is_tracked_scored_and_recorded() {
 }
 
 #[test]
-fn a_reader_that_leaves_stops_nothing() {
+fn a_closed_pipe_does_not_stop_the_experiment() {
     let place = workplace(EXPERIMENT);
     let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
     let (reader, writer) = std::io::pipe().unwrap();
@@ -163,7 +163,7 @@ fn a_reader_that_leaves_stops_nothing() {
 }
 
 #[test]
-fn to_verify_runs_the_few_seeds_alone() {
+fn verify_runs_only_the_first_seeds() {
     let place = workplace(EXPERIMENT);
     pardalis(
         &place,
@@ -199,12 +199,12 @@ fn figures_outside_their_bands_are_named_and_fail() {
         );
     }
     assert!(run.stderr.contains("expected 5 to 6"), "{}", run.stderr);
-    // What was measured is kept.
+    // The results are kept nevertheless.
     assert_eq!(results(&place).len(), 5);
 }
 
 #[test]
-fn bad_experiments_are_refused_by_name() {
+fn invalid_experiments_are_rejected_by_name() {
     let cases: [(&str, &str, &[&str]); 6] = [
         ("question", "qestion", &["small.toml", "qestion"]),
         ("seeds = 3\n", "", &["small.toml", "seeds"]),
@@ -218,7 +218,7 @@ fn bad_experiments_are_refused_by_name() {
         (
             "\"again\"",
             "\"First frames- few particles\"",
-            &["small.toml", "one folder", "names"],
+            &["small.toml", "the same folder", "names"],
         ),
     ];
     for (piece, other, wanted) in cases {

@@ -1,4 +1,4 @@
-//! More pixels and more cameras never make an estimate worse, where the tracker detects the target itself.
+//! More pixels and more cameras never make the estimate of a detected target worse.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use std::process::Command;
 use crate::common::Run;
 use serde_json::Value;
 
-/// A ball that four cameras around it see, in images of 80 x 60 pixels times `factor`.
+/// A ball between four cameras with images of 80 x 60 pixels times `factor`.
 fn world(factor: u32) -> String {
     let (width, height) = (80 * factor, 60 * factor);
     let center = [width, height].map(|side| 0.5 * f64::from(side - 1));
@@ -40,7 +40,7 @@ path.circle = {{ center_m = [0.5, 0.5, 0.15], radius_m = 0.12, period_s = 2 }}
     )
 }
 
-/// The scene of the first cameras alone, without any setting of the target.
+/// Returns the scene with only the first cameras and without any setting of the target.
 fn with_cameras(scene: &str, count: usize) -> String {
     let (cameras, _) = scene.split_once("[targets.ball]").unwrap();
     let parts: Vec<&str> = cameras.split_inclusive("[cameras.").collect();
@@ -59,7 +59,7 @@ fn pardalis(folder: &Path, arguments: &[&str]) -> String {
     run.stdout
 }
 
-/// Root mean square errors in metres with one, two and four cameras.
+/// Returns root mean square errors in metres with one, two and four cameras.
 fn errors_m(factor: u32) -> [f64; 3] {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();

@@ -1,4 +1,5 @@
-//! The particles behind the rows, the best of them, and that neither depends on the number of threads, for detected and for initialised targets.
+//! The output of particles and of the best one, and its independence of the number of threads, for detected and for
+//! initialised targets.
 
 use std::fs;
 
@@ -6,7 +7,7 @@ use crate::common::{SCENE, Workplace, rows_in};
 
 const FRAMES: usize = 6;
 
-/// The scene without any setting: the tracker detects the ball itself.
+/// The scene without any settings: the ball is a detected target.
 fn detected() -> String {
     let (before, _) = SCENE.split_once("contour = ").unwrap();
     before.to_owned()
@@ -19,7 +20,7 @@ struct Particle {
     weight: f64,
 }
 
-/// The rows of a file of particles, which must have the documented columns.
+/// Returns the rows of a file of particles, which must have the documented columns.
 fn particles_in(text: &str) -> Vec<Particle> {
     let mut lines = text.lines();
     assert_eq!(
@@ -51,7 +52,8 @@ fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
     squares.sum::<f64>().sqrt()
 }
 
-/// Runs a scene with its particles and holds them to the rows; `is_best` says whether a particle may be the best one of its frame.
+/// Runs a scene and compares its particles with its rows; `is_best` reports whether a particle may be the best one of
+/// its frame.
 fn check(scene: &str, count: usize, is_best: impl Fn(&Particle, &[&Particle]) -> bool) {
     let place = Workplace::with_frames(FRAMES);
     let track = |threads: &str| {
@@ -96,7 +98,7 @@ fn check(scene: &str, count: usize, is_best: impl Fn(&Particle, &[&Particle]) ->
 }
 
 #[test]
-fn of_an_initialised_target_the_best_particle_is_the_heaviest() {
+fn the_best_particle_of_an_initialised_target_has_the_largest_weight() {
     let is_heaviest = |best: &Particle, all: &[&Particle]| {
         all.iter().all(|particle| particle.weight <= best.weight)
     };
@@ -104,7 +106,7 @@ fn of_an_initialised_target_the_best_particle_is_the_heaviest() {
 }
 
 #[test]
-fn of_a_detected_target_the_best_particle_is_near_the_mean() {
+fn the_best_particle_of_a_detected_target_is_near_the_mean() {
     let is_near = |best: &Particle, all: &[&Particle]| {
         let mean_m = [0, 1, 2].map(|axis| {
             let terms = all.iter().map(|p| p.weight * p.position_m[axis]);
@@ -119,7 +121,7 @@ fn of_a_detected_target_the_best_particle_is_near_the_mean() {
 }
 
 #[test]
-fn a_file_that_cannot_be_written_is_refused_before_tracking() {
+fn an_unwritable_file_is_rejected_before_tracking() {
     let place = Workplace::with_frames(1);
     let run = place.track_with(SCENE, &["-o", "-", "--particles", "no/such/cloud.csv"]);
     assert_eq!(run.code, Some(2), "{}", run.stderr);
@@ -131,7 +133,7 @@ fn a_file_that_cannot_be_written_is_refused_before_tracking() {
 }
 
 #[test]
-fn a_broken_frame_costs_no_row_of_a_detected_target_that_was_written_before() {
+fn a_broken_frame_loses_no_earlier_row_of_a_detected_target() {
     let place = Workplace::with_frames(FRAMES);
     let whole = place.track_with(detected(), &["-o", "-"]).fine().stdout;
     let bytes = fs::read(place.image(4)).unwrap();

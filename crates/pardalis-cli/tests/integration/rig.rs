@@ -1,4 +1,5 @@
-//! `pardalis track` on the four cameras of data/webcams-four, one of which fails: the target is not lost, and the summary tells what happened.
+//! `pardalis track` on the four cameras of data/webcams-four, one of which fails: the target is not lost, and the
+//! summary states the failure.
 
 mod faults;
 mod place;
@@ -9,7 +10,7 @@ use place::{FPS, FRAMES, Rig};
 use serde_json::json;
 
 #[test]
-fn four_sound_cameras() {
+fn four_working_cameras() {
     let rig = Rig::new();
     let run = rig.track("").fine();
     rig.assert_followed();
@@ -43,7 +44,7 @@ fn four_sound_cameras() {
             run.stdout
         );
     }
-    // The same by fps, whatever the delay and the number of threads.
+    // With fps instead of time stamps the result is the same, for any delay and number of threads.
     let tracks = rig.tracks();
     for (scene, threads) in [
         ("[timing]\nmax_delay_s = 0\n", "1"),
@@ -61,7 +62,7 @@ fn four_sound_cameras() {
 
 #[test]
 fn one_camera_frozen() {
-    // The ball's radius is 35 mm. Without the first camera all the time, two must do for long.
+    // The ball's radius is 35 mm. Without the first camera, often only two cameras see the ball.
     for (from, to, bound_m) in [(50, 75, 0.012), (1, FRAMES, 0.020)] {
         let rig = Rig::new();
         rig.freeze("cam1", from..to);
@@ -79,7 +80,7 @@ fn one_camera_frozen() {
     }
 }
 
-/// Nothing new: the state is predicted, and its uncertainty grows.
+/// Without new images the state is only predicted, and its uncertainty grows.
 #[test]
 fn all_cameras_frozen() {
     let rig = Rig::new();
@@ -135,8 +136,7 @@ fn one_camera_arrives_late() {
 
     let run = rig.track("[timing]\nmax_delay_s = 0\n");
     assert_eq!(run.code, Some(0));
-    let told =
-        "warning: cameras.cam2: 120 frames left out that came too late; timing.max_delay_s is 0";
+    let told = "warning: cameras.cam2: 120 frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is 0 s";
     assert!(run.stderr.starts_with(told), "{}", run.stderr);
     rig.assert_followed();
     let frames = rig.frames("cam2");
@@ -153,7 +153,7 @@ fn one_camera_shuffled() {
     let sound = Rig::new();
     sound.track("").fine();
     let rig = Rig::new();
-    // Of every three frames the last is delivered first.
+    // Of every three frames, the last is delivered first.
     rig.deliver("cam4", |place| place / 3 * 3 + 2 - place % 3);
     rig.track("").fine();
     assert!(
@@ -165,7 +165,7 @@ fn one_camera_shuffled() {
         (&frames["used"], &frames["sorted_in_late"]),
         (&120.into(), &80.into())
     );
-    // Too short a delay loses some, and not the target.
+    // Too short a delay drops some frames but does not lose the target.
     let run = rig.track("[timing]\nmax_delay_s = 0.05\n");
     assert_eq!(run.code, Some(0));
     rig.assert_followed();

@@ -1,4 +1,4 @@
-//! `pardalis simulate`: what it writes, that the rest of the program takes it, and what it refuses.
+//! `pardalis simulate`: its output, which the other commands accept, and its errors.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::process::Command;
 
 use crate::common::Run;
 
-/// Two cameras with all faults, a ball that moves and something to hide it. Line numbers count in tests.
+/// Two cameras with all kinds of faults, a moving ball and an occluder. The tests refer to line numbers of this text.
 const WORLD: &str = r"seed = 3
 duration_s = 0.8
 training_stills = 2
@@ -39,7 +39,7 @@ color_srgb = [230, 60, 30]
 path.circle = { center_m = [0, 0, 0.25], radius_m = 0.15, period_s = 2 }
 ";
 
-/// A folder with a world in it.
+/// A folder with a world file.
 struct Place(tempfile::TempDir);
 
 impl Place {
@@ -63,7 +63,7 @@ impl Place {
     }
 }
 
-/// All files below a folder with their bytes.
+/// Returns all files below a folder with their bytes.
 fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -79,7 +79,7 @@ fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
     found
 }
 
-/// The rows of a table as numbers of some columns.
+/// Returns some columns of a table as numbers.
 fn columns<const N: usize>(text: &str, names: [&str; N], only: &str) -> Vec<[f64; N]> {
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -111,7 +111,7 @@ fn the_bundled_world_is_tracked_within_centimetres() {
     assert_eq!(all["frames"], 20, "{report:#}");
     let rmse_m = all["errors"]["position_m"]["rmse"].as_f64().unwrap();
     assert!(rmse_m < 0.02, "{rmse_m}");
-    // Other commands take what lies beside it.
+    // Other commands accept the other files of the sequence.
     place
         .run(&[
             "learn",
@@ -133,7 +133,7 @@ fn the_bundled_world_is_tracked_within_centimetres() {
 }
 
 #[test]
-fn images_and_times_have_the_faults_that_are_asked_for() {
+fn images_and_times_have_the_configured_faults() {
     let place = Place::with(WORLD);
     place.run(&["simulate", "world.toml", "-o", "out"]).fine();
     // 0 to 0.76 s without 0.2 to 0.36 s.
@@ -159,7 +159,7 @@ fn images_and_times_have_the_faults_that_are_asked_for() {
     assert_eq!(image("000007"), image("000009"));
     assert_ne!(image("000007"), image("000010"));
     assert!(image("000002").len() < image("000001").len() * 6 / 10);
-    // The truth is the path's.
+    // The truth is that of the path.
     for [time_s, x_m, y_m, vx_mps] in
         columns(&truth, ["time_s", "x_m", "y_m", "vx_mps"], "ball,left")
     {
@@ -175,7 +175,7 @@ fn images_and_times_have_the_faults_that_are_asked_for() {
 }
 
 #[test]
-fn the_same_bytes_come_from_any_number_of_threads_and_others_from_another_seed() {
+fn bytes_depend_on_the_seed_but_not_on_the_number_of_threads() {
     let place = Place::with(WORLD);
     place
         .run(&["simulate", "world.toml", "-o", "out", "--threads", "1"])
@@ -198,7 +198,7 @@ fn the_same_bytes_come_from_any_number_of_threads_and_others_from_another_seed()
 }
 
 #[test]
-fn folders_that_hold_something_else_are_left_alone() {
+fn folders_with_other_contents_are_not_replaced() {
     let place = Place::with(WORLD);
     fs::create_dir(place.path("mine")).unwrap();
     fs::write(place.path("mine/diary.txt"), "dear diary").unwrap();
@@ -214,7 +214,7 @@ fn folders_that_hold_something_else_are_left_alone() {
         "does not belong to a simulated sequence",
     ]);
     assert_eq!(place.read("mine/diary.txt"), "dear diary");
-    // What fails midway leaves nothing: no camera ever sees this ball.
+    // A failure leaves nothing behind: no camera ever sees this ball.
     let hidden = WORLD.replace("center_m = [0, 0, 0.25]", "center_m = [0, 0, -5]");
     fs::write(place.path("hidden.toml"), hidden).unwrap();
     let run = place.run(&["simulate", "hidden.toml"]);
@@ -223,7 +223,7 @@ fn folders_that_hold_something_else_are_left_alone() {
 }
 
 #[test]
-fn bad_worlds_are_refused_with_every_key_and_line() {
+fn invalid_worlds_are_rejected_with_every_key_and_line() {
     let bad = [
         (
             "duration_s = 0.8",
@@ -314,9 +314,9 @@ fn bad_worlds_are_refused_with_every_key_and_line() {
     run.refused(&["world.toml: camera right delivers no image"]);
 }
 
-/// The chroma of JPEG, which has half the resolution, lies where the body is.
+/// The chroma of JPEG files, which has half the resolution, is aligned with the body.
 #[test]
-fn colours_lie_where_the_body_is_seen() {
+fn chroma_is_aligned_with_the_body() {
     let world = "seed = 1\nduration_s = 0.4\n[cameras.cam]\nsize_px = [96, 72]\n\
          model.pinhole = { f_px = [100, 100], center_px = [47.5, 35.5] }\n\
          look_from_m = [-1, 0, 0.3]\nlook_at_m = [0, 0, 0.3]\n\
@@ -332,7 +332,7 @@ fn colours_lie_where_the_body_is_seen() {
         let picture = pardalis_images::decode(&fs::read(place.path(&file)).unwrap()).unwrap();
         let (mut sums, mut total) = ([0.0; 2], 0.0);
         for (x, y, pixel) in picture.enumerate_pixels() {
-            // What the room has of red beyond green says nothing.
+            // Pixels whose red exceeds green in the background do not count.
             let red = f64::from(pixel[0]) - f64::from(pixel[1]) - 30.0;
             if red > 0.0 {
                 sums[0] += red * f64::from(x);

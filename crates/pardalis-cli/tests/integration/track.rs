@@ -1,4 +1,5 @@
-//! `pardalis track` on frames of data/dioptric-jump: rows, summary, pictures, and that they depend on nothing but scene, frames and seed.
+//! `pardalis track` on frames of data/dioptric-jump: rows, summary, pictures, and that they depend only on scene,
+//! frames and seed.
 
 use std::fs;
 
@@ -7,7 +8,7 @@ use crate::common::{SCENE, Workplace, data, frame_file, rows_in, scene_with};
 use pardalis_images::{GrayImage, decode, encode_png};
 use serde_json::Value;
 
-/// The ball's true position in frame 0, of data/dioptric-jump/truth.csv.
+/// Returns the ball's true position in frame 0, from data/dioptric-jump/truth.csv.
 fn first_truth_m() -> [f64; 3] {
     let path = data().join("truth.csv");
     let text = fs::read_to_string(path).unwrap();
@@ -31,7 +32,7 @@ fn summary(place: &Workplace) -> Value {
     serde_json::from_slice(&fs::read(place.path("out/summary.json")).unwrap()).unwrap()
 }
 
-/// Fields of all rows.
+/// Returns a column of all rows.
 fn column(rows: &[Vec<String>], column: usize) -> Vec<&str> {
     rows.iter().map(|row| &*row[column]).collect()
 }
@@ -57,7 +58,7 @@ fn rows_are_as_documented() {
         let [ess, confidence] = numbers(row, 17);
         assert!((1.0..=1000.0).contains(&ess), "{ess}");
         assert!((0.0..=1.0 + 1e-9).contains(&confidence), "{confidence}");
-        // Shortest round trip.
+        // The shortest form that parses to the same value.
         for field in row[4..].iter().filter(|field| !field.is_empty()) {
             assert_eq!(field.parse::<f64>().unwrap().to_string(), *field);
         }
@@ -65,7 +66,7 @@ fn rows_are_as_documented() {
 }
 
 #[test]
-fn results_depend_on_scene_frames_and_seed_alone() {
+fn results_depend_only_on_scene_frames_and_seed() {
     let place = Workplace::with_frames(12);
     let scene = scene_with("particles = 100", "particles = 1500");
     let streamed = |arguments: &[&str]| {
@@ -93,7 +94,7 @@ fn results_depend_on_scene_frames_and_seed_alone() {
 }
 
 #[test]
-fn the_summary_says_what_was_run() {
+fn the_summary_describes_the_run() {
     let place = Workplace::with_frames(4);
     let arguments = ["-o", "out", "--no-plots", "--seed", "9", "--threads", "2"];
     place.track_with(SCENE, &arguments).fine();
@@ -143,7 +144,7 @@ fn the_summary_says_what_was_run() {
 }
 
 #[test]
-fn times_of_images() {
+fn times_of_images_are_read() {
     let place = Workplace::with_frames(8);
     place.track(SCENE).fine();
     let plain = fs::read(place.path("out/tracks.csv")).unwrap();
@@ -183,7 +184,7 @@ fn times_of_images() {
         "as with fps"
     );
 
-    // A frame with the time stamp of the one before is not weighed again: all is as without it.
+    // A frame with the time stamp of the previous one is ignored: the results are as without it.
     let mut repeated = even.clone();
     repeated[4].1 = repeated[3].1;
     times(&repeated);
@@ -194,7 +195,7 @@ fn times_of_images() {
     fs::remove_file(place.path("images/times.csv")).unwrap();
     fs::remove_file(place.image(4)).unwrap();
 
-    // A number that is missing leaves a gap in time.
+    // A missing number leaves a gap in time.
     place.track(SCENE).fine();
     let without = place.rows();
     assert_eq!(
@@ -209,7 +210,7 @@ fn times_of_images() {
 }
 
 #[test]
-fn pictures_and_quiet() {
+fn pictures_and_quiet_mode() {
     let place = Workplace::with_frames(3);
     let run = place.track_with(SCENE, &["--annotate"]).fine();
     let files = [
@@ -242,7 +243,7 @@ fn pictures_and_quiet() {
         let drawn = decode(&fs::read(place.path(&name)).unwrap()).unwrap();
         let raw = decode(&fs::read(place.image(frame)).unwrap()).unwrap();
         assert_eq!(drawn.width(), 640);
-        // Around the ball, at (460, 88).
+        // Near the ball, at (460, 88).
         let differing = (430..490)
             .flat_map(|x| (58..118).map(move |y| (x, y)))
             .filter(|&(x, y)| {
@@ -257,9 +258,9 @@ fn pictures_and_quiet() {
 }
 
 #[test]
-fn masked_pixels_carry_no_evidence() {
+fn masked_pixels_are_ignored() {
     let place = Workplace::with_frames(2);
-    // Black where the ball is.
+    // Black on the ball.
     let mask = GrayImage::from_fn(640, 480, |x, y| {
         let black = x.abs_diff(460) < 60 && y.abs_diff(88) < 60;
         [if black { 0 } else { 255 }]
@@ -269,7 +270,7 @@ fn masked_pixels_carry_no_evidence() {
         .track(scene_with("fps = 25", "fps = 25\nmask = \"mask.png\""))
         .fine();
     assert_eq!(column(&place.rows(), 3), ["occluded"; 2]);
-    // The same by a circle, which ends short of the ball.
+    // The same with a circle that ends before the ball.
     place
         .track(scene_with("fps = 25", "fps = 25\nmask_radius_px = 140"))
         .fine();
@@ -281,7 +282,7 @@ fn masked_pixels_carry_no_evidence() {
 }
 
 #[test]
-fn a_click_finds_the_ball() {
+fn a_click_locates_the_ball() {
     let place = Workplace::with_frames(1);
     let (before, _) = SCENE.split_once("[targets.ball.start").unwrap();
     let scene = format!("{before}[targets.ball.start.pixel]\npixel_px = [460, 88]\n")
@@ -309,7 +310,7 @@ fn two_cameras() {
         let to = place.path(&format!("images2/{number:06}.jpg"));
         fs::copy(frame_file(number), to).unwrap();
     }
-    // The other camera stands a little aside.
+    // The other camera is slightly to the side.
     let (_, camera) = SCENE.split_once("[cameras.cam1]").unwrap();
     let (camera, _) = camera.split_once("[targets.ball]").unwrap();
     let second = camera
@@ -335,10 +336,10 @@ fn two_cameras() {
     assert_ne!(
         place.rows()[0][4..],
         both[0][4..],
-        "the second camera tells something"
+        "the second camera changes the estimate"
     );
 
-    // Cameras out of step: each instant has a row of its own.
+    // Cameras that are not synchronised: each time has its own row.
     let apart = scene.replace("[cameras.cam2]", "[cameras.cam2]\ntime_offset_s = 0.01");
     place.track(&apart).fine();
     assert_eq!(
@@ -346,7 +347,7 @@ fn two_cameras() {
         ["0", "0.01", "0.04", "0.05", "0.08", "0.09"]
     );
 
-    // Of two cameras a click must name one.
+    // With two cameras, a click must name one.
     let (before, _) = scene.split_once("[targets.ball.start").unwrap();
     let click =
         format!("{before}[targets.ball.start.pixel]\npixel_px = [460, 88]\n[cameras.cam2]{second}");

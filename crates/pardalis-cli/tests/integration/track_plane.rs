@@ -1,4 +1,5 @@
-//! `pardalis track` in the plane, on frames of data/plane-robot: two landmarks make one target with a heading; scenes of it that cannot be.
+//! `pardalis track` in the plane, on frames of data/plane-robot: two landmarks form one target with a heading;
+//! invalid scenes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,12 +7,12 @@ use std::process::Command;
 
 use crate::common::{FRONT_LANDMARK, PLANE_ROBOT, REAR_LANDMARK, Run, rows_in};
 
-/// The front landmark comes first. Tests count lines.
+/// A scene with the front landmark first. The tests refer to its line numbers.
 fn scene() -> String {
     [PLANE_ROBOT, FRONT_LANDMARK, REAR_LANDMARK].concat()
 }
 
-/// A colour model as they were learnt before they held histograms of channels.
+/// A colour model without histograms of channels, as older versions wrote it.
 const OLD_COLORS: &str = r#"format = "pardalis color model 1"
 pixel_count = 30
 image_count = 2
@@ -27,7 +28,7 @@ fn data() -> PathBuf {
     folder.canonicalize().unwrap()
 }
 
-/// `pardalis track` on the scene with a piece of it, which must be there, replaced.
+/// Runs `pardalis track` on the scene with a piece of it replaced, which must occur in it.
 fn track(folder: &Path, piece: &str, other: &str) -> Run {
     let scene = scene();
     assert!(scene.contains(piece), "{piece}");
@@ -41,7 +42,7 @@ fn track(folder: &Path, piece: &str, other: &str) -> Run {
     Run::of(command.current_dir(folder).args(arguments))
 }
 
-/// x, y and heading of the robot in each frame.
+/// Returns x, y and heading of the robot in each frame.
 fn truth() -> Vec<[f64; 3]> {
     let text = fs::read_to_string(data().join("plane-robot/truth.csv")).unwrap();
     text.lines()
@@ -70,7 +71,7 @@ fn two_landmarks_are_one_target_with_a_heading() {
 }
 
 #[test]
-fn scenes_that_cannot_be_name_their_key_and_line() {
+fn invalid_scenes_are_rejected_with_key_and_line() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |piece, other, wanted: &[&str]| {
         let run = track(folder.path(), piece, other);
@@ -90,7 +91,7 @@ fn scenes_that_cannot_be_name_their_key_and_line() {
         center,
         "",
         &[
-            "line 15: targets.robot.shape: rises over the plane, but the place of camera \"mast\" is not known",
+            "line 15: targets.robot.shape: rises above the plane, but the position of camera \"mast\" is unknown",
             "give cameras.mast.model.plane.camera_center_m",
         ],
     );
@@ -119,7 +120,7 @@ fn scenes_that_cannot_be_name_their_key_and_line() {
             "learn it again",
         ],
     );
-    // A heading needs both: there is none, and that is said.
+    // A heading needs both landmarks: without one there is no heading, and a warning.
     let run = track(folder.path(), "landmarks.rear", "landmarks.back");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let warning = "line 20: targets.robot.landmarks: has one of `front` and `rear`";

@@ -1,12 +1,14 @@
-//! A Bernoulli particle filter (Ristic, Vo, Vo and Farina 2013, "A tutorial on Bernoulli filters"): the probability that a target exists, and its position. It knows nothing
-//! of images.
+//! A Bernoulli particle filter (Ristic, Vo, Vo and Farina 2013, "A tutorial on Bernoulli filters"): the probability
+//! that a target exists, and its position. It knows nothing of images.
 //!
-//! Particles are positions; each carries the mean and the variance of its velocity given its path (Rao-Blackwellised). A target appears and disappears at constant
-//! rates over time, and one that exists may be carried elsewhere. With the probability r that it is where the particles moved, the probability e that it exists elsewhere,
-//! uniformly with density B, and the prediction N of particle i, the prior density is Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New positions come from a mixture of predictions and of
-//! measurement components, whose whole density divides the weights (Isard and Blake 1998, ICONDENSATION): components say where to look and nothing else.
-//! If few particles agree with the images, a moment-matched proposal replaces the predictions. Elsewhere, only positions at components are looked at; others are taken not to show the
-//! target.
+//! Particles are positions; each carries the mean and the variance of its velocity given its path
+//! (Rao-Blackwellised). A target appears and disappears at constant rates over time, and one that exists may be
+//! carried elsewhere. With the probability r that it is where the particles moved, the probability e that it exists
+//! elsewhere, uniformly with density B, and the prediction N of particle i, the prior density is Σᵢ wᵢ·(r·N(x; μᵢ,
+//! Pᵢ) + e·B). New positions come from a mixture of predictions and of measurement components, whose whole density
+//! divides the weights (Isard and Blake 1998, ICONDENSATION): components say where to look and nothing else. If few
+//! particles agree with the images, a moment-matched proposal replaces the predictions. Elsewhere, only positions at
+//! components are looked at; others are taken not to show the target.
 
 mod draw;
 mod kinematics;
@@ -32,17 +34,19 @@ use crate::weighted::{add_scatter, likeliest, weight_within};
 use pardalis_core::Error;
 use pardalis_core::rng::{Draws, Stage};
 
-/// Longer times without an update count as this long, seconds. Derivation: bounds variances; nothing is known of the target by then.
+/// Longer times without an update count as this long, seconds. Derivation: bounds variances; nothing is known of the
+/// target by then.
 const MAX_PENDING_S: f64 = 1e6;
-/// The fractional part of the golden ratio: any run of its multiples fills [0, 1) evenly, so that the copies of a particle are drawn from all parts of the
-/// proposal.
+/// The fractional part of the golden ratio: any run of its multiples fills [0, 1) evenly, so that the copies of a
+/// particle are drawn from all parts of the proposal.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Settings of a Bernoulli filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct BernoulliSettings {
-    /// The number of particles. With few particles the filter is overconfident if positions are measured much less precisely than they are predicted.
+    /// The number of particles. With few particles the filter is overconfident if positions are measured much less
+    /// precisely than they are predicted.
     pub particle_count: usize,
     /// How the target moves: constant velocity with white acceleration, or a random walk that diffuses.
     pub motion: Motion,
@@ -52,7 +56,8 @@ pub struct BernoulliSettings {
     pub death_rate_hz: f64,
     /// How often a target is carried elsewhere, 1/s.
     pub relocation_rate_hz: f64,
-    /// The density of the positions where targets appear or are put down, 1/m³ (1/m² in a plane): one over the volume that they may be in.
+    /// The density of the positions where targets appear or are put down, 1/m³ (1/m² in a plane): one over the volume
+    /// that they may be in.
     pub birth_density: f64,
     /// Standard deviation of the velocity there, an axis, m/s.
     pub birth_velocity_sigma_mps: f64,
@@ -63,7 +68,8 @@ pub struct BernoulliSettings {
 }
 
 impl BernoulliSettings {
-    /// 500 particles; a target appears, disappears and is carried elsewhere once in ten seconds, in 100 m³ (m²), at about 1 m/s; its velocity does not jump.
+    /// 500 particles; a target appears, disappears and is carried elsewhere once in ten seconds, in 100 m³ (m²), at
+    /// about 1 m/s; its velocity does not jump.
     pub const fn of(motion: Motion) -> Self {
         Self {
             particle_count: 500,
@@ -165,7 +171,8 @@ pub struct BernoulliFilter {
 }
 
 impl BernoulliFilter {
-    /// A filter of a target that does not exist yet. Errors: settings out of range, a motion model that is not white noise on positions or velocities.
+    /// A filter of a target that does not exist yet. Errors: settings out of range, a motion model that is not white
+    /// noise on positions or velocities.
     pub fn new(settings: BernoulliSettings, draws: Draws) -> Result<Self, Error> {
         settings.check()?;
         let kinematics = Kinematics::of(&settings.motion)?;
@@ -190,8 +197,8 @@ impl BernoulliFilter {
         })
     }
 
-    /// Draws all particles around a start, by random numbers that no start had before; with planar motion at its height and without vertical velocity. `existence` is
-    /// the probability, 0 to 1, that the target exists.
+    /// Draws all particles around a start, by random numbers that no start had before; with planar motion at its
+    /// height and without vertical velocity. `existence` is the probability, 0 to 1, that the target exists.
     pub fn start(&mut self, start: &GaussianStart, existence: f64) -> Result<(), Error> {
         start.check()?;
         if !(0.0..=1.0).contains(&existence) {
@@ -251,8 +258,8 @@ impl BernoulliFilter {
         (prior.located + prior.elsewhere).min(1.0)
     }
 
-    /// The probability that the target exists and is where the particles predict: [`BernoulliFilter::existence`] after an update, later without targets that appeared or
-    /// were carried elsewhere since.
+    /// The probability that the target exists and is where the particles predict: [`BernoulliFilter::existence`]
+    /// after an update, later without targets that appeared or were carried elsewhere since.
     pub fn located(&self) -> f64 {
         self.prior().located
     }
@@ -273,12 +280,14 @@ impl BernoulliFilter {
         }
     }
 
-    /// Draws new particles from the prediction and the components and weights them: `log_ratios` gets the particles and writes ln p(images | target there) −
-    /// ln p(images | no target) for each. It is called again if particles are drawn again, and not at all if the target does not exist and there is no component.
-    /// NaN counts as impossible.
+    /// Draws new particles from the prediction and the components and weights them: `log_ratios` gets the particles
+    /// and writes ln p(images | target there) − ln p(images | no target) for each. It is called again if particles
+    /// are drawn again, and not at all if the target does not exist and there is no component. NaN counts as
+    /// impossible.
     ///
-    /// If all particles are impossible the target does not exist; a target that certainly exists stays as predicted. Do not update at times without images: predict
-    /// only. `max_log_ratio` bounds the log-ratio, in nats, by which existence becomes more likely: likelihoods may tell positions apart better than existence.
+    /// If all particles are impossible the target does not exist; a target that certainly exists stays as predicted.
+    /// Do not update at times without images: predict only. `max_log_ratio` bounds the log-ratio, in nats, by which
+    /// existence becomes more likely: likelihoods may tell positions apart better than existence.
     pub fn update(
         &mut self,
         components: &[MeasurementComponent],
@@ -301,7 +310,7 @@ impl BernoulliFilter {
             self.draw_new(&prior);
             log_ratios(&self.new_particles, &mut self.log_ratios);
             let log_exists = self.weight_new();
-            // Where it is, is told better by these; whether it is, by all predictions.
+            // The moment-matched particles are better for the position; all predictions together, for the existence.
             if self.agrees_too_little(&prior) && self.draw_moment_matched(&prior) {
                 log_ratios(&self.new_particles, &mut self.log_ratios);
                 if self.weight_new() == f64::NEG_INFINITY {
@@ -347,8 +356,9 @@ impl BernoulliFilter {
         1.0 / self.weights.iter().map(|w| w * w).sum::<f64>()
     }
 
-    /// Estimates the target, if it is located, `ahead_s` seconds after the predicted time; nothing changes. Right after [`BernoulliFilter::predict`], and 0 s ahead, it is the
-    /// predicted mixture's mean and covariance, without births. `None` if the target does not exist.
+    /// Estimates the target, if it is located, `ahead_s` seconds after the predicted time; nothing changes. Right
+    /// after [`BernoulliFilter::predict`], and 0 s ahead, it is the predicted mixture's mean and covariance, without
+    /// births. `None` if the target does not exist.
     pub fn estimate(&self, ahead_s: f64) -> Option<StateEstimate> {
         if self.located() == 0.0 {
             return None;

@@ -14,14 +14,15 @@ use pardalis_camera::formats::MAX_CAMERAS;
 use pardalis_camera::{Pose, looking_at};
 use pardalis_simulate::{ImageSettings, Timing, WorldCamera};
 
-/// The longest side of an image, in pixels.
+/// Maximum side of an image, in pixels.
 const MAX_SIDE_PX: f64 = 4096.0;
-/// The most exposures of one camera.
+/// Maximum number of exposures of one camera.
 const MAX_EXPOSURES: f64 = 100_000.0;
-/// Stamps whose errors are this share of a frame's interval at most still ascend: errors are cut at three times their standard deviation.
+/// Maximum standard deviation of time stamps as a share of the frame interval. Errors are cut at three standard
+/// deviations, so that time stamps still ascend.
 const MAX_JITTER: f64 = 0.15;
 
-/// Reads the cameras; those with a problem are left out and reported to the journal.
+/// Reads the cameras; invalid ones are left out and reported to the journal.
 pub(super) fn read(
     table: &Table,
     duration_s: Option<f64>,
@@ -66,7 +67,7 @@ pub(super) fn read(
     cameras
 }
 
-/// Cameras evenly around a point, all looking at it; counter-clockwise from the direction of x.
+/// Reads cameras at even angles around a point, all looking at it, counter-clockwise from the x axis.
 fn read_ring(
     table: &Table,
     image: ImageSettings,
@@ -77,10 +78,10 @@ fn read_ring(
         .key("count", "Number of cameras.")
         .within(1.0..=MAX_CAMERAS as f64)
         .required::<usize>();
-    let center_m = read_point(table, "center_m", "The point at which they look.");
+    let center_m = read_point(table, "center_m", "The point that they look at.");
     let radius_m = length(table, "radius_m", "Radius of the ring.");
     let height_m = table
-        .key("height_m", "Height of the ring over that point.")
+        .key("height_m", "Height of the ring above that point.")
         .within(-MAX_DISTANCE_M..=MAX_DISTANCE_M)
         .or(0.0);
     let start_deg: f64 = table
@@ -130,7 +131,7 @@ fn read_camera(
     })
 }
 
-/// Model and size, and the pose of the calibration file where there is one.
+/// Reads model and size, and the pose of the calibration file if it has one.
 fn read_optics(
     name: &str,
     table: &Table,
@@ -151,7 +152,8 @@ fn read_optics(
         } else {
             "calibration"
         };
-        let message = "is a plane, which does not determine what a camera sees of a world; give a model such as model.pinhole";
+        let message =
+            "is a plane, with which a world cannot be rendered; give a model such as model.pinhole";
         table.problem(key, message);
         return None;
     }
@@ -199,7 +201,8 @@ fn read_roll_deg(table: &Table) -> f64 {
         .or(0.0)
 }
 
-/// Reads the pose: a matrix, or the points from and at which the camera looks, or that of the calibration file.
+/// Reads the pose: a matrix, or the position and the point at which the camera looks, or the pose of the calibration
+/// file.
 fn read_view(table: &Table, file_pose: Option<Pose>) -> Option<Pose> {
     let given = read_pose(table);
     let looks = ["look_from_m", "look_at_m", "roll_deg"].map(|key| table.knows(key));
@@ -227,12 +230,12 @@ fn read_view(table: &Table, file_pose: Option<Pose>) -> Option<Pose> {
     let roll_deg = read_roll_deg(table);
     let pose = looking_at(from_m?, at_m?, roll_deg.to_radians());
     if pose.is_none() {
-        table.refuse("look_at_m", "another point than look_from_m");
+        table.reject("look_at_m", "a point other than look_from_m");
     }
     pose
 }
 
-/// The points that state a pose.
+/// The keys of the points that determine a pose.
 const LOOKS: [(&str, &str); 2] = [
     (
         "look_from_m",
@@ -240,13 +243,14 @@ const LOOKS: [(&str, &str); 2] = [
     ),
     (
         "look_at_m",
-        "The point in the middle of its view, in place of `world_from_camera`.",
+        "The point at the centre of its view, in place of `world_from_camera`.",
     ),
 ];
 
 /// Reads the table `image`, or returns the default.
 fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
-    let about = "What the images are like. At the top level for all cameras; a camera's own table overrides it.";
+    let about =
+        "Image properties. At the top level for all cameras; a camera's own table overrides it.";
     let settings = table.section("image", about, |table| {
         let samples = table
             .key("samples", "Rays along each side of a pixel.")
@@ -255,16 +259,11 @@ fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
         let non_negative = |name, about, default: f64, greatest: f64| {
             table.key(name, about).within(0.0..=greatest).or(default)
         };
-        let shutter_s = non_negative(
-            "shutter_s",
-            "How long the shutter is open.",
-            default.shutter_s,
-            10.0,
-        );
+        let shutter_s = non_negative("shutter_s", "Exposure time.", default.shutter_s, 10.0);
         let instants = table
             .key(
                 "instants",
-                "Instants within that time whose images are averaged.",
+                "Number of instants within the exposure time whose images are averaged.",
             )
             .within(1.0..=64.0)
             .or(default.instants);
@@ -323,7 +322,7 @@ fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
 
 /// Reads the table `timing`, or returns the default.
 fn read_timing(table: &Table, default: &Timing) -> Timing {
-    let about = "When images are taken, what their time stamps say and which of them arrive. At the top level for all cameras; a camera's own table overrides it.";
+    let about = "Exposure times, time stamps and delivery of images. At the top level for all cameras; a camera's own table overrides it.";
     let timing = table.section("timing", about, |table| {
         let d = default;
         let non_negative = |name, about, default: f64, greatest: f64| {
@@ -403,7 +402,7 @@ fn read_timing(table: &Table, default: &Timing) -> Timing {
             ),
             delay_jitter_s: non_negative(
                 "delay_jitter_s",
-                "Standard deviation of an additional delay, of which the magnitude counts.",
+                "Standard deviation of an additional random delay, of which the absolute value is used.",
                 d.delay_jitter_s,
                 1e6,
             ),
@@ -430,7 +429,7 @@ fn read_spans(
     };
     let spans: Option<Vec<_>> = rows.iter().map(span).collect();
     if spans.is_none() {
-        table.refuse(key, "rows of [from, to] in seconds, from before to");
+        table.reject(key, "rows of [from, to] in seconds, from before to");
     }
     spans.unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! World files: the worlds of which [`simulate`](pardalis_simulate) makes images.
+//! World files: the worlds that [`simulate`](pardalis_simulate) renders.
 
 mod cameras;
 mod objects;
@@ -25,27 +25,29 @@ pub struct WorldConfig {
     pub start_sigma_m: f64,
 }
 
-/// The most stills.
+/// Maximum number of stills.
 const MAX_STILLS: f64 = 1000.0;
-/// The longest time that is simulated, in seconds.
+/// Maximum simulated time, in seconds.
 const MAX_DURATION_S: f64 = 100_000.0;
-/// The smallest size of anything, in metres.
+/// Minimum size of any object, in metres.
 const MIN_LENGTH_M: f64 = 1e-6;
-/// The farthest that anything may be, in metres.
+/// Maximum distance of any object, in metres.
 const MAX_DISTANCE_M: f64 = 10_000.0;
 
 impl WorldConfig {
-    /// Stills to be labelled, if the file states no number.
+    /// Default number of stills for learning colours.
     pub const DEFAULT_TRAINING_STILLS: usize = 6;
-    /// The default standard deviation of starts, in metres.
+    /// Default standard deviation of starts, in metres.
     pub const DEFAULT_START_SIGMA_M: f64 = 0.05;
 
-    /// Reads a world's text. The caller reads the calibration files that it names. On failure, returns every problem, in the order of lines.
+    /// Reads a world's text. The caller reads the calibration files that the world names. Returns every problem on
+    /// failure, in the order of lines.
     pub fn parse(text: &str, read_calibration: ReadCalibration) -> Result<Self, Vec<Problem>> {
         Self::parse_with(text, &toml::Table::new(), read_calibration)
     }
 
-    /// Reads a world's text as [`WorldConfig::parse`] does, with some of its settings replaced or added, as [`super::Scene::parse_with`] does.
+    /// Reads a world's text like [`WorldConfig::parse`], with some of its settings replaced or added, like
+    /// [`super::Scene::parse_with`].
     pub fn parse_with(
         text: &str,
         replaced: &toml::Table,
@@ -167,15 +169,18 @@ fn read_light(table: &Table) -> Option<Light> {
     let direction = table
         .key(
             "direction",
-            "Direction towards a far lamp; any length but 0.",
+            "Direction towards a distant lamp; any length except 0.",
         )
         .or(<[f64; 3]>::from(default.direction));
     let unit = Vector3::from(direction).try_normalize(1e-9);
     if unit.is_none() {
-        table.refuse("direction", "a direction towards the lamp, not all zero");
+        table.reject("direction", "a direction towards the lamp, not all zero");
     }
     let ambient = table
-        .key("ambient", "Share of the light that comes from everywhere.")
+        .key(
+            "ambient",
+            "Share of the light that comes equally from all directions.",
+        )
         .within(0.0..=1.0)
         .or(default.ambient);
     Some(Light {
@@ -221,7 +226,7 @@ fn read_texture(table: &Table) -> Option<Texture> {
                 };
                 if colors.is_none() {
                     let allowed = "two colours, [[red, green, blue], [red, green, blue]], 0 to 255";
-                    texture.refuse("colors_srgb", allowed);
+                    texture.reject("colors_srgb", allowed);
                 }
                 colors.map(<[_; 2]>::from)
             });
@@ -261,7 +266,7 @@ fn read_texture(table: &Table) -> Option<Texture> {
 
 const COLOR_RANGE: RangeInclusive<f64> = 0.0..=255.0;
 
-/// Reads a colour, as linear light.
+/// Reads a colour and converts it to linear light.
 fn read_color(table: &Table) -> Option<[f64; 3]> {
     let srgb = table
         .key("color_srgb", "Colour, [red, green, blue].")
@@ -274,7 +279,7 @@ fn linear(srgb: &[f64]) -> Option<[f64; 3]> {
     srgb.try_into().ok().map(linear_from_srgb)
 }
 
-/// Reads a point, or a velocity, that must be given.
+/// Reads a required point or velocity.
 fn read_point(table: &Table, key: &'static str, about: &'static str) -> Option<Vector3<f64>> {
     let point = table
         .key(key, about)
@@ -283,7 +288,7 @@ fn read_point(table: &Table, key: &'static str, about: &'static str) -> Option<V
     Some(point.into())
 }
 
-/// Reads a length that must be given.
+/// Reads a required length.
 fn length(table: &Table, key: &'static str, about: &'static str) -> Option<f64> {
     table
         .key(key, about)

@@ -7,12 +7,12 @@ use super::super::reader::{Journal, Kind, Located, Table};
 use super::{MAX_DISTANCE_M, MIN_LENGTH_M, length, read_color, read_point};
 use pardalis_simulate::{Body, Course, Object, Path, Sine, Throw, Waypoints};
 
-/// The most objects of one world.
+/// Maximum number of objects of one world.
 const MAX_OBJECTS: usize = 100;
-/// The most points of a path, and sines of an axis.
+/// Maximum number of points of a path, and of sines of an axis.
 const MAX_POINTS: usize = 10_000;
 
-/// Reads the objects; those with a problem are left out and reported to the journal.
+/// Reads the objects; invalid ones are left out and reported to the journal.
 pub(super) fn read(journal: &Journal, table: &Table) -> Vec<Object> {
     let about = "The objects, each by its name.";
     let tables = table.named_tables("objects", about, Presence::Required);
@@ -31,12 +31,12 @@ pub(super) fn read(journal: &Journal, table: &Table) -> Vec<Object> {
         .collect();
     for (carrier, place) in carriers {
         if let Some(Object {
-            course: Course::Rides { .. },
+            course: Course::Attached { .. },
             ..
         }) = &objects[carrier]
         {
             let message =
-                "is attached to another object itself; allowed: an object with a path of its own";
+                "is attached to another object itself; allowed: an object with its own path";
             journal.report(place.problem(message));
         }
     }
@@ -176,7 +176,7 @@ fn read_course(
                 let about = "Offset in the other object's frame: x ahead, y to its left, z up.";
                 let offset_m = read_point(path, "offset_m", about);
                 carriers.extend(carrier.map(|carrier| (carrier, path.at("to", ()))));
-                return Some(Course::Rides {
+                return Some(Course::Attached {
                     carrier: carrier?,
                     offset_m: offset_m?,
                 });
@@ -190,7 +190,7 @@ fn read_carrier(path: &Table, name: &str, names: &[String]) -> Option<usize> {
     let to: String = path
         .key(
             "to",
-            "Name of the other object, which has a path of its own.",
+            "Name of the other object, which must have its own path.",
         )
         .required()?;
     let carrier = names.iter().position(|other| *other == to && to != name);
@@ -200,7 +200,7 @@ fn read_carrier(path: &Table, name: &str, names: &[String]) -> Option<usize> {
             .filter(|other| *other != name)
             .cloned()
             .collect();
-        path.refuse("to", &others.join(", "));
+        path.reject("to", &others.join(", "));
     }
     carrier
 }
@@ -218,7 +218,7 @@ fn read_circle(path: &Table) -> Option<Path> {
     let period_s = period_s.filter(|period_s| {
         let allowed = (LEAST_PERIOD_S..=GREATEST_PERIOD_S).contains(&period_s.abs());
         if !allowed {
-            path.refuse(
+            path.reject(
                 "period_s",
                 "0.01 to 1000000 seconds, or the negative of that to turn clockwise",
             );
@@ -239,9 +239,9 @@ fn read_circle(path: &Table) -> Option<Path> {
     })
 }
 
-/// The shortest period, in seconds.
+/// Minimum period, in seconds.
 const LEAST_PERIOD_S: f64 = 0.01;
-/// The longest period, in seconds.
+/// Maximum period, in seconds.
 const GREATEST_PERIOD_S: f64 = 1e6;
 
 fn read_waypoints(path: &Table) -> Option<Path> {
@@ -256,7 +256,7 @@ fn read_waypoints(path: &Table) -> Option<Path> {
     let point = |row: &Vec<f64>| <[f64; 3]>::try_from(&row[..]).ok().map(Vector3::from);
     let points: Option<Vec<_>> = rows.iter().map(point).collect();
     let Some(points) = points.filter(|_| rows.len() <= MAX_POINTS) else {
-        path.refuse("positions_m", "at most 10000 points [x, y, z]");
+        path.reject("positions_m", "at most 10000 points [x, y, z]");
         return None;
     };
     path.checked(Waypoints::new(times_s, points))
@@ -293,16 +293,19 @@ fn read_sines(path: &Table, axis: &'static str) -> Option<Vec<Sine>> {
     let sines = sines.filter(|sines| sines.len() <= MAX_POINTS);
     if sines.is_none() {
         let allowed = "at most 10000 rows of [amplitude in metres, period in seconds (0.01 or more), phase in degrees]";
-        path.refuse(axis, allowed);
+        path.reject(axis, allowed);
     }
     sines
 }
 
 fn read_throw(path: &Table) -> Option<Path> {
-    let position_m = read_point(path, "position_m", "Where it is thrown.");
+    let position_m = read_point(path, "position_m", "Position from which it is thrown.");
     let velocity_mps = read_point(path, "velocity_mps", "Velocity with which it is thrown.");
     let start_s = path
-        .key("start_s", "When it is thrown; it is at rest before.")
+        .key(
+            "start_s",
+            "Time at which it is thrown; it is at rest before.",
+        )
         .within(-1e6..=1e6)
         .or(0.0);
     let rest_z_m: Option<f64> = path
@@ -315,15 +318,15 @@ fn read_throw(path: &Table) -> Option<Path> {
     let restitution = path
         .key(
             "restitution",
-            "Share of the vertical speed that a bounce leaves.",
+            "Share of the vertical speed that remains after a bounce.",
         )
         .within(0.0..=0.95)
         .or(Throw::DEFAULT_RESTITUTION);
     let (position_m, rest_z_m) = (position_m?, rest_z_m?);
     if rest_z_m > position_m.z {
-        path.refuse(
+        path.reject(
             "rest_z_m",
-            "the height where it bounces, not above where it is thrown",
+            "the height at which it bounces, not above the start of the throw",
         );
         return None;
     }

@@ -1,4 +1,5 @@
-//! Damaged, unsupported and contradictory calibration files: a fault with a line and a name, never a panic, never a wrong camera.
+//! Damaged, unsupported and contradictory calibration files yield errors with a line and a name, never a panic or a
+//! wrong camera.
 
 use pardalis_camera::formats::{Lens, MAX_TEXT_BYTES};
 use pardalis_scene::calibration::read;
@@ -6,9 +7,9 @@ use rayon::prelude::*;
 
 use crate::samples::{SAMPLES, sample};
 
-/// Each line of refusals.txt: a sample with pieces of it replaced, and what the message holds.
+/// Checks each line of refusals.txt: a sample with pieces of it replaced, and parts of the expected message.
 #[test]
-fn what_is_unsupported_or_contradictory_is_refused_by_name() {
+fn unsupported_and_contradictory_files_are_rejected_by_name() {
     let mut count = 0;
     for case in sample("refusals.txt").lines().skip(1) {
         let fields: Vec<String> = case.split(" | ").map(|f| f.replace("\\n", "\n")).collect();
@@ -22,7 +23,7 @@ fn what_is_unsupported_or_contradictory_is_refused_by_name() {
             text = text.replacen(piece, other.strip_prefix(' ').unwrap_or(other), 1);
         }
         let Err(error) = read(&text, None) else {
-            panic!("not refused: {case}");
+            panic!("not rejected: {case}");
         };
         let message = error.to_string();
         assert!(message.starts_with("line "), "{message}");
@@ -38,7 +39,7 @@ fn what_is_unsupported_or_contradictory_is_refused_by_name() {
 }
 
 #[test]
-fn texts_that_are_no_calibrations_or_too_large() {
+fn texts_that_are_not_calibrations_or_too_large_are_rejected() {
     let bomb: Vec<String> = (1..40)
         .map(|i| format!("a{i}: &a{i} [*a{0}, *a{0}]\n", i - 1))
         .collect();
@@ -92,7 +93,7 @@ fn texts_that_are_no_calibrations_or_too_large() {
     }
 }
 
-/// Reading must end in cameras or in a fault with a line of the text.
+/// Checks that reading returns cameras or an error with a line of the text; reports whether it returned cameras.
 fn check(text: &str, lens: Option<Lens>) -> bool {
     match read(text, lens) {
         Ok(cameras) => {
@@ -103,7 +104,7 @@ fn check(text: &str, lens: Option<Lens>) -> bool {
             let message = error.to_string();
             assert!(message.starts_with("line "), "{message}");
             let line: usize = message[5..].split(':').next().unwrap().parse().unwrap();
-            // To YAML a lone carriage return ends a line, too.
+            // In YAML, a lone carriage return also ends a line.
             let last = text.matches(['\n', '\r']).count() + 1;
             assert!((1..=last).contains(&line), "{message}");
             false
@@ -111,9 +112,10 @@ fn check(text: &str, lens: Option<Lens>) -> bool {
     }
 }
 
-/// The sample with a few bits turned, or bytes left out, doubled or swapped with others; the same for the same seed.
+/// Returns the sample with a few bits flipped, or bytes removed, duplicated, swapped or replaced, depending on the
+/// seed.
 fn mutated(text: &str, seed: u64) -> String {
-    // The generator of Numerical Recipes; any would do.
+    // The generator of Numerical Recipes; any other would do.
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let mut below = |bound: usize| {
         state = state
@@ -145,7 +147,7 @@ fn mutated(text: &str, seed: u64) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// Reads every truncation of the sample and so many mutations; how many mutations were read as cameras.
+/// Reads every truncation of the sample and a number of mutations; returns how many mutations were read as cameras.
 fn damage(name: &str, lens: Option<Lens>, mutations: u64) -> usize {
     let text = sample(name);
     (0..text.len()).into_par_iter().for_each(|end| {
@@ -159,15 +161,16 @@ fn damage(name: &str, lens: Option<Lens>, mutations: u64) -> usize {
         .count()
 }
 
-/// A thousand mutations of each sample; `MUTATIONS=1000000 cargo test --release --test interchange_faults -- --nocapture` takes more and counts them.
+/// Reads a thousand mutations of each sample. `MUTATIONS=1000000 cargo test --release -p pardalis-scene --test
+/// integration mutated -- --nocapture` reads more and prints the counts.
 #[test]
-fn truncated_and_mutated_samples_are_read_or_refused() {
+fn truncated_and_mutated_samples_are_read_or_rejected() {
     let count = std::env::var("MUTATIONS").map_or(1000, |v| v.parse().unwrap());
     for (name, lens) in SAMPLES {
         let fine = damage(name, lens, count);
         let truncations = sample(name).len();
         println!("{name}: {truncations} truncations, {count} mutations, {fine} of them read");
-        // Some mutations fall on what is passed over or on digits, others do not.
+        // Some mutations change only ignored text or digits, others do not.
         assert!(fine > 0 && (fine as u64) < count, "{name}: {fine}");
     }
 }

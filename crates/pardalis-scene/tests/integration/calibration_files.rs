@@ -1,4 +1,4 @@
-//! Other programs' calibration files: the same projections as the programs', nothing lost on the way through a file, faults told by name.
+//! Calibration files of other programs: equal projections, lossless round trips, and errors that name the camera.
 
 use std::collections::HashMap;
 use std::fs;
@@ -15,7 +15,7 @@ use pardalis_scene::calibration::{read, write};
 
 use crate::samples::{SAMPLES, folder, sample};
 
-/// The rows x, y, z, u, v of a table.
+/// Reads the rows x, y, z, u, v of a table.
 fn rows(name: &str) -> Option<Vec<[f64; 5]>> {
     let text = fs::read_to_string(folder().join(name)).ok()?;
     let row = |line: &str| {
@@ -26,7 +26,7 @@ fn rows(name: &str) -> Option<Vec<[f64; 5]>> {
 }
 
 #[test]
-fn the_cameras_of_a_sequence_folder() {
+fn cameras_of_a_sequence_folder_are_read() {
     let cameras = read(&sample("sequence-cameras.json"), None).unwrap();
     let names: Vec<_> = cameras.iter().map(|camera| &*camera.name).collect();
     assert_eq!(names, ["fisheye", "web_cam", "camera"]);
@@ -47,7 +47,7 @@ fn the_cameras_of_a_sequence_folder() {
     }
     assert_eq!(mirror.camera.kind(), "exact_mirror");
     assert_eq!(mirror.world_from_camera, None);
-    // The mirror's point at t = 0.03 is seen at rho = f t / F.
+    // The mirror's point at t = 0.03 is imaged at rho = f t / F.
     let ray = mirror
         .camera
         .unproject([319.5 + 579.5 * 0.03 / 0.163, 239.5])
@@ -97,7 +97,7 @@ fn files_of_other_programs_project_as_they_do() {
 }
 
 #[test]
-fn names_sizes_and_poses() {
+fn names_sizes_and_poses_are_read() {
     let read = |name: &str, lens| read(&sample(name), lens).unwrap();
     let size = |name: &str| read(name, None)[0].size_px;
     assert_eq!(size("opencv-stereo.yml"), Some((640, 480)));
@@ -116,7 +116,7 @@ fn names_sizes_and_poses() {
     assert!(!posed("opencv-stereo-intrinsics.yml") && !posed("ros-message.yaml"));
 }
 
-/// One camera of each model, with numbers that no rounding leaves alone.
+/// Returns one camera of each model, with numbers that any rounding would change.
 fn cameras() -> Vec<Camera> {
     let (f, c) = (
         [411.300_000_000_000_1, 1.0 / 0.0024],
@@ -185,7 +185,7 @@ fn posed(name: &str, camera: Camera, turn: f64) -> CalibratedCamera {
     }
 }
 
-/// The parameters by name. An equidistant fisheye is written as Kannala-Brandt with zeros.
+/// Returns the parameters by name. An equidistant fisheye is written as Kannala-Brandt with zeros.
 fn parameters(camera: &Camera) -> HashMap<&'static str, f64> {
     let mut all: HashMap<_, _> = camera.parameters().into_iter().collect();
     if let Some(f) = all.remove("f_px_per_rad") {
@@ -220,8 +220,8 @@ fn assert_same_pose(a: &Pose, b: &Pose, format: CalibrationFormat) {
     assert!(difference < 1e-12, "{format:?}: {difference}");
 }
 
-/// What the format's own details refuse besides the kind of model.
-fn refused_by_details(format: CalibrationFormat, camera: &Camera) -> bool {
+/// Reports whether the format rejects this camera although it supports the kind of model.
+fn rejected_by_details(format: CalibrationFormat, camera: &Camera) -> bool {
     let all = parameters(camera);
     let has = |names: &[&str]| {
         names
@@ -245,7 +245,7 @@ fn round_trips_through_every_format_change_nothing() {
         for camera in cameras() {
             let one = posed("left", camera.clone(), 0.4);
             let written = write(format, std::slice::from_ref(&one));
-            if !format.holds(camera.kind()) || refused_by_details(format, &camera) {
+            if !format.holds(camera.kind()) || rejected_by_details(format, &camera) {
                 let message = written.unwrap_err().to_string();
                 assert!(message.contains("camera left"), "{message}");
                 continue;
@@ -263,7 +263,7 @@ fn round_trips_through_every_format_change_nothing() {
                     format,
                 );
             }
-            // Without a pose and, where that is allowed, without a size.
+            // Without a pose and, if the format allows it, without a size.
             let bare = CalibratedCamera {
                 world_from_camera: None,
                 ..one.clone()
@@ -310,7 +310,7 @@ fn our_own_format_keeps_everything() {
 }
 
 #[test]
-fn rigs_of_several_cameras() {
+fn rigs_of_several_cameras_are_written_and_read() {
     let camera = |i: usize| cameras()[i].clone();
     let rig = [
         posed("a", camera(1), 0.2),
@@ -363,7 +363,7 @@ fn rigs_of_several_cameras() {
 }
 
 #[test]
-fn models_that_a_format_cannot_hold_are_named_with_the_formats_that_can() {
+fn unsupported_models_are_named_with_the_formats_that_support_them() {
     for (format, camera, wanted) in [
         (Foreign(Format::Kalibr), 12, ["ocam", "pardalis, ocamcalib"]),
         (
@@ -388,9 +388,9 @@ fn models_that_a_format_cannot_hold_are_named_with_the_formats_that_can() {
     }
 }
 
-/// The inverse polynomial that we write leads to where the direct one says, in the toolbox's own formula.
+/// The written inverse polynomial agrees with the direct one, evaluated with the toolbox's own formula.
 #[test]
-fn the_inverse_polynomial_of_ocamcalib() {
+fn the_inverse_polynomial_of_ocamcalib_matches_the_direct_one() {
     for name in ["ocamcalib-catadioptric.txt", "ocamcalib-fisheye.txt"] {
         let camera = read(&sample(name), None).unwrap().remove(0);
         let text = write(Foreign(Format::OcamCalib), std::slice::from_ref(&camera)).unwrap();

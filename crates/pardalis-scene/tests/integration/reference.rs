@@ -1,4 +1,4 @@
-//! The reference of keys and the JSON schemas: up to date, and in agreement with what the readers accept.
+//! The reference of keys and the JSON schemas are up to date and agree with the readers.
 //!
 //! `cargo xtask reference` writes the files in `docs/reference`: it runs this test with the variable `UPDATE`.
 
@@ -44,7 +44,7 @@ struct Sample {
     kind: FileKind,
 }
 
-/// Every scene and world of the repository, and files that together give every key.
+/// Returns every scene and world of the repository, and files that together contain every key.
 fn samples() -> Vec<Sample> {
     let mut samples = Vec::new();
     let root = repository();
@@ -103,7 +103,7 @@ impl Sample {
         serde_json::to_value(self.text.parse::<toml::Table>().unwrap()).unwrap()
     }
 
-    /// The values that the file gives: the full key, and the same with `NAME` for names.
+    /// Returns the keys of the file's values: each full key, and the same with `NAME` for names.
     fn keys(&self, described: &[KeyDescription]) -> Vec<(String, String)> {
         fn walk(
             value: &Value,
@@ -168,7 +168,7 @@ fn every_key_of_the_reference_is_accepted_and_every_accepted_key_is_in_the_refer
             .collect();
         assert!(
             unused.is_empty(),
-            "{kind:?}: no file of tests/reference gives {unused:#?}"
+            "{kind:?}: no file of tests/reference contains {unused:#?}"
         );
     }
 }
@@ -208,7 +208,7 @@ fn settings_with_defaults_are_in_the_reference() {
 }
 
 #[test]
-fn numbers_outside_the_stated_ranges_are_refused() {
+fn numbers_outside_the_stated_ranges_are_rejected() {
     let mut checked = 0;
     let samples = samples();
     for kind in [FileKind::Scene, FileKind::World] {
@@ -260,8 +260,8 @@ fn numbers_outside_the_stated_ranges_are_refused() {
     assert!(checked > 200, "{checked}");
 }
 
-/// What in a value a schema does not allow; of JSON Schema no more than the schemas use.
-#[allow(clippy::too_many_lines)] // one arm a keyword
+/// Checks a value against a schema. Supports only those keywords of JSON Schema that the schemas use.
+#[allow(clippy::too_many_lines)] // one arm per keyword
 fn check(schema: &Value, value: &Value, path: &str) -> Result<(), String> {
     let schema = schema.as_object().unwrap();
     let wrong = |what: &str| Err(format!("{path}: {what}: {value}"));
@@ -332,7 +332,7 @@ fn check(schema: &Value, value: &Value, path: &str) -> Result<(), String> {
                     }
                 }
             }
-            // Bounds that hold, notes, and what is checked below.
+            // Bounds that are satisfied, annotations, and keywords that are checked below.
             "minimum"
             | "maximum"
             | "exclusiveMinimum"
@@ -360,7 +360,7 @@ fn check(schema: &Value, value: &Value, path: &str) -> Result<(), String> {
         match property.or(named) {
             Some(schema) => check(schema, inner, &path)?,
             None if schema.get("additionalProperties") == Some(&Value::Bool(false)) => {
-                return Err(format!("{path}: is no key"));
+                return Err(format!("{path}: is not a key"));
             }
             None => {}
         }
@@ -369,7 +369,7 @@ fn check(schema: &Value, value: &Value, path: &str) -> Result<(), String> {
 }
 
 #[test]
-fn schemas_accept_every_file_and_refuse_unknown_keys_and_wrong_types() {
+fn schemas_accept_every_file_and_reject_unknown_keys_and_wrong_types() {
     let schemas = FileKind::ALL.map(|kind| {
         let schema: Value = serde_json::from_str(&kind.json_schema()).unwrap();
         (kind, schema)

@@ -1,11 +1,11 @@
-//! The sample files and what both tests of calibration files need.
+//! The sample files of both tests of calibration files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use pardalis_camera::formats::Lens;
 
-/// The sample files, with the lens where the file does not say it.
+/// The sample files, with the lens if the file does not state it.
 pub(crate) const SAMPLES: [(&str, Option<Lens>); 24] = [
     ("basalt.json", None),
     ("kalibr-chain.yaml", None),
@@ -33,12 +33,12 @@ pub(crate) const SAMPLES: [(&str, Option<Lens>); 24] = [
     ("sequence-cameras.json", None),
 ];
 
-/// Where the samples lie.
+/// Returns the folder of the samples.
 pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/calibration_files")
 }
 
-/// The text of a sample.
+/// Returns the text of a sample.
 pub(crate) fn sample(name: &str) -> String {
     fs::read_to_string(folder().join(name)).unwrap()
 }

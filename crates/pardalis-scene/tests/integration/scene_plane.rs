@@ -1,4 +1,5 @@
-//! Scenes of the plane: cameras by a plane or an image alone, flat shapes, cues of regions, targets of several landmarks; refusals with key and line.
+//! Scenes of the plane: cameras of a plane or an image, flat shapes, region cues, targets with several landmarks;
+//! errors with key and line.
 
 use pardalis::color::ChannelBins;
 use pardalis::likelihood::{Cue, PatchSettings};
@@ -8,7 +9,7 @@ use pardalis_camera::formats::Lens;
 use pardalis_camera::{Camera, Plane};
 use pardalis_scene::{Problem, Scene};
 
-/// Lines are counted in tests.
+/// The tests refer to line numbers of this text.
 const SCENE: &str = r#"[cameras.mast]
 images = "frames"
 fps = 15
@@ -33,14 +34,14 @@ colors = "yellow.toml"
 start.gaussian = { position_m = [-1.6, -0.35, 0] }
 "#;
 
-/// Where the camera stands.
+/// The position of the camera.
 const CENTER: &str = "camera_center_m = [0.0, -3.2, 3.0]";
 
 fn no_calibration(file: &str, _: Option<Lens>) -> Result<Vec<CalibratedCamera>, String> {
     Err(format!("{file}: is not there"))
 }
 
-/// The scene with pieces of it replaced, which must be there.
+/// Parses the scene with pieces of it replaced, which must occur in it.
 fn scene_with(pieces: &[(&str, &str)]) -> Result<Scene, Vec<Problem>> {
     let replaced = |text: String, (piece, other): &(&str, &str)| {
         assert!(text.contains(piece), "{piece}");
@@ -58,14 +59,14 @@ fn plane(scene: &Scene) -> Plane<f64> {
 }
 
 #[track_caller]
-fn refused(pieces: &[(&str, &str)], wanted: &str) {
+fn assert_rejected(pieces: &[(&str, &str)], wanted: &str) {
     let problems = scene_with(pieces).unwrap_err();
     let said = problems.iter().any(|p| p.to_string().contains(wanted));
     assert!(said, "no {wanted:?} in {problems:#?}");
 }
 
 #[test]
-fn a_target_of_landmarks_has_its_settings_for_all_of_them() {
+fn landmarks_share_the_settings_of_their_target() {
     let scene = scene_with(&[]).unwrap();
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     let robot = &scene.targets[0];
@@ -98,11 +99,11 @@ fn a_target_of_landmarks_has_its_settings_for_all_of_them() {
         ("colors = \"yellow.toml\"\n", ""),
     ];
     assert!(scene_with(&bare).is_ok());
-    refused(
+    assert_rejected(
         &bare[1..2],
         "line 16: targets.robot.landmarks.front.colors: is missing",
     );
-    // Names are free, but only front and rear make a heading.
+    // Names are arbitrary, but only front and rear determine a heading.
     let named = scene_with(&[
         ("landmarks.front", "landmarks.a"),
         ("landmarks.rear", "landmarks.b"),
@@ -119,7 +120,7 @@ fn a_target_of_landmarks_has_its_settings_for_all_of_them() {
 }
 
 #[test]
-fn cameras_know_a_plane_by_points_or_homography_and_their_place_by_numbers_or_lens() {
+fn planes_are_read_from_points_or_homography_and_positions_directly_or_from_intrinsics() {
     let by_points = plane(&scene_with(&[]).unwrap());
     let seen = |plane: Plane<f64>, place| Camera::Plane(plane).project(place).unwrap();
     for (pixel, place) in [
@@ -130,7 +131,7 @@ fn cameras_know_a_plane_by_points_or_homography_and_their_place_by_numbers_or_le
         assert!((u - pixel[0]).hypot(v - pixel[1]) < 1e-6, "{u} {v}");
     }
     assert_eq!(by_points.center_m(), Some([0.0, -3.2, 3.0]));
-    // The homography of these points, of any scale and sign.
+    // The homography of these points, with an arbitrary scale and sign.
     let (start, end) = (
         SCENE.find("points").unwrap(),
         SCENE.find("camera_center").unwrap(),
@@ -144,7 +145,7 @@ fn cameras_know_a_plane_by_points_or_homography_and_their_place_by_numbers_or_le
     let place = [0.3, 0.4, 0.406];
     let [[a, b], [c, d]] = [by_points, by_homography].map(|plane| seen(plane, place));
     assert!((a - c).hypot(b - d) < 1e-6);
-    // The lens of data/plane-robot says where the camera stands: truth in its camera.json.
+    // The intrinsics of data/plane-robot determine the camera's position; the truth is in its camera.json.
     let lens = "f_px = [560, 560]\ncenter_px = [319.5, 239.5]";
     let found_m = plane(&scene_with(&[(CENTER, lens)]).unwrap())
         .center_m()
@@ -152,7 +153,7 @@ fn cameras_know_a_plane_by_points_or_homography_and_their_place_by_numbers_or_le
     for (found_m, true_m) in found_m.into_iter().zip([0.0, -3.2, 3.0]) {
         assert!((found_m - true_m).abs() < 0.02, "{found_m:?}");
     }
-    // Without a place only what lies on the plane can be tracked; and in the image itself.
+    // Without a camera position, and with an image as the plane, only targets on the plane can be tracked.
     let flat = ("height_m = 0.406", "height_m = 0");
     assert_eq!(
         plane(&scene_with(&[(CENTER, ""), flat]).unwrap()).center_m(),
@@ -161,15 +162,15 @@ fn cameras_know_a_plane_by_points_or_homography_and_their_place_by_numbers_or_le
     let model = &SCENE[SCENE.find("[cameras.mast.model").unwrap()..SCENE.find("[targets").unwrap()];
     let image = plane(&scene_with(&[(model, "model.image = {}\n"), flat]).unwrap());
     assert_eq!(seen(image, [12.0, 34.5, 0.0]), [12.0, 34.5]);
-    refused(
+    assert_rejected(
         &[(CENTER, "")],
-        "line 13: targets.robot.shape: rises over the plane, but the place of camera \"mast\" is not known",
+        "line 13: targets.robot.shape: rises above the plane, but the position of camera \"mast\" is unknown",
     );
 }
 
 #[test]
-fn a_point_that_does_not_agree_is_named() {
-    // Where the camera sees these two; the second is moved away by 30 px.
+fn an_outlier_among_the_points_is_named() {
+    // The projections of two points; the second one is moved by 30 px.
     let camera = Camera::Plane(plane(&scene_with(&[]).unwrap()));
     let [a, b] = [[0.4, 0.1, 0.0], [0.0, 0.6, 0.0]].map(|place| camera.project(place).unwrap());
     let rows = format!(
@@ -182,7 +183,7 @@ fn a_point_that_does_not_agree_is_named() {
     let scene = scene_with(&[("\n]", &rows)]).unwrap();
     let warning = scene.warnings[0].to_string();
     assert!(
-        warning.contains("line 5: cameras.mast.model.plane.points: point 6 disagrees with the others, which put it 30.0 px away"),
+        warning.contains("line 5: cameras.mast.model.plane.points: point 6 disagrees with the others, which place it 30.0 px away"),
         "{warning}"
     );
     let [u, v] = Camera::Plane(plane(&scene))
@@ -192,7 +193,7 @@ fn a_point_that_does_not_agree_is_named() {
 }
 
 #[test]
-fn planes_that_cannot_be_are_refused_by_their_keys() {
+fn invalid_planes_are_rejected_by_key() {
     let second = "[448.73, 304.71, 1.1498814, -0.1284166],";
     let third = "[402.42, 198.82, 1.0452467, 1.3679295],";
     let points = "line 5: cameras.mast.model.plane.points: ";
@@ -246,7 +247,7 @@ fn planes_that_cannot_be_are_refused_by_their_keys() {
             "center_px = [1, 2]",
             format!("{}is missing", key("f_px")),
         ),
-        // No such lens sees the plane so.
+        // No camera with these intrinsics has this homography.
         (
             CENTER,
             "f_px = [10, 5000]\ncenter_px = [319.5, 239.5]",
@@ -264,20 +265,20 @@ fn planes_that_cannot_be_are_refused_by_their_keys() {
                 .to_owned(),
         ),
     ] {
-        refused(&[(piece, other)], &wanted);
+        assert_rejected(&[(piece, other)], &wanted);
     }
     let (start, end) = (
         SCENE.find("points").unwrap(),
         SCENE.find("camera_center").unwrap(),
     );
     let points = &SCENE[start..end];
-    refused(
+    assert_rejected(
         &[(points, "")],
         "cameras.mast.model.plane.points: is missing; give four or more",
     );
     for homography in ["[[1, 0, 0], [0, 1, 0], [1, 1, 0]]", "[[1, 0], [0, 1]]", "1"] {
         let text = format!("homography = {homography}\n");
-        refused(
+        assert_rejected(
             &[(points, &text)],
             "line 5: cameras.mast.model.plane.homography: ",
         );
@@ -285,7 +286,7 @@ fn planes_that_cannot_be_are_refused_by_their_keys() {
 }
 
 #[test]
-fn landmarks_and_regions_that_cannot_be_are_refused_by_their_keys() {
+fn invalid_landmarks_and_regions_are_rejected_by_key() {
     let disc = "shape.disc = { radius_m = 0.06, height_m = 0.406 }";
     let front = &SCENE[SCENE.find("[targets.robot.landmarks.front]").unwrap()
         ..SCENE.find("[targets.robot.landmarks.rear]").unwrap()];
@@ -379,12 +380,12 @@ fn landmarks_and_regions_that_cannot_be_are_refused_by_their_keys() {
             "targets.robot.landmarks.front.filter: is not a key",
         ),
     ] {
-        refused(&[(piece, other)], wanted);
+        assert_rejected(&[(piece, other)], wanted);
     }
 }
 
 #[test]
-fn texts_cut_off_at_any_byte() {
+fn texts_truncated_at_any_byte_are_read_or_rejected() {
     let cut = (0..SCENE.len()).filter_map(|end| SCENE.get(..end));
     let is_sound = |text: &&str| match Scene::parse(text, &no_calibration) {
         Ok(_) => true,
@@ -393,7 +394,7 @@ fn texts_cut_off_at_any_byte() {
             false
         }
     };
-    // What is left is a scene only where it ends behind the last key that is needed.
+    // The rest is a valid scene only if it includes the last required key.
     let sound: Vec<&str> = cut.filter(is_sound).collect();
     assert!(sound.len() < 5, "{sound:?}");
 }

@@ -12,7 +12,7 @@ use pardalis_filter::motion::{
 };
 use pardalis_scene::{BodyConfig, Scene, StartConfig, TrackingConfig};
 
-const SCENE: &str = r#"# Everything that a scene may say.
+const SCENE: &str = r#"# A scene with every kind of setting.
 seed = 7
 [cameras.dioptric]
 images = "frames" # földer
@@ -84,12 +84,13 @@ saturation_bins = 12
 intensity_bins = 4
 "#;
 
-/// The scene names no calibration file.
+/// Fails, because the scene names no calibration file.
 fn no_calibration(file: &str, _: Option<Lens>) -> Result<Vec<CalibratedCamera>, String> {
     Err(format!("{file}: is not there"))
 }
 
-/// Parses a scene; errors must come in order, with lines of the text and something to say.
+/// Parses a scene and checks that errors are in order, with lines of the text and messages; reports whether it is
+/// valid.
 fn check_scene(text: &str) -> bool {
     let Err(problems) = Scene::parse(text, &no_calibration) else {
         return true;
@@ -118,10 +119,11 @@ fn check_colors(text: &str) -> bool {
 }
 
 #[test]
-fn texts_cut_off_at_any_byte() {
+fn texts_truncated_at_any_byte_are_read_or_rejected() {
     assert!(check_scene(SCENE) && check_colors(COLORS));
     let cut = |text: &'static str| (0..text.len()).filter_map(move |end| text.get(..end));
-    // What is left is a scene only where a target's shape and colours are told and no setting is cut: all others have defaults.
+    // The rest is a valid scene only if a target has shape and colours and no setting is truncated: all others have
+    // defaults.
     let sound: Vec<_> = cut(SCENE).filter(|text| check_scene(text)).collect();
     let begun = SCENE.find("\ncontour.spline").unwrap_or_default();
     assert!(sound.len() < 60, "{}", sound.len());
@@ -130,9 +132,9 @@ fn texts_cut_off_at_any_byte() {
     assert!(sound <= 2, "{sound}");
 }
 
-/// Bytes of the text replaced at random, at one to four places; what is no UTF-8 is made so.
+/// Replaces one to four random bytes of the text, and converts the result to valid UTF-8.
 fn flipped(text: &str, seed: u64) -> String {
-    // The generator of Numerical Recipes; any would do.
+    // The generator of Numerical Recipes; any other would do.
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let mut next = |below: usize| {
         state = state
@@ -153,18 +155,18 @@ fn flipped(text: &str, seed: u64) -> String {
 }
 
 #[test]
-fn texts_with_flipped_bytes() {
+fn texts_with_random_bytes_are_read_or_rejected() {
     let mut sound = [0; 2];
     for seed in 0..2000 {
         sound[0] += usize::from(check_scene(&flipped(SCENE, seed)));
         sound[1] += usize::from(check_colors(&flipped(COLORS, seed)));
     }
-    // Some flips do no harm (in comments, digits, names), most do.
+    // Some replacements are harmless (in comments, digits, names), most are not.
     assert!(sound.iter().all(|n| (1..1500).contains(n)), "{sound:?}");
 }
 
 #[test]
-fn a_doubled_key_hides_no_other_problem() {
+fn a_duplicate_key_hides_no_other_problem() {
     let text = SCENE
         .replace("fps = 25.0", "fps = 25.0\nfps = 30.0")
         .replace("radius_m = 0.11", "radius_m = -1")
@@ -174,7 +176,7 @@ fn a_doubled_key_hides_no_other_problem() {
     assert_eq!(lines, [6, 17, 45], "{problems:?}");
 }
 
-/// A scene with one target whose shape and contour are given.
+/// Parses a scene with one target that has these settings.
 fn target(settings: &str) -> Result<Scene, Vec<String>> {
     let text = format!(
         "[cameras.a]\nimages = \"a\"\nfps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
@@ -184,14 +186,14 @@ fn target(settings: &str) -> Result<Scene, Vec<String>> {
     parsed(&text)
 }
 
-/// The scene, or what is wrong with it, in words.
+/// Parses a scene; returns its problems as text.
 fn parsed(text: &str) -> Result<Scene, Vec<String>> {
     Scene::parse(text, &no_calibration)
         .map_err(|problems| problems.iter().map(ToString::to_string).collect())
 }
 
 #[test]
-fn robots_have_settings_of_their_own_that_each_scene_may_change() {
+fn upright_shapes_have_their_own_defaults_that_a_scene_may_override() {
     let cylinder = "shape.cylinder = { radius_m = 0.25, height_m = 0.8 }";
     let robot = &target(cylinder).unwrap().targets[0].bodies[0];
     assert_eq!(robot.contour().unwrap().points, 120);
@@ -223,7 +225,7 @@ fn robots_have_settings_of_their_own_that_each_scene_may_change() {
 }
 
 #[test]
-fn cues_are_those_that_have_a_table_and_look_at_the_cameras_they_name() {
+fn cues_are_those_with_a_table_and_use_the_cameras_they_name() {
     let ball = "shape.sphere.radius_m = 0.11\n";
     let cues = |settings: &str| {
         target(&format!("{ball}{settings}")).unwrap().targets[0].bodies[0]
@@ -258,8 +260,8 @@ fn cues_are_those_that_have_a_table_and_look_at_the_cameras_they_name() {
 }
 
 #[test]
-fn windows_that_cannot_be_are_refused_by_their_keys() {
-    refused(
+fn invalid_windows_are_rejected_by_key() {
+    assert_rejected(
         ball,
         &[
             ("window.size_px = 4", "targets.t.window", "odd"),
@@ -289,7 +291,7 @@ fn windows_that_cannot_be_are_refused_by_their_keys() {
             ("window.hue = [1, 2]", "targets.t.window.hue", "size_px"),
         ],
     );
-    // A window that knows its colours needs no file, whatever else does.
+    // Only a window cue with its own colours needs no file.
     let bare = |settings: &str| {
         let text = "[cameras.a]\nimages = \"a\"\nfps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
              model.pinhole = { f_px = [300, 300], center_px = [160, 120] }\n\
@@ -310,8 +312,8 @@ fn windows_that_cannot_be_are_refused_by_their_keys() {
 }
 
 #[test]
-fn motions_that_cannot_be_are_refused_by_their_keys() {
-    refused(
+fn invalid_motions_are_rejected_by_key() {
+    assert_rejected(
         ball,
         &[
             (
@@ -378,13 +380,13 @@ fn motions_that_cannot_be_are_refused_by_their_keys() {
     );
 }
 
-/// A target that is a ball with these settings.
+/// Parses a scene with a ball that has these settings.
 fn ball(settings: &str) -> Result<Scene, Vec<String>> {
     target(&format!("shape.sphere.radius_m = 0.11\n{settings}"))
 }
 
-/// Settings that are refused: at a place that holds the key, in words that hold the word.
-fn refused(read: fn(&str) -> Result<Scene, Vec<String>>, cases: &[(&str, &str, &str)]) {
+/// Checks that settings are rejected with a problem that contains the key and the word.
+fn assert_rejected(read: fn(&str) -> Result<Scene, Vec<String>>, cases: &[(&str, &str, &str)]) {
     for (settings, key, word) in cases {
         let problems = read(settings).unwrap_err();
         let found = problems.iter().any(|p| p.contains(key) && p.contains(word));
@@ -393,9 +395,9 @@ fn refused(read: fn(&str) -> Result<Scene, Vec<String>>, cases: &[(&str, &str, &
 }
 
 #[test]
-fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
+fn invalid_shapes_and_contours_are_rejected_by_key() {
     let cylinder = "shape.cylinder = { radius_m = 0.25, height_m = 0.8 }";
-    refused(
+    assert_rejected(
         target,
         &[
             ("shape.cylinder.radius_m = 0.25", "height_m", "missing"),
@@ -461,7 +463,7 @@ fn shapes_and_contours_that_cannot_be_are_refused_by_their_keys() {
 }
 
 #[test]
-fn motions_are_read_as_they_are_said() {
+fn motions_are_read_with_their_settings() {
     let read = |settings: &str| {
         let text = format!("shape.sphere.radius_m = 0.1\nmotion.{settings}");
         target(&text).unwrap().targets[0].bodies[0]
@@ -511,7 +513,7 @@ fn target_of<'a>(scene: &'a Scene, name: &str) -> &'a BodyConfig {
 }
 
 #[test]
-fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
+fn replaced_values_override_the_text_and_are_checked_alike() {
     let replaced: toml::Table = r#"
         "targets.ball.filter.particles" = 77
         "targets.ball.motion" = { constant_velocity = { acceleration_density_m2ps3 = 5 } }
@@ -541,7 +543,7 @@ fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
     "#
     .parse()
     .unwrap();
-    // Lines of the text are those of the text alone.
+    // Replaced values do not shift the line numbers of the text.
     let text = SCENE.replace("fps = 25.0", "fps = 0");
     let problems = Scene::parse_with(&text, &wrong, &no_calibration).unwrap_err();
     let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
@@ -560,7 +562,7 @@ fn values_take_the_place_of_the_texts_and_are_checked_as_they_are() {
     assert_eq!(told.len(), 5, "{told:#?}");
 }
 
-/// A scene with a ball that has these settings, and no start unless they say one.
+/// Parses a scene with a ball that has these settings, and no start unless they include one.
 fn without_start(settings: &str) -> Result<Scene, Vec<String>> {
     let (cameras, _) = SCENE.split_once("[targets.robot]").unwrap();
     let text = format!(
@@ -569,7 +571,7 @@ fn without_start(settings: &str) -> Result<Scene, Vec<String>> {
     parsed(&text)
 }
 
-/// The settings of a scene's ball, which must be detected.
+/// Returns the settings of a scene's ball, which must be a detected target.
 fn detected(settings: &str) -> DetectedSettings {
     let scene = without_start(settings).unwrap();
     let body = &scene.targets[0].bodies[0];
@@ -623,7 +625,7 @@ fn targets_without_start_are_detected_with_the_defaults_of_the_library() {
 }
 
 #[test]
-fn settings_without_what_they_need_are_refused() {
+fn incomplete_settings_are_rejected() {
     let body = |settings: &str| without_start(settings).unwrap().targets[0].bodies[0].clone();
     let error = body("").settings(None, None).unwrap_err();
     assert!(error.to_string().contains("colour model"), "{error}");
@@ -633,8 +635,8 @@ fn settings_without_what_they_need_are_refused() {
 }
 
 #[test]
-fn contradictory_settings_of_detected_targets_are_refused_by_key() {
-    refused(
+fn contradictory_settings_of_detected_targets_are_rejected_by_key() {
+    assert_rejected(
         without_start,
         &[
             ("edge = {}\ncontour = {}", "targets.ball.edge", "combined"),

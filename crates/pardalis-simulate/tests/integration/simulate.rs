@@ -207,7 +207,7 @@ fn occlusion_and_image_border_reduce_the_visible_fraction() {
 }
 
 #[test]
-fn riders_turn_with_their_carrier() {
+fn attached_objects_turn_with_their_carrier() {
     let world = world(
         "duration_s = 1
         [ring]
@@ -233,7 +233,7 @@ fn riders_turn_with_their_carrier() {
     assert!(close(placed[0].position_m.into(), [1.0, 4.0, 0.0]));
     assert!((placed[0].heading_rad - std::f64::consts::PI).abs() < 1e-9);
     assert!(close(placed[1].position_m.into(), [0.85, 3.95, 0.4]));
-    // The rider turns with the robot about (1, 2).
+    // The attached object turns with the robot about (1, 2).
     let rate = std::f64::consts::FRAC_PI_2;
     let velocity = placed[1].velocity_mps;
     assert!((velocity.x + 1.95 * rate).abs() < 1e-6, "{velocity}");

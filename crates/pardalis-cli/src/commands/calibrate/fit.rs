@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::model::Model;
 use super::trial::Trial;
-use crate::draw::calibration::Sighting;
+use crate::draw::calibration::ObservedPoint;
 use crate::user_error::user_error;
 
 /// Ratio within which errors count as equal. Among equal models, the one with fewer parameters extrapolates
@@ -143,16 +143,16 @@ fn progress_bar(models: usize) -> ProgressBar {
 }
 
 /// Returns the points of a view as observed and fitted.
-pub(super) fn sightings(
+pub(super) fn observed_points(
     calibration: &Calibration,
     views: &[CalibrationView],
     view: usize,
-) -> Vec<Sighting> {
+) -> Vec<ObservedPoint> {
     let fitted = &calibration.views[view];
     let points = views[view].correspondences.iter().zip(&fitted.residuals_px);
     points
         .enumerate()
-        .map(|(i, (point, residual))| Sighting {
+        .map(|(i, (point, residual))| ObservedPoint {
             observed: point.pixel,
             residual_px: *residual,
             outlier: fitted.outliers.contains(&i),
@@ -161,18 +161,21 @@ pub(super) fn sightings(
 }
 
 /// Returns the points of all views.
-pub(super) fn all_sightings(calibration: &Calibration, views: &[CalibrationView]) -> Vec<Sighting> {
+pub(super) fn all_observed_points(
+    calibration: &Calibration,
+    views: &[CalibrationView],
+) -> Vec<ObservedPoint> {
     (0..views.len())
-        .flat_map(|view| sightings(calibration, views, view))
+        .flat_map(|view| observed_points(calibration, views, view))
         .collect()
 }
 
 /// Returns the largest distance between an observed and a projected point that was fitted, in pixels.
-pub(super) fn largest_residual_px(sightings: &[Sighting]) -> f64 {
-    sightings
+pub(super) fn largest_residual_px(observed_points: &[ObservedPoint]) -> f64 {
+    observed_points
         .iter()
-        .filter(|sighting| !sighting.outlier)
-        .filter_map(|sighting| sighting.residual_px)
+        .filter(|observed| !observed.outlier)
+        .filter_map(|observed| observed.residual_px)
         .map(|[du, dv]| du.hypot(dv))
         .fold(0.0, f64::max)
 }

@@ -101,7 +101,7 @@ fn unknown_model(name: &str) -> anyhow::Error {
 /// Reads a camera from a calibration file: the one with this name, or the only one.
 ///
 /// Fails if the file cannot be read, has no such camera, or has several and `name` is missing; `remedy` then
-/// says how to choose one.
+/// states how to choose one.
 pub(super) fn read_camera(
     path: &Path,
     name: Option<&str>,

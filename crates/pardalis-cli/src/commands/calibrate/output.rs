@@ -56,7 +56,7 @@ pub(super) fn write(folder: &Path, report: &Report) -> Result<()> {
     write("residuals.csv".to_owned(), residuals(report)?)?;
     write("report.html".to_owned(), page::page(report)?)?;
     print(report);
-    say_written(&written);
+    print_written(&written);
     Ok(())
 }
 
@@ -88,7 +88,7 @@ pub(super) fn make_folder(folder: &Path) -> Result<()> {
 }
 
 /// Prints the names of the written files.
-pub(super) fn say_written(written: &[PathBuf]) {
+pub(super) fn print_written(written: &[PathBuf]) {
     print("\nWritten:");
     for path in written {
         print(format!("  {}", path.display()));
@@ -194,19 +194,22 @@ fn residuals(report: &Report) -> Result<String> {
         "residual_v_px",
         "outlier",
     ])?;
-    for (view, observed) in report.observations.views.iter().enumerate() {
-        let points = observed.correspondences.iter().zip(report.sightings(view));
-        for ((point, sighting), number) in points.zip(&report.observations.numbers[view]) {
-            let mut row = vec![observed.name.clone(), number.to_string()];
+    for (view, image) in report.observations.views.iter().enumerate() {
+        let points = image
+            .correspondences
+            .iter()
+            .zip(report.observed_points(view));
+        for ((point, observed), number) in points.zip(&report.observations.numbers[view]) {
+            let mut row = vec![image.name.clone(), number.to_string()];
             let known = point.point_m.iter().chain(&point.pixel);
             row.extend(known.map(f64::to_string));
-            for pair in [sighting.projected(), sighting.residual_px] {
+            for pair in [observed.projected(), observed.residual_px] {
                 match pair {
                     Some(pair) => row.extend(pair.map(|value| value.to_string())),
                     None => row.extend([String::new(), String::new()]),
                 }
             }
-            row.push(u8::from(sighting.outlier).to_string());
+            row.push(u8::from(observed.outlier).to_string());
             table.write_record(row)?;
         }
     }

@@ -17,7 +17,7 @@ const STYLE: &str = "body{font:16px/1.45 'DejaVu Sans',sans-serif;color:#282828;
 /// Renders the page.
 pub(super) fn page(report: &Report) -> Result<String> {
     let best = report.best();
-    let sightings = report.all_sightings(best);
+    let observed_points = report.all_observed_points(best);
     let size_px = report.size_px;
     let mut page = begin(&report.title());
     push_table(&mut page, &report.comparison());
@@ -40,10 +40,10 @@ pub(super) fn page(report: &Report) -> Result<String> {
         best.camera.kind()
     );
     for picture in [
-        observed_and_projected(size_px, &sightings)?,
-        residual_arrows(size_px, &sightings)?,
-        residual_scatter(&sightings, best.rms_px)?,
-        coverage(size_px, &sightings)?,
+        observed_and_projected(size_px, &observed_points)?,
+        residual_arrows(size_px, &observed_points)?,
+        residual_scatter(&observed_points, best.rms_px)?,
+        coverage(size_px, &observed_points)?,
     ] {
         let _ = writeln!(page, "<figure>{}</figure>", picture.svg);
     }

@@ -124,7 +124,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         write_picture(&written[1], &drawn(image, &known, &fitted))?;
     }
     print(report(&known, &fitted, center_m)?);
-    output::say_written(&written);
+    output::print_written(&written);
     Ok(())
 }
 

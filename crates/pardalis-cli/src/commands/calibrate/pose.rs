@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use pardalis_calibrate::{Calibration, FittedParameter, FittedView, OUTLIER_SIGMAS, fit_pose};
 
-use super::fit::{Fit, Fits, all_sightings};
+use super::fit::{Fit, Fits, all_observed_points};
 use super::model::read_camera;
 use super::observations::{self, Columns};
 use super::output;
@@ -102,7 +102,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             rms_px: fit.rms_px,
         }],
     };
-    let counts = cell_counts(size_px, &all_sightings(&calibration, &observations.views));
+    let counts = cell_counts(
+        size_px,
+        &all_observed_points(&calibration, &observations.views),
+    );
     let seen = counts.iter().flatten().filter(|count| **count > 0).count();
     calibration.coverage = seen as f64 / (GRID_CELLS * GRID_CELLS) as f64;
     let report = Report {

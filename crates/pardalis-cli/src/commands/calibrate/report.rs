@@ -6,12 +6,14 @@ use std::ops::RangeInclusive;
 use pardalis_calibrate::{Calibration, FittedParameter, FittedView};
 use pardalis_camera::Camera;
 
-use super::fit::{Fit, Fits, all_sightings, free_parameters, largest_residual_px, sightings};
+use super::fit::{
+    Fit, Fits, all_observed_points, free_parameters, largest_residual_px, observed_points,
+};
 use super::images::SearchedImage;
 use super::observations::Observations;
 use super::trial::Trial;
 use crate::commands::camera::optics::Optics;
-use crate::draw::calibration::Sighting;
+use crate::draw::calibration::ObservedPoint;
 
 /// Largest number of outliers that are listed.
 const MAX_LISTED: usize = 20;
@@ -42,13 +44,13 @@ impl Report<'_> {
     }
 
     /// Returns the points of a view of the best fit.
-    pub(super) fn sightings(&self, view: usize) -> Vec<Sighting> {
-        sightings(self.best(), &self.observations.views, view)
+    pub(super) fn observed_points(&self, view: usize) -> Vec<ObservedPoint> {
+        observed_points(self.best(), &self.observations.views, view)
     }
 
     /// Returns the points of all views of a fit.
-    pub(super) fn all_sightings(&self, fit: &Calibration) -> Vec<Sighting> {
-        all_sightings(fit, &self.observations.views)
+    pub(super) fn all_observed_points(&self, fit: &Calibration) -> Vec<ObservedPoint> {
+        all_observed_points(fit, &self.observations.views)
     }
 
     /// Returns a title such as `40 points in 1 view, images of 640 x 480 pixels`.
@@ -66,13 +68,13 @@ impl Report<'_> {
 
     /// Returns one row per image: its name and the detection result.
     pub(super) fn image_rows(&self) -> Vec<[String; 2]> {
-        let said = |image: &SearchedImage| match &image.found {
+        let result_of = |image: &SearchedImage| match &image.found {
             Ok(corners) => format!("{} corners", corners.len()),
             Err(reason) => format!("not used: {reason}"),
         };
         self.images
             .iter()
-            .map(|image| [image.name.clone(), said(image)])
+            .map(|image| [image.name.clone(), result_of(image)])
             .collect()
     }
 
@@ -101,7 +103,7 @@ impl Report<'_> {
                 fit.held_out_rms_px.map_or_else(|| "-".to_owned(), pixels)
             }),
             row("largest residual (px)", &|fit| {
-                pixels(largest_residual_px(&self.all_sightings(fit)))
+                pixels(largest_residual_px(&self.all_observed_points(fit)))
             }),
             row("outliers", &|fit| outlier_count(fit).to_string()),
             row("farthest ray from the axis (deg)", &|fit| {
@@ -110,9 +112,9 @@ impl Report<'_> {
         ];
         if fits.iter().any(|fit| fit.trial.is_some()) {
             let tried = |name: &str, figure: &dyn Fn(&Trial) -> String| {
-                let said = |fit: &Fit| fit.trial.as_ref().map_or_else(String::new, figure);
+                let shown = |fit: &Fit| fit.trial.as_ref().map_or_else(String::new, figure);
                 std::iter::once(name.to_owned())
-                    .chain(fits.iter().map(said))
+                    .chain(fits.iter().map(shown))
                     .collect()
             };
             rows.push(tried("RMS of test points (px)", &|trial| {
@@ -318,8 +320,8 @@ impl Report<'_> {
 
 impl fmt::Display for Report<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for [name, said] in self.image_rows() {
-            writeln!(f, "{name}: {said}")?;
+        for [name, result] in self.image_rows() {
+            writeln!(f, "{name}: {result}")?;
         }
         writeln!(f, "{}\n", self.title())?;
         write_table(f, &self.comparison())?;

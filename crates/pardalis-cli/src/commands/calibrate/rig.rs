@@ -82,7 +82,7 @@ pub(super) fn run(
     )?;
     write_file(&page, report.page()?.as_bytes())?;
     print(&report);
-    output::say_written(&[path, page]);
+    output::print_written(&[path, page]);
     Ok(())
 }
 

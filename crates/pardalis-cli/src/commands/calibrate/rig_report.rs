@@ -8,7 +8,7 @@ use pardalis_calibrate::RigCalibration;
 use super::images::SearchedImage;
 use super::page::{begin, push_paragraph, push_table};
 use super::report::{Report, listed, metres, with_sigma, write_table};
-use crate::draw::calibration::{Sighting, residual_arrows, rms_bars};
+use crate::draw::calibration::{ObservedPoint, residual_arrows, rms_bars};
 
 /// Explanation of the larger RMS of a camera in a rig.
 const WHY_LARGER: &str = "On its own, each image of a camera has its own pose. In the rig, all cameras share one pose per shot, so that the RMS \
@@ -96,12 +96,17 @@ impl RigReport<'_> {
     }
 
     /// Returns the corners of one camera in one shot.
-    fn sightings(&self, camera: usize, shot: usize, image: &SearchedImage) -> Vec<Sighting> {
+    fn observed_points(
+        &self,
+        camera: usize,
+        shot: usize,
+        image: &SearchedImage,
+    ) -> Vec<ObservedPoint> {
         let residuals = &self.calibration.residuals_px[camera][shot];
         let corners = image.found.iter().flatten().zip(residuals);
         corners
             .enumerate()
-            .map(|(point, (corner, residual))| Sighting {
+            .map(|(point, (corner, residual))| ObservedPoint {
                 observed: corner.pixel,
                 residual_px: *residual,
                 outlier: self.calibration.outliers.contains(&(camera, shot, point)),
@@ -122,7 +127,7 @@ impl RigReport<'_> {
             let _ = writeln!(page, "<h2>{}</h2>", camera.camera);
             let (mut all, mut views) = (Vec::new(), Vec::new());
             for (shot, image) in camera.images.iter().enumerate() {
-                let seen = self.sightings(place, shot, image);
+                let seen = self.observed_points(place, shot, image);
                 if let Some(rms_px) = rms_px_of(&seen) {
                     views.push((&*image.name, rms_px));
                     all.extend(seen);
@@ -164,10 +169,10 @@ impl fmt::Display for RigReport<'_> {
 }
 
 /// Returns the root mean square residual of the fitted points in pixels; `None` if there are none.
-fn rms_px_of(sightings: &[Sighting]) -> Option<f64> {
-    let fitted = sightings.iter().filter(|sighting| !sighting.outlier);
+fn rms_px_of(observed_points: &[ObservedPoint]) -> Option<f64> {
+    let fitted = observed_points.iter().filter(|observed| !observed.outlier);
     let squares: Vec<f64> = fitted
-        .filter_map(|sighting| sighting.residual_px)
+        .filter_map(|observed| observed.residual_px)
         .map(|[du, dv]| du * du + dv * dv)
         .collect();
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())

@@ -21,7 +21,7 @@ pub(crate) struct Optics<'a> {
     facing: f64,
 }
 
-/// A sample on the way from the centre of the image outwards.
+/// A sample on a radius from the centre of the image.
 pub(super) struct RadiusSample {
     /// Distance from the centre in pixels.
     pub(super) radius_px: f64,

@@ -16,7 +16,7 @@ use crate::user_error::user_error;
 
 const EXAMPLES: &str = "Examples:
   pardalis camera show scene.toml                        the cameras of a scene, in numbers
-  pardalis camera show lens.xml --size 640x480           where the file does not say the size
+  pardalis camera show lens.xml --size 640x480           if the file does not state the size
   pardalis camera show rig.toml -o rig-cameras           also pictures of what the lens sees
   pardalis camera show cam.toml --grid image.jpg -o out  also the world's grid over an image, to see
                                                          whether the pose is right";
@@ -51,7 +51,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         }
         None => None,
     };
-    let mut told = Vec::new();
+    let mut descriptions = Vec::new();
     let mut files = Vec::new();
     for camera in &cameras {
         let Some(size_px) = camera.size_px else {
@@ -63,7 +63,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         };
         let optics = Optics::new(&camera.camera, size_px);
         let radius = optics.radius();
-        told.push(description(camera, size_px, &optics, &radius));
+        descriptions.push(description(camera, size_px, &optics, &radius));
         let Some(folder) = &arguments.output else {
             continue;
         };
@@ -91,7 +91,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
             files.push(path);
         }
     }
-    print(told.join("\n"));
+    print(descriptions.join("\n"));
     for file in files {
         print(format!("  {}", file.display()));
     }

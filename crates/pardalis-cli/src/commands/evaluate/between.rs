@@ -1,13 +1,13 @@
-//! The truth between its rows, for tracks whose cameras run on clocks of their own.
+//! Interpolation of the truth, for tracks of cameras with their own clocks.
 
 use pardalis_evaluate::{TrueState, wrapped_rad};
 
 use crate::tables::Series;
 
-/// Longer stretches without truth, in its usual intervals, are not bridged.
+/// Gaps in the truth longer than this many of its typical intervals are not interpolated.
 const LONGEST_GAP: f64 = 3.0;
 
-/// Each object's truth at all times of the tracks, where rows before and after are known.
+/// Returns each object's truth at all times of the tracks that lie between two of its rows.
 pub(super) fn at_times_of<T>(
     tracks: &[Series<T>],
     objects: &[Series<TrueState>],
@@ -34,7 +34,7 @@ pub(super) fn at_times_of<T>(
     objects.iter().map(at_times).collect()
 }
 
-/// The state at a time, of rows in the order of time.
+/// Interpolates the state at a time between rows in ascending order of time.
 fn at_time(rows: &[(f64, TrueState)], time_s: f64, longest_s: f64) -> Option<TrueState> {
     let after = rows.partition_point(|row| row.0 < time_s);
     let &(after_s, ref end) = rows.get(after)?;
@@ -50,7 +50,7 @@ fn at_time(rows: &[(f64, TrueState)], time_s: f64, longest_s: f64) -> Option<Tru
     let linear = |a: f64, b: f64| a + share * (b - a);
     let headings_rad = start.heading_rad.zip(end.heading_rad);
     let nearer = TrueState {
-        // By the shorter way round.
+        // The shorter way around the circle.
         heading_rad: headings_rad.map(|(from, to)| from + share * wrapped_rad(to - from)),
         ..*if share < 0.5 { start } else { end }
     };
@@ -61,7 +61,7 @@ fn at_time(rows: &[(f64, TrueState)], time_s: f64, longest_s: f64) -> Option<Tru
             ..nearer
         },
         Some((from_mps, to_mps)) => TrueState {
-            // The cubic that has these positions and velocities at its ends.
+            // The cubic with these positions and velocities at its ends.
             position_m: [0, 1, 2].map(|axis| {
                 let (s, s2, s3) = (share, share.powi(2), share.powi(3));
                 (2.0 * s3 - 3.0 * s2 + 1.0) * from_m[axis]
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cubic_path_is_met_between_its_rows_and_nothing_is_said_beyond_them() {
+    fn a_cubic_path_is_interpolated_exactly_and_not_extrapolated() {
         let x_m = |t: f64| 1.0 + 2.0 * t - 3.0 * t * t + t.powi(3);
         let vx_mps = |t: f64| 2.0 - 6.0 * t + 3.0 * t * t;
         let rows = (0..6).map(|i| f64::from(i) * 0.5);
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn headings_turn_by_the_shorter_way() {
+    fn headings_turn_the_shorter_way() {
         let facing = |degrees: f64| TrueState {
             heading_rad: Some(degrees.to_radians()),
             ..state(0.0, None)
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn without_velocities_lines_join_the_rows_but_for_gaps() {
+    fn without_velocities_rows_are_joined_by_lines_except_over_gaps() {
         let times_s = [0.0, 1.0, 2.0, 3.0, 9.0];
         let truth = series(times_s.map(|t| (t, state(t * t, None))).to_vec());
         let track = series(vec![(1.5, ()), (5.0, ()), (9.0, ())]);

@@ -1,9 +1,9 @@
-//! What the confidences of a track are worth.
+//! Evaluation of the confidences of a track.
 
-use pardalis_evaluate::{Claim, Reliability, TrueState, reliability};
+use pardalis_evaluate::{CheckedConfidence, Reliability, TrueState, reliability};
 use serde::Serialize;
 
-use super::{Options, is_seen_by_so_many};
+use super::{Options, has_required_cameras};
 use crate::tables::TrackRow;
 
 /// The confidences of one target in the scored frames.
@@ -15,35 +15,36 @@ pub(crate) struct Confidence {
     pub(crate) confidence_max: Option<f64>,
     /// The reliability of the confidences; `None` without a diameter or without confidences.
     pub(crate) reliability: Option<Reliability>,
-    /// What it is of.
+    /// The checked confidences from which `reliability` is computed.
     #[serde(skip)]
-    pub(crate) claims: Vec<Claim>,
+    pub(crate) checks: Vec<CheckedConfidence>,
 }
 
 impl Confidence {
-    /// Of rows of the track and of the truth. Without truth in a frame in which other objects have one, an object is nowhere.
+    /// Evaluates rows of the track against rows of the truth. In a frame with truth for other objects only, the
+    /// object does not exist.
     pub(super) fn of<'a>(
         rows: impl Iterator<Item = (Option<&'a TrackRow>, Option<&'a TrueState>)>,
         options: &Options,
         diameter_m: Option<f64>,
     ) -> Self {
-        let (mut confidence_max, mut claims) = (None, Vec::new());
+        let (mut confidence_max, mut checks) = (None, Vec::new());
         for (row, truth) in rows {
-            let Some(row) = row.filter(|_| is_seen_by_so_many(truth, options)) else {
+            let Some(row) = row.filter(|_| has_required_cameras(truth, options)) else {
                 continue;
             };
             let Some(confidence) = row.confidence else {
                 continue;
             };
             confidence_max = Some(confidence_max.map_or(confidence, |m| confidence.max(m)));
-            let claim = |d| Claim::of(confidence, row.estimate.as_ref(), truth, d);
-            claims.extend(diameter_m.map(claim));
+            let check = |d| CheckedConfidence::of(confidence, row.estimate.as_ref(), truth, d);
+            checks.extend(diameter_m.map(check));
         }
         Self {
             diameter_m,
             confidence_max,
-            reliability: reliability(&claims),
-            claims,
+            reliability: reliability(&checks),
+            checks,
         }
     }
 }

@@ -1,22 +1,22 @@
-//! The frames of the truth, and what tracks say of them.
+//! The frames of the truth, and the rows of tracks that belong to them.
 
 use std::ops::Range;
 
 use crate::tables::Series;
 
-/// A row may be this far from the time of the truth that it is scored against, in seconds.
+/// Largest distance between a row and the time of its frame, in seconds.
 const TOLERANCE_S: f64 = 0.001;
 
 /// The times of the truth, over all objects.
 pub(super) struct Frames {
     /// Times in seconds, ascending, each once.
     times_s: Vec<f64>,
-    /// [`TOLERANCE_S`], or a tenth of the usual interval of the truth where that is less.
+    /// [`TOLERANCE_S`], or a tenth of the typical interval of the truth if that is less.
     pub(super) tolerance_s: f64,
 }
 
 impl Frames {
-    /// The frames in which any object has a truth.
+    /// Returns the frames in which any object has a truth.
     pub(super) fn of<T>(objects: &[Series<T>]) -> Self {
         let mut times_s: Vec<f64> = objects
             .iter()
@@ -33,7 +33,7 @@ impl Frames {
         }
     }
 
-    /// The frames from one time to another, both in seconds and included.
+    /// Returns the frames between two times in seconds, both included.
     pub(super) fn between(&self, from_s: f64, to_s: f64) -> Range<usize> {
         let first = self.times_s.partition_point(|&t| t < from_s);
         let behind = self.times_s.partition_point(|&t| t <= to_s);
@@ -53,7 +53,7 @@ impl Frames {
         placed.into_iter().map(|p| p.map(|(_, row)| row)).collect()
     }
 
-    /// The frame nearest in time, and how far it is in seconds.
+    /// Returns the nearest frame and its distance in seconds.
     fn nearest(&self, time_s: f64) -> (usize, f64) {
         let after = self.times_s.partition_point(|&t| t < time_s);
         let around = after.saturating_sub(1)..=after.min(self.times_s.len() - 1);
@@ -68,7 +68,7 @@ impl Frames {
 mod tests {
     use super::*;
 
-    /// A series whose rows hold their own index.
+    /// A series whose values are their own indices.
     fn series(times_s: &[f64]) -> Series<usize> {
         Series {
             name: "ball".to_owned(),
@@ -77,10 +77,10 @@ mod tests {
     }
 
     #[test]
-    fn rows_go_to_the_nearest_frame_within_a_millisecond() {
+    fn rows_belong_to_the_nearest_frame_within_a_millisecond() {
         let frames = Frames::of(&[series(&[0.0, 0.04, 0.08, 0.12])]);
         assert_eq!(frames.tolerance_s, 0.001);
-        // In 0.04's frame the later row is nearer; 0.0822 is too far from any; 5 lies outside.
+        // Two rows are near 0.04, the later one nearer; 0.0822 is too far from any frame; 5 lies outside.
         let rows = series(&[-0.0005, 0.0393, 0.0404, 0.0822, 0.12, 5.0]);
         assert_eq!(frames.place(&rows), [Some(&0), Some(&2), None, Some(&4)]);
     }

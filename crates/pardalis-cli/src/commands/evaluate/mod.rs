@@ -1,4 +1,4 @@
-//! `pardalis evaluate`: tracks against truth.
+//! `pardalis evaluate`: compares tracks with the truth.
 
 mod between;
 mod confidence;
@@ -24,7 +24,7 @@ use confidence::Confidence;
 use frames::Frames;
 pub(crate) use report::{Point, Report, TargetReport};
 
-/// Scores tracks against the truth.
+/// Evaluates tracks against the truth
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// tracks.csv, or the folder that holds it
@@ -33,43 +33,44 @@ pub(crate) struct Arguments {
     truth: PathBuf,
     #[command(flatten)]
     options: Options,
-    /// Writes the figures as JSON to this file; to standard output, in place of the table, with -
+    /// Writes the results as JSON to this file, or with - to standard output instead of the table
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
 }
 
-/// What the figures depend on besides the two files.
+/// Options that affect the results.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Options {
-    /// The truth object of a target; may be repeated. Without it: the object of the same name, else the
-    /// one that the target follows best (objects named occluder… only by name)
+    /// Pairs a target with an object of the truth; may be repeated [default: the object of the same name, else the
+    /// one that the target follows best; objects named occluder… only by name]
     #[arg(long, value_name = "TARGET=OBJECT", value_parser = name_pair)]
     pub(crate) map: Vec<(String, String)>,
-    /// The point around which distance, elevation and azimuth are taken, world frame, metres [default:
-    /// the first camera in the summary.json beside the tracks, else the world's origin]
+    /// The origin of distance, elevation and azimuth in the world, in metres [default: the first camera in the
+    /// summary.json next to the tracks, else the world's origin]
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
     pub(crate) around: Option<[f64; 3]>,
-    /// An object is visible where more than this share of it is seen
+    /// An object counts as visible if more than this share of it is visible
     #[arg(long, value_name = "SHARE", value_parser = share, default_value_t = Settings::VISIBLE_OVER)]
     pub(crate) visible_over: f64,
-    /// An estimate farther than this from the truth has lost its object
+    /// An estimate farther than this from the truth counts as lost
     #[arg(long, value_name = "METRES", value_parser = length, default_value_t = Settings::LOST_BEYOND_M)]
     pub(crate) lost_beyond_m: f64,
-    /// The size of targets: a confidence or state is right where the object is within it [default: the targets' own, from the summary.json beside
-    /// the tracks]
+    /// The diameter of targets: a confidence or state is right if the object is within this distance [default: the
+    /// targets' own diameters, from the summary.json next to the tracks]
     #[arg(long, value_name = "METRES", value_parser = length)]
     pub(crate) diameter_m: Option<f64>,
-    /// Scores only the frames from this time on
+    /// Evaluates only the frames from this time on
     #[arg(long = "from", value_name = "SECONDS", value_parser = finite, allow_hyphen_values = true)]
     pub(crate) from_s: Option<f64>,
-    /// Scores only the frames up to this time
+    /// Evaluates only the frames up to this time
     #[arg(long = "to", value_name = "SECONDS", value_parser = finite, allow_hyphen_values = true)]
     pub(crate) to_s: Option<f64>,
-    /// Scores only the frames in which exactly so many cameras, of those that took an image at that instant, see more than half of the object
+    /// Evaluates only the frames in which exactly this number of cameras (of those with an image at that time) see
+    /// more than half of the object
     #[arg(long, value_name = "CAMERAS")]
     pub(crate) seen_by: Option<usize>,
-    /// Scores every row of the tracks, also between the times of the truth, which is interpolated there (with velocities: by a cubic
-    /// that has them)
+    /// Evaluates every row of the tracks, with the truth interpolated to its time (by a cubic if the truth includes
+    /// velocities, otherwise linearly)
     #[arg(long)]
     pub(crate) interpolate: bool,
 }
@@ -96,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let rows = |count: fn(&TargetReport) -> usize| report.targets.iter().map(count).sum::<usize>();
     if !arguments.options.interpolate && 2 * rows(|t| t.rows_without_truth) > rows(|t| t.rows) {
         warn(
-            "warning: most rows lie between the times of the truth and are not scored; --interpolate scores them, too",
+            "warning: most rows lie between the times of the truth and are not evaluated; add --interpolate to evaluate them",
         );
     }
     let mut stdout = std::io::stdout().lock();
@@ -107,7 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.json {
         fs::write(path, report.to_json()? + "\n").map_err(|error| {
             user_error!(
-                "--json {}: {error}; give a file that can be written",
+                "--json {}: {error}; choose a file with write permission",
                 path.display()
             )
         })?;
@@ -116,7 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Scores the tracks of a file against the truth of another; folders stand for the tracks.csv and truth.csv in them.
+/// Evaluates the tracks of a file against the truth of another; folders stand for the tracks.csv and truth.csv in them.
 pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Result<Report> {
     let tracks_path = file_in(tracks, "tracks.csv");
     let truth_path = file_in(truth, "truth.csv");
@@ -152,7 +153,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
 
     let window = window(options, &frames).ok_or_else(|| {
         user_error!(
-            "no frame of {} (times {}) lies in the time that is to be scored; give another",
+            "no frame of {} (times {}) lies between --from and --to; change them",
             truth_path.display(),
             time_range(&objects)
         )
@@ -221,12 +222,12 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     })
 }
 
-/// Refuses a number of cameras by which nothing is seen.
+/// Rejects a number of cameras that never see the targets together.
 fn check_seen(targets: &[TargetReport], seen_by: Option<usize>, truth: &Path) -> Result<()> {
     match seen_by {
         Some(cameras) if targets.iter().all(|target| target.samples.is_empty()) => {
             Err(user_error!(
-                "in no frame of {} do exactly {cameras} cameras see more than half of what is tracked; give another number of cameras",
+                "in no frame of {} do exactly {cameras} cameras see more than half of a tracked object; give another number of cameras",
                 truth.display()
             ))
         }
@@ -234,18 +235,18 @@ fn check_seen(targets: &[TargetReport], seen_by: Option<usize>, truth: &Path) ->
     }
 }
 
-/// Whether the frame is one of those that are to be scored.
-fn is_seen_by_so_many(truth: Option<&TrueState>, options: &Options) -> bool {
+/// Reports whether the frame is to be evaluated according to the number of cameras that see the object.
+fn has_required_cameras(truth: Option<&TrueState>, options: &Options) -> bool {
     let cameras = options.seen_by;
     cameras.is_none_or(|cameras| truth.and_then(|t| t.seeing_cameras) == Some(cameras))
 }
 
-/// The frames that are scored, of rows of a track and of the truth.
+/// Returns the evaluated frames, from rows of a track and of the truth.
 fn samples<'a>(
     rows: impl Iterator<Item = (Option<&'a TrackRow>, Option<&'a TrueState>)>,
     options: &Options,
 ) -> Vec<Sample> {
-    rows.filter(|(_, truth)| is_seen_by_so_many(*truth, options))
+    rows.filter(|(_, truth)| has_required_cameras(*truth, options))
         .filter_map(|(row, truth)| {
             Some(Sample {
                 state: row.and_then(|row| row.state),
@@ -256,7 +257,7 @@ fn samples<'a>(
         .collect()
 }
 
-/// Where distance, elevation and azimuth are taken from.
+/// Returns the origin of distance, elevation and azimuth.
 fn around(options: &Options, summary: &RunSummary, summary_path: &Path) -> Result<Point> {
     match options.around {
         Some(position_m) => Ok(Point {
@@ -267,14 +268,14 @@ fn around(options: &Options, summary: &RunSummary, summary_path: &Path) -> Resul
     }
 }
 
-/// The frames that are scored; none where there are none.
+/// Returns the evaluated frames; `None` if there are none.
 fn window(options: &Options, frames: &Frames) -> Option<Range<usize>> {
     let from_s = options.from_s.unwrap_or(f64::NEG_INFINITY);
     let window = frames.between(from_s, options.to_s.unwrap_or(f64::INFINITY));
     (!window.is_empty()).then_some(window)
 }
 
-/// No row of the tracks has a time of the truth's.
+/// Returns the error that no row of the tracks is at a time of the truth.
 fn other_clock<T, O>(
     (tracks_path, tracks): (&Path, &[Series<T>]),
     (truth_path, objects): (&Path, &[Series<O>]),
@@ -289,7 +290,7 @@ fn other_clock<T, O>(
     )
 }
 
-/// The file of that name in a folder, or the file itself.
+/// Returns the file of that name in a folder, or the path itself if it is a file.
 fn file_in(path: &Path, name: &str) -> PathBuf {
     if path.is_dir() {
         path.join(name)
@@ -298,18 +299,18 @@ fn file_in(path: &Path, name: &str) -> PathBuf {
     }
 }
 
-/// Names in the order of the file.
+/// Returns the names in the order of the file.
 fn names<T>(series: &[Series<T>]) -> Vec<&str> {
     series.iter().map(|s| s.name.as_str()).collect()
 }
 
-/// The names of those whose place is not used.
+/// Returns the names whose index is not used.
 fn names_without<T>(series: &[Series<T>], is_used: impl Fn(usize) -> bool) -> Vec<String> {
     let unused = (0..series.len()).filter(|&i| !is_used(i));
     unused.map(|i| series[i].name.clone()).collect()
 }
 
-/// First and last time, for faults.
+/// Returns first and last time, for error messages.
 fn time_range<T>(series: &[Series<T>]) -> String {
     let times = || series.iter().flat_map(|s| s.rows.iter().map(|row| row.0));
     let first_s = times().fold(f64::INFINITY, f64::min);
@@ -317,18 +318,18 @@ fn time_range<T>(series: &[Series<T>]) -> String {
     format!("{first_s} to {last_s} s")
 }
 
-/// Estimated positions by frame.
+/// Returns the estimated positions by frame.
 fn estimated_path(rows: &[Option<&TrackRow>]) -> Vec<Option<[f64; 3]>> {
     let estimates = rows.iter().map(|row| (*row)?.estimate);
     estimates.map(|e| Some(e?.position_m)).collect()
 }
 
-/// True positions by frame.
+/// Returns the true positions by frame.
 fn true_path(rows: &[Option<&TrueState>]) -> Vec<Option<[f64; 3]>> {
     rows.iter().map(|row| Some((*row)?.position_m)).collect()
 }
 
-/// The part of summary.json that matters here.
+/// The relevant part of summary.json.
 #[derive(Default, serde::Deserialize)]
 struct RunSummary {
     #[serde(default)]
@@ -337,15 +338,15 @@ struct RunSummary {
     targets: BTreeMap<String, TargetSummary>,
 }
 
-/// What it says of a target.
+/// The part of it about a target.
 #[derive(serde::Deserialize)]
 struct TargetSummary {
-    /// Of programs that wrote none, none.
+    /// `None` if the program that wrote it omitted it.
     diameter_m: Option<f64>,
 }
 
 impl RunSummary {
-    /// Of nothing where there is no such file.
+    /// Reads the file; a missing file yields an empty summary.
     fn read(path: &Path) -> Result<Self> {
         let remedy = "give another file, or remove it and give --around X,Y,Z";
         match fs::read_to_string(path) {
@@ -356,7 +357,7 @@ impl RunSummary {
         }
     }
 
-    /// The position of the first camera that has one, else the world's origin.
+    /// Returns the position of the first camera that has one, or the world's origin.
     fn first_camera(&self, path: &Path) -> Result<Point> {
         let mut cameras = self.cameras.iter();
         let Some((name, position)) =
@@ -380,25 +381,25 @@ impl RunSummary {
     }
 }
 
-/// `TARGET=OBJECT`.
+/// Parses `TARGET=OBJECT`.
 fn name_pair(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((target, object)) if !target.is_empty() && !object.is_empty() => {
             Ok((target.to_owned(), object.to_owned()))
         }
-        _ => Err("allowed: TARGET=OBJECT, as in ball=ball1".to_owned()),
+        _ => Err("allowed: TARGET=OBJECT, such as ball=ball1".to_owned()),
     }
 }
 
-/// `X,Y,Z`.
+/// Parses `X,Y,Z`.
 fn point(text: &str) -> Result<[f64; 3], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|c| finite(c).ok()).collect();
     numbers
         .and_then(|n| n.try_into().ok())
-        .ok_or_else(|| "allowed: three numbers in metres, as in 0,0,0.9".to_owned())
+        .ok_or_else(|| "allowed: three numbers in metres, such as 0,0,0.9".to_owned())
 }
 
-/// A share below 1.
+/// Parses a share below 1.
 fn share(text: &str) -> Result<f64, String> {
     let number = finite(text)?;
     if (0.0..1.0).contains(&number) {
@@ -408,7 +409,7 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A positive length.
+/// Parses a positive length.
 fn length(text: &str) -> Result<f64, String> {
     let number = finite(text)?;
     if number > 0.0 {
@@ -418,7 +419,7 @@ fn length(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A finite number.
+/// Parses a finite number.
 fn finite(text: &str) -> Result<f64, String> {
     let number = text.trim().parse().ok();
     number

@@ -1,4 +1,4 @@
-//! Which truth object a target is scored against.
+//! The pairing of targets with objects of the truth.
 
 use std::path::Path;
 
@@ -7,24 +7,24 @@ use serde::Serialize;
 
 use crate::user_error::user_error;
 
-/// Objects whose names begin so hide others: they are no target's by position alone.
+/// Objects with this prefix occlude others; they are never paired by position.
 pub(super) const OCCLUDER: &str = "occluder";
 
-/// Why a target is scored against its object.
+/// The reason for pairing a target with its object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum MatchedBy {
-    /// The user said so.
+    /// The user requested it.
     Map,
     /// Both have the same name.
     Name,
-    /// No other target and no other object were left.
+    /// They were the only target and the only object left.
     Alone,
-    /// It is the one that the target follows best.
+    /// The target follows this object best.
     Position,
 }
 
-/// A target and its object, by their place in the files.
+/// A target and its object, as indices into the files.
 #[derive(Debug, PartialEq)]
 pub(super) struct Pair {
     pub(super) target: usize,
@@ -32,10 +32,10 @@ pub(super) struct Pair {
     pub(super) matched_by: MatchedBy,
 }
 
-/// A file, the names in it, and for each the positions by frame.
+/// A file, the names in it, and the positions by frame for each name.
 type Side<'a> = (&'a Path, &'a [&'a str], &'a [Vec<Option<[f64; 3]>>]);
 
-/// Pairs targets with objects: as mapped, by name, then those left over by position; in the order of the targets.
+/// Pairs targets with objects: first as mapped, then by name, then by position. In the order of the targets.
 pub(super) fn pair(
     (tracks_path, targets, target_paths): Side,
     (truth_path, objects, object_paths): Side,
@@ -49,12 +49,12 @@ pub(super) fn pair(
         let o = place(&option, "object", object, objects, truth_path)?;
         if object_of[t].is_some() {
             return Err(user_error!(
-                "{option}: target \"{target}\" is mapped twice; allowed: one object a target"
+                "{option}: target \"{target}\" is mapped twice; allowed: one object per target"
             ));
         }
         if object_of.iter().flatten().any(|&(taken, _)| taken == o) {
             return Err(user_error!(
-                "{option}: object \"{object}\" is mapped twice; allowed: one target an object"
+                "{option}: object \"{object}\" is mapped twice; allowed: one target per object"
             ));
         }
         object_of[t] = Some((o, MatchedBy::Map));
@@ -106,7 +106,7 @@ pub(super) fn pair(
     Ok(pairs)
 }
 
-/// Whether an object has no target yet.
+/// Reports whether an object has no target yet.
 fn is_free(object_of: &[Option<(usize, MatchedBy)>], object: usize) -> bool {
     object_of
         .iter()
@@ -114,7 +114,7 @@ fn is_free(object_of: &[Option<(usize, MatchedBy)>], object: usize) -> bool {
         .all(|&(taken, _)| taken != object)
 }
 
-/// Where a name of the user's stands in a file.
+/// Returns the index of a name given by the user.
 fn place(option: &str, kind: &str, name: &str, names: &[&str], path: &Path) -> Result<usize> {
     names.iter().position(|n| *n == name).ok_or_else(|| {
         user_error!(

@@ -1,4 +1,4 @@
-//! What `pardalis evaluate` finds, as a table to read and as JSON.
+//! The results of `pardalis evaluate`, as a table and as JSON.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -12,77 +12,77 @@ use serde::Serialize;
 use super::confidence::Confidence;
 pub(crate) use super::pairing::MatchedBy;
 
-/// All figures, and what they depend on.
+/// All results, and the options they depend on.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
     /// The tracks.csv that was read.
     pub(crate) tracks: PathBuf,
     /// The truth.csv that was read.
     pub(crate) truth: PathBuf,
-    /// Where distance, elevation and azimuth are taken from.
+    /// Origin of distance, elevation and azimuth.
     pub(crate) around: Point,
-    /// An object is visible where more than this share of it is seen.
+    /// An object counts as visible if more than this share of it is visible.
     pub(crate) visible_over: f64,
-    /// An estimate farther than this from the truth has lost its object.
+    /// An estimate farther than this from the truth counts as lost.
     pub(crate) lost_beyond_m: f64,
-    /// Only frames from this time on are scored, in seconds.
+    /// Only frames from this time on are evaluated, in seconds.
     pub(crate) from_s: Option<f64>,
-    /// Only frames up to this time are scored, in seconds.
+    /// Only frames up to this time are evaluated, in seconds.
     pub(crate) to_s: Option<f64>,
-    /// Only frames in which so many cameras see the object are scored.
+    /// Only frames in which this number of cameras see the object are evaluated.
     pub(crate) seen_by: Option<usize>,
-    /// A row may be this far from the time of the truth that it is scored against.
+    /// Largest distance between a row and the time of its frame, in seconds.
     pub(crate) time_tolerance_s: f64,
     /// In the order of the tracks.
     pub(crate) targets: Vec<TargetReport>,
-    /// None with less than two targets.
+    /// `None` with fewer than two targets.
     pub(crate) identities: Option<Identities>,
-    /// Targets that were not scored.
+    /// Targets that were not evaluated.
     pub(crate) targets_without_object: Vec<String>,
-    /// Objects that nobody tracks.
+    /// Objects without a target.
     pub(crate) objects_without_target: Vec<String>,
 }
 
-/// A point in the world frame, and where it comes from.
+/// A point in the world frame, and its origin.
 #[derive(Debug, Serialize)]
 pub(crate) struct Point {
     /// Position in metres.
     pub(crate) position_m: [f64; 3],
-    /// Where it comes from, in words.
+    /// Origin of the position, as text.
     pub(crate) source: String,
 }
 
-/// The figures of one target.
+/// The results for one target.
 #[derive(Debug, Serialize)]
 pub(crate) struct TargetReport {
     /// Its name in the tracks.
     pub(crate) target: String,
-    /// The truth object that it is scored against.
+    /// The truth object with which it is compared.
     pub(crate) object: String,
-    /// Why that one.
+    /// The reason for this pairing.
     pub(crate) matched_by: MatchedBy,
-    /// Rows of the target.
+    /// Number of rows of the target.
     pub(crate) rows: usize,
-    /// Those that are not scored, because the object has no truth then, or another row is nearer to it in time.
+    /// Number of rows without truth: the object has none at that time, or another row is nearer to it.
     pub(crate) rows_without_truth: usize,
-    /// Whether it ends nearer to another object than to its own (occluders aside); none where there is no other.
+    /// Whether it ends nearer to another object than to its own (occluders aside); `None` without another object.
     pub(crate) changed_target: Option<bool>,
-    /// The figures.
+    /// The errors and counts.
     #[serde(flatten)]
     pub(crate) scores: Evaluation,
-    /// What its states are worth; none without states or without a diameter.
+    /// Evaluation of its states; `None` without states or without a diameter.
     #[serde(flatten)]
     pub(crate) states: Option<States>,
-    /// The frames that they are of.
+    /// The frames that were evaluated.
     #[serde(skip)]
     pub(crate) samples: Vec<Sample>,
-    /// What its confidences are worth.
+    /// Evaluation of its confidences.
     #[serde(flatten)]
     pub(crate) confidence: Confidence,
 }
 
 impl Report {
-    /// The figures as JSON, unit-suffixed keys, without a final line feed.
+    /// Returns the results as JSON with unit-suffixed keys, without a final line feed.
     pub(crate) fn to_json(&self) -> Result<String> {
         Ok(serde_json::to_string_pretty(self)?)
     }
@@ -122,11 +122,11 @@ impl fmt::Display for Report {
         }
         if !self.targets_without_object.is_empty() {
             let names = self.targets_without_object.join(", ");
-            writeln!(f, "\nnot scored, no object left: {names}")?;
+            writeln!(f, "\nnot evaluated, no object left: {names}")?;
         }
         if !self.objects_without_target.is_empty() {
             let names = self.objects_without_target.join(", ");
-            writeln!(f, "\nobjects that nobody tracks: {names}")?;
+            writeln!(f, "\nobjects without a target: {names}")?;
         }
         Ok(())
     }
@@ -163,7 +163,7 @@ impl fmt::Display for TargetReport {
         let ends = s.ends_on_target.map_or_else(none, yes_or_no);
         line(f, "last visible frame on target", &ends, "")?;
         let to_find = s.frames_to_find.map_or_else(none, |n| n.to_string());
-        line(f, "frames until it is found, at most", &to_find, "")?;
+        line(f, "frames until found, at most", &to_find, "")?;
         if let Some(states) = self.states {
             let most = |frames: Option<usize>| frames.map_or_else(none, |n| n.to_string());
             let (occluded, tracking) = (states.frames_to_occluded, states.frames_to_tracking);
@@ -187,7 +187,7 @@ impl fmt::Display for TargetReport {
 }
 
 impl TargetReport {
-    /// A line a bin.
+    /// Writes one line per bin.
     fn write_reliability(
         &self,
         f: &mut fmt::Formatter<'_>,
@@ -220,16 +220,16 @@ impl TargetReport {
     }
 }
 
-/// One line of the table of a target.
+/// Writes one line of the table of a target.
 fn line(f: &mut fmt::Formatter<'_>, label: &str, visible: &str, all: &str) -> fmt::Result {
     let text = format!("  {label:<40}{visible:>16}{all:>16}");
     writeln!(f, "{}", text.trim_end())
 }
 
-/// A line's label, and how its figure is written.
+/// A line's label and the formatter of its figure.
 type Figure = (&'static str, fn(&Errors) -> String);
 
-/// The lines about errors, in their order.
+/// The lines about errors, in order.
 const FIGURES: [Figure; 27] = [
     ("position error, mean, mm", |e| {
         thousandths(e.position_m.mean)
@@ -308,17 +308,17 @@ const FIGURES: [Figure; 27] = [
     }),
 ];
 
-/// Metres in millimetres, radians in milliradians.
+/// Formats metres in millimetres, or radians in milliradians.
 fn thousandths(value: f64) -> String {
     fixed(1e3 * value, 1)
 }
 
-/// Radians in degrees.
+/// Formats radians in degrees.
 fn degrees(angle_rad: f64) -> String {
     fixed(angle_rad.to_degrees(), 2)
 }
 
-/// Of a covariance of nothing it has any size.
+/// Formats a NEES; with zero covariances it can be arbitrarily large.
 fn nees(mean: f64) -> String {
     if mean < 1e6 {
         fixed(mean, 2)
@@ -327,12 +327,12 @@ fn nees(mean: f64) -> String {
     }
 }
 
-/// Mean and standard deviation in thousandths.
+/// Formats mean and standard deviation in thousandths.
 fn mean_sd(value: MeanSd) -> String {
     format!("{} ± {}", thousandths(value.mean), thousandths(value.sd))
 }
 
-/// At most so many decimals, never a minus zero.
+/// Formats a number with at most `decimals` decimals and never as minus zero.
 fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
@@ -341,7 +341,7 @@ fn fixed(value: f64, decimals: usize) -> String {
     }
 }
 
-/// What stands where there is no figure.
+/// Returns the placeholder for a missing figure.
 fn none() -> String {
     "-".to_owned()
 }

@@ -12,23 +12,23 @@ use pardalis::view::View;
 use crate::draw::likelihood::Curve;
 use crate::user_error::user_error;
 
-/// Scales from half to twice the size.
+/// Range of scales of the outline.
 const SCALES: [f64; 2] = [0.5, 2.0];
-/// The nearest distance along the ray, metres.
+/// Smallest distance along the ray, in metres.
 const MIN_RANGE_M: f64 = 0.3;
-/// Points of a curve.
+/// Number of points of a curve.
 const POINTS: usize = 601;
 
-/// All that a likelihood depends on but the cue's settings and the position.
-pub(super) struct Judge<'a> {
+/// Everything that determines a likelihood except the cue's settings and the position.
+pub(super) struct Setup<'a> {
     pub(super) shape: Shape,
     pub(super) colors: &'a ColorModel,
     pub(super) views: &'a [View],
     pub(super) frames: &'a [(usize, Frame)],
 }
 
-impl Judge<'_> {
-    /// Nats more than pure background.
+impl Setup<'_> {
+    /// Returns the log-likelihood ratio to pure background in nats.
     fn nats(&self, settings: &ContourSettings, shape: &Shape, position_m: [f64; 3]) -> f64 {
         let (views, frames) = (self.views, self.frames);
         contour_log_likelihood(settings, shape, self.colors, views, frames, position_m)
@@ -36,7 +36,7 @@ impl Judge<'_> {
     }
 }
 
-/// A scene's settings, and the same with other contours where those are given, each with its name.
+/// Returns the scene's settings and, if other contours are given, the same settings with those, each with a name.
 pub(super) fn with_contours(
     settings: &ContourSettings,
     contours: Option<[f64; 2]>,
@@ -72,7 +72,7 @@ pub(super) fn with_contours(
     Ok(all)
 }
 
-/// A shape of another size.
+/// Returns a shape scaled by a factor.
 fn scaled(shape: &Shape, scale: f64) -> Shape {
     let mut shape = *shape;
     match &mut shape {
@@ -89,27 +89,27 @@ fn scaled(shape: &Shape, scale: f64) -> Shape {
     shape
 }
 
-/// The likelihood of a target at one position, were it larger or smaller by a factor.
+/// Returns the likelihood of a target at one position, scaled by a range of factors.
 pub(super) fn over_scales(
-    judge: &Judge<'_>,
+    setup: &Setup<'_>,
     settings: &[(String, ContourSettings)],
     position_m: [f64; 3],
 ) -> Vec<Curve> {
     let [least, most] = SCALES;
     curves(settings, &spread(least, most), |settings, scale| {
-        judge.nats(settings, &scaled(&judge.shape, scale), position_m)
+        setup.nats(settings, &scaled(&setup.shape, scale), position_m)
     })
 }
 
-/// The likelihood along the ray through a pixel, and the distance of a position from the ray's origin.
+/// Returns the likelihood along the ray through a pixel, and the distance of a position from the ray's origin.
 pub(super) fn along_ray(
-    judge: &Judge<'_>,
+    setup: &Setup<'_>,
     settings: &[(String, ContourSettings)],
     pixel: [f64; 2],
     position_m: [f64; 3],
     max_range_m: f64,
 ) -> Result<(Vec<Curve>, f64)> {
-    let view = &judge.views[0];
+    let view = &setup.views[0];
     let Some(ray) = view.camera().unproject(pixel) else {
         let [u, v] = pixel;
         return Err(user_error!(
@@ -124,13 +124,13 @@ pub(super) fn along_ray(
         &spread(MIN_RANGE_M, far_m),
         |settings, range_m| {
             let at = origin + direction * range_m;
-            judge.nats(settings, &judge.shape, at.into())
+            setup.nats(settings, &setup.shape, at.into())
         },
     );
     Ok((found, (Point3::from(position_m) - origin).norm()))
 }
 
-/// Values from one to another, by equal factors.
+/// Returns values from one to another with equal ratios.
 fn spread(least: f64, most: f64) -> Vec<f64> {
     let share = |i: usize| i as f64 / (POINTS - 1) as f64;
     let at = |i: usize| least * libm::pow(most / least, share(i));
@@ -149,7 +149,7 @@ fn curves(
     settings.iter().map(curve).collect()
 }
 
-/// Curves over the same values as a table: the values, then a column of nats per curve.
+/// Returns curves over the same values as a CSV table: the values, then a column of nats per curve.
 pub(super) fn to_csv(x_name: &str, curves: &[Curve]) -> String {
     use std::fmt::Write as _;
     let mut text = x_name.to_owned();

@@ -1,4 +1,4 @@
-//! `pardalis likelihood`: how the contour cue judges one frame of a scene (thesis figs. 4.5, 4.7 and 5.1).
+//! `pardalis likelihood`: illustrates the contour cue in one frame of a scene (thesis figs. 4.5, 4.7 and 5.1).
 
 mod curves;
 
@@ -10,7 +10,7 @@ use pardalis::reference;
 use pardalis::view::View;
 use pardalis_scene::{BodyConfig, Scene};
 
-use self::curves::{Judge, along_ray, over_scales, to_csv};
+use self::curves::{Setup, along_ray, over_scales, to_csv};
 use crate::commands::locate::parse_pixel;
 use crate::draw::likelihood::{Sampled, write_curves, write_sampled};
 use crate::files::write_file;
@@ -19,42 +19,43 @@ use crate::scene;
 use crate::source::{Delivery, Source};
 use crate::user_error::user_error;
 
-/// Pixels around the outer contour that the picture shows.
+/// Margin of the picture around the outer contour, in pixels.
 const MARGIN_PX: f64 = 4.0;
-/// The largest side of the picture, in pixels of the image.
+/// Maximum side of the picture, in pixels of the image.
 const MAX_SIDE_PX: usize = 120;
-/// Points of the drawn outline.
+/// Number of points of the drawn outline.
 const OUTLINE_POINTS: usize = 200;
 
-/// Draws how the contour cue judges one frame
+/// Illustrates the likelihood of the contour cue in one frame
 ///
-/// For one position of a target, writes into a folder: sampled.svg (the inner and outer pixels that are compared, over the image), scales.svg (the likelihood of
-/// the outline scaled by a factor) and ray.svg (the likelihood of a target along the ray through a pixel, against its distance from the camera), each
-/// also as PNG; the curves as scales.csv and ray.csv too. Likelihoods are in nats more than those of pure background.
+/// For one position of a target, writes into a folder: sampled.svg (the inner and outer pixels that are compared,
+/// over the image), scales.svg (the likelihood of the outline scaled by a factor) and ray.svg (the likelihood of a
+/// target along the ray through a pixel, against its distance from the camera), each also as PNG, and the curves as
+/// scales.csv and ray.csv. Likelihoods are log-likelihood ratios to pure background in nats.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis likelihood ball.toml --at 1.35,-1.25,0.62 -o likelihood
   pardalis likelihood ball.toml --frame 20 --at 1.35,-1.25,0.62 --pixel 457,90 --contours 0.9,1.1 -o likelihood")]
 pub(crate) struct Arguments {
-    /// The scene file, with one camera at least and a target that has the contour cue
+    /// The scene file, with one or more cameras and a target that uses the contour cue
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// The position of the target in the world, metres
+    /// The position of the target in the world, in metres
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_position, allow_hyphen_values = true)]
     at: [f64; 3],
-    /// The number of the frame, from 0
+    /// The index of the frame, from 0
     #[arg(long, default_value_t = 0)]
     frame: usize,
     /// The target [default: the first]
     #[arg(long)]
     target: Option<String>,
-    /// The pixel whose ray is searched [default: where the position appears]
+    /// The pixel whose ray is searched [default: the projection of the position]
     #[arg(long, value_name = "U,V", value_parser = parse_pixel)]
     pixel: Option<[f64; 2]>,
-    /// Scales of another inner and outer contour, for a second curve beside the scene's
+    /// Scales of another inner and outer contour, for a second curve in addition to the scene's
     #[arg(long, value_name = "INNER,OUTER", value_parser = parse_pixel)]
     contours: Option<[f64; 2]>,
-    /// The longest distance along the ray, metres
+    /// The largest distance along the ray, in metres
     #[arg(long, default_value_t = 8.0)]
     max_range_m: f64,
     /// The folder for the results
@@ -72,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let frame = frame_of(source, arguments.frame)?;
     let Some(settings) = body.contour() else {
         return Err(user_error!(
-            "{}: targets.{} has no contour cue, which alone compares two contours",
+            "{}: targets.{} has no contour cue, the only one that this command illustrates",
             arguments.scene.display(),
             body.name
         ));
@@ -83,7 +84,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "--max-range-m {range_m}: allowed: more than 0 metres"
         ));
     }
-    let judge = Judge {
+    let setup = Setup {
         shape: body.shape,
         colors: &colors,
         views: std::slice::from_ref(&view),
@@ -98,8 +99,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     std::fs::create_dir_all(folder)
         .map_err(|error| user_error!("-o {}: {error}", folder.display()))?;
 
-    let scales = over_scales(&judge, &all_settings, arguments.at);
-    let (ray, distance_m) = along_ray(&judge, &all_settings, pixel, arguments.at, range_m)?;
+    let scales = over_scales(&setup, &all_settings, arguments.at);
+    let (ray, distance_m) = along_ray(&setup, &all_settings, pixel, arguments.at, range_m)?;
     let mut files = Vec::new();
     for (stem, name, x_name, curves, marked) in [
         (
@@ -122,14 +123,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         files.push(path);
         files.extend(write_curves(folder, stem, x_name, curves, marked)?);
     }
-    files.extend(write_pixels(folder, &judge, settings, arguments.at)?);
+    files.extend(write_pixels(folder, &setup, settings, arguments.at)?);
     for file in files {
         print(file.display());
     }
     Ok(())
 }
 
-/// The body that is judged.
+/// Returns the body whose likelihood is computed.
 fn body_of<'s>(scene: &'s Scene, arguments: &Arguments) -> Result<&'s BodyConfig> {
     let targets = &scene.targets;
     let target = match &arguments.target {
@@ -147,7 +148,7 @@ fn body_of<'s>(scene: &'s Scene, arguments: &Arguments) -> Result<&'s BodyConfig
     Ok(&target.bodies[0])
 }
 
-/// The frame of this number.
+/// Returns the frame with this index.
 fn frame_of(source: Source, number: usize) -> Result<pardalis::Frame> {
     let input = source.describe().input.clone();
     for (i, delivery) in source.enumerate() {
@@ -160,7 +161,7 @@ fn frame_of(source: Source, number: usize) -> Result<pardalis::Frame> {
     Err(user_error!("--frame {number}: {input} has fewer frames"))
 }
 
-/// Where a position appears.
+/// Returns the projection of a position.
 fn pixel_of(view: &View, position_m: [f64; 3]) -> Result<[f64; 2]> {
     let in_camera = view.camera_from_world() * Point3::from(position_m);
     view.camera().project(in_camera.into()).ok_or_else(|| {
@@ -169,22 +170,22 @@ fn pixel_of(view: &View, position_m: [f64; 3]) -> Result<[f64; 2]> {
     })
 }
 
-/// Draws the pixels that are compared for the target at this position.
+/// Draws the pixels that are compared for a target at this position.
 fn write_pixels(
     folder: &Path,
-    judge: &Judge<'_>,
+    setup: &Setup<'_>,
     settings: &pardalis::likelihood::ContourSettings,
     position_m: [f64; 3],
 ) -> Result<Vec<PathBuf>> {
-    let (view, (_, frame)) = (&judge.views[0], &judge.frames[0]);
-    let sides = reference::boundary(view, &judge.shape, settings, position_m).map(|side| {
+    let (view, (_, frame)) = (&setup.views[0], &setup.frames[0]);
+    let sides = reference::boundary(view, &setup.shape, settings, position_m).map(|side| {
         let open = |pixel| reference::open_pixel(view, pixel);
         side.into_iter()
             .flatten()
             .filter_map(open)
             .collect::<Vec<_>>()
     });
-    let outline = judge.shape.outline_px(
+    let outline = setup.shape.outline_px(
         view.camera(),
         view.camera_from_world(),
         position_m,
@@ -201,9 +202,7 @@ fn write_pixels(
         ])
     });
     let Some([low, high]) = corners else {
-        return Err(user_error!(
-            "--at: the target has no pixel in the image there"
-        ));
+        return Err(user_error!("--at: no pixel of the target is in the image"));
     };
     let size = [frame.width(), frame.height()];
     let first = [0, 1].map(|axis| (low[axis] - MARGIN_PX).max(0.0) as usize);
@@ -226,7 +225,7 @@ fn write_pixels(
     )
 }
 
-/// `X,Y,Z`.
+/// Parses `X,Y,Z`.
 fn parse_position(text: &str) -> Result<[f64; 3], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     numbers

@@ -1,4 +1,4 @@
-//! What an experiment's file says.
+//! The contents of an experiment file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::metrics::METRICS;
 use crate::scene::read_text;
 use crate::user_error::user_error;
 
-/// The file's text, as it stands.
+/// The contents of the file, unchecked.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -28,14 +28,14 @@ struct File {
     figures: Vec<Figure>,
 }
 
-/// An experiment: runs that belong together.
+/// An experiment: a group of related runs.
 #[derive(Debug)]
 pub(super) struct Experiment {
-    /// Names its results.
+    /// The name of its result files.
     pub(super) name: String,
-    /// Its runs, then those of its sweeps.
+    /// The runs, followed by those of the sweeps.
     pub(super) runs: Vec<Run>,
-    /// What is drawn of several runs at once.
+    /// Figures over several runs.
     pub(super) figures: Vec<Figure>,
 }
 
@@ -43,19 +43,19 @@ pub(super) struct Experiment {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Figure {
-    /// Names its files.
+    /// The name of its files.
     pub(super) name: String,
     pub(super) kind: FigureKind,
-    /// Names of runs, and of sweeps for all their runs.
+    /// Names of runs, or of sweeps for all their runs.
     pub(super) runs: Vec<String>,
-    /// Of paths: shows only so many seeds, where all would hide one another.
+    /// For paths: draws only this number of seeds, so that they do not cover one another.
     pub(super) seeds: Option<u32>,
-    /// Of paths: reaches wherever nearly all estimates do, and not only around the truth.
+    /// For paths: shows nearly all estimates instead of only the surroundings of the truth.
     #[serde(default)]
     pub(super) reaches_far: bool,
-    /// Of a sweep: what stands at the axis of the values; else what the first sweep changes.
+    /// For a sweep: the label of the axis of values; if `None`, the key that the first sweep varies.
     pub(super) x_name: Option<String>,
-    /// Of a sweep: the figure of merit, a length.
+    /// For a sweep: the figure of merit, a length.
     #[serde(default = "rmse_m")]
     pub(super) figure: String,
 }
@@ -64,28 +64,28 @@ fn rmse_m() -> String {
     "rmse_m".to_owned()
 }
 
-/// What a figure shows.
+/// The contents of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum FigureKind {
-    /// The paths of all seeds, a colour a run.
+    /// The paths of all seeds, one colour per run.
     Paths,
-    /// Errors of distance, elevation and azimuth against distance, a mark a run.
+    /// Errors of distance, elevation and azimuth against distance, one mark per run.
     Errors,
-    /// A figure of merit against the values of sweeps, and against the time a frame.
+    /// A figure of merit against the values of sweeps, and against the time per frame.
     Sweep,
-    /// The share of rows that are right against their confidence, a mark a run or sweep.
+    /// The share of rows that are right against their confidence, one mark per run or sweep.
     Reliability,
 }
 
 impl Figure {
-    /// Whether it shows this run.
+    /// Reports whether it shows this run.
     pub(super) fn shows(&self, run: &Run) -> bool {
         let sweep = run.swept.as_ref().map(|swept| &swept.sweep);
         (self.runs.iter()).any(|name| *name == run.name || Some(name) == sweep)
     }
 
-    /// What is wrong with it.
+    /// Checks the figure.
     fn check(&self, runs: &[Run]) -> Result<(), String> {
         check_name(&self.name)?;
         let sweep_of = |run: &Run| run.swept.as_ref().map(|swept| swept.sweep.clone());
@@ -103,7 +103,7 @@ impl Figure {
                 FigureKind::Sweep => "sweep",
                 _ => "run or sweep",
             };
-            return Err(format!("runs: \"{unknown}\" is no {what} of this file"));
+            return Err(format!("runs: \"{unknown}\" is not a {what} of this file"));
         }
         let lengths = METRICS.iter().map(|(name, _)| *name);
         let lengths: Vec<_> = lengths.filter(|name| name.ends_with("_m")).collect();
@@ -118,14 +118,14 @@ impl Figure {
     }
 }
 
-/// Where a run of a sweep belongs.
+/// The position of a run in a sweep.
 #[derive(Debug, Clone)]
 pub(super) struct Swept {
     /// The sweep's name.
     pub(super) sweep: String,
-    /// What changes, without the tables it lies in.
+    /// The key that varies, without the tables that contain it.
     pub(super) key: String,
-    /// The value's name.
+    /// The label of the value.
     pub(super) label: String,
     /// The value, if it is a number.
     pub(super) value: Option<f64>,
@@ -136,30 +136,31 @@ pub(super) struct Swept {
 #[serde(deny_unknown_fields)]
 pub(super) struct Run {
     pub(super) name: String,
-    /// Paths start at the experiment's folder. A simulated world has a scene and a truth of its own.
+    /// Paths start at the experiment's folder. A simulated world comes with its own scene and truth.
     #[serde(default)]
     pub(super) scene: String,
     #[serde(default)]
     pub(super) truth: String,
-    /// A world that is simulated first.
+    /// A world to simulate first.
     pub(super) world: Option<String>,
-    /// Whether each seed has a recording of its own, simulated with the seed as the world's.
+    /// Whether each seed has its own recording, simulated with the same seed.
     #[serde(default)]
     pub(super) fresh_world: bool,
-    /// Seeds 1, 2, … are run.
+    /// Number of seeds; seeds 1, 2, … are run.
     pub(super) seeds: u32,
-    /// How many of them `--verify` runs.
+    /// Number of seeds that `--verify` runs.
     #[serde(default)]
     pub(super) verify_seeds: u32,
-    /// Values that take the place of the scene's, by their full keys; and of the world's, by their full keys behind `world.`.
+    /// Values that replace those of the scene, by full key, or those of the world, by full key after `world.`.
     #[serde(default)]
     pub(super) set: toml::Table,
-    /// Whether its seeds run alone, and the time a frame is told.
+    /// Whether its seeds run one at a time, to measure the time per frame.
     #[serde(default)]
     pub(super) timed: bool,
-    /// The point around which distance, elevation and azimuth are taken, in the world frame; else the first camera.
+    /// Origin of distance, elevation and azimuth in the world frame; if `None`, the first camera.
     pub(super) origin_m: Option<[f64; 3]>,
-    /// An object is visible where more than this share of it is seen, and an estimate farther than this from it has lost it.
+    /// An object counts as visible if more than this share of it is visible, and an estimate farther than
+    /// `lost_beyond_m` from it counts as lost.
     #[serde(default = "visible_over")]
     pub(super) visible_over: f64,
     #[serde(default = "lost_beyond_m")]
@@ -167,24 +168,24 @@ pub(super) struct Run {
     /// Whether the truth is interpolated to the times of the tracks.
     #[serde(default)]
     pub(super) interpolate: bool,
-    /// How positions are found.
+    /// How positions are estimated.
     #[serde(default)]
     pub(super) method: Method,
-    /// Of `locate`: a table with a rough position for each image, as truth.csv has them; else the scene's start.
+    /// For `locate`: a table with a rough position for each image, like truth.csv; if `None`, the scene's start.
     pub(super) starts: Option<String>,
-    /// Lowest and highest value of a figure, for every seed and target.
+    /// Lowest and highest value of figures, for every seed and target.
     #[serde(default)]
     pub(super) expect: Bands,
-    /// Times over which the figures are told once more.
+    /// Parts of the time for which the figures are computed separately.
     #[serde(default)]
     pub(super) windows: Vec<Window>,
-    /// Of a sweep: the full key, or keys, whose value changes from run to run.
+    /// For a sweep: the full key, or keys, whose value varies between runs.
     key: Option<Keys>,
-    /// Of a sweep: the values; with several keys each is a list, a value a key.
+    /// For a sweep: the values; with several keys, each value is a list with one entry per key.
     values: Option<Vec<Value>>,
-    /// Of a sweep: a name for each value, where the values themselves are no good names.
+    /// For a sweep: a label for each value, if the values themselves are unsuitable.
     names: Option<Vec<String>>,
-    /// Of a run that was made from a sweep.
+    /// For a run of a sweep: its position in it.
     #[serde(skip)]
     pub(super) swept: Option<Swept>,
 }
@@ -197,39 +198,39 @@ fn lost_beyond_m() -> f64 {
     Settings::LOST_BEYOND_M
 }
 
-/// The most seeds of a run.
+/// Maximum number of seeds of a run.
 const MAX_SEEDS: u32 = 10_000;
 
-/// Lowest and highest value of figures, by their names.
+/// Lowest and highest value of figures, by name.
 pub(super) type Bands = BTreeMap<String, [f64; 2]>;
 
-/// How positions are found.
+/// How positions are estimated.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Method {
-    /// From frame to frame, as `pardalis track`.
+    /// From frame to frame, like `pardalis track`.
     #[default]
     Track,
-    /// In each image on its own, as `pardalis locate`.
+    /// In each image independently, like `pardalis locate`.
     Locate,
 }
 
-/// Some of the frames.
+/// A selection of frames.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Window {
     pub(super) name: String,
-    /// The first and the last instant, in seconds; else those of the truth.
+    /// The first and the last time, in seconds; if `None`, those of the truth.
     pub(super) from_s: Option<f64>,
     pub(super) to_s: Option<f64>,
-    /// Only frames in which so many cameras see the object.
+    /// Only frames in which this number of cameras see the object.
     pub(super) seen_by: Option<usize>,
-    /// As a run's, over these frames.
+    /// Like that of a run, for these frames.
     #[serde(default)]
     pub(super) expect: Bands,
 }
 
-/// What a sweep changes.
+/// The keys that a sweep varies.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(untagged)]
 enum Keys {
@@ -238,7 +239,7 @@ enum Keys {
 }
 
 impl Keys {
-    /// The last words of the keys.
+    /// Returns the last components of the keys.
     fn shown(&self) -> String {
         let keys = match self {
             Self::One(key) => std::slice::from_ref(key),
@@ -250,7 +251,7 @@ impl Keys {
 }
 
 impl Run {
-    /// The run's name as a folder's.
+    /// Returns the run's name as a folder name.
     pub(super) fn slug(&self) -> String {
         self.name
             .chars()
@@ -264,13 +265,13 @@ impl Run {
             .collect()
     }
 
-    /// The runs of a sweep, one a value; without a value's place in the message.
+    /// Returns the runs of a sweep, one per value. Errors do not name the sweep.
     fn expanded(self) -> Result<Vec<Self>, String> {
         let (Some(key), Some(values)) = (&self.key, &self.values) else {
             return Err("needs key and values".to_owned());
         };
         if self.names.as_ref().is_some_and(|n| n.len() != values.len()) {
-            return Err("has another number of names than of values".to_owned());
+            return Err("the numbers of names and of values differ".to_owned());
         }
         let one_run = |(i, value): (usize, &Value)| {
             let mut set = self.set.clone();
@@ -282,7 +283,7 @@ impl Run {
                     let parts = value.as_array().filter(|parts| parts.len() == keys.len());
                     let parts = parts.ok_or_else(|| {
                         format!(
-                            "value {value} is no list of {} values, one a key",
+                            "value {value} is not a list of {} values, one per key",
                             keys.len()
                         )
                     })?;
@@ -311,7 +312,7 @@ impl Run {
         values.iter().enumerate().map(one_run).collect()
     }
 
-    /// Values that take the place of the scene's, and those that take the place of the world's.
+    /// Returns the values that replace those of the scene, and those that replace those of the world.
     pub(super) fn replaced(&self) -> [toml::Table; 2] {
         let (mut of_scene, mut of_world) = (toml::Table::new(), toml::Table::new());
         for (key, value) in &self.set {
@@ -323,33 +324,36 @@ impl Run {
         [of_scene, of_world]
     }
 
-    /// What is wrong with it.
+    /// Checks the run.
     fn check(&self) -> Result<(), String> {
         let given = [&self.scene, &self.truth].map(|file| !file.is_empty());
         match (&self.world, given) {
             (None, [true, true]) | (Some(_), [false, false]) => {}
-            (None, _) => return Err("needs scene and truth, or a world that has both".to_owned()),
+            (None, _) => return Err("needs scene and truth, or a world instead of both".to_owned()),
             (Some(_), _) => {
-                return Err("world has a scene and a truth of its own; remove these".to_owned());
+                return Err(
+                    "a world comes with its own scene and truth; remove scene and truth".to_owned(),
+                );
             }
         }
         if self.fresh_world && self.world.is_none() {
-            return Err("fresh_world needs a world beside it".to_owned());
+            return Err("fresh_world needs the key world".to_owned());
         }
         if self.world.is_none() && !self.replaced()[1].is_empty() {
-            return Err("set: keys behind world. need a world beside them".to_owned());
+            return Err("set: keys that begin with world. need the key world".to_owned());
         }
         if self.fresh_world && self.set.contains_key("world.seed") {
-            let why = "set: world.seed has no effect beside fresh_world; remove one of them";
+            let why = "set: world.seed has no effect with fresh_world; remove one of them";
             return Err(why.to_owned());
         }
         if self.key.is_some() || self.values.is_some() || self.names.is_some() {
             return Err(
-                "key, values and names are a sweep's; write it under [[sweeps]]".to_owned(),
+                "key, values and names belong to sweeps; write this run under [[sweeps]]"
+                    .to_owned(),
             );
         }
         if self.starts.is_some() && self.method != Method::Locate {
-            return Err("starts needs method = \"locate\" beside it".to_owned());
+            return Err("starts needs method = \"locate\"".to_owned());
         }
         if self
             .origin_m
@@ -370,13 +374,17 @@ impl Run {
             ));
         }
         if self.set.contains_key("seed") {
-            return Err("set: seed has no effect, as seeds 1, 2, … are run; remove it".to_owned());
+            return Err(
+                "set: seed has no effect because seeds 1, 2, … are run; remove it".to_owned(),
+            );
         }
         known_figures(&self.expect, "expect")?;
         for (i, window) in self.windows.iter().enumerate() {
             let name = &window.name;
             if name.is_empty() || self.windows[..i].iter().any(|w| w.name == *name) {
-                return Err(format!("the window \"{name}\": allowed: a name of its own"));
+                return Err(format!(
+                    "the window \"{name}\": its name is empty or used twice; give each window a unique name"
+                ));
             }
             let ends = (
                 window.from_s.unwrap_or(f64::NEG_INFINITY),
@@ -391,13 +399,11 @@ impl Run {
     }
 }
 
-/// A value as a part of a name.
+/// Returns a value as a part of a name.
 fn label(value: &Value) -> Result<String, String> {
     match value {
         Value::String(text) => Ok(text.clone()),
-        Value::Table(_) => {
-            Err("has tables for values; give each a name in names = [..]".to_owned())
-        }
+        Value::Table(_) => Err("values are tables; label each in names = [..]".to_owned()),
         Value::Array(parts) => {
             let parts: Result<Vec<_>, _> = parts.iter().map(label).collect();
             Ok(parts?.join(", "))
@@ -411,7 +417,7 @@ fn number(value: &Value) -> Option<f64> {
     whole.or_else(|| value.as_float())
 }
 
-/// A name of files or folders.
+/// Checks a name of files or folders.
 fn check_name(name: &str) -> Result<(), String> {
     if is_name(name) {
         Ok(())
@@ -435,7 +441,7 @@ fn known_figures(expect: &Bands, place: &str) -> Result<(), String> {
     };
     let allowed: Vec<_> = METRICS.iter().map(|(name, _)| *name).collect();
     Err(format!(
-        "{place}.{metric} is no figure; allowed: {}",
+        "{place}.{metric} is not a figure; allowed: {}",
         allowed.join(", ")
     ))
 }
@@ -460,7 +466,7 @@ impl Experiment {
                 .map_err(|wrong| user_error!("{place}: run \"{}\": {wrong}", run.name))?;
             if let Some(other) = runs[..i].iter().find(|other| other.slug() == run.slug()) {
                 return Err(user_error!(
-                    "{place}: the runs \"{}\" and \"{}\" would write into one folder, {}; give names that differ in letters or digits",
+                    "{place}: the runs \"{}\" and \"{}\" would write into the same folder, {}; give names that differ in letters or digits",
                     other.name,
                     run.name,
                     run.slug()
@@ -471,7 +477,7 @@ impl Experiment {
             let name = &figure.name;
             let mut checked = figure.check(&runs);
             if file.figures[..i].iter().any(|other| other.name == *name) {
-                checked = Err("another figure has that name".to_owned());
+                checked = Err("the name is used twice".to_owned());
             }
             checked.map_err(|wrong| user_error!("{place}: figure \"{name}\": {wrong}"))?;
         }

@@ -1,4 +1,4 @@
-//! Numbers of tables.
+//! Formatting of numbers in tables.
 
 /// Returns the median of at least one number; they are sorted.
 pub(super) fn median(sorted: &[f64]) -> f64 {

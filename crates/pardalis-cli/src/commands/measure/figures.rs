@@ -1,4 +1,4 @@
-//! Figures of several runs at once.
+//! Figures over several runs.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use crate::draw::reliability::{ReliabilityGroup, write_reliability_figures};
 use crate::draw::sweep::{SweepPoint, SweepSeries, write_sweep_figures};
 use crate::user_error::user_error;
 
-/// Draws the figures of an experiment into a folder, those that show no run (of the few that `--verify` runs) aside. Gives the files.
+/// Draws the figures of an experiment into a folder, except those without any run (with `--verify`). Returns the files.
 pub(super) fn draw_all(
     figures: &[Figure],
     measured: &[Measured],
@@ -44,7 +44,7 @@ pub(super) fn draw_all(
 pub(super) fn copy_pngs(files: &[PathBuf], folder: &Path) -> Result<()> {
     let refuse = |error| {
         user_error!(
-            "--figures {}: {error}; give a folder that can be written",
+            "--figures {}: {error}; choose a folder with write permission",
             folder.display()
         )
     };
@@ -60,7 +60,7 @@ pub(super) fn copy_pngs(files: &[PathBuf], folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The seeds of all runs, a group a run and target, with the truth and the cameras of the first run.
+/// Draws the seeds of all runs, one group per run and target, with the truth and the cameras of the first run.
 fn paths(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
     let mut groups = Vec::new();
     for Measured { plan, .. } in shown {
@@ -85,7 +85,7 @@ fn paths(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<Path
     write_path_figures(folder, &figure.name, &groups, &truth, &cameras, far)
 }
 
-/// A mark a frame, seed and target, around the runs' origins.
+/// Draws one mark per frame, seed and target, relative to the runs' origins.
 fn errors(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
     let mut groups = Vec::new();
     for Measured { plan, .. } in shown {
@@ -111,7 +111,7 @@ fn errors(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<Pat
     write_error_figures(folder, &figure.name, &groups)
 }
 
-/// A series a sweep, a point a run: median, lowest and highest over seeds and targets.
+/// Draws one series per sweep with a point per run: median, lowest and highest value over seeds and targets.
 fn sweep(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
     let mut series: Vec<SweepSeries> = Vec::new();
     for Measured { plan, figures, .. } in shown {
@@ -151,7 +151,7 @@ fn sweep(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<Path
     write_sweep_figures(folder, &figure.name, x_name, &series)
 }
 
-/// A group a run or sweep, of all its frames, seeds and targets; those without confidences are left out.
+/// Draws one group per run or sweep over all its frames, seeds and targets; those without confidences are left out.
 fn reliability(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<PathBuf>> {
     let of_one = |name: &String| {
         let is_of = |m: &&&Measured| m.name() == name || m.plan.run.name == *name;

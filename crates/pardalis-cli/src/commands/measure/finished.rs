@@ -1,4 +1,4 @@
-//! What a finished seed leaves behind, so that an interrupted experiment goes on where it stopped.
+//! Records of finished seeds, with which an interrupted experiment resumes.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
@@ -13,15 +13,16 @@ use super::definition::Method;
 use crate::files::write_file;
 use crate::user_error::user_error;
 
-/// Larger files count by their size and time: they are videos.
+/// Larger files, which are videos, are identified by size and modification time.
 const MAX_READ_BYTES: u64 = 4 << 20;
 
-/// finished.json in a seed's folder: its tracks are complete. Figures are not in it: scores are cheap and made anew from the tracks.
+/// finished.json in a seed's folder, written when its tracks are complete. It has no figures: they are recomputed
+/// cheaply from the tracks.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Finished {
-    /// Of all that determines the tracks (see [`of_run`] and [`of_seed`]).
+    /// Fingerprint of everything that determines the tracks (see [`of_run`] and [`of_seed`]).
     pub(super) fingerprint: String,
-    /// Time spent on tracking a frame, in milliseconds, where the seed ran alone.
+    /// Tracking time per frame in milliseconds, if the seed ran alone.
     pub(super) ms_a_frame: Option<f64>,
 }
 
@@ -30,18 +31,18 @@ impl Finished {
         folder.join("finished.json")
     }
 
-    /// What is in a seed's folder; none where it is not finished.
+    /// Reads the record in a seed's folder; `None` if the seed is not finished.
     pub(super) fn read(folder: &Path) -> Option<Self> {
         serde_json::from_slice(&fs::read(Self::path(folder)).ok()?).ok()
     }
 
-    /// Says that the seed is finished.
+    /// Writes the record.
     pub(super) fn write(&self, folder: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self)? + "\n";
         write_file(&Self::path(folder), text.as_bytes())
     }
 
-    /// Takes it back, before the tracks are written anew.
+    /// Removes the record, before the tracks are rewritten.
     pub(super) fn remove(folder: &Path) -> Result<()> {
         let path = Self::path(folder);
         match fs::remove_file(&path) {
@@ -54,8 +55,8 @@ impl Finished {
     }
 }
 
-/// The fingerprint of a run: the program, the scene's settings and the files that they name, the method with its starts; `folder`
-/// is the scene's.
+/// Returns the fingerprint of a run: the program, the scene's settings and the files that they name, the method and its
+/// starts; `folder` is the scene's.
 pub(super) fn of_run(scene: &Scene, folder: &Path, method: Method, starts: Option<&Path>) -> u64 {
     let mut hasher = DefaultHasher::new();
     env!("CARGO_PKG_VERSION").hash(&mut hasher);
@@ -72,7 +73,7 @@ pub(super) fn of_run(scene: &Scene, folder: &Path, method: Method, starts: Optio
     hasher.finish()
 }
 
-/// The fingerprint of a simulated world: the program and the world's text, settings replaced.
+/// Returns the fingerprint of a simulated world: the program and the world's text with replaced settings.
 pub(super) fn of_world(text: &str) -> String {
     let mut hasher = DefaultHasher::new();
     if let Ok(program) = std::env::current_exe() {
@@ -82,14 +83,14 @@ pub(super) fn of_world(text: &str) -> String {
     format!("{:016x}", hasher.finish())
 }
 
-/// The fingerprint of one seed of a run.
+/// Returns the fingerprint of one seed of a run.
 pub(super) fn of_seed(run: u64, seed: u32, timed: bool) -> String {
     let mut hasher = DefaultHasher::new();
     (run, seed, timed).hash(&mut hasher);
     format!("{:016x}", hasher.finish())
 }
 
-/// Every text among the settings that is a file's or a folder's name.
+/// Adds every text among the settings that names a file or a folder.
 fn add_named_files(setting: &Value, folder: &Path, hasher: &mut DefaultHasher) {
     match setting {
         Value::Table(table) => table
@@ -103,7 +104,7 @@ fn add_named_files(setting: &Value, folder: &Path, hasher: &mut DefaultHasher) {
     }
 }
 
-/// A small file's content; the names, sizes and times of a folder's files.
+/// Adds a small file's content, or the names, sizes and times of a folder's files.
 fn add_file(path: &Path, hasher: &mut DefaultHasher) {
     let Ok(metadata) = fs::metadata(path) else {
         return;

@@ -1,4 +1,4 @@
-//! Many seeds at a time, a thread each; timed ones alone.
+//! Parallel tracking of seeds, one thread each; timed seeds run alone.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -14,16 +14,16 @@ use crate::commands::locate;
 use crate::interrupt;
 use crate::tracking::{self, Annotate, Options, Output};
 
-/// One seed of a run that is to be tracked.
+/// One seed of a run to be tracked.
 pub(super) struct Job<'a> {
     pub(super) run: &'a Run,
-    /// The file that the scene was read from.
+    /// The file from which the scene was read.
     pub(super) scene_path: &'a Path,
     pub(super) scene: &'a Scene,
-    /// Where single images are searched; none for tracks.
+    /// Settings for single images; `None` for tracking.
     pub(super) located_from: Option<&'a locate::Settings>,
     pub(super) seed: u32,
-    /// Takes the results.
+    /// The folder for the results.
     pub(super) folder: PathBuf,
     pub(super) fingerprint: String,
 }
@@ -57,9 +57,10 @@ impl Job<'_> {
     }
 }
 
-/// Tracks all seeds with so many threads, in the order of the list but for timed ones, which come last and one by one.
+/// Tracks all seeds with this number of threads, in the order of the list, except that timed seeds run last and one
+/// at a time.
 ///
-/// Ctrl-C, or the first failure, ends it; what is finished by then stays.
+/// Stops on Ctrl-C and after the first failure; finished seeds are kept.
 pub(super) fn track_all(jobs: &[Job], threads: usize) -> Result<()> {
     interrupt::listen();
     let bar = progress_bar(jobs.len());
@@ -70,7 +71,7 @@ pub(super) fn track_all(jobs: &[Job], threads: usize) -> Result<()> {
     bar.finish_and_clear();
     if done.is_err() && interrupt::requested() {
         return Err(anyhow!(
-            "interrupted: {} of {} seeds were tracked and are kept; the same command goes on from there",
+            "interrupted: {} of {} seeds are tracked and kept; the same command resumes the experiment",
             done_count.load(Ordering::Relaxed),
             jobs.len()
         ));
@@ -78,7 +79,7 @@ pub(super) fn track_all(jobs: &[Job], threads: usize) -> Result<()> {
     done
 }
 
-/// Adds those that are tracked to `done_count`.
+/// Adds the number of tracked seeds to `done_count`.
 fn track_with(
     jobs: &[&Job],
     threads: usize,
@@ -114,7 +115,7 @@ fn track_with(
         }
     });
     let mut failures = failures.into_inner().context("a thread has failed")?;
-    // The first of the list, whichever thread was faster.
+    // Report the first of the list, whichever thread was faster.
     failures.sort_by_key(|(number, _)| *number);
     match failures.into_iter().next() {
         Some((_, error)) => Err(error),
@@ -122,7 +123,7 @@ fn track_with(
     }
 }
 
-/// A bar on a terminal; nothing elsewhere.
+/// Returns a progress bar on a terminal and a hidden one elsewhere.
 fn progress_bar(seeds: usize) -> ProgressBar {
     let bar = ProgressBar::new(seeds as u64);
     match ProgressStyle::with_template("{bar:32} {pos}/{len} seeds, {eta} left: {msg}") {

@@ -4,16 +4,16 @@ use pardalis_evaluate::{Course, Errors, Heading};
 
 use crate::commands::evaluate::TargetReport;
 
-/// What is known of one seed and target.
+/// The results of one seed and target.
 pub(super) struct Measured<'a> {
     pub(super) report: &'a TargetReport,
     pub(super) ms_a_frame: Option<f64>,
 }
 
-/// A figure's name and how it is found; without a value where there is no estimate, or where it means nothing.
+/// A figure's name and its computation, which returns `None` without estimates or if the figure is meaningless.
 pub(super) type Metric = (&'static str, fn(&Measured) -> Option<f64>);
 
-/// The figures, in the order of the columns; errors over all frames that have an estimate.
+/// The figures, in the order of the columns; errors are over all frames with an estimate.
 pub(super) const METRICS: [Metric; 40] = [
     ("coverage", |m| m.report.scores.coverage),
     ("lost_frames", |m| Some(m.report.scores.lost_frames as f64)),
@@ -36,7 +36,7 @@ pub(super) const METRICS: [Metric; 40] = [
     ("sd_m", |m| errors(m).map(|e| e.position_m.sd)),
     ("rmse_m", |m| errors(m).map(|e| e.position_m.rmse)),
     ("max_m", |m| errors(m).map(|e| e.position_m.max)),
-    // Of the best particle, beside the mean's.
+    // For the best particle instead of the mean.
     ("best_rmse_m", |m| {
         errors(m)?.best_position_m.map(|best| best.rmse)
     }),
@@ -89,7 +89,7 @@ pub(super) const METRICS: [Metric; 40] = [
         reliability.map(|r| r.calibration_error)
     }),
     ("confidence_max", |m| m.report.confidence.confidence_max),
-    // With it, a mean and its standard deviation give the mean's standard error.
+    // Together with a standard deviation, it gives the standard error of a mean.
     ("estimates", |m| Some(m.report.scores.all.estimates as f64)),
     ("ms_a_frame", |m| m.ms_a_frame),
 ];

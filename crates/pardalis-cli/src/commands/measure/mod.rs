@@ -1,4 +1,4 @@
-//! `pardalis measure`: runs an experiment's scenes with several seeds and scores them against the truth.
+//! `pardalis measure`: runs an experiment's scenes with several seeds and evaluates them against the truth.
 
 mod definition;
 mod digits;
@@ -27,16 +27,16 @@ use plan::Measured;
 use plan::Plan;
 use results::Results;
 
-/// Runs an experiment with several seeds and scores it
+/// Runs an experiment with several seeds and evaluates it
 ///
-/// EXPERIMENT.toml names scenes, their truth, and the bands that every seed's figures must lie in. Writes results.csv
-/// (a row a run, seed, target and window), pooled.csv (NEES with its 99 % band and reliability of the confidence over all recordings of a run or sweep),
-/// every track, and plots with all seeds over one another. An experiment that was
-/// interrupted goes on where it stopped: seeds that are finished, with the same program, scene and frames, are taken as they are.
+/// EXPERIMENT.toml names scenes, their truth, and bands for the figures of every seed. Writes results.csv (one row
+/// per run, seed, target and window), pooled.csv (per run or sweep over all recordings: NEES with its 99 % band,
+/// reliability of the confidences), every track, and plots with all seeds. An interrupted experiment resumes:
+/// finished seeds are reused if program, scene and frames are unchanged.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis measure experiments/jump/experiment.toml
-  pardalis measure experiments/jump/experiment.toml --verify     the few seeds that the gate runs
+  pardalis measure experiments/jump/experiment.toml --verify     only a few seeds, for a quick check
   pardalis measure experiments/jump/experiment.toml --record experiments/record/2026-11-21
   pardalis measure experiments/jump/experiment.toml --figures experiments/jump/figures
 
@@ -50,33 +50,34 @@ EXPERIMENT.toml:
   seeds = 10
   verify_seeds = 1              # with --verify
   expect = { rmse_m = [0, 0.3] }  # a band for every seed
-  set = { \"targets.ball.contour.points\" = 30 }    # in place of the scene's values
+  set = { \"targets.ball.contour.points\" = 30 }    # overrides keys of the scene
   windows = [{ name = \"hidden\", from_s = 1.2, to_s = 2.4, expect = { max_m = [0, 1] } }]
-  # or of the frames that so many cameras see: { name = \"two cameras\", seen_by = 2 }
-  lost_beyond_m = 0.66          # an estimate farther off has lost its object
-  visible_over = 0.6            # share of the object that must be seen for it to be visible
-  interpolate = true            # scores every row, with the truth interpolated to its time
-  origin_m = [0, 0, 0.9]        # for distance, elevation, azimuth; else the first camera
-  # in place of scene and truth: world = \"ring.toml\", which is simulated first;
-  # set and sweeps reach its settings as \"world.KEY\"; fresh_world = true: each seed has
-  # a recording of its own, with the seed as the world's
-  method = \"locate\"             # each image on its own, as `pardalis locate`,
-  starts = \"truth.csv\"          # from these positions; else from the scene's start
-  [[sweeps]]                    # as a run, but one a value
+  # a window can also select frames by the number of cameras that see the object:
+  # { name = \"two cameras\", seen_by = 2 }
+  lost_beyond_m = 0.66          # an estimate farther from the truth counts as lost
+  visible_over = 0.6            # an object counts as visible above this visible share
+  interpolate = true            # evaluates every row, with the truth interpolated to its time
+  origin_m = [0, 0, 0.9]        # of distance, elevation, azimuth; default: the first camera
+  # instead of scene and truth: world = \"ring.toml\", which is simulated first;
+  # set and sweeps change its keys as \"world.KEY\"; with fresh_world = true, each seed
+  # has its own recording, simulated with the same seed
+  method = \"locate\"             # each image independently, like `pardalis locate`,
+  starts = \"truth.csv\"          # from these positions; default: from the scene's start
+  [[sweeps]]                    # like a run, but with one run per value
   name = \"particles\"
   scene = \"ball.toml\"
   truth = \"truth.csv\"
   seeds = 10
-  timed = true                  # one seed at a time; ms_a_frame is told
-  key = \"targets.ball.filter.particles\"           # or [\"KEY\", \"KEY\"], each value a list
-  values = [100, 1000]          # names = [..] where the values are no good names
+  timed = true                  # one seed at a time, to measure ms_a_frame
+  key = \"targets.ball.filter.particles\"           # or [\"KEY\", \"KEY\"] with lists as values
+  values = [100, 1000]          # with names = [..], these label the values
   [[figures]]
   name = \"cost\"
-  kind = \"sweep\"                # paths (seeds = 10: so many; reaches_far = true: those astray,
-                                # too), errors, sweep or reliability (of confidences)
+  kind = \"sweep\"                # paths (seeds = 10: only ten; reaches_far = true: also runs
+                                # far off the truth), errors, sweep or reliability
   runs = [\"particles\"]          # names of runs or sweeps
-  x_name = \"particles\"          # of a sweep: the name of the axis
-  figure = \"rmse_m\"             # of a sweep: the figure of merit")]
+  x_name = \"particles\"          # for a sweep: the label of the axis
+  figure = \"rmse_m\"             # for a sweep: the figure of merit")]
 pub(crate) struct Arguments {
     /// The experiment
     #[arg(value_name = "EXPERIMENT.toml")]
@@ -84,19 +85,21 @@ pub(crate) struct Arguments {
     /// The folder for tracks, plots and results.csv
     #[arg(short, long, value_name = "FOLDER", default_value = "out")]
     output: PathBuf,
-    /// Runs only the first few seeds of each run, as many as its `verify_seeds` says
+    /// Runs only the first `verify_seeds` seeds of each run
     #[arg(long)]
     verify: bool,
-    /// Also keeps results.csv, under the experiment's name, with the commit and facts about the machine
+    /// Also copies results.csv into this folder, under the experiment's name, with the commit and a description of
+    /// the machine
     #[arg(long, value_name = "FOLDER", conflicts_with = "verify")]
     record: Option<PathBuf>,
-    /// Also copies the figures that the experiment names, as PNG, into this folder
+    /// Also copies the figures that the experiment defines, as PNG, into this folder
     #[arg(long, value_name = "FOLDER", conflicts_with = "verify")]
     figures: Option<PathBuf>,
-    /// Tracks all seeds anew
+    /// Tracks all seeds again
     #[arg(long)]
     fresh: bool,
-    /// How many seeds are tracked at a time, a thread each; results do not depend on it [default: one a core]
+    /// Number of seeds that are tracked in parallel, one thread each; results do not depend on it [default: one per
+    /// core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
 }
@@ -104,7 +107,7 @@ pub(crate) struct Arguments {
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let experiment = Experiment::read(&arguments.experiment)?;
-    // Before anything is written: a record that is replaced would count as an uncommitted change.
+    // Before anything is written, because a replaced record would count as an uncommitted change.
     let facts = results::facts(&arguments.experiment);
     let output = arguments.output.join(&experiment.name);
     let place = || arguments.experiment.display().to_string();
@@ -131,7 +134,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .collect();
     if jobs.len() < seeds {
         print(format!(
-            "{} of {seeds} seeds were tracked before and are taken (--fresh tracks them anew)",
+            "{} of {seeds} seeds are already tracked and are reused (--fresh tracks them again)",
             seeds - jobs.len()
         ));
     }
@@ -143,7 +146,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut results = Results::default();
     let mut outside = Vec::new();
     for Measured { plan, figures, .. } in &measured {
-        print(results::told(plan.run, figures));
+        print(results::summary_line(plan.run, figures));
         outside.extend(results::outside_bands(plan.run, figures));
         results.extend(plan.run, figures);
     }
@@ -175,7 +178,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// Every run that has seeds. What is wrong with any run shows before anything is tracked.
+/// Plans every run that has seeds. Errors in any run are reported before anything is tracked.
 fn plans<'a>(
     experiment: &'a Experiment,
     arguments: &Arguments,
@@ -193,7 +196,7 @@ fn plans<'a>(
         if seeds == 0
             && let Some(world) = &run.world
         {
-            // Simulating takes its time.
+            // Check the world now: simulating takes a while.
             Sequence::read(&folder.join(world), &run.replaced()[1]).with_context(of_run)?;
             continue;
         }

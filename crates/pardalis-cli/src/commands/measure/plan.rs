@@ -1,10 +1,10 @@
-//! A run that is ready to be tracked, scored and drawn.
+//! A run that is ready to be tracked, evaluated and drawn.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use pardalis::tracker::PASSES_SIGMA_M;
-use pardalis_evaluate::Claim;
+use pardalis_evaluate::CheckedConfidence;
 use pardalis_scene::Scene;
 use rayon::prelude::*;
 
@@ -22,16 +22,16 @@ use crate::progress::Progress;
 use crate::user_error::user_error;
 use crate::{scene, tables, tracking};
 
-/// A run whose scene and truth were found to be fine.
+/// A run whose scene and truth have been checked.
 pub(super) struct Plan<'a> {
     pub(super) run: &'a Run,
-    /// How many are tracked.
+    /// Number of seeds.
     seeds: u32,
     /// One for all seeds, or one for each.
     recordings: Vec<Recording>,
-    /// Where single images are searched; none for tracks.
+    /// Settings for single images; `None` for tracking.
     located_from: Option<locate::Settings>,
-    /// Takes the results.
+    /// The folder for the results.
     folder: PathBuf,
 }
 
@@ -45,7 +45,7 @@ struct Recording {
 }
 
 impl<'a> Plan<'a> {
-    /// `folder` is the experiment's.
+    /// Reads the run's scene and truth; `folder` is the experiment's.
     pub(super) fn new(run: &'a Run, seeds: u32, folder: &Path, output: &Path) -> Result<Self> {
         let results = output.join(run.slug());
         let starts = run.starts.as_ref().map(|file| folder.join(file));
@@ -90,12 +90,12 @@ impl<'a> Plan<'a> {
         })
     }
 
-    /// What a seed, from 1 on, is tracked in.
+    /// Returns the recording of a seed; seeds count from 1.
     fn recording(&self, seed: u32) -> &Recording {
         &self.recordings[(seed as usize - 1) % self.recordings.len()]
     }
 
-    /// Of the first recording: those of others have the same cameras and targets.
+    /// Returns the scene of the first recording; the others have the same cameras and targets.
     pub(super) fn scene(&self) -> &Scene {
         &self.recording(1).scene
     }
@@ -104,7 +104,7 @@ impl<'a> Plan<'a> {
         self.folder.join(format!("seed-{seed:02}"))
     }
 
-    /// One a seed.
+    /// Returns one job per seed.
     pub(super) fn jobs(&self) -> impl Iterator<Item = Job<'_>> {
         (1..=self.seeds).map(|seed| {
             let recording = self.recording(seed);
@@ -120,7 +120,7 @@ impl<'a> Plan<'a> {
         })
     }
 
-    /// The figures of all seeds over all frames, then over each window; draws all seeds over one another.
+    /// Returns the figures of all seeds over all frames, then over each window; draws all seeds in one figure.
     pub(super) fn score_and_draw(&self) -> Result<Measured<'_>> {
         let done = self.score().and_then(|measured| {
             self.draw(&measured.figures)?;
@@ -141,28 +141,28 @@ impl<'a> Plan<'a> {
             };
             (&*w.name, options)
         });
-        let (mut figures, mut claims) = (Vec::new(), Vec::new());
+        let (mut figures, mut checks) = (Vec::new(), Vec::new());
         for (window, options) in std::iter::once(whole).chain(windows) {
             for (seed, report) in (1..).zip(self.reports(&options)?) {
                 let finished =
                     Finished::read(&self.seed_folder(seed)).filter(|_| window.is_empty());
                 let ms_a_frame = finished.and_then(|f| f.ms_a_frame);
                 figures.extend(Figures::of(seed, window, &report, ms_a_frame));
-                claims.extend(report.targets.into_iter().map(|target| Claims {
+                checks.extend(report.targets.into_iter().map(|target| CheckedConfidences {
                     target: target.target,
                     window: window.to_owned(),
-                    claims: target.confidence.claims,
+                    checks: target.confidence.checks,
                 }));
             }
         }
         Ok(Measured {
             plan: self,
             figures,
-            claims,
+            checks,
         })
     }
 
-    /// Scores all frames, around the run's origin.
+    /// Returns the options for evaluating all frames, relative to the run's origin.
     pub(super) fn options(&self) -> evaluate::Options {
         evaluate::Options {
             around: self.run.origin_m,
@@ -173,7 +173,7 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Each seed's scores.
+    /// Returns the evaluation of each seed.
     pub(super) fn reports(&self, options: &evaluate::Options) -> Result<Vec<Report>> {
         (1..=self.seeds)
             .map(|seed| {
@@ -183,7 +183,7 @@ impl<'a> Plan<'a> {
             .collect()
     }
 
-    /// The tracks of the first so many seeds, in their order.
+    /// Returns the tracks of the first `seeds` seeds, in order.
     pub(super) fn tracks(&self, seeds: u32) -> Result<Vec<TrackSeries>> {
         let mut tracks = Vec::new();
         for seed in 1..=self.seeds.min(seeds) {
@@ -206,7 +206,8 @@ impl<'a> Plan<'a> {
         Ok(tracks)
     }
 
-    /// The truth of the objects that were scored, to be drawn: that of the first recording, as recordings of a world differ in their images alone.
+    /// Returns the truth of the evaluated objects for plots, from the first recording: recordings of a world differ
+    /// only in their images.
     pub(super) fn truth(&self, figures: &[Figures]) -> Result<Vec<TruthSeries>> {
         let mut truth = tables::read_truth(&self.recording(1).truth_path)?;
         truth.retain(|object| figures.iter().any(|f| f.object == object.name));
@@ -221,17 +222,17 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// A world of a run, and where it is simulated.
+/// A world of a run, and its folder.
 struct Fresh {
     sequence: Sequence,
     folder: PathBuf,
     fingerprint: String,
-    /// Whether it lies there from before.
+    /// Whether it has already been simulated.
     is_there: bool,
 }
 
 impl Fresh {
-    /// Of this seed, if it is to have one that is not its file's.
+    /// Creates the world of this seed, or the world of the file if `seed` is `None`.
     fn of(run: &Run, world: &Path, seed: Option<u32>, results: &Path) -> Result<Self> {
         let [_, mut replaced] = run.replaced();
         if let Some(seed) = seed {
@@ -250,21 +251,26 @@ impl Fresh {
         })
     }
 
-    /// Holds the fingerprint of what was simulated.
+    /// Returns the file with the fingerprint of the simulated world.
     fn mark(folder: &Path) -> PathBuf {
         folder.join("fingerprint.txt")
     }
 
     fn simulate(&self, progress: &Progress) -> Result<()> {
         let Self { folder, .. } = self;
-        std::fs::create_dir_all(folder.parent().unwrap_or(folder))
-            .map_err(|error| user_error!("{}: {error}; give another -o", folder.display()))?;
+        std::fs::create_dir_all(folder.parent().unwrap_or(folder)).map_err(|error| {
+            user_error!(
+                "{}: {error}; choose another folder with -o",
+                folder.display()
+            )
+        })?;
         self.sequence.write(folder, true, progress)?;
         write_file(&Self::mark(folder), self.fingerprint.as_bytes())
     }
 }
 
-/// Simulates a run's worlds, those that are not there already, as many at a time as there are threads, and reads each by its scene and truth.
+/// Simulates those of a run's worlds that are missing, one per thread in parallel, and reads the scene and the truth
+/// of each.
 fn simulated(
     run: &Run,
     world: &Path,
@@ -289,7 +295,7 @@ fn simulated(
     let mut recordings = Vec::new();
     for side_by_side in worlds.chunks(rayon::current_num_threads()) {
         let recorded: Vec<_> = side_by_side.par_iter().map(recorded).collect();
-        // The first fault, whichever thread was faster, and before the next are simulated.
+        // Report the first error in order, whichever thread was faster, before simulating further worlds.
         for recording in recorded {
             recordings.push(recording?);
         }
@@ -297,24 +303,24 @@ fn simulated(
     Ok(recordings)
 }
 
-/// The claims of one target over one window, of one seed.
-pub(super) struct Claims {
+/// The checked confidences of one target over one window, for one seed.
+pub(super) struct CheckedConfidences {
     pub(super) target: String,
     /// The name of the run's window; empty for all frames.
     pub(super) window: String,
-    pub(super) claims: Vec<Claim>,
+    pub(super) checks: Vec<CheckedConfidence>,
 }
 
-/// A run as it was tracked.
+/// A run with its results.
 pub(super) struct Measured<'a> {
     pub(super) plan: &'a Plan<'a>,
     pub(super) figures: Vec<Figures>,
-    /// Of every seed, target and window.
-    pub(super) claims: Vec<Claims>,
+    /// For every seed, target and window.
+    pub(super) checks: Vec<CheckedConfidences>,
 }
 
 impl Measured<'_> {
-    /// The sweep that the run is of, else the run.
+    /// Returns the name of the run's sweep, or else its own.
     pub(super) fn name(&self) -> &str {
         let run = self.plan.run;
         run.swept.as_ref().map_or(&run.name, |swept| &swept.sweep)

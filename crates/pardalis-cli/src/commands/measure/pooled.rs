@@ -1,25 +1,26 @@
-//! What is said of all recordings of a run or sweep together: whether covariances and confidences are honest.
+//! Statistics over all recordings of a run or sweep: consistency of covariances and reliability of confidences.
 
 use std::fmt::Write as _;
 
-use pardalis_evaluate::{Claim, Reliability, reliability};
+use pardalis_evaluate::{CheckedConfidence, Reliability, reliability};
 
 use super::plan::Measured;
 use super::results::quoted;
 
-/// 99 % of a normal distribution lie within so many standard deviations of its mean.
+/// Half width of the central 99 % of a normal distribution, in standard deviations.
 const SIGMAS_99: f64 = 2.576;
 
-/// Whether the confidences of runs are right, over all their frames, targets and seeds; none where they give none.
+/// Returns the reliability of the confidences of runs over all frames, targets and seeds; `None` without confidences.
 pub(super) fn reliability_of(runs: &[&Measured]) -> Option<Reliability> {
-    let claims = runs.iter().flat_map(|measured| &measured.claims);
-    let whole = claims.filter(|claims| claims.window.is_empty());
-    let all: Vec<Claim> = whole.flat_map(|c| c.claims.iter().copied()).collect();
+    let checks = runs.iter().flat_map(|measured| &measured.checks);
+    let whole = checks.filter(|checks| checks.window.is_empty());
+    let all: Vec<CheckedConfidence> = whole.flat_map(|c| c.checks.iter().copied()).collect();
     reliability(&all)
 }
 
-/// A row for each run or sweep, target and window: `recordings` (those that differ in their images), their mean NEES with the 99 % band of that mean by
-/// the scatter of recordings, rows with a confidence, the calibration error over them and their greatest confidence.
+/// Returns one row per run or sweep, target and window: `recordings` (number of distinct recordings), their mean NEES
+/// with the 99 % band of that mean from the scatter of recordings, rows with a confidence, the calibration error over
+/// them and their largest confidence.
 pub(super) fn to_csv(measured: &[Measured]) -> String {
     let mut text = "run,target,window,recordings,mean_nees,nees_99_low,nees_99_high,rows,calibration_error,confidence_max\n".to_owned();
     let mut names: Vec<&str> = measured.iter().map(Measured::name).collect();
@@ -27,8 +28,8 @@ pub(super) fn to_csv(measured: &[Measured]) -> String {
     for name in names {
         let runs: Vec<&Measured> = measured.iter().filter(|m| m.name() == name).collect();
         let mut keys: Vec<(&str, &str)> = Vec::new();
-        for claims in runs.iter().flat_map(|m| &m.claims) {
-            let key = (&*claims.target, &*claims.window);
+        for checks in runs.iter().flat_map(|m| &m.checks) {
+            let key = (&*checks.target, &*checks.window);
             if !keys.contains(&key) {
                 keys.push(key);
             }
@@ -45,15 +46,15 @@ fn push_row(text: &mut String, name: &str, target: &str, window: &str, runs: &[&
         .iter()
         .flat_map(|measured| nees_of_recordings(measured, target, window))
         .collect();
-    let claims: Vec<Claim> = (runs.iter().flat_map(|m| &m.claims))
+    let checks: Vec<CheckedConfidence> = (runs.iter().flat_map(|m| &m.checks))
         .filter(|c| c.target == target && c.window == window)
-        .flat_map(|c| c.claims.iter().copied())
+        .flat_map(|c| c.checks.iter().copied())
         .collect();
     let mean = mean(&nees);
     let band = mean.zip(half_band_99(&nees));
-    let reliability = reliability(&claims);
+    let reliability = reliability(&checks);
     let error = reliability.as_ref().map(|r| r.calibration_error);
-    let confidence_max = claims.iter().map(|c| c.confidence).reduce(f64::max);
+    let confidence_max = checks.iter().map(|c| c.confidence).reduce(f64::max);
     // Writing to a String cannot fail.
     let _ = write!(text, "{},{target},", quoted(name));
     if !window.is_empty() {
@@ -76,7 +77,7 @@ fn push_row(text: &mut String, name: &str, target: &str, window: &str, runs: &[&
     text.push('\n');
 }
 
-/// The mean NEES of each recording; where seeds share one, over them.
+/// Returns the mean NEES of each recording, over all seeds that share it.
 fn nees_of_recordings(measured: &Measured, target: &str, window: &str) -> Vec<f64> {
     let seeds = measured.figures.iter();
     let seeds = seeds.filter(|f| f.target == target && f.window == window);
@@ -88,12 +89,12 @@ fn nees_of_recordings(measured: &Measured, target: &str, window: &str) -> Vec<f6
     }
 }
 
-/// None of no numbers.
+/// `None` without numbers.
 fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// By how much the mean of independent numbers may be off, with 99 % probability; none where they are too few to tell.
+/// Returns the half width of the 99 % confidence band of the mean of independent numbers; `None` if they are too few.
 fn half_band_99(values: &[f64]) -> Option<f64> {
     let count = values.len() as f64;
     let mean = mean(values)?;
@@ -106,10 +107,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bands_narrow_with_the_root_of_the_number() {
+    fn bands_narrow_with_the_root_of_the_number_of_values() {
         assert_eq!(half_band_99(&[3.0]), None);
         let values = [2.0, 4.0, 2.0, 4.0];
-        // Variance 4/3, of the mean of four a quarter.
+        // The variance is 4/3; that of the mean of four values is a quarter of it.
         let expected = 2.576 * (1.0 / 3.0_f64).sqrt();
         assert!((half_band_99(&values).unwrap() - expected).abs() < 1e-12);
     }

@@ -1,4 +1,4 @@
-//! The figures of an experiment, as rows of a CSV file and as words.
+//! The figures of an experiment, as rows of a CSV file and as text.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -9,7 +9,7 @@ use super::digits::{median, shown};
 use super::metrics::{METRICS, Measured};
 use crate::commands::evaluate::{Report, TargetReport};
 
-/// The figures of one seed and target over one stretch of time.
+/// The figures of one seed and target over one window.
 #[derive(Clone)]
 pub(super) struct Figures {
     pub(super) seed: u32,
@@ -22,7 +22,7 @@ pub(super) struct Figures {
 }
 
 impl Figures {
-    /// One for each scored target of a report over a window.
+    /// Returns the figures of each evaluated target of a report over a window.
     pub(super) fn of(
         seed: u32,
         window: &str,
@@ -42,7 +42,7 @@ impl Figures {
         report.targets.iter().map(of_target).collect()
     }
 
-    /// The figure of that name.
+    /// Returns the figure of that name.
     pub(super) fn value(&self, metric: &str) -> Option<f64> {
         METRICS
             .iter()
@@ -58,13 +58,13 @@ pub(super) struct Results {
 }
 
 impl Results {
-    /// Adds a run's figures.
+    /// Adds the figures of a run.
     pub(super) fn extend(&mut self, run: &Run, figures: &[Figures]) {
         let rows = figures.iter().map(|f| (run.name.clone(), f.clone()));
         self.rows.extend(rows);
     }
 
-    /// Columns `run, seed, target, object, window` and the figures.
+    /// Returns the CSV text with the columns `run, seed, target, object, window` and the figures.
     pub(super) fn to_csv(&self) -> String {
         let mut text = "run,seed,target,object,window".to_owned();
         for (name, _) in METRICS {
@@ -95,13 +95,13 @@ impl Results {
     }
 }
 
-/// A field of a CSV file.
+/// Returns a quoted field of a CSV file.
 pub(super) fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
 
-/// A run's main figures, over all frames, in a line.
-pub(super) fn told(run: &Run, figures: &[Figures]) -> String {
+/// Returns a run's main figures over all frames, as one line of text.
+pub(super) fn summary_line(run: &Run, figures: &[Figures]) -> String {
     let whole: Vec<&Figures> = figures.iter().filter(|f| f.window.is_empty()).collect();
     let of = |metric: &str| {
         let mut values: Vec<f64> = whole.iter().filter_map(|f| f.value(metric)).collect();
@@ -119,13 +119,13 @@ pub(super) fn told(run: &Run, figures: &[Figures]) -> String {
         .count();
     let [middle, lowest, highest] = [median(&rmse_m), *lowest, *highest].map(|m| shown(1e3 * m));
     format!(
-        "{}: {} tracks, RMSE {middle} mm (median; {lowest} to {highest}); {lost} of them with lost frames, {off} end off the target",
+        "{}: {} tracks, RMSE {middle} mm (median; {lowest} to {highest}); {lost} of them with lost frames, {off} do not end on the target",
         run.name,
         whole.len(),
     )
 }
 
-/// What lies outside the run's bands and those of its windows, a line each.
+/// Returns the figures outside the bands of the run and its windows, one line each.
 pub(super) fn outside_bands(run: &Run, figures: &[Figures]) -> Vec<String> {
     let whole: (&str, &Bands) = ("", &run.expect);
     let windows = run.windows.iter().map(|w| (&*w.name, &w.expect));
@@ -152,9 +152,9 @@ pub(super) fn outside_bands(run: &Run, figures: &[Figures]) -> Vec<String> {
     outside
 }
 
-/// Where a record comes from: command, commit, version and machine.
+/// Returns the origin of a record: command, commit, version and machine.
 pub(super) fn facts(experiment: &Path) -> String {
-    let said = |program: &str, arguments: &[&str]| {
+    let output_of = |program: &str, arguments: &[&str]| {
         let output = Command::new(program)
             .args(arguments)
             .output()
@@ -165,7 +165,7 @@ pub(super) fn facts(experiment: &Path) -> String {
             |o| String::from_utf8_lossy(&o.stdout).trim().to_owned(),
         )
     };
-    let changes = said("git", &["status", "--porcelain", "--untracked-files=no"]);
+    let changes = output_of("git", &["status", "--porcelain", "--untracked-files=no"]);
     let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let cpu = cpu
         .lines()
@@ -175,13 +175,13 @@ pub(super) fn facts(experiment: &Path) -> String {
         "command   pardalis measure {}\nversion   {}\ncommit    {}{}\ncompiler  {}\ncpu       {}\ncores     {}\n",
         experiment.display(),
         env!("CARGO_PKG_VERSION"),
-        said("git", &["rev-parse", "HEAD"]),
+        output_of("git", &["rev-parse", "HEAD"]),
         if changes.is_empty() {
             ""
         } else {
             " with uncommitted changes"
         },
-        said("rustc", &["--version"]),
+        output_of("rustc", &["--version"]),
         cpu.trim_start_matches([':', ' ', '\t']),
         std::thread::available_parallelism().map_or(0, usize::from),
     )

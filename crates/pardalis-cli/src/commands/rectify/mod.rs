@@ -32,7 +32,7 @@ use crate::user_error::user_error;
 /// are black, and scene.toml, which tracks on the maps.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  pardalis rectify floor.toml                          all that the camera shows well
+  pardalis rectify floor.toml                          the part that the camera sees well
   pardalis rectify floor.toml --area -2,-1,2,3 --step 0.005 -o floor-map
   pardalis rectify floor.toml a.jpg b.jpg              these images, by the scene's camera
   pardalis track floor-rectified/scene.toml            tracks on the maps")]
@@ -70,7 +70,7 @@ pub(crate) struct Arguments {
 /// The contents of a folder of maps.
 const CONTENT: Content = Content {
     mark: "rectified.txt",
-    text: "Written by pardalis rectify. Its --force replaces this folder, unless there is something in it that it did not write.\n",
+    text: "Written by pardalis rectify, whose --force replaces this folder unless it contains other files.\n",
     what: "a folder of rectified images",
     entries: &["frames", "camera.toml", "mask.png", "scene.toml"],
 };

@@ -1,4 +1,4 @@
-//! The images of a camera and its times.csv.
+//! The images of a camera, and its times.csv.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use crate::folder::Folder;
 use crate::progress::Progress;
 use crate::user_error::user_error;
 
-/// The folder of a camera's images: one for each where there are several.
+/// Returns the folder of a camera's images: a separate one for each if there are several cameras.
 pub(super) fn folder_of(sequence: &Sequence, camera: usize) -> PathBuf {
     let folder = PathBuf::from("frames");
     match &sequence.world().cameras[..] {
@@ -22,7 +22,7 @@ pub(super) fn folder_of(sequence: &Sequence, camera: usize) -> PathBuf {
     }
 }
 
-/// Writes what a camera delivers: images numbered from 0 in the order in which they arrive, and their times as its clock says.
+/// Writes the images of a camera, numbered from 0 in order of arrival, and their times on its clock.
 pub(super) fn write(
     sequence: &Sequence,
     number: usize,
@@ -60,7 +60,7 @@ pub(super) fn write(
         })
 }
 
-/// What a camera's image files end in.
+/// Returns the extension of a camera's image files.
 pub(super) fn ending_of(camera: &WorldCamera) -> &'static str {
     match camera.image.jpeg_quality {
         Some(_) => "jpg",
@@ -71,9 +71,10 @@ pub(super) fn ending_of(camera: &WorldCamera) -> &'static str {
 /// Encodes a camera's image of three bytes per pixel.
 pub(super) fn encoded(camera: &WorldCamera, rgb: Vec<u8>) -> Result<Vec<u8>> {
     let (width, height) = camera.size_px;
-    let image = RgbImage::from_raw(width as u32, height as u32, rgb).expect("three bytes a pixel");
+    let image =
+        RgbImage::from_raw(width as u32, height as u32, rgb).expect("three bytes per pixel");
     let file = match camera.image.jpeg_quality {
-        // As webcams deliver it. Colours lie where they belong, which the encoder's own choice would move by half a pixel.
+        // Like webcams, but without chroma sited half a pixel off, which the encoder's own choice would produce.
         Some(quality) => encode_jpeg(&image, quality, JpegSampling::TwoByTwo),
         None => encode_png(&image),
     };

@@ -1,4 +1,4 @@
-//! `pardalis simulate`: images of a made-up world, with exact truth.
+//! `pardalis simulate`: images of a synthetic world, with ground truth.
 
 mod frames;
 mod scene_text;
@@ -17,18 +17,19 @@ use crate::progress::Progress;
 use crate::scene::{problems_in, read_calibration, read_text};
 use crate::user_error::user_error;
 
-/// Makes images of a made-up world, with exact truth
+/// Renders images of a synthetic world, with ground truth
 ///
-/// Reads a world file (things with their colours and paths, light, floor, cameras of any model with their clocks and faults) and writes a sequence:
-/// the images of each camera with times.csv, truth.csv, the cameras, a scene to track it with and the targets' colours, learnt from stills
-/// in other light. The same file and seed give the same bytes.
+/// Reads a world file (objects with colours and paths, light, floor, and cameras of any model, with clocks and
+/// faults) and writes a sequence: the images of each camera with times.csv, truth.csv, the cameras, a scene that
+/// tracks the targets, and their colour models, learnt from stills in different light. The same file and seed give
+/// the same bytes.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis simulate data/worlds/ring.toml -o ring
   pardalis track ring/scene.toml -o ring-tracks && pardalis evaluate ring-tracks ring
 
-Times in truth.csv are those at which the images were truly taken. Where cameras run on clocks of their own, or their stamps err, let evaluate
---interpolate the truth at the times of the tracks.")]
+Times in truth.csv are the true exposure times. If the cameras have clocks of their own or wrong time stamps, use
+`pardalis evaluate --interpolate`.")]
 pub(crate) struct Arguments {
     /// The world file
     #[arg(value_name = "WORLD.toml")]
@@ -36,21 +37,21 @@ pub(crate) struct Arguments {
     /// The folder for the sequence [default: the world's name]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
-    /// Takes the place of the world's seed
+    /// Overrides the world's seed
     #[arg(long)]
     seed: Option<u32>,
-    /// Threads to work with; results do not depend on it [default: one a core]
+    /// Number of threads; results do not depend on it [default: one per core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Replaces a sequence that was simulated before
+    /// Replaces an earlier simulated sequence
     #[arg(long)]
     force: bool,
 }
 
-/// What a sequence's folder holds.
+/// The contents of a sequence's folder.
 const CONTENT: Content = Content {
     mark: "simulated.txt",
-    text: "Written by pardalis simulate. Its --force replaces this folder, unless there is something in it that is not a sequence's.\n",
+    text: "Written by pardalis simulate, whose --force replaces this folder unless it contains other files.\n",
     what: "a simulated sequence",
     entries: &[
         "frames",
@@ -60,23 +61,23 @@ const CONTENT: Content = Content {
         "cameras.json",
         "scene.toml",
         "world.toml",
-        // Of experiments.
+        // Used by experiments.
         "fingerprint.txt",
     ],
 };
 
-/// A world and what its cameras deliver.
+/// A world and the images that its cameras deliver.
 pub(crate) struct Sequence {
     /// The world file.
     path: PathBuf,
-    /// Its text, with settings that were replaced told ahead of it.
+    /// Its text, preceded by comments about replaced settings.
     text: String,
     config: WorldConfig,
-    /// Of each camera, in the order of its frames.
+    /// For each camera, in the order of its frames.
     deliveries: Vec<Vec<Delivery>>,
 }
 
-/// Runs the command. The folder appears when all is done; whatever fails before leaves what was there.
+/// Runs the command. The folder appears when everything is written; after a failure the previous one is intact.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = &arguments.world;
     let mut replaced = toml::Table::new();
@@ -93,22 +94,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let sequence = Sequence::read(path, &replaced)?;
     let progress = Progress::new("simulating", Some(sequence.image_count()));
     pool.install(|| sequence.write(&output, arguments.force, &progress))?;
-    print(sequence.told(&output));
+    print(sequence.summary(&output));
     Ok(())
 }
 
 impl Sequence {
-    /// Reads and checks a world file, with settings replaced: full keys, as `ring.count`, with their values.
+    /// Reads and checks a world file with some settings replaced: full keys, such as `ring.count`, with their values.
     pub(crate) fn read(path: &Path, replaced: &toml::Table) -> Result<Self> {
         let text = read_text(path)?;
         let home = path.parent().unwrap_or(Path::new(""));
         let read = |file: &str, lens| read_calibration(home, file, lens);
         let config = WorldConfig::parse_with(&text, replaced, &read)
             .map_err(|problems| problems_in("world", path, &problems))?;
-        let told = replaced
+        let comments = replaced
             .iter()
             .map(|(key, value)| format!("# Simulated with {key} = {value}\n"));
-        let text = told.collect::<String>() + &text;
+        let text = comments.collect::<String>() + &text;
         let World {
             seed,
             cameras,
@@ -123,7 +124,7 @@ impl Sequence {
         let silent = cameras.iter().zip(&deliveries).find(|(_, d)| d.is_empty());
         if let Some((camera, _)) = silent {
             return Err(user_error!(
-                "{}: camera {} delivers no image within duration_s = {duration_s}; let it last longer, or drop fewer",
+                "{}: camera {} delivers no image within duration_s = {duration_s}; increase duration_s, or drop fewer images",
                 path.display(),
                 camera.name
             ));
@@ -140,13 +141,13 @@ impl Sequence {
         &self.text
     }
 
-    /// Images, stills for the colours too.
+    /// Returns the number of images, including the stills for learning colours.
     pub(crate) fn image_count(&self) -> usize {
         let frames: usize = self.deliveries.iter().map(Vec::len).sum();
         frames + self.config.training_stills
     }
 
-    /// Writes everything into a folder, by force in the place of what was simulated there before.
+    /// Writes everything into a folder; with `force`, replaces an earlier simulated sequence.
     pub(crate) fn write(&self, output: &Path, force: bool, progress: &Progress) -> Result<()> {
         let world = self.world();
         let folder = Folder::begin(&CONTENT, output, force)?;
@@ -167,8 +168,8 @@ impl Sequence {
         &self.config.world
     }
 
-    /// What was written, in words.
-    fn told(&self, output: &Path) -> String {
+    /// Returns a summary of the written sequence as text.
+    fn summary(&self, output: &Path) -> String {
         use std::fmt::Write as _;
         let world = self.world();
         let mut text = format!("{}: {} s of", output.display(), world.duration_s);

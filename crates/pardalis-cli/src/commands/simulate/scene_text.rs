@@ -1,4 +1,4 @@
-//! The scene by which a simulated sequence is tracked.
+//! The scene file of a simulated sequence.
 
 use std::fmt::Write as _;
 
@@ -6,11 +6,11 @@ use pardalis_simulate::{Body, Course, Object, Path, Placed};
 
 use super::{Sequence, frames};
 
-/// The text of scene.toml.
+/// Returns the text of scene.toml.
 pub(super) fn of(sequence: &Sequence) -> String {
     let world = sequence.world();
     let mut text = format!(
-        "# Written by pardalis simulate; world.toml says what was simulated.\nseed = {}\n",
+        "# Written by pardalis simulate from world.toml.\nseed = {}\n",
         world.seed
     );
     if world
@@ -25,17 +25,17 @@ pub(super) fn of(sequence: &Sequence) -> String {
             .map(|d| d.arrival_s - d.stamp_s);
         let least_s = delays.clone().fold(f64::INFINITY, f64::min);
         let most_s = delays.fold(f64::NEG_INFINITY, f64::max);
-        // To a hundredth, upwards: what is waited for, no longer.
+        // Rounded up to a hundredth, so that the wait suffices but is not longer than necessary.
         let max_delay_s = (1.0 + (100.0 * (most_s - least_s)).ceil()).min(6000.0) / 100.0;
         let _ = write!(
             text,
-            "\n[timing]\nmax_delay_s = {max_delay_s:?}  # frames arrive as late\n"
+            "\n[timing]\nmax_delay_s = {max_delay_s:?}  # largest delay of frames\n"
         );
     }
     for (number, camera) in world.cameras.iter().enumerate() {
         let deliveries = &sequence.deliveries[number];
         let folder = frames::folder_of(sequence, number);
-        // Writing to a String cannot fail. Folders have slashes everywhere.
+        // Writing to a String cannot fail. Paths use slashes on all platforms.
         let folder = folder.display().to_string().replace('\\', "/");
         let _ = write!(
             text,
@@ -65,7 +65,7 @@ pub(super) fn of(sequence: &Sequence) -> String {
     text
 }
 
-/// The name of a target's colour model.
+/// Returns the file name of a target's colour model.
 pub(super) fn colors_of(target: &Object) -> String {
     format!("{}.colors.toml", target.name)
 }
@@ -82,7 +82,7 @@ fn push_target(text: &mut String, object: &Object, placed: &Placed, sigma_m: f64
         Body::Sphere { .. } => "constant_velocity",
         _ => "planar_constant_velocity",
     };
-    // Bounces are sudden; all else is smooth.
+    // Only bounces are abrupt; all other motion is smooth.
     let density = match &object.course {
         Course::Path(Path::Throw(_)) => 100.0,
         _ => 2.0,

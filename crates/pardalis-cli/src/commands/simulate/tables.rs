@@ -15,8 +15,8 @@ use crate::folder::Folder;
 
 const HEADER: &str = "frame,time_s,object,camera,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,xc_m,yc_m,zc_m,u_px,v_px,visible_fraction,heading_rad\n";
 
-/// The text of truth.csv: of each image that is delivered, in the order of true times, a row an object. `frame` is the number of the image in its
-/// camera's folder.
+/// Returns the text of truth.csv: one row per delivered image and object, in order of true times. `frame` is the
+/// index of the image in its camera's folder.
 pub(super) fn truth(sequence: &Sequence) -> String {
     let mut images: Vec<(f64, usize, usize)> = Vec::new();
     for (camera, deliveries) in sequence.deliveries.iter().enumerate() {
@@ -31,7 +31,7 @@ pub(super) fn truth(sequence: &Sequence) -> String {
     HEADER.to_owned() + &rows.concat()
 }
 
-/// The rows of one image.
+/// Returns the rows of one image.
 fn rows_of(world: &World, time_s: f64, camera: usize, frame: usize) -> String {
     let camera = &world.cameras[camera];
     let mut rows = String::new();
@@ -41,7 +41,7 @@ fn rows_of(world: &World, time_s: f64, camera: usize, frame: usize) -> String {
         let placed = &seen.placed;
         let numbers = placed.position_m.iter().chain(placed.velocity_mps.iter());
         for number in numbers.chain(&seen.position_in_camera_m) {
-            // Minus zero becomes zero.
+            // Adding zero turns minus zero into zero.
             let _ = write!(rows, ",{}", number + 0.0);
         }
         match seen.pixel {
@@ -59,14 +59,14 @@ fn rows_of(world: &World, time_s: f64, camera: usize, frame: usize) -> String {
     rows
 }
 
-/// Whether a heading says something: of what is no ball, and of what carries something.
+/// Reports whether the heading is meaningful: for objects that are not balls, and for carriers of other objects.
 fn has_heading(world: &World, object: usize) -> bool {
-    let carries =
-        |other: &Object| matches!(other.course, Course::Rides { carrier, .. } if carrier == object);
+    let carries = |other: &Object| matches!(other.course, Course::Attached { carrier, .. } if carrier == object);
     !matches!(world.objects[object].body, Body::Sphere { .. }) || world.objects.iter().any(carries)
 }
 
-/// Writes cameras.toml, which the scene uses, and cameras.json as other sequences have it, where that can hold the models.
+/// Writes cameras.toml, which the scene uses, and cameras.json in the format of other sequences if it supports the
+/// models.
 pub(super) fn write_cameras(world: &World, folder: &Folder) -> Result<()> {
     let cameras: Vec<_> = world.cameras.iter().map(calibrated).collect();
     let text = calibration::write(CalibrationFormat::Pardalis, &cameras)?;
@@ -96,7 +96,7 @@ fn calibrated(camera: &WorldCamera) -> CalibratedCamera {
     }
 }
 
-/// A camera as sequence folders have it; none where they have no such model.
+/// Returns a camera in the format of sequence folders; `None` if that format lacks the model.
 fn description(camera: &WorldCamera) -> Option<Value> {
     let values: Vec<f64> = camera.camera.parameters().iter().map(|p| p.1).collect();
     let mut entry = match &camera.camera {

@@ -1,4 +1,4 @@
-//! Stills in other light with the targets elsewhere, their masks, and the colours that are learnt from them.
+//! Stills in different light with the targets at other positions, their masks, and the colour models learnt from them.
 
 use std::path::PathBuf;
 
@@ -16,14 +16,15 @@ use crate::progress::Progress;
 use crate::source::decode::decode_image;
 use crate::user_error::user_error;
 
-/// How often a view of a target is looked for.
+/// Maximum number of attempts to find a view of a target.
 const ATTEMPTS: u32 = 200;
-/// The least share of a target that is to be seen in a still.
+/// Minimum visible share of a target in a still.
 const VISIBLE: f64 = 0.8;
-/// The least share of a pixel that makes it the target's.
+/// Minimum covered share of a pixel for it to belong to the target.
 const COVERED: f32 = 0.5;
 
-/// Writes `training/NNN.*` with `NNN_TARGET_mask.png`, 255 where the target is, and each target's colour model. Stills take cameras and targets in turn.
+/// Writes `training/NNN.*` with `NNN_TARGET_mask.png`, 255 on the target, and each target's colour model. Stills
+/// cycle through cameras and targets.
 pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -> Result<()> {
     let world = sequence.world();
     let targets: Vec<_> = (0..world.objects.len())
@@ -46,7 +47,7 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
         let bytes = frames::encoded(camera, renderer.image(u32::MAX - still as u32, 0.0))?;
         let name = format!("{still:03}.{}", frames::ending_of(camera));
         folder.write(images.join(&name), &bytes)?;
-        // As it will be seen: after it was compressed.
+        // As seen when learning: after compression.
         let decoded = decode_image(&folder.path_of("training").join(&name))?;
         let (width, height) = camera.size_px;
         let frame = Frame::from_rgb(width, height, decoded.into_raw(), 0.0)?;
@@ -59,7 +60,7 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
                 .map(|&is_target| 255 * u8::from(is_target))
                 .collect();
             let mask = GrayImage::from_raw(width as u32, height as u32, grey);
-            let bytes = encode_png(&mask.expect("one byte a pixel"))?;
+            let bytes = encode_png(&mask.expect("one byte per pixel"))?;
             let mask_name = format!("{still:03}_{}_mask.png", world.objects[target].name);
             folder.write(images.join(mask_name), &bytes)?;
         }
@@ -69,7 +70,7 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
         let target = &world.objects[target];
         let model = learner.learn().map_err(|_| {
             user_error!(
-                "{}: objects.{}: no still of {} shows it, so that its colours cannot be learnt; let cameras see it, or set training_stills (0 for none)",
+                "{}: objects.{}: none of {} stills shows it, so its colours cannot be learnt; place it in view of a camera, or set training_stills = 0",
                 sequence.path.display(),
                 target.name,
                 sequence.config.training_stills
@@ -80,7 +81,8 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
     Ok(())
 }
 
-/// The world of a still, in which nothing moves, and the number of its camera, which sees the target; `None` where none is found.
+/// Returns the world of a still, in which nothing moves, and the index of the camera that sees the target; `None` if no
+/// view is found.
 fn staged(world: &World, target: usize, still: u32) -> Option<(World, usize)> {
     let draws = Draws::new(world.seed, still);
     (0..ATTEMPTS).find_map(|attempt| {
@@ -109,7 +111,7 @@ fn staged(world: &World, target: usize, still: u32) -> Option<(World, usize)> {
     })
 }
 
-/// How wide an object is.
+/// Returns the width of an object.
 fn width_m(object: &Object) -> f64 {
     match object.body {
         Body::Sphere { radius_m } | Body::Cylinder { radius_m, .. } => 2.0 * radius_m,

@@ -32,7 +32,7 @@ saturation_bins = 12
 intensity_bins = 4
 "#;
 
-/// The camera of data/dioptric-jump in OpenCV's fisheye format, which neither has a pose nor states its lens
+/// The camera of data/dioptric-jump in OpenCV's fisheye format, which contains no pose and does not state its lens
 /// model.
 pub(crate) const OPENCV_FISHEYE: &str = "%YAML:1.0
 ---
@@ -50,7 +50,8 @@ D: !!opencv-matrix
    data: [ 0., 0., 0., 0. ]
 ";
 
-/// A scene that tracks the ball through the images in `images`, beside which the colours lie in ball.toml. Line numbers count in tests.
+/// A scene that tracks the ball through the images in `images`, with the colours in ball.toml. Tests refer to its
+/// line numbers.
 pub(crate) const SCENE: &str = r#"seed = 1
 [cameras.cam1]
 images = "images"
@@ -69,18 +70,18 @@ position_m = [1.35, -1.25, 0.62]
 position_sigma_m = 0.1
 "#;
 
-/// The scene with a piece of it replaced, which must be there.
+/// Returns the scene with a piece of it replaced, which must occur in it.
 pub(crate) fn scene_with(piece: &str, other: &str) -> String {
     assert!(SCENE.contains(piece), "{piece}");
     SCENE.replace(piece, other)
 }
 
-/// The folder data/dioptric-jump.
+/// Returns the folder data/dioptric-jump.
 pub(crate) fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/dioptric-jump")
 }
 
-/// A frame of data/dioptric-jump.
+/// Returns a frame of data/dioptric-jump.
 pub(crate) fn frame_file(number: usize) -> PathBuf {
     data().join(format!("frames/{number:06}.jpg"))
 }
@@ -91,7 +92,7 @@ pub(crate) struct Workplace {
 }
 
 impl Workplace {
-    /// With the first frames of data/dioptric-jump.
+    /// Creates a folder with the first frames of data/dioptric-jump.
     pub(crate) fn with_frames(count: usize) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let place = Self { folder };
@@ -103,12 +104,12 @@ impl Workplace {
         place
     }
 
-    /// A file in the folder.
+    /// Returns the path of a file in the folder.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// An image that is tracked.
+    /// Returns the path of an image that is tracked.
     pub(crate) fn image(&self, number: usize) -> PathBuf {
         self.path(&format!("images/{number:06}.jpg"))
     }
@@ -118,7 +119,7 @@ impl Workplace {
         fs::write(self.path(name), content).unwrap();
     }
 
-    /// `pardalis track scene.toml` in the folder, still to be run.
+    /// Returns the command `pardalis track scene.toml` in the folder.
     pub(crate) fn command(&self, scene: impl AsRef<[u8]>, arguments: &[&str]) -> Command {
         self.write("scene.toml", scene);
         let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
@@ -129,7 +130,7 @@ impl Workplace {
         command
     }
 
-    /// Runs the program on a scene, results into the folder `out`, without plots.
+    /// Runs the program on a scene, with results in the folder `out` and without plots.
     pub(crate) fn track(&self, scene: impl AsRef<[u8]>) -> Run {
         self.track_with(scene, &["-o", "out", "--no-plots"])
     }
@@ -139,7 +140,7 @@ impl Workplace {
         Run::of(&mut self.command(scene, arguments))
     }
 
-    /// The rows of out/tracks.csv as their fields; checks that header and rows are whole.
+    /// Returns the fields of the rows of out/tracks.csv after checking that header and rows are complete.
     pub(crate) fn rows(&self) -> Vec<Vec<String>> {
         rows_in(&fs::read_to_string(self.path("out/tracks.csv")).unwrap())
     }

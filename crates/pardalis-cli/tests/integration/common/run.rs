@@ -1,4 +1,4 @@
-//! Runs of the real program and the rows they write.
+//! Runs of the real program and the rows that they write.
 
 use std::process::{Child, Command};
 
@@ -6,7 +6,7 @@ use std::process::{Child, Command};
 pub(crate) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
                           xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence,best_x_m,best_y_m,best_z_m";
 
-/// The rows of a tracks.csv as their fields; checks that header and rows are whole.
+/// Returns the fields of the rows of a tracks.csv after checking that header and rows are complete.
 pub(crate) fn rows_in(text: &str) -> Vec<Vec<String>> {
     assert!(text.ends_with('\n'), "the last row is not whole: {text}");
     let mut lines = text.lines();
@@ -20,7 +20,7 @@ pub(crate) fn rows_in(text: &str) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// What became of a run.
+/// The outcome of a run.
 pub(crate) struct Run {
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,
@@ -28,7 +28,7 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Runs a command to its end. Whatever happens, the program must not panic.
+    /// Runs a command to its end. Whatever the input, the program must not panic.
     pub(crate) fn of(command: &mut Command) -> Self {
         let output = command.output().unwrap();
         let run = Self {
@@ -40,14 +40,14 @@ impl Run {
         run
     }
 
-    /// Checks that the run was fine and said nothing on standard error.
+    /// Checks that the run succeeded and wrote nothing to standard error.
     #[track_caller]
     pub(crate) fn fine(self) -> Self {
         assert_eq!((self.code, &*self.stderr), (Some(0), ""));
         self
     }
 
-    /// Checks that the user's input was refused with a message that holds all of `wanted`.
+    /// Checks that the user's input was rejected with a message that contains all of `wanted`.
     #[track_caller]
     pub(crate) fn refused(&self, wanted: &[&str]) {
         assert_eq!(self.code, Some(2), "{}", self.stderr);

@@ -1,15 +1,16 @@
-//! What confidences and states are worth.
+//! Evaluation of confidences and states.
 
 use std::fmt::Write as _;
 
 use serde_json::Value;
 
-use super::{Folder, assert_near, evaluate, fault, figures};
+use super::{Folder, assert_near, error_message, evaluate, figures};
 
 #[test]
-fn states_are_judged_by_what_is_so() {
+fn states_are_compared_with_the_truth() {
     let folder = Folder::new("states");
-    // The ball is hidden in frames 3 to 5; the track says so one frame late, and takes two to see it again, the first time elsewhere.
+    // The ball is occluded in frames 3 to 5; the track reports it one frame late, and needs two frames to find it
+    // again, the first of them at a wrong position.
     let words = ["tracking", "tracking", "tracking", "tracking", "occluded"];
     let words = [&words[..], &["lost", "tracking", "tracking"]].concat();
     let mut truth_text = "time_s,object,x_m,y_m,z_m,visible_fraction\n".to_owned();
@@ -30,12 +31,12 @@ fn states_are_judged_by_what_is_so() {
     assert_eq!(found["frames_to_occluded"], 2);
     assert_eq!(found["frames_to_tracking"], 2);
     assert_eq!(found["elsewhere_frames"], 1);
-    // Where nothing says how large it is, nothing is said.
+    // Without a known diameter, states are not evaluated.
     let none = &figures(&tracks, &truth, &[])["targets"][0];
     assert_eq!(none["elsewhere_frames"], Value::Null);
 
     folder.write("tracks.csv", tracks_text.replace("lost", "hidden"));
-    let message = fault(&tracks, &truth, &[]);
+    let message = error_message(&tracks, &truth, &[]);
     assert!(
         message.contains("line 7, column state") && message.contains("occluded"),
         "{message}"
@@ -43,9 +44,9 @@ fn states_are_judged_by_what_is_so() {
 }
 
 #[test]
-fn confidences_are_judged_by_what_is_so() {
+fn confidences_are_compared_with_the_truth() {
     let folder = Folder::new("confidence");
-    // Ten frames; the ball is hidden in the last two and has no row in the last, in which the robot has one.
+    // Ten frames; the ball is occluded in the last two and has no row in the last one, in which the robot has one.
     let mut truth_text = "time_s,object,x_m,y_m,z_m,visible_fraction\n".to_owned();
     let mut tracks_text = "time_s,target,x_m,y_m,z_m,confidence\n".to_owned();
     for frame in 0..10 {
@@ -86,7 +87,7 @@ fn confidences_are_judged_by_what_is_so() {
         assert_eq!(found["frames_to_find"], 2);
     };
     check(&["--diameter-m", "0.22"]);
-    // As the summary says it.
+    // The diameter in the summary gives the same result.
     folder.write(
         "summary.json",
         r#"{"targets": {"ball": {"diameter_m": 0.22}}}"#,
@@ -101,7 +102,7 @@ fn confidences_are_judged_by_what_is_so() {
         "tracks.csv",
         "time_s,target,x_m,y_m,z_m,confidence\n0,ball,1,2,3,1.5\n",
     );
-    let message = fault(&tracks, &truth, &[]);
+    let message = error_message(&tracks, &truth, &[]);
     assert!(
         message.contains("line 2, column confidence") && message.contains("0 to 1"),
         "{message}"

@@ -1,4 +1,4 @@
-//! What an experiment's file may say: settings, sweeps, windows, times.
+//! The contents of an experiment file: settings, sweeps, windows, times.
 
 use std::fs;
 
@@ -6,7 +6,7 @@ use super::{figures_of, pardalis, results, value, workplace};
 use crate::common::{SCENE, Workplace, data};
 
 const RUN: &str = r#"name = "small"
-question = "What may it say?"
+question = "Which settings are valid?"
 [[runs]]
 name = "a"
 scene = "scene.toml"
@@ -14,12 +14,12 @@ truth = "truth.csv"
 seeds = 1
 "#;
 
-/// The run with further lines.
+/// Returns the run with additional lines.
 fn run_with(lines: &str) -> String {
     format!("{RUN}{lines}\n")
 }
 
-/// What `pardalis track` resolved a seed's setting to.
+/// Returns a setting of a seed as resolved by `pardalis track`.
 fn setting(place: &Workplace, folder: &str, pointer: &str) -> serde_json::Value {
     let summary =
         fs::read(place.path(&format!("out/small/{folder}/seed-01/summary.json"))).unwrap();
@@ -28,14 +28,14 @@ fn setting(place: &Workplace, folder: &str, pointer: &str) -> serde_json::Value 
 }
 
 #[test]
-fn settings_of_a_run_take_the_place_of_the_scenes() {
+fn settings_of_a_run_override_those_of_the_scene() {
     let set = r#"set = { "targets.ball.filter.particles" = 150, "targets.ball.motion" = { constant_velocity.acceleration_sigma_mps2 = 3 } }"#;
     let place = workplace(&run_with(set));
     pardalis(&place, &["measure", "small.toml"]).fine();
     let with_set = results(&place);
     assert_eq!(setting(&place, "a", "/targets/ball/filter/particles"), 150);
 
-    // A scene that says the same gives the same track.
+    // A scene with the same settings gives the same track.
     let scene = SCENE.replace("particles = 100", "particles = 150").replace(
         "acceleration_density_m2ps3 = 100",
         "acceleration_sigma_mps2 = 3",
@@ -47,7 +47,7 @@ fn settings_of_a_run_take_the_place_of_the_scenes() {
 }
 
 #[test]
-fn bad_settings_name_experiment_run_scene_and_key() {
+fn invalid_settings_name_experiment_run_scene_and_key() {
     let cases: [(&str, &[&str]); 3] = [
         (
             r#"set = { "targets.ball.filter.partikles" = 150 }"#,
@@ -59,7 +59,7 @@ fn bad_settings_name_experiment_run_scene_and_key() {
         ),
         (
             r#"set = { "targets.ball.colors" = "none.toml" }"#,
-            &["as set: targets.ball.colors: none.toml: can not be read"],
+            &["as set: targets.ball.colors: none.toml: cannot be read"],
         ),
     ];
     for (set, wanted) in cases {
@@ -137,8 +137,12 @@ names = ["smooth", "rough"]
 
     for (piece, other, wanted) in [
         ("values = [50, 60]\n", "", "needs key and values"),
-        ("[0.9, 1.1]", "[0.9]", "no list of 2 values"),
-        ("\"smooth\", ", "", "another number of names"),
+        ("[0.9, 1.1]", "[0.9]", "not a list of 2 values"),
+        (
+            "\"smooth\", ",
+            "",
+            "the numbers of names and of values differ",
+        ),
         ("names = [\"smooth\", \"rough\"]", "", "names = [..]"),
     ] {
         assert!(sweeps.contains(piece), "{piece}");
@@ -150,7 +154,7 @@ names = ["smooth", "rough"]
 }
 
 #[test]
-fn windows_are_scored_alone_with_bands_of_their_own() {
+fn windows_are_evaluated_separately_with_their_own_bands() {
     let windows = r#"windows = [
     { name = "at first", from_s = 0, to_s = 0.04 },
     { name = "late", from_s = 0.08, to_s = 9, expect = { estimates = [1, 1], rmse_m = [5, 6] } },
@@ -186,8 +190,12 @@ fn windows_are_scored_alone_with_bands_of_their_own() {
 
     for (piece, other, wanted) in [
         ("from_s = 0,", "from_s = 1,", "from_s must be before to_s"),
-        ("\"late\"", "\"at first\"", "a name of its own"),
-        ("rmse_m", "rmsee_m", "expect.rmsee_m is no figure"),
+        (
+            "\"late\"",
+            "\"at first\"",
+            "its name is empty or used twice",
+        ),
+        ("rmse_m", "rmsee_m", "expect.rmsee_m is not a figure"),
         ("from_s = 0.08", "from_s = 7", "no frame of"),
     ] {
         place.write("small.toml", run_with(&windows.replace(piece, other)));
@@ -204,7 +212,7 @@ fn windows_are_scored_alone_with_bands_of_their_own() {
 }
 
 #[test]
-fn angles_and_distances_are_taken_around_the_origin() {
+fn angles_and_distances_are_relative_to_the_origin() {
     let place = workplace(&run_with("origin_m = [1.35, -1.25, -3.0]"));
     pardalis(&place, &["measure", "small.toml"]).fine();
     let from_below = figures_of(&results(&place)[0]);
@@ -219,7 +227,7 @@ fn angles_and_distances_are_taken_around_the_origin() {
 }
 
 #[test]
-fn timed_runs_tell_the_time_a_frame_and_keep_it() {
+fn timed_runs_report_and_keep_the_time_per_frame() {
     let place = workplace(&run_with("timed = true"));
     pardalis(&place, &["measure", "small.toml"]).fine();
     let first = results(&place);
@@ -230,7 +238,7 @@ fn timed_runs_tell_the_time_a_frame_and_keep_it() {
 }
 
 #[test]
-fn a_track_that_ends_on_another_object_is_told() {
+fn a_track_that_ends_on_another_object_is_reported() {
     let place = workplace(RUN);
     let truth = fs::read_to_string(data().join("truth.csv")).unwrap();
     let mut rows: Vec<String> = truth.lines().take(4).map(str::to_owned).collect();
@@ -244,7 +252,7 @@ fn a_track_that_ends_on_another_object_is_told() {
     };
     let far = twins("5.000000");
     let near = twins("1.351000");
-    // The track is named as the ball; a twin far away is no danger.
+    // The track has the name of the ball; its twin is far away.
     rows.extend(far);
     place.write("truth.csv", rows.join("\n") + "\n");
     pardalis(&place, &["measure", "small.toml"]).fine();
@@ -252,7 +260,7 @@ fn a_track_that_ends_on_another_object_is_told() {
         value(&figures_of(&results(&place)[0]), "changed_target"),
         Some(0.0)
     );
-    // Now the object of the ball's name is elsewhere, and its twin where the ball is.
+    // Now the object named like the ball is far away, and its twin is at the ball's position.
     let swapped: Vec<String> = rows[..4]
         .iter()
         .map(|row| row.replacen("1.350000", "5.000000", 1))
@@ -302,7 +310,7 @@ fn figures_show_several_runs_and_are_copied_as_png() {
     let errors = svg("distances-errors");
     assert!(errors.contains("particles: 60") && !errors.contains("particles: 50"));
     let sweep = svg("cost-sweep");
-    assert!(sweep.contains("particles") && sweep.contains("time for a frame (ms)"),);
+    assert!(sweep.contains("particles") && sweep.contains("time per frame (ms)"),);
     let mut copied: Vec<_> = fs::read_dir(place.path("pictures"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -320,10 +328,10 @@ fn figures_show_several_runs_and_are_copied_as_png() {
         (
             "\"particles: 60\"",
             "\"particles: 70\"",
-            "\"particles: 70\" is no run or sweep",
+            "\"particles: 70\" is not a run or sweep",
         ),
-        ("[\"particles\"]", "[\"a\"]", "\"a\" is no sweep"),
-        ("\"cost\"", "\"distances\"", "another figure has that name"),
+        ("[\"particles\"]", "[\"a\"]", "\"a\" is not a sweep"),
+        ("\"cost\"", "\"distances\"", "the name is used twice"),
         (
             "\"cost\"",
             "\"../cost\"",
@@ -358,7 +366,7 @@ fn single_images_are_located_from_their_starts() {
         setting(&place, "a", "/locate/starts").as_str(),
         Some("truth.csv")
     );
-    // Other starts, another result.
+    // Other starts give other results.
     let taken = pardalis(&place, &["measure", "small.toml"]).fine().stdout;
     assert!(taken.starts_with("1 of 1 seeds"), "{taken}");
     let truth = fs::read_to_string(place.path("truth.csv")).unwrap();
@@ -377,12 +385,12 @@ fn single_images_are_located_from_their_starts() {
 }
 
 #[test]
-fn the_example_of_the_help_is_an_experiment() {
+fn the_example_in_the_help_text_is_valid() {
     let place = workplace(RUN);
     let help = pardalis(&place, &["measure", "--help"]).fine().stdout;
     let example = help.split("EXPERIMENT.toml:\n").nth(1).unwrap();
     place.write("small.toml", example.replace("ball.toml", "none.toml"));
     // Only its scene is missing.
     let run = pardalis(&place, &["measure", "small.toml"]);
-    run.refused(&["run \"near\": none.toml: can not be read: there is no such file"]);
+    run.refused(&["run \"near\": none.toml: cannot be read: there is no such file"]);
 }

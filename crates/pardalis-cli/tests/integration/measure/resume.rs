@@ -1,4 +1,4 @@
-//! Many seeds at a time, and experiments that go on where they stopped.
+//! Parallel tracking of seeds, and resumption of interrupted experiments.
 
 use std::fs;
 use std::process::{Command, Stdio};
@@ -11,13 +11,13 @@ use crate::common::{Run, SCENE, Workplace, data};
 const CSV: &str = "out/small/results.csv";
 const FIRST: &str = "out/small/first-frames--few-particles";
 
-/// Runs the experiment and gives what it said and the bytes of results.csv.
+/// Runs the experiment and returns its outcome and the bytes of results.csv.
 fn measured(place: &Workplace, options: &[&str]) -> (Run, Vec<u8>) {
     let run = pardalis(place, &[&["measure", "small.toml"], options].concat()).fine();
     (run, fs::read(place.path(CSV)).unwrap())
 }
 
-/// When each seed's tracks were written.
+/// Returns the modification times of the tracks of each seed.
 fn times(place: &Workplace) -> Vec<SystemTime> {
     let seeds = [
         format!("{FIRST}/seed-01"),
@@ -30,13 +30,13 @@ fn times(place: &Workplace) -> Vec<SystemTime> {
     seeds.iter().map(|seed| time(seed).unwrap()).collect()
 }
 
-/// Which of the seeds were tracked again.
+/// Reports for each seed whether it was tracked again.
 fn tracked_again(before: &[SystemTime], after: &[SystemTime]) -> Vec<bool> {
     before.iter().zip(after).map(|(b, a)| b != a).collect()
 }
 
 #[test]
-fn any_number_of_threads_gives_the_same_bytes() {
+fn results_do_not_depend_on_the_number_of_threads() {
     let place = workplace(EXPERIMENT);
     let (run, one) = measured(&place, &["--threads", "1"]);
     assert!(!run.stdout.contains("taken"), "{}", run.stdout);
@@ -46,7 +46,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
 }
 
 #[test]
-fn only_what_is_missing_or_changed_is_tracked_again() {
+fn only_missing_or_changed_seeds_are_tracked_again() {
     let place = workplace(EXPERIMENT);
     let (_, first) = measured(&place, &[]);
     let before = times(&place);
@@ -54,7 +54,7 @@ fn only_what_is_missing_or_changed_is_tracked_again() {
     fs::remove_file(place.path(&format!("{FIRST}/seed-02/finished.json"))).unwrap();
     let (run, again) = measured(&place, &[]);
     assert!(
-        run.stdout.starts_with("4 of 5 seeds were tracked before"),
+        run.stdout.starts_with("4 of 5 seeds are already tracked"),
         "{}",
         run.stdout
     );
@@ -65,14 +65,14 @@ fn only_what_is_missing_or_changed_is_tracked_again() {
         [false, true, false, false, false]
     );
 
-    // A damaged file says nothing.
+    // A damaged record is ignored.
     let damaged = place.path("out/small/again/seed-01/finished.json");
     fs::write(damaged, "{").unwrap();
     let (run, again) = measured(&place, &[]);
     assert!(run.stdout.starts_with("4 of 5"), "{}", run.stdout);
     assert_eq!(again, first);
 
-    // The bands and what is scored decide nothing about the tracks.
+    // Bands and evaluation options do not affect the tracks.
     place.write("small.toml", EXPERIMENT.replace("[0, 0.1]", "[0, 0.2]"));
     let (run, again) = measured(&place, &[]);
     assert!(run.stdout.starts_with("5 of 5"), "{}", run.stdout);
@@ -117,7 +117,7 @@ fn another_scene_colour_model_or_frame_tracks_everything_again() {
 }
 
 #[test]
-fn what_was_finished_before_ctrl_c_is_kept_and_the_rest_follows() {
+fn an_interrupted_experiment_keeps_finished_seeds_and_resumes() {
     let many = EXPERIMENT
         .replace("seeds = 3", "seeds = 40")
         .replace("few particles", "few particles, many seeds");

@@ -1,4 +1,4 @@
-//! Recordings that are simulated: one for all seeds, or one for each.
+//! Simulated recordings: one for all seeds, or one for each.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -47,7 +47,7 @@ runs = ["fresh", "shared"]
 "#;
 
 #[test]
-fn each_seed_has_a_world_of_its_own_and_all_are_judged_together() {
+fn each_seed_has_its_own_world_and_all_are_pooled() {
     let place = workplace(FRESH);
     place.write("world.toml", WORLD);
     pardalis(&place, &["measure", "small.toml"]).fine();
@@ -71,7 +71,7 @@ fn each_seed_has_a_world_of_its_own_and_all_are_judged_together() {
     let of = |column: usize| rows.iter().map(|row| row[column]).collect::<Vec<_>>();
     assert_eq!(of(0), ["\"shared\"", "\"fresh\"", "\"fresh\""]);
     assert_eq!(of(2), ["", "", "\"late\""]);
-    // Five frames each; seeds that share their images are one recording, whose scatter nobody knows.
+    // Five frames each; seeds that share their images count as one recording, whose scatter is unknown.
     assert_eq!((of(3), of(7)), (vec!["1", "4", "4"], vec!["10", "20", "8"]));
     let number = |row: usize, column: usize| rows[row][column].parse::<f64>().unwrap();
     assert!(number(1, 5) < number(1, 4) && number(1, 4) < number(1, 6));
@@ -86,7 +86,7 @@ fn each_seed_has_a_world_of_its_own_and_all_are_judged_together() {
         (
             "world = \"world.toml\"",
             "scene = \"scene.toml\"\ntruth = \"truth.csv\"",
-            "fresh_world needs a world",
+            "fresh_world needs the key world",
         ),
         (
             "\"targets.ball.filter.particles\" = 100",
@@ -99,7 +99,7 @@ fn each_seed_has_a_world_of_its_own_and_all_are_judged_together() {
     }
 }
 
-/// The bytes of all files within a folder.
+/// Returns the bytes of all files in a folder.
 fn files_in(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut files = BTreeMap::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -115,7 +115,7 @@ fn files_in(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 #[test]
-fn worlds_simulated_side_by_side_are_the_same_as_one_by_one() {
+fn worlds_simulated_in_parallel_equal_those_simulated_in_sequence() {
     let place = workplace(&FRESH.replace("seeds = 2", "seeds = 3"));
     place.write("world.toml", WORLD);
     let run = place.path("out/small/fresh--here");
@@ -123,7 +123,7 @@ fn worlds_simulated_side_by_side_are_the_same_as_one_by_one() {
         let _ = fs::remove_dir_all(place.path("out"));
         pardalis(&place, &["measure", "small.toml", "--threads", threads]).fine();
         let worlds = ["world-01", "world-02", "world-03"].map(|world| files_in(&run.join(world)));
-        // Each has five images, and more.
+        // Each has five images and further files.
         assert!(worlds.iter().all(|files| files.len() > 5));
         worlds
     };
@@ -133,7 +133,7 @@ fn worlds_simulated_side_by_side_are_the_same_as_one_by_one() {
 }
 
 #[test]
-fn what_is_wrong_with_a_recording_is_told_of_the_first_whatever_the_threads() {
+fn the_first_invalid_recording_is_reported_for_any_number_of_threads() {
     let place = workplace(&FRESH.replacen("ball.filter.particles", "ball.filter.partikles", 1));
     place.write("world.toml", WORLD);
     for threads in ["1", "3"] {

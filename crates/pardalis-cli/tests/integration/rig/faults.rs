@@ -1,4 +1,4 @@
-//! Cameras that break or end while others go on.
+//! Cameras that fail or end while others continue.
 
 use std::fs;
 
@@ -7,7 +7,7 @@ use serde_json::json;
 use super::place::{FRAMES, Rig};
 
 #[test]
-fn broken_images_are_left_out() {
+fn broken_images_are_skipped() {
     let rig = Rig::new();
     for place in [10, 11, 50, 51, 52] {
         let path = rig.image("cam2", place);
@@ -29,7 +29,7 @@ fn broken_images_are_left_out() {
         (&frames["broken"], &frames["used"]),
         (&7.into(), &113.into())
     );
-    // The first few are named.
+    // Only the first few are named.
     let lines: Vec<&str> = run.stderr.lines().collect();
     assert_eq!(lines.len(), 4, "{}", run.stderr);
     for (line, place) in lines.iter().zip([10, 11, 50]) {
@@ -43,9 +43,9 @@ fn broken_images_are_left_out() {
 }
 
 #[test]
-fn cameras_of_broken_images_alone() {
+fn cameras_with_only_broken_images_stop() {
     let rig = Rig::new();
-    // Whole by its header, and yet no image.
+    // A complete header without image data.
     let no_image = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\x01\x40\0\0\0\xf0\x08\x02\0\0\0\0\0\0\0\0\0\0\0IEND\xae\x42\x60\x82";
     for place in 0..FRAMES {
         fs::write(rig.image("cam4", place), no_image).unwrap();
@@ -69,7 +69,7 @@ fn cameras_of_broken_images_alone() {
 }
 
 #[test]
-fn a_camera_that_ends_early_stops_alone() {
+fn a_camera_that_ends_early_does_not_stop_the_others() {
     let rig = Rig::new();
     rig.remove("cam3", 60..FRAMES);
     let run = rig.track("");
@@ -90,8 +90,8 @@ mod with_ffmpeg {
     use super::*;
     use crate::common::run::{Run, rows_in};
 
-    /// A rig whose second camera is a video that is decoded as the shell script says, where FFMPEG stands for the installed one; none where there is
-    /// none.
+    /// A rig whose second camera is a video that is decoded by the shell script, in which FFMPEG stands for the
+    /// installed ffmpeg; `None` if ffmpeg is not installed.
     fn rig_with_video(options: &str, script: &str) -> Option<Rig> {
         let found = std::env::split_paths(&std::env::var_os("PATH")?)
             .map(|folder| folder.join("ffmpeg"))
@@ -142,7 +142,7 @@ mod with_ffmpeg {
     }
 
     #[test]
-    fn a_camera_whose_ffmpeg_dies_stops_alone() {
+    fn a_camera_whose_ffmpeg_fails_does_not_stop_the_others() {
         let script = "FFMPEG \"$@\" | head -c 4000000; echo '[fatal] unplugged' >&2; exit 9";
         let Some(rig) = rig_with_video("", script) else {
             return;
@@ -165,7 +165,7 @@ mod with_ffmpeg {
     }
 
     #[test]
-    fn how_fast_a_recording_is_decoded_changes_nothing() {
+    fn the_decoding_speed_of_a_recording_changes_nothing() {
         let tracks = |script: &str| {
             let rig = rig_with_video("", script)?;
             track(&rig).fine();
@@ -177,7 +177,7 @@ mod with_ffmpeg {
         assert!(tracks(slowly) == at_once);
     }
 
-    /// Live: read at the rate of recording. The second gives some frames, then neither frames nor an end.
+    /// Live: read at the rate of the recording. The second camera delivers some frames, then neither frames nor an end.
     #[test]
     fn a_silent_live_camera_does_not_stop_the_other() {
         let script = "FFMPEG \"$@\" | head -c 4000000; exec sleep 1000";
@@ -187,13 +187,13 @@ mod with_ffmpeg {
         let mut child = {
             let path = std::env::var("PATH").unwrap();
             let bin = rig.path("bin");
-            // Each counts from its own start, and the second starts later.
+            // Each counts from its own start, and the second one starts later.
             let scene = rig.scene("[timing]\nmax_delay_s = 3\n");
             let mut command = rig.command(&scene, &["-o", "out", "--no-plots"]);
             command.env("PATH", format!("{}:{path}", bin.display()));
             command.spawn().unwrap()
         };
-        // The first has given all its frames once there is a row of the last.
+        // The first one has delivered all frames once its last row exists.
         let has_ended = || {
             let tracks = fs::read_to_string(rig.path("out/tracks.csv")).unwrap_or_default();
             tracks.contains(",4.76,ball")

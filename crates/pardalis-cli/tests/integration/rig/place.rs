@@ -1,4 +1,4 @@
-//! A folder with the four cameras of data/webcams-four, which tests may spoil.
+//! A folder with the four cameras of data/webcams-four, which tests may damage.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -12,10 +12,10 @@ use serde_json::Value;
 
 use crate::common::run::{Run, rows_in};
 
-/// Frames of each camera.
+/// Number of frames of each camera.
 pub(crate) const FRAMES: usize = 120;
 
-/// Frames a second.
+/// Frames per second.
 pub(crate) const FPS: f64 = 25.0;
 
 const TARGET: &str = r#"[targets.ball]
@@ -28,7 +28,7 @@ position_m = [0.47, 0.45, 0.15]
 position_sigma_m = 0.02
 "#;
 
-/// The folder: `cam1` to `cam4` with images and times.csv, beside them calibration, colours and the scene.
+/// The folder: `cam1` to `cam4` with images and times.csv, and calibration, colours and the scene.
 pub(crate) struct Rig {
     folder: tempfile::TempDir,
     /// Settings of each camera.
@@ -43,7 +43,7 @@ impl Rig {
     /// The cameras.
     pub(crate) const CAMERAS: [&str; 4] = ["cam1", "cam2", "cam3", "cam4"];
 
-    /// All four are sound.
+    /// Creates the folder with four working cameras.
     pub(crate) fn new() -> Self {
         let rig = Self {
             folder: tempfile::tempdir().unwrap(),
@@ -60,17 +60,17 @@ impl Rig {
         rig
     }
 
-    /// A file in the folder.
+    /// Returns the path of a file in the folder.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// An image of a camera.
+    /// Returns the path of an image of a camera.
     pub(crate) fn image(&self, camera: &str, place: usize) -> PathBuf {
         self.path(&format!("{camera}/{place:06}.jpg"))
     }
 
-    /// A camera delivers at each place the frame of that number, with its time.
+    /// Makes a camera deliver at each index the frame with the returned index, with its time.
     pub(crate) fn deliver(&self, camera: &str, frame_at: impl Fn(usize) -> usize) {
         for place in 0..FRAMES {
             let name = format!("webcams-four/frames/{camera}/{:06}.jpg", frame_at(place));
@@ -79,7 +79,7 @@ impl Rig {
         self.times(camera, false, |place| (frame_at(place) as f64 / FPS, 0.0));
     }
 
-    /// Writes a camera's times.csv: the time stamp of each image and, if so wished, its arrival.
+    /// Writes a camera's times.csv: the time stamp of each image and, optionally, its arrival.
     pub(crate) fn times(
         &self,
         camera: &str,
@@ -103,7 +103,7 @@ impl Rig {
         fs::write(self.path(&format!("{camera}/times.csv")), text).unwrap();
     }
 
-    /// A camera gives the image before these again and again.
+    /// Makes a camera repeat the image before these.
     pub(crate) fn freeze(&self, camera: &str, places: Range<usize>) {
         let last = self.image(camera, places.start - 1);
         for place in places {
@@ -111,14 +111,14 @@ impl Rig {
         }
     }
 
-    /// A camera lacks these images.
+    /// Removes these images of a camera.
     pub(crate) fn remove(&self, camera: &str, places: Range<usize>) {
         for place in places {
             fs::remove_file(self.image(camera, place)).unwrap();
         }
     }
 
-    /// All cameras run at 25 frames a second, by the scene.
+    /// Sets the frame rate of all cameras to 25 frames per second in the scene.
     pub(crate) fn by_fps(&self) {
         for camera in Self::CAMERAS {
             fs::remove_file(self.path(&format!("{camera}/times.csv"))).unwrap();
@@ -126,23 +126,23 @@ impl Rig {
         }
     }
 
-    /// Gives a camera settings beside its images and calibration.
+    /// Adds settings to a camera's images and calibration.
     pub(crate) fn edit(&self, camera: &'static str, settings: &str) {
         let table = format!("images = \"{camera}\"\ncalibration = \"cameras.json\"\n{settings}");
         self.settings.borrow_mut().insert(camera, table);
     }
 
-    /// Gives a camera a table of its own.
+    /// Replaces the table of a camera.
     pub(crate) fn replace(&self, camera: &'static str, table: &str) {
         self.settings.borrow_mut().insert(camera, table.to_owned());
     }
 
-    /// Leaves a camera out of the scene.
+    /// Removes a camera from the scene.
     pub(crate) fn leave_out(&self, camera: &str) {
         self.settings.borrow_mut().remove(camera);
     }
 
-    /// The scene, with more tables before its cameras.
+    /// Returns the scene, with additional tables before its cameras.
     pub(crate) fn scene(&self, before: &str) -> String {
         let mut scene = before.to_owned();
         for (camera, table) in self.settings.borrow().iter() {
@@ -151,7 +151,7 @@ impl Rig {
         scene + TARGET
     }
 
-    /// `pardalis track` in the folder, still to be run.
+    /// Returns the command `pardalis track` in the folder.
     pub(crate) fn command(&self, scene: &str, arguments: &[&str]) -> Command {
         fs::write(self.path("scene.toml"), scene).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
@@ -160,7 +160,7 @@ impl Rig {
         command
     }
 
-    /// Tracks, results into the folder `out`.
+    /// Tracks, with results in the folder `out`.
     pub(crate) fn track(&self, before: &str) -> Run {
         self.track_with(before, &["-o", "out", "--no-plots"])
     }
@@ -180,7 +180,7 @@ impl Rig {
         serde_json::from_slice(&fs::read(self.path("out/summary.json")).unwrap()).unwrap()
     }
 
-    /// What the summary tells of a camera's frames, whose numbers must add up.
+    /// Returns the counts of a camera's frames in the summary after checking that they add up.
     pub(crate) fn frames(&self, camera: &str) -> Value {
         let frames = self.summary()["cameras"][camera]["frames"].clone();
         let count = |key: &str| frames[key].as_u64().unwrap();
@@ -190,12 +190,12 @@ impl Rig {
         frames
     }
 
-    /// Checks the estimates of out/tracks.csv against the truth: within a third of the ball's radius on the whole.
+    /// Checks the estimates in out/tracks.csv against the truth: an error within a third of the ball's radius overall.
     pub(crate) fn assert_followed(&self) {
         self.assert_followed_within(0.012);
     }
 
-    /// Checks them to be within so many metres on the whole, and twice that at the end.
+    /// Checks that the error is at most `bound_m` overall, and twice that at the end.
     pub(crate) fn assert_followed_within(&self, bound_m: f64) {
         let truth = fs::read_to_string(data().join("webcams-four/truth.csv")).unwrap();
         let true_m: Vec<[f64; 3]> = truth

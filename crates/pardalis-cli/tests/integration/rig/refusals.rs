@@ -1,4 +1,4 @@
-//! Cameras that cannot belong together are refused before tracking starts, with the reason and what to do.
+//! Inconsistent cameras are rejected before tracking starts, with the reason and a remedy.
 
 use std::fs;
 
@@ -6,21 +6,21 @@ use super::place::Rig;
 use crate::common::run::Run;
 
 #[test]
-fn another_number_of_images() {
+fn different_numbers_of_images_are_rejected() {
     let rig = Rig::new();
     rig.by_fps();
     rig.remove("cam3", 119..120);
     rig.track("").refused(&[
         "scene.toml: a problem in the scene:",
-        "line 10: cameras.cam3.images: camera cam1 has 120 images, 4.8 s at 25 a second, and cam3 has 119",
-        "nothing says which instants a camera missed",
-        "put times.csv beside the images",
+        "line 10: cameras.cam3.images: camera cam1 has 120 images, 4.8 s at 25 per second, and cam3 has 119",
+        "it is unknown which images a camera missed",
+        "put times.csv next to the images",
     ]);
-    // At another rate the same time is allowed, to a frame.
+    // At another rate, the same duration is allowed, within a frame.
     rig.edit("cam3", "fps = 24.8\n");
     rig.track("").fine();
     rig.edit("cam3", "fps = 12.5\n");
-    rig.track("").refused(&["119, 9.52 s at 12.5 a second"]);
+    rig.track("").refused(&["119, 9.52 s at 12.5 per second"]);
     assert!(rig.path("out").exists());
     let cut = "fps = 25\nframe_limit = 60\n";
     for camera in Rig::CAMERAS {
@@ -30,7 +30,7 @@ fn another_number_of_images() {
 }
 
 #[test]
-fn cameras_without_pose() {
+fn cameras_without_pose_are_rejected() {
     let rig = Rig::new();
     let model =
         "images = \"cam2\"\nmodel.pinhole = { f_px = [330, 330], center_px = [119.5, 159.5] }\n";
@@ -48,7 +48,7 @@ fn cameras_without_pose() {
 }
 
 #[test]
-fn two_cameras_of_one_name() {
+fn duplicate_camera_names_are_rejected() {
     let rig = Rig::new();
     let scene = rig.scene("").replace("[cameras.cam3]", "[cameras.cam1]");
     let run = Run::of(&mut rig.command(&scene, &["-o", "out"]));
@@ -72,7 +72,7 @@ fn two_cameras_of_one_name() {
 }
 
 #[test]
-fn time_stamps_of_other_units_and_clocks() {
+fn time_stamps_in_other_units_or_of_other_clocks_are_rejected() {
     let rig = Rig::new();
     rig.times("cam2", false, |frame| (frame as f64 * 40.0, 0.0));
     rig.track("").refused(&[
@@ -91,7 +91,7 @@ fn time_stamps_of_other_units_and_clocks() {
 }
 
 #[test]
-fn two_cameras_of_one_input_or_place() {
+fn cameras_with_the_same_input_or_pose_are_reported() {
     let rig = Rig::new();
     rig.edit("cam4", "");
     let scene = rig

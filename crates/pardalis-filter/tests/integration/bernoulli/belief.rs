@@ -1,5 +1,5 @@
-//! Targets that come, go and are put elsewhere, detected among clutter and sometimes missed: what the filter believes is true as often as it says, and its errors
-//! are as large.
+//! Targets that come, go and are put elsewhere, detected among clutter and sometimes missed: what the filter believes
+//! is true as often as it says, and its errors are as large.
 
 use nalgebra::Vector3;
 use pardalis_core::rng::{Draws, Stage};
@@ -9,11 +9,11 @@ use pardalis_filter::gaussian::diagonal_m2;
 use super::{DENSITY_M2PS3, filter, velocity};
 
 const STEP_S: f64 = 0.04;
-/// Where targets come into being and are put down, and where clutter is: a cube with this side, metres.
+/// Side in metres of the cube that contains births, relocations and clutter.
 const SIDE_M: f64 = 5.0;
-/// How likely a target is detected.
+/// Detection probability.
 const DETECTED: f64 = 0.8;
-/// Detections of nothing, at most so many a frame, each as likely as this.
+/// Maximum number of false detections per frame, and the probability of each.
 const CLUTTER: u32 = 40;
 const CLUTTERED: f64 = 0.05;
 /// Standard deviation of a detection's position on each axis, metres.
@@ -24,7 +24,8 @@ const RATE_HZ: f64 = 0.2;
 
 fn settings() -> BernoulliSettings {
     let mut settings = BernoulliSettings::of(velocity());
-    // Detections are four times as uncertain as what a step adds to a position: velocities that were sampled at a birth are remembered for long.
+    // Detections are four times as uncertain as what a step adds to a position: velocities that were sampled at a
+    // birth are remembered for long.
     settings.particle_count = 2000;
     settings.birth_rate_hz = RATE_HZ;
     settings.death_rate_hz = RATE_HZ;

@@ -84,8 +84,8 @@ fn dt_s(step: usize) -> f64 {
     }
 }
 
-/// The mean over seeds of a number lies within so many standard errors of the exact one; returns the scatter of single runs in posterior standard
-/// deviations over √N.
+/// Checks that the mean over seeds agrees with the exact value within a number of standard errors; returns the
+/// scatter of single runs in posterior standard deviations over √N.
 fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str) -> f64 {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
@@ -100,8 +100,8 @@ fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str) -> f64 {
     scatter * (PARTICLES as f64).sqrt() / sigma
 }
 
-/// Follows the measurements with 100 seeds, with peaks or without, and holds them to the Kalman filter. Returns the average and the widest scatter of positions, in
-/// σ/√N.
+/// Follows the measurements with 100 seeds, with peaks or without, and holds them to the Kalman filter. Returns the
+/// average and the widest scatter of positions, in σ/√N.
 fn check_against_kalman(
     start: &GaussianStart,
     covariance_m2: Matrix3<f64>,
@@ -154,8 +154,8 @@ fn check_against_kalman(
                 .collect();
             check_unbiased(&values, kalman.mean[axis + 3], sigma, &place);
         }
-        // The law of total variance: a cloud that strays from the exact mean is narrower by as much. In the directions in which the exact covariance is the
-        // unit matrix.
+        // The law of total variance: a cloud that strays from the exact mean is narrower by as much. In the
+        // directions in which the exact covariance is the unit matrix.
         let total: Matrix3<f64> = estimates
             .iter()
             .map(|e| {
@@ -239,7 +239,8 @@ fn where_all_that_is_drawn_again_is_impossible_the_first_draw_stands() {
     assert!((found_m - position_m).norm() < 0.3, "{found_m}");
 }
 
-/// A target is hidden for a third of a second, until particles lie farther from one another than a sharp sight tells places apart.
+/// A target is hidden for a third of a second, until particles lie farther from one another than a sharp sight tells
+/// places apart.
 #[test]
 fn what_comes_forth_is_weighed_by_the_whole_prediction() {
     let covariance_m2 = slanted(0.05, 0.004);

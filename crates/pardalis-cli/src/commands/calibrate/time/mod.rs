@@ -109,7 +109,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         written.push(corrected.clone());
     }
     print(&report);
-    output::say_written(&written);
+    output::print_written(&written);
     Ok(())
 }
 

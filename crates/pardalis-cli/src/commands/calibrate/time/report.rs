@@ -8,7 +8,7 @@ use pardalis_scene::Scene;
 
 use super::super::page::{begin, push_paragraph, push_table};
 use super::super::report::{with_sigma, write_table};
-use crate::draw::calibration::{Sighting, observed_and_projected};
+use crate::draw::calibration::{ObservedPoint, observed_and_projected};
 use crate::draw::temporal::{TimeResiduals, residuals_over_time};
 
 /// Share of the image's diagonal beyond which residuals exceed the error of colour detection.
@@ -230,12 +230,12 @@ impl<'a> Report<'a> {
                 ("before", (|s| s.before_px) as fn(&FittedDetection) -> _),
                 ("after", |s| s.after_px),
             ] {
-                let points = camera.fit.detections.iter().map(|detection| Sighting {
+                let points = camera.fit.detections.iter().map(|detection| ObservedPoint {
                     observed: detection.pixel,
                     residual_px: residual(detection),
                     outlier: detection.outlier,
                 });
-                let points: Vec<Sighting> = points.collect();
+                let points: Vec<ObservedPoint> = points.collect();
                 let picture = observed_and_projected(camera.size_px, &points)?.svg;
                 let _ = writeln!(
                     page,
