@@ -8,7 +8,6 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
-use super::alignment::{Alignment, shift_at};
 use super::body_colors::BodyColors;
 use super::membership::{EdgePixel, Side, Surroundings};
 use super::outline_distance::OutlineDistance;
@@ -331,35 +330,17 @@ impl EdgeLearner {
         outlines: &[&OutlineDistance],
         yuv: &impl Fn(usize, usize) -> [f32; 3],
     ) {
-        // The finest octave shows edges precisely, the one before it also those farther from a roughly drawn outline.
-        let wide = outlines.iter().rposition(|outline| radius_px(outline) > BODY_RADIUS_PX[1]);
-        let mut shift_px = [0.0; 3];
-        let mut alignment = None;
-        for octave in [wide.unwrap_or(0), 0] {
-            let size = (1 << octave) as f32;
-            self.take_pixels(outlines[octave], octave, shift_px, yuv);
-            alignment = Alignment::of(&self.pixels);
-            let found = alignment.as_ref();
-            let correction_px = found.and_then(|found| found.correction_px(SOFT_INSIDE_PX as f32 / size));
-            if let Some(correction_px) = correction_px {
-                (0..3).for_each(|i| shift_px[i] += size * correction_px[i]);
-            }
-        if std::env::var("PDEBUG").is_ok() {
-            eprintln!("octave {octave} shift {shift_px:?} agree {:?}", alignment.as_ref().map(|found| (0..32).filter(|i| found.agrees_at((*i as f32 + 0.5) / 32.0)).count()));
-        }
-        }
         for (octave, outline) in outlines.iter().enumerate() {
-            self.take_pixels(outline, octave, shift_px, yuv);
-            self.count(octave, radius_px(outline), alignment.as_ref());
+            self.take_pixels(outline, octave, yuv);
+            self.count(octave, radius_px(outline));
         }
     }
 
-    /// Collects the pixels of an octave near an outline that is shifted by this many of the image's pixels.
+    /// Collects the pixels of an octave near an outline.
     fn take_pixels(
         &mut self,
         outline: &OutlineDistance,
         octave: usize,
-        shift_px: [f32; 3],
         yuv: impl Fn(usize, usize) -> [f32; 3],
     ) {
         let size = 1 << octave;
@@ -372,14 +353,14 @@ impl EdgeLearner {
         outline.for_each_near(|x, y, distance_px, turn| {
             pixels.push(EdgePixel {
                 yuv: mean_yuv(x, y),
-                distance_px: distance_px - shift_at(&shift_px, turn) / size as f32,
+                distance_px,
                 turn,
             });
         });
     }
 
-    /// Counts the collected pixels of an octave, where the edge lies on the outline.
-    fn count(&mut self, octave: usize, radius_px: f64, alignment: Option<&Alignment>) {
+    /// Counts the collected pixels of an octave.
+    fn count(&mut self, octave: usize, radius_px: f64) {
         let pixels = &self.pixels;
         let Some(surroundings) = Surroundings::of(pixels) else {
             return;
@@ -397,8 +378,7 @@ impl EdgeLearner {
         for pixel in pixels {
             let membership = surroundings.membership(pixel);
             let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
-            let is_edge = alignment.is_none_or(|found| found.agrees_at(pixel.turn));
-            if membership.is_nan() || !is_edge || row > (EdgeProfile::DISTANCES + 1) as f32 {
+            if membership.is_nan() || row > (EdgeProfile::DISTANCES + 1) as f32 {
                 continue;
             }
             // Pixels deeper inside count as at the smallest distance; the last row takes half a pixel

@@ -1,7 +1,6 @@
 //! Colour: pixel encodings, histogram bins, 3D and per-channel histograms, illumination, edge profiles, and
 //! colour models learnt from labelled pixels.
 
-mod alignment;
 mod body_colors;
 mod channels;
 mod edge_profile;

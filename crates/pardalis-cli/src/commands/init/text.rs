@@ -91,7 +91,8 @@ impl CameraText {
                 ("equidistant", parameters, LOOKING_DOWN)
             }
             ModelName::Pinhole => {
-                let f = 0.87 * width;
+                // 60° across the longer side: between webcams and telephones.
+                let f = 0.87 * width.max(height);
                 let parameters = format!(
                     "f_px = [{f:.1}, {f:.1}]  # CHANGE: focal lengths\n{center}\ndistortion = [0.0, 0.0, 0.0, 0.0, 0.0]  # k1, k2, p1, p2, k3"
                 );

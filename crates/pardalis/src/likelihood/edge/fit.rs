@@ -3,23 +3,21 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::frame::{Octave, SECTORS};
-use super::lines::{CorrespondenceLines, Errors};
+use super::lines::CorrespondenceLines;
 use super::{Coordinates, EdgeCue, EdgeFrame, LANES, Surrounding};
 
 /// Where a target is seen, by the frames of one instant alone. Nothing changes it once it is fitted.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Detection {
-    pub(super) position_m: [f64; 3],
+    position_m: [f64; 3],
     information: Matrix3<f64>,
     log_likelihood_ratio: f64,
-    /// The same without shared errors: how well its outline fits.
-    pub(super) fitted_log_ratio: f64,
-    pub(super) judged_log_ratio: f64,
+    judged_log_ratio: f64,
     /// The lines of each camera that sees it come first; the rest are buffers.
     lines: Vec<CorrespondenceLines>,
-    pub(super) camera_count: usize,
+    camera_count: usize,
     /// When it was found among the detections of its instant.
-    pub(super) number: usize,
+    number: usize,
 }
 
 impl Detection {
@@ -38,7 +36,7 @@ impl Detection {
         self.log_likelihood_ratio
     }
 
-    /// The same in the octave in which it is judged: how far it is the target's.
+    /// The same in the octave in which the outline is judged as a whole: how far it is the target's.
     pub(crate) fn judged_log_ratio(&self) -> f64 {
         self.judged_log_ratio
     }
@@ -162,11 +160,6 @@ impl Detections {
         self.count += usize::from(fit(detection));
     }
 
-    /// Changes each detection found so far.
-    pub(crate) fn for_each(&mut self, change: impl FnMut(&mut Detection)) {
-        self.buffers[..self.count].iter_mut().for_each(change);
-    }
-
     /// The detections found so far.
     pub(crate) fn as_slice(&self) -> &[Detection] {
         &self.buffers[..self.count]
@@ -202,16 +195,12 @@ pub(super) struct SectorSums([[f32; LANES]; SECTORS]);
 
 impl SectorSums {
     #[inline(always)]
-    pub(super) fn of(
-        lines: &CorrespondenceLines,
-        errors: Errors,
-        outlines: &[Coordinates],
-    ) -> Self {
+    pub(super) fn of(lines: &CorrespondenceLines, outlines: &[Coordinates]) -> Self {
         let mut sums = [[0_f32; LANES]; SECTORS];
         for (k, [u, v]) in outlines.iter().enumerate() {
             let sum = &mut sums[lines.sector(k)];
             for lane in 0..LANES {
-                sum[lane] += lines.line_log_ratio(errors, k, lines.shift_px(k, [u[lane], v[lane]]));
+                sum[lane] += lines.line_log_ratio(k, lines.shift_px(k, [u[lane], v[lane]]));
             }
         }
         Self(sums)
@@ -226,6 +215,10 @@ impl SectorSums {
 const UNOCCLUDED_SHARE: f32 = 0.75;
 /// The share by which one frame changes what surrounds the target.
 const SURROUNDING_RATE: f32 = 0.1;
+/// A finer octave agrees if it moves the position no farther than this, in standard deviations of the coarser one, ... Hand-set.
+const MAX_REFINED_SIGMAS: f64 = 3.0;
+/// ... and if its log-likelihood ratio is at least this share of the coarser one's. Hand-set.
+const MIN_REFINED_SHARE: f64 = 0.5;
 /// Times that correspondence lines are placed again, around the position that those before found.
 const ROUNDS: usize = 4;
 /// Newton steps per round.
@@ -251,7 +244,7 @@ impl EdgeCue {
     /// Fits the best position near `position_m`; returns `false` if no camera sees the target's colours there. `prior` is a Gaussian that is fitted
     /// along with the lines: mean and inverse covariance. Planar motion (`is_planar`) keeps the height. Writes into `detection`, whose buffers it reuses.
     ///
-    /// The outline is fitted in the octave in which it is judged ([`EdgeCue::refine`]).
+    /// The outline is fitted in the octave in which it is judged, then octave by octave down to the frame's own pixels as long as these agree.
     pub(crate) fn fit(
         &mut self,
         frames: &[EdgeFrame],
@@ -261,17 +254,49 @@ impl EdgeCue {
         detection: &mut Detection,
     ) -> bool {
         detection.position_m = position_m;
-        if !self.fit_octave(Errors::Shared, frames, prior, (is_planar, 0), detection) {
+        if !self.fit_octave(frames, prior, (is_planar, 0), detection) {
             return false;
         }
         detection.judged_log_ratio = detection.log_likelihood_ratio;
+        let octaves = detection.lines().iter().map(|lines| lines.octave.0);
+        for finer in 1..=octaves.max().unwrap_or(0) {
+            if !self.refine(frames, (is_planar, finer), detection) {
+                break;
+            }
+        }
         true
     }
 
-    /// Fits the position in octaves `finer` than those in which the outline is judged.
-    pub(super) fn fit_octave(
+    /// Fits in octaves finer by one than before, from the position and with the uncertainty found there. Returns whether the finer octaves agree; otherwise
+    /// nothing changes.
+    fn refine(
         &mut self,
-        errors: Errors,
+        frames: &[EdgeFrame],
+        (is_planar, finer): (bool, u8),
+        detection: &mut Detection,
+    ) -> bool {
+        let cameras = detection.camera_count;
+        let (position_m, log_ratio) = (detection.position_m, detection.log_likelihood_ratio);
+        let (mean, information) = (Vector3::from(position_m), detection.information);
+        let prior = Some((&mean, &information));
+        let is_found = self.fit_octave(frames, prior, (is_planar, finer), detection);
+        let moved = Vector3::from(detection.position_m) - mean;
+        let agrees = is_found
+            && detection.camera_count == cameras
+            && (moved.transpose() * information * moved)[0] < MAX_REFINED_SIGMAS * MAX_REFINED_SIGMAS
+            && detection.log_likelihood_ratio > MIN_REFINED_SHARE * log_ratio;
+        if !agrees {
+            detection.position_m = position_m;
+            self.place_lines(frames, finer - 1, detection);
+            detection.information = information;
+            detection.log_likelihood_ratio = log_ratio;
+        }
+        agrees
+    }
+
+    /// Fits the position in octaves `finer` than those in which the outline is judged.
+    fn fit_octave(
+        &mut self,
         frames: &[EdgeFrame],
         prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
         (is_planar, finer): (bool, u8),
@@ -287,16 +312,16 @@ impl EdgeCue {
             }
             let before = Vector3::from(detection.position_m);
             let mut damping = 1e-3;
-            let mut value = self.value(errors, frames, detection, before, prior);
+            let mut value = self.value(frames, detection, before, prior);
             let mut moved_px = 0.0_f64;
             for _ in 0..STEPS {
                 let here = Vector3::from(detection.position_m);
-                let (slope, shift_px) = self.slope(errors, frames, detection, here, prior);
+                let (slope, shift_px) = self.slope(frames, detection, here, prior);
                 let Some((step, size_px)) = solve(&slope, damping, is_planar, &shift_px) else {
                     break;
                 };
                 let there = here + step;
-                let new_value = self.value(errors, frames, detection, there, prior);
+                let new_value = self.value(frames, detection, there, prior);
                 if new_value > value {
                     value = new_value;
                     detection.position_m = there.into();
@@ -314,10 +339,9 @@ impl EdgeCue {
             }
         }
         let here = Vector3::from(detection.position_m);
-        let (slope, _) = self.slope(Errors::Shared, frames, detection, here, None);
+        let (slope, _) = self.slope(frames, detection, here, None);
         detection.information = slope.curvature;
-        detection.log_likelihood_ratio = self.value(Errors::Shared, frames, detection, here, None);
-        detection.fitted_log_ratio = self.value(Errors::OfPixels, frames, detection, here, None);
+        detection.log_likelihood_ratio = self.value(frames, detection, here, None);
         detection.log_likelihood_ratio.is_finite()
     }
 
@@ -354,7 +378,6 @@ impl EdgeCue {
     /// Returns the log-likelihood ratio at a position plus the prior's log-density there.
     fn value(
         &mut self,
-        errors: Errors,
         frames: &[EdgeFrame],
         detection: &Detection,
         position: Vector3<f64>,
@@ -370,8 +393,8 @@ impl EdgeCue {
             };
             let single: [f64; 3] = position.into();
             self.project(frame.projector(), &single.map(|v| [v as f32; LANES]));
-            let sums = SectorSums::of(lines, errors, &self.coordinates).lane(0);
-            value += f64::from(lines.log_likelihood_ratio(errors, &sums));
+            let sums = SectorSums::of(lines, &self.coordinates).lane(0);
+            value += f64::from(lines.log_likelihood_ratio(&sums));
         }
         value
     }
@@ -379,7 +402,6 @@ impl EdgeCue {
     /// Returns gradient and curvature at a position, and how many pixels the outline moves per metre along each axis.
     fn slope(
         &mut self,
-        errors: Errors,
         frames: &[EdgeFrame],
         detection: &Detection,
         position: Vector3<f64>,
@@ -390,17 +412,35 @@ impl EdgeCue {
             curvature: Matrix3::zeros(),
         };
         let mut most = [0.0_f64; 3];
-        let neighbors = Neighbors::of(position, self.diameter_m);
+        // Either way along each axis, so far that single precision still tells the difference.
+        let step_m = 0.02 * self.diameter_m;
+        let mut positions = [[0_f32; LANES]; 3];
+        for lane in 0..LANES {
+            for axis in 0..3 {
+                let sign = [(1 + 2 * axis, 1.0), (2 + 2 * axis, -1.0)]
+                    .into_iter()
+                    .find_map(|(at, sign)| (at == lane).then_some(sign));
+                positions[axis][lane] = (position[axis] + sign.unwrap_or(0.0) * step_m) as f32;
+            }
+        }
+        let width_m: [f32; 3] = std::array::from_fn(|axis| {
+            positions[axis][1 + 2 * axis] - positions[axis][2 + 2 * axis]
+        });
         for lines in detection.lines() {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
-            self.project(frame.projector(), &neighbors.positions);
-            let sums = SectorSums::of(lines, Errors::OfPixels, &self.coordinates).lane(0);
+            self.project(frame.projector(), &positions);
+            let sums = SectorSums::of(lines, &self.coordinates).lane(0);
             let visible = lines.visible_given(&sums);
             for k in 0..lines.line_count() {
                 let [u, v] = &self.coordinates[k];
-                let along = neighbors.px_per_metre(lines, k, &self.coordinates[k]);
+                let [nu, nv] = lines.normal(k);
+                let along = Vector3::from_fn(|axis, _| {
+                    let [plus, minus] = [1 + 2 * axis, 2 + 2 * axis];
+                    let moved = (u[plus] - u[minus]) * nu + (v[plus] - v[minus]) * nv;
+                    f64::from(lines.octave.scale() * moved / width_m[axis])
+                });
                 // The outline has no pixel here.
                 if along.iter().any(|v| v.is_nan()) {
                     continue;
@@ -409,10 +449,10 @@ impl EdgeCue {
                     most[axis] = most[axis].max(along[axis].abs());
                 }
                 let shift_px = lines.shift_px(k, [u[0], v[0]]);
-                let at = |d: f32| lines.line_log_ratio(errors, k, shift_px + d);
+                let at = |d: f32| lines.line_log_ratio(k, shift_px + d);
                 let [less, here, more] = [-SPAN_PX, 0.0, SPAN_PX].map(at);
                 let gradient = (more - less) / (2.0 * SPAN_PX);
-                let least = MIN_CURVATURE * lines.likelihood_exponent(errors);
+                let least = MIN_CURVATURE * lines.likelihood_exponent;
                 let curvature = ((2.0 * here - less - more) / (SPAN_PX * SPAN_PX)).max(least);
                 let weight = f64::from(visible[lines.sector(k)]);
                 slope.gradient += along * (weight * f64::from(gradient));
@@ -424,48 +464,6 @@ impl EdgeCue {
             slope.curvature += information;
         }
         (slope, most)
-    }
-}
-
-/// A position in the first lane, and its neighbours either way along each axis in the next.
-pub(super) struct Neighbors {
-    pub(super) positions: [[f32; LANES]; 3],
-    width_m: [f32; 3],
-}
-
-impl Neighbors {
-    /// The neighbours of a body of this diameter, so far away that single precision still tells the difference.
-    pub(super) fn of(position: Vector3<f64>, diameter_m: f64) -> Self {
-        let step_m = 0.02 * diameter_m;
-        let mut positions = [[0_f32; LANES]; 3];
-        for lane in 0..LANES {
-            for axis in 0..3 {
-                let sign = [(1 + 2 * axis, 1.0), (2 + 2 * axis, -1.0)]
-                    .into_iter()
-                    .find_map(|(at, sign)| (at == lane).then_some(sign));
-                positions[axis][lane] = (position[axis] + sign.unwrap_or(0.0) * step_m) as f32;
-            }
-        }
-        let width_m = std::array::from_fn(|axis| {
-            positions[axis][1 + 2 * axis] - positions[axis][2 + 2 * axis]
-        });
-        Self { positions, width_m }
-    }
-
-    /// Returns by how many of the octave's pixels the outline moves along line `k` per metre of movement along each axis, given the neighbours' points there; NaN
-    /// if these have no pixel.
-    pub(super) fn px_per_metre(
-        &self,
-        lines: &CorrespondenceLines,
-        k: usize,
-        [u, v]: &Coordinates,
-    ) -> Vector3<f64> {
-        let [nu, nv] = lines.normal(k);
-        Vector3::from_fn(|axis, _| {
-            let [plus, minus] = [1 + 2 * axis, 2 + 2 * axis];
-            let moved = (u[plus] - u[minus]) * nu + (v[plus] - v[minus]) * nv;
-            f64::from(lines.octave.scale() * moved / self.width_m[axis])
-        })
     }
 }
 

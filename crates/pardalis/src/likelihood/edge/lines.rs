@@ -41,31 +41,18 @@ pub(super) struct CorrespondenceLines {
     log_ratios: Vec<[f32; SHIFTS]>,
     /// Of each sector: the probability that the body is visible there, ...
     visible: [f32; SECTORS],
-    /// ... and the log-likelihood of an edge anywhere along its lines, with either kind of errors: what a body of any other outline would give.
-    anywhere: [[f32; SECTORS]; 2],
+    /// ... and the log-likelihood of an edge anywhere along its lines: what a body of any other outline would give.
+    anywhere: [f32; SECTORS],
     /// What surrounds the body in each sector.
     pub(super) surrounding: Surrounding,
     /// How far that is unchanged: 1, or down to 0 where something else has come, which may occlude the body.
     pub(super) unchanged: [f32; SECTORS],
-    /// The exponent of the lines' likelihoods with either kind of errors.
-    likelihood_exponents: [f32; 2],
+    /// The exponent of the lines' likelihoods.
+    pub(super) likelihood_exponent: f32,
     /// The share of the outline along which the body's colours are visible.
     pub(super) visible_share: f32,
     /// The mean Y, U and V of its pixels there; NaN if there are none.
     pub(super) body_color: [f32; 3],
-}
-
-/// The errors that a likelihood contains.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Errors {
-    /// Those of single pixels: which outline fits best, and which of its sectors are visible.
-    OfPixels,
-    /// Those that the whole outline shares as well: how likely positions near the best one are.
-    Shared,
-}
-
-impl Errors {
-    const ALL: [Self; 2] = [Self::OfPixels, Self::Shared];
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -247,14 +234,10 @@ impl CorrespondenceLines {
             let share = share * self.unchanged[sector] * unshared[sector];
             self.visible[sector] = MIN_UNCERTAINTY + (1.0 - 2.0 * MIN_UNCERTAINTY) * share;
         }
-        let exponent = settings.likelihood_exponent as f32;
-        self.likelihood_exponents = [exponent; 2];
-        // The shared error widens a likelihood with this curvature just as much.
-        let widening = 1.0 + self.curvature() * (settings.shared_sigma_px as f32).powi(2);
-        self.likelihood_exponents[Errors::Shared as usize] /= widening;
-        for errors in Errors::ALL {
-            self.find_anywhere(errors);
-        }
+        self.likelihood_exponent = settings.likelihood_exponent as f32;
+        self.likelihood_exponent /=
+            1.0 + self.curvature() * (settings.shared_sigma_px as f32).powi(2);
+        self.find_anywhere();
         true
     }
 
@@ -284,33 +267,26 @@ impl CorrespondenceLines {
     fn curvature(&self) -> f32 {
         let of_line = |k: usize| {
             let [less, here, more] =
-                [-0.5, 0.0, 0.5].map(|px| self.line_log_ratio(Errors::OfPixels, k, px));
+                [-0.5, 0.0, 0.5].map(|shift_px| self.line_log_ratio(k, shift_px));
             (2.0 * here - less - more) / 0.25
         };
         let sum: f32 = (0..self.line_count()).map(of_line).sum();
         sum.max(0.0)
     }
 
-    fn find_anywhere(&mut self, errors: Errors) {
-        let exponent = self.likelihood_exponent(errors);
+    fn find_anywhere(&mut self) {
         let count = self.log_ratios.len();
         let mut sums = [[0_f32; SHIFTS]; SECTORS];
         for (line, log_ratios) in self.log_ratios.iter().enumerate() {
             for (sum, log_ratio) in sums[line * SECTORS / count].iter_mut().zip(log_ratios) {
-                *sum += exponent * log_ratio;
+                *sum += self.likelihood_exponent * log_ratio;
             }
         }
-        let anywhere = &mut self.anywhere[errors as usize];
-        for (anywhere, sums) in anywhere.iter_mut().zip(&sums) {
+        for (anywhere, sums) in self.anywhere.iter_mut().zip(&sums) {
             let most = sums.iter().copied().fold(f32::NEG_INFINITY, f32::max);
             let total: f32 = sums.iter().map(|sum| libm::expf(sum - most)).sum();
             *anywhere = most + libm::logf(total / SHIFTS as f32);
         }
-    }
-
-    /// The exponent of the lines' likelihoods.
-    pub(super) fn likelihood_exponent(&self, errors: Errors) -> f32 {
-        self.likelihood_exponents[errors as usize]
     }
 
     /// The shift of a point of the outline along line `k`, in the octave's pixels outwards.
@@ -325,11 +301,6 @@ impl CorrespondenceLines {
         self.crossings[k].normal
     }
 
-    /// The log-likelihood ratios of line `k` over its shifts, without exponent.
-    pub(super) fn raw_log_ratios(&self, k: usize) -> &[f32; SHIFTS] {
-        &self.log_ratios[k]
-    }
-
     pub(super) fn line_count(&self) -> usize {
         self.crossings.len()
     }
@@ -337,7 +308,7 @@ impl CorrespondenceLines {
     /// The log-likelihood ratio of line `k` for a shift, with the likelihood exponent, by a quadratic B-spline, which is smooth. Beyond the reach there is no edge of this
     /// body.
     #[inline(always)]
-    pub(super) fn line_log_ratio(&self, errors: Errors, k: usize, shift_px: f32) -> f32 {
+    pub(super) fn line_log_ratio(&self, k: usize, shift_px: f32) -> f32 {
         // One of the outlines has no pixel here.
         if shift_px.is_nan() {
             return 0.0;
@@ -348,7 +319,7 @@ impl CorrespondenceLines {
         let [before, at, after] =
             [nearest - 1, nearest, nearest + 1].map(|i| self.log_ratios[k][i]);
         let (less, more) = (0.5 - off, 0.5 + off);
-        let inside = self.likelihood_exponents[errors as usize]
+        let inside = self.likelihood_exponent
             * (0.5 * less * less * before + (0.75 - off * off) * at + 0.5 * more * more * after);
         if shift_px.abs() < REACH_PX {
             inside
@@ -360,21 +331,21 @@ impl CorrespondenceLines {
     /// The log-likelihood ratio of the whole outline against an edge anywhere, from the sums of [`CorrespondenceLines::line_log_ratio`] over each sector. A sector is visible, or
     /// occluded and says nothing.
     #[inline(always)]
-    pub(super) fn log_likelihood_ratio(&self, errors: Errors, sums: &[f32; SECTORS]) -> f32 {
+    pub(super) fn log_likelihood_ratio(&self, sums: &[f32; SECTORS]) -> f32 {
         let mut total = 0.0;
         for sector in 0..SECTORS {
             let visible = self.visible[sector];
-            let log_ratio = (sums[sector] - self.anywhere[errors as usize][sector]).min(60.0);
+            let log_ratio = (sums[sector] - self.anywhere[sector]).min(60.0);
             total += libm::logf(visible * libm::expf(log_ratio) + 1.0 - visible);
         }
         total
     }
 
-    /// The probability that each sector is visible, given its sum without shared errors.
+    /// The probability that each sector is visible, given its sum.
     pub(super) fn visible_given(&self, sums: &[f32; SECTORS]) -> [f32; SECTORS] {
         std::array::from_fn(|sector| {
             let visible = self.visible[sector];
-            let likely = visible * libm::expf((sums[sector] - self.anywhere[Errors::OfPixels as usize][sector]).min(60.0));
+            let likely = visible * libm::expf((sums[sector] - self.anywhere[sector]).min(60.0));
             likely / (likely + 1.0 - visible)
         })
     }

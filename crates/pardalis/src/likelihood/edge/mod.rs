@@ -8,7 +8,6 @@
 mod fit;
 mod frame;
 mod lines;
-mod refine;
 #[cfg(test)]
 mod tests;
 
@@ -21,8 +20,7 @@ use crate::color::{ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, Palette,
 use crate::shape::Shape;
 use crate::view::View;
 use frame::{Octave, SECTORS};
-use refine::RefineBuffers;
-use lines::{Errors, LineBuffers, REACH_PX, SHIFTS};
+use lines::{LineBuffers, REACH_PX, SHIFTS};
 use pardalis_camera::LANES;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
@@ -188,7 +186,6 @@ pub(crate) struct EdgeCue {
     points: Vec<Points>,
     coordinates: Vec<Coordinates>,
     buffers: LineBuffers,
-    refine_buffers: RefineBuffers,
     level: Level,
 }
 
@@ -230,7 +227,6 @@ impl EdgeCue {
             points: vec![[[0.0; LANES]; 3]; settings.correspondence_lines],
             coordinates: vec![[[0.0; LANES]; 2]; settings.correspondence_lines],
             buffers: LineBuffers::new(),
-            refine_buffers: RefineBuffers::with_room(settings.correspondence_lines),
             level,
         })
     }
@@ -344,11 +340,9 @@ impl EdgeCue {
             if has_lines {
                 self.project(frame.projector(), &positions);
                 for (lines, offset) in lines.clone() {
-                    let sums = SectorSums::of(lines, Errors::Shared, &self.coordinates);
+                    let sums = SectorSums::of(lines, &self.coordinates);
                     for (lane, best) in best.iter_mut().enumerate().take(lanes) {
-                        let sums = sums.lane(lane);
-                        let log_ratio =
-                            lines.log_likelihood_ratio(Errors::Shared, &sums) + offset;
+                        let log_ratio = lines.log_likelihood_ratio(&sums.lane(lane)) + offset;
                         if log_ratio > *best {
                             *best = log_ratio;
                         }

@@ -84,11 +84,6 @@ impl Detector {
         let apart_m = DISTINCT_DIAMETERS * self.shape.diameter_m();
         self.detections
             .keep_distinct(MIN_LOG_RATIO, apart_m, MAX_DETECTIONS);
-        let is_planar = self.is_planar;
-        self.detections
-            .for_each(|detection| edge.refine(frames, is_planar, detection));
-        self.detections
-            .keep_distinct(MIN_LOG_RATIO, apart_m, MAX_DETECTIONS);
     }
 
     /// Detects the target near its predicted position, with the prediction as prior.
