@@ -310,7 +310,9 @@ impl EdgeLearner {
             outlines.retain(|outline| outline.area_px() >= least);
             outlines
         });
-        let octaves: Vec<_> = octaves.take_while(|outlines| !outlines.is_empty()).collect();
+        let octaves: Vec<_> = octaves
+            .take_while(|outlines| !outlines.is_empty())
+            .collect();
         for outline in octaves.first().into_iter().flatten() {
             let center_px = center_px(outline, 0);
             let is_same = |octave: usize, other: &OutlineDistance| {
@@ -325,11 +327,7 @@ impl EdgeLearner {
     }
 
     /// Adds a part, given its outline in each octave.
-    fn add_part(
-        &mut self,
-        outlines: &[&OutlineDistance],
-        yuv: &impl Fn(usize, usize) -> [f32; 3],
-    ) {
+    fn add_part(&mut self, outlines: &[&OutlineDistance], yuv: &impl Fn(usize, usize) -> [f32; 3]) {
         for (octave, outline) in outlines.iter().enumerate() {
             self.take_pixels(outline, octave, yuv);
             self.count(octave, radius_px(outline));

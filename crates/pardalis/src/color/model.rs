@@ -232,7 +232,11 @@ impl ColorModel {
             .transpose()
             .map_err(|(offset, message)| at(line_of(offset), message))?;
         let mut edges = Vec::new();
-        if let Some(coarser) = parsed.coarser_edges.first().filter(|_| parsed.edge.is_none()) {
+        if let Some(coarser) = parsed
+            .coarser_edges
+            .first()
+            .filter(|_| parsed.edge.is_none())
+        {
             let message = "coarser_edges without edge; learn the model again";
             return Err(at(line_of(coarser.span().start), message.to_owned()));
         }

@@ -283,7 +283,8 @@ impl EdgeCue {
         let moved = Vector3::from(detection.position_m) - mean;
         let agrees = is_found
             && detection.camera_count == cameras
-            && (moved.transpose() * information * moved)[0] < MAX_REFINED_SIGMAS * MAX_REFINED_SIGMAS
+            && (moved.transpose() * information * moved)[0]
+                < MAX_REFINED_SIGMAS * MAX_REFINED_SIGMAS
             && detection.log_likelihood_ratio > MIN_REFINED_SHARE * log_ratio;
         if !agrees {
             detection.position_m = position_m;

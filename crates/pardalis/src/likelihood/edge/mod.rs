@@ -211,8 +211,8 @@ impl EdgeCue {
                     profile.without_sides().log_ratios()
                 }
             });
-            let log_ratios = log_ratios
-                .unwrap_or_else(|| EdgeProfile::soft_step(Octave(octave).scale().into()));
+            let log_ratios =
+                log_ratios.unwrap_or_else(|| EdgeProfile::soft_step(Octave(octave).scale().into()));
             Table::new(&log_ratios, Octave(octave))
         };
         let tables = (0..=Octave::COARSEST.0).map(table).collect();
