@@ -37,7 +37,7 @@ fn unsupported_motion_and_settings_out_of_range_are_rejected() {
         let error =
             BernoulliFilter::new(BernoulliSettings::of(motion), Draws::new(1, 0)).unwrap_err();
         assert!(
-            error.to_string().contains("random walk that diffuses"),
+            error.to_string().contains("random walk with diffusion"),
             "{error}"
         );
     }
