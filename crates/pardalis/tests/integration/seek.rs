@@ -316,7 +316,7 @@ fn in_light(mut picture: RgbImage, gains: [f64; 3]) -> RgbImage {
 const DARK: [f64; 3] = [0.28, 0.28, 0.28];
 const COLD: [f64; 3] = [0.42, 0.6, 1.0];
 
-/// Number of frames in five seconds, in which the ball moves a little, forth and back.
+/// Number of frames in five seconds, in which the ball moves a little, back and forth.
 const FIVE_SECONDS: usize = 125;
 
 /// Returns the index of the picture that one of these frames shows.
