@@ -9,10 +9,13 @@ pub struct StateEstimate {
     pub velocity_mps: Option<[f64; 3]>,
     /// Covariance of the position in m²: xx, xy, xz, yy, yz, zz.
     pub covariance_m2: [f64; 6],
-    /// The position of the best particle, metres (thesis eq. 5.4). [`ParticleFilter`](crate::particle_filter::ParticleFilter): the particle with the greatest
-    /// weight, which is the most likely one if the filter resamples at every step, as published.
-    /// [`BernoulliFilter`](crate::bernoulli::BernoulliFilter): the particle to which the images of the last update gave the greatest
-    /// likelihood ratio; its weights are corrected for the proposal, so that the heaviest particle is one that the proposal rarely draws.
+    /// Position of the best particle, metres (thesis eq. 5.4).
+    ///
+    /// [`ParticleFilter`](crate::particle_filter::ParticleFilter): the particle with the greatest weight, which is
+    /// the most likely one if the filter resamples at every step, as published.
+    /// [`BernoulliFilter`](crate::bernoulli::BernoulliFilter): the particle with the greatest likelihood ratio in the
+    /// last update. Its greatest weight would not do, because weights are corrected for the proposal and are greatest
+    /// where the proposal rarely draws.
     pub best_position_m: [f64; 3],
     /// Effective sample size, 1/Σw².
     pub effective_sample_size: f64,

@@ -41,8 +41,8 @@ pub(crate) fn heaviest(weights: &[f64]) -> usize {
     (0..weights.len()).reduce(heavier).unwrap_or(0)
 }
 
-/// The number of the particle of the greatest log-likelihood among those that are possible (whose weight is above 0); of equally likely ones the heaviest, of those
-/// the first.
+/// Returns the index of the particle with the greatest log-likelihood among those with a weight above 0; in case of
+/// ties the one with the greatest weight, then the first.
 pub(crate) fn likeliest(log_likelihoods: &[f32], log_weights: &[f64]) -> usize {
     let rank = |i: usize| (log_likelihoods[i], log_weights[i]);
     let is_possible = |&i: &usize| log_weights[i] > f64::NEG_INFINITY && !rank(i).0.is_nan();

@@ -1,4 +1,4 @@
-//! JPEG and PNG files as images. A file that is not complete is an error, never a half-grey image.
+//! Decoding of JPEG and PNG files. An incomplete file is an error and never gives a half-grey image.
 
 use std::borrow::Cow;
 use std::io::Cursor;
@@ -10,10 +10,10 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::{GrayImage, RgbImage};
 
-/// The longest side that is decoded, in pixels.
+/// Maximum length of a side, in pixels.
 pub const MAX_SIDE_PX: usize = 16_384;
 
-/// Why a file cannot be decoded, as the end of a sentence about it.
+/// The reason why a file cannot be decoded. Messages continue a sentence that begins with the file's name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DecodeError {
@@ -23,22 +23,24 @@ pub enum DecodeError {
     /// The first bytes are not those of a JPEG or PNG file.
     #[error("this is not a JPEG or PNG image; replace or remove it")]
     OtherFormat,
-    /// The header gives a width or height of 0.
+    /// The width or height in the header is 0.
     #[error("the image has no pixels ({0} x {1}); replace or remove it")]
     NoPixels(usize, usize),
     /// A side is longer than [`MAX_SIDE_PX`].
-    #[error("the image is {0} x {1} pixels; at most {MAX_SIDE_PX} a side are taken: scale it down")]
+    #[error(
+        "the image is {0} x {1} pixels; at most {MAX_SIDE_PX} per side are supported: scale it down"
+    )]
     TooLarge(usize, usize),
-    /// The file ends before its image does; with its length in bytes.
+    /// The file ends before its image does. Contains its length in bytes.
     #[error(
         "the file ends before its image does, as if cut off while it was written or copied ({0} bytes); \
          replace or remove it"
     )]
     Incomplete(usize),
-    /// The compressed data are damaged, or of a kind that is not supported; with the decoder's reason.
+    /// The compressed data are damaged or not supported. Contains the decoder's message.
     #[error(
-        "the image is damaged or of an unknown kind: {0}; \
-         replace it by a sound JPEG (baseline or progressive) or PNG image"
+        "the image is damaged or not supported: {0}; \
+         replace it by an intact JPEG (baseline or progressive) or PNG image"
     )]
     Damaged(String),
 }
@@ -59,7 +61,7 @@ pub fn decode(file: &[u8]) -> Result<RgbImage, DecodeError> {
     })
 }
 
-/// Decodes a JPEG or PNG file of any pixel type to 8-bit grey; colours by the weights of BT.601.
+/// Decodes a JPEG or PNG file of any pixel type to 8-bit grey. Colours are combined with the weights of BT.601.
 pub fn decode_grey(file: &[u8]) -> Result<GrayImage, DecodeError> {
     Ok(decode(file)?.map(|[r, g, b]| {
         let sum = 299 * u32::from(r) + 587 * u32::from(g) + 114 * u32::from(b);
@@ -67,31 +69,31 @@ pub fn decode_grey(file: &[u8]) -> Result<GrayImage, DecodeError> {
     }))
 }
 
-/// Width and height of a JPEG or PNG file in pixels, from its header; the pixels are not decoded, so that damage in
-/// them goes unnoticed.
+/// Returns the width and height of a JPEG or PNG file in pixels from its header. The pixels are not decoded, so that
+/// damaged data are not detected.
 pub fn size(file: &[u8]) -> Result<(usize, usize), DecodeError> {
     Ok(check(file)?.1)
 }
 
-/// The file formats that are decoded.
+/// Supported file formats.
 #[derive(Clone, Copy)]
 enum Kind {
     Jpeg {
-        /// Where the end mark of a sequential (not progressive) image stands.
+        /// Position of the end marker of a sequential (not progressive) image.
         scans_end: Option<usize>,
     },
     Png,
 }
 
-/// Finds the format by the first bytes, and the size in the header before anything is allocated for it.
+/// Determines the format from the first bytes and checks the size in the header before memory is allocated.
 fn check(file: &[u8]) -> Result<(Kind, (usize, usize)), DecodeError> {
-    let outline = match file {
+    let structure = match file {
         [] => return Err(DecodeError::Empty),
-        [0xFF, 0xD8, ..] => jpeg_outline(file),
-        [0x89, b'P', b'N', b'G', ..] => png_outline(file),
+        [0xFF, 0xD8, ..] => jpeg_structure(file),
+        [0x89, b'P', b'N', b'G', ..] => png_structure(file),
         _ => return Err(DecodeError::OtherFormat),
     };
-    if let Some((width, height)) = outline.size {
+    if let Some((width, height)) = structure.size {
         if width == 0 || height == 0 {
             return Err(DecodeError::NoPixels(width, height));
         }
@@ -99,24 +101,24 @@ fn check(file: &[u8]) -> Result<(Kind, (usize, usize)), DecodeError> {
             return Err(DecodeError::TooLarge(width, height));
         }
     }
-    match outline.size {
-        Some(size) if outline.complete => Ok((outline.kind, size)),
+    match structure.size {
+        Some(size) if structure.complete => Ok((structure.kind, size)),
         _ => Err(DecodeError::Incomplete(file.len())),
     }
 }
 
-/// What the markers of an image file say.
-struct Outline {
+/// The structure of an image file according to its markers.
+struct Structure {
     kind: Kind,
-    /// Width and height in pixels, where the file goes on that far.
+    /// Width and height in pixels, if the file contains them.
     size: Option<(usize, usize)>,
-    /// Whether the file goes on to the mark of its end.
+    /// Whether the file contains its end marker.
     complete: bool,
 }
 
-/// Goes from marker to marker.
-fn jpeg_outline(bytes: &[u8]) -> Outline {
-    let mut outline = Outline {
+/// Parses the markers of a JPEG file.
+fn jpeg_structure(bytes: &[u8]) -> Structure {
+    let mut structure = Structure {
         kind: Kind::Jpeg { scans_end: None },
         size: None,
         complete: false,
@@ -124,7 +126,7 @@ fn jpeg_outline(bytes: &[u8]) -> Outline {
     let mut is_progressive = false;
     let mut rest = &bytes[2..];
     // Between segments, and in entropy-coded data, a marker is 0xFF and a byte other than stuffing (0x00),
-    // fill (0xFF) and restart marks, which stand alone.
+    // fill (0xFF) and restart markers, which have no segment.
     while let Some(at) = rest.iter().position(|&byte| byte == 0xFF) {
         rest = &rest[at + 1..];
         let Some(&marker) = rest.first() else { break };
@@ -132,20 +134,20 @@ fn jpeg_outline(bytes: &[u8]) -> Outline {
             0x00 | 0x01 | 0xD0..=0xD8 => rest = &rest[1..],
             0xFF => {}
             0xD9 => {
-                outline.complete = true;
+                structure.complete = true;
                 let end = bytes.len() - rest.len() - 1;
-                outline.kind = Kind::Jpeg {
+                structure.kind = Kind::Jpeg {
                     scans_end: (!is_progressive).then_some(end),
                 };
                 break;
             }
             _ => {
-                // The frame headers: all of C0 to CF but tables (C4), extensions (C8), arithmetic conditions (CC).
+                // Frame headers: C0 to CF except tables (C4), extensions (C8) and arithmetic conditioning (CC).
                 let is_frame =
                     matches!(marker, 0xC0..=0xCF) && !matches!(marker, 0xC4 | 0xC8 | 0xCC);
                 if let (true, [_, _, _, _, h1, h0, w1, w0, ..]) = (is_frame, rest) {
                     let size = [[w1, w0], [h1, h0]].map(|[a, b]| u16::from_be_bytes([*a, *b]));
-                    outline.size = Some((usize::from(size[0]), usize::from(size[1])));
+                    structure.size = Some((usize::from(size[0]), usize::from(size[1])));
                 }
                 is_progressive |= marker == 0xC2;
                 let [_, l1, l0, ..] = rest else { break };
@@ -154,12 +156,12 @@ fn jpeg_outline(bytes: &[u8]) -> Outline {
             }
         }
     }
-    outline
+    structure
 }
 
-/// Goes from chunk to chunk; the decoder checks their sums.
-fn png_outline(bytes: &[u8]) -> Outline {
-    let mut outline = Outline {
+/// Parses the chunks of a PNG file. The decoder verifies their checksums.
+fn png_structure(bytes: &[u8]) -> Structure {
+    let mut structure = Structure {
         kind: Kind::Png,
         size: None,
         complete: false,
@@ -170,18 +172,18 @@ fn png_outline(bytes: &[u8]) -> Outline {
         match (&[k0, k1, k2, k3], body) {
             (b"IHDR", &[w3, w2, w1, w0, h3, h2, h1, h0, ..]) => {
                 let [width, height] = [[w3, w2, w1, w0], [h3, h2, h1, h0]].map(u32::from_be_bytes);
-                outline.size = Some((width as usize, height as usize));
+                structure.size = Some((width as usize, height as usize));
             }
             (b"IEND", _) => {
-                outline.complete = true;
+                structure.complete = true;
                 break;
             }
             _ => {}
         }
-        // Each chunk ends with a sum of four bytes.
+        // Each chunk ends with a checksum of four bytes.
         rest = body.get(length.saturating_add(4)..).unwrap_or_default();
     }
-    outline
+    structure
 }
 
 fn rgb_from_jpeg(bytes: &[u8], scans_end: Option<usize>) -> Result<Vec<u8>, String> {
@@ -190,8 +192,9 @@ fn rgb_from_jpeg(bytes: &[u8], scans_end: Option<usize>) -> Result<Vec<u8>, Stri
         .set_max_width(MAX_SIDE_PX)
         .set_max_height(MAX_SIDE_PX)
         .jpeg_set_out_colorspace(ColorSpace::RGB);
-    // The decoder makes up what is missing before an end mark, as where a camera lost part of a frame. With some
-    // zeros in its place, for reading ahead, it tells that the data run out. Progressive scans need the mark.
+    // The decoder fills in data missing before an end marker, for example where a camera lost part of a frame. With
+    // zeros instead of the marker, for reading ahead, it reports that data are missing. Progressive scans need the
+    // marker.
     let data = match scans_end {
         Some(end) => Cow::from([&bytes[..end], &[0; 8]].concat()),
         None => Cow::from(bytes),
@@ -201,12 +204,12 @@ fn rgb_from_jpeg(bytes: &[u8], scans_end: Option<usize>) -> Result<Vec<u8>, Stri
 }
 
 fn rgb_from_png(bytes: &[u8]) -> Result<Vec<u8>, String> {
-    // The size has been checked: enough for 16 bits of red, green, blue and alpha at the largest.
+    // The size has been checked. Suffices for 16 bits of red, green, blue and alpha at the maximum size.
     let limits = png::Limits {
         bytes: 8 * MAX_SIDE_PX * MAX_SIDE_PX,
     };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
-    // Palettes become colours, and fewer than 8 bits become 8.
+    // Converts palettes to colours, and samples of fewer than 8 bits to 8 bits.
     decoder.set_transformations(png::Transformations::EXPAND);
     let reason = |error: png::DecodingError| format!("PNG: {error}");
     let mut reader = decoder.read_info().map_err(reason)?;
@@ -226,7 +229,7 @@ fn rgb_from_png(bytes: &[u8]) -> Result<Vec<u8>, String> {
     })
 }
 
-/// Rounds samples of two bytes, the high one first, to one.
+/// Rounds big-endian samples of two bytes to one byte.
 fn eight_bits(samples: &[u8]) -> Vec<u8> {
     let (samples, _) = samples.as_chunks();
     let rounded = |sample: u16| ((u32::from(sample) + 128) / 257) as u8;

@@ -1,28 +1,28 @@
-//! JPEG and PNG files from images.
+//! Encoding of JPEG and PNG files.
 
 use jpeg_encoder::{ChromaSubsamplingMethod, ColorType, Encoder, SamplingFactor};
 
 use super::{Image, RgbImage};
 
-/// Why an image cannot be encoded.
+/// The reason why an image cannot be encoded.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EncodeError {
     /// JPEG allows at most 65 535 pixels per side.
-    #[error("{0} pixels are too many for JPEG")]
+    #[error("a side has {0} pixels, but JPEG allows at most 65535")]
     TooLarge(u32),
-    /// The JPEG encoder's own reason.
+    /// The JPEG encoder failed.
     #[error("JPEG: {0}")]
     Jpeg(#[from] jpeg_encoder::EncodingError),
-    /// The PNG encoder's own reason.
+    /// The PNG encoder failed.
     #[error("PNG: {0}")]
     Png(#[from] png::EncodingError),
 }
 
-/// How many pixels share the colour of a JPEG image.
+/// Chroma subsampling of a JPEG image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JpegSampling {
-    /// As the encoder chooses by quality.
+    /// Chosen by the encoder according to the quality.
     Automatic,
     /// Two by two pixels share their mean colour, centred between them, as most cameras do (4:2:0).
     TwoByTwo,
@@ -32,7 +32,7 @@ pub enum JpegSampling {
 ///
 /// # Panics
 ///
-/// With any other number of channels.
+/// Panics if there is another number of channels.
 pub fn encode_png<const CHANNELS: usize>(
     image: &Image<u8, CHANNELS>,
 ) -> Result<Vec<u8>, EncodeError> {
@@ -41,7 +41,7 @@ pub fn encode_png<const CHANNELS: usize>(
         2 => png::ColorType::GrayscaleAlpha,
         3 => png::ColorType::Rgb,
         4 => png::ColorType::Rgba,
-        _ => panic!("PNG has no colours of {CHANNELS} channels"),
+        _ => panic!("PNG does not support {CHANNELS} channels"),
     };
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, image.width(), image.height());
@@ -55,7 +55,7 @@ pub fn encode_png<const CHANNELS: usize>(
     Ok(bytes)
 }
 
-/// Encodes an image as baseline JPEG of a quality from 1 to 100.
+/// Encodes an image as baseline JPEG with a quality from 1 to 100.
 pub fn encode_jpeg(
     image: &RgbImage,
     quality: u8,

@@ -8,14 +8,14 @@ pub struct Image<T, const CHANNELS: usize> {
     samples: Vec<T>,
 }
 
-/// An image of one byte per pixel.
+/// An image with one byte per pixel.
 pub type GrayImage = Image<u8, 1>;
 
-/// An image of red, green and blue bytes.
+/// An image with red, green and blue bytes.
 pub type RgbImage = Image<u8, 3>;
 
 impl<T: Copy + Default, const CHANNELS: usize> Image<T, CHANNELS> {
-    /// Creates an image whose samples are all zero.
+    /// Creates an image with all samples zero.
     pub fn new(width: u32, height: u32) -> Self {
         Self::from_pixel(width, height, [T::default(); CHANNELS])
     }
@@ -46,7 +46,7 @@ impl<T: Copy, const CHANNELS: usize> Image<T, CHANNELS> {
         }
     }
 
-    /// Takes interleaved samples; `None` if their number does not fit the size.
+    /// Creates an image from interleaved samples; `None` if their number does not match the size.
     pub fn from_raw(width: u32, height: u32, samples: Vec<T>) -> Option<Self> {
         (samples.len() == sample_count::<CHANNELS>(width, height)).then_some(Self {
             width,
@@ -55,41 +55,41 @@ impl<T: Copy, const CHANNELS: usize> Image<T, CHANNELS> {
         })
     }
 
-    /// Width in pixels.
+    /// Returns the width in pixels.
     pub fn width(&self) -> u32 {
         self.width
     }
 
-    /// Height in pixels.
+    /// Returns the height in pixels.
     pub fn height(&self) -> u32 {
         self.height
     }
 
-    /// Width and height in pixels.
+    /// Returns the width and height in pixels.
     pub fn dimensions(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
-    /// Width and height in pixels, to index with.
+    /// Returns the width and height in pixels, as indices.
     pub fn size_px(&self) -> (usize, usize) {
         (self.width as usize, self.height as usize)
     }
 
-    /// The interleaved samples, row by row.
+    /// Returns the interleaved samples, row by row.
     pub fn as_raw(&self) -> &[T] {
         &self.samples
     }
 
-    /// The interleaved samples, row by row.
+    /// Converts the image into its interleaved samples, row by row.
     pub fn into_raw(self) -> Vec<T> {
         self.samples
     }
 
-    /// The pixel in column `x` and row `y`.
+    /// Returns the pixel in column `x` and row `y`.
     ///
     /// # Panics
     ///
-    /// Outside the image.
+    /// Panics if the pixel is outside the image.
     #[inline]
     pub fn get_pixel(&self, x: u32, y: u32) -> [T; CHANNELS] {
         self.samples.as_chunks().0[self.index(x, y)]
@@ -99,37 +99,39 @@ impl<T: Copy, const CHANNELS: usize> Image<T, CHANNELS> {
     ///
     /// # Panics
     ///
-    /// Outside the image.
+    /// Panics if the pixel is outside the image.
     #[inline]
     pub fn put_pixel(&mut self, x: u32, y: u32, pixel: [T; CHANNELS]) {
         let index = self.index(x, y);
         self.samples.as_chunks_mut().0[index] = pixel;
     }
 
-    /// All pixels, row by row.
+    /// Iterates over all pixels, row by row.
     pub fn pixels(&self) -> impl Iterator<Item = [T; CHANNELS]> {
         self.samples.as_chunks().0.iter().copied()
     }
 
-    /// All pixels, row by row, to be changed.
+    /// Iterates over mutable references to all pixels, row by row.
     pub fn pixels_mut(&mut self) -> impl Iterator<Item = &mut [T; CHANNELS]> {
         self.samples.as_chunks_mut().0.iter_mut()
     }
 
-    /// All pixels with their columns and rows, row by row.
+    /// Iterates over all pixels with their columns and rows, row by row.
     pub fn enumerate_pixels(&self) -> impl Iterator<Item = (u32, u32, [T; CHANNELS])> {
-        let places = (0..self.height).flat_map(|y| (0..self.width).map(move |x| (x, y)));
-        places.zip(self.pixels()).map(|((x, y), p)| (x, y, p))
+        let positions = (0..self.height).flat_map(|y| (0..self.width).map(move |x| (x, y)));
+        positions.zip(self.pixels()).map(|((x, y), p)| (x, y, p))
     }
 
-    /// All pixels with their columns and rows, row by row, to be changed.
+    /// Iterates over mutable references to all pixels with their columns and rows, row by row.
     pub fn enumerate_pixels_mut(&mut self) -> impl Iterator<Item = (u32, u32, &mut [T; CHANNELS])> {
         let (width, height) = self.dimensions();
-        let places = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
-        places.zip(self.pixels_mut()).map(|((x, y), p)| (x, y, p))
+        let positions = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
+        positions
+            .zip(self.pixels_mut())
+            .map(|((x, y), p)| (x, y, p))
     }
 
-    /// An image of the same size whose pixels are a function of this one's.
+    /// Applies a function to each pixel and returns the result as an image of the same size.
     pub fn map<U: Copy, const N: usize>(
         &self,
         mut pixel: impl FnMut([T; CHANNELS]) -> [U; N],
@@ -142,8 +144,8 @@ impl<T: Copy, const CHANNELS: usize> Image<T, CHANNELS> {
         }
     }
 
-    /// A copy of the rectangle of this size whose top left pixel is in column `x` and row `y`; what lies outside the
-    /// image is left out.
+    /// Copies the rectangle of this size whose top left pixel is in column `x` and row `y`. The part outside the image
+    /// is omitted.
     pub fn crop(&self, x: u32, y: u32, width: u32, height: u32) -> Self {
         let (x, y) = (x.min(self.width), y.min(self.height));
         let width = width.min(self.width - x);
@@ -162,7 +164,11 @@ impl<T: Copy, const CHANNELS: usize> Image<T, CHANNELS> {
 
     #[inline]
     fn index(&self, x: u32, y: u32) -> usize {
-        assert!(x < self.width, "column {x} of an image {} wide", self.width);
+        assert!(
+            x < self.width,
+            "column {x} is outside an image {} pixels wide",
+            self.width
+        );
         y as usize * self.width as usize + x as usize
     }
 }
@@ -180,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_lie_row_by_row() {
+    fn pixels_are_stored_row_by_row() {
         let mut image = numbered(3, 2);
         assert_eq!(
             image.as_raw(),
@@ -194,12 +200,12 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "column 3")]
-    fn a_column_outside_is_not_the_next_row() {
+    fn columns_outside_the_image_panic() {
         numbered(3, 2).get_pixel(3, 0);
     }
 
     #[test]
-    fn raw_samples_must_fit_the_size() {
+    fn the_number_of_raw_samples_must_match_the_size() {
         assert_eq!(RgbImage::from_raw(3, 2, vec![0; 17]), None);
         assert_eq!(
             RgbImage::from_raw(3, 2, vec![0; 18]),
@@ -208,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn crops_end_at_the_border_and_repeated_pixels_are_squares() {
+    fn crops_end_at_the_border_and_pixels_are_repeated_as_squares() {
         let image = numbered(5, 4);
         let part = image.crop(3, 1, 9, 2);
         assert_eq!(part.dimensions(), (2, 2));

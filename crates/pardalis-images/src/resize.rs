@@ -2,14 +2,15 @@
 
 use super::Image;
 
-/// Source pixels of one column or row of the result, and their weights.
+/// Source pixels of a column or row of the result, with their weights.
 struct Taps {
     first: usize,
     weights: Vec<f32>,
 }
 
 impl<const CHANNELS: usize> Image<u8, CHANNELS> {
-    /// Resizes the image by linear interpolation; where it shrinks, the filter widens so that every pixel counts.
+    /// Resizes the image by linear interpolation. For smaller images the filter is widened, so that every pixel
+    /// contributes.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         if (width, height) == self.dimensions() || self.as_raw().is_empty() {
             let unchanged = (width, height) == self.dimensions();
@@ -49,7 +50,7 @@ impl<const CHANNELS: usize> Image<u8, CHANNELS> {
     }
 }
 
-/// For each of `to` pixels in a row, the pixels of a row of `from` that it is the weighted mean of.
+/// Returns, for each of `to` pixels in a row, the pixels in a row of `from` of which it is the weighted mean.
 fn taps(from: u32, to: u32) -> Vec<Taps> {
     let ratio = from as f32 / to as f32;
     let reach = ratio.max(1.0);
@@ -57,7 +58,7 @@ fn taps(from: u32, to: u32) -> Vec<Taps> {
         let centre = (place as f32 + 0.5) * ratio;
         let first = ((centre - reach).floor() as i64).clamp(0, i64::from(from) - 1);
         let end = ((centre + reach).ceil() as i64).clamp(first + 1, i64::from(from));
-        // Centres of pixels, not their borders, are at integers.
+        // From here on, pixel centres rather than borders have integer coordinates.
         let centre = centre - 0.5;
         let weight = |i: i64| (1.0 - ((i as f32 - centre) / reach).abs()).max(0.0);
         let mut weights: Vec<f32> = (first..end).map(weight).collect();
@@ -78,13 +79,13 @@ mod tests {
     use crate::{GrayImage, RgbImage};
 
     #[test]
-    fn a_ramp_stays_a_ramp_at_any_size() {
+    fn resizing_preserves_ramps() {
         let ramp = GrayImage::from_fn(64, 8, |x, _| [4 * x as u8]);
         for scale in [0.25, 0.5, 2.0, 3.0] {
             let resized = ramp.resized((64.0 * scale) as u32, (8.0 * scale) as u32);
             let last = resized.width() - 1;
             for (x, _, [level]) in resized.enumerate_pixels() {
-                // Near the ends there is nothing to one side.
+                // Near the ends, pixels are missing on one side.
                 let place = (f64::from(x) + 0.5) / scale - 0.5;
                 let is_inside = x > 0 && x < last && (0.0..=63.0).contains(&place);
                 let error = f64::from(level) - 4.0 * place;
@@ -94,17 +95,17 @@ mod tests {
     }
 
     #[test]
-    fn halving_weighs_the_four_nearest_pixels() {
+    fn halving_averages_the_four_nearest_pixels() {
         let point = |at: u32| RgbImage::from_fn(8, 1, |x, _| [if x == at { 80 } else { 0 }; 3]);
         let halved = |at| point(at).resized(4, 1).map(|[r, _, _]| [r]).into_raw();
-        // Weights of 1, 3, 3 and 1 eighths; at the ends the pixels there are share them.
+        // Weights of 1, 3, 3 and 1 eighths; at the ends, the existing pixels share them.
         assert_eq!(halved(3), [0, 30, 10, 0]);
         assert_eq!(halved(4), [0, 10, 30, 0]);
         assert_eq!(halved(0), [34, 0, 0, 0]);
     }
 
     #[test]
-    fn nothing_makes_nothing_and_the_same_size_the_same_image() {
+    fn empty_images_stay_empty_and_equal_sizes_do_not_change_the_image() {
         let image = GrayImage::from_fn(5, 4, |x, y| [(50 * x + y) as u8]);
         assert_eq!(image.resized(5, 4), image);
         assert_eq!(image.resized(0, 3).as_raw(), []);

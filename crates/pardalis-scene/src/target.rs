@@ -435,7 +435,7 @@ fn read_existence(table: &Table) -> Option<ExistenceSettings> {
         );
         settings.velocity_jump_sigma_mps = rate(
             "velocity_jump_sigma_mps",
-            "Standard deviation of the velocity after a jump, on each axis.",
+            "Standard deviation of the change of velocity in a jump, on each axis.",
             default.velocity_jump_sigma_mps,
         );
         settings.occlusion.occlusion_hz = rate(
@@ -453,7 +453,7 @@ fn read_existence(table: &Table) -> Option<ExistenceSettings> {
         settings.ground_z_m = existence
             .key(
                 "ground_z_m",
-                "Height of the ground in the world, below which there are no targets.",
+                "Height of the ground in the world, for targets that stay on it.",
             )
             .within(-1e6..=1e6)
             .or(default.ground_z_m);

@@ -1,7 +1,8 @@
-//! What 50 000 points cost on one core through each camera model: the thesis needed 11.2 ms (unified) and 6.3 ms (perspective) in 2007.
+//! Projection of 50 000 points through each camera model on one core. The thesis took 11.2 ms (unified) and 6.3 ms
+//! (perspective) in 2007.
 //!
-//! `cargo bench -p pardalis --bench projection`. `batch` is `Camera::project_points`, the kernels' path; `reference` projects point by point in double
-//! precision. The batch is first held to the reference.
+//! `cargo bench -p pardalis --bench projection`. `batch` is `Camera::project_points`, which the kernels use;
+//! `reference` projects point by point in double precision. Both are compared before they are timed.
 
 use std::hint::black_box;
 
@@ -14,7 +15,7 @@ use pardalis_core::simd::Level;
 
 const POINTS: usize = 50_000;
 const CENTER_PX: [f64; 2] = [319.5, 239.5];
-/// The batch may differ from the reference by this much, in pixels.
+/// Maximum difference of the batch from the reference, in pixels.
 const TOLERANCE_PX: f64 = 0.02;
 
 fn cameras() -> Vec<Camera> {

@@ -1,7 +1,7 @@
-//! What the cues of a plane cost on one core, for particles as they lie while a landmark is tracked: the region's 100 samples, what changed in 256
-//! samples around it, and both.
+//! The region cue (100 samples), the difference cue (256 samples) and both on one core, for particles around a
+//! tracked landmark.
 //!
-//! `cargo bench -p pardalis --bench region`. Each measured path is first held to the naive reference.
+//! `cargo bench -p pardalis --bench region`. Each is compared with the naive reference before it is timed.
 
 #[path = "../tests/integration/common/mod.rs"]
 mod common;
@@ -22,7 +22,7 @@ use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
 
 const COUNTS: [usize; 2] = [500, 5000];
-/// Where the red landmark is in frame 20.
+/// Position of the red landmark in frame 20.
 const LANDMARK_M: [f32; 3] = [-0.835, -0.35, 0.0];
 
 fn frame_at(index: usize) -> Frame {
@@ -48,7 +48,7 @@ fn particles(count: usize) -> Particles {
     particles
 }
 
-/// What the reference says of a particle.
+/// Returns the log-likelihood of a particle according to the reference.
 fn reference(
     cues: &[CueSettings],
     views: &[View],
@@ -106,7 +106,7 @@ fn likelihoods(criterion: &mut Criterion) {
     }
 }
 
-/// Everything on a pool of this one thread: what one core can do.
+/// Runs everything on a pool of one thread.
 fn on_one_thread(criterion: &mut Criterion) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
     pool.use_current_thread().build_global().unwrap();

@@ -1,6 +1,7 @@
-//! What a tracker step costs on one core, whole and in its stages, at every CPU level, and the naive reference beside it.
+//! Tracker steps and their stages on one core, at every CPU level, and the naive reference for comparison.
 //!
-//! `cargo bench -p pardalis --bench step`. Each measured path is first held to the reference, and default steps to the truth.
+//! `cargo bench -p pardalis --bench step`. Likelihoods are compared with the reference, and estimates of default
+//! steps with the truth, before they are timed.
 
 #[path = "../tests/integration/common/mod.rs"]
 mod common;
@@ -28,7 +29,7 @@ use pardalis_filter::Particles;
 use pardalis_filter::particle_filter::ParticleFilter;
 use pardalis_filter::resample::Resampling;
 
-/// Particles in real time and offline in Taiana 2007; each has two contours of 50 points.
+/// Numbers of particles in real time and offline in Taiana 2007, each with two contours of 50 points.
 const PARTICLE_COUNTS: [usize; 2] = [300, 10_000];
 
 /// A frame format with the palette that suits it.
@@ -81,7 +82,7 @@ impl Scene {
             Level::best(),
         )
         .unwrap();
-        // A few frames without motion: the particles gather as they do while tracking.
+        // A few frames without motion, after which the particles are as concentrated as during tracking.
         let mut cue = contour(&colors, Level::best());
         for _ in 0..4 {
             filter.update(&mut cue.of(&views, &frames));
@@ -116,8 +117,8 @@ impl Scene {
             .collect()
     }
 
-    /// Holds the kernel to the reference before it is timed. Points that lie within rounding of a border between pixels may fall to
-    /// either side: at most one particle in twenty differs visibly.
+    /// Compares the kernel with the reference. At most one particle in twenty may differ, because rounding can move
+    /// points across the border between two pixels.
     fn check(&self, cue: &mut Cues) {
         let particles = self.filter.particles();
         let mut fast = vec![0.0; particles.count()];
@@ -178,22 +179,22 @@ fn whole_steps(criterion: &mut Criterion) {
     }
 }
 
-/// A tracker with the default settings, and the frames that it is timed on again and again: it has seen those before them.
+/// A tracker with the default settings that has processed a sequence, and the frames on which it is timed repeatedly.
 struct DefaultScene {
     name: &'static str,
     tracker: Tracker,
     frames: Vec<(CameraId, Frame)>,
-    /// Where the ball is in these frames, metres.
+    /// Position of the ball in these frames, metres.
     truth_m: Vector3<f64>,
     time_s: f64,
 }
 
-/// The number of the picture on which default steps are timed.
+/// Index of the picture on which default steps are timed.
 const TIMED: usize = 11;
-/// How far estimates of default steps may be from the truth, metres.
+/// Maximum error of the estimates of default steps, metres.
 const MAX_ERROR_M: f64 = 0.03;
 
-/// Where the only ball of a sequence is in the timed picture.
+/// Returns the true position of the ball in the timed picture of a sequence.
 fn timed_truth_m(sequence: &str) -> Vector3<f64> {
     let table = std::fs::read_to_string(data(&format!("{sequence}/truth.csv"))).unwrap();
     let rows = table.lines().map(|row| row.split(',').collect::<Vec<_>>());
@@ -223,7 +224,7 @@ impl DefaultScene {
             frames,
             truth_m,
         };
-        // As long as searches of whole images may still correct what was tracked.
+        // Enough steps for searches of whole images to correct the track.
         for _ in 0..25 {
             scene.step();
         }
@@ -231,7 +232,7 @@ impl DefaultScene {
         scene
     }
 
-    /// One step with the frames at the next instant.
+    /// Performs one step with the frames at the next instant.
     fn step(&mut self) -> Estimate {
         self.time_s += 1.0 / FPS;
         let frames = self.frames.iter();
@@ -243,7 +244,7 @@ impl DefaultScene {
         self.tracker.estimate_at(target, self.time_s).unwrap()
     }
 
-    /// Holds the next estimate to the truth.
+    /// Asserts that the next estimate is close to the truth.
     fn check(&mut self) {
         let found = self.step();
         assert_eq!(found.state, TrackState::Tracking, "{}", self.name);
@@ -291,7 +292,8 @@ impl DefaultScene {
     }
 }
 
-/// Detection, association, update, visibility and adaptation, through the tracker: at least one step in ten searches whole images.
+/// Times default steps: detection, association, update, visibility and adaptation. At least one step in ten searches
+/// whole images.
 fn default_steps(criterion: &mut Criterion) {
     for mut scene in [DefaultScene::fisheye(), DefaultScene::webcams()] {
         criterion.bench_function(&format!("step/default/{}", scene.name), |bencher| {
@@ -324,7 +326,7 @@ fn likelihoods(criterion: &mut Criterion) {
     }
 }
 
-/// The stages that know nothing of images, and the table that a palette costs once.
+/// Times the stages that do not depend on images, and the construction of a palette's table.
 fn stages(criterion: &mut Criterion) {
     for count in PARTICLE_COUNTS {
         let motion = ball_filter(count).motion;
@@ -372,7 +374,7 @@ fn stages(criterion: &mut Criterion) {
     }
 }
 
-/// Everything on a pool of this one thread: what one core can do.
+/// Runs everything on a pool of one thread.
 fn on_one_thread(criterion: &mut Criterion) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
     pool.use_current_thread().build_global().unwrap();

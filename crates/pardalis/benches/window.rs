@@ -1,7 +1,7 @@
-//! What the published system of two webcams costs on one core (Barrera 2005: 200 particles, windows of 25 pixels), and where sums over the image become
-//! cheaper than look-ups.
+//! The published system of two webcams on one core (Barrera 2005: 200 particles, windows of 25 pixels), and the
+//! number of particles above which sums over the image are faster than look-ups.
 //!
-//! `cargo bench -p pardalis --bench window`. Each measured path is first held to the naive reference.
+//! `cargo bench -p pardalis --bench window`. Each is compared with the naive reference before it is timed.
 
 #[path = "../tests/integration/common/mod.rs"]
 mod common;
@@ -25,9 +25,9 @@ use pardalis_filter::Particles;
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 use pardalis_filter::motion::RandomWalk;
 
-/// The published number.
+/// Published number of particles.
 const PARTICLES: usize = 200;
-/// Numbers of particles around the crossing.
+/// Numbers of particles around the crossover.
 const COUNTS: [usize; 5] = [200, 1000, 3000, 10_000, 30_000];
 
 fn views() -> Vec<View> {
@@ -46,7 +46,7 @@ fn views() -> Vec<View> {
     cameras.iter().map(view).collect()
 }
 
-/// Both cameras' frames of an instant.
+/// Returns both cameras' frames of an instant.
 fn frames(index: usize) -> [(usize, Frame); 2] {
     [0, 1].map(|camera| {
         let name = format!("webcams-two/frames/cam{}/{index:06}.jpg", camera + 1);
@@ -89,7 +89,7 @@ fn target() -> InitializedSettings {
     target
 }
 
-/// Particles around the ball, as they lie while it is tracked, or strewn over the room in view.
+/// Returns particles around the ball, as during tracking, or all over the room in view.
 fn particles(count: usize, spread_m: f32) -> Particles {
     let mut particles = Particles::new(count, 3);
     let draws = Draws::new(1, 0);
@@ -102,7 +102,7 @@ fn particles(count: usize, spread_m: f32) -> Particles {
     particles
 }
 
-/// Holds the fast path to the reference: at most one particle in fifty may have been rounded to another pixel.
+/// Compares the kernel with the reference. At most one particle in fifty may be rounded to another pixel.
 fn check(cues: &mut Cues, views: &[View], frames: &[(usize, Frame)], particles: &Particles) {
     let (window, pink) = (window(), pink());
     let mut fast = vec![0.0; particles.count()];
@@ -120,7 +120,7 @@ fn check(cues: &mut Cues, views: &[View], frames: &[(usize, Frame)], particles: 
     );
 }
 
-/// Predict, count, update and estimate.
+/// Times steps: predict, count, update and estimate.
 fn steps(criterion: &mut Criterion) {
     for (name, level) in ["baseline", "best"].into_iter().zip(Level::available()) {
         let mut tracker = Tracker::new(views(), vec![target()], 1, level).unwrap();
@@ -133,7 +133,10 @@ fn steps(criterion: &mut Criterion) {
             .unwrap()
             .kinematics
             .unwrap();
-        assert!((estimate.position_m[1] - 0.45).abs() < 0.02, "it tracks");
+        assert!(
+            (estimate.position_m[1] - 0.45).abs() < 0.02,
+            "the ball must be tracked"
+        );
         let frames = frames(30);
         let mut time_s = 30.0 / 25.0;
         criterion.bench_function(&format!("window/step/{PARTICLES}/{name}"), |bencher| {
@@ -162,7 +165,7 @@ fn steps(criterion: &mut Criterion) {
     });
 }
 
-/// Both ways of counting, for particles around the ball and for particles all over the images.
+/// Times both ways of counting, for particles around the ball and all over the images.
 fn crossing(criterion: &mut Criterion) {
     let (mut views, frames) = (views(), frames(30));
     for (place, spread_m) in [("around", 0.03), ("all-over", 0.3)] {
@@ -191,7 +194,7 @@ fn crossing(criterion: &mut Criterion) {
     }
 }
 
-/// Everything on a pool of this one thread: what one core can do.
+/// Runs everything on a pool of one thread.
 fn on_one_thread(criterion: &mut Criterion) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
     pool.use_current_thread().build_global().unwrap();

@@ -1,4 +1,4 @@
-//! A camera that looks up into a hyperboloidal mirror sees the ball anywhere around it.
+//! A camera that looks up into a hyperboloidal mirror sees the ball in any direction around it.
 
 mod painter;
 
@@ -10,7 +10,7 @@ use pardalis::{Error, Frame, FrameSet, Tracker, View};
 const RADIUS_M: f64 = 0.11;
 
 fn main() -> Result<(), Error> {
-    // The pinhole is at the outer focus of the mirror, so that all rays point at the inner one.
+    // The pinhole is at the outer focus of the mirror. Therefore all rays point at the inner one.
     let [a_m, b_m] = [0.028, 0.023];
     let profile = MirrorProfile::hyperboloid(a_m + f64::hypot(a_m, b_m), [a_m, b_m], 0.035)?;
     let lens = ExactMirror::new([600.0, 600.0], [319.5, 239.5], profile)?;

@@ -25,7 +25,8 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-/// Stands for a camera: packed RGB of an orange ball 2 m ahead that moves to the right, and which pixels show it.
+/// Replaces a camera: returns packed RGB of an orange ball that moves to the right 2 m ahead, and which pixels show
+/// it.
 fn picture(time_s: f64) -> (Vec<u8>, Vec<bool>) {
     let pixels = (0..240).flat_map(|v| (0..320).map(move |u| [f64::from(u), f64::from(v)]));
     let distance_px = pixels.map(|[u, v]| (u - 120.0 - 40.0 * time_s).hypot(v - 110.0) - 25.0);

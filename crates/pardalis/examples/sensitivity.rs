@@ -1,7 +1,9 @@
-//! How results of the default path depend on its settings: each is halved and doubled by itself, on the rendered fisheye sequence.
+//! Sensitivity of detected targets to their settings on the rendered fisheye sequence: each setting is halved and
+//! doubled separately.
 //!
-//! `cargo run -p pardalis --example sensitivity > sensitivity.csv`. A row per setting and factor: the share of the instants after the first two with an estimate, the RMSE of the position over these, and the
-//! share of these whose 95 % ellipsoid holds the true position.
+//! `cargo run -p pardalis --example sensitivity > sensitivity.csv` prints one row per setting and factor: the share
+//! of the instants after the first two that have an estimate, the RMSE of the position over these, and the share of
+//! these with the true position inside the 95 % ellipsoid.
 
 #[path = "../tests/integration/common/mod.rs"]
 mod common;
@@ -13,9 +15,9 @@ use pardalis::tracker::DetectedSettings;
 use pardalis::{FrameSet, PixelFormat, TargetId, Tracker};
 use pardalis_core::simd::Level;
 
-/// Frames of the sequence that are used: the throw and the first bounces.
+/// Number of frames used: the throw and the first bounces.
 const FRAMES: usize = 50;
-/// Instants that the tracker may take to find the ball.
+/// Number of instants allowed for detecting the ball.
 const FINDING: usize = 2;
 const SEEDS: u32 = 5;
 /// The 95 % quantile of the chi-squared distribution with three degrees of freedom.

@@ -1,4 +1,5 @@
-//! Two cameras without a common trigger: their frames are observed in temporal order, and their rays determine the depth.
+//! Two cameras without a common trigger: their frames are observed in temporal order, and together their rays
+//! determine the depth.
 
 mod painter;
 

@@ -1,4 +1,4 @@
-//! Where particles start: around a rough guess, or along the ray through a clicked pixel.
+//! Starts of particles: around a rough guess, or along the ray through a clicked pixel.
 
 use nalgebra::{Point3, Vector3};
 
@@ -10,33 +10,33 @@ use pardalis_filter::Likelihood;
 use pardalis_filter::Particles;
 use pardalis_filter::gaussian::{GaussianStart, MAX_START, check_sigma, diagonal_m2};
 
-/// How the particles of an initialised target start.
+/// The start of the particles of an initialised target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
     /// Around a rough guess.
     Gaussian(GaussianStart),
-    /// Where the target is most likely along the ray through a pixel of a camera.
+    /// At the most likely position along the ray through a pixel of a camera.
     Pixel(PixelStart),
 }
 
-/// A start from a clicked pixel (thesis 5.2, fig. 5.1): particles along the pixel's ray, from near the camera to where it meets the
-/// ground, the likelihood of each, and a Gaussian around the best.
+/// A start from a clicked pixel (thesis 5.2, fig. 5.1): a Gaussian around the most likely of the particles along the
+/// pixel's ray, from near the camera to the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PixelStart {
-    /// The camera whose pixel it is, by its number in the tracker.
+    /// Index of the pixel's camera in the tracker.
     pub camera: usize,
-    /// A pixel near the middle of the target.
+    /// A pixel near the centre of the target.
     pub pixel: [f64; 2],
-    /// How far the click may be from the target's middle, as a standard deviation in pixels: each particle has its own ray, through a
-    /// pixel drawn around the clicked one. 0 for the one ray of the thesis.
+    /// Standard deviation of the click around the target's centre in pixels: the ray of each particle passes through
+    /// a pixel drawn around the clicked one. 0 for the single ray of the thesis.
     pub pixel_sigma_px: f64,
-    /// The search begins at this distance along the ray, or at the ground where that is nearer, metres.
+    /// Distance along the ray at which the search begins, or at the ground if that is nearer, metres.
     pub min_range_m: f64,
-    /// It ends at this distance where the ray does not meet the ground before, metres.
+    /// Distance along the ray at which the search ends, or at the ground if that is nearer, metres.
     pub max_range_m: f64,
-    /// The height of the ground in the world, metres.
+    /// Height of the ground in the world, metres.
     pub ground_z_m: f64,
-    /// Particles along the ray.
+    /// Number of particles along the ray.
     pub ray_particles: usize,
     /// Standard deviation of the positions around the best one, metres.
     pub position_sigma_m: [f64; 3],
@@ -45,7 +45,8 @@ pub struct PixelStart {
 }
 
 impl PixelStart {
-    /// A pixel of a camera, the rest as scenes have it by default: clicks 3 px off, 0.3 to 8 m away, above the ground z = 0.
+    /// Returns a start in a pixel of a camera with the defaults of scenes: clicks off by 3 px, 0.3 to 8 m away, above
+    /// the ground z = 0.
     pub const fn at(camera: usize, pixel: [f64; 2]) -> Self {
         Self {
             camera,
@@ -60,7 +61,7 @@ impl PixelStart {
         }
     }
 
-    /// Refuses what makes no ray.
+    /// Returns an error if a value is out of range.
     pub fn check(&self) -> Result<(), Error> {
         let positive = |v: f64| v > 0.0 && v <= MAX_START;
         if let Some(value) = self.pixel.iter().find(|v| !v.is_finite()) {
@@ -105,7 +106,7 @@ impl PixelStart {
         check_sigma("velocity_sigma_mps", self.velocity_sigma_mps)
     }
 
-    /// Refuses a pixel that this camera, the start's own, does not have or has no ray for.
+    /// Returns an error if the start's camera does not have this pixel, masks it or has no ray for it.
     pub fn check_in(&self, view: &View) -> Result<(), Error> {
         let (width, height) = view.size();
         let inside = |v: f64, size: usize| v >= -0.5 && v <= size as f64 - 0.5;
@@ -138,8 +139,9 @@ impl PixelStart {
         }
     }
 
-    /// The ray's origin (the camera, or the point of its mirror) and direction in the world, and the distances at which the search begins and
-    /// ends; `None` where the camera has no ray. A ray that never comes to the ground, such as one above the horizon, ends at the longest range.
+    /// Returns the origin of the ray (the camera, or the point on its mirror) and its direction in the world, and the
+    /// distances at which the search begins and ends in metres; `None` if the camera has no ray. A ray that does not
+    /// meet the ground, such as one above the horizon, ends at the maximum range.
     fn ray(&self, view: &View, pixel: [f64; 2]) -> Option<(Point3<f64>, Vector3<f64>, [f64; 2])> {
         let ray = view.camera().unproject(pixel)?;
         let origin = view.world_from_camera() * Point3::from(ray.origin);
@@ -153,11 +155,11 @@ impl PixelStart {
         Some((origin, direction, [self.min_range_m.min(end), end]))
     }
 
-    /// Looks along the ray, which must be there ([`PixelStart::check_in`]). The distances are spread evenly in their logarithm (apparent
-    /// sizes then differ by equal factors), each drawn at random within its share, by the numbers of this observation.
+    /// Searches along the ray, which must exist ([`PixelStart::check_in`]). The distances are spaced evenly in their
+    /// logarithm, so that apparent sizes differ by equal factors, and each is drawn at random within its interval.
     ///
-    /// A target whose height is fixed (`is_planar`) stands on the ground below the point of the ray; a flat one, so high over the ground, lies just where
-    /// the ray comes to that height.
+    /// A target of fixed height (`is_planar`) stands on the ground below the point on the ray. A flat one, at
+    /// `flat_height_m` above the ground, lies where the ray reaches that height.
     pub fn search(
         &self,
         view: &View,
@@ -169,7 +171,7 @@ impl PixelStart {
     ) -> GaussianStart {
         let clicked_ray = self
             .ray(view, self.pixel)
-            .expect("check_in comes before search");
+            .expect("check_in accepted the pixel");
         let count = self.ray_particles;
         let mut particles = Particles::new(count, 3);
         for i in 0..count {

@@ -1,4 +1,4 @@
-//! One camera over time: model, pose, mask, look-up tables and the frame before. It prepares frames for look-ups.
+//! A camera with model, pose, mask, look-up tables and previous frame. It prepares frames for look-ups.
 
 use crate::Frame;
 use crate::color::{ColorRanges, MatchTable, Palette, PixelKind, PixelTable};
@@ -6,7 +6,7 @@ use pardalis_camera::Pose;
 use pardalis_camera::{Camera, Mask};
 use pardalis_core::Error;
 
-/// One camera: where it stands, how it projects, which of its pixels count.
+/// A camera with its pose, its projection model and the mask of the pixels to use.
 #[derive(Debug, Clone)]
 pub struct View {
     camera: Camera,
@@ -17,12 +17,14 @@ pub struct View {
     mask: Option<Mask>,
     tables: Vec<(Palette, PixelKind, PixelTable)>,
     match_tables: Vec<(ColorRanges, PixelKind, MatchTable)>,
-    /// Its frame before the one at hand, where it was kept.
+    /// The previous frame, if it was kept.
     before: Option<Frame>,
 }
 
 impl View {
-    /// A camera whose images have this size in pixels. The mask, if there is one, has the images' size.
+    /// Creates a view of a camera with images of this width and height in pixels.
+    ///
+    /// Returns an error if the mask has another size.
     pub fn new(
         camera: impl Into<Camera>,
         world_from_camera: Pose,
@@ -53,27 +55,27 @@ impl View {
         })
     }
 
-    /// The projection model.
+    /// Returns the projection model.
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// The camera's pose.
+    /// Returns the camera's pose.
     pub fn world_from_camera(&self) -> &Pose {
         &self.world_from_camera
     }
 
-    /// The inverse of the camera's pose.
+    /// Returns the inverse of the camera's pose.
     pub fn camera_from_world(&self) -> &Pose {
         &self.camera_from_world
     }
 
-    /// Width and height of its images in pixels.
+    /// Returns the width and height of the images in pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)
     }
 
-    /// Which pixels count; all of them if there is no mask.
+    /// Returns the mask of the pixels to use; `None` for all pixels.
     pub fn mask(&self) -> Option<&Mask> {
         self.mask.as_ref()
     }
@@ -91,7 +93,7 @@ impl View {
         Ok(())
     }
 
-    /// Makes sure that pixels of this kind can be looked up in a palette. Tables are kept from frame to frame.
+    /// Prepares the table from pixels of this kind to the bins of a palette. Tables are kept from frame to frame.
     pub fn prepare(&mut self, kind: PixelKind, palette: Palette) {
         if !self
             .tables
@@ -103,7 +105,7 @@ impl View {
         }
     }
 
-    /// Makes sure that pixels of this kind can be compared with ranges of colour. Tables are kept from frame to frame.
+    /// Prepares the table of pixels of this kind in ranges of colour. Tables are kept from frame to frame.
     pub fn prepare_ranges(&mut self, kind: PixelKind, ranges: ColorRanges) {
         if !self
             .match_tables
@@ -115,12 +117,13 @@ impl View {
         }
     }
 
-    /// Keeps a frame of its size to compare the next one with.
+    /// Keeps a frame of this camera's size for comparison with the next one.
     pub fn keep(&mut self, frame: Frame) {
         self.before = Some(frame);
     }
 
-    /// A frame of this camera, for look-ups in the palettes and ranges it was prepared for ([`View::prepare`], [`View::prepare_ranges`]).
+    /// Returns a frame of this camera for look-ups in the palettes and ranges that were prepared ([`View::prepare`],
+    /// [`View::prepare_ranges`]).
     pub fn prepared<'a>(&'a self, frame: &'a Frame) -> PreparedFrame<'a> {
         PreparedFrame {
             view: self,
@@ -139,42 +142,42 @@ pub struct PreparedFrame<'a> {
 }
 
 impl<'a> PreparedFrame<'a> {
-    /// The camera that took the frame.
+    /// Returns the camera that took the frame.
     pub fn view(&self) -> &'a View {
         self.view
     }
 
-    /// The frame.
+    /// Returns the frame.
     pub fn frame(&self) -> &'a Frame {
         self.frame
     }
 
-    /// The camera's frame before this one, of the same size, where it was kept ([`View::keep`]).
+    /// Returns the camera's previous frame, of the same size, if it was kept ([`View::keep`]).
     pub fn before(&self) -> Option<&'a Frame> {
         self.view.before.as_ref()
     }
 
-    /// The table from this frame's pixels to the bins of a palette that it was prepared for ([`View::prepare`]).
+    /// Returns the table from this frame's pixels to the bins of a palette.
     ///
-    /// Panics when it was not.
+    /// Panics if the table was not prepared ([`View::prepare`]).
     pub fn table(&self, palette: Palette) -> &'a PixelTable {
         let found = self
             .view
             .tables
             .iter()
             .find(|&&(p, k, _)| (p, k) == (palette, self.kind));
-        &found.expect("View::prepare comes before look-ups").2
+        &found.expect("View::prepare was called before").2
     }
 
-    /// The table of this frame's pixels that lie in ranges that it was prepared for ([`View::prepare_ranges`]).
+    /// Returns the table of this frame's pixels in ranges of colour.
     ///
-    /// Panics when it was not.
+    /// Panics if the table was not prepared ([`View::prepare_ranges`]).
     pub fn match_table(&self, ranges: ColorRanges) -> &'a MatchTable {
         let found = self
             .view
             .match_tables
             .iter()
             .find(|&&(r, k, _)| (r, k) == (ranges, self.kind));
-        &found.expect("View::prepare_ranges comes before look-ups").2
+        &found.expect("View::prepare_ranges was called before").2
     }
 }

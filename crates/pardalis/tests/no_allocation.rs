@@ -1,4 +1,4 @@
-//! A warm step allocates nothing: buffers belong to the filter and the cue.
+//! After the first frames, a step allocates no memory.
 #![allow(unsafe_code)] // a counting allocator passes every call on to the system's
 
 #[path = "integration/common/mod.rs"]
@@ -24,16 +24,16 @@ struct Counting;
 
 static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: every call is the system allocator's.
+// SAFETY: every call is forwarded to the system allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the system allocator's rules.
+        // SAFETY: the caller fulfils the contract of `GlobalAlloc::alloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as above; the memory is the system allocator's.
+        // SAFETY: as above; the memory was allocated by the system allocator.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
@@ -41,7 +41,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Pictures as frame sets in two formats by turns.
+/// Converts pictures to frame sets in two alternating formats.
 fn sets(
     fps: f64,
     indices: std::ops::Range<usize>,
@@ -87,7 +87,7 @@ fn check(
     };
     pool.install(|| {
         let first: usize = sets[..warm_up].iter().map(&mut step).sum();
-        assert!(first > 0, "the allocator counts");
+        assert!(first > 0, "the allocator must count the first allocations");
         for (number, set) in sets[warm_up..].iter().enumerate() {
             assert_eq!(step(set), 0, "{what}, frame {number} after the warm-up");
         }
@@ -96,18 +96,18 @@ fn check(
     estimates.map(Result::unwrap).collect()
 }
 
-/// The default path: a ball that the tracker detects itself, in one camera and in two.
+/// Checks a detected ball in one camera and in two.
 fn check_detected() {
     let of_ball = sets(FPS, 0..40, |index| vec![jump_picture(index)]);
     let ball = || vec![detected_ball().into()];
-    // The first whole-image searches in either format make buffers.
+    // The first searches of whole images in each format allocate buffers.
     check("fisheye", vec![fisheye_view()], ball(), &of_ball, 12);
     let of_two = sets(FPS, 0..40, |index| vec![jump_picture(index); 2]);
     let views = vec![fisheye_view(), fisheye_view()];
     check("two cameras", views, ball(), &of_two, 12);
 }
 
-/// The default path with two balls of equal size and colours: data association between look-alikes.
+/// Checks two detected balls of equal size and colours, with data association.
 fn check_look_alikes() {
     let picture = |index: usize| open(&format!("dioptric-two-balls/frames/{index:06}.jpg"));
     let sets = sets(FPS, 0..78, |index| vec![picture(index)]);
@@ -121,11 +121,11 @@ fn check_look_alikes() {
     };
     assert!(
         (one_m - other_m).norm() > 0.5,
-        "each target is a ball of its own"
+        "each target must be a different ball"
     );
 }
 
-/// Updates with measurement components, one of them after resampling, and one without.
+/// Checks updates of the Bernoulli filter with and without measurement components.
 fn check_bernoulli() {
     let settings = BernoulliSettings::of(Motion::DEFAULT);
     let mut filter = BernoulliFilter::new(settings, Draws::new(1, 0)).unwrap();
@@ -150,9 +150,9 @@ fn check_bernoulli() {
     }
 }
 
-/// The only test of this file: another's allocations would be counted too.
+/// The only test of this file, because allocations of others would be counted.
 #[test]
-fn a_warm_step_allocates_nothing() {
+fn steps_after_the_first_frames_do_not_allocate() {
     check_bernoulli();
     check_detected();
     check_look_alikes();
@@ -161,7 +161,7 @@ fn a_warm_step_allocates_nothing() {
     for particle_count in [300, 3001] {
         let ball = ball_target(Palette::HSI, particle_count);
         let of = |target: &str| format!("{target}, {particle_count} particles");
-        // The first frames of either format make tables and buffers.
+        // The first frame in each format allocates tables and buffers.
         check(
             &of("ball"),
             vec![fisheye_view()],

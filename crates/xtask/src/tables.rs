@@ -228,7 +228,7 @@ fn table_of(path: &Path, mark: &Mark) -> Result<String> {
 }
 
 /// How figures whose names end so are shown: the unit, and what they are multiplied by.
-const UNITS: [(&str, &str, f64); 11] = [
+const UNITS: [(&str, &str, f64); 12] = [
     ("_mps", "mm/s", 1e3),
     ("course_rad", "°", 180.0 / std::f64::consts::PI),
     ("course_error_median_rad", "°", 180.0 / std::f64::consts::PI),
@@ -242,6 +242,7 @@ const UNITS: [(&str, &str, f64); 11] = [
     ("_rad", "mrad", 1e3),
     ("_m", "mm", 1e3),
     ("_us", "µs", 1.0),
+    ("_ms", "ms", 1.0),
     ("_px", "px", 1.0),
     ("_s", "s", 1.0),
 ];

@@ -169,8 +169,8 @@ fn camera_table(run: &Run) -> String {
         );
         for (target, head) in heads.iter().enumerate() {
             let contributions = run.open.tracker.contributions(TargetId::new(target));
-            let seen = contributions.map_or(0, |cameras| cameras[number].seen_frames);
-            let _ = write!(text, "{seen:>width$}", width = head.len());
+            let visible = contributions.map_or(0, |cameras| cameras[number].visible_frames);
+            let _ = write!(text, "{visible:>width$}", width = head.len());
         }
     }
     text + "\n"

@@ -42,11 +42,12 @@ pub(crate) fn write(
         let contributions = open.tracker.contributions(TargetId::new(number))?;
         for (camera, contribution) in open.scene.cameras.iter().zip(contributions) {
             let frames = contribution.frames;
-            let mean_nats = (frames > 0).then(|| contribution.log_likelihood_ratio / frames as f64);
+            let mean_log_ratio =
+                (frames > 0).then(|| contribution.log_likelihood_ratio / frames as f64);
             let entry = json!({
-                "weighed_frames": frames,
-                "seen_frames": contribution.seen_frames,
-                "mean_evidence_nats": mean_nats,
+                "used_frames": frames,
+                "visible_frames": contribution.visible_frames,
+                "mean_log_likelihood_ratio": mean_log_ratio,
             });
             per_camera.insert(camera.name.clone(), entry);
         }

@@ -30,13 +30,16 @@ fn four_working_cameras() {
             (&0.0.into(), &4.76.into())
         );
         assert_eq!(summary["cameras"][camera]["stopped"], json!(null));
-        let told = &summary["targets"]["ball"]["cameras"][camera];
-        let seen = told["seen_frames"].as_u64().unwrap();
+        let contribution = &summary["targets"]["ball"]["cameras"][camera];
+        let visible = contribution["visible_frames"].as_u64().unwrap();
         assert!(
-            told["weighed_frames"] == 120 && (50..=120).contains(&seen),
-            "{told}"
+            contribution["used_frames"] == 120 && (50..=120).contains(&visible),
+            "{contribution}"
         );
-        assert!(told["mean_evidence_nats"].as_f64().unwrap() > 0.0, "{told}");
+        assert!(
+            contribution["mean_log_likelihood_ratio"].as_f64().unwrap() > 0.0,
+            "{contribution}"
+        );
         assert!(
             run.stdout
                 .contains(&format!("{camera}                  120      120 ")),

@@ -1,4 +1,4 @@
-//! Draws new particles from the predictions of the old ones and from measurement components, and weights them.
+//! Drawing and weighting of new particles from predictions and measurement components.
 
 use super::kinematics::Kinematics;
 use super::proposal::{Prediction, log_add};
@@ -6,13 +6,15 @@ use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
 use crate::resample;
 use pardalis_core::rng::Stage;
 
-/// Particles are resampled when the effective sample size is at most this share of their number. Origin: the usual choice.
+/// Particles are resampled if the effective sample size is at most this share of their number. Origin: the usual
+/// choice.
 const RESAMPLE_BELOW: f64 = 0.5;
-/// One particle in this many has a velocity jump, however seldom jumps are: its weight corrects for it. Hand-set.
+/// One in this number of particles has a velocity jump, even if jumps are rare; its weight corrects for this.
+/// Hand-set.
 const JUMP_ONE_IN: usize = 4;
 
 impl BernoulliFilter {
-    /// The probability of a velocity jump since the last update, and the kinematics of a step with one.
+    /// Returns the probability of a velocity jump since the last update, and the kinematics of a step with one.
     pub(super) fn velocity_jump(&self, dt_s: f64) -> Option<(f64, Kinematics)> {
         let chance = -libm::expm1(-self.settings.velocity_jump_rate_hz * dt_s);
         let jumped = self
@@ -21,7 +23,8 @@ impl BernoulliFilter {
         (chance > 0.0).then_some((chance, jumped))
     }
 
-    /// Draws new particles. Their log-weights are the logarithm of prior density, existence included, over proposal density.
+    /// Draws new particles. Their log-weights are the logarithm of prior density, including existence, over proposal
+    /// density.
     pub(super) fn draw_new(&mut self, prior: &Prior) {
         let (draws, observation) = (self.draws, self.observation);
         let dt_s = self.pending_s;
@@ -48,8 +51,8 @@ impl BernoulliFilter {
                 (i, self.weights[i])
             };
             let before = &self.hypotheses[ancestor];
-            // One particle in four has a velocity jump, however seldom jumps are: its weight corrects for it.
-            let (kinematics, log_chance) = match velocity_jump {
+            // One particle in four has a velocity jump, even if jumps are rare; its weight corrects for this.
+            let (kinematics, log_probability) = match velocity_jump {
                 None => (self.kinematics, 0.0),
                 Some((chance, jumped)) if i % JUMP_ONE_IN == 0 => {
                     (jumped, libm::log(chance * JUMP_ONE_IN as f64))
@@ -76,7 +79,7 @@ impl BernoulliFilter {
             let log_continued = log_located + prediction.log_density(position_m, free_axes);
             let log_prior = log_add(log_continued, log_elsewhere);
             self.new_particles.log_weights[i] =
-                libm::log(weight) + log_chance + log_prior - log_proposal;
+                libm::log(weight) + log_probability + log_prior - log_proposal;
 
             let chance = libm::exp(log_elsewhere - log_prior);
             let was_elsewhere = draws.uniform(particle, observation, Stage::Proposal) < chance;
@@ -98,7 +101,7 @@ impl BernoulliFilter {
         write(&self.new_hypotheses, &mut self.new_particles);
     }
 
-    /// A target that appeared, or was put down, at a position.
+    /// Returns a target that appeared or was relocated at a position.
     pub(super) fn born_at(&self, position_m: [f64; 3]) -> Hypothesis {
         let mut born = Hypothesis {
             position_m,
@@ -110,12 +113,13 @@ impl BernoulliFilter {
         born
     }
 
-    /// Multiplies the new weights by the likelihood ratios and normalises them. Returns the logarithm of their sum; -∞ if all are impossible.
+    /// Multiplies the new weights by the likelihood ratios and normalises them. Returns the logarithm of their sum;
+    /// -∞ if all are impossible.
     pub(super) fn weight_new(&mut self) -> f64 {
         let log_weights = &mut self.new_particles.log_weights;
         let mut greatest = f64::NEG_INFINITY;
         for (log_weight, &log_ratio) in log_weights.iter_mut().zip(&self.log_ratios) {
-            // +∞ would leave nothing to compare.
+            // With +∞, weights could not be compared.
             *log_weight += f64::from(log_ratio.min(f32::MAX));
             if log_ratio.is_nan() || log_weight.is_nan() {
                 *log_weight = f64::NEG_INFINITY;

@@ -1,12 +1,13 @@
-//! The motion of one particle whose position is known and whose velocity is a Gaussian, on one axis.
+//! Motion of a particle with a known position and a Gaussian velocity, on one axis.
 
 use crate::motion::{Model, Motion, PositionNoise, VelocityNoise};
 use pardalis_core::Error;
 
-/// The variance that every step adds to a position, m²: 10 µm squared. Keeps densities finite if no time has passed or nothing disturbs the target.
+/// Variance that every step adds to a position, m²: 10 µm squared. Keeps densities finite if no time has passed or
+/// there is no process noise.
 const STEP_VARIANCE_M2: f64 = 1e-10;
 
-/// White noise on each axis, so that steps compose: predicting twice is predicting once.
+/// White noise on each axis. Two consecutive steps therefore equal one of the same total time.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kinematics {
     /// No velocity: the position's variance grows by this much per second.
@@ -51,8 +52,8 @@ impl Kinematics {
             Model::ConstantAcceleration(_) => {}
         }
         Err(Error::refused(
-            "this motion model has no velocity that can be marginalised for any time step",
-            "take constant velocity with white acceleration, or a random walk that diffuses and does not jump (the filter itself has a rate of jumps)",
+            "this motion model has no velocity that can be marginalised for every time step",
+            "use constant velocity with white acceleration, or a random walk with diffusion and without jumps (the filter has its own rate of jumps)",
         ))
     }
 
@@ -60,7 +61,8 @@ impl Kinematics {
         matches!(self, Self::Velocity { .. })
     }
 
-    /// The kinematics of a step of `dt_s` seconds with a velocity jump of this standard deviation at any time; `None` without velocity or time.
+    /// Returns the kinematics of a step of `dt_s` seconds with a velocity jump of this standard deviation at a random
+    /// time; `None` without a velocity or if no time passes.
     pub(super) fn jumped(self, velocity_jump_sigma_mps: f64, dt_s: f64) -> Option<Self> {
         match self {
             Self::Velocity {
@@ -73,7 +75,8 @@ impl Kinematics {
         }
     }
 
-    /// The variance of the position, m², `dt_s` seconds after it was known, if the velocity had this variance. Steps back in time add no noise.
+    /// Returns the variance of the position, m², `dt_s` seconds after it was known, for a velocity of this variance.
+    /// Steps back in time add no noise.
     pub(super) fn variance_m2(self, velocity_variance_m2ps2: f64, dt_s: f64) -> f64 {
         let forward_s = dt_s.max(0.0);
         match self {
@@ -84,7 +87,7 @@ impl Kinematics {
         }
     }
 
-    /// A step of `dt_s` seconds, at least 0.
+    /// Returns a step of `dt_s` seconds, at least 0.
     pub(super) fn step(self, velocity_variance_m2ps2: f64, dt_s: f64) -> Step {
         let variance_m2 = self.variance_m2(velocity_variance_m2ps2, dt_s) + STEP_VARIANCE_M2;
         match self {
@@ -97,7 +100,7 @@ impl Kinematics {
                 acceleration_density_m2ps3: q,
             } => {
                 let (s, t) = (velocity_variance_m2ps2, dt_s);
-                // The determinant of the covariance of position and velocity, multiplied out: nothing cancels.
+                // The determinant of the covariance of position and velocity, multiplied out to avoid cancellation.
                 let determinant =
                     q * t.powi(3) * (s / 3.0 + q * t / 12.0) + STEP_VARIANCE_M2 * (s + q * t);
                 Step {

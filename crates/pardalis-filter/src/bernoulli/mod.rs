@@ -1,14 +1,15 @@
 //! A Bernoulli particle filter (Ristic, Vo, Vo and Farina 2013, "A tutorial on Bernoulli filters"): the probability
-//! that a target exists, and its position. It knows nothing of images.
+//! that a target exists, and its position. It is independent of images.
 //!
 //! Particles are positions; each carries the mean and the variance of its velocity given its path
-//! (Rao-Blackwellised). A target appears and disappears at constant rates over time, and one that exists may be
-//! carried elsewhere. With the probability r that it is where the particles moved, the probability e that it exists
-//! elsewhere, uniformly with density B, and the prediction N of particle i, the prior density is Σᵢ wᵢ·(r·N(x; μᵢ,
-//! Pᵢ) + e·B). New positions come from a mixture of predictions and of measurement components, whose whole density
-//! divides the weights (Isard and Blake 1998, ICONDENSATION): components say where to look and nothing else. If few
-//! particles agree with the images, a moment-matched proposal replaces the predictions. Elsewhere, only positions at
-//! components are looked at; others are taken not to show the target.
+//! (Rao-Blackwellised). A target appears and disappears at constant rates, and one that exists may be relocated.
+//! Let r be the probability that it is where the particles moved, e the probability that it exists elsewhere, with
+//! uniform density B, and N the prediction of particle i. The prior density is Σᵢ wᵢ·(r·N(x; μᵢ, Pᵢ) + e·B). New
+//! positions are drawn from a mixture of predictions and measurement components, and the weights are divided by the
+//! density of the whole mixture (Isard and Blake 1998, ICONDENSATION). Components therefore select positions
+//! without biasing the posterior. If few particles agree with the images, a moment-matched proposal replaces the
+//! predictions. Far from the predictions only positions at components are evaluated; the target is assumed not to
+//! be visible at others.
 
 mod draw;
 mod kinematics;
@@ -34,10 +35,10 @@ use crate::weighted::{add_scatter, likeliest, weight_within};
 use pardalis_core::Error;
 use pardalis_core::rng::{Draws, Stage};
 
-/// Longer times without an update count as this long, seconds. Derivation: bounds variances; nothing is known of the
-/// target by then.
+/// Maximum time without an update, seconds; longer times count as this. Derivation: bounds variances, after a time
+/// that leaves no information on the position.
 const MAX_PENDING_S: f64 = 1e6;
-/// The fractional part of the golden ratio: any run of its multiples fills [0, 1) evenly, so that the copies of a
+/// The fractional part of the golden ratio. Consecutive multiples fill [0, 1) evenly, so that the copies of a
 /// particle are drawn from all parts of the proposal.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
@@ -45,31 +46,31 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct BernoulliSettings {
-    /// The number of particles. With few particles the filter is overconfident if positions are measured much less
+    /// Number of particles. With few particles the filter is overconfident if positions are measured much less
     /// precisely than they are predicted.
     pub particle_count: usize,
-    /// How the target moves: constant velocity with white acceleration, or a random walk that diffuses.
+    /// Motion model: constant velocity with white acceleration, or a random walk with diffusion.
     pub motion: Motion,
     /// Appearances per second while there is no target, 1/s.
     pub birth_rate_hz: f64,
     /// Disappearances per second of a target that exists, 1/s.
     pub death_rate_hz: f64,
-    /// How often a target is carried elsewhere, 1/s.
+    /// Relocations per second of a target that exists, 1/s.
     pub relocation_rate_hz: f64,
-    /// The density of the positions where targets appear or are put down, 1/m³ (1/m² in a plane): one over the volume
-    /// that they may be in.
+    /// Density of the positions after appearance or relocation, 1/m³ (1/m² in a plane): one over the volume in which
+    /// targets can be.
     pub birth_density: f64,
-    /// Standard deviation of the velocity there, an axis, m/s.
+    /// Standard deviation of the velocity after appearance or relocation, on each axis, m/s.
     pub birth_velocity_sigma_mps: f64,
-    /// Velocity jumps per second (kicks, bounces), 1/s; at most one between two updates, ...
+    /// Velocity jumps per second, such as kicks and bounces, 1/s; at most one between two updates.
     pub velocity_jump_rate_hz: f64,
-    /// ... and their standard deviation on each axis, m/s.
+    /// Standard deviation of the change of velocity in a jump, on each axis, m/s.
     pub velocity_jump_sigma_mps: f64,
 }
 
 impl BernoulliSettings {
-    /// 500 particles; a target appears, disappears and is carried elsewhere once in ten seconds, in 100 m³ (m²), at
-    /// about 1 m/s; its velocity does not jump.
+    /// Returns settings with this motion: 500 particles; appearance, disappearance and relocation once in ten seconds
+    /// each, in 100 m³ (m²), at about 1 m/s; no velocity jumps.
     pub const fn of(motion: Motion) -> Self {
         Self {
             particle_count: 500,
@@ -84,7 +85,7 @@ impl BernoulliSettings {
         }
     }
 
-    /// Returns an error for settings that make no filter.
+    /// Returns an error if settings are out of range.
     fn check(&self) -> Result<(), Error> {
         if !(1..=MAX_PARTICLES).contains(&self.particle_count) {
             return Err(Error::out_of_range(
@@ -117,7 +118,7 @@ pub fn check_motion(motion: &Motion) -> Result<(), Error> {
     Kinematics::of(motion).map(|_| ())
 }
 
-/// One particle at the last update.
+/// A particle at the last update.
 #[derive(Debug, Clone, Copy, Default)]
 struct Hypothesis {
     position_m: [f64; 3],
@@ -128,7 +129,7 @@ struct Hypothesis {
 }
 
 impl Hypothesis {
-    /// The mean position `dt_s` seconds later.
+    /// Returns the mean position `dt_s` seconds later.
     fn ahead(&self, dt_s: f64) -> [f64; 3] {
         [0, 1, 2].map(|axis| self.position_m[axis] + self.velocity_mps[axis] * dt_s)
     }
@@ -138,41 +139,44 @@ impl Hypothesis {
 struct Prior {
     /// The target exists and is where the particles moved.
     located: f64,
-    /// It exists elsewhere: it appeared, or was put down.
+    /// It exists elsewhere, because it appeared or was relocated.
     elsewhere: f64,
     /// It does not exist.
     absent: f64,
 }
 
-/// A Bernoulli particle filter. A warm step allocates nothing.
+/// A Bernoulli particle filter. Repeated steps do not allocate memory.
 #[derive(Debug)]
 pub struct BernoulliFilter {
     settings: BernoulliSettings,
     kinematics: Kinematics,
     draws: Draws,
-    /// The number of the update or start, part of the random numbers' counter.
+    /// Index of the update or start, part of the counter of the random numbers.
     observation: u32,
     /// The probability that the target exists, at the last update.
     existence: f64,
-    /// The time since then, seconds. White noise composes, so that prediction needs nothing else.
+    /// Time since the last update, seconds. Suffices for the prediction, because white noise accumulates
+    /// independently of the steps.
     pending_s: f64,
     hypotheses: Vec<Hypothesis>,
     /// Their positions and velocities, for kernels.
     particles: Particles,
     weights: Vec<f64>,
     proposal: Proposal,
-    /// The particles of an update in progress, which then replace the others.
+    /// Particles of an update in progress, which replace the others at its end.
     new_hypotheses: Vec<Hypothesis>,
     new_particles: Particles,
     ancestors: Vec<u32>,
     log_ratios: Vec<f32>,
-    /// The particle to which the last update gave the greatest ratio; of equals the heaviest.
+    /// The particle with the greatest log-ratio in the last update; in case of ties the one with the greatest weight.
     likeliest: usize,
 }
 
 impl BernoulliFilter {
-    /// A filter of a target that does not exist yet. Errors: settings out of range, a motion model that is not white
-    /// noise on positions or velocities.
+    /// Creates a filter of a target that does not exist yet.
+    ///
+    /// Returns an error if settings are out of range or the motion model is not white noise on positions or
+    /// velocities.
     pub fn new(settings: BernoulliSettings, draws: Draws) -> Result<Self, Error> {
         settings.check()?;
         let kinematics = Kinematics::of(&settings.motion)?;
@@ -197,8 +201,8 @@ impl BernoulliFilter {
         })
     }
 
-    /// Draws all particles around a start, by random numbers that no start had before; with planar motion at its
-    /// height and without vertical velocity. `existence` is the probability, 0 to 1, that the target exists.
+    /// Draws all particles around a start, with new random numbers; with planar motion at its height and without
+    /// vertical velocity. `existence` is the probability, 0 to 1, that the target exists.
     pub fn start(&mut self, start: &GaussianStart, existence: f64) -> Result<(), Error> {
         start.check()?;
         if !(0.0..=1.0).contains(&existence) {
@@ -213,7 +217,7 @@ impl BernoulliFilter {
         self.observation = self.observation.wrapping_add(1);
         self.existence = existence;
         self.pending_s = 0.0;
-        // One variance serves all axes: what an axis has beyond the smallest is drawn.
+        // The velocity variance is common to all axes: the excess of an axis over the smallest is drawn.
         let variances = start.velocity_sigma_mps.map(|sigma| sigma * sigma);
         let free = &variances[..free_axes];
         let least = free.iter().copied().fold(f64::INFINITY, f64::min);
@@ -252,19 +256,19 @@ impl BernoulliFilter {
         }
     }
 
-    /// The probability that the target exists, anywhere.
+    /// Returns the probability that the target exists, at any position.
     pub fn existence(&self) -> f64 {
         let prior = self.prior();
         (prior.located + prior.elsewhere).min(1.0)
     }
 
-    /// The probability that the target exists and is where the particles predict: [`BernoulliFilter::existence`]
-    /// after an update, later without targets that appeared or were carried elsewhere since.
+    /// Returns the probability that the target exists and is where the particles predict it. Right after an update,
+    /// this is [`BernoulliFilter::existence`]; later it excludes appearances and relocations since.
     pub fn located(&self) -> f64 {
         self.prior().located
     }
 
-    /// The solution of a Markov chain of two states with constant rates over the time since the last update.
+    /// Solves the Markov chain of the two states with constant rates over the time since the last update.
     fn prior(&self) -> Prior {
         let settings = &self.settings;
         let (born, dead) = (settings.birth_rate_hz, settings.death_rate_hz);
@@ -280,14 +284,15 @@ impl BernoulliFilter {
         }
     }
 
-    /// Draws new particles from the prediction and the components and weights them: `log_ratios` gets the particles
-    /// and writes ln p(images | target there) − ln p(images | no target) for each. It is called again if particles
-    /// are drawn again, and not at all if the target does not exist and there is no component. NaN counts as
-    /// impossible.
+    /// Draws new particles from the prediction and the components and weights them. `log_ratios` receives the
+    /// particles and writes ln p(images | target at the particle) − ln p(images | no target) for each. It is called
+    /// again if particles are drawn again, and never if the target does not exist and there is no component. NaN
+    /// counts as impossible.
     ///
-    /// If all particles are impossible the target does not exist; a target that certainly exists stays as predicted.
-    /// Do not update at times without images: predict only. `max_log_ratio` bounds the log-ratio, in nats, by which
-    /// existence becomes more likely: likelihoods may tell positions apart better than existence.
+    /// If all particles are impossible, the target does not exist; a target that certainly exists remains as
+    /// predicted. At times without images, predict without an update. `max_log_ratio` limits the log-ratio, in nats,
+    /// by which the existence probability increases, for likelihoods that discriminate positions better than
+    /// existence.
     pub fn update(
         &mut self,
         components: &[MeasurementComponent],
@@ -310,11 +315,11 @@ impl BernoulliFilter {
             self.draw_new(&prior);
             log_ratios(&self.new_particles, &mut self.log_ratios);
             let log_exists = self.weight_new();
-            // The moment-matched particles are better for the position; all predictions together, for the existence.
+            // The moment-matched particles estimate the position better, the first draw the existence.
             if self.agrees_too_little(&prior) && self.draw_moment_matched(&prior) {
                 log_ratios(&self.new_particles, &mut self.log_ratios);
                 if self.weight_new() == f64::NEG_INFINITY {
-                    // None of them is possible: the first were, and the same numbers draw them again.
+                    // All are impossible. The first draw had possible ones: repeat it with the same random numbers.
                     self.draw_new(&prior);
                     log_ratios(&self.new_particles, &mut self.log_ratios);
                     self.weight_new();
@@ -341,24 +346,25 @@ impl BernoulliFilter {
         }
     }
 
-    /// The particles at the last update; their columns are the motion model's, velocities being means given the path.
+    /// Returns the particles at the last update, with the columns of the motion model. Velocities are means given the
+    /// path.
     pub fn particles(&self) -> &Particles {
         &self.particles
     }
 
-    /// The weights, which sum to one.
+    /// Returns the weights, which sum to one.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
-    /// 1/Σw².
+    /// Returns the effective sample size, 1/Σw².
     fn effective_sample_size(&self) -> f64 {
         1.0 / self.weights.iter().map(|w| w * w).sum::<f64>()
     }
 
-    /// Estimates the target, if it is located, `ahead_s` seconds after the predicted time; nothing changes. Right
-    /// after [`BernoulliFilter::predict`], and 0 s ahead, it is the predicted mixture's mean and covariance, without
-    /// births. `None` if the target does not exist.
+    /// Estimates the target where the particles predict it, `ahead_s` seconds after the predicted time, without
+    /// changing the filter. Right after [`BernoulliFilter::predict`], and 0 s ahead, this is the mean and
+    /// covariance of the predicted mixture without births. `None` if the target does not exist.
     pub fn estimate(&self, ahead_s: f64) -> Option<StateEstimate> {
         if self.located() == 0.0 {
             return None;
@@ -392,12 +398,13 @@ impl BernoulliFilter {
         })
     }
 
-    /// The share of the weight within `distance_m` of a point (metres), each particle at its mean prediction.
+    /// Returns the share of the weight within `distance_m` of a point (metres), with each particle at its mean
+    /// prediction.
     pub fn weight_within(&self, point_m: [f64; 3], distance_m: f64) -> f64 {
         weight_within(self.places_m(self.pending_s), point_m, distance_m)
     }
 
-    /// The mean prediction of each particle after `dt_s` seconds, and its weight.
+    /// Returns the mean prediction of each particle after `dt_s` seconds, and its weight.
     fn places_m(&self, dt_s: f64) -> impl Iterator<Item = ([f64; 3], f64)> {
         let weighted = self.hypotheses.iter().zip(&self.weights);
         weighted.map(move |(hypothesis, &weight)| (hypothesis.ahead(dt_s), weight))

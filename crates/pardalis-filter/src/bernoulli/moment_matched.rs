@@ -1,6 +1,7 @@
-//! A second proposal for when few particles agree with the images. While a target is not seen its particles spread, until images locate it more precisely than
-//! particles are apart, and no single particle predicts where it reappears. The predictions of all particles are then replaced by two Gaussians with their moments, one with a velocity jump and one
-//! without (a Gaussian sum particle filter: Kotecha and Djurić 2003).
+//! A second proposal, used if few particles agree with the images. The particles of an occluded target spread until
+//! they are farther apart than the precision of an image, so that none of them predicts the position at which the
+//! target reappears. The predictions of all particles are then replaced by two Gaussians with their moments, one
+//! with a velocity jump and one without (a Gaussian sum particle filter: Kotecha and Djurić 2003).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -9,8 +10,9 @@ use super::proposal::log_add;
 use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
 use pardalis_core::rng::Stage;
 
-/// The second proposal is used when the effective sample size falls below this share of the number of particles, from above it: where it was below before,
-/// particles may be in several places, which moments do not describe. Hand-set.
+/// The second proposal is used if the effective sample size falls below this share of the number of particles. It
+/// must have been above before: otherwise the distribution may have several modes, which moments do not describe.
+/// Hand-set.
 const MIN_EFFECTIVE_SHARE: f64 = 0.1;
 /// The share of births among the particles of the second proposal. Hand-set.
 const BIRTH_SHARE: f64 = 0.5;
@@ -24,13 +26,14 @@ struct Predicted {
     whitening: Matrix3<f64>,
     log_height: f64,
     velocity_mps: Vector3<f64>,
-    /// The regression of the mean velocity on the position, 1/s, and the variance of the velocity given the position, on each axis.
+    /// The regression of the mean velocity on the position, 1/s, and the variance of the velocity given the
+    /// position, on each axis.
     gain_hz: Matrix3<f64>,
     velocity_variance_m2ps2: f64,
 }
 
 impl Predicted {
-    /// The logarithm of its density times its probability, per m³ (per m² in a plane).
+    /// Returns the logarithm of its density times its probability, per m³ (per m² in a plane).
     fn log_density(&self, position_m: [f64; 3]) -> f64 {
         let off = self.whitening * (Vector3::from(position_m) - self.mean_m);
         self.log_chance + self.log_height - 0.5 * off.norm_squared()
@@ -40,7 +43,7 @@ impl Predicted {
         (self.mean_m + self.factor_m * Vector3::from(normals)).into()
     }
 
-    /// A target at a position that this predicts.
+    /// Returns a target at a position, with the velocity predicted for it.
     fn at(&self, position_m: [f64; 3]) -> Hypothesis {
         let off_m = Vector3::from(position_m) - self.mean_m;
         Hypothesis {
@@ -52,7 +55,7 @@ impl Predicted {
 }
 
 impl BernoulliFilter {
-    /// Whether the effective sample size of the new particles is too small, though that of the old ones was not.
+    /// Reports whether the effective sample size of the new particles is too small and that of the old ones was not.
     pub(super) fn agrees_too_little(&self, prior: &Prior) -> bool {
         let least = MIN_EFFECTIVE_SHARE * self.weights.len() as f64;
         let log_weights = self.new_particles.log_weights.iter();
@@ -61,8 +64,8 @@ impl BernoulliFilter {
         is_thin && prior.located > 0.0 && !self.proposal.is_empty()
     }
 
-    /// Draws new particles from births and from the moment-matched prediction, with log-weights of prior density over proposal density. Returns `false` if all
-    /// particles predict the same position.
+    /// Draws new particles from births and from the moment-matched prediction, with log-weights of prior density over
+    /// proposal density. Returns `false` if all particles predict the same position.
     pub(super) fn draw_moment_matched(&mut self, prior: &Prior) -> bool {
         let velocity_jump = self.velocity_jump(self.pending_s);
         let steady = (
@@ -111,7 +114,7 @@ impl BernoulliFilter {
         true
     }
 
-    /// The moments of the particles' predictions.
+    /// Computes the moments of the particles' predictions.
     fn predicted(&self, (chance, kinematics): (f64, Kinematics)) -> Option<Predicted> {
         let dt_s = self.pending_s;
         let free_axes = self.settings.motion.free_axes();
@@ -134,7 +137,7 @@ impl BernoulliFilter {
             vv += (v * v.transpose() + Matrix3::identity() * velocity_variance) * weight;
         }
         if free_axes == 2 {
-            // In a plane the height is the components' and carries no information.
+            // In a plane, the height is that of the components and carries no information.
             for axis in 0..3 {
                 for matrix in [&mut xx, &mut vx, &mut vv] {
                     matrix[(axis, 2)] = 0.0;
@@ -152,7 +155,7 @@ impl BernoulliFilter {
             + libm::log(factor_m.determinant());
         let mut drawn_m = factor_m;
         if free_axes == 2 {
-            // Components may have several heights: none is likelier than another.
+            // Components may differ in height; all heights are equally likely.
             drawn_m[(2, 2)] = 0.0;
             whitening[(2, 2)] = 0.0;
         }

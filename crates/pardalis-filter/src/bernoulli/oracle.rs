@@ -1,15 +1,16 @@
-//! A naive Bernoulli update: plain densities and full covariance matrices, one particle after the other, straight from the formulas in the documentation of
-//! [`super`]. It takes the drawn positions as given and computes everything else: existence, weights, births and velocities.
+//! A naive Bernoulli update with plain densities and full covariance matrices, particle by particle, according to the
+//! formulas in the documentation of [`super`]. It takes the drawn positions as given and computes everything else:
+//! existence, weights, births and velocities.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Vector3};
 
 use super::kinematics::Kinematics;
 use super::{BernoulliSettings, Hypothesis, MeasurementComponent};
 
-/// The variance that every step adds to a position, m².
+/// Variance that every step adds to a position, m².
 const STEP_VARIANCE_M2: f64 = 1e-10;
 
-/// A Gaussian, or a positive function with the shape of one.
+/// A Gaussian, possibly not normalised.
 struct Gaussian {
     mean: DVector<f64>,
     covariance: DMatrix<f64>,
@@ -27,7 +28,7 @@ impl Gaussian {
         (-0.5 * self.squared(position)).exp() / determinant.sqrt()
     }
 
-    /// The normalised product of two.
+    /// Returns the normalised product of two Gaussians.
     fn product(&self, other: &Self) -> Self {
         let [a, b] = [self, other].map(|g| g.covariance.clone().try_inverse().unwrap());
         let covariance = (a + &b).try_inverse().unwrap();
@@ -36,8 +37,8 @@ impl Gaussian {
     }
 }
 
-/// The probabilities that a target which existed with this probability is where it moved, elsewhere, or absent after `dt_s` seconds: a Markov chain with the
-/// rates of the settings.
+/// Returns the probabilities that a target that existed with this probability is where it moved, elsewhere, or absent
+/// after `dt_s` seconds, according to a Markov chain with the rates of the settings.
 pub(super) fn chances(settings: &BernoulliSettings, existence: f64, dt_s: f64) -> [f64; 3] {
     let (born, dead) = (settings.birth_rate_hz, settings.death_rate_hz);
     let moved = settings.relocation_rate_hz;
@@ -56,7 +57,7 @@ pub(super) fn chances(settings: &BernoulliSettings, existence: f64, dt_s: f64) -
     ((rates * dt_s).exp() * Vector3::new(existence, 0.0, 1.0 - existence)).into()
 }
 
-/// The covariance of position and velocity on one axis after a step.
+/// Returns the covariance of position and velocity on one axis after a step.
 struct Moved {
     covariance: Matrix2<f64>,
 }
@@ -83,7 +84,7 @@ pub(super) struct Before<'a> {
     pub(super) components: &'a [MeasurementComponent],
 }
 
-/// What an update makes of positions that were drawn, before likelihoods count.
+/// An update of drawn positions before the likelihoods are applied.
 pub(super) struct Drawn {
     /// Prior density over proposal density, times the weight of the ancestor.
     pub(super) weights: Vec<f64>,
@@ -99,7 +100,8 @@ impl Before<'_> {
         Kinematics::of(&self.settings.motion).unwrap()
     }
 
-    /// The probability of a velocity jump and the velocity's variance that it adds, if the target has a velocity and time passed.
+    /// Returns the probability of a velocity jump and the variance that it adds to the velocity, if the target has a
+    /// velocity and time passed.
     fn jump(&self) -> Option<(f64, f64)> {
         let is_possible = self.settings.velocity_jump_rate_hz > 0.0 && self.dt_s > 0.0;
         (is_possible && self.kinematics().has_velocity()).then(|| {
@@ -108,7 +110,7 @@ impl Before<'_> {
         })
     }
 
-    /// A step of one axis, F·P·Fᵀ + Q, with a velocity jump of this variance at any time.
+    /// Returns a step on one axis, F·P·Fᵀ + Q, with a velocity jump of this variance at a random time.
     fn moved(&self, velocity_variance_m2ps2: f64, jump_m2ps2: f64) -> Moved {
         let t = self.dt_s;
         let added = Matrix2::new(STEP_VARIANCE_M2, 0.0, 0.0, 0.0);
@@ -119,7 +121,7 @@ impl Before<'_> {
             } => {
                 let transition = Matrix2::new(1.0, t, 0.0, 1.0);
                 let before = Matrix2::new(0.0, 0.0, 0.0, velocity_variance_m2ps2);
-                // A jump at any time adds the covariance of acceleration noise of its variance per step.
+                // A jump at a random time adds the covariance of acceleration noise with its variance per step.
                 let noise = Matrix2::new(t * t / 3.0, t / 2.0, t / 2.0, 1.0)
                     * (acceleration_density_m2ps3 * t + jump_m2ps2);
                 transition * before * transition.transpose() + noise
@@ -146,7 +148,7 @@ impl Before<'_> {
         }
     }
 
-    /// The components' Gaussians, each with its weight beside the best and its share of the births.
+    /// Returns the Gaussian of each component with its weight relative to the best and its share of the births.
     fn components(&self) -> Vec<(Gaussian, f64, f64)> {
         let log_weights = self.components.iter().map(|component| component.log_weight);
         let greatest = log_weights.clone().fold(f64::NEG_INFINITY, f64::max);
@@ -166,7 +168,7 @@ impl Before<'_> {
         self.components.iter().map(of).collect()
     }
 
-    /// The density of births at the components, whose standard deviations they double.
+    /// Returns the density of births at the components, with doubled standard deviations.
     fn birth_density(&self, position: &DVector<f64>) -> f64 {
         let of = |(component, _, share): (Gaussian, f64, f64)| {
             let mean = component.mean;
@@ -176,7 +178,7 @@ impl Before<'_> {
         self.components().into_iter().map(of).sum()
     }
 
-    /// The density from which the filter draws the position of a particle with this prediction.
+    /// Returns the density from which the filter draws the position of a particle with this prediction.
     fn proposal_density(&self, position: &DVector<f64>, prediction: &Gaussian) -> f64 {
         let predicted = prediction.density(position);
         let components = self.components();
@@ -185,7 +187,7 @@ impl Before<'_> {
         }
         let [located, elsewhere, _] = self.chances;
         let birth = 0.1 + 0.9 * elsewhere / (located + elsewhere);
-        // Components within six standard deviations, by how well they agree with the prediction.
+        // Components within six standard deviations, weighted by their agreement with the prediction.
         let near = components.iter().filter_map(|(component, weight, _)| {
             let both = Gaussian {
                 mean: component.mean.clone(),
@@ -206,7 +208,8 @@ impl Before<'_> {
             + (1.0 - birth) * (0.75 * products.sum::<f64>() + 0.25 * predicted)
     }
 
-    /// The ancestor of each particle and its weight: those of systematic resampling if the effective sample size is half the number of particles or less.
+    /// Returns the ancestor of each particle and its weight: those of systematic resampling if the effective sample
+    /// size is at most half the number of particles.
     fn ancestors(&self, resampling: f64) -> Vec<(usize, f64)> {
         let count = self.weights.len();
         let squares: f64 = self.weights.iter().map(|weight| weight * weight).sum();
@@ -233,8 +236,8 @@ impl Before<'_> {
         }
     }
 
-    /// What the first draw makes of these positions. `resampling` is the offset of systematic resampling, `births` are the uniform numbers that say
-    /// whether a target was elsewhere before.
+    /// Computes the first draw from these positions. `resampling` is the offset of systematic resampling, `births`
+    /// are the uniform numbers that decide whether a target was elsewhere before.
     pub(super) fn first_draw(
         &self,
         positions_m: &[[f64; 3]],
@@ -248,7 +251,7 @@ impl Before<'_> {
         for (i, &position_m) in positions_m.iter().enumerate() {
             let (ancestor, weight) = ancestors[i];
             let before = &self.hypotheses[ancestor];
-            // One particle in four has a jump, whatever its probability.
+            // One particle in four has a jump, regardless of its probability.
             let (jump_m2ps2, correction) = match self.jump() {
                 None => (0.0, 1.0),
                 Some((chance, variance)) if i % 4 == 0 => (variance, chance / 0.25),
@@ -283,8 +286,8 @@ impl Before<'_> {
         }
     }
 
-    /// Whether the particles after the first draw agree too little with the images: their effective sample size is less than a tenth of their number, and was
-    /// not before.
+    /// Reports whether the particles of the first draw agree too little with the images: their effective sample
+    /// size is less than a tenth of their number, and was not before.
     pub(super) fn is_drawn_again(&self, new_weights: &[f64]) -> bool {
         let effective = |weights: &[f64]| 1.0 / weights.iter().map(|w| w * w).sum::<f64>();
         let least = 0.1 * self.weights.len() as f64;
@@ -294,7 +297,8 @@ impl Before<'_> {
             && !self.components.is_empty()
     }
 
-    /// The moments of position and velocity over all particles' predictions, with a velocity jump of this variance.
+    /// Returns the moments of position and velocity over the predictions of all particles, with a velocity jump of
+    /// this variance.
     fn moments(&self, jump_m2ps2: f64) -> Moments {
         let axes = self.axes();
         let joint = |before: &Hypothesis| {
@@ -331,8 +335,8 @@ impl Before<'_> {
         }
     }
 
-    /// What the moment-matched draw makes of these positions. `uniforms` are those that say whether a target's velocity jumped, and whether it was elsewhere
-    /// before.
+    /// Computes the moment-matched draw from these positions. `uniforms` decide whether a target's velocity jumped,
+    /// and whether it was elsewhere before.
     pub(super) fn moment_matched_draw(
         &self,
         positions_m: &[[f64; 3]],
@@ -375,7 +379,7 @@ struct Moments {
 }
 
 impl Moments {
-    /// The hypothesis that the position leaves.
+    /// Returns the hypothesis at a position.
     fn at(&self, position_m: [f64; 3], position: &DVector<f64>) -> Hypothesis {
         let velocity = &self.velocity + &self.gain * (position - &self.position.mean);
         let mut velocity_mps = [0.0; 3];

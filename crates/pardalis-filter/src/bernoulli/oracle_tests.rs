@@ -1,4 +1,4 @@
-//! Whole updates of random filters against the oracle.
+//! Comparison of complete updates of random filters with the oracle.
 
 use nalgebra::{Matrix3, Rotation3};
 use proptest::prelude::*;
@@ -10,7 +10,7 @@ use crate::motion::{ConstantVelocity, PositionNoise, RandomWalk, VelocityNoise};
 
 /// Particles per filter.
 const PARTICLES: usize = 30;
-/// Around here everything happens, metres.
+/// Centre of all positions, metres.
 const MIDDLE_M: [f64; 3] = [1.0, -0.5, 2.3];
 
 /// The images of one update.
@@ -19,11 +19,11 @@ struct Images {
     dt_s: f64,
     components: Vec<MeasurementComponent>,
     max_log_ratio: f64,
-    /// The height (nats) and the width (metres) of the likelihood's peak, around the first component or the middle.
+    /// Height (nats) and width (metres) of the likelihood's peak, at the first component or the centre.
     peak: [f64; 2],
-    /// Its waves: nats and radians per metre.
+    /// Amplitude (nats) and wave number (radians per metre) of its waves.
     waves: [f64; 2],
-    /// One particle in this many is impossible.
+    /// One in this number of particles is impossible.
     impossible_one_in: usize,
 }
 
@@ -142,7 +142,7 @@ fn start() -> impl Strategy<Value = (GaussianStart, f64)> {
     })
 }
 
-/// Asserts that two numbers are equal but for rounding.
+/// Asserts that two numbers are equal except for rounding.
 fn check(found: f64, expected: f64, what: &str) {
     let allowed = 1e-9 * expected.abs() + 1e-14;
     assert!(
@@ -151,7 +151,7 @@ fn check(found: f64, expected: f64, what: &str) {
     );
 }
 
-/// The positions of the first draw of the next update, in double precision: the update draws them again by the same numbers.
+/// Returns the positions of the first draw of the next update in double precision. The update draws the same ones.
 fn first_positions_m(filter: &mut BernoulliFilter, images: &Images) -> Vec<[f64; 3]> {
     let before = filter.observation;
     filter.observation = before.wrapping_add(1);
@@ -168,7 +168,7 @@ fn positions_m(hypotheses: &[Hypothesis]) -> Vec<[f64; 3]> {
     positions_m.collect()
 }
 
-/// Weights times likelihood ratios, and their sum.
+/// Returns the weights times likelihood ratios, and their sum.
 fn weighted(drawn: &Drawn, log_ratios: &[f32]) -> (Vec<f64>, f64) {
     let ratio = |log: &f32| {
         if log.is_nan() {
@@ -184,7 +184,7 @@ fn weighted(drawn: &Drawn, log_ratios: &[f32]) -> (Vec<f64>, f64) {
     (products.iter().map(|w| w / sum).collect(), sum)
 }
 
-/// Runs one update and compares all that it changes with the oracle.
+/// Runs one update and compares the complete result with the oracle.
 fn check_update(filter: &mut BernoulliFilter, images: &Images) {
     filter.predict(images.dt_s);
     let (hypotheses, weights) = (filter.hypotheses.clone(), filter.weights.clone());
@@ -247,7 +247,7 @@ fn check_update(filter: &mut BernoulliFilter, images: &Images) {
         check(*found, *expected, &format!("weight {i}"));
     }
     for (i, (found, expected)) in filter.hypotheses.iter().zip(&drawn.hypotheses).enumerate() {
-        // Where both densities vanish, rounding decides whether a particle was elsewhere; its weight is nothing.
+        // If both densities vanish, rounding decides whether a particle was elsewhere, but its weight is zero.
         if filter.weights[i] < 1e-12 {
             continue;
         }

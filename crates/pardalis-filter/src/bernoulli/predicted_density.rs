@@ -5,8 +5,10 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use super::BernoulliFilter;
 
 impl BernoulliFilter {
-    /// The predicted density of the target's position at a measurement with this covariance (metres, m²), if the target is located: ∫p(x)·N(x; position, covariance) dx in 1/m³, or in 1/m² in a
-    /// plane, where the third axis does not count. 0 if it is not located. Call it after [`BernoulliFilter::predict`].
+    /// Returns the predicted density of the target's position at a measurement with this covariance (metres, m²),
+    /// given that the target is where the particles predict it: ∫p(x)·N(x; position, covariance) dx in 1/m³. In a
+    /// plane it is in 1/m² and the third axis is ignored. 0 if the target does not exist. Call it after
+    /// [`BernoulliFilter::predict`].
     pub fn predicted_density(&self, position_m: [f64; 3], covariance_m2: &Matrix3<f64>) -> f64 {
         if self.located() == 0.0 {
             return 0.0;
@@ -59,7 +61,8 @@ mod tests {
     use crate::motion::Motion;
     use pardalis_core::rng::Draws;
 
-    /// The density of a mixture of Gaussians with these weights, means (m) and variances (m²) around a position measured with this covariance, 1/m³: ∫p(x)·N(x; position, covariance) dx.
+    /// Returns the density of a mixture of Gaussians with these weights, means (m) and variances (m²) at a position
+    /// measured with this covariance, 1/m³: ∫p(x)·N(x; position, covariance) dx.
     fn naive_density(
         mixture: &[(f64, Vector3<f64>, f64)],
         position_m: Vector3<f64>,

@@ -1,35 +1,40 @@
-//! The proposal density of new particles: a mixture of the prediction, of its products with measurement components nearby, and of births at components.
+//! The proposal density of new particles: a mixture of the prediction, its products with nearby measurement
+//! components, and births at components.
 
 use std::f64::consts::PI;
 
 use crate::gaussian::MAX_START;
 
-/// The least share of particles that are born at components, independently of the prediction. Hand-set.
+/// Minimum share of births: particles drawn at components, independently of the prediction. Hand-set.
 const BIRTH_SHARE: f64 = 0.1;
-/// Of the others, the share that come from the prediction alone. Hand-set: defensive mixture against components that are wrong.
+/// Share of the other particles that are drawn from the prediction alone. Hand-set: a defensive mixture against wrong
+/// components.
 const PREDICTED_SHARE: f64 = 0.25;
-/// Births widen components by this factor (standard deviations). Hand-set: likelihoods may have wider tails than components.
+/// Factor by which births widen the standard deviations of components. Hand-set: likelihoods may have wider tails
+/// than components.
 const BIRTH_WIDENING: f64 = 2.0;
-/// A component is near a prediction within this squared Mahalanobis distance: six standard deviations. Derivation: 1e-8 of the density lies farther.
+/// Maximum squared Mahalanobis distance of a component near a prediction: six standard deviations. Derivation: 1e-8
+/// of the probability lies farther away.
 const NEAR_SQUARED: f64 = 36.0;
-/// The least variance of a component along any axis, m²: 1 µm squared. Keeps densities finite.
+/// Minimum variance of a component along any axis, m²: 1 µm squared. Keeps densities finite.
 const MIN_VARIANCE_M2: f64 = 1e-12;
-/// The number of components for which there is room from the start: more allocate once. Hand-set.
+/// Number of components for which memory is allocated in advance. Hand-set.
 const COMPONENT_ROOM: usize = 8;
-/// Sweeps of Jacobi's rotations; each squares what is off the diagonal.
+/// Number of sweeps of Jacobi rotations; each squares the magnitude of the off-diagonal elements.
 const SWEEPS: usize = 10;
 
-/// A Gaussian in the world that a detection contributes to the proposal. It does not bias the posterior: importance weights correct for it.
+/// A Gaussian in the world that a detection contributes to the proposal. It does not bias the posterior, because
+/// importance weights correct for it.
 ///
-/// Components with numbers that are not finite, positions beyond 1e6 m or covariances beyond 1e12 m² are ignored. Variances along the principal axes
-/// count as 1 µm² at least.
+/// Components with numbers that are not finite, positions beyond 1e6 m or covariances beyond 1e12 m² are ignored.
+/// Variances along the principal axes are raised to at least 1 µm².
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasurementComponent {
-    /// Mean in the world, metres. With planar motion the particles take its height.
+    /// Mean in the world, metres. In planar motion, it determines the height of the particles.
     pub position_m: [f64; 3],
     /// Covariance: xx, xy, xz, yy, yz, zz in m².
     pub covariance_m2: [f64; 6],
-    /// The logarithm of its weight beside the other components, up to a common constant, in nats.
+    /// Logarithm of its weight relative to the other components, up to a common constant, in nats.
     pub log_weight: f64,
 }
 
@@ -43,24 +48,24 @@ pub(super) struct Prediction {
 #[derive(Debug)]
 struct Component {
     mean_m: [f64; 3],
-    /// Its principal axes: unit vectors in the world, ...
+    /// Principal axes: unit vectors in the world.
     axes: [[f64; 3]; 3],
-    /// ... and the variances along them, m².
+    /// Variances along the principal axes, m².
     variances_m2: [f64; 3],
-    /// The logarithm of its weight; the greatest of all components is 0.
+    /// Logarithm of its weight, which is 0 for the component with the greatest weight.
     log_weight: f64,
-    /// Its share of the births, 0 to 1.
+    /// Share of the births, 0 to 1.
     birth_share: f64,
-    /// For the current prediction: the logarithm of weight times overlap if that is near, else -∞.
+    /// For the current prediction: logarithm of weight times predicted density if the prediction is near, else -∞.
     log_agreement: f64,
 }
 
-/// The proposal density. A step of no more components than [`COMPONENT_ROOM`], or than before, allocates nothing.
+/// The proposal density. Steps with at most [`COMPONENT_ROOM`] components, or as many as before, allocate no memory.
 #[derive(Debug)]
 pub(super) struct Proposal {
     free_axes: usize,
     components: Vec<Component>,
-    /// The share of particles that are born at components, if one is near.
+    /// Share of births if a component is near the prediction.
     birth_share: f64,
 }
 
@@ -73,7 +78,8 @@ impl Proposal {
         }
     }
 
-    /// Builds the proposal from new components. `elsewhere` is the probability that a target, if it exists, is not where particles were.
+    /// Builds the proposal from new components. `elsewhere` is the probability that the target, given that it
+    /// exists, is not where the particles predict it.
     pub(super) fn condition_on(&mut self, components: &[MeasurementComponent], elsewhere: f64) {
         self.components.clear();
         let free_axes = self.free_axes;
@@ -88,7 +94,7 @@ impl Proposal {
             component.log_weight -= greatest;
             total += libm::exp(component.log_weight);
         }
-        // Half of the births are spread evenly: the weights come from one frame only.
+        // Half of the births are distributed evenly, because the weights are based on a single frame.
         let even = 1.0 / self.components.len() as f64;
         for component in &mut self.components {
             component.birth_share = 0.5 * even + 0.5 * libm::exp(component.log_weight) / total;
@@ -100,18 +106,18 @@ impl Proposal {
         };
     }
 
-    /// Whether there is no component.
+    /// Reports whether there is no component.
     pub(super) fn is_empty(&self) -> bool {
         self.components.is_empty()
     }
 
-    /// The height of the components, if there are any, metres.
+    /// Returns the height of the components in metres, if there are any.
     pub(super) fn height_m(&self) -> Option<f64> {
         self.components.first().map(|component| component.mean_m[2])
     }
 
-    /// Draws a position for one particle. Returns it with the logarithm of the whole proposal density there. `share` in [0, 1) selects the part of the
-    /// mixture, `normals` are standard normal.
+    /// Draws a position for one particle. Returns it with the logarithm of the density of the whole mixture there.
+    /// `share` in [0, 1) selects the part of the mixture, `normals` are standard normal.
     pub(super) fn draw(
         &mut self,
         prediction: &Prediction,
@@ -165,7 +171,7 @@ impl Proposal {
         component.draw_birth(normals, self.free_axes)
     }
 
-    /// The logarithm of the density of births.
+    /// Returns the logarithm of the density of births.
     pub(super) fn log_birth_density(&self, position_m: [f64; 3]) -> f64 {
         let of_place = |component: &Component| {
             let (squared, log_height) =
@@ -186,8 +192,9 @@ impl Proposal {
         })
     }
 
-    /// The product of a prediction and a component, N(x; μ, P)·N(x; c, Σ), is N(c; μ, P + Σ) times the density of the normalised product. The densities of all
-    /// products, each with its share, therefore sum to the prediction's density times the sum of the components'.
+    /// The product of a prediction and a component, N(x; μ, P)·N(x; c, Σ), is N(c; μ, P + Σ) times the density of the
+    /// normalised product. The densities of all products, multiplied by their shares, therefore sum to the density of
+    /// the prediction times the sum of those of the components.
     fn log_density(
         &self,
         position_m: [f64; 3],
@@ -227,7 +234,7 @@ impl Prediction {
         position_m
     }
 
-    /// The logarithm of its density, per m³ (per m² in a plane).
+    /// Returns the logarithm of its density, per m³ (per m² in a plane).
     pub(super) fn log_density(&self, position_m: [f64; 3], free_axes: usize) -> f64 {
         let squared: f64 = (0..free_axes)
             .map(|axis| (position_m[axis] - self.mean_m[axis]).powi(2))
@@ -257,14 +264,14 @@ impl Component {
         })
     }
 
-    /// The distance of its mean from a position along one of its axes, metres.
+    /// Returns the distance of its mean from a position along one of its axes, metres.
     fn along(&self, axis: usize, position_m: [f64; 3], free_axes: usize) -> f64 {
         (0..free_axes)
             .map(|i| self.axes[axis][i] * (self.mean_m[i] - position_m[i]))
             .sum()
     }
 
-    /// The logarithm of its weight times N(c; μ, P + Σ); -∞ if that is far.
+    /// Returns the logarithm of its weight times N(c; μ, P + Σ); -∞ if the prediction is far away.
     fn log_agreement(&self, prediction: &Prediction, free_axes: usize) -> f64 {
         let (mut squared, mut determinant) = (0.0, 1.0);
         for axis in 0..free_axes {
@@ -279,7 +286,7 @@ impl Component {
         }
     }
 
-    /// The squared Mahalanobis distance of a position, and the logarithm of the density at the mean.
+    /// Returns the squared Mahalanobis distance of a position, and the logarithm of the density at the mean.
     fn squared_and_log_height(&self, position_m: [f64; 3], free_axes: usize) -> (f64, f64) {
         let (mut squared, mut determinant) = (0.0, 1.0);
         for axis in 0..free_axes {
@@ -289,7 +296,7 @@ impl Component {
         (squared, -0.5 * libm::log(determinant))
     }
 
-    /// The logarithm of its part of the density of births.
+    /// Returns the logarithm of its part of the density of births.
     fn log_birth_density(&self, squared: f64, log_height: f64, free_axes: usize) -> f64 {
         let widened = squared / BIRTH_WIDENING.powi(2);
         let log_widening = free_axes as f64 * libm::log(BIRTH_WIDENING);
@@ -326,7 +333,8 @@ impl Component {
     }
 }
 
-/// Principal axes (unit vectors) of the first two axes' covariance, or of all three's, and the variances along them (Jacobi's rotations).
+/// Returns the principal axes (unit vectors) of the covariance of the first two axes, or of all three, and the
+/// variances along them (Jacobi rotations).
 fn principal_axes(
     [xx, xy, xz, yy, yz, zz]: [f64; 6],
     free_axes: usize,
@@ -360,7 +368,7 @@ fn principal_axes(
     (axes, [0, 1, 2].map(|axis| matrix[axis][axis]))
 }
 
-/// ln(eᵃ + eᵇ).
+/// Returns ln(eᵃ + eᵇ).
 pub(super) fn log_add(a: f64, b: f64) -> f64 {
     let (less, more) = if a < b { (a, b) } else { (b, a) };
     if less == f64::NEG_INFINITY {

@@ -1,4 +1,4 @@
-//! Decoding of real and of damaged files.
+//! Decoding of real and damaged files.
 
 use pardalis_images::{RgbImage, decode, decode_grey, encode_png};
 
@@ -19,7 +19,7 @@ fn png(image: &RgbImage) -> Vec<u8> {
     encode_png(image).expect("a PNG image")
 }
 
-/// A PNG file of one pixel.
+/// Returns a PNG file of one pixel.
 fn one_pixel(color: png::ColorType, depth: png::BitDepth, sample: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, 1, 1);
@@ -33,7 +33,7 @@ fn one_pixel(color: png::ColorType, depth: png::BitDepth, sample: &[u8]) -> Vec<
 
 fn error_of(file: &[u8]) -> String {
     match decode(file) {
-        Ok(image) => panic!("{} x {} pixels came out", image.width(), image.height()),
+        Ok(image) => panic!("{} x {} pixels were decoded", image.width(), image.height()),
         Err(error) => error.to_string(),
     }
 }
@@ -45,13 +45,13 @@ fn assert_cuts_are_errors(whole: &[u8], cuts: impl Iterator<Item = usize>) {
     }
 }
 
-/// FNV-1a, 64 bits.
+/// Returns the 64-bit FNV-1a hash of the samples.
 fn checksum(image: &RgbImage) -> u64 {
     let fold = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
     image.as_raw().iter().fold(0xcbf2_9ce4_8422_2325, fold)
 }
 
-/// Files, their first pixels, and checksums of all pixels as the crate `image` 0.25 decodes them.
+/// Files with their first pixel and the hash of all pixels, as decoded by the crate `image` 0.25.
 const KNOWN: [(&str, [u8; 3], u64); 4] = [
     (
         "dioptric-jump/frames/000004.jpg",
@@ -85,7 +85,7 @@ fn decoded_pixels_have_known_values() {
 }
 
 #[test]
-fn a_jpeg_cut_anywhere_is_an_error() {
+fn truncated_jpeg_files_are_an_error() {
     let whole = real_jpeg();
     let count = whole.len();
     assert_cuts_are_errors(
@@ -97,14 +97,14 @@ fn a_jpeg_cut_anywhere_is_an_error() {
 }
 
 #[test]
-fn a_png_cut_anywhere_is_an_error() {
+fn truncated_png_files_are_an_error() {
     let whole = png(&patterned());
-    // The last four bytes are the end chunk's sum.
+    // The last four bytes are the checksum of the end chunk.
     assert_cuts_are_errors(&whole, 0..whole.len() - 4);
 }
 
 #[test]
-fn a_whole_jpeg_decodes_and_may_have_bytes_after_it() {
+fn complete_jpeg_files_may_be_followed_by_other_bytes() {
     let mut bytes = real_jpeg();
     let image = decode(&bytes).expect("whole");
     assert_eq!(
@@ -116,7 +116,7 @@ fn a_whole_jpeg_decodes_and_may_have_bytes_after_it() {
 }
 
 #[test]
-fn sizes_are_refused_from_the_header_alone() {
+fn invalid_sizes_in_headers_are_rejected() {
     let mut huge_jpeg = real_jpeg();
     let sof = huge_jpeg
         .windows(2)
@@ -148,7 +148,7 @@ fn sizes_are_refused_from_the_header_alone() {
 }
 
 #[test]
-fn damage_inside_a_png_is_an_error() {
+fn damaged_png_data_are_an_error() {
     let mut bytes = png(&patterned());
     let middle = bytes.len() / 2;
     bytes[middle] ^= 0x55;
@@ -157,7 +157,7 @@ fn damage_inside_a_png_is_an_error() {
 }
 
 #[test]
-fn every_type_of_png_becomes_rgb_and_grey() {
+fn all_pixel_types_of_png_decode_to_rgb_and_grey() {
     use png::BitDepth::{Eight, One, Sixteen};
     use png::ColorType::{Grayscale, GrayscaleAlpha, Rgb, Rgba};
     let one = |color, depth, sample: &[u8]| {
@@ -168,7 +168,7 @@ fn every_type_of_png_becomes_rgb_and_grey() {
     let grey = (vec![200; 3], vec![200]);
     assert_eq!(one(Grayscale, Eight, &[200]), grey);
     assert_eq!(one(Grayscale, Sixteen, &[200, 200]), grey);
-    // 200.506 and 199.504 of 255: rounded, not cut off.
+    // 200.506 and 199.504 of 255: rounded, not truncated.
     assert_eq!(one(Grayscale, Sixteen, &[201, 74]).1, [201]);
     assert_eq!(one(Grayscale, Sixteen, &[200, 72]).1, [200]);
     assert_eq!(one(Grayscale, One, &[0x80]).1, [255]);
@@ -176,7 +176,7 @@ fn every_type_of_png_becomes_rgb_and_grey() {
     let colored = (vec![10, 20, 30], vec![18]);
     assert_eq!(one(Rgba, Eight, &[10, 20, 30, 0]), colored);
     assert_eq!(one(Rgb, Sixteen, &[10, 10, 20, 20, 30, 30]), colored);
-    // Two by one pixels of a palette, one bit each: blue and white.
+    // An image of 2 x 1 pixels with a one-bit palette: blue and white.
     let palette: &[u8] = &[
         0x89, 0x50, 0x4E, 0x47, 0x0D, 0x0A, 0x1A, 0x0A, 0, 0, 0, 13, 0x49, 0x48, 0x44, 0x52, 0, 0,
         0, 2, 0, 0, 0, 1, 1, 3, 0, 0, 0, 0xce, 0xec, 0xed, 0xc9, 0, 0, 0, 6, 0x50, 0x4c, 0x54,
@@ -204,7 +204,7 @@ fn real_masks_are_black_and_white() {
 }
 
 #[test]
-fn a_jpeg_that_lacks_data_before_its_end_mark_is_an_error() {
+fn jpeg_files_with_missing_data_before_the_end_marker_are_an_error() {
     let whole = real_jpeg();
     for cut in (700..whole.len() - 2).step_by(307) {
         let bytes = [&whole[..cut], &[0xFF, 0xD9]].concat();

@@ -3,7 +3,8 @@
 use nalgebra::{Point3, Vector3};
 use pardalis::View;
 
-/// Returns packed RGB of a grey room with an orange ball, and which pixels show the ball. Lengths in metres, world frame.
+/// Returns packed RGB of a grey room with an orange ball, and which pixels show the ball. Lengths are in metres in
+/// the world frame.
 pub(crate) fn ball(view: &View, center_m: [f64; 3], radius_m: f64) -> (Vec<u8>, Vec<bool>) {
     let center = Vector3::from((view.camera_from_world() * Point3::from(center_m)).coords);
     let (width, height) = view.size();

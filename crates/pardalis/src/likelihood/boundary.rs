@@ -63,7 +63,8 @@ pub struct SplineSampling {
 }
 
 impl SplineSampling {
-    /// Returns the default for an outline of this many points: a control point for every fourth, and samples 1 and 2 pixels from the outline.
+    /// Returns the default for an outline of this many points: a control point for every fourth, and samples 1 and 2
+    /// pixels from the outline.
     pub fn of_points(points: usize) -> Self {
         Self {
             control_points: (points / 4).max(3),

@@ -1,4 +1,4 @@
-//! The edge likelihood over correspondence lines, naively.
+//! Naive implementation of the edge likelihood over correspondence lines.
 
 use nalgebra::{Point3, Vector2, Vector3};
 
@@ -9,13 +9,13 @@ use crate::likelihood::EdgeSettings;
 use crate::shape::Shape;
 use crate::view::View;
 
-/// Groups of neighbouring lines that are visible or occluded together.
+/// Number of groups of adjacent lines that are visible or occluded together.
 const SECTORS: usize = 16;
-/// Parts of the turn around an outline that have colours of their own.
+/// Number of parts of an outline with separate mean colours.
 const PARTS: usize = 64;
-/// Shifts of the outline along a line: -5 to 5 px, a quarter of a pixel apart.
+/// Number of shifts of the outline along a line: -5 to 5 px, a quarter of a pixel apart.
 const SHIFTS: usize = 41;
-/// Lines reach this far, pixels.
+/// Length of a line to either side of the outline, pixels.
 const REACH_PX: f64 = 5.0;
 
 /// A pixel near an outline.
@@ -41,7 +41,8 @@ pub struct EdgeLines {
     anywhere: [f64; SECTORS],
 }
 
-/// The posterior that a pixel of each bin is the target's: t / (t + f), with shares t of the target's pixels and f of every `step_px`th pixel of every `step_px`th row.
+/// Returns the colour posterior of each bin: t / (t + f), where t is its share of the target's pixels and f its share
+/// of the frame's, sampled at every `step_px`th pixel of every `step_px`th row.
 pub fn color_posterior(
     colors: &ColorModel,
     view: &View,
@@ -83,8 +84,9 @@ fn outline_px(
 }
 
 impl EdgeLines {
-    /// Places lines around a position in the world, metres, in an octave of the frame: its pixels are means of 2 x 2 pixels of the octave before. `None` if its outline does not have all its pixels. The frame's illumination is that of the colour
-    /// model, and nothing is known of what surrounded the target before.
+    /// Places lines around a position in the world, in metres, in an octave of the frame, whose pixels are means of
+    /// 2ⁿ x 2ⁿ pixels. Returns `None` if any point of the outline has no pixel. Assumes the illumination of the colour
+    /// model and no learnt background.
     pub fn place(
         settings: &EdgeSettings,
         shape: &Shape,
@@ -193,7 +195,8 @@ impl EdgeLines {
         Some(lines)
     }
 
-    /// The log-likelihood ratio of line `k` for a shift of the outline in pixels: a quadratic B-spline, minus 10 beyond the lines' reach.
+    /// Returns the log-likelihood ratio of line `k` for a shift of the outline in pixels: a quadratic B-spline,
+    /// reduced by 10 beyond the ends of the line.
     fn at(&self, k: usize, shift_px: f64) -> f64 {
         let step = (4.0 * (shift_px + REACH_PX)).clamp(1.0, (SHIFTS - 2) as f64);
         let spline: f64 = (0..SHIFTS)
@@ -217,7 +220,8 @@ impl EdgeLines {
         }
     }
 
-    /// The log-likelihood ratio of a body at a position in the world (metres) against an edge anywhere near the outline around which the lines were placed.
+    /// Returns the log-likelihood ratio of a body at a position in the world (metres) against an edge at any shift
+    /// from the outline around which the lines were placed.
     pub fn log_likelihood_ratio(&self, shape: &Shape, view: &View, position_m: [f64; 3]) -> f64 {
         let count = self.points.len();
         let outline = outline_px(view, shape, position_m, count);
@@ -237,7 +241,7 @@ impl EdgeLines {
     }
 }
 
-/// The probability that each sector is visible, by the share of its inner pixels that have the target's colours.
+/// Returns the probability that each sector is visible, from the share of its inner pixels with the target's colours.
 fn visible_shares(pixels: &[Pixel], count: usize) -> [f64; SECTORS] {
     let is_inner = |pixel: &&Pixel| (-6.0..=-1.2).contains(&pixel.distance_px);
     let share = |sector: Option<usize>| {
@@ -251,7 +255,8 @@ fn visible_shares(pixels: &[Pixel], count: usize) -> [f64; SECTORS] {
     std::array::from_fn(|sector| 0.02 + 0.96 * share(Some(sector)).unwrap_or(whole))
 }
 
-/// The mean colour of the pixels that `takes` takes, as seen from each part of the turn, by von Mises weights.
+/// Returns the mean colour around each part of the outline with von Mises weights, over the pixels for whose distance
+/// `takes` returns true.
 fn means(
     pixels: &[Pixel],
     count: usize,
@@ -279,8 +284,9 @@ fn part_of(line: usize, count: usize) -> usize {
     ((line * PARTS) as f64 / count as f64 + 0.5).floor() as usize % PARTS
 }
 
-/// The log-likelihood ratios of all lines: of each pixel the logarithm of P(membership | distance) / P(membership | outside), as learnt, and of P(colour | inside)
-/// / P(colour | outside) where it lies on the wrong side.
+/// Returns the log-likelihood ratios of all lines: sums over pixels of the logarithm of the learnt
+/// P(membership | distance) / P(membership | outside), and of P(colour | inside) / P(colour | outside) where a pixel
+/// lies on the wrong side.
 fn line_log_ratios(
     (settings, octave): (&EdgeSettings, u32),
     colors: &ColorModel,

@@ -25,14 +25,14 @@ impl Tracker {
 }
 
 impl TrackerBuilder {
-    /// Adds a camera. Its frames go by the returned identifier.
+    /// Adds a camera. The returned identifier is that of its frames.
     pub fn camera(&mut self, view: View) -> CameraId {
         self.views.push(view);
         CameraId::new(self.views.len() - 1)
     }
 
     /// Adds a target: [detected](super::DetectedSettings), [initialised](super::InitializedSettings) or with
-    /// several landmarks ([`TargetSettings`]). Its estimates go by the returned identifier.
+    /// several landmarks ([`TargetSettings`]). The returned identifier is that of its estimates.
     pub fn target(&mut self, settings: impl Into<TargetSettings>) -> TargetId {
         self.targets.push(settings.into());
         TargetId::new(self.targets.len() - 1)
@@ -46,7 +46,8 @@ impl TrackerBuilder {
 
     /// Builds the tracker.
     ///
-    /// Errors: no camera, no target, settings out of range, a target without bodies, a start outside its camera's image.
+    /// Returns an error if there is no camera or no target, settings are out of range, a target has no bodies, or a
+    /// start lies outside its camera's image.
     pub fn build(self) -> Result<Tracker, Error> {
         let missing = |what: &str, remedy: &str| Error::Empty {
             what: what.to_owned(),

@@ -1,8 +1,8 @@
-//! How a detected target appears, disappears and becomes occluded.
+//! Rates at which a detected target appears, disappears and becomes occluded.
 
 use pardalis_core::Error;
 
-/// How often a visible target becomes occluded from a camera, and an occluded one reappears.
+/// Rates at which a visible target becomes occluded in a camera, and an occluded one reappears.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct OcclusionRates {
@@ -22,13 +22,13 @@ impl Default for OcclusionRates {
 }
 
 impl OcclusionRates {
-    /// The share of the time in which a target is visible.
+    /// Returns the fraction of time during which a target is visible.
     pub(super) fn stationary(&self) -> f64 {
         self.reappearance_hz / (self.reappearance_hz + self.occlusion_hz)
     }
 }
 
-/// How a detected target appears, disappears and becomes occluded.
+/// Rates at which a detected target appears, disappears and becomes occluded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ExistenceSettings {
@@ -36,15 +36,15 @@ pub struct ExistenceSettings {
     pub birth_rate_hz: f64,
     /// Disappearances per second of a target that exists, Hz.
     pub death_rate_hz: f64,
-    /// How often the target is carried to another place, faster than it moves by itself, Hz.
+    /// Relocations per second, in which the target moves to an arbitrary position faster than by itself, Hz.
     pub relocation_rate_hz: f64,
-    /// Sudden changes of velocity per second (kicks, bounces), Hz, ...
+    /// Sudden changes of velocity per second, such as kicks and bounces, Hz.
     pub velocity_jump_rate_hz: f64,
-    /// ... and their standard deviation on each axis, m/s.
+    /// Standard deviation of such a change, on each axis, m/s.
     pub velocity_jump_sigma_mps: f64,
-    /// How often a camera's view of it becomes occluded and free again.
+    /// Rates of occlusion and reappearance in each camera.
     pub occlusion: OcclusionRates,
-    /// The height of the ground, for targets that stay on it, metres.
+    /// Height of the ground in the world, for targets that stay on it, metres.
     pub ground_z_m: f64,
 }
 

@@ -5,7 +5,7 @@ use crate::Frame;
 use crate::frame::check_time;
 use pardalis_core::Error;
 
-/// The frames of one instant, one per camera, and the instant's time, which is taken from them.
+/// The frames of one instant, at most one per camera, and the time of the instant, which is that of the frames.
 ///
 /// ```
 /// use pardalis::color::YuvEncoding;
@@ -26,12 +26,13 @@ pub struct FrameSet {
 }
 
 impl FrameSet {
-    /// Frames whose times differ by more than this, in seconds, are of several instants. At 10 m/s a target moves 1 cm in that time.
+    /// Maximum difference of the times of frames of one instant, in seconds. At 10 m/s a target moves 1 cm in it.
     pub const MAX_SPREAD_S: f64 = 1e-3;
 
-    /// The frames of one instant, each with its camera. The set's time is the latest of the frames'.
+    /// Creates the set of these frames, each with its camera. The time of the set is that of the latest frame.
     ///
-    /// Errors: there is no frame, a camera has two, or the times differ by more than [`FrameSet::MAX_SPREAD_S`].
+    /// Returns an error if there is no frame, a camera has two frames, or the times differ by more than
+    /// [`FrameSet::MAX_SPREAD_S`].
     pub fn new(frames: impl IntoIterator<Item = (CameraId, Frame)>) -> Result<Self, Error> {
         let frames: Vec<(usize, Frame)> = frames
             .into_iter()
@@ -60,7 +61,7 @@ impl FrameSet {
         Ok(Self { time_s, frames })
     }
 
-    /// The frame of one camera.
+    /// Creates the set of a single frame.
     pub fn of(camera: CameraId, frame: Frame) -> Self {
         Self {
             time_s: frame.time_s(),
@@ -68,7 +69,8 @@ impl FrameSet {
         }
     }
 
-    /// An instant without frames: time passes and no more. Returns an error unless the time, in seconds, is a number within ±1e12.
+    /// Creates a set without frames, which only advances the time. Returns an error unless the time, in seconds, is
+    /// a number within ±1e12.
     pub fn without_frames(time_s: f64) -> Result<Self, Error> {
         check_time(time_s)?;
         Ok(Self {
@@ -77,24 +79,24 @@ impl FrameSet {
         })
     }
 
-    /// Drops the frames for which `keep` returns `false`, such as frozen images; the time stays.
+    /// Removes the frames for which `keep` returns `false`, such as frozen images. The time does not change.
     pub fn retain(&mut self, mut keep: impl FnMut(CameraId, &Frame) -> bool) {
         self.frames
             .retain(|(camera, frame)| keep(CameraId::new(*camera), frame));
     }
 
-    /// The instant's time in seconds, finite.
+    /// Returns the time of the instant in seconds, finite.
     pub fn time_s(&self) -> f64 {
         self.time_s
     }
 
-    /// The frames with their cameras.
+    /// Returns the frames with their cameras.
     pub fn frames(&self) -> impl ExactSizeIterator<Item = (CameraId, &Frame)> {
         let frames = self.frames.iter();
         frames.map(|(camera, frame)| (CameraId::new(*camera), frame))
     }
 
-    /// The frames with the numbers of their cameras, as cues take them.
+    /// Returns the frames with the indices of their cameras, as cues expect them.
     pub(super) fn numbered(&self) -> &[(usize, Frame)] {
         &self.frames
     }

@@ -1,13 +1,13 @@
-//! Groups of bodies that look alike, and one body beside all others.
+//! Groups of bodies that look alike, and access to one body together with all others.
 
 use super::target_tracker::TargetTracker;
 
-/// Returns the numbers of all bodies, those that look alike together and in ascending order.
+/// Returns the indices of all bodies, grouped by appearance, in ascending order within each group.
 pub(super) fn groups(bodies: &[TargetTracker]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (number, body) in bodies.iter().enumerate() {
-        let is_its = |group: &&mut Vec<usize>| body.looks_like(&bodies[group[0]]);
-        match groups.iter_mut().find(is_its) {
+        let is_alike = |group: &&mut Vec<usize>| body.looks_like(&bodies[group[0]]);
+        match groups.iter_mut().find(is_alike) {
             Some(group) => group.push(number),
             None => groups.push(vec![number]),
         }
@@ -22,7 +22,7 @@ pub(super) struct Others<'a> {
     after: &'a [TargetTracker],
 }
 
-/// Splits the bodies into the one of this number and all others.
+/// Splits the bodies into the one with this index and all others.
 pub(super) fn split(
     bodies: &mut [TargetTracker],
     number: usize,
@@ -30,12 +30,12 @@ pub(super) fn split(
     let (before, from) = bodies.split_at_mut(number);
     let (body, after) = from
         .split_first_mut()
-        .expect("there is a body of that number");
+        .expect("there is a body with this index");
     (body, Others { before, after })
 }
 
 impl<'a> Others<'a> {
-    /// The body of this number; `None` if that is the one which is left out.
+    /// Returns the body with this index; `None` for the one left out.
     pub(super) fn get(&self, number: usize) -> Option<&'a TargetTracker> {
         match number.checked_sub(self.before.len()) {
             None => self.before.get(number),
@@ -44,7 +44,8 @@ impl<'a> Others<'a> {
         }
     }
 
-    /// Splits the group of the one which is left out into those that come before it, in the order in which they look at frames, and the others.
+    /// Splits the group of the body left out into the members before it, in the order of updates, and the rest,
+    /// which begins with it.
     pub(super) fn around<'g>(&self, group: &'g [usize]) -> (&'g [usize], &'g [usize]) {
         let left_out = group.iter().position(|&number| number == self.before.len());
         group.split_at(left_out.unwrap_or(0))

@@ -1,29 +1,29 @@
-//! Numbers of cameras and of targets, which cannot be mistaken for one another.
+//! Identifiers of cameras and targets, as separate types.
 
 use pardalis_core::Error;
 
-/// A camera of a tracker: its place among the views that the tracker was made with.
+/// Identifies a camera of a tracker by its index among the tracker's views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CameraId(usize);
 
-/// A target of a tracker: its place among the targets that the tracker was made with.
+/// Identifies a target of a tracker by its index among the tracker's targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TargetId(usize);
 
 macro_rules! id {
     ($id:ident, $what:literal) => {
         impl $id {
-            #[doc = concat!("The ", $what, " of this number, from 0.")]
+            #[doc = concat!("Returns the identifier of the ", $what, " with this index, from 0.")]
             pub const fn new(index: usize) -> Self {
                 Self(index)
             }
 
-            /// Its number, from 0.
+            /// Returns the index, from 0.
             pub const fn index(self) -> usize {
                 self.0
             }
 
-            /// Returns an error unless the number is below this count.
+            /// Returns an error unless the index is below this count.
             pub(super) fn check(self, count: usize) -> Result<(), Error> {
                 if self.0 < count {
                     return Ok(());

@@ -14,7 +14,8 @@ use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 use pardalis_filter::particle_filter::{ParticleFilter, Update};
 
-/// A camera shows a body if any particle is more likely than background by this many nats. Hand-set: above the rounding of single precision.
+/// A body is visible in a camera if the log-likelihood ratio of any particle against background exceeds this, in
+/// nats. Hand-set: above the rounding of single precision.
 const MIN_VISIBLE_NATS: f64 = 1e-3;
 
 /// A body that the published cues track.
@@ -28,7 +29,7 @@ pub(super) struct InitializedTarget {
 }
 
 impl InitializedTarget {
-    /// A body that is tracked through these cameras.
+    /// Creates a body that is tracked through these cameras.
     pub(super) fn new(
         settings: &InitializedSettings,
         draws: Draws,
@@ -39,7 +40,7 @@ impl InitializedTarget {
             Start::Gaussian(start) => *start,
             Start::Pixel(start) => {
                 super::check_pixel(start, views)?;
-                // Known with the first frame; until then the particles lie at the origin.
+                // Determined in the first frame; until then the particles are at the origin.
                 GaussianStart::default()
             }
         };
@@ -79,7 +80,7 @@ impl InitializedTarget {
         }
     }
 
-    /// Updates what was predicted with the frames of one instant. A start in a pixel waits for a frame of its camera.
+    /// Updates the prediction with the frames of one instant. A start in a pixel waits for a frame of its camera.
     pub(super) fn observe(&mut self, instant: &Instant) {
         if let (Start::Pixel(start), false) = (self.start, self.track.has_started()) {
             let Some(found) = self.search(instant, &start) else {
@@ -127,14 +128,16 @@ impl InitializedTarget {
         });
     }
 
-    /// The mean log-likelihood ratio of a camera's latest frame over the posterior, against pure background, in nats.
+    /// Returns the log-likelihood ratio of a camera's latest frame against pure background in nats, the mean over the
+    /// posterior.
     pub(super) fn log_likelihood_ratio(&self, camera: usize) -> f64 {
         let of_camera = self.cues.log_likelihoods_of(camera);
         let background = self.cues.background_log_likelihood(camera);
         mean_log_ratio(of_camera, self.filter.weights(), background)
     }
 
-    /// Locates the body in these frames alone, in passes with these standard deviations (metres) around the start.
+    /// Locates the body in these frames alone, in passes with these standard deviations in metres, the first around
+    /// the start.
     pub(super) fn locate(
         &mut self,
         instant: &Instant,
@@ -174,7 +177,7 @@ impl InitializedTarget {
         found
     }
 
-    /// Estimates the body `ahead_s` seconds after the latest frames; nothing changes.
+    /// Predicts the body `ahead_s` seconds after the latest frames, without changing it.
     pub(super) fn estimate(&self, ahead_s: f64) -> Estimate {
         let is_known = self.track.is_known();
         self.estimate_of(is_known.then(|| self.filter.estimate(ahead_s)))

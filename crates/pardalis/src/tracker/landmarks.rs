@@ -3,8 +3,8 @@
 use super::{Estimate, TrackState};
 use pardalis_filter::estimate::StateEstimate;
 
-/// What the estimates of its landmarks, one at least, say of a target: their middle, and the heading from the rear landmark to the front one, `[front, rear]`.
-/// It is tracked as well as the landmark that is tracked worst. Of a single body, its own estimate.
+/// Combines the estimates of one or more landmarks into that of the target: their mean position, the heading from the
+/// rear landmark to the front one, given as `[front, rear]`, and the worst of their states.
 pub(super) fn combined(
     landmarks: impl ExactSizeIterator<Item = Estimate>,
     heading: Option<[usize; 2]>,
@@ -18,7 +18,7 @@ pub(super) fn combined(
         landmark
     };
     let sum = landmarks.enumerate().map(noted).reduce(sum);
-    let sum = sum.expect("a target has one body at least");
+    let sum = sum.expect("a target has at least one body");
     let heading_rad = ends.and_then(|[(_, front), (_, rear)]| {
         let (front, rear) = (front?, rear?);
         sum.kinematics?;
@@ -37,7 +37,7 @@ pub(super) fn combined(
     }
 }
 
-/// Two landmarks, whose errors have nothing to do with one another, added up; without one of them there is no position.
+/// Adds the estimates of two landmarks with independent errors. Without both positions, the sum has none.
 fn sum(a: Estimate, b: Estimate) -> Estimate {
     let both = a.kinematics.zip(b.kinematics);
     Estimate {
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn two_landmarks_are_one_target_between_them_that_faces_from_rear_to_front() {
+    fn a_target_is_midway_between_its_landmarks_and_faces_from_rear_to_front() {
         let (rear, front) = (
             at([1.0, 2.0, 0.0], TrackState::Tracking),
             at([1.0, 4.0, 0.0], TrackState::Occluded),
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn without_one_of_its_landmarks_a_target_has_no_position() {
+    fn a_target_without_one_of_its_landmarks_has_no_position() {
         let lost = Estimate {
             state: TrackState::Lost,
             kinematics: None,

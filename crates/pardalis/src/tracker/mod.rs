@@ -1,7 +1,7 @@
 //! Tracking: frame sets in, estimates out, for any number of cameras and targets.
 //!
-//! A target is tracked in one of two ways, which the types keep apart ([`BodySettings`]): *detected*, where the tracker finds it itself, or *initialised*, where the published cues track it
-//! from a given start.
+//! There are two ways to track a target, with separate types ([`BodySettings`]): *detected* targets are found by the
+//! tracker itself, *initialised* ones are tracked by the published cues from a given start.
 
 mod builder;
 mod detected;
@@ -45,11 +45,12 @@ use pardalis_filter::gaussian::{GaussianStart, MAX_START};
 pub enum TrackState {
     /// Not started yet.
     Searching,
-    /// Visible in one camera at least.
+    /// Visible in at least one camera.
     Tracking,
-    /// Visible in no camera's latest frame (occluded, out of view or masked): the estimate is predicted by the motion model alone.
+    /// Not visible in the latest frame of any camera (occluded, out of view or masked): the estimate is predicted by
+    /// the motion model alone.
     Occluded,
-    /// It was tracked, and it is not known any more where it is: there is no estimate.
+    /// No longer tracked, because its position has become too uncertain or impossible: there is no estimate.
     Lost,
 }
 
@@ -57,7 +58,7 @@ impl TrackState {
     /// All states.
     pub const ALL: [Self; 4] = [Self::Searching, Self::Tracking, Self::Occluded, Self::Lost];
 
-    /// Its name in files.
+    /// Returns its name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Searching => "searching",
@@ -75,43 +76,45 @@ pub struct Estimate {
     pub state: TrackState,
     /// Position, velocity and covariance; `None` unless tracking or occluded.
     pub kinematics: Option<StateEstimate>,
-    /// The direction from the rear landmark to the front one, counterclockwise from x, in radians within ±π, if the target has such.
+    /// The direction from the rear landmark to the front one, counter-clockwise from x, in radians within ±π; `None`
+    /// for targets without these landmarks.
     pub heading_rad: Option<f64>,
-    /// With a position: the probability, by the filter's own account, that the target is there and within one diameter of it. Without: for detected targets the
-    /// probability that the target exists and is visible, else 0.
+    /// The filter's own probability that the target is within one diameter of the position. Without a position: the
+    /// probability that a detected target exists and is visible; 0 for an initialised one.
     pub confidence: f64,
 }
 
-/// What became of a frame set.
+/// The outcome of [`Tracker::observe`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Observed {
-    /// It was used.
+    /// The frame set was used.
     Used,
-    /// It has the time of the set before: nothing new, so that it was not used again.
+    /// The frame set was ignored because it has the time of the previous one.
     Repeated,
 }
 
-/// What one camera has contributed to one target so far.
+/// The contribution of one camera to one target so far.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contribution {
-    /// Frames that were used.
+    /// Number of frames used.
     pub frames: usize,
-    /// Frames that show the target at its posterior position: their log-likelihood ratio is above [`SEEN_NATS`].
-    pub seen_frames: usize,
-    /// The sum over all frames of the log-likelihood ratio against background, each the mean over the posterior, in nats.
+    /// Number of frames in which the target is visible: their log-likelihood ratio exceeds [`VISIBLE_NATS`].
+    pub visible_frames: usize,
+    /// Sum over all frames of the log-likelihood ratio against background, in nats. That of a frame is the mean over
+    /// the posterior.
     pub log_likelihood_ratio: f64,
 }
 
-/// The log-likelihood ratio, in nats, above which a camera's frame shows the target. Hand-set.
-pub const SEEN_NATS: f64 = 1.0;
+/// The log-likelihood ratio, in nats, above which the target is visible in a camera's frame. Hand-set.
+pub const VISIBLE_NATS: f64 = 1.0;
 
-/// The random numbers of landmarks differ by the bits above these of their target's number.
+/// Number of bits for the target in the number of a random stream; those above count its landmarks.
 const LANDMARK_BITS: u32 = 16;
 
 struct Target {
-    /// The numbers of its one body, or of its landmarks.
+    /// The indices of its body or landmarks.
     bodies: Range<usize>,
-    /// Its front and its rear landmark.
+    /// The front and the rear landmark, counted from the first of the target.
     heading: Option<[usize; 2]>,
     /// One per camera.
     contributions: Vec<Contribution>,
@@ -120,10 +123,10 @@ struct Target {
 /// Tracks targets through cameras.
 pub struct Tracker {
     views: Vec<View>,
-    /// Those of all targets.
+    /// The bodies of all targets.
     bodies: Vec<TargetTracker>,
     targets: Vec<Target>,
-    /// The numbers of all bodies, those that look alike together.
+    /// The indices of all bodies, grouped by appearance.
     groups: Vec<Vec<usize>>,
     /// One per camera.
     statistics: Vec<ImageStatistics>,
@@ -131,9 +134,11 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// Creates a tracker whose kernels use an instruction set of the caller's choice, for tests and benchmarks. Use [`Tracker::builder`].
+    /// Creates a tracker with kernels for the given instruction set, for tests and benchmarks. Otherwise use
+    /// [`Tracker::builder`].
     ///
-    /// Errors: settings out of range, a target without bodies, a start outside its camera's image.
+    /// Returns an error if settings are out of range, a target has no bodies, or a start lies outside its camera's
+    /// image.
     #[doc(hidden)]
     pub fn new(
         views: Vec<View>,
@@ -185,48 +190,49 @@ impl Tracker {
         })
     }
 
-    /// The cameras.
+    /// Returns the cameras.
     pub fn views(&self) -> &[View] {
         &self.views
     }
 
-    /// The number of targets.
+    /// Returns the number of targets.
     pub fn target_count(&self) -> usize {
         self.targets.len()
     }
 
-    /// The targets.
+    /// Returns the targets.
     pub fn targets(&self) -> impl ExactSizeIterator<Item = TargetId> + use<> {
         (0..self.targets.len()).map(TargetId::new)
     }
 
-    /// Where each body of a target starts; `None` for a body that the tracker detects without a start.
+    /// Returns the start of each body of a target; `None` for a body that the tracker detects without a start.
     pub fn starts(&self, target: TargetId) -> Result<impl Iterator<Item = Option<Start>>, Error> {
         let bodies = self.bodies_of(target)?.iter();
         Ok(bodies.map(TargetTracker::start))
     }
 
-    /// The time of the latest frame set, in seconds.
+    /// Returns the time of the latest frame set in seconds.
     pub fn time_s(&self) -> Option<f64> {
         self.time_s
     }
 
-    /// The particles of a target's bodies that have started.
+    /// Returns the particles of each body of a target that has started.
     pub fn particles(&self, target: TargetId) -> Result<impl Iterator<Item = &Particles>, Error> {
         let bodies = self.bodies_of(target)?.iter();
         let started = bodies.filter(|body| body.track().has_started());
         Ok(started.map(TargetTracker::particles))
     }
 
-    /// What each camera has contributed to a target so far.
+    /// Returns the contribution of each camera to a target so far.
     pub fn contributions(&self, target: TargetId) -> Result<&[Contribution], Error> {
         Ok(&self.target(target)?.contributions)
     }
 
-    /// Uses the frames of one instant; without frames, time passes and no more. A set with the time of the one before is not used again.
+    /// Updates all targets with the frames of one instant. A set without frames only advances the time. A set with
+    /// the time of the previous one is ignored.
     ///
-    /// Errors, after which nothing has changed: the set's time lies before that of the latest set, a camera is unknown, or an image does not have its
-    /// camera's size.
+    /// Returns an error, without any change, if the set is older than the previous one, a camera is unknown, or an
+    /// image does not have its camera's size.
     pub fn observe(&mut self, set: &FrameSet) -> Result<Observed, Error> {
         let (frames, time_s) = (set.numbered(), set.time_s());
         self.check(set)?;
@@ -255,7 +261,8 @@ impl Tracker {
         Ok(Observed::Used)
     }
 
-    /// One step of bodies that look alike, those with the greatest confidence first, so that others look for what these leave.
+    /// Performs one step for bodies that look alike, in descending order of confidence: each takes into account the
+    /// detections claimed by those before it.
     fn step(&mut self, group: usize, set: &FrameSet, dt_s: f64) {
         let order = &mut self.groups[group];
         for &number in &*order {
@@ -283,10 +290,12 @@ impl Tracker {
         }
     }
 
-    /// Starts a target again with its next frames, from another robot's estimate for example ([`GaussianStart::from_estimate`],
-    /// [`GaussianStart::moved`]). `time_s` is the time of that estimate in seconds; what has passed since then is predicted.
+    /// Starts a target again at its next frames, for example from another robot's estimate
+    /// ([`GaussianStart::from_estimate`], [`GaussianStart::moved`]). `time_s` is the time of that estimate in
+    /// seconds; the tracker predicts from it to the next frames.
     ///
-    /// Errors: an unknown target, one with several landmarks, a faulty start, a time that is not finite.
+    /// Returns an error if the target is unknown or has several landmarks, the start is invalid, or the time is not
+    /// finite.
     pub fn reinitialize(
         &mut self,
         target: TargetId,
@@ -297,21 +306,25 @@ impl Tracker {
         check_time(time_s)?;
         let bodies = self.target(target)?.bodies.clone();
         let [body] = &mut self.bodies[bodies] else {
-            let allowed = "a target of one body: a position does not say where landmarks are";
+            let allowed = "a target with one body: one position does not determine those of several landmarks";
             return Err(Error::out_of_range("target", target, allowed));
         };
         body.track_mut().reinitialize(start, time_s);
         Ok(())
     }
 
-    /// Locates every target in the frames of one instant, by these frames alone: no time passes, velocities play no role (thesis 6.1.3).
+    /// Locates every target in the frames of one instant, independently of earlier frames and without velocities
+    /// (thesis 6.1.3).
     ///
-    /// The particles of an initialised target are drawn around the start's mean, then around the mean of their posterior, and so on, once for each standard
-    /// deviation of `passes_sigma_m` (metres), such as [`PASSES_SIGMA_M`]. A start in a pixel is first searched for along its ray. There is one start per
-    /// body, target by target and landmark by landmark; detected targets need none, and ignore it.
+    /// The particles of an initialised target are drawn around the mean of the start, then around the mean of the
+    /// posterior, once for each standard deviation in `passes_sigma_m` (metres), such as [`PASSES_SIGMA_M`]. From a
+    /// pixel, the start is first searched for along its ray. `starts` has one entry per body, target by target and
+    /// landmark by landmark; detected targets ignore it.
     ///
-    /// What is found holds until the next frames, also for [`Tracker::particles`]. Errors, after which nothing has changed: faulty frames as for
-    /// [`Tracker::observe`], faulty starts or passes.
+    /// The result stays until the next frames, also in [`Tracker::particles`].
+    ///
+    /// Returns an error, without any change, if starts or passes are invalid, or frames are, as for
+    /// [`Tracker::observe`].
     pub fn locate(
         &mut self,
         set: &FrameSet,
@@ -343,7 +356,7 @@ impl Tracker {
         for (number, start) in starts.iter().enumerate() {
             let (body, others) = split(&mut self.bodies, number);
             let group = self.groups.iter().find(|group| group.contains(&number));
-            let (updated, predicted) = others.around(group.expect("every body is of a group"));
+            let (updated, predicted) = others.around(group.expect("every body belongs to a group"));
             let look_alikes = LookAlikes {
                 detected: &|number| others.get(number)?.detected(),
                 updated,
@@ -368,7 +381,7 @@ impl Tracker {
         Ok(&self.bodies[self.target(target)?.bodies.clone()])
     }
 
-    /// Returns an error for frames of unknown cameras, or not of their camera's size.
+    /// Returns an error if a frame's camera is unknown or has images of another size.
     fn check(&self, set: &FrameSet) -> Result<(), Error> {
         for (camera, frame) in set.frames() {
             camera.check(self.views.len())?;
@@ -377,7 +390,7 @@ impl Tracker {
         Ok(())
     }
 
-    /// Makes sure that the frames can be looked up for every target.
+    /// Prepares the look-up tables that the targets need for these frames.
     fn prepare(&mut self, set: &FrameSet) {
         for (camera, frame) in set.numbered() {
             self.statistics[*camera].clear();
@@ -387,9 +400,9 @@ impl Tracker {
         }
     }
 
-    /// Estimates a target at a time in seconds, at or after the latest frames; nothing changes.
+    /// Predicts a target at a time in seconds, at or after the latest frames, without changing the tracker.
     ///
-    /// Errors: an unknown target, a time that is not finite.
+    /// Returns an error if the target is unknown or the time is not finite.
     pub fn estimate_at(&self, target: TargetId, time_s: f64) -> Result<Estimate, Error> {
         let heading = self.target(target)?.heading;
         Ok(landmarks::combined(
@@ -400,12 +413,12 @@ impl Tracker {
 
     /// Returns the estimate of a target at the time of the latest frame set.
     ///
-    /// Errors: an unknown target.
+    /// Returns an error if the target is unknown.
     pub fn estimate(&self, target: TargetId) -> Result<Estimate, Error> {
         self.estimate_at(target, self.time_s.unwrap_or(0.0))
     }
 
-    /// The same for each of its bodies.
+    /// Predicts each body of a target, as [`Tracker::estimate_at`] does for the target.
     pub fn bodies_at(&self, target: TargetId, time_s: f64) -> Result<Vec<Estimate>, Error> {
         Ok(self.estimates(target, time_s)?.collect())
     }
@@ -422,21 +435,21 @@ impl Tracker {
     }
 }
 
-/// The standard deviations around the start, in metres, of the three passes with which single images were published (thesis 6.1.3).
+/// The standard deviations of the three passes over a single image, in metres, as published (thesis 6.1.3).
 pub const PASSES_SIGMA_M: [f64; 3] = [0.1, 0.07, 0.04];
 
-/// Returns an error for standard deviations that [`Tracker::locate`] cannot draw by.
+/// Returns an error for standard deviations that [`Tracker::locate`] does not accept.
 pub fn check_passes(passes_sigma_m: &[f64]) -> Result<(), Error> {
     let allowed = "one or more numbers of metres, above 0 and at most 1e6";
-    let fine = |sigma: &f64| *sigma > 0.0 && *sigma <= MAX_START;
-    if !passes_sigma_m.is_empty() && passes_sigma_m.iter().all(fine) {
+    let is_valid = |sigma: &f64| *sigma > 0.0 && *sigma <= MAX_START;
+    if !passes_sigma_m.is_empty() && passes_sigma_m.iter().all(is_valid) {
         return Ok(());
     }
     let value = format!("{passes_sigma_m:?}");
     Err(Error::out_of_range("passes_sigma_m", value, allowed))
 }
 
-/// Returns an error for a start that is no pixel of these cameras.
+/// Returns an error if the start is not in a pixel of one of these cameras.
 fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
     start.check()?;
     let view = views.get(start.camera);
@@ -451,7 +464,7 @@ fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
 }
 
 impl Target {
-    /// Adds what each camera contributed to its bodies, once all have started.
+    /// Adds the contributions of the cameras with these frames, once all bodies have started.
     fn add_contributions(&mut self, bodies: &[TargetTracker], set: &FrameSet) {
         if bodies.iter().any(|body| !body.track().has_started()) {
             return;
@@ -460,7 +473,7 @@ impl Target {
             let of_bodies = || bodies.iter().map(|body| body.log_likelihood_ratio(camera));
             let contribution = &mut self.contributions[camera];
             contribution.frames += 1;
-            contribution.seen_frames += usize::from(of_bodies().all(|nats| nats > SEEN_NATS));
+            contribution.visible_frames += usize::from(of_bodies().all(|nats| nats > VISIBLE_NATS));
             contribution.log_likelihood_ratio += of_bodies().sum::<f64>();
         }
     }

@@ -1,4 +1,4 @@
-//! What targets are and how they are tracked.
+//! Settings of targets.
 
 use super::existence::ExistenceSettings;
 use crate::color::ColorModel;
@@ -10,13 +10,13 @@ use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{ConstantVelocity, Motion};
 use pardalis_filter::particle_filter::FilterSettings;
 
-/// A target: a body, or several landmarks of one, each of which is tracked on its own (Campos 2009, section 4).
+/// A target: a body, or several landmarks of one that are tracked separately (Campos 2009, section 4).
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct TargetSettings {
     /// The body or the landmarks; their mean is the target's position.
     pub bodies: Vec<BodySettings>,
-    /// The numbers of the landmarks in front and behind, if the target has a heading.
+    /// The indices of the front and the rear landmark, if the target has a heading.
     pub heading: Option<[usize; 2]>,
 }
 
@@ -44,12 +44,12 @@ impl<B: Into<BodySettings>> From<B> for TargetSettings {
 pub enum BodySettings {
     /// The tracker detects the target itself.
     Detected(DetectedSettings),
-    /// The published cues track it from a given start.
+    /// The published cues track the target from a given start.
     Initialized(InitializedSettings),
 }
 
 impl BodySettings {
-    /// The body's shape.
+    /// Returns the body's shape.
     pub fn shape(&self) -> &Shape {
         match self {
             Self::Detected(settings) => &settings.shape,
@@ -70,7 +70,7 @@ impl From<InitializedSettings> for BodySettings {
     }
 }
 
-/// A body that the tracker detects itself: by the edge cue and a Bernoulli filter.
+/// A body that the tracker detects itself, with the edge cue and a Bernoulli filter.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct DetectedSettings {
@@ -80,29 +80,30 @@ pub struct DetectedSettings {
     pub colors: ColorModel,
     /// The edge cue.
     pub edge: EdgeSettings,
-    /// How it moves: white noise on velocity or position ([`BernoulliFilter::new`](pardalis_filter::bernoulli::BernoulliFilter::new)).
+    /// Motion model: white noise on velocity or position; see
+    /// [`BernoulliFilter::new`](pardalis_filter::bernoulli::BernoulliFilter::new).
     pub motion: Motion,
     /// The number of particles.
     pub particle_count: usize,
-    /// How it appears, disappears and becomes occluded.
+    /// Rates of appearance, disappearance and occlusion.
     pub existence: ExistenceSettings,
-    /// Where it is at first, if that is known.
+    /// The position at first, if it is known.
     pub start: Option<GaussianStart>,
 }
 
 impl DetectedSettings {
-    /// The default number of particles: they are drawn where the images say, so that few suffice.
+    /// The default number of particles. Few suffice, because they are drawn at detections.
     pub const PARTICLE_COUNT: usize = 500;
 
     /// Returns the default settings for a ball with a radius in metres.
     ///
-    /// Errors: a radius that is not above 0 and at most 1000 m.
+    /// Returns an error unless the radius is above 0 and at most 1000 m.
     pub fn ball(radius_m: f64, colors: ColorModel) -> Result<Self, Error> {
         let ball = Sphere::new(radius_m, SphereOutline::Tangent)?;
         Ok(Self::new(Shape::Sphere(ball), colors))
     }
 
-    /// Default settings for a body of this shape and these colours.
+    /// Returns the default settings for a body of this shape and these colours.
     pub fn new(shape: Shape, colors: ColorModel) -> Self {
         Self {
             shape,
@@ -122,18 +123,19 @@ impl DetectedSettings {
 pub struct InitializedSettings {
     /// Its shape.
     pub shape: Shape,
-    /// Its colours; cues that know theirs do without.
+    /// Its colours; not needed by cues with settings for colours of their own.
     pub colors: Option<ColorModel>,
-    /// The cues, one at least.
+    /// At least one cue.
     pub cues: Vec<CueSettings>,
     /// Its particle filter.
     pub filter: FilterSettings,
-    /// Where its particles start.
+    /// The start of its particles.
     pub start: Start,
 }
 
 impl InitializedSettings {
-    /// Returns the default settings for a body of this shape, of these colours if its cues need any: the contour cue and 2000 particles.
+    /// Returns the default settings for a body of this shape: the contour cue and 2000 particles. `colors` is `None`
+    /// for cues that need none.
     pub fn new(shape: Shape, colors: Option<ColorModel>, start: Start) -> Self {
         let mut filter = FilterSettings::default();
         filter.motion = on_ground(filter.motion, &shape);
@@ -147,7 +149,7 @@ impl InitializedSettings {
     }
 }
 
-/// The motion of upright and flat shapes stays on the ground, unless a caller says otherwise.
+/// Returns the default motion of a shape: upright and flat ones stay on the ground.
 fn on_ground(motion: Motion, shape: &Shape) -> Motion {
     match shape {
         Shape::Upright(_) | Shape::Flat(_) => motion.in_plane(),

@@ -1,4 +1,4 @@
-//! Statistics of one camera's image that do not depend on the target: computed once per frame and camera, for all targets.
+//! Statistics of a camera's image that do not depend on the target, computed once per frame for all targets.
 
 use crate::color::{IlluminationCorrection, Palette};
 use crate::detect::{BinCounts, SAMPLING_STEP_PX, mean_color};
@@ -14,13 +14,14 @@ pub(super) struct ImageStatistics {
 }
 
 impl ImageStatistics {
-    /// Forgets the image before.
+    /// Discards the statistics of the previous image.
     pub(super) fn clear(&mut self) {
         self.count = 0;
         self.mean_color = None;
     }
 
-    /// How often each bin of a palette occurs in the image after illumination correction. Every fourth pixel of every fourth row is counted.
+    /// Returns how often each bin of a palette occurs in the image after illumination correction. Counts every fourth
+    /// pixel of every fourth row.
     pub(super) fn bin_counts(
         &mut self,
         prepared: &PreparedFrame,
@@ -53,7 +54,7 @@ impl ImageStatistics {
         self.count - 1
     }
 
-    /// The mean Y, U and V of the image.
+    /// Returns the mean Y, U and V of the image.
     pub(super) fn mean_color(&mut self, prepared: &PreparedFrame) -> [f32; 3] {
         *self.mean_color.get_or_insert_with(|| mean_color(prepared))
     }

@@ -1,4 +1,4 @@
-//! The tracker of one body, in one of two ways: detected by the tracker itself, or initialised and then tracked by the published cues.
+//! The tracker of one body, either detected by the tracker itself or initialised and tracked by the published cues.
 
 use super::Estimate;
 use super::detected::{DetectedTarget, LookAlikes};
@@ -17,9 +17,9 @@ use pardalis_filter::estimate::StateEstimate;
 
 /// The tracker of a target of one body, or of a landmark.
 pub(super) enum TargetTracker {
-    /// It detects the target itself.
+    /// Detects the target itself.
     Detected(Box<DetectedTarget>),
-    /// The published cues track it from a given start.
+    /// Tracks the target with the published cues from a given start.
     Initialized(Box<InitializedTarget>),
 }
 
@@ -41,7 +41,7 @@ impl TargetTracker {
         })
     }
 
-    /// Makes sure that a frame of the view, of its size, can be looked up.
+    /// Prepares the look-up tables that the body needs for a frame of the view's size.
     pub(super) fn prepare(&self, view: &mut View, frame: &Frame) {
         match self {
             Self::Detected(target) => target.prepare(view, frame),
@@ -57,7 +57,7 @@ impl TargetTracker {
         }
     }
 
-    /// Updates what was predicted with the frames of one instant.
+    /// Updates the prediction with the frames of one instant.
     pub(super) fn observe(
         &mut self,
         instant: &Instant,
@@ -70,7 +70,7 @@ impl TargetTracker {
         }
     }
 
-    /// Estimates the body `ahead_s` seconds after the latest frames; nothing changes.
+    /// Predicts the body `ahead_s` seconds after the latest frames, without changing it.
     pub(super) fn estimate(&self, ahead_s: f64) -> Estimate {
         match self {
             Self::Detected(target) => target.estimate(ahead_s),
@@ -92,7 +92,7 @@ impl TargetTracker {
         }
     }
 
-    /// Where it starts, if that is known.
+    /// Returns the given start, if any.
     pub(super) fn start(&self) -> Option<Start> {
         match self {
             Self::Detected(target) => target.start().copied().map(Start::Gaussian),
@@ -107,7 +107,7 @@ impl TargetTracker {
         }
     }
 
-    /// Whether it compares a camera's frame with the one before ([`View::keep`]).
+    /// Reports whether it compares a camera's frame with the previous one ([`View::keep`]).
     pub(super) fn compares_frames(&self) -> bool {
         match self {
             Self::Detected(_) => false,
@@ -115,20 +115,20 @@ impl TargetTracker {
         }
     }
 
-    /// Its position in metres, if that is known.
+    /// Returns the position in metres, if it is known.
     pub(super) fn position_m(&self) -> Option<[f64; 3]> {
         let known = self.estimate(0.0).kinematics;
         known.map(|known| known.position_m)
     }
 
-    /// Sets where the other landmarks of its target are. Initialised targets need no hint.
+    /// Sets the positions of the other landmarks of the target, in metres. Initialised bodies ignore them.
     pub(super) fn set_other_landmarks(&mut self, others_m: impl Iterator<Item = [f64; 3]>) {
         if let Self::Detected(target) = self {
             target.set_other_landmarks(others_m);
         }
     }
 
-    /// The target, if it is detected.
+    /// Returns the target if it is a detected one.
     pub(super) fn detected(&self) -> Option<&DetectedTarget> {
         match self {
             Self::Detected(target) => Some(target),
@@ -136,12 +136,12 @@ impl TargetTracker {
         }
     }
 
-    /// The confidence by which look-alikes are ordered.
+    /// Returns the confidence by which look-alikes are ordered.
     pub(super) fn rank(&self) -> f64 {
         self.detected().map_or(0.0, DetectedTarget::confidence)
     }
 
-    /// Whether both are detected and no image tells them apart.
+    /// Reports whether both are detected targets that cannot be distinguished in images.
     pub(super) fn looks_like(&self, other: &Self) -> bool {
         let both = self.detected().zip(other.detected());
         both.is_some_and(|(target, other)| target.looks_like(other))
@@ -154,7 +154,7 @@ impl TargetTracker {
         }
     }
 
-    /// Returns an error if single images cannot be located from this start.
+    /// Returns an error if the body cannot be located in single images from this start.
     pub(super) fn check_start(&self, start: Option<&Start>, views: &[View]) -> Result<(), Error> {
         match start {
             Some(Start::Gaussian(start)) => start.check(),
@@ -167,7 +167,8 @@ impl TargetTracker {
         }
     }
 
-    /// Locates the body in these frames alone. A detected target was reset before and needs neither start nor passes.
+    /// Locates the body in these frames alone. A detected target needs neither start nor passes, and must have been
+    /// reset before.
     pub(super) fn locate(
         &mut self,
         instant: &Instant,
@@ -177,7 +178,7 @@ impl TargetTracker {
     ) -> Estimate {
         let located = match self {
             Self::Initialized(target) => {
-                let start = start.expect("starts are checked before");
+                let start = start.expect("check_start accepted the start");
                 target.locate(instant, start, passes_sigma_m)
             }
             Self::Detected(target) => {
@@ -195,7 +196,7 @@ impl TargetTracker {
         }
     }
 
-    /// The mean log-likelihood ratio of a camera's latest frame over the posterior, in nats.
+    /// Returns the log-likelihood ratio of a camera's latest frame in nats, the mean over the posterior.
     pub(super) fn log_likelihood_ratio(&self, camera: usize) -> f64 {
         match self {
             Self::Detected(target) => target.log_likelihood_ratio(camera),

@@ -1,11 +1,13 @@
-//! What both ways of tracking keep of a body: the track's state, each camera's latest observation, and a pending re-initialisation.
+//! The state common to detected and initialised bodies: the track's state, each camera's latest observation, and a
+//! pending re-initialisation.
 
 use super::TrackState;
 use crate::Frame;
 use crate::view::View;
 use pardalis_filter::gaussian::GaussianStart;
 
-/// How long a camera's latest observation counts while other cameras go on without it, seconds. Hand-set: half a second is twelve frames of a usual camera.
+/// How long a camera's latest observation counts while only other cameras have frames, in seconds. Hand-set: twelve
+/// frames at 25 frames per second.
 const OBSERVATION_HOLDS_S: f64 = 0.5;
 
 /// The frames of one instant, with all cameras.
@@ -24,12 +26,12 @@ struct Observation {
     visible: f64,
 }
 
-/// What both ways of tracking keep of a body.
+/// The state common to detected and initialised bodies.
 #[derive(Debug)]
 pub(super) struct Track {
     state: TrackState,
     has_started: bool,
-    /// Where to start again with the next frames, and the time in seconds for which that holds.
+    /// The start for the next frames, and its time in seconds.
     reinitialization: Option<(GaussianStart, f64)>,
     /// One per camera.
     observations: Vec<Option<Observation>>,
@@ -53,12 +55,12 @@ impl Track {
         self.state = state;
     }
 
-    /// Whether the state has an estimate.
+    /// Reports whether there is an estimate in this state.
     pub(super) fn is_known(&self) -> bool {
         matches!(self.state, TrackState::Tracking | TrackState::Occluded)
     }
 
-    /// Whether any frames were used.
+    /// Reports whether any frames were used.
     pub(super) fn has_started(&self) -> bool {
         self.has_started
     }
@@ -67,7 +69,7 @@ impl Track {
         self.has_started = true;
     }
 
-    /// Starts again with the next frames, from what held at this time in seconds.
+    /// Starts again at the next frames, from a start that held at this time in seconds.
     pub(super) fn reinitialize(&mut self, start: &GaussianStart, time_s: f64) {
         self.reinitialization = Some((*start, time_s));
     }
@@ -76,20 +78,20 @@ impl Track {
         self.reinitialization.take()
     }
 
-    /// Notes with which probability the body was visible in a camera's frame.
+    /// Records the probability that the body was visible in a camera's frame.
     pub(super) fn note_observation(&mut self, camera: usize, time_s: f64, visible: f64) {
         self.observations[camera] = Some(Observation { time_s, visible });
     }
 
-    /// Whether a camera's recent observation shows the body.
+    /// Reports whether the body is visible in a camera's recent observation.
     pub(super) fn is_visible(&self, time_s: f64) -> bool {
-        let shows = |observation: &Observation| {
+        let is_visible = |observation: &Observation| {
             observation.visible >= 0.5 && time_s - observation.time_s <= OBSERVATION_HOLDS_S
         };
-        self.observations.iter().flatten().any(shows)
+        self.observations.iter().flatten().any(is_visible)
     }
 
-    /// The greatest probability with which any camera's latest observation shows the body.
+    /// Returns the greatest probability that the body was visible among the cameras' latest observations.
     pub(super) fn greatest_visibility(&self) -> f64 {
         let observations = self.observations.iter().flatten();
         observations
@@ -106,14 +108,15 @@ impl Track {
         self.observations.fill(None);
     }
 
-    /// Forgets observations and state, not that tracking has started.
+    /// Forgets observations and state, but not that tracking has started.
     pub(super) fn forget_observations(&mut self) {
         self.observations.fill(None);
         self.state = TrackState::Searching;
     }
 }
 
-/// Returns the weighted mean of log-likelihoods over that of pure background, in nats. Impossible particles, without weight, do not count.
+/// Returns the weighted mean of log-likelihoods relative to that of pure background, in nats. Impossible particles,
+/// which have no weight, are left out.
 pub(super) fn mean_log_ratio(log_likelihoods: &[f32], weights: &[f64], background: f64) -> f64 {
     log_likelihoods
         .iter()

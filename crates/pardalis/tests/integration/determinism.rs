@@ -9,10 +9,10 @@ use pardalis::{Estimate, Frame, PixelFormat, TargetId, Tracker};
 use pardalis_core::simd::Level;
 use rayon::ThreadPoolBuilder;
 
-/// Enough that every kernel splits its work among threads, and no whole number of blocks.
+/// Enough for every kernel to divide its work among threads, and not a multiple of the block size.
 const PARTICLES: usize = 3001;
 
-/// Follows a target on a pool of so many threads.
+/// Tracks a target on a pool with this number of threads.
 fn estimates(
     (view, target): &(View, TargetSettings),
     frames: &[Frame],
@@ -39,7 +39,8 @@ fn estimates(
     })
 }
 
-/// All bits of the estimates: the shortest text that reads back as the same number tells every two numbers apart.
+/// Returns a text for each estimate that differs if any bit does: numbers are printed with all digits needed to read
+/// back the same value.
 fn bits(estimates: &[Estimate]) -> Vec<String> {
     estimates
         .iter()
@@ -47,7 +48,7 @@ fn bits(estimates: &[Estimate]) -> Vec<String> {
         .collect()
 }
 
-/// Holds every level and number of threads to the first, and another seed to something else.
+/// Asserts that the estimates are the same for all levels and numbers of threads, and differ for another seed.
 fn check(scene: &(View, TargetSettings), frames: &[Frame]) {
     let expected = estimates(scene, frames, 1, Level::BASELINE, 7);
     assert!(
@@ -69,12 +70,12 @@ fn check(scene: &(View, TargetSettings), frames: &[Frame]) {
         .iter()
         .zip(&expected)
     {
-        assert_ne!(other, expected, "another seed draws other particles");
+        assert_ne!(other, expected, "another seed must give other particles");
     }
 }
 
 #[test]
-fn threads_and_levels_change_no_bit_and_the_seed_does() {
+fn estimates_depend_on_the_seed_but_not_on_threads_and_levels() {
     let frame_at = |index: usize| {
         let time_s = index as f64 / FPS;
         frame(
@@ -90,7 +91,7 @@ fn threads_and_levels_change_no_bit_and_the_seed_does() {
 }
 
 #[test]
-fn nor_do_they_with_landmarks_and_what_changes_between_frames() {
+fn estimates_of_landmarks_depend_on_the_seed_but_not_on_threads_and_levels() {
     let frame_at = |index: usize| {
         let time_s = index as f64 / robot::FPS;
         let format = [PixelFormat::Rgb8, PixelFormat::Nv12][index % 2];

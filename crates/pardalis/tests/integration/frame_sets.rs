@@ -1,4 +1,4 @@
-//! Frame sets and targets that a tracker refuses, after which it goes on as if they had never come.
+//! The tracker rejects invalid frame sets and unknown targets, and continues unchanged.
 
 use crate::common::{detected_ball, fisheye_view, set_of};
 use pardalis::color::YuvEncoding;
@@ -10,7 +10,7 @@ use pardalis_filter::gaussian::GaussianStart;
 const CAMERAS: [CameraId; 2] = [CameraId::new(0), CameraId::new(1)];
 const BALL: TargetId = TargetId::new(0);
 
-/// A grey image of the fisheye camera.
+/// Returns a grey image of the fisheye camera.
 fn grey(time_s: f64) -> Frame {
     let (width, height) = crate::common::SIZE;
     let bytes = vec![100; 3 * width * height];
@@ -23,13 +23,14 @@ fn tracker() -> Tracker {
     Tracker::new(views, [detected_ball()], 1, Level::best()).unwrap()
 }
 
+/// Asserts that the message of the error begins with `wanted`.
 fn refused<T: std::fmt::Debug>(result: Result<T, Error>, wanted: &str) {
     let error = result.unwrap_err().to_string();
     assert!(error.starts_with(wanted), "{error}");
 }
 
 #[test]
-fn times_that_are_not_finite_make_no_frame_set() {
+fn invalid_times_are_an_error() {
     for time_s in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 2e12] {
         refused(FrameSet::without_frames(time_s), "time_s is ");
         refused(grey(0.0).with_time_s(time_s), "time_s is ");
@@ -38,28 +39,28 @@ fn times_that_are_not_finite_make_no_frame_set() {
 }
 
 #[test]
-fn the_time_of_a_set_is_that_of_its_latest_frame() {
+fn a_set_has_the_time_of_its_latest_frame() {
     let [left, right] = CAMERAS;
     let set = FrameSet::new([(left, grey(1.0005)), (right, grey(1.0))]).unwrap();
     assert_eq!(set.time_s(), 1.0005);
-    let mut fresh = set.clone();
-    fresh.retain(|camera, _| camera == right);
-    let cameras: Vec<CameraId> = fresh.frames().map(|(camera, _)| camera).collect();
-    assert_eq!((cameras, fresh.time_s()), (vec![right], 1.0005));
+    let mut retained = set.clone();
+    retained.retain(|camera, _| camera == right);
+    let cameras: Vec<CameraId> = retained.frames().map(|(camera, _)| camera).collect();
+    assert_eq!((cameras, retained.time_s()), (vec![right], 1.0005));
     let apart = FrameSet::new([(left, grey(1.0)), (right, grey(1.002))]);
     refused(apart, "time_s is 1.002; allowed: at most 0.001 s after 1");
     refused(FrameSet::new([]), "the set of frames is empty");
 }
 
 #[test]
-fn a_camera_has_one_frame_in_a_set() {
+fn two_frames_of_one_camera_are_an_error() {
     let [left, right] = CAMERAS;
     let twice = FrameSet::new([(left, grey(1.0)), (right, grey(1.0)), (left, grey(1.0))]);
     refused(twice, "camera is 0; allowed: cameras that have one frame");
 }
 
 #[test]
-fn time_that_runs_backwards_is_an_error_and_equal_time_is_repeated() {
+fn earlier_times_are_an_error_and_equal_times_are_repeated() {
     let mut tracker = tracker();
     assert_eq!(tracker.observe(&set_of(grey(1.0))), Ok(Observed::Used));
     let before = tracker.estimate_at(BALL, 1.0).unwrap();

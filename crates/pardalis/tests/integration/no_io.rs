@@ -1,9 +1,9 @@
-//! Libraries perform no I/O and read no clock: their sources name nothing that could.
+//! Libraries perform no I/O and read no clock: their sources do not contain names of functions that could.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What no library names outside its tests.
+/// Names that libraries must not contain outside tests.
 const FORBIDDEN: [&str; 19] = [
     "std::fs",
     "std::io",
@@ -26,15 +26,15 @@ const FORBIDDEN: [&str; 19] = [
     "RandomState",
 ];
 
-/// What is allowed though it holds a forbidden name: reading from memory, an example as documentation, and a constant table
-/// that is part of the program.
+/// Exceptions that contain a forbidden name: reading from memory, an example as documentation, and a constant table
+/// that is compiled into the program.
 const ALLOWED: [&str; 3] = [
     "use std::io::Cursor;",
     "#![doc = include_str!",
     "const DICTIONARIES: &str = include_str!",
 ];
 
-/// The code of a source file without comments and without what follows the first `#[cfg(test)]`, with the numbers of its lines.
+/// Returns the numbered lines of a source file up to the first `#[cfg(test)]`, without comments.
 fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines()
         .take_while(|line| line.trim() != "#[cfg(test)]")
@@ -43,7 +43,7 @@ fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
         .filter(|(_, line)| !ALLOWED.iter().any(|allowed| line.starts_with(allowed)))
 }
 
-/// What of the forbidden a source file names, with its line.
+/// Returns the forbidden names in a source file, with their line numbers.
 fn found(text: &str) -> Vec<(usize, &'static str)> {
     code(text)
         .flat_map(|(number, line)| {
@@ -55,7 +55,7 @@ fn found(text: &str) -> Vec<(usize, &'static str)> {
         .collect()
 }
 
-/// All Rust files in a folder.
+/// Collects all Rust files in a folder.
 fn sources(folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -70,7 +70,7 @@ fn sources(folder: &Path, files: &mut Vec<PathBuf>) {
 }
 
 #[test]
-fn no_library_names_files_clocks_threads_or_the_console() {
+fn libraries_use_no_files_clocks_threads_or_console() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut files = Vec::new();
     for entry in fs::read_dir(crates).unwrap() {
@@ -91,7 +91,7 @@ fn no_library_names_files_clocks_threads_or_the_console() {
 }
 
 #[test]
-fn the_scan_sees_code_and_neither_comments_nor_tests() {
+fn comments_and_tests_are_not_scanned() {
     let text = "use std::fs; // std::io\n/// println!\nlet t = Instant::now();\n#[cfg(test)]\nuse std::env;\n";
     assert_eq!(found(text), [(1, "std::fs"), (3, "Instant::now")]);
 }

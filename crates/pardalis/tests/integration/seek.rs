@@ -1,4 +1,4 @@
-//! Targets without a start: found, followed, hidden, lost and found again, on the rendered fisheye sequence.
+//! Detected targets on the rendered fisheye sequence: detection, tracking, occlusion and loss.
 
 use crate::common::{FPS, SIZE, data, detected_ball, fisheye_view, frame, jump_picture, set_of};
 use pardalis::color::YuvEncoding;
@@ -8,7 +8,7 @@ use pardalis::{Estimate, Frame, PixelFormat, TargetId, Tracker};
 use pardalis_core::simd::Level;
 use pardalis_images::RgbImage;
 
-/// The ball, of which nothing but size and colours is known.
+/// Returns the ball as a detected target with these settings of the edge cue.
 fn detected(edge: EdgeSettings) -> DetectedSettings {
     let mut ball = detected_ball();
     ball.edge = edge;
@@ -34,8 +34,8 @@ fn as_frame(picture: &RgbImage, index: usize, format: PixelFormat) -> Frame {
     frame(picture, format, YuvEncoding::default(), index as f64 / FPS)
 }
 
-/// What is known after each of these frames.
-fn follow(tracker: &mut Tracker, frames: impl IntoIterator<Item = Frame>) -> Vec<Estimate> {
+/// Returns the estimate after each frame.
+fn track(tracker: &mut Tracker, frames: impl IntoIterator<Item = Frame>) -> Vec<Estimate> {
     let step = |frame: Frame| {
         let time_s = frame.time_s();
         tracker.observe(&set_of(frame)).unwrap();
@@ -53,7 +53,7 @@ fn error_m(estimate: &Estimate, index: usize) -> f64 {
     squares.sum::<f64>().sqrt()
 }
 
-/// The image with everything near a place in plain grey.
+/// Returns a picture of the sequence with the ball and its surroundings painted over in grey.
 fn covered(index: usize) -> RgbImage {
     let mut picture = jump_picture(index);
     let view = fisheye_view();
@@ -69,10 +69,10 @@ fn covered(index: usize) -> RgbImage {
 }
 
 #[test]
-fn a_thrown_ball_is_found_in_the_first_frames_and_followed_in_any_format() {
+fn a_thrown_ball_is_detected_and_tracked_in_any_format() {
     for (seed, format) in [(1, PixelFormat::Rgb8), (2, PixelFormat::I420)] {
         let frames = (0..25).map(|index| as_frame(&jump_picture(index), index, format));
-        let estimates = follow(&mut tracker(seed), frames);
+        let estimates = track(&mut tracker(seed), frames);
         for (index, estimate) in estimates.iter().enumerate().skip(2) {
             assert_eq!(estimate.state, TrackState::Tracking, "frame {index}");
             assert!(error_m(estimate, index) < 0.1, "frame {index}");
@@ -82,13 +82,13 @@ fn a_thrown_ball_is_found_in_the_first_frames_and_followed_in_any_format() {
 }
 
 #[test]
-fn a_ball_that_something_hides_is_occluded_and_then_followed_again() {
+fn a_covered_ball_is_occluded_and_then_tracked_again() {
     let picture = |index| match index {
         10..15 => covered(index),
         _ => jump_picture(index),
     };
     let frames = (0..20).map(|index| as_frame(&picture(index), index, PixelFormat::Rgb8));
-    let estimates = follow(&mut tracker(3), frames);
+    let estimates = track(&mut tracker(3), frames);
     for index in 11..15 {
         assert_eq!(
             estimates[index].state,
@@ -96,7 +96,7 @@ fn a_ball_that_something_hides_is_occluded_and_then_followed_again() {
             "frame {index}"
         );
     }
-    // Hidden, it may be farther and farther from where it was thought to go.
+    // While the ball is occluded, its position becomes less and less certain.
     let variance = |index: usize| estimates[index].kinematics.unwrap().covariance_m2[0];
     assert!(variance(14) > 4.0 * variance(9));
     assert!(estimates[14].confidence < estimates[9].confidence);
@@ -111,18 +111,18 @@ fn a_ball_that_something_hides_is_occluded_and_then_followed_again() {
 }
 
 #[test]
-fn where_there_is_no_ball_none_is_found() {
+fn images_without_a_ball_have_no_detection() {
     let frames = (0..10).map(|index| as_frame(&covered(index), index, PixelFormat::Rgb8));
-    for estimate in follow(&mut tracker(4), frames) {
+    for estimate in track(&mut tracker(4), frames) {
         assert_eq!(estimate.state, TrackState::Searching);
         assert!(estimate.kinematics.is_none() && estimate.confidence < 0.1);
     }
     let black = RgbImage::new(SIZE.0 as u32, SIZE.1 as u32);
-    let estimates = follow(&mut tracker(5), [as_frame(&black, 0, PixelFormat::Rgb8)]);
+    let estimates = track(&mut tracker(5), [as_frame(&black, 0, PixelFormat::Rgb8)]);
     assert_eq!(estimates[0].state, TrackState::Searching);
 }
 
-/// A disc, as soft at its edge as the ball's, painted over a picture.
+/// Paints a disc over a picture, with an edge as blurred as the ball's.
 fn with_disc(mut picture: RgbImage, [u, v]: [f64; 2], radius_px: f64, rgb: [f64; 3]) -> RgbImage {
     for (x, y, pixel) in picture.enumerate_pixels_mut() {
         let off_px = (f64::from(x) - u).hypot(f64::from(y) - v) - radius_px;
@@ -135,13 +135,13 @@ fn with_disc(mut picture: RgbImage, [u, v]: [f64; 2], radius_px: f64, rgb: [f64;
 }
 
 #[test]
-fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is() {
+fn a_disc_of_equal_size_is_detected_only_if_its_whole_colour_matches() {
     let painted = |rgb, color_evidence| {
         let mut edge = EdgeSettings::default();
         edge.color_evidence = color_evidence;
         let picture = |index| with_disc(covered(index), [200.0, 150.0], 8.0, rgb);
         let frames = (0..15).map(|index| as_frame(&picture(index), index, PixelFormat::Rgb8));
-        follow(&mut tracker_with(edge, 7), frames)
+        track(&mut tracker_with(edge, 7), frames)
     };
     // Hues of 18, 22 and 20 degrees.
     for rgb in [
@@ -164,25 +164,25 @@ fn a_disc_of_its_size_and_hue_is_not_taken_for_the_ball_but_one_of_its_colour_is
             .all(|e| e.state == TrackState::Tracking)
     };
     assert!(is_taken(&painted([185.0, 90.0, 37.0], true)));
-    // It is the colour as a whole that tells.
+    // Without colour evidence, the hue suffices.
     assert!(is_taken(&painted([60.0, 30.0, 15.0], false)));
 }
 
-/// A disc in the image: its middle and its radius, pixels.
+/// A disc in the image: its centre and its radius in pixels.
 type Disc = ([f64; 2], f64);
 
-/// The image without the ball, with discs of its colour, the later over the earlier.
+/// Returns a frame in which the ball is replaced by discs of its colour, later ones in front of earlier ones.
 fn with_balls(index: usize, discs: &[Disc]) -> Frame {
     let balls = discs
         .iter()
-        .fold(covered(index), |picture, (middle, radius_px)| {
-            with_disc(picture, *middle, *radius_px, [185.0, 90.0, 37.0])
+        .fold(covered(index), |picture, (center, radius_px)| {
+            with_disc(picture, *center, *radius_px, [185.0, 90.0, 37.0])
         });
     as_frame(&balls, index, PixelFormat::Rgb8)
 }
 
-/// What is known of two targets alike after each of these frames.
-fn follow_two(seed: u32, frames: impl IntoIterator<Item = Frame>) -> Vec<[Estimate; 2]> {
+/// Returns the estimates of two targets that look alike after each frame.
+fn track_two(seed: u32, frames: impl IntoIterator<Item = Frame>) -> Vec<[Estimate; 2]> {
     let ball = || detected(EdgeSettings::default());
     let views = vec![fisheye_view()];
     let mut tracker = Tracker::new(views, vec![ball(), ball()], seed, Level::best()).unwrap();
@@ -195,7 +195,7 @@ fn follow_two(seed: u32, frames: impl IntoIterator<Item = Frame>) -> Vec<[Estima
     frames.into_iter().map(step).collect()
 }
 
-/// The disc that a target is seen at, within two pixels.
+/// Returns the disc whose centre is within two pixels of the target.
 fn disc_of(estimate: &Estimate, discs: &[Disc]) -> Option<usize> {
     let view = fisheye_view();
     let position_m = nalgebra::Point3::from(estimate.kinematics?.position_m);
@@ -206,11 +206,11 @@ fn disc_of(estimate: &Estimate, discs: &[Disc]) -> Option<usize> {
 }
 
 #[test]
-fn of_two_equal_balls_each_target_finds_one() {
+fn two_targets_are_assigned_to_two_equal_balls() {
     let discs = [([200.0, 150.0], 8.0), ([300.0, 180.0], 8.0)];
     for seed in 1..6 {
         let frames = (0..8).map(|index| with_balls(index, &discs));
-        let estimates = follow_two(seed, frames);
+        let estimates = track_two(seed, frames);
         for (index, both) in estimates.iter().enumerate().skip(2) {
             let mut found = both.each_ref().map(|estimate| disc_of(estimate, &discs));
             found.sort_unstable();
@@ -221,11 +221,11 @@ fn of_two_equal_balls_each_target_finds_one() {
 }
 
 #[test]
-fn of_two_targets_only_one_finds_a_single_ball() {
+fn a_single_ball_is_assigned_to_one_of_two_targets() {
     for seed in 1..6 {
         let discs = [([200.0, 150.0], 8.0)];
         let frames = (0..25).map(|index| with_balls(index, &discs));
-        let estimates = follow_two(seed, frames);
+        let estimates = track_two(seed, frames);
         for (index, [one, other]) in estimates.iter().enumerate().skip(2) {
             assert_eq!(
                 one.state,
@@ -243,8 +243,8 @@ fn of_two_targets_only_one_finds_a_single_ball() {
 }
 
 #[test]
-fn two_equal_balls_that_pass_each_other_stay_who_they_are() {
-    // The second is nearer and hides the first wholly.
+fn two_equal_balls_that_pass_each_other_keep_their_identities() {
+    // The second is nearer and occludes the first completely.
     let discs = |index: usize| {
         let moved_px = 4.0 * index as f64;
         [
@@ -254,7 +254,7 @@ fn two_equal_balls_that_pass_each_other_stay_who_they_are() {
     };
     for seed in 1..6 {
         let frames = (0..32).map(|index| with_balls(index, &discs(index)));
-        let estimates = follow_two(seed, frames);
+        let estimates = track_two(seed, frames);
         let found = |index: usize| {
             let discs = discs(index);
             estimates[index]
@@ -269,7 +269,7 @@ fn two_equal_balls_that_pass_each_other_stay_who_they_are() {
         for index in (4..12).chain(22..32) {
             assert_eq!(found(index), first, "seed {seed}, frame {index}");
         }
-        // In between the one is not taken for lost, nor where the other is.
+        // In between, neither target is lost, and they do not merge.
         for (index, both) in estimates.iter().enumerate().take(22).skip(12) {
             let [one, other] = both.each_ref().map(|e| e.kinematics.unwrap().position_m);
             let apart_m = (0..3)
@@ -278,8 +278,8 @@ fn two_equal_balls_that_pass_each_other_stay_who_they_are() {
                 .sqrt();
             assert!(apart_m > 0.11, "seed {seed}, frame {index}: {apart_m}");
         }
-        let hidden = first.iter().position(|found| *found == Some(0)).unwrap();
-        let states = [16, 17].map(|index| estimates[index][hidden].state);
+        let occluded = first.iter().position(|found| *found == Some(0)).unwrap();
+        let states = [16, 17].map(|index| estimates[index][occluded].state);
         assert!(
             states.contains(&TrackState::Occluded),
             "seed {seed}: {states:?}"
@@ -288,7 +288,7 @@ fn two_equal_balls_that_pass_each_other_stay_who_they_are() {
 }
 
 #[test]
-fn two_equal_balls_in_a_single_image_are_one_for_each_target() {
+fn two_equal_balls_in_a_single_image_are_assigned_to_two_targets() {
     let ball = || detected(EdgeSettings::default());
     let views = vec![fisheye_view()];
     let mut tracker = Tracker::new(views, vec![ball(), ball()], 1, Level::best()).unwrap();
@@ -302,7 +302,7 @@ fn two_equal_balls_in_a_single_image_are_one_for_each_target() {
     assert_eq!(found, [Some(0), Some(1)]);
 }
 
-/// The picture in other light: gains of red, green and blue.
+/// Applies gains to the red, green and blue of a picture.
 fn in_light(mut picture: RgbImage, gains: [f64; 3]) -> RgbImage {
     for pixel in picture.pixels_mut() {
         for (value, gain) in pixel.iter_mut().zip(gains) {
@@ -312,20 +312,21 @@ fn in_light(mut picture: RgbImage, gains: [f64; 3]) -> RgbImage {
     picture
 }
 
-/// Gains of light that grew dark, and of light that grew colder and darker.
+/// Gains of darker illumination, and of darker and colder illumination.
 const DARK: [f64; 3] = [0.28, 0.28, 0.28];
 const COLD: [f64; 3] = [0.42, 0.6, 1.0];
 
-/// Frames of five seconds in which the ball moves little, down and up again.
+/// Number of frames in five seconds, in which the ball moves a little, back and forth.
 const FIVE_SECONDS: usize = 125;
 
-/// The number of the picture that a frame of these shows.
+/// Returns the index of the picture that one of these frames shows.
 fn picture_of(frame: usize) -> usize {
     let step = frame % 50;
     step.min(49 - step)
 }
 
-/// What is known after each frame of these, which are painted, given the number of a picture and the share of the time that is over.
+/// Returns the estimates of five seconds. `paint` returns a frame's picture, given an index and the share of the time
+/// that has passed.
 fn five_seconds(
     illumination_adaptation: bool,
     paint: impl Fn(usize, f64) -> RgbImage,
@@ -336,7 +337,7 @@ fn five_seconds(
         let share = frame as f64 / (FIVE_SECONDS - 1) as f64;
         as_frame(&paint(picture_of(frame), share), frame, PixelFormat::Rgb8)
     });
-    follow(&mut tracker_with(edge, 8), frames)
+    track(&mut tracker_with(edge, 8), frames)
 }
 
 fn is_tracked(estimate: &Estimate) -> bool {
@@ -344,7 +345,7 @@ fn is_tracked(estimate: &Estimate) -> bool {
 }
 
 #[test]
-fn light_that_changes_is_followed_by_colours_that_adapt_alone() {
+fn changing_illumination_requires_illumination_adaptation() {
     for gains in [DARK, COLD] {
         let paint = |index, share| {
             let gains = gains.map(|gain| libm::pow(gain, share));
@@ -363,9 +364,9 @@ fn light_that_changes_is_followed_by_colours_that_adapt_alone() {
 }
 
 #[test]
-fn a_ball_that_slowly_turns_another_colour_in_the_same_light_is_not_followed() {
+fn a_ball_that_slowly_changes_its_colour_is_not_tracked() {
     const ORANGE: [f64; 3] = [185.0, 90.0, 37.0];
-    // As skin and wood, dark brown, olive.
+    // Skin or wood, dark brown, olive.
     for rgb in [
         [150.0, 105.0, 78.0],
         [60.0, 30.0, 15.0],
@@ -385,11 +386,11 @@ fn a_ball_that_slowly_turns_another_colour_in_the_same_light_is_not_followed() {
 }
 
 #[test]
-fn in_light_that_changed_no_other_colour_is_taken_either() {
+fn a_disc_of_another_colour_is_not_detected_after_adaptation() {
     let estimates = five_seconds(true, |index, share| {
         let ball_or_none = if share < 0.7 { jump_picture } else { covered };
-        let beside = [150.0, 105.0, 78.0];
-        let picture = with_disc(ball_or_none(index), [200.0, 150.0], 8.0, beside);
+        let skin = [150.0, 105.0, 78.0];
+        let picture = with_disc(ball_or_none(index), [200.0, 150.0], 8.0, skin);
         let faded = (share / 0.7).min(1.0);
         in_light(picture, DARK.map(|gain| libm::pow(gain, faded)))
     });
@@ -402,14 +403,14 @@ fn in_light_that_changed_no_other_colour_is_taken_either() {
 }
 
 #[test]
-fn any_number_of_threads_and_any_instruction_set_give_the_same_bits() {
+fn threads_and_instruction_sets_do_not_change_the_estimates() {
     let run = |threads: usize, level: Level| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.unwrap().install(|| {
             let frames = (0..6).map(|i| as_frame(&jump_picture(i), i, PixelFormat::Rgb8));
             let target = detected_ball();
             let mut tracker = Tracker::new(vec![fisheye_view()], vec![target], 6, level).unwrap();
-            follow(&mut tracker, frames)
+            track(&mut tracker, frames)
         })
     };
     let one = run(1, Level::BASELINE);

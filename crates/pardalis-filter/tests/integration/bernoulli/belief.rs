@@ -1,5 +1,5 @@
-//! Targets that come, go and are put elsewhere, detected among clutter and sometimes missed: what the filter believes
-//! is true as often as it says, and its errors are as large.
+//! Targets that appear, disappear and are relocated, detected among clutter and sometimes missed: existence
+//! probabilities and covariances are consistent with the truth.
 
 use nalgebra::Vector3;
 use pardalis_core::rng::{Draws, Stage};
@@ -18,14 +18,14 @@ const CLUTTER: u32 = 40;
 const CLUTTERED: f64 = 0.05;
 /// Standard deviation of a detection's position on each axis, metres.
 const SIGMA_M: f64 = 0.03;
-/// Standard deviation of the velocity on each axis where a target comes into being or is put down, m/s.
+/// Standard deviation of the velocity after appearance or relocation, on each axis, m/s.
 const VELOCITY_SIGMA_MPS: f64 = 1.0;
 const RATE_HZ: f64 = 0.2;
 
 fn settings() -> BernoulliSettings {
     let mut settings = BernoulliSettings::of(velocity());
-    // Detections are four times as uncertain as what a step adds to a position: velocities that were sampled at a
-    // birth are remembered for long.
+    // The standard deviation of detections is four times that which a step adds to a position, so that velocities
+    // sampled at a birth matter for long.
     settings.particle_count = 2000;
     settings.birth_rate_hz = RATE_HZ;
     settings.death_rate_hz = RATE_HZ;
@@ -35,7 +35,7 @@ fn settings() -> BernoulliSettings {
     settings
 }
 
-/// A world that behaves as the filter thinks.
+/// A simulated world that obeys the models of the filter.
 struct World {
     draws: Draws,
     step: u32,
@@ -53,17 +53,20 @@ impl World {
         self.draws.uniforms(what, self.step, Stage::Drift)
     }
 
-    fn anywhere(&self, what: u32) -> Vector3<f64> {
+    fn uniform_position(&self, what: u32) -> Vector3<f64> {
         let [x, y, z, _] = self.uniforms(what);
         Vector3::new(x, y, z) * SIDE_M
     }
 
-    /// Lives through one step and returns what is detected.
-    fn live(&mut self) -> Vec<Vector3<f64>> {
+    /// Simulates one step and returns the detections.
+    fn simulate_step(&mut self) -> Vec<Vector3<f64>> {
         self.step += 1;
         let chance = 1.0 - (-RATE_HZ * STEP_S).exp();
         let [dies, jumps, is_born, is_detected] = self.uniforms(0);
-        let new = [self.anywhere(1), self.normals(1) * VELOCITY_SIGMA_MPS];
+        let new = [
+            self.uniform_position(1),
+            self.normals(1) * VELOCITY_SIGMA_MPS,
+        ];
         self.target = match self.target {
             None => (is_born < chance).then_some(new),
             Some(_) if dies < chance => None,
@@ -79,13 +82,13 @@ impl World {
         let seen = seen.map(|[position, _]| position + self.normals(4) * SIGMA_M);
         let clutter = (10..10 + CLUTTER).filter(|&what| self.uniforms(what)[3] < CLUTTERED);
         seen.into_iter()
-            .chain(clutter.map(|what| self.anywhere(what)))
+            .chain(clutter.map(|what| self.uniform_position(what)))
             .collect()
     }
 }
 
 fn step(filter: &mut BernoulliFilter, detections: &[Vector3<f64>]) {
-    let peaks: Vec<MeasurementComponent> = detections
+    let components: Vec<MeasurementComponent> = detections
         .iter()
         .map(|&position| MeasurementComponent {
             position_m: position.into(),
@@ -96,7 +99,7 @@ fn step(filter: &mut BernoulliFilter, detections: &[Vector3<f64>]) {
     let clutter_density = f64::from(CLUTTER) * CLUTTERED / SIDE_M.powi(3);
     let height = (2.0 * std::f64::consts::PI * SIGMA_M * SIGMA_M).powf(-1.5) / clutter_density;
     filter.predict(STEP_S);
-    filter.update(&peaks, f64::INFINITY, |particles, out| {
+    filter.update(&components, f64::INFINITY, |particles, out| {
         for (i, out) in out.iter_mut().enumerate() {
             let position = Vector3::from(particles.position_m(i));
             let squared =
@@ -108,13 +111,13 @@ fn step(filter: &mut BernoulliFilter, detections: &[Vector3<f64>]) {
 }
 
 #[test]
-fn what_is_believed_is_true_as_often() {
+fn existence_probabilities_and_covariances_are_calibrated() {
     const WORLDS: u32 = 20;
     const STEPS: u32 = 250;
-    /// Beliefs up to these are counted together.
+    /// Upper limits of the bins of existence probabilities.
     const BINS: [f64; 6] = [0.02, 0.1, 0.5, 0.9, 0.98, 1.0];
     let mut bins = [[0.0; 3]; BINS.len()];
-    // Squared errors over the stated covariance, where the estimate is of the target itself.
+    // Squared errors normalised by the covariance, if the estimate is of the target and not of clutter.
     let (mut squared, mut located) = (0.0, 0.0);
     for seed in 0..WORLDS {
         let mut world = World {
@@ -124,7 +127,7 @@ fn what_is_believed_is_true_as_often() {
         };
         let mut filter = filter(settings(), seed);
         for _ in 0..STEPS {
-            step(&mut filter, &world.live());
+            step(&mut filter, &world.simulate_step());
             let existence = filter.existence();
             let bin = &mut bins[BINS.partition_point(|&most| most < existence)];
             let is_there = f64::from(u8::from(world.target.is_some()));
@@ -145,7 +148,7 @@ fn what_is_believed_is_true_as_often() {
     let off: f64 = bins.iter().map(|[_, said, was]| (said - was).abs()).sum();
     let calibration_error = off / f64::from(WORLDS * STEPS);
     assert!(calibration_error < 0.02, "{calibration_error}");
-    // Three axes; runs of frames err alike.
+    // The expected value is 3, one per axis; errors of successive frames are correlated.
     let mean = squared / located;
     assert!((2.5..3.5).contains(&mean), "{mean} over {located}");
 }

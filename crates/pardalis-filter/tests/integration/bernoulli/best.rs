@@ -1,4 +1,4 @@
-//! The best particle is the most likely one, and not the one of the greatest importance weight.
+//! The best particle is the most likely one, not the one with the greatest importance weight.
 
 use std::cell::RefCell;
 
@@ -8,47 +8,51 @@ use pardalis_filter::bernoulli::MeasurementComponent;
 use super::{START, certain, entries, filter, gaussian_ratio, measured, slanted, velocity};
 
 #[test]
-fn the_best_particle_is_the_likeliest_and_seldom_the_heaviest() {
+fn the_best_particle_is_the_most_likely_one() {
     let covariance = slanted(0.1, 0.02);
-    let ratio_of = |place| gaussian_ratio(place, covariance, 5.0);
+    let ratio_of = |position_m| gaussian_ratio(position_m, covariance, 5.0);
     let mut tracked = filter(certain(velocity()), 5);
     tracked.start(&START, 1.0).unwrap();
-    let mut heaviest_too = 0;
+    let mut coincidences = 0;
     for step in 0..20 {
-        let place = measured(step, 0.04 * step as f64, &covariance);
-        let peak = MeasurementComponent {
-            position_m: place.into(),
+        let position_m = measured(step, 0.04 * step as f64, &covariance);
+        let component = MeasurementComponent {
+            position_m: position_m.into(),
             covariance_m2: entries(&covariance),
             log_weight: 1.0,
         };
         tracked.predict(0.04);
         let likeliest = RefCell::new([0.0; 3]);
-        tracked.update(&[peak], f64::INFINITY, |particles, out| {
-            ratio_of(place)(particles, out);
+        tracked.update(&[component], f64::INFINITY, |particles, out| {
+            ratio_of(position_m)(particles, out);
             let best = (0..out.len()).max_by(|&a, &b| out[a].total_cmp(&out[b]));
             *likeliest.borrow_mut() = particles.position_m(best.unwrap());
         });
         let best_m = tracked.estimate(0.0).unwrap().best_position_m;
         let off = Vector3::from(best_m) - Vector3::from(*likeliest.borrow());
-        // Kernels see positions in single precision.
+        // Positions are passed to kernels in single precision.
         assert!(off.norm() < 1e-6, "step {step}: {off}");
         let weights = tracked.weights();
         let heaviest = (0..weights.len()).max_by(|&a, &b| weights[a].total_cmp(&weights[b]));
         let heaviest_m = tracked.particles().position_m(heaviest.unwrap());
-        heaviest_too +=
+        coincidences +=
             usize::from((Vector3::from(heaviest_m) - Vector3::from(best_m)).norm() < 1e-6);
     }
-    assert!(heaviest_too < 10, "{heaviest_too} of 20");
+    assert!(coincidences < 10, "{coincidences} of 20");
 }
 
 #[test]
-fn it_goes_on_as_its_particle_does() {
+fn the_best_particle_is_extrapolated_with_its_own_velocity() {
     let covariance = slanted(0.05, 0.01);
     let mut tracked = filter(certain(velocity()), 6);
     tracked.start(&START, 1.0).unwrap();
-    let place = measured(0, 0.0, &covariance);
+    let position_m = measured(0, 0.0, &covariance);
     tracked.predict(0.04);
-    tracked.update(&[], f64::INFINITY, gaussian_ratio(place, covariance, 0.0));
+    tracked.update(
+        &[],
+        f64::INFINITY,
+        gaussian_ratio(position_m, covariance, 0.0),
+    );
     let [now, later] = [0.0, 0.5].map(|at| tracked.estimate(at).unwrap().best_position_m);
     let particles = tracked.particles();
     let near = |i: &usize| {

@@ -1,4 +1,5 @@
-//! Existence, and what peaks and likelihoods do to it and to the weights: recursions and integrals by hand.
+//! Effects of measurement components and likelihoods on existence and weights, compared with recursions and integrals
+//! computed separately.
 
 use std::cell::RefCell;
 use std::f64::consts::PI;
@@ -13,14 +14,14 @@ use super::{
     slanted, velocity, walk,
 };
 
-/// The start with one velocity variance, at one place: every particle predicts the same.
+/// A start at a single position with a single velocity variance, so that all particles have the same prediction.
 const POINT_START: GaussianStart = GaussianStart {
     covariance_m2: [0.0; 6],
     velocity_sigma_mps: [0.4; 3],
     ..START
 };
 
-/// Mean of what every particle predicts from there after these seconds, and its variance.
+/// Returns the mean and the variance of the prediction of every particle from [`POINT_START`] after `dt_s` seconds.
 fn predicted(dt_s: f64) -> (Vector3<f64>, f64) {
     let mean = Vector3::from(START.position_m) + Vector3::from(START.velocity_mps) * dt_s;
     (
@@ -35,9 +36,10 @@ fn density(at_m: Vector3<f64>, mean_m: Vector3<f64>, covariance_m2: Matrix3<f64>
     (-0.5 * squared).exp() / (2.0 * PI * covariance_m2).determinant().sqrt()
 }
 
-/// What has become of existence under [`lively`] settings after some seconds: the chances that the target is located, and elsewhere.
+/// Returns the probabilities that the target is where the particles predict it, and elsewhere, after `dt_s` seconds
+/// with [`lively`] settings.
 fn located_and_elsewhere(existence: f64, dt_s: f64) -> (f64, f64) {
-    // Many small steps of Euler's for what the filter solves in one.
+    // Euler's method in small steps, for the equation that the filter solves in one.
     const STEPS: usize = 200_000;
     let h = dt_s / STEPS as f64;
     let (mut located, mut exists) = (existence, existence);
@@ -57,9 +59,9 @@ fn existence_follows_its_recursion() {
         let log_ratio = [0.7, -1.5, 0.0, 2.0, -0.5][step % 5];
         tracked.predict(0.25);
         let (located, elsewhere) = located_and_elsewhere(expected, 0.25);
-        let tell =
+        let error =
             (tracked.located() - located).abs() + (tracked.existence() - located - elsewhere).abs();
-        assert!(tell < 1e-6, "step {step}");
+        assert!(error < 1e-6, "step {step}");
         tracked.update(&[], f64::INFINITY, |_, out| out.fill(log_ratio));
         let there = located * f64::from(log_ratio).exp();
         expected = there / (1.0 - located - elsewhere + there);
@@ -74,7 +76,7 @@ fn existence_follows_its_recursion() {
 }
 
 #[test]
-fn existence_stays_where_nobody_looks_and_goes_with_the_target() {
+fn existence_follows_the_evidence_and_stays_without_any() {
     let mut steady = filter(certain(velocity()), 1);
     steady.start(&START, 0.4).unwrap();
     for _ in 0..50 {
@@ -86,7 +88,7 @@ fn existence_stays_where_nobody_looks_and_goes_with_the_target() {
             steady.existence()
         );
     }
-    // However sure it was, a target that is nowhere is soon known to be gone, and the other way round.
+    // However certain existence was, strong evidence soon changes it, in either direction.
     let mut lost = filter(lively(), 1);
     lost.start(&START, 1.0).unwrap();
     for log_ratio in [500.0, 500.0, -500.0] {
@@ -95,11 +97,11 @@ fn existence_stays_where_nobody_looks_and_goes_with_the_target() {
         assert!((lost.existence() > 0.99) == (log_ratio > 0.0));
     }
     assert!(lost.existence() > 0.0 && lost.existence() < 1e-200);
-    // All is impossible: gone for certain, with no estimate.
+    // If all particles are impossible, the target certainly does not exist and has no estimate.
     lost.predict(0.04);
     lost.update(&[], f64::INFINITY, |_, out| out.fill(f32::NEG_INFINITY));
     assert_eq!((lost.existence(), lost.estimate(0.0)), (0.0, None));
-    // A target that certainly exists is predicted where the images deny it.
+    // A target that certainly exists remains as predicted if the images contradict it.
     let mut certain = filter(certain(velocity()), 1);
     certain.start(&START, 1.0).unwrap();
     certain.predict(0.1);
@@ -110,7 +112,7 @@ fn existence_stays_where_nobody_looks_and_goes_with_the_target() {
 }
 
 #[test]
-fn what_speaks_for_a_place_speaks_for_existence_only_so_far() {
+fn evidence_for_existence_is_limited() {
     let (free, bounded) = (f64::INFINITY, 0.4);
     let [free, bounded] = [free, bounded].map(|most_nats| {
         let mut filter = filter(lively(), 1);
@@ -134,7 +136,7 @@ fn what_speaks_for_a_place_speaks_for_existence_only_so_far() {
 }
 
 #[test]
-fn a_prediction_is_as_dense_as_its_gaussian() {
+fn the_predicted_density_is_that_of_the_mixture() {
     let mut settings = certain(velocity());
     settings.velocity_jump_rate_hz = 0.0;
     let mut tracked = filter(settings, 1);
@@ -154,15 +156,15 @@ fn a_prediction_is_as_dense_as_its_gaussian() {
             "{found} for {expected}"
         );
     }
-    // Kicks: now and then it is predicted wider.
+    // With velocity jumps, a part of the prediction is wider.
     let (rate_hz, sigma_mps, dt_s) = (2.0, 3.0, 0.3_f64);
     settings.velocity_jump_rate_hz = rate_hz;
     settings.velocity_jump_sigma_mps = sigma_mps;
-    let mut kicked = filter(settings, 1);
-    kicked.start(&POINT_START, 1.0).unwrap();
-    kicked.predict(dt_s);
-    let chance = 1.0 - (-rate_hz * dt_s).exp();
-    // At any time within it: a third of what a kick at its beginning adds.
+    let mut jumping = filter(settings, 1);
+    jumping.start(&POINT_START, 1.0).unwrap();
+    jumping.predict(dt_s);
+    let probability = 1.0 - (-rate_hz * dt_s).exp();
+    // A jump at a random time in the step adds a third of the variance of one at its beginning.
     let wider = variance + sigma_mps.powi(2) * dt_s.powi(2) / 3.0;
     let place = mean + Vector3::new(0.1, 0.3, 0.0);
     let at = |variance| {
@@ -172,8 +174,8 @@ fn a_prediction_is_as_dense_as_its_gaussian() {
             slanted(0.1, 0.02) + Matrix3::from_diagonal_element(variance),
         )
     };
-    let expected = (1.0 - chance) * at(variance) + chance * at(wider);
-    let found = kicked.predicted_density(place.into(), &slanted(0.1, 0.02));
+    let expected = (1.0 - probability) * at(variance) + probability * at(wider);
+    let found = jumping.predicted_density(place.into(), &slanted(0.1, 0.02));
     assert!(
         (found / expected - 1.0).abs() < 1e-5,
         "{found} for {expected}"
@@ -181,10 +183,10 @@ fn a_prediction_is_as_dense_as_its_gaussian() {
 }
 
 #[test]
-fn a_target_that_comes_into_being_is_found_at_once() {
+fn an_appearing_target_is_located_in_one_update() {
     let covariance = slanted(0.2, 0.02);
     let place = Vector3::new(-2.0, 3.0, 1.0);
-    let peak = MeasurementComponent {
+    let component = MeasurementComponent {
         position_m: place.into(),
         covariance_m2: entries(&covariance),
         log_weight: 40.0,
@@ -198,7 +200,7 @@ fn a_target_that_comes_into_being_is_found_at_once() {
         }
         born.predict(0.1);
         born.update(
-            &[peak],
+            &[component],
             f64::INFINITY,
             gaussian_ratio(place, covariance, 40.0),
         );
@@ -225,16 +227,17 @@ fn a_target_that_comes_into_being_is_found_at_once() {
     }
 }
 
-/// By how much the variance of x grows over a time without images.
+/// Returns the growth of the variance of x over a time without images.
 fn estimate_growth(filter: &BernoulliFilter, ahead_s: f64) -> f64 {
     let [now, later] = [0.0, ahead_s].map(|at| filter.estimate(at).unwrap().covariance_m2[0]);
     later - now
 }
 
-/// Runs one update of a start at one place, for many seeds, and holds existence's odds and the share of weight around `near_m` to what is exact, within standard errors.
+/// Runs one update from [`POINT_START`] with many seeds. Compares the means of the odds of existence, and of the
+/// share of the weight around a point, with exact values within their standard errors.
 fn check_one_update(
     settings: BernoulliSettings,
-    peaks: &[MeasurementComponent],
+    components: &[MeasurementComponent],
     log_ratios: impl Fn(&Particles, &mut [f32]),
     exact_odds: f64,
     near: Option<(Vector3<f64>, f64)>,
@@ -245,7 +248,7 @@ fn check_one_update(
         let mut filter = filter(settings, seed);
         filter.start(&POINT_START, 0.7).unwrap();
         filter.predict(0.2);
-        filter.update(peaks, f64::INFINITY, &log_ratios);
+        filter.update(components, f64::INFINITY, &log_ratios);
         let existence = filter.existence();
         odds.push(existence / (1.0 - existence));
         if let Some((near_m, _)) = near {
@@ -254,7 +257,7 @@ fn check_one_update(
     }
     check_mean(&odds, exact_odds, 0.0);
     if let Some((_, exact)) = near {
-        // Normalised by their own sum: a bias of 1/N.
+        // Weights normalised by their own sum have a bias of 1/N.
         check_mean(&shares, exact, 2.0 * exact / PARTICLES as f64);
     }
 }
@@ -268,12 +271,12 @@ fn check_mean(values: &[f64], exact: f64, bias: f64) {
         (mean - exact).abs() < allowed,
         "{mean} for {exact}, allowed {allowed}"
     );
-    // And the test can tell.
+    // The test must be sensitive enough.
     assert!(allowed < 0.05 * exact, "{allowed} of {exact}");
 }
 
 #[test]
-fn near_and_far_are_weighed_by_their_densities() {
+fn predictions_and_births_are_weighted_by_their_densities() {
     let settings = lively();
     let covariance = slanted(0.06, 0.01);
     let (mean, variance) = predicted(0.2);
@@ -283,20 +286,20 @@ fn near_and_far_are_weighed_by_their_densities() {
     let absent = 1.0 - located - elsewhere;
     let continued = located * density(near, mean, covariance + Matrix3::identity() * variance);
     let born = elsewhere * settings.birth_density;
-    let peak_at = |position_m: Vector3<f64>| MeasurementComponent {
+    let component_at = |position_m: Vector3<f64>| MeasurementComponent {
         position_m: position_m.into(),
         covariance_m2: entries(&covariance),
         log_weight: 2.0,
     };
     let plus = 2.0;
     let gain = f64::exp(plus) / absent;
-    // Both, with equal evidence. One of the two is always elsewhere: a birth may be near, too.
+    // Both with equal evidence. A birth may be at either of them.
     let [at_near, at_far] = [near, far].map(|place| gaussian_ratio(place, covariance, plus));
     let mut from_far = vec![0.0; PARTICLES];
     let both = RefCell::new(&mut from_far);
     check_one_update(
         settings,
-        &[peak_at(far), peak_at(near)],
+        &[component_at(far), component_at(near)],
         |particles, out| {
             let mut from_far = both.borrow_mut();
             at_near(particles, out);
@@ -308,35 +311,35 @@ fn near_and_far_are_weighed_by_their_densities() {
         gain * (continued + 2.0 * born),
         Some((near, (continued + born) / (continued + 2.0 * born))),
     );
-    // One beyond what agrees with the prediction, though the images speak for it much more.
+    // The images support a component that does not agree with the prediction.
     let beyond = mean + Vector3::new(0.8, -0.5, 0.4);
-    let sure = MeasurementComponent {
+    let strong = MeasurementComponent {
         log_weight: 62.0,
-        ..peak_at(beyond)
+        ..component_at(beyond)
     };
     check_one_update(
         settings,
-        &[sure, peak_at(near)],
+        &[strong, component_at(near)],
         gaussian_ratio(beyond, covariance, plus),
         gain * born,
         None,
     );
-    // The far one alone: it is a birth or a jump.
+    // The far one alone: a birth or a relocation.
     check_one_update(
         settings,
-        &[peak_at(far)],
+        &[component_at(far)],
         gaussian_ratio(far, covariance, plus),
         gain * born,
         Some((far, 1.0)),
     );
 }
 
-/// Cells of an integral.
+/// Number of cells of an integral, in either direction.
 const CELLS: i32 = 20_000;
 
 #[test]
-fn wrong_peaks_change_no_weights() {
-    // A likelihood of x alone, its integral by trapezia; peaks that are off, too sure, and say nonsense.
+fn wrong_components_do_not_bias_the_weights() {
+    // A likelihood of x alone and its numerical integral; components that are shifted, too precise, or arbitrary.
     let ratio = |x: f64| 1.5 + (9.0 * x).sin() + 3.0 * (-((x - 1.3) / 0.05).powi(2)).exp();
     let (mean, variance) = predicted(0.2);
     let sigma = variance.sqrt();
@@ -347,21 +350,21 @@ fn wrong_peaks_change_no_weights() {
             height * ratio(mean.x + sigma * z) * 8.0 / f64::from(CELLS)
         })
         .sum();
-    let peak = |dx: f64, width_m: f64, log_weight: f64| MeasurementComponent {
+    let component = |dx: f64, width_m: f64, log_weight: f64| MeasurementComponent {
         position_m: (mean + Vector3::new(dx, -dx, 0.5 * dx)).into(),
         covariance_m2: entries(&slanted(width_m, width_m / 4.0)),
         log_weight,
     };
     let wrong = [
-        peak(0.1, 0.05, 5.0),
-        peak(-0.15, 0.3, 2.0),
-        peak(4.0, 1.0, -200.0),
+        component(0.1, 0.05, 5.0),
+        component(-0.15, 0.3, 2.0),
+        component(4.0, 1.0, -200.0),
     ];
     let settings = certain(velocity());
-    for peaks in [&wrong[..], &wrong[..1], &[]] {
+    for components in [&wrong[..], &wrong[..1], &[]] {
         check_one_update(
             settings,
-            peaks,
+            components,
             |particles, out| {
                 for (i, out) in out.iter_mut().enumerate() {
                     *out = ratio(particles.position_m(i)[0]).ln() as f32;
@@ -374,7 +377,7 @@ fn wrong_peaks_change_no_weights() {
 }
 
 #[test]
-fn in_a_plane_a_prediction_is_so_dense_a_square_metre() {
+fn the_predicted_density_in_a_plane_is_per_square_metre() {
     let mut flat = filter(certain(walk(0.2).in_plane()), 1);
     flat.start(&POINT_START, 1.0).unwrap();
     flat.predict(0.5);
@@ -392,7 +395,7 @@ fn in_a_plane_a_prediction_is_so_dense_a_square_metre() {
 }
 
 #[test]
-fn in_a_plane_densities_have_two_dimensions_and_particles_one_height() {
+fn the_vertical_axis_is_ignored_in_a_plane() {
     let mut settings = lively();
     settings.motion = walk(0.3).in_plane();
     settings.birth_density = 0.05;
@@ -400,8 +403,8 @@ fn in_a_plane_densities_have_two_dimensions_and_particles_one_height() {
     let mean = Vector3::from(START.position_m);
     let near = mean + Vector3::new(0.3, -0.1, 0.0);
     let (xx, xy, yy) = (0.004, 0.0035, 0.005);
-    // What is said of the vertical means nothing.
-    let peak = MeasurementComponent {
+    // The vertical covariances are arbitrary.
+    let component = MeasurementComponent {
         position_m: [near.x, near.y, 1.25],
         covariance_m2: [xx, xy, 7.0, yy, -3.0, 0.0],
         log_weight: 0.0,
@@ -419,7 +422,7 @@ fn in_a_plane_densities_have_two_dimensions_and_particles_one_height() {
     let (located, elsewhere) = located_and_elsewhere(0.7, 0.2);
     check_one_update(
         settings,
-        &[peak],
+        &[component],
         |particles, out| {
             for (i, out) in out.iter_mut().enumerate() {
                 let [x, y, z] = particles.position_m(i);

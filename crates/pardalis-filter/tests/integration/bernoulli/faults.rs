@@ -1,4 +1,4 @@
-//! Settings that are refused, and that nothing else breaks the filter.
+//! Rejected settings, and robustness against arbitrary inputs.
 
 use pardalis_core::rng::Draws;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
@@ -15,7 +15,7 @@ use super::{START, filter, lively, matrix, velocity, walk};
 type Break = fn(&mut BernoulliSettings);
 
 #[test]
-fn other_motion_and_settings_out_of_range_are_refused() {
+fn unsupported_motion_and_settings_out_of_range_are_rejected() {
     let jumping = RandomWalk::new(PositionNoise::Diffusion { density_m2ps: 1.0 })
         .unwrap()
         .with_jumps(Jumps::new(JumpChance::PerStep { share: 0.1 }, [0.0; 3], [1.0; 3]).unwrap());
@@ -37,7 +37,7 @@ fn other_motion_and_settings_out_of_range_are_refused() {
         let error =
             BernoulliFilter::new(BernoulliSettings::of(motion), Draws::new(1, 0)).unwrap_err();
         assert!(
-            error.to_string().contains("random walk that diffuses"),
+            error.to_string().contains("random walk with diffusion"),
             "{error}"
         );
     }
@@ -80,8 +80,9 @@ fn other_motion_and_settings_out_of_range_are_refused() {
     );
 }
 
-/// Weights sum to one, covariances are positive semidefinite, existence is a probability, nothing is NaN.
-fn check_sane(filter: &BernoulliFilter) -> Result<(), TestCaseError> {
+/// Checks that weights sum to one, covariances are positive semidefinite, existence is a probability and nothing is
+/// NaN.
+fn check_invariants(filter: &BernoulliFilter) -> Result<(), TestCaseError> {
     let (existence, located) = (filter.existence(), filter.located());
     prop_assert!((0.0..=1.0).contains(&existence), "{}", existence);
     prop_assert!(
@@ -138,7 +139,7 @@ fn log_ratio() -> impl Strategy<Value = f32> {
     ]
 }
 
-fn peak() -> impl Strategy<Value = MeasurementComponent> {
+fn component() -> impl Strategy<Value = MeasurementComponent> {
     let numbers = || prop::array::uniform3(number());
     (numbers(), numbers(), numbers(), number()).prop_map(
         |(position_m, [a, b, c], [d, e, f], log_weight)| MeasurementComponent {
@@ -161,7 +162,7 @@ fn motion() -> impl Strategy<Value = Motion> {
 
 proptest! {
     #[test]
-    fn nothing_that_is_given_breaks_it(
+    fn arbitrary_inputs_keep_the_invariants(
         motion in motion(),
         rates_hz in prop::array::uniform3(prop_oneof![0.0..2.0_f64, Just(0.0), Just(1e9)]),
         birth_density in prop_oneof![0.0..2.0_f64, Just(0.0)],
@@ -169,7 +170,7 @@ proptest! {
         steps in prop::collection::vec(
             (
                 prop_oneof![6 => 0.0..0.5_f64, 1 => Just(f64::NAN), 1 => Just(-1.0), 1 => Just(f64::INFINITY)],
-                prop::collection::vec(peak(), 0..4),
+                prop::collection::vec(component(), 0..4),
                 prop::collection::vec(log_ratio(), 1..5),
             ),
             1..8,
@@ -183,15 +184,15 @@ proptest! {
         if starts {
             filter.start(&START, 0.8).unwrap();
         }
-        for (dt_s, peaks, log_ratios) in steps {
+        for (dt_s, components, log_ratios) in steps {
             filter.predict(dt_s);
-            check_sane(&filter)?;
-            filter.update(&peaks, f64::INFINITY, |_, out| {
+            check_invariants(&filter)?;
+            filter.update(&components, f64::INFINITY, |_, out| {
                 for (out, log_ratio) in out.iter_mut().zip(log_ratios.iter().cycle()) {
                     *out = *log_ratio;
                 }
             });
-            check_sane(&filter)?;
+            check_invariants(&filter)?;
         }
     }
 }

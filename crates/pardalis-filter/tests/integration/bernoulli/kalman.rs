@@ -1,4 +1,4 @@
-//! Gaussian measurements: a Kalman filter knows the answer.
+//! Comparison with a Kalman filter for Gaussian measurements.
 
 use std::f64::consts::PI;
 
@@ -59,7 +59,7 @@ impl Kalman {
         let gain = self.covariance * h.transpose() * inverse;
         let off = measured_m - h * self.mean;
         self.mean += gain * off;
-        // Joseph's form: symmetric and positive whatever is rounded.
+        // Joseph form: symmetric and positive definite despite rounding.
         let rest = Matrix6::identity() - gain * h;
         self.covariance =
             rest * self.covariance * rest.transpose() + gain * covariance_m2 * gain.transpose();
@@ -75,7 +75,7 @@ impl Kalman {
 
 const STEPS: usize = 60;
 
-/// Irregular steps, a repeated time and a gap among them.
+/// Returns irregular steps in seconds, including a repeated time and a gap.
 fn dt_s(step: usize) -> f64 {
     match step % 20 {
         7 => 0.0,
@@ -91,7 +91,7 @@ fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str) -> f64 {
     let mean = values.iter().sum::<f64>() / count;
     let scatter = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
     let error = mean - exact;
-    // Weights that are normalised by their own sum are biased by about the share of the variance that the scatter is.
+    // Weights normalised by their own sum have a bias of about scatter²/σ.
     let allowed = 4.5 * scatter / count.sqrt() + scatter.powi(2) / sigma;
     assert!(
         error.abs() < allowed,
@@ -100,12 +100,12 @@ fn check_unbiased(values: &[f64], exact: f64, sigma: f64, place: &str) -> f64 {
     scatter * (PARTICLES as f64).sqrt() / sigma
 }
 
-/// Follows the measurements with 100 seeds, with peaks or without, and holds them to the Kalman filter. Returns the
-/// average and the widest scatter of positions, in σ/√N.
+/// Filters the measurements with 100 seeds, with or without measurement components, and compares the estimates with
+/// the Kalman filter. Returns the average and the greatest scatter of positions, in σ/√N.
 fn check_against_kalman(
     start: &GaussianStart,
     covariance_m2: Matrix3<f64>,
-    has_peaks: bool,
+    has_components: bool,
 ) -> (f64, f64) {
     const SEEDS: u32 = 100;
     let mut kalman = Kalman::new(start);
@@ -123,17 +123,21 @@ fn check_against_kalman(
         let position_m = measured(step, time_s, &covariance_m2);
         kalman.predict(dt_s(step));
         kalman.update(position_m, covariance_m2);
-        let peak = MeasurementComponent {
+        let component = MeasurementComponent {
             position_m: position_m.into(),
             covariance_m2: entries(&covariance_m2),
             log_weight: 3.0,
         };
-        let peaks = if has_peaks { &[peak][..] } else { &[] };
+        let components = if has_components {
+            &[component][..]
+        } else {
+            &[]
+        };
         let mut estimates = Vec::new();
         for filter in &mut filters {
             filter.predict(dt_s(step));
             filter.update(
-                peaks,
+                components,
                 f64::INFINITY,
                 gaussian_ratio(position_m, covariance_m2, 0.0),
             );
@@ -154,8 +158,8 @@ fn check_against_kalman(
                 .collect();
             check_unbiased(&values, kalman.mean[axis + 3], sigma, &place);
         }
-        // The law of total variance: a cloud that strays from the exact mean is narrower by as much. In the
-        // directions in which the exact covariance is the unit matrix.
+        // Law of total variance: particles whose mean deviates from the exact one are less scattered by that amount.
+        // In coordinates in which the exact covariance is the unit matrix.
         let total: Matrix3<f64> = estimates
             .iter()
             .map(|e| {
@@ -184,7 +188,8 @@ fn check_against_kalman(
 
 #[test]
 fn sharp_measurements_agree_with_the_kalman_filter() {
-    // A fiftieth of what is predicted, and less across; 0.3 mm across and 6 mm along the line of sight.
+    // Much more precise than the prediction: 1 mm in all directions, or 0.3 mm across and 6 mm along the line of
+    // sight.
     let start = GaussianStart {
         covariance_m2: diagonal_m2([0.003; 3]),
         ..START
@@ -197,13 +202,14 @@ fn sharp_measurements_agree_with_the_kalman_filter() {
 
 #[test]
 fn broad_measurements_agree_with_the_kalman_filter() {
-    for has_peaks in [true, false] {
-        let (average, widest) = check_against_kalman(&START, slanted(0.15, 0.05), has_peaks);
+    for has_components in [true, false] {
+        let (average, widest) = check_against_kalman(&START, slanted(0.15, 0.05), has_components);
         assert!(average < 7.0 && widest < 15.0, "{average} {widest}");
     }
 }
 
-fn after_a_while_unseen(seed: u32) -> BernoulliFilter {
+/// Returns a filter after a third of a second without information.
+fn after_occlusion(seed: u32) -> BernoulliFilter {
     let mut filter = filter(certain(velocity()), seed);
     filter.start(&START, 1.0).unwrap();
     for _ in 0..8 {
@@ -214,19 +220,19 @@ fn after_a_while_unseen(seed: u32) -> BernoulliFilter {
 }
 
 #[test]
-fn where_all_that_is_drawn_again_is_impossible_the_first_draw_stands() {
+fn the_first_draw_is_kept_if_the_second_is_impossible() {
     let covariance_m2 = slanted(0.05, 0.004);
     let position_m = Vector3::from(START.position_m);
-    let peak = MeasurementComponent {
+    let component = MeasurementComponent {
         position_m: START.position_m,
         covariance_m2: entries(&covariance_m2),
         log_weight: 3.0,
     };
-    let mut filter = after_a_while_unseen(1);
+    let mut filter = after_occlusion(1);
     filter.predict(0.04);
     let ratio = gaussian_ratio(position_m, covariance_m2, 0.0);
     let mut calls = 0;
-    filter.update(&[peak], f64::INFINITY, |particles, out| {
+    filter.update(&[component], f64::INFINITY, |particles, out| {
         ratio(particles, out);
         calls += 1;
         if calls == 2 {
@@ -239,30 +245,29 @@ fn where_all_that_is_drawn_again_is_impossible_the_first_draw_stands() {
     assert!((found_m - position_m).norm() < 0.3, "{found_m}");
 }
 
-/// A target is hidden for a third of a second, until particles lie farther from one another than a sharp sight tells
-/// places apart.
+/// After an occlusion of a third of a second, particles are farther apart than the precision of a measurement.
 #[test]
-fn what_comes_forth_is_weighed_by_the_whole_prediction() {
+fn a_reappearing_target_is_weighted_by_the_moment_matched_prediction() {
     let covariance_m2 = slanted(0.05, 0.004);
     let mut kalman = Kalman::new(&START);
     for _ in 0..9 {
         kalman.predict(0.04);
     }
-    // One deviation off along each axis.
+    // One standard deviation off along each axis.
     let spread = kalman.block::<0, 0>().diagonal().map(f64::sqrt);
     let position_m = kalman.mean.fixed_rows::<3>(0) + spread;
     kalman.update(position_m, covariance_m2);
-    let peak = MeasurementComponent {
+    let component = MeasurementComponent {
         position_m: position_m.into(),
         covariance_m2: entries(&covariance_m2),
         log_weight: 3.0,
     };
     let mut estimates = Vec::new();
     for seed in 0..100 {
-        let mut filter = after_a_while_unseen(seed);
+        let mut filter = after_occlusion(seed);
         filter.predict(0.04);
         let ratio = gaussian_ratio(position_m, covariance_m2, 0.0);
-        filter.update(&[peak], f64::INFINITY, ratio);
+        filter.update(&[component], f64::INFINITY, ratio);
         let estimate = filter.estimate(0.0).unwrap();
         let effective = estimate.effective_sample_size;
         assert!(effective > 0.05 * PARTICLES as f64, "{seed}: {effective}");
@@ -281,7 +286,7 @@ fn what_comes_forth_is_weighed_by_the_whole_prediction() {
 }
 
 #[test]
-fn predicting_in_pieces_is_predicting_at_once_and_agrees_with_the_kalman_filter() {
+fn predictions_in_one_or_several_steps_agree_with_the_kalman_filter() {
     let settings = BernoulliSettings::of(velocity());
     let mut filters = [[0.75, 0.0, 0.0], [0.25, 0.125, 0.375]].map(|pieces| {
         let mut filter = filter(settings, 5);

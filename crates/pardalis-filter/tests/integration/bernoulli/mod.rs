@@ -1,4 +1,4 @@
-//! The Bernoulli filter against exact inference.
+//! Comparison of the Bernoulli filter with exact inference.
 
 mod belief;
 mod best;
@@ -15,24 +15,24 @@ use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, Measurement
 use pardalis_filter::gaussian::{GaussianStart, diagonal_m2};
 use pardalis_filter::motion::{ConstantVelocity, Motion, PositionNoise, RandomWalk, VelocityNoise};
 
-/// What settings say by default.
+/// Default number of particles.
 const PARTICLES: usize = 500;
-/// How strongly the targets' velocity is disturbed, m²/s³.
+/// Density of the acceleration noise, m²/s³.
 const DENSITY_M2PS3: f64 = 2.0;
 
 fn velocity() -> Motion {
-    let disturbance = VelocityNoise::White {
+    let noise = VelocityNoise::White {
         acceleration_density_m2ps3: DENSITY_M2PS3,
     };
-    ConstantVelocity::new(disturbance).unwrap().into()
+    ConstantVelocity::new(noise).unwrap().into()
 }
 
 fn walk(density_m2ps: f64) -> Motion {
-    let stray = PositionNoise::Diffusion { density_m2ps };
-    RandomWalk::new(stray).unwrap().into()
+    let noise = PositionNoise::Diffusion { density_m2ps };
+    RandomWalk::new(noise).unwrap().into()
 }
 
-/// Neither births, nor deaths, nor jumps.
+/// Returns settings without births, deaths and relocations.
 fn certain(motion: Motion) -> BernoulliSettings {
     let mut settings = BernoulliSettings::of(motion);
     settings.birth_rate_hz = 0.0;
@@ -41,7 +41,7 @@ fn certain(motion: Motion) -> BernoulliSettings {
     settings
 }
 
-/// Births, deaths and jumps, each at another rate.
+/// Returns settings with births, deaths and relocations at different rates.
 fn lively() -> BernoulliSettings {
     let mut settings = BernoulliSettings::of(velocity());
     settings.birth_rate_hz = 0.3;
@@ -69,14 +69,15 @@ fn entries(matrix: &Matrix3<f64>) -> [f64; 6] {
     [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| matrix[at])
 }
 
-/// A covariance that is `along` wide in a slanted direction and `across` elsewhere, as a camera sees a ball.
+/// Returns a covariance with the standard deviation `along_m` in an oblique direction and `across_m` perpendicular to
+/// it, like that of a ball in a camera.
 fn slanted(along_m: f64, across_m: f64) -> Matrix3<f64> {
     let direction = Vector3::new(2.0, -1.0, 0.5).normalize();
     let beam = direction * direction.transpose();
     beam * along_m.powi(2) + (Matrix3::identity() - beam) * across_m.powi(2)
 }
 
-/// The logarithm of a normalised Gaussian likelihood of the position, plus a constant.
+/// Returns the logarithm of a normalised Gaussian likelihood of the position, plus a constant.
 fn gaussian_ratio(
     mean_m: Vector3<f64>,
     covariance_m2: Matrix3<f64>,
@@ -96,7 +97,7 @@ fn silent(_: &Particles, out: &mut [f32]) {
     out.fill(0.0);
 }
 
-/// Where a target that swings is measured to be, with errors of the stated covariance.
+/// Returns the measured position of an oscillating target, with errors of the stated covariance.
 fn measured(step: usize, time_s: f64, covariance_m2: &Matrix3<f64>) -> Vector3<f64> {
     let truth = Vector3::new(
         1.0 + 0.6 * time_s,
@@ -111,20 +112,20 @@ fn measured(step: usize, time_s: f64, covariance_m2: &Matrix3<f64>) -> Vector3<f
 }
 
 #[test]
-fn the_seed_alone_decides() {
+fn the_result_depends_only_on_the_seed() {
     let run = |seed: u32| {
         let covariance = slanted(0.1, 0.01);
         let mut filter = filter(lively(), seed);
         for step in 0..10 {
             let place = measured(step, 0.04 * step as f64, &covariance);
-            let peak = MeasurementComponent {
+            let component = MeasurementComponent {
                 position_m: place.into(),
                 covariance_m2: entries(&covariance),
                 log_weight: 1.0,
             };
             filter.predict(0.04);
             filter.update(
-                &[peak],
+                &[component],
                 f64::INFINITY,
                 gaussian_ratio(place, covariance, 5.0),
             );

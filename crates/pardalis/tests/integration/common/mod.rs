@@ -44,7 +44,7 @@ pub(crate) fn jump_picture(index: usize) -> RgbImage {
     open(&format!("dioptric-jump/frames/{index:06}.jpg"))
 }
 
-/// The frame of the first camera, as the set of its instant.
+/// Returns the set of a single frame of the first camera.
 pub(crate) fn set_of(frame: Frame) -> FrameSet {
     FrameSet::of(CameraId::new(0), frame)
 }
@@ -179,7 +179,7 @@ pub(crate) fn ball_target(palette: Palette, particle_count: usize) -> Initialize
     target
 }
 
-/// The ball as a target that the tracker detects itself, of which nothing but size and colours is known.
+/// Returns the ball as a detected target with default settings.
 pub(crate) fn detected_ball() -> DetectedSettings {
     DetectedSettings::new(Shape::Sphere(ball()), ball_colors(Palette::HSI))
 }
