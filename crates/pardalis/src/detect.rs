@@ -17,19 +17,9 @@ pub(crate) mod tuning {
     pub(crate) const MIN_POSTERIOR: f64 = 2.0 / 3.0;
     /// The number of pixels out of 3 x 3 that the majority filter asks for. Derivation: a majority.
     pub(crate) const MAJORITY: u8 = 5;
-    /// Times that the image is halved to find large blobs. Derivation: a body of 256 px has a radius of 16 px there.
-    pub(crate) const COARSE_OCTAVES: u32 = 4;
-    /// The pixels of blobs in a reduced image: those of discs with radii of 8 to 20 px. Hand-set: smaller ones are found in the image before, larger ones in the next.
-    pub(crate) const COARSE_AREA_PX: std::ops::RangeInclusive<usize> = 200..=1257;
-    /// The number of blobs kept per reduced image, the topmost. Hand-set: there is room for few of this size.
-    pub(crate) const MAX_COARSE_BLOBS: usize = 2;
-    /// Blobs closer than this share of their radius, with areas that differ by less than twice this share, are the same. Hand-set.
-    pub(crate) const SAME_SHARE: f64 = 0.1;
 }
-use tuning::{
-    COARSE_AREA_PX, COARSE_OCTAVES, MAJORITY, MAX_BLOBS, MAX_COARSE_BLOBS, MIN_AREA_PX, SAME_SHARE,
-};
-pub(crate) use tuning::{MIN_POSTERIOR, SAMPLING_STEP_PX};
+use tuning::{MAJORITY, MIN_AREA_PX};
+pub(crate) use tuning::{MAX_BLOBS, MIN_POSTERIOR, SAMPLING_STEP_PX};
 
 /// A connected part of an image in the target's colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,18 +132,12 @@ pub(crate) struct BlobSearch {
     matching: Vec<bool>,
     /// The same after the majority filter.
     filtered: Vec<bool>,
-    /// The same in an image of reduced size.
-    coarse: Vec<bool>,
     /// Sums of three rows in each column.
     columns: Vec<u8>,
     /// Pixels of a blob whose neighbours are still to be visited.
     stack: Vec<usize>,
     blobs: Vec<Blob>,
 }
-
-/// The number of blobs that one search finds at most.
-pub(crate) const MAX_BLOBS_OF_ALL_SIZES: usize =
-    MAX_BLOBS + COARSE_OCTAVES as usize * MAX_COARSE_BLOBS;
 
 impl BlobSearch {
     /// Finds the blobs of pixels with a high posterior within these ranges, for which the frame was prepared. Returns them largest first.
@@ -177,7 +161,6 @@ impl BlobSearch {
             columns,
             stack,
             blobs,
-            ..
         } = self;
         bins.clear();
         bins.reserve(width * height);
@@ -198,130 +181,45 @@ impl BlobSearch {
         majority(matching, width, columns, filtered);
         (0..filtered.len()).for_each(|i| filtered[i] &= is_open(i));
         blobs.clear();
-        blobs.reserve(MAX_BLOBS_OF_ALL_SIZES);
+        blobs.reserve(MAX_BLOBS);
         stack.clear();
         // Each pixel is pushed once at most.
         stack.reserve(filtered.len());
-        let weight = |i: usize| posterior[usize::from(bins[i])];
-        flood(filtered, width, stack, is_open, weight, |sums| {
-            if sums.count >= MIN_AREA_PX {
-                keep_largest(blobs, MAX_BLOBS, sums.blob());
+        for seed in 0..filtered.len() {
+            if !std::mem::take(&mut filtered[seed]) {
+                continue;
             }
-        });
-        blobs
-    }
-
-    /// Finds blobs as [`BlobSearch::find`] does, and after them the large blobs of images of half the size, a quarter and on, in which the gaps of prints, highlights
-    /// and fingers close.
-    pub(crate) fn find_all_sizes(
-        &mut self,
-        prepared: &PreparedFrame,
-        palette: Palette,
-        posterior: &[f64],
-        ranges: Option<ColorRanges>,
-        correction: &IlluminationCorrection,
-    ) -> &[Blob] {
-        self.find(prepared, palette, posterior, ranges, correction);
-        let width = prepared.frame().width();
-        let Self {
-            matching,
-            filtered,
-            coarse,
-            stack,
-            blobs,
-            ..
-        } = self;
-        let (mut columns, mut rows) = (width, matching.len() / width);
-        filtered.clone_from(matching);
-        for octave in 1..=COARSE_OCTAVES {
-            let before = columns;
-            (columns, rows) = (columns / 2, rows / 2);
-            coarse.clear();
-            for y in 0..rows {
-                coarse.extend((0..columns).map(|x| {
-                    let first = 2 * (y * before + x);
-                    let block = [first, first + 1, first + before, first + before + 1];
-                    block.iter().filter(|&&i| filtered[i]).count() >= 2
-                }));
-            }
-            // The flood empties what it visits; the next image needs it.
-            filtered.clone_from(coarse);
-            let most = blobs.len() + MAX_COARSE_BLOBS;
-            let size = f64::from(1_u32 << octave);
-            flood(
-                coarse,
-                columns,
-                stack,
-                |_| true,
-                |_| 1.0,
-                |sums| {
-                    if COARSE_AREA_PX.contains(&sums.count) {
-                        let mut found = sums.blob();
-                        found.centroid_px = found.centroid_px.map(|c| (c + 0.5) * size - 0.5);
-                        found.area_px *= size * size;
-                        if blobs.len() < most && !blobs.iter().any(|blob| is_same(blob, &found)) {
-                            blobs.push(found);
-                        }
+            stack.push(seed);
+            let mut sums = Sums::default();
+            while let Some(i) = stack.pop() {
+                let (x, y) = (i % width, i / width);
+                sums.add([x, y], posterior[usize::from(bins[i])]);
+                let inside = [x > 0, x + 1 < width, y > 0, y + 1 < height];
+                let neighbors = [
+                    i.wrapping_sub(1),
+                    i + 1,
+                    i.wrapping_sub(width),
+                    i.wrapping_add(width),
+                ];
+                for (neighbor, inside) in neighbors.into_iter().zip(inside) {
+                    if !inside || !is_open(neighbor) {
+                        sums.cut_off = true;
+                    } else if std::mem::take(&mut filtered[neighbor]) {
+                        stack.push(neighbor);
                     }
-                },
-            );
-        }
-        blobs
-    }
-}
-
-/// Returns whether two blobs have nearly the same position and area.
-fn is_same(a: &Blob, b: &Blob) -> bool {
-    let [du, dv] = [0, 1].map(|i| a.centroid_px[i] - b.centroid_px[i]);
-    let radius_px = (b.area_px / std::f64::consts::PI).sqrt();
-    du.hypot(dv) < SAME_SHARE * radius_px
-        && (a.area_px - b.area_px).abs() < 2.0 * SAME_SHARE * b.area_px
-}
-
-/// Adds a blob to those found, the largest first, of which at most `most` are kept. Blobs of equal area stay in the order in which they were found.
-fn keep_largest(blobs: &mut Vec<Blob>, most: usize, blob: Blob) {
-    let rank = blobs.partition_point(|larger| larger.area_px >= blob.area_px);
-    if rank < most {
-        blobs.truncate(most - 1);
-        blobs.insert(rank, blob);
-    }
-}
-
-/// Calls `take` with the sums of each connected part of the pixels that are set, which it unsets.
-fn flood(
-    set: &mut [bool],
-    width: usize,
-    stack: &mut Vec<usize>,
-    is_open: impl Fn(usize) -> bool,
-    weight: impl Fn(usize) -> f64,
-    mut take: impl FnMut(Sums),
-) {
-    let height = set.len() / width.max(1);
-    for seed in 0..set.len() {
-        if !std::mem::take(&mut set[seed]) {
-            continue;
-        }
-        stack.push(seed);
-        let mut sums = Sums::default();
-        while let Some(i) = stack.pop() {
-            let (x, y) = (i % width, i / width);
-            sums.add([x, y], weight(i));
-            let inside = [x > 0, x + 1 < width, y > 0, y + 1 < height];
-            let neighbors = [
-                i.wrapping_sub(1),
-                i + 1,
-                i.wrapping_sub(width),
-                i.wrapping_add(width),
-            ];
-            for (neighbor, inside) in neighbors.into_iter().zip(inside) {
-                if !inside || !is_open(neighbor) {
-                    sums.cut_off = true;
-                } else if std::mem::take(&mut set[neighbor]) {
-                    stack.push(neighbor);
+                }
+            }
+            if sums.count >= MIN_AREA_PX {
+                let blob = sums.blob();
+                // Blobs of equal area stay in row order.
+                let rank = blobs.partition_point(|larger| larger.area_px >= blob.area_px);
+                if rank < MAX_BLOBS {
+                    blobs.truncate(MAX_BLOBS - 1);
+                    blobs.insert(rank, blob);
                 }
             }
         }
-        take(sums);
+        blobs
     }
 }
 
@@ -445,38 +343,6 @@ mod tests {
             blobs[0].area_px
         );
         assert!(blobs.iter().all(|blob| !blob.cut_off));
-    }
-
-    #[test]
-    fn large_blobs_with_gaps_are_found_in_reduced_images() {
-        // A disc of 40 px in stripes: alone none of them has its size.
-        let (width, height) = (120, 100);
-        let mut search = BlobSearch::default();
-        let bytes: Vec<u8> = (0..width * height)
-            .flat_map(|i| {
-                let (x, y) = ((i % width) as f64, i / width);
-                let inside = (x - 60.0).hypot(y as f64 - 50.0) < 40.0 && y % 5 > 1;
-                if inside { [230, 110, 20] } else { [40, 90, 40] }
-            })
-            .collect();
-        let frame = Frame::from_rgb(width, height, bytes, 0.0).unwrap();
-        let camera = Pinhole::new([50.0; 2], [60.0, 50.0], &[]).unwrap();
-        let mut view = View::new(camera, Pose::identity(), (width, height), None).unwrap();
-        view.prepare(crate::color::PixelKind::of(&frame), Palette::HSI);
-        let colors = orange();
-        let (mut counts, mut posterior) = (BinCounts::default(), Vec::new());
-        let prepared = view.prepared(&frame);
-        let none = IlluminationCorrection::NONE;
-        counts.count(&prepared, Palette::HSI, &none, 1);
-        counts.color_posterior(&colors, &mut posterior);
-        let is_whole = |blob: &Blob| (blob.area_px - 5027.0).abs() < 500.0;
-        let fine = search.find(&prepared, Palette::HSI, &posterior, None, &none);
-        assert!(!fine.iter().any(is_whole), "{fine:?}");
-        let all = search.find_all_sizes(&prepared, Palette::HSI, &posterior, None, &none);
-        let whole = all.iter().find(|blob| is_whole(blob)).expect("found whole");
-        let [u, v] = whole.centroid_px;
-        assert!((u - 60.0).hypot(v - 50.0) < 2.0, "{whole:?}");
-        assert!(all.len() <= MAX_BLOBS_OF_ALL_SIZES);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::detect::{Blob, BlobSearch, MAX_BLOBS_OF_ALL_SIZES};
+use crate::detect::{Blob, BlobSearch, MAX_BLOBS};
 use crate::likelihood::edge::{EdgeCue, EdgeFrame};
 use crate::shape::Shape;
 
@@ -75,13 +75,13 @@ impl CandidateSearch {
             positions_m,
         } = self;
         rays.clear();
-        rays.reserve(frames.len() * MAX_BLOBS_OF_ALL_SIZES);
+        rays.reserve(frames.len() * MAX_BLOBS);
         positions_m.clear();
-        positions_m.reserve(frames.len() * MAX_BLOBS_OF_ALL_SIZES);
+        positions_m.reserve(frames.len() * MAX_BLOBS);
         for frame in frames {
             let context = frame.context();
             let (palette, ranges) = context.colors;
-            let blobs = blobs.find_all_sizes(
+            let blobs = blobs.find(
                 frame.prepared(),
                 palette,
                 context.posterior,

@@ -7,7 +7,7 @@ use super::tuning::{
     DISTINCT_DIAMETERS, FRAMES_BETWEEN_SEARCHES, MAX_DETECTIONS, MIN_LOG_RATIO,
     MIN_PREDICTED_EXISTENCE, SURE_EXISTENCE, SURE_LOG_RATIO,
 };
-use crate::detect::MAX_BLOBS_OF_ALL_SIZES;
+use crate::detect::MAX_BLOBS;
 use crate::likelihood::edge::{Detection, Detections, EdgeCue, EdgeFrame};
 use crate::shape::Shape;
 use pardalis_filter::estimate::StateEstimate;
@@ -40,7 +40,7 @@ impl Detector {
         cameras: usize,
         points: usize,
     ) -> Self {
-        let room = 1 + cameras * MAX_BLOBS_OF_ALL_SIZES;
+        let room = 1 + cameras * MAX_BLOBS;
         Self {
             shape,
             is_planar: ground_z_m.is_some(),
