@@ -6,7 +6,8 @@ use serde::Deserialize;
 
 use super::body_colors::{BodyColors, BodyText};
 use super::channels::{ChannelHistograms, ChannelsText};
-use super::edge_profile::{EdgeLearner, EdgeProfile, EdgeText};
+use super::edge_learner::EdgeLearner;
+use super::edge_profile::{EdgeProfile, EdgeText};
 use super::histogram::Histogram;
 use super::palette::{Palette, PixelKind, PixelTable};
 use super::ranges::{ColorRanges, RangeLearner};
