@@ -3,7 +3,8 @@
 //! A page marks the place of a table with the lines `<!-- table NAME: COLUMN, COLUMN -->` and `<!-- end -->`, where
 //! NAME is a record `experiments/record/DATE/NAME.csv`. Without columns the table shows all of them; `<!-- table NAME
 //! of RUN*: ... -->` shows only the runs whose names begin with RUN, `<!-- table NAME in all frames: ... -->` only
-//! the rows without a window. A cell holds the median over the seeds of a run with the lowest and the highest value.
+//! the rows without a window. A cell holds the median over the seeds of a run (in `real-balls`, over the factors of the
+//! ball's radius) with the lowest and the highest value.
 //! Lengths are in mm, angles in mrad, headings and courses in degrees, pixels to 0.001.
 
 use std::collections::BTreeSet;
@@ -163,14 +164,12 @@ fn table_of(path: &Path, mark: &Mark) -> Result<String> {
             _ => false,
         })
         .collect();
-    let seed = headers.iter().position(|h| h == "seed");
+    let is_repeated = headers.iter().any(|h| REPEATS.contains(&&**h));
     let shown: Vec<usize> = if columns.is_empty() {
         (0..headers.len())
             .filter(|i| {
-                !matches!(
-                    &*headers[*i],
-                    "run" | "target" | "window" | "seed" | "object"
-                )
+                let name = &*headers[*i];
+                !REPEATS.contains(&name) && !["run", "target", "window", "object"].contains(&name)
             })
             .collect()
     } else {
@@ -188,7 +187,7 @@ fn table_of(path: &Path, mark: &Mark) -> Result<String> {
     let mut groups: Vec<(Vec<&str>, Vec<&Vec<String>>)> = Vec::new();
     for row in &rows {
         let key: Vec<&str> = keys.iter().map(|&i| &*row[i]).collect();
-        match groups.iter_mut().find(|(k, _)| seed.is_some() && *k == key) {
+        match groups.iter_mut().find(|(k, _)| is_repeated && *k == key) {
             Some((_, members)) => members.push(row),
             None => groups.push((key, vec![row])),
         }
@@ -227,8 +226,12 @@ fn table_of(path: &Path, mark: &Mark) -> Result<String> {
     Ok(table)
 }
 
+/// What tells the repetitions of a run apart.
+const REPEATS: [&str; 2] = ["seed", "radius_factor"];
+
 /// How figures whose names end so are shown: the unit, and what they are multiplied by.
-const UNITS: [(&str, &str, f64); 12] = [
+const UNITS: [(&str, &str, f64); 13] = [
+    ("_share", "%", 100.0),
     ("_mps", "mm/s", 1e3),
     ("course_rad", "°", 180.0 / std::f64::consts::PI),
     ("course_error_median_rad", "°", 180.0 / std::f64::consts::PI),
