@@ -146,9 +146,10 @@ impl Run {
 pub(crate) fn run(root: &Path, words: &[&str]) -> Result<()> {
     let options = Options::parse(root, words)?;
     let experiment = root.join("experiments/real-balls");
-    let bands = match options.verify {
-        true => Some(Bands::read(&experiment.join("bands.toml"))?),
-        false => None,
+    let bands = if options.verify {
+        Some(Bands::read(&experiment.join("bands.toml"))?)
+    } else {
+        None
     };
     let runs = measure(root, &options)?;
     if let Some(record) = &options.record {

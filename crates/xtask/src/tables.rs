@@ -262,9 +262,10 @@ fn heading(name: &str) -> String {
 /// Figures that are 1 where something is so, and 0 where it is not.
 const YES_OR_NO: [&str; 2] = ["ends_on_target", "changed_target"];
 
-/// Median, lowest and highest of a column's values, or the value itself where there is one; of figures that say yes
-/// or no, how often they say yes.
+/// Median, lowest and highest of a column's values that are not empty, or the value itself where there is one; of
+/// figures that say yes or no, how often they say yes.
 fn cell(name: &str, values: &[&str]) -> String {
+    let values: Vec<&str> = values.iter().copied().filter(|v| !v.is_empty()).collect();
     let unit = UNITS.iter().find(|(end, ..)| name.ends_with(end));
     let scale = unit.map_or(1.0, |(.., scale)| *scale);
     let mut numbers: Vec<f64> = values
@@ -272,7 +273,7 @@ fn cell(name: &str, values: &[&str]) -> String {
         .filter_map(|v| v.parse().ok())
         .map(|v: f64| v * scale)
         .collect();
-    if numbers.len() != values.len() {
+    if numbers.is_empty() || numbers.len() != values.len() {
         return values.first().copied().unwrap_or_default().to_owned();
     }
     if YES_OR_NO.contains(&name) {

@@ -84,12 +84,12 @@ impl Images {
     }
 
     /// Maps a pixel of the full size to these images. Pixel centres are at integers.
-    pub(crate) fn from_full(&self, pixel: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn scaled(&self, pixel: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|i| (pixel[i] + 0.5) * self.factor[i] - 0.5)
     }
 
     /// Maps a pixel of these images to the full size.
-    pub(crate) fn to_full(&self, pixel: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn unscaled(&self, pixel: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|i| (pixel[i] + 0.5) / self.factor[i] - 0.5)
     }
 }
@@ -142,7 +142,7 @@ pub(crate) fn read_labels(path: &Path) -> Result<Vec<Label>> {
 impl Label {
     /// The circle as a polygon with 24 corners in pixels of the images.
     pub(crate) fn polygon(&self, images: &Images) -> String {
-        let [u_px, v_px] = images.from_full([self.u_px, self.v_px]);
+        let [u_px, v_px] = images.scaled([self.u_px, self.v_px]);
         let radius_px = self.radius_px * images.factor[0];
         let corner = |k: i32| {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 24.0).sin_cos();
@@ -157,7 +157,7 @@ impl Label {
 
     /// The least rectangle of whole pixels of the images around the circle, cut at the left and upper border.
     pub(crate) fn rectangle(&self, images: &Images) -> String {
-        let [u_px, v_px] = images.from_full([self.u_px, self.v_px]);
+        let [u_px, v_px] = images.scaled([self.u_px, self.v_px]);
         let radius_px = self.radius_px * images.factor[0];
         let side = |centre: f64| {
             let low = (centre + 0.5 - radius_px).floor().max(0.0);
@@ -183,9 +183,9 @@ mod tests {
         let images = Images::of_folder(&clip, folder.path().to_owned(), 0.5).unwrap();
         // 641 rows become 320: not exactly half as many.
         assert_eq!(images.factor, [0.5, 320.0 / 641.0]);
-        let pixel = images.from_full([100.5, 32.1 * 2.0 - 0.5]);
+        let pixel = images.scaled([100.5, 32.1 * 2.0 - 0.5]);
         assert!((pixel[0] - 50.0).abs() < 1e-9 && (pixel[1] - 31.549_921_996_88).abs() < 1e-9);
-        let back = images.to_full(pixel);
+        let back = images.unscaled(pixel);
         assert!((back[0] - 100.5).abs() < 1e-9 && (back[1] - 63.7).abs() < 1e-9);
         let label = Label {
             frame: 3,

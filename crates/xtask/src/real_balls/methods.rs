@@ -102,7 +102,7 @@ pub(crate) fn opencv(
     let mut writer = csv::Writer::from_path(&circles)?;
     writer.write_record(["frame", "u_px", "v_px", "radius_px"])?;
     for label in labels {
-        let [u_px, v_px] = images.from_full([label.u_px, label.v_px]);
+        let [u_px, v_px] = images.scaled([label.u_px, label.v_px]);
         let radius_px = label.radius_px * images.factor[0];
         writer.serialize((label.frame, u_px, v_px, radius_px))?;
     }
@@ -118,7 +118,7 @@ pub(crate) fn opencv(
     let mut estimates = BTreeMap::new();
     for row in csv::Reader::from_path(&found)?.deserialize() {
         let circle: Label = row?;
-        let centre_px = images.to_full([circle.u_px, circle.v_px]);
+        let centre_px = images.unscaled([circle.u_px, circle.v_px]);
         let radius_px = circle.radius_px / images.factor[0];
         let estimate = Estimate {
             centre_px,
@@ -229,7 +229,7 @@ impl Pinhole {
         let pixel = |stretch: f64| {
             let [f_u, f_v] = self.f_px;
             let [c_u, c_v] = self.center_px;
-            images.to_full([f_u * x / z * stretch + c_u, f_v * y / z * stretch + c_v])
+            images.unscaled([f_u * x / z * stretch + c_u, f_v * y / z * stretch + c_v])
         };
         let f_px = self.f_px[0] / images.factor[0];
         let along_px = f_px * (sin2_a * (1.0 - sin2_a)).sqrt() / difference;

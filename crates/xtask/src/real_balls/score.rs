@@ -77,10 +77,10 @@ pub(crate) type Figures = Vec<(&'static str, Option<f64>)>;
 /// An estimate within one true radius of the true centre is on the ball; one beyond 1.5 radii, or while no ball is in
 /// view, is wrong. Centre errors and radii are those of estimates on balls of which at least 60 % are visible.
 pub(crate) fn score(truth: &Truth, estimates: &BTreeMap<u32, Estimate>) -> Figures {
-    let is_visible = |c: &&Circle| c.visible >= VISIBLE;
+    let is_visible = |circle: &Circle| circle.visible >= VISIBLE;
     let visible: Vec<u32> = truth
         .iter()
-        .filter(|(_, circle)| circle.as_ref().filter(is_visible).is_some())
+        .filter(|(_, circle)| circle.as_ref().is_some_and(is_visible))
         .map(|(&frame, _)| frame)
         .collect();
     let (mut right, mut wrong) = (Vec::new(), Vec::new());
@@ -104,7 +104,7 @@ pub(crate) fn score(truth: &Truth, estimates: &BTreeMap<u32, Estimate>) -> Figur
         } else if error <= 1.0 {
             right.push(estimate.confidence);
             first_right = first_right.or(Some(*frame));
-            if is_visible(&circle) {
+            if is_visible(circle) {
                 centre.push(error);
                 image_centre.push(error_radii(estimate.image_centre_px));
                 radius.push(estimate.radius_px / circle.radius_px);
