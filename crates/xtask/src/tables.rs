@@ -385,6 +385,18 @@ mod tests {
     }
 
     #[test]
+    fn tables_give_the_range_over_radius_factors_that_were_measured() {
+        let folder = tempfile::tempdir().unwrap();
+        let record = folder.path().join("real-balls.csv");
+        let rows = "run,radius_factor,on_ball_share,radius_ratio\na,0.25,0.5,0.9\na,1,0.975,\na,4,1,1\nb,,0,\n";
+        std::fs::write(&record, rows).unwrap();
+        let table = table_of(&record, &all("")).unwrap();
+        let expected = "| run | on ball (%) | radius ratio |\n|---|---:|---:|\n\
+                        | a | 97.5 (50 to 100) | 0.95 (0.90 to 1) |\n| b | 0 |  |\n";
+        assert_eq!(table, expected);
+    }
+
+    #[test]
     fn tables_take_their_places_between_marks() {
         let text = "a\n<!-- table jump -->\nold\n<!-- end -->\nb\n<!-- table jump of near*: rmse_m, max_m -->\n<!-- end -->\n\
                     <!-- table jumps -->\n<!-- end -->\n";
