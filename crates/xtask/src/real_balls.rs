@@ -192,7 +192,12 @@ fn measure(root: &Path, options: &Options) -> Result<Vec<Run>> {
         let truth = read_truth(&folder.join("truth.csv"))?;
         let labels = read_labels(&folder.join("labels.csv"))?;
         for &scale in &options.scales {
-            let work = root.join(format!("target/real-balls/{name}-{scale}"));
+            let kind = if options.frames.is_some() {
+                "-frames"
+            } else {
+                ""
+            };
+            let work = root.join(format!("target/real-balls/{name}-{scale}{kind}"));
             fs::create_dir_all(&work)?;
             let images = match &options.frames {
                 Some(frames) => Images::of_folder(clip, frames.join(name), scale)?,

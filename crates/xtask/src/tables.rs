@@ -5,7 +5,7 @@
 //! of RUN*: ... -->` shows only the runs whose names begin with RUN, `<!-- table NAME in all frames: ... -->` only
 //! the rows without a window. A cell holds the median over the seeds of a run (in `real-balls`, over the factors of the
 //! ball's radius) with the lowest and the highest value.
-//! Lengths are in mm, angles in mrad, headings and courses in degrees, pixels to 0.001.
+//! Lengths are in mm, angles in mrad, headings and courses in degrees, pixels and ratios of radii to 0.001.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -230,7 +230,8 @@ fn table_of(path: &Path, mark: &Mark) -> Result<String> {
 const REPEATS: [&str; 2] = ["seed", "radius_factor"];
 
 /// How figures whose names end so are shown: the unit, and what they are multiplied by.
-const UNITS: [(&str, &str, f64); 13] = [
+const UNITS: [(&str, &str, f64); 14] = [
+    ("_radii", "% of radius", 100.0),
     ("_share", "%", 100.0),
     ("_mps", "mm/s", 1e3),
     ("course_rad", "°", 180.0 / std::f64::consts::PI),
@@ -282,7 +283,7 @@ fn cell(name: &str, values: &[&str]) -> String {
     }
     numbers.sort_by(f64::total_cmp);
     let shown = |v: f64| {
-        if name.ends_with("_px") {
+        if name.ends_with("_px") || name.ends_with("radius_ratio") {
             format!("{v:.3}")
         } else {
             shown(v)
@@ -392,7 +393,7 @@ mod tests {
         std::fs::write(&record, rows).unwrap();
         let table = table_of(&record, &all("")).unwrap();
         let expected = "| run | on ball (%) | radius ratio |\n|---|---:|---:|\n\
-                        | a | 97.5 (50 to 100) | 0.95 (0.90 to 1) |\n| b | 0 |  |\n";
+                        | a | 97.5 (50 to 100) | 0.950 (0.900 to 1.000) |\n| b | 0 |  |\n";
         assert_eq!(table, expected);
     }
 

@@ -90,7 +90,7 @@ pub(crate) fn track(
     })
 }
 
-/// Runs a Python script that follows the ball with OpenCV; it has no confidence, so that 1 stands for it.
+/// Runs a Python script that follows the ball with OpenCV; it has no confidence.
 pub(crate) fn opencv(
     python: &Path,
     script: &Path,
@@ -125,7 +125,7 @@ pub(crate) fn opencv(
             image_centre_px: centre_px,
             radius_px,
             image_radius_px: radius_px,
-            confidence: 1.0,
+            confidence: None,
         };
         estimates.insert(circle.frame, estimate);
     }
@@ -239,7 +239,7 @@ impl Pinhole {
             image_centre_px: pixel(cos2_t / difference),
             radius_px: f_px * (sin2_a / (1.0 - sin2_a)).sqrt(),
             image_radius_px: (along_px * across_px).sqrt(),
-            confidence: row.confidence.unwrap_or(0.0),
+            confidence: row.confidence,
         })
     }
 }

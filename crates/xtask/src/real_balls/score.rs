@@ -33,7 +33,8 @@ pub(crate) struct Estimate {
     pub(crate) radius_px: f64,
     /// The radius of a circle with the area of the outline's ellipse.
     pub(crate) image_radius_px: f64,
-    pub(crate) confidence: f64,
+    /// `None` for a tracker without confidence.
+    pub(crate) confidence: Option<f64>,
 }
 
 /// The judged frames of a clip with the true circle; `None` where the ball is absent or wholly hidden.
@@ -84,6 +85,7 @@ pub(crate) fn score(truth: &Truth, estimates: &BTreeMap<u32, Estimate>) -> Figur
         .map(|(&frame, _)| frame)
         .collect();
     let (mut right, mut wrong) = (Vec::new(), Vec::new());
+    let mut wrong_frames = 0;
     let (mut centre, mut image_centre) = (Vec::new(), Vec::new());
     let (mut radius, mut image_radius) = (Vec::new(), Vec::new());
     let mut first_right = None;
@@ -92,7 +94,8 @@ pub(crate) fn score(truth: &Truth, estimates: &BTreeMap<u32, Estimate>) -> Figur
             continue;
         };
         let Some(circle) = circle else {
-            wrong.push(estimate.confidence);
+            wrong_frames += 1;
+            wrong.extend(estimate.confidence);
             continue;
         };
         let error_radii = |[u_px, v_px]: [f64; 2]| {
@@ -100,9 +103,10 @@ pub(crate) fn score(truth: &Truth, estimates: &BTreeMap<u32, Estimate>) -> Figur
         };
         let error = error_radii(estimate.centre_px);
         if error > WRONG_BEYOND_RADII {
-            wrong.push(estimate.confidence);
+            wrong_frames += 1;
+            wrong.extend(estimate.confidence);
         } else if error <= 1.0 {
-            right.push(estimate.confidence);
+            right.extend(estimate.confidence);
             first_right = first_right.or(Some(*frame));
             if is_visible(circle) {
                 centre.push(error);
@@ -120,7 +124,7 @@ pub(crate) fn score(truth: &Truth, estimates: &BTreeMap<u32, Estimate>) -> Figur
         ("judged_frames", Some(truth.len() as f64)),
         ("visible_frames", Some(visible.len() as f64)),
         ("on_ball_share", share(centre.len(), visible.len())),
-        ("wrong_share", share(wrong.len(), truth.len())),
+        ("wrong_share", share(wrong_frames, truth.len())),
         ("centre_error_radii", percentile(&centre, 50.0)),
         ("centre_error_p95_radii", percentile(&centre, 95.0)),
         ("image_centre_error_radii", percentile(&image_centre, 50.0)),
@@ -158,7 +162,7 @@ mod tests {
             image_centre_px: [u_px + 1.0, 50.0],
             radius_px,
             image_radius_px: 1.1 * radius_px,
-            confidence: 0.9,
+            confidence: Some(0.9),
         }
     }
 
@@ -183,7 +187,13 @@ mod tests {
             (4, estimate(900.0, 5.0)),
             (5, estimate(104.0, 8.0)),
             (6, estimate(112.0, 8.0)),
-            (7, estimate(116.0, 8.0)),
+            (
+                7,
+                Estimate {
+                    confidence: None,
+                    ..estimate(116.0, 8.0)
+                },
+            ),
         ]);
         let figures = score(&truth, &estimates);
         let is = |name: &str, expected: f64| {
@@ -201,6 +211,7 @@ mod tests {
         is("image_radius_ratio", 0.935);
         is("frames_to_find", 1.0);
         is("confidence_right", 0.9);
+        is("confidence_wrong", 0.9);
     }
 
     #[test]
