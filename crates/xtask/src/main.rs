@@ -4,6 +4,7 @@ mod compare;
 mod cycles;
 mod examples;
 mod links;
+mod real_balls;
 mod reference;
 mod tables;
 
@@ -22,6 +23,7 @@ Usage: cargo xtask COMMAND
                        page is out of date
   reference [--check]  write the reference of keys and the JSON schemas in docs/reference; with --check, change
                        nothing and fail if one is out of date
+  real-balls [OPTIONS] score the program on the real clips of data/real-balls; --help lists the options
   compare CHECKOUT     track scenes with the release binaries of this checkout and of another one,
                        and fail if a track differs in any byte";
 
@@ -36,6 +38,11 @@ fn main() -> ExitCode {
         ["tables", "--check"] => tables::run(&root, true).and_then(|()| examples::run(&root, true)),
         ["reference"] => reference::run(&root, false),
         ["reference", "--check"] => reference::run(&root, true),
+        ["real-balls", "--help"] => {
+            println!("{}", real_balls::USAGE);
+            Ok(())
+        }
+        ["real-balls", ref options @ ..] => real_balls::run(&root, options),
         ["compare", other] => compare::run(&root, Path::new(other)),
         _ => {
             eprintln!("{USAGE}");

@@ -3,8 +3,9 @@
 //! A page marks the place of a table with the lines `<!-- table NAME: COLUMN, COLUMN -->` and `<!-- end -->`, where
 //! NAME is a record `experiments/record/DATE/NAME.csv`. Without columns the table shows all of them; `<!-- table NAME
 //! of RUN*: ... -->` shows only the runs whose names begin with RUN, `<!-- table NAME in all frames: ... -->` only
-//! the rows without a window. A cell holds the median over the seeds of a run with the lowest and the highest value.
-//! Lengths are in mm, angles in mrad, headings and courses in degrees, pixels to 0.001.
+//! the rows without a window. A cell holds the median over the seeds of a run (in `real-balls`, over the factors of the
+//! ball's radius) with the lowest and the highest value.
+//! Lengths are in mm, angles in mrad, headings and courses in degrees, pixels and ratios of radii to 0.001.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -163,14 +164,12 @@ fn table_of(path: &Path, mark: &Mark) -> Result<String> {
             _ => false,
         })
         .collect();
-    let seed = headers.iter().position(|h| h == "seed");
+    let is_repeated = headers.iter().any(|h| REPEATS.contains(&&**h));
     let shown: Vec<usize> = if columns.is_empty() {
         (0..headers.len())
             .filter(|i| {
-                !matches!(
-                    &*headers[*i],
-                    "run" | "target" | "window" | "seed" | "object"
-                )
+                let name = &*headers[*i];
+                !REPEATS.contains(&name) && !["run", "target", "window", "object"].contains(&name)
             })
             .collect()
     } else {
@@ -188,7 +187,7 @@ fn table_of(path: &Path, mark: &Mark) -> Result<String> {
     let mut groups: Vec<(Vec<&str>, Vec<&Vec<String>>)> = Vec::new();
     for row in &rows {
         let key: Vec<&str> = keys.iter().map(|&i| &*row[i]).collect();
-        match groups.iter_mut().find(|(k, _)| seed.is_some() && *k == key) {
+        match groups.iter_mut().find(|(k, _)| is_repeated && *k == key) {
             Some((_, members)) => members.push(row),
             None => groups.push((key, vec![row])),
         }
@@ -227,8 +226,13 @@ fn table_of(path: &Path, mark: &Mark) -> Result<String> {
     Ok(table)
 }
 
+/// What tells the repetitions of a run apart.
+const REPEATS: [&str; 2] = ["seed", "radius_factor"];
+
 /// How figures whose names end so are shown: the unit, and what they are multiplied by.
-const UNITS: [(&str, &str, f64); 12] = [
+const UNITS: [(&str, &str, f64); 14] = [
+    ("_radii", "% of radius", 100.0),
+    ("_share", "%", 100.0),
     ("_mps", "mm/s", 1e3),
     ("course_rad", "°", 180.0 / std::f64::consts::PI),
     ("course_error_median_rad", "°", 180.0 / std::f64::consts::PI),
@@ -259,9 +263,10 @@ fn heading(name: &str) -> String {
 /// Figures that are 1 where something is so, and 0 where it is not.
 const YES_OR_NO: [&str; 2] = ["ends_on_target", "changed_target"];
 
-/// Median, lowest and highest of a column's values, or the value itself where there is one; of figures that say yes
-/// or no, how often they say yes.
+/// Median, lowest and highest of a column's values that are not empty, or the value itself where there is one; of
+/// figures that say yes or no, how often they say yes.
 fn cell(name: &str, values: &[&str]) -> String {
+    let values: Vec<&str> = values.iter().copied().filter(|v| !v.is_empty()).collect();
     let unit = UNITS.iter().find(|(end, ..)| name.ends_with(end));
     let scale = unit.map_or(1.0, |(.., scale)| *scale);
     let mut numbers: Vec<f64> = values
@@ -269,7 +274,7 @@ fn cell(name: &str, values: &[&str]) -> String {
         .filter_map(|v| v.parse().ok())
         .map(|v: f64| v * scale)
         .collect();
-    if numbers.len() != values.len() {
+    if numbers.is_empty() || numbers.len() != values.len() {
         return values.first().copied().unwrap_or_default().to_owned();
     }
     if YES_OR_NO.contains(&name) {
@@ -278,7 +283,7 @@ fn cell(name: &str, values: &[&str]) -> String {
     }
     numbers.sort_by(f64::total_cmp);
     let shown = |v: f64| {
-        if name.ends_with("_px") {
+        if name.ends_with("_px") || name.ends_with("radius_ratio") {
             format!("{v:.3}")
         } else {
             shown(v)
@@ -378,6 +383,18 @@ mod tests {
             .to_string()
             .contains("rsme_m")
         );
+    }
+
+    #[test]
+    fn tables_give_the_range_over_radius_factors_that_were_measured() {
+        let folder = tempfile::tempdir().unwrap();
+        let record = folder.path().join("real-balls.csv");
+        let rows = "run,radius_factor,on_ball_share,radius_ratio\na,0.25,0.5,0.9\na,1,0.975,\na,4,1,1\nb,,0,\n";
+        std::fs::write(&record, rows).unwrap();
+        let table = table_of(&record, &all("")).unwrap();
+        let expected = "| run | on ball (%) | radius ratio |\n|---|---:|---:|\n\
+                        | a | 97.5 (50 to 100) | 0.950 (0.900 to 1.000) |\n| b | 0 |  |\n";
+        assert_eq!(table, expected);
     }
 
     #[test]

@@ -8,9 +8,7 @@ use std::fmt::Write as _;
 
 use serde::Deserialize;
 
-use super::body_colors::BodyColors;
-use super::membership::{EdgePixel, Side, Surroundings};
-use super::outline_distance::OutlineDistance;
+use super::membership::Side;
 
 /// Standard deviation of the kernel that smooths over distance, pixels. Hand-set.
 const SMOOTHING_PX: f64 = 0.35;
@@ -24,18 +22,20 @@ const OTHER_SIDE_WEIGHT: f64 = 0.05;
 /// inside, in pixels. Origin: as in the bundled training sets.
 const SOFT_PX: f64 = 1.3;
 const SOFT_INSIDE_PX: f64 = 0.35;
+/// The least blur in images of reduced size, a standard deviation in pixels. Hand-set: pixels are means over squares.
+const MIN_SOFT_PX: f64 = 0.5;
 /// Noise of the default edge as standard deviations in units of membership: outside, then the additions in
 /// the middle of the edge and inside. Hand-set.
 const SOFT_NOISE: [f64; 3] = [0.1, 0.5, 0.08];
 
 /// Pixel counts per bin of membership, at each distance.
-type Counts = Vec<[u32; EdgeProfile::MEMBERSHIPS]>;
+pub(super) type Counts = Vec<[u32; EdgeProfile::MEMBERSHIPS]>;
 
 /// The edge profile of a body in the images of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EdgeProfile {
     /// Indexed in the order of [`Side::ALL`].
-    counts: [Counts; 2],
+    pub(super) counts: [Counts; 2],
 }
 
 /// ln P(membership | distance) / P(membership | outside), one row per distance.
@@ -86,11 +86,13 @@ impl EdgeProfile {
         }
     }
 
-    /// Computes the log ratios of a soft step on either side, for colours that were learnt without an edge.
-    pub fn soft_step() -> [Box<EdgeLogRatios>; 2] {
+    /// Computes the log ratios of a soft step on either side, for colours that were learnt without an edge. `scale` is
+    /// the size of the image as a share of the full size.
+    pub fn soft_step(scale: f64) -> [Box<EdgeLogRatios>; 2] {
+        let blur_px = (scale * SOFT_PX).max(MIN_SOFT_PX);
         let row = |distance: usize| {
             let distance_px = 0.25 * distance as f64 - f64::from(Self::REACH_PX);
-            let off = (distance_px + SOFT_INSIDE_PX) / (SOFT_PX * std::f64::consts::SQRT_2);
+            let off = (distance_px + scale * SOFT_INSIDE_PX) / (blur_px * std::f64::consts::SQRT_2);
             let mean = 0.5 * libm::erfc(off);
             let [outside, middle, inside] = SOFT_NOISE;
             let sigma = outside + middle * mean * (1.0 - mean) + inside * mean;
@@ -118,18 +120,25 @@ impl EdgeProfile {
         self.counts[side as usize].iter().map(mean).collect()
     }
 
-    /// Formats the profile as a section of a colour model file.
-    pub(super) fn to_text(&self) -> String {
-        let mut text = String::from(
-            "\n# how the target's colours blend into its surroundings, on the side darker than its mean and on the other: pixels at -4 to 4 px from the outline, one \
-             row per quarter of a pixel, in 32 bins of membership from -0.5 to 1.5 (0: as outside, 1: as inside)\n[edge]\n",
-        );
-        for (name, counts) in ["shaded", "lit"].iter().zip(&self.counts) {
-            let _ = writeln!(text, "{name} = [");
-            for row in counts {
-                let _ = writeln!(text, "    {row:?},");
+    /// Formats the profiles of an image's octaves as sections of a colour model file.
+    pub(super) fn all_to_text(octaves: &[Self]) -> String {
+        let mut text = String::new();
+        for (octave, profile) in octaves.iter().enumerate() {
+            text.push_str(match octave {
+                0 => {
+                    "\n# how the target's colours blend into its surroundings, on the side darker than its mean and on the other: pixels at -4 to 4 px from the outline, one \
+                     row per quarter of a pixel, in 32 bins of membership from -0.5 to 1.5 (0: as outside, 1: as inside)\n[edge]\n"
+                }
+                1 => "\n# the same in images of half the size, a quarter of the size and so on\n[[coarser_edges]]\n",
+                _ => "\n[[coarser_edges]]\n",
+            });
+            for (name, counts) in ["shaded", "lit"].iter().zip(&profile.counts) {
+                let _ = writeln!(text, "{name} = [");
+                for row in counts {
+                    let _ = writeln!(text, "    {row:?},");
+                }
+                text.push_str("]\n");
             }
-            text.push_str("]\n");
         }
         text
     }
@@ -237,93 +246,18 @@ fn read_counts(text: &CountsText) -> Result<Counts, (usize, String)> {
     rows.iter().map(row).collect()
 }
 
-/// Computes the mean colour; `None` for an empty iterator.
-fn mean(colors: impl Iterator<Item = [f32; 3]>) -> Option<[f32; 3]> {
-    let (mut sum, mut count) = ([0.0; 3], 0.0);
-    for color in colors {
-        for (sum, value) in sum.iter_mut().zip(color) {
-            *sum += value;
-        }
-        count += 1.0;
-    }
-    (count > 0.0).then(|| sum.map(|sum| sum / count))
-}
-
-/// Counts memberships along the outlines of labelled bodies, and collects their mean colours.
-#[derive(Debug, Clone, Default)]
-pub(super) struct EdgeLearner {
-    /// Indexed in the order of [`Side::ALL`].
-    counts: [Counts; 2],
-    /// The mean colour of each body.
-    bodies: Vec<[f32; 3]>,
-    pixels: Vec<EdgePixel>,
-}
-
-impl EdgeLearner {
-    /// Adds the outlines of a labelled image of the given width. `yuv` returns the colour of a pixel. Parts
-    /// that are small or touch the image border are ignored.
-    pub(super) fn add(
-        &mut self,
-        labels: &[bool],
-        width: usize,
-        yuv: impl Fn(usize, usize) -> [f32; 3],
-    ) {
-        for counts in &mut self.counts {
-            counts.resize(EdgeProfile::DISTANCES, [0; EdgeProfile::MEMBERSHIPS]);
-        }
-        for outline in OutlineDistance::of_parts(labels, width) {
-            self.pixels.clear();
-            let pixels = &mut self.pixels;
-            outline.for_each_near(|x, y, distance_px, turn| {
-                pixels.push(EdgePixel {
-                    yuv: yuv(x, y),
-                    distance_px,
-                    turn,
-                });
-            });
-            let Some(surroundings) = Surroundings::of(pixels) else {
-                continue;
-            };
-            let inside = |pixel: &&EdgePixel| BodyColors::DEPTH_PX.contains(&pixel.distance_px);
-            let colors = pixels.iter().filter(inside).map(|pixel| pixel.yuv);
-            self.bodies.extend(mean(colors));
-            for pixel in pixels.iter() {
-                let membership = surroundings.membership(pixel);
-                let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
-                if membership.is_nan() || row > (EdgeProfile::DISTANCES + 1) as f32 {
-                    continue;
-                }
-                // Pixels deeper inside count as at the smallest distance; the last row takes half a pixel
-                // more.
-                let row = (row.max(0.0) as usize).min(EdgeProfile::DISTANCES - 1);
-                let side = surroundings.side(pixel) as usize;
-                self.counts[side][row][EdgeProfile::bin_of(membership)] += 1;
-            }
-        }
-    }
-
-    /// Returns the mean colours of the bodies; `None` if there were none.
-    pub(super) fn body(&self) -> Option<BodyColors> {
-        BodyColors::new(self.bodies.clone())
-    }
-
-    /// Returns the learnt profile; `None` if some distance on some side has no pixels.
-    pub(super) fn profile(&self) -> Option<EdgeProfile> {
-        let is_seen = |row: &[u32; EdgeProfile::MEMBERSHIPS]| row.iter().any(|&count| count > 0);
-        let is_whole = |counts: &Counts| !counts.is_empty() && counts.iter().all(is_seen);
-        let is_whole = self.counts.iter().all(is_whole);
-        is_whole.then(|| EdgeProfile {
-            counts: self.counts.clone(),
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::color::edge_learner::EdgeLearner;
 
     /// Learns from discs on a plain background, blurred by `sigma_px`.
     fn learnt(sigma_px: f64) -> EdgeProfile {
+        learnt_octaves(sigma_px).swap_remove(0)
+    }
+
+    /// The same in all octaves.
+    fn learnt_octaves(sigma_px: f64) -> Vec<EdgeProfile> {
         let (width, height) = (64, 64);
         let mut learner = EdgeLearner::default();
         for n in 0..20 {
@@ -339,7 +273,7 @@ mod tests {
                 [60.0 + 100.0 * share as f32 + grain, 128.0, 128.0]
             });
         }
-        learner.profile().unwrap()
+        learner.profiles()
     }
 
     #[test]
@@ -358,8 +292,22 @@ mod tests {
     }
 
     #[test]
+    fn edges_are_sharper_in_reduced_images() {
+        let [fine, half] = &learnt_octaves(1.6)[..] else {
+            panic!("the discs are large enough for half the size, not for a quarter");
+        };
+        // Across the edge from 1 px inside to 1 px outside.
+        let drop = |profile: &EdgeProfile| {
+            let mean = profile.mean_memberships(Side::Lit);
+            mean[12] - mean[20]
+        };
+        assert!((drop(fine) - 0.47).abs() < 0.07, "{}", drop(fine));
+        assert!(drop(half) > 0.65, "{}", drop(half));
+    }
+
+    #[test]
     fn log_ratios_are_finite_positive_inside_and_negative_outside() {
-        let tables = [learnt(0.8).log_ratios(), EdgeProfile::soft_step()];
+        let tables = [learnt(0.8).log_ratios(), EdgeProfile::soft_step(1.0)];
         for table in tables.into_iter().flatten() {
             assert!(
                 table
@@ -383,11 +331,11 @@ mod tests {
     #[test]
     fn no_profile_without_whole_bodies() {
         let mut learner = EdgeLearner::default();
-        assert_eq!(learner.profile(), None);
+        assert_eq!(learner.profiles(), []);
         // A body that touches the image border.
         let labels: Vec<bool> = (0..400).map(|i| i % 20 < 8).collect();
         learner.add(&labels, 20, |x, _| [10.0 * x as f32, 0.0, 0.0]);
-        assert_eq!(learner.profile(), None);
+        assert_eq!(learner.profiles(), []);
     }
 
     #[test]
@@ -410,7 +358,7 @@ mod tests {
             parsed.read()
         };
         let profile = learnt(0.8);
-        let text = profile.to_text();
+        let text = EdgeProfile::all_to_text(std::slice::from_ref(&profile));
         let (_, section) = text.split_once("[edge]").unwrap();
         assert_eq!(read(section).unwrap(), profile);
         let (offset, message) = read("shaded = [[1, 2]]\nlit = []").unwrap_err();

@@ -3,6 +3,7 @@
 
 mod body_colors;
 mod channels;
+mod edge_learner;
 mod edge_profile;
 mod histogram;
 mod illumination;

@@ -6,7 +6,8 @@ use serde::Deserialize;
 
 use super::body_colors::{BodyColors, BodyText};
 use super::channels::{ChannelHistograms, ChannelsText};
-use super::edge_profile::{EdgeLearner, EdgeProfile, EdgeText};
+use super::edge_learner::EdgeLearner;
+use super::edge_profile::{EdgeProfile, EdgeText};
 use super::histogram::Histogram;
 use super::palette::{Palette, PixelKind, PixelTable};
 use super::ranges::{ColorRanges, RangeLearner};
@@ -21,7 +22,8 @@ pub struct ColorModel {
     histogram: Histogram,
     ranges: Option<ColorRanges>,
     channels: Option<ChannelHistograms>,
-    edge: Option<EdgeProfile>,
+    /// One per octave, from the image's own pixels on.
+    edges: Vec<EdgeProfile>,
     body: Option<BodyColors>,
     pixel_count: u64,
     image_count: u64,
@@ -46,6 +48,8 @@ struct ColorModelText {
     channels: Option<ChannelsText>,
     /// Absent in older files.
     edge: Option<EdgeText>,
+    #[serde(default)]
+    coarser_edges: Vec<toml::Spanned<EdgeText>>,
     /// Absent in older files.
     body: Option<BodyText>,
 }
@@ -85,10 +89,11 @@ impl ColorModel {
         self.channels.as_ref()
     }
 
-    /// Returns the profile of the target's colours across its outline; `None` for older files, and if no body
-    /// was labelled whole and clear of the image border.
-    pub fn edge(&self) -> Option<&EdgeProfile> {
-        self.edge.as_ref()
+    /// Returns the profile of the target's colours across its outline in images of full size, of half the size, of a
+    /// quarter and on, as far as labelled bodies are large enough there. Empty for older files, and if no body was
+    /// labelled whole and clear of the image border.
+    pub fn edges(&self) -> &[EdgeProfile] {
+        &self.edges
     }
 
     /// Returns the mean colours of whole bodies; `None` for older files, and if no body was labelled whole
@@ -155,9 +160,9 @@ impl ColorModel {
             }
         };
         let channels = self.channels.as_ref().map(ChannelHistograms::to_text);
-        let edge = self.edge.as_ref().map(EdgeProfile::to_text);
+        let edges = EdgeProfile::all_to_text(&self.edges);
         let body = self.body.as_ref().map(BodyColors::to_text);
-        text + &channels.unwrap_or_default() + &body.unwrap_or_default() + &edge.unwrap_or_default()
+        text + &channels.unwrap_or_default() + &body.unwrap_or_default() + &edges
     }
 
     /// Parses the text of a colour model file.
@@ -227,8 +232,20 @@ impl ColorModel {
         let channels = channels
             .transpose()
             .map_err(|(offset, message)| at(line_of(offset), message))?;
-        let edge = parsed.edge.map(|text| text.read()).transpose();
-        let edge = edge.map_err(|(offset, message)| at(line_of(offset), message))?;
+        let mut edges = Vec::new();
+        if let Some(coarser) = parsed
+            .coarser_edges
+            .first()
+            .filter(|_| parsed.edge.is_none())
+        {
+            let message = "coarser_edges without edge; learn the model again";
+            return Err(at(line_of(coarser.span().start), message.to_owned()));
+        }
+        let coarser = parsed.coarser_edges.iter().map(toml::Spanned::get_ref);
+        for text in parsed.edge.iter().chain(coarser) {
+            let edge = text.read();
+            edges.push(edge.map_err(|(offset, message)| at(line_of(offset), message))?);
+        }
         let body = parsed.body.map(|text| text.read()).transpose();
         let body = body.map_err(|(offset, message)| at(line_of(offset), message))?;
         let histogram = Histogram::from_counts(&counts).ok_or_else(|| {
@@ -242,7 +259,7 @@ impl ColorModel {
             histogram,
             ranges: parsed.ranges,
             channels,
-            edge,
+            edges,
             body,
             pixel_count: parsed.pixel_count,
             image_count: parsed.image_count,
@@ -361,7 +378,7 @@ impl ColorLearner {
             histogram,
             ranges: self.ranges.ranges(),
             channels: Some(self.channels.clone()),
-            edge: self.edge.profile(),
+            edges: self.edge.profiles(),
             body: self.edge.body(),
             pixel_count: self.object_counts.iter().sum(),
             image_count: self.image_count,

@@ -20,6 +20,7 @@ const TRUSTED: f64 = 2.5;
 /// The outline of one labelled part.
 pub(super) struct OutlineDistance {
     centroid_px: [f64; 2],
+    area_px: usize,
     /// Pixels near the part: column, row and signed distance.
     near: Vec<(usize, usize, f64)>,
 }
@@ -84,7 +85,21 @@ impl OutlineDistance {
                 }
             }
         }
-        Self { centroid_px, near }
+        Self {
+            centroid_px,
+            area_px: part.len(),
+            near,
+        }
+    }
+
+    /// The centroid of the part, pixels.
+    pub(super) fn centroid_px(&self) -> [f64; 2] {
+        self.centroid_px
+    }
+
+    /// The number of pixels of the part.
+    pub(super) fn area_px(&self) -> usize {
+        self.area_px
     }
 
     /// Calls `take` with the column, row, signed distance in pixels and share of the turn around the part's

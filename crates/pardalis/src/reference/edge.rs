@@ -35,6 +35,8 @@ pub struct EdgeLines {
     /// The log-likelihood ratio of each line at each shift.
     log_ratios: Vec<[f64; SHIFTS]>,
     exponent: f64,
+    /// The octave's pixels per pixel of the frame.
+    scale: f64,
     visible: [f64; SECTORS],
     anywhere: [f64; SECTORS],
 }
@@ -82,19 +84,27 @@ fn outline_px(
 }
 
 impl EdgeLines {
-    /// Places lines around a position in the world, in metres. Returns `None` if any point of the outline has no
-    /// pixel. Assumes the illumination of the colour model and no learnt background.
+    /// Places lines around a position in the world, in metres, in an octave of the frame, whose pixels are means of
+    /// 2ⁿ x 2ⁿ pixels. Returns `None` if any point of the outline has no pixel. Assumes the illumination of the colour
+    /// model and no learnt background.
     pub fn place(
         settings: &EdgeSettings,
         shape: &Shape,
         colors: &ColorModel,
         view: &View,
-        frame: &Frame,
+        (frame, octave): (&Frame, u32),
         position_m: [f64; 3],
     ) -> Option<Self> {
         let count = settings.correspondence_lines;
         let points = outline_px(view, shape, position_m, count);
-        let at: Vec<Vector2<f64>> = points.iter().copied().collect::<Option<_>>()?;
+        let size = 1_usize << octave;
+        let scale = 1.0 / size as f64;
+        let in_octave =
+            |point: Vector2<f64>| point * scale + Vector2::from_element(0.5 * scale - 0.5);
+        let at: Vec<Vector2<f64>> = points
+            .iter()
+            .map(|point| point.map(in_octave))
+            .collect::<Option<_>>()?;
         let at = |k: usize| at[k % count];
         let doubled_area: f64 = (0..count).map(|k| at(k).perp(&at(k + 1))).sum();
         let along = |k: usize| at(k + 1) - at(k + count - 1);
@@ -121,33 +131,44 @@ impl EdgeLines {
         let ranges = colors.ranges().map(|ranges| ranges.widened());
         let kind = PixelKind::of(frame);
         let mut pixels = Vec::new();
-        for y in 0..frame.height() {
-            for x in (0..frame.width()).filter(|x| (x + y) % thinning == 0) {
-                let position_px = Vector2::new(x as f64, y as f64);
-                let (line, distance_px) = distance_of(position_px)?;
-                let is_near = (0..count).any(|k| (position_px - at(k)).norm() <= 12.0);
+        for y in 0..frame.height() / size {
+            for x in (0..frame.width() / size).filter(|x| (x + y) % thinning == 0) {
+                let place = Vector2::new(x as f64, y as f64);
+                let (line, distance_px) = distance_of(place)?;
+                let is_near = (0..count).any(|k| (place - at(k)).norm() <= 12.0);
                 if !is_near || !(-9.0..=8.0).contains(&distance_px) {
                     continue;
                 }
-                let Some([x, y]) = open_pixel(view, position_px.into()) else {
+                let block: Option<Vec<_>> = (0..size * size)
+                    .map(|i| {
+                        let [x, y] = [size * x + i % size, size * y + i / size];
+                        let [x, y] = open_pixel(view, [x as f64, y as f64])?;
+                        let bytes = frame.components(x, y);
+                        let bin = bin_of_bytes(colors.palette(), kind, bytes);
+                        let matches = posterior[usize::from(bin)] >= 2.0 / 3.0
+                            && ranges.is_none_or(|ranges| matches(&ranges, kind, bytes));
+                        Some((Vector3::from(kind.full_range_yuv(bytes)).cast(), matches))
+                    })
+                    .collect();
+                let Some(block) = block else {
                     continue;
                 };
-                let bytes = frame.components(x, y);
-                let bin = bin_of_bytes(colors.palette(), kind, bytes);
+                let sum: Vector3<f64> = block.iter().map(|(yuv, _)| yuv).sum();
+                let matching = block.iter().filter(|(_, matches)| *matches).count();
                 pixels.push(Pixel {
-                    yuv: Vector3::from(kind.full_range_yuv(bytes)).cast(),
+                    yuv: sum / block.len() as f64,
                     distance_px,
                     line,
-                    matches: posterior[usize::from(bin)] >= 2.0 / 3.0
-                        && ranges.is_none_or(|ranges| matches(&ranges, kind, bytes)),
+                    matches: 2 * matching > block.len(),
                 });
             }
         }
         let mut lines = Self {
             normals: (0..count).map(normal).collect(),
             points,
-            log_ratios: line_log_ratios(settings, colors, &pixels, thinning as f64)?,
+            log_ratios: line_log_ratios((settings, octave), colors, &pixels, thinning as f64)?,
             exponent: settings.likelihood_exponent,
+            scale,
             visible: visible_shares(&pixels, count),
             anywhere: [0.0; SECTORS],
         };
@@ -209,7 +230,7 @@ impl EdgeLines {
                 .filter(|k| k * SECTORS / count == sector)
                 .filter_map(|k| {
                     let shift = outline[k]? - self.points[k]?;
-                    Some(self.at(k, shift.dot(&self.normals[k])))
+                    Some(self.at(k, self.scale * shift.dot(&self.normals[k])))
                 })
                 .sum();
             let visible = self.visible[sector];
@@ -264,9 +285,10 @@ fn part_of(line: usize, count: usize) -> usize {
 }
 
 /// Returns the log-likelihood ratios of all lines: sums over pixels of the logarithm of the learnt
-/// P(membership | distance) / P(membership | outside).
+/// P(membership | distance) / P(membership | outside), and of P(colour | inside) / P(colour | outside) where a pixel
+/// lies on the wrong side.
 fn line_log_ratios(
-    settings: &EdgeSettings,
+    (settings, octave): (&EdgeSettings, u32),
     colors: &ColorModel,
     pixels: &[Pixel],
     weight: f64,
@@ -288,7 +310,9 @@ fn line_log_ratios(
         .map(|pixel| pixel.yuv.x)
         .collect();
     let mean_luma = shaded.iter().sum::<f64>() / shaded.len() as f64;
-    let profile = colors.edge()?.log_ratios();
+    let edges = colors.edges();
+    let profile = edges.get(octave as usize).or(edges.last())?.log_ratios();
+    let mixed_px = if octave == 0 { 2.0 } else { 1.0 };
     let mut lines = vec![[0.0; SHIFTS]; count];
     for pixel in pixels {
         let part = part_of(pixel.line, count);
@@ -296,20 +320,32 @@ fn line_log_ratios(
         let difference = inside[part] - outside[part];
         let weighted = difference.component_mul(&channels);
         let contrast = difference.dot(&weighted);
-        if contrast < 100.0 {
-            continue;
-        }
         let membership = (pixel.yuv - outside[part]).dot(&weighted) / contrast;
         let bin = ((membership + 0.5) * 16.0).floor().clamp(0.0, 31.0) as usize;
         let is_lit = shading
             .as_ref()
             .is_none_or(|means| means[part].x >= mean_luma);
         let by_distance = &profile[usize::from(is_lit)];
+        // What a pixel at a distance says: by its membership, and by whether it lies on the wrong side.
+        let log_ratio = |row: usize| {
+            let distance_px = 0.25 * row as f64 - 4.0;
+            let of_edge = if contrast < 100.0 {
+                0.0
+            } else {
+                f64::from(by_distance[row][bin])
+            };
+            let of_region = if pixel.matches {
+                -1.95 * (distance_px - mixed_px).clamp(0.0, 1.0)
+            } else {
+                -1.1 * (-distance_px - mixed_px).clamp(0.0, 1.0)
+            };
+            of_edge + of_region
+        };
         for (i, sum) in lines[pixel.line].iter_mut().enumerate() {
             let shift_px = i as f64 / 4.0 - REACH_PX;
             let step = (4.0 * (pixel.distance_px - shift_px + 4.0)).clamp(0.0, 31.999);
             let row = step.floor() as usize;
-            let [near, far] = [row, row + 1].map(|row| f64::from(by_distance[row][bin]));
+            let [near, far] = [row, row + 1].map(log_ratio);
             *sum += weight * (near + (step - row as f64) * (far - near));
         }
     }

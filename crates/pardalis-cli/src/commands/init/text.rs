@@ -80,7 +80,7 @@ impl CameraText {
             (width - 1.0) / 2.0,
             (height - 1.0) / 2.0
         );
-        // Guesses: an image circle as high as the image; a pinhole of about 60 degrees; a mirror that shows
+        // Guesses: an image circle as high as the image; a pinhole of about 60 degrees across the longer side; a mirror that shows
         // 45 degrees below the horizon at half the radius.
         let (kind, parameters, pose) = match model {
             ModelName::Equidistant => {
@@ -91,7 +91,7 @@ impl CameraText {
                 ("equidistant", parameters, LOOKING_DOWN)
             }
             ModelName::Pinhole => {
-                let f = 0.87 * width;
+                let f = 0.87 * width.max(height);
                 let parameters = format!(
                     "f_px = [{f:.1}, {f:.1}]  # CHANGE: focal lengths\n{center}\ndistortion = [0.0, 0.0, 0.0, 0.0, 0.0]  # k1, k2, p1, p2, k3"
                 );

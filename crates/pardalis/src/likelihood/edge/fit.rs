@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::frame::SECTORS;
+use super::frame::{Octave, SECTORS};
 use super::lines::CorrespondenceLines;
 use super::{Coordinates, EdgeCue, EdgeFrame, LANES, Surrounding};
 
@@ -12,6 +12,7 @@ pub(crate) struct Detection {
     position_m: [f64; 3],
     information: Matrix3<f64>,
     log_likelihood_ratio: f64,
+    judged_log_ratio: f64,
     /// The lines of each camera that sees it come first; the rest are buffers.
     lines: Vec<CorrespondenceLines>,
     camera_count: usize,
@@ -30,9 +31,14 @@ impl Detection {
         &self.information
     }
 
-    /// The log-likelihood ratio at its position against an edge anywhere nearby, summed over the cameras that see it, in nats.
+    /// The log-likelihood ratio of its lines at its position against an edge anywhere nearby, summed over the cameras that see it, in nats.
     pub(crate) fn log_likelihood_ratio(&self) -> f64 {
         self.log_likelihood_ratio
+    }
+
+    /// The same in the octave in which the outline is judged as a whole: how far it is the target's.
+    pub(crate) fn judged_log_ratio(&self) -> f64 {
+        self.judged_log_ratio
     }
 
     /// The number of cameras that see it, 1 at least.
@@ -164,7 +170,7 @@ impl Detections {
         let found = &mut self.buffers[..self.count];
         // Of two equally likely ones the first found comes first.
         found.sort_unstable_by(|a, b| {
-            let by_ratio = b.log_likelihood_ratio.total_cmp(&a.log_likelihood_ratio);
+            let by_ratio = b.judged_log_ratio.total_cmp(&a.judged_log_ratio);
             by_ratio.then(a.number.cmp(&b.number))
         });
         let mut kept = 0;
@@ -173,7 +179,7 @@ impl Detections {
             let is_apart =
                 |other: &Detection| (here - Vector3::from(other.position_m)).norm() > apart_m;
             if kept < most
-                && found[i].log_likelihood_ratio > min_log_ratio
+                && found[i].judged_log_ratio > min_log_ratio
                 && found[..kept].iter().all(is_apart)
             {
                 found.swap(kept, i);
@@ -209,13 +215,17 @@ impl SectorSums {
 const UNOCCLUDED_SHARE: f32 = 0.75;
 /// The share by which one frame changes what surrounds the target.
 const SURROUNDING_RATE: f32 = 0.1;
+/// A finer octave agrees if it moves the position no farther than this, in standard deviations of the coarser one, ... Hand-set.
+const MAX_REFINED_SIGMAS: f64 = 3.0;
+/// ... and if its log-likelihood ratio is at least this share of the coarser one's. Hand-set.
+const MIN_REFINED_SHARE: f64 = 0.5;
 /// Times that correspondence lines are placed again, around the position that those before found.
 const ROUNDS: usize = 4;
 /// Newton steps per round.
 const STEPS: usize = 4;
 /// Half the width over which the lines' log-likelihoods are differentiated, in pixels: pixels make them rough below.
 const SPAN_PX: f32 = 0.5;
-/// No step moves the outline farther than this, in pixels: lines reach 5 px.
+/// No step moves the outline farther than this, in the octave's pixels: lines reach 5 px.
 const MAX_SHIFT_PX: f64 = 3.5;
 /// Steps that move the outline less end a round, in pixels.
 const MIN_SHIFT_PX: f64 = 0.01;
@@ -233,6 +243,8 @@ struct Slope {
 impl EdgeCue {
     /// Fits the best position near `position_m`; returns `false` if no camera sees the target's colours there. `prior` is a Gaussian that is fitted
     /// along with the lines: mean and inverse covariance. Planar motion (`is_planar`) keeps the height. Writes into `detection`, whose buffers it reuses.
+    ///
+    /// The outline is fitted in the octave in which it is judged, then octave by octave down to the frame's own pixels as long as these agree.
     pub(crate) fn fit(
         &mut self,
         frames: &[EdgeFrame],
@@ -242,8 +254,57 @@ impl EdgeCue {
         detection: &mut Detection,
     ) -> bool {
         detection.position_m = position_m;
+        if !self.fit_octave(frames, prior, (is_planar, 0), detection) {
+            return false;
+        }
+        detection.judged_log_ratio = detection.log_likelihood_ratio;
+        let octaves = detection.lines().iter().map(|lines| lines.octave.0);
+        for finer in 1..=octaves.max().unwrap_or(0) {
+            if !self.refine(frames, (is_planar, finer), detection) {
+                break;
+            }
+        }
+        true
+    }
+
+    /// Fits in octaves finer by one than before, from the position and with the uncertainty found there. Returns whether the finer octaves agree; otherwise
+    /// nothing changes.
+    fn refine(
+        &mut self,
+        frames: &[EdgeFrame],
+        (is_planar, finer): (bool, u8),
+        detection: &mut Detection,
+    ) -> bool {
+        let cameras = detection.camera_count;
+        let (position_m, log_ratio) = (detection.position_m, detection.log_likelihood_ratio);
+        let (mean, information) = (Vector3::from(position_m), detection.information);
+        let prior = Some((&mean, &information));
+        let is_found = self.fit_octave(frames, prior, (is_planar, finer), detection);
+        let moved = Vector3::from(detection.position_m) - mean;
+        let agrees = is_found
+            && detection.camera_count == cameras
+            && (moved.transpose() * information * moved)[0]
+                < MAX_REFINED_SIGMAS * MAX_REFINED_SIGMAS
+            && detection.log_likelihood_ratio > MIN_REFINED_SHARE * log_ratio;
+        if !agrees {
+            detection.position_m = position_m;
+            self.place_lines(frames, finer - 1, detection);
+            detection.information = information;
+            detection.log_likelihood_ratio = log_ratio;
+        }
+        agrees
+    }
+
+    /// Fits the position in octaves `finer` than those in which the outline is judged.
+    fn fit_octave(
+        &mut self,
+        frames: &[EdgeFrame],
+        prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
+        (is_planar, finer): (bool, u8),
+        detection: &mut Detection,
+    ) -> bool {
         for round in 0..=ROUNDS {
-            self.place_lines(frames, detection);
+            self.place_lines(frames, finer, detection);
             if detection.camera_count == 0 {
                 return false;
             }
@@ -285,8 +346,14 @@ impl EdgeCue {
         detection.log_likelihood_ratio.is_finite()
     }
 
-    /// Places correspondence lines around the detection's position in each camera that shows the target's colours there.
-    pub(super) fn place_lines(&mut self, frames: &[EdgeFrame], detection: &mut Detection) {
+    /// Places correspondence lines around the detection's position in each camera that shows the target's colours there, in octaves `finer` than those in which
+    /// the outline is judged.
+    pub(super) fn place_lines(
+        &mut self,
+        frames: &[EdgeFrame],
+        finer: u8,
+        detection: &mut Detection,
+    ) {
         let mut count = 0;
         for frame in frames {
             let position = detection.position_m.map(|v| [v as f32; LANES]);
@@ -294,11 +361,13 @@ impl EdgeCue {
             if detection.lines.len() == count {
                 detection.lines.push(CorrespondenceLines::default());
             }
+            let octave = Octave(self.octave().0.saturating_sub(finer));
+            let table = &self.tables[usize::from(octave.0)];
             let lines = &mut detection.lines[count];
             let has_edges = lines.place(
-                frame,
+                (frame, octave, finer == 0),
                 &self.coordinates,
-                &self.table,
+                table,
                 &self.settings,
                 &mut self.buffers,
             );
@@ -371,7 +440,7 @@ impl EdgeCue {
                 let along = Vector3::from_fn(|axis, _| {
                     let [plus, minus] = [1 + 2 * axis, 2 + 2 * axis];
                     let moved = (u[plus] - u[minus]) * nu + (v[plus] - v[minus]) * nv;
-                    f64::from(moved / width_m[axis])
+                    f64::from(lines.octave.scale() * moved / width_m[axis])
                 });
                 // The outline has no pixel here.
                 if along.iter().any(|v| v.is_nan()) {

@@ -7,6 +7,37 @@ use crate::view::PreparedFrame;
 use pardalis_camera::{LANES, Mask};
 use pardalis_core::simd::Level;
 
+/// An octave of the image pyramid: its pixels are means of 2ⁿ x 2ⁿ pixels of the frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub(super) struct Octave(pub(super) u8);
+
+impl Octave {
+    /// The coarsest octave. Derivation: a body of 256 px, half of what the largest photographs show, has a radius of 16 px there.
+    pub(super) const COARSEST: Self = Self(4);
+    /// Coarser octaves average every second, fourth, ... pixel of a block in each direction only. Hand-set: 16 pixels make a mean sharp enough.
+    const SAMPLED: u8 = 2;
+
+    /// The frame's pixels that one pixel of the octave covers in each direction.
+    pub(super) fn pixels(self) -> usize {
+        1 << self.0
+    }
+
+    /// The octave's pixels per pixel of the frame: 1, 1/2, 1/4, ...
+    pub(super) fn scale(self) -> f32 {
+        f32::from_bits((127 - u32::from(self.0)) << 23)
+    }
+
+    /// Maps a coordinate of the frame to the octave. Integers are pixel centres in both.
+    pub(super) fn coordinate(self, frame_px: f32) -> f32 {
+        frame_px * self.scale() + 0.5 * (self.scale() - 1.0)
+    }
+
+    /// The size of the octave of a frame; pixels that the frame does not cover wholly are left out.
+    pub(super) fn size(self, (width, height): (usize, usize)) -> (usize, usize) {
+        (width >> self.0, height >> self.0)
+    }
+}
+
 /// Groups of neighbouring lines that are visible or occluded together. Hand-set.
 pub(crate) const SECTORS: usize = 16;
 
@@ -138,8 +169,33 @@ impl<'a> EdgeFrame<'a> {
         mask.is_none_or(|open| open[row * view.size().0 + column])
     }
 
-    /// Returns the colour of a pixel (Y, U and V) and whether it is one of the target's; `None` if the pixel is masked.
-    pub(super) fn pixel(&self, column: usize, row: usize) -> Option<([f32; 3], bool)> {
+    /// Returns the mean colour of a pixel of an octave (Y, U and V) and whether most of it is in the target's colours; `None` if part of it is masked.
+    pub(super) fn pixel(
+        &self,
+        octave: Octave,
+        column: usize,
+        row: usize,
+    ) -> Option<([f32; 3], bool)> {
+        if octave == Octave::default() {
+            return self.frame_pixel(column, row);
+        }
+        let step = 1 << octave.0.saturating_sub(Octave::SAMPLED);
+        let first = step / 2;
+        let [left, top] = [column, row].map(|place| place * octave.pixels());
+        let (mut sums, mut count, mut matching) = ([0.0_f32; 3], 0, 0);
+        for y in (first..octave.pixels()).step_by(step) {
+            for x in (first..octave.pixels()).step_by(step) {
+                let (yuv, matches) = self.frame_pixel(left + x, top + y)?;
+                (0..3).for_each(|i| sums[i] += yuv[i]);
+                count += 1;
+                matching += u32::from(matches);
+            }
+        }
+        Some((sums.map(|sum| sum / count as f32), 2 * matching > count))
+    }
+
+    /// Returns the colour of a pixel of the frame (Y, U and V) and whether it is one of the target's; `None` if the pixel is masked.
+    fn frame_pixel(&self, column: usize, row: usize) -> Option<([f32; 3], bool)> {
         if !self.is_open(column, row) {
             return None;
         }

@@ -1,6 +1,6 @@
 //! Correspondence lines across an outline in one frame: the log-likelihood of the outline's shift along each line.
 
-use super::frame::SECTORS;
+use super::frame::{Octave, SECTORS};
 use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
 use crate::color::{BodyColors, EdgePixel, Surroundings};
 use crate::likelihood::outline::Coordinates;
@@ -33,7 +33,9 @@ const MIN_UNCERTAINTY: f32 = 0.02;
 pub(super) struct CorrespondenceLines {
     /// The camera's number.
     pub(super) camera: usize,
-    /// The point at which each line crosses the outline, and its direction outwards.
+    /// The octave in whose pixels lines are measured.
+    pub(super) octave: Octave,
+    /// The point of the frame at which each line crosses the outline, and its direction outwards.
     crossings: Vec<Crossing>,
     /// The log-likelihood ratio of each line's pixels for shifts of the outline from −5 to 5 px, against no body there.
     log_ratios: Vec<[f32; SHIFTS]>,
@@ -105,10 +107,10 @@ fn mean([count, sums @ ..]: &[f32; 4]) -> [f32; 3] {
     sums.map(|sum| sum / count)
 }
 
-/// The corner of number `k`; NaN if the outline has no pixel there or on either side.
-fn corner(outline: &[Coordinates], k: usize, orientation: f32) -> Corner {
+/// The corner of number `k` in an octave; NaN if the outline has no pixel there or on either side.
+fn corner(outline: &[Coordinates], octave: Octave, k: usize, orientation: f32) -> Corner {
     let count = outline.len();
-    let at = |k: usize| [outline[k % count][0][0], outline[k % count][1][0]];
+    let at = |k: usize| outline[k % count].map(|lanes| octave.coordinate(lanes[0]));
     let [before, point, after] = [at(k + count - 1), at(k), at(k + 1)];
     let along = [after[0] - before[0], after[1] - before[1]];
     let length = (along[0] * along[0] + along[1] * along[1]).sqrt();
@@ -152,17 +154,20 @@ impl CorrespondenceLines {
         }
     }
 
-    /// Places lines across an outline, given as the first lane of its points. Returns `false` if too little of it lies in the image, or if inside and
+    /// Places lines across an outline, given as the first lane of its points, in an octave of the frame. What is judged of the body as a whole (its mean colour, its
+    /// visible share, what surrounds it) stays as it was unless the octave `is_judged`. Returns `false` if too little of it lies in the image, or if inside and
     /// outside have the same colours.
     pub(super) fn place(
         &mut self,
-        frame: &EdgeFrame,
+        (frame, octave, is_judged): (&EdgeFrame, Octave, bool),
         outline: &[Coordinates],
         table: &Table,
         settings: &EdgeSettings,
         buffers: &mut LineBuffers,
     ) -> bool {
+        let is_judged = is_judged || self.camera != frame.camera();
         self.camera = frame.camera();
+        self.octave = octave;
         let LineBuffers {
             pixels,
             places,
@@ -171,21 +176,22 @@ impl CorrespondenceLines {
         let count = outline.len();
         let orientation = orientation(outline);
         corners.clear();
-        corners.extend((0..count).map(|k| corner(outline, k, orientation)));
+        corners.extend((0..count).map(|k| corner(outline, octave, k, orientation)));
         bend(corners);
-        let inside = corners
-            .iter()
-            .filter(|corner| frame.holds(corner.crossing.point));
+        self.crossings.clear();
+        self.crossings.extend((0..count).map(|k| Crossing {
+            point: outline[k].map(|lanes| lanes[0]),
+            normal: corners[k].crossing.normal,
+        }));
+        let crossings = self.crossings.iter();
+        let inside = crossings.filter(|crossing| frame.holds(crossing.point));
         if (inside.count() as f32) < MIN_COMPLETE * count as f32 {
             return false;
         }
-        self.crossings.clear();
-        self.crossings
-            .extend(corners.iter().map(|corner| corner.crossing));
         let lengths = corners.iter().map(|corner| corner.length_px);
         let length_px: f32 = lengths.filter(|length| length.is_finite()).sum();
         let thinning = if length_px > LONG_PX { 2 } else { 1 };
-        take_pixels(frame, corners, thinning, pixels, places);
+        take_pixels((frame, octave), corners, thinning, pixels, places);
         let weight = thinning as f32;
         let Some(surroundings) = Surroundings::of(pixels) else {
             return false;
@@ -208,27 +214,27 @@ impl CorrespondenceLines {
                 add(&mut around[sector], pixel.yuv);
             }
             let membership = surroundings.membership(pixel);
-            if membership.is_nan() {
-                continue;
-            }
             table.add(
-                (surroundings.side(pixel), membership),
+                (matches, surroundings.side(pixel), membership),
                 pixel.distance_px,
                 weight,
                 &mut self.log_ratios[line],
             );
         }
-        self.compare_surroundings(&around, frame.context().surrounding);
-        self.body_color = mean(&body);
         let total: f32 = bodies.iter().sum();
-        self.visible_share = matching.iter().sum::<f32>() / total.max(1e-6);
-        let unshared = unshared(frame, corners);
+        let visible_share = matching.iter().sum::<f32>() / total.max(1e-6);
+        if is_judged {
+            self.compare_surroundings(&around, frame.context().surrounding);
+            self.body_color = mean(&body);
+            self.visible_share = visible_share;
+        }
+        let unshared = unshared(frame, &self.crossings);
         for sector in 0..SECTORS {
             // A sector without pixels of its own takes the mean of all.
             let share = if bodies[sector] > 0.0 {
                 matching[sector] / bodies[sector]
             } else {
-                self.visible_share
+                visible_share
             };
             let share = share * self.unchanged[sector] * unshared[sector];
             self.visible[sector] = MIN_UNCERTAINTY + (1.0 - 2.0 * MIN_UNCERTAINTY) * share;
@@ -288,11 +294,11 @@ impl CorrespondenceLines {
         }
     }
 
-    /// The shift of a point of the outline along line `k`, in pixels outwards.
+    /// The shift of a point of the outline along line `k`, in the octave's pixels outwards.
     #[inline(always)]
     pub(super) fn shift_px(&self, k: usize, [u, v]: [f32; 2]) -> f32 {
         let Crossing { point, normal } = self.crossings[k];
-        (u - point[0]) * normal[0] + (v - point[1]) * normal[1]
+        self.octave.scale() * ((u - point[0]) * normal[0] + (v - point[1]) * normal[1])
     }
 
     /// The direction of line `k`, outwards.
@@ -357,12 +363,12 @@ impl CorrespondenceLines {
 }
 
 /// The share of each sector that lies outside of look-alikes.
-fn unshared(frame: &EdgeFrame, corners: &[Corner]) -> [f32; SECTORS] {
+fn unshared(frame: &EdgeFrame, crossings: &[Crossing]) -> [f32; SECTORS] {
     let mut shares = [1.0_f32; SECTORS];
-    let a_corner = SECTORS as f32 / corners.len() as f32;
-    for (k, corner) in corners.iter().enumerate() {
-        if frame.is_look_alike(corner.crossing.point) {
-            shares[k * SECTORS / corners.len()] -= a_corner;
+    let a_crossing = SECTORS as f32 / crossings.len() as f32;
+    for (k, crossing) in crossings.iter().enumerate() {
+        if frame.is_look_alike(crossing.point) {
+            shares[k * SECTORS / crossings.len()] -= a_crossing;
         }
     }
     shares.map(|share| share.max(0.0))
@@ -384,9 +390,9 @@ fn bend(corners: &mut [Corner]) {
     }
 }
 
-/// Gathers the pixels near an outline, each with its nearest corner; one in `thinning`, as on a chessboard.
+/// Gathers an octave's pixels near an outline, each with its nearest corner; one in `thinning`, as on a chessboard.
 fn take_pixels(
-    frame: &EdgeFrame,
+    (frame, octave): (&EdgeFrame, Octave),
     corners: &[Corner],
     thinning: usize,
     pixels: &mut Vec<EdgePixel>,
@@ -396,7 +402,7 @@ fn take_pixels(
     places.clear();
     let count = corners.len();
     let far = BAND_PX.end();
-    let (width, height) = frame.size();
+    let (width, height) = octave.size(frame.size());
     // Casts of floats stay within the numbers.
     let bounds = |axis: usize, size: usize| {
         let along = corners.iter().map(|corner| corner.crossing.point[axis]);
@@ -429,7 +435,7 @@ fn take_pixels(
             if !BAND_PX.contains(&distance_px) {
                 continue;
             }
-            let Some((yuv, matches)) = frame.pixel(x, y) else {
+            let Some((yuv, matches)) = frame.pixel(octave, x, y) else {
                 continue;
             };
             pixels.push(EdgePixel {

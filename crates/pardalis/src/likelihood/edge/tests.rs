@@ -118,17 +118,26 @@ fn grained(frame: &Frame) -> Frame {
 
 #[test]
 fn likelihoods_over_correspondence_lines_are_the_oracles() {
-    // Fully visible, small, large enough that every second pixel is skipped, and partly occluded.
-    for (place_m, occluded_from) in [
-        ([0.05, -0.03, 1.2], SIZE.0),
-        ([0.1, -0.03, 3.0], SIZE.0),
-        ([0.02, 0.01, 0.7], SIZE.0),
-        ([0.05, -0.03, 1.2], 92),
+    // Fully visible, small, large enough that every second pixel is skipped, partly occluded, and in coarser octaves.
+    for (place_m, occluded_from, octave) in [
+        ([0.05, -0.03, 1.25], SIZE.0, 0),
+        ([0.1, -0.03, 3.0], SIZE.0, 0),
+        ([0.02, 0.01, 0.7], SIZE.0, 0),
+        ([0.05, -0.03, 1.25], 92, 0),
+        ([0.021, 0.012, 0.72], SIZE.0, 1),
+        ([0.021, 0.012, 0.72], 92, 1),
+        ([0.01, 0.01, 0.5], SIZE.0, 2),
     ] {
         let frame = grained(&picture(place_m, occluded_from).0);
         let settings = EdgeSettings::default();
-        let naive =
-            reference::EdgeLines::place(&settings, &ball(), &colors(), &view(), &frame, place_m);
+        let naive = reference::EdgeLines::place(
+            &settings,
+            &ball(),
+            &colors(),
+            &view(),
+            (&frame, octave),
+            place_m,
+        );
         let naive = naive.unwrap();
         // From the middle to beyond the reach of lines.
         let positions: Vec<[f64; 3]> = (0..40)
@@ -144,7 +153,10 @@ fn likelihoods_over_correspondence_lines_are_the_oracles() {
             .collect();
         let fast = with_frame(&frame, None, |cue, frame| {
             let mut detection = Detection::at(place_m);
-            cue.place_lines(std::slice::from_ref(&frame), &mut detection);
+            cue.place_lines(std::slice::from_ref(&frame), 0, &mut detection);
+            let judged = detection.lines()[0].octave.0;
+            let finer = judged - u8::try_from(octave).unwrap();
+            cue.place_lines(std::slice::from_ref(&frame), finer, &mut detection);
             assert_eq!(detection.camera_count(), 1);
             let columns = [0, 1, 2].map(|axis| {
                 let column = positions.iter().map(|position| position[axis] as f32);
@@ -190,6 +202,27 @@ fn an_outline_is_found_to_a_fraction_of_a_pixel_from_some_pixels_off() {
         }
         assert!(detection.log_likelihood_ratio() > 15.0 && detection.visible_share() > 0.95);
         assert!(detection.information().cholesky().is_some());
+    }
+}
+
+#[test]
+fn large_outlines_are_found_from_far_off_and_as_precisely() {
+    // 40 px in radius: starts 8 px aside and a fifth too near or too far, beyond the reach of lines in the frame's own pixels.
+    let place_m = [0.02, 0.01, 0.5];
+    let (frame, _) = picture(place_m, SIZE.0);
+    for start_m in [[0.04, 0.01, 0.5], [0.02, 0.01, 0.42], [0.02, 0.02, 0.6]] {
+        let detection = fitted(&frame, start_m, None).unwrap();
+        assert_eq!(detection.lines()[0].octave.0, 0, "{start_m:?}");
+        for axis in 0..3 {
+            // 0.1 px across, 0.15 px of 40 in radius.
+            let allowed_m = [3e-4, 3e-4, 2e-3][axis];
+            let off_m = (detection.position_m()[axis] - place_m[axis]).abs();
+            assert!(
+                off_m < allowed_m,
+                "{start_m:?}: {:?}",
+                detection.position_m()
+            );
+        }
     }
 }
 

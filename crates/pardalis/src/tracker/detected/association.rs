@@ -72,7 +72,8 @@ impl DetectedTarget {
         let [least, greatest] = LOG_RATIO_NATS;
         let log_ratio = detection.log_likelihood_ratio();
         let by_color = self.color_log_ratio(detection) - self.stray_nats(position_m);
-        let likeness = (log_ratio / cameras / LOG_RATIO_SCALE + least).min(greatest)
+        let judged = detection.judged_log_ratio();
+        let likeness = (judged / cameras / LOG_RATIO_SCALE + least).min(greatest)
             - OCCLUDED_COLOR_NATS * (1.0 - detection.visible_share())
             + by_color;
         let clutter_density = CLUTTER_PER_FRAME * self.birth_density;

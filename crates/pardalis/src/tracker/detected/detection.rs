@@ -69,7 +69,7 @@ impl Detector {
         }
         self.since_search += 1;
         let near = self.detections.as_slice().first();
-        let is_sure = near.is_some_and(|found| found.log_likelihood_ratio() > SURE_LOG_RATIO);
+        let is_sure = near.is_some_and(|found| found.judged_log_ratio() > SURE_LOG_RATIO);
         if !is_sure
             || predicted.existence < SURE_EXISTENCE
             || self.since_search >= FRAMES_BETWEEN_SEARCHES
