@@ -283,6 +283,15 @@ fn radius_px(outline: &OutlineDistance) -> f64 {
     (outline.area_px() as f64 / std::f64::consts::PI).sqrt()
 }
 
+/// What the labels of bodies follow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Follows {
+    /// The outline, to a fraction of a pixel.
+    Outline,
+    /// A box around the body: where the outline lies is known roughly.
+    Box,
+}
+
 /// Counts memberships along the outlines of labelled bodies, and collects their mean colours.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EdgeLearner {
@@ -295,11 +304,12 @@ pub(super) struct EdgeLearner {
 
 impl EdgeLearner {
     /// Adds the outlines of a labelled image of the given width. `yuv` returns the colour of a pixel. Parts
-    /// that are small or touch the image border are ignored.
+    /// that are small or touch the image border are ignored. Memberships are only counted along exact outlines.
     pub(super) fn add(
         &mut self,
         labels: &[bool],
         width: usize,
+        follows: Follows,
         yuv: impl Fn(usize, usize) -> [f32; 3],
     ) {
         let height = labels.len() / width.max(1);
@@ -322,15 +332,26 @@ impl EdgeLearner {
             let same = octaves.iter().enumerate().map_while(|(octave, outlines)| {
                 outlines.iter().find(|other| is_same(octave, other))
             });
-            self.add_part(&same.collect::<Vec<_>>(), &yuv);
+            self.add_part(&same.collect::<Vec<_>>(), follows, &yuv);
         }
     }
 
     /// Adds a part, given its outline in each octave.
-    fn add_part(&mut self, outlines: &[&OutlineDistance], yuv: &impl Fn(usize, usize) -> [f32; 3]) {
+    fn add_part(
+        &mut self,
+        outlines: &[&OutlineDistance],
+        follows: Follows,
+        yuv: &impl Fn(usize, usize) -> [f32; 3],
+    ) {
         for (octave, outline) in outlines.iter().enumerate() {
             self.take_pixels(outline, octave, yuv);
-            self.count(octave, radius_px(outline));
+            let Some(surroundings) = Surroundings::of(&self.pixels) else {
+                continue;
+            };
+            self.take_body(octave, radius_px(outline));
+            if follows == Follows::Outline {
+                self.count(octave, &surroundings);
+            }
         }
     }
 
@@ -357,23 +378,23 @@ impl EdgeLearner {
         });
     }
 
+    /// Takes the mean colour of the collected pixels if the body has the right size in this octave.
+    fn take_body(&mut self, octave: usize, radius_px: f64) {
+        let [least_px, most_px] = BODY_RADIUS_PX;
+        if radius_px <= most_px && (octave == 0 || radius_px > least_px) {
+            let inside = |pixel: &&EdgePixel| BodyColors::DEPTH_PX.contains(&pixel.distance_px);
+            let colors = self.pixels.iter().filter(inside).map(|pixel| pixel.yuv);
+            self.bodies.extend(mean(colors));
+        }
+    }
+
     /// Counts the collected pixels of an octave.
-    fn count(&mut self, octave: usize, radius_px: f64) {
-        let pixels = &self.pixels;
-        let Some(surroundings) = Surroundings::of(pixels) else {
-            return;
-        };
+    fn count(&mut self, octave: usize, surroundings: &Surroundings) {
         while self.counts.len() <= octave {
             let none = vec![[0; EdgeProfile::MEMBERSHIPS]; EdgeProfile::DISTANCES];
             self.counts.push([none.clone(), none]);
         }
-        let [least_px, most_px] = BODY_RADIUS_PX;
-        if radius_px <= most_px && (octave == 0 || radius_px > least_px) {
-            let inside = |pixel: &&EdgePixel| BodyColors::DEPTH_PX.contains(&pixel.distance_px);
-            let colors = pixels.iter().filter(inside).map(|pixel| pixel.yuv);
-            self.bodies.extend(mean(colors));
-        }
-        for pixel in pixels {
+        for pixel in &self.pixels {
             let membership = surroundings.membership(pixel);
             let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
             if membership.is_nan() || row > (EdgeProfile::DISTANCES + 1) as f32 {
@@ -438,7 +459,7 @@ mod tests {
             let labels: Vec<bool> = (0..width * height)
                 .map(|i| distance(i % width, i / width) < 0.0)
                 .collect();
-            learner.add(&labels, width, |x, y| {
+            learner.add(&labels, width, Follows::Outline, |x, y| {
                 let share = 0.5 * libm::erfc(distance(x, y) / sigma_px / 2.0_f64.sqrt());
                 let grain = ((x * 7 + y * 13) % 11) as f32 - 5.0;
                 [60.0 + 100.0 * share as f32 + grain, 128.0, 128.0]
@@ -491,7 +512,9 @@ mod tests {
         assert_eq!(learner.profiles(), []);
         // A body that touches the image border.
         let labels: Vec<bool> = (0..400).map(|i| i % 20 < 8).collect();
-        learner.add(&labels, 20, |x, _| [10.0 * x as f32, 0.0, 0.0]);
+        learner.add(&labels, 20, Follows::Outline, |x, _| {
+            [10.0 * x as f32, 0.0, 0.0]
+        });
         assert_eq!(learner.profiles(), []);
     }
 
