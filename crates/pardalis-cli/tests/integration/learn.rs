@@ -278,6 +278,54 @@ fn labels_apply_to_the_preceding_image_and_are_united() {
 }
 
 #[test]
+fn boxes_around_balls_teach_the_colours_that_masks_teach_but_no_edge() {
+    let folder = TempDir::new().unwrap();
+    let training = data("training/dioptric");
+    let folder_of_masks = training.display().to_string();
+    let by_masks = [&*folder_of_masks, "--masks", "_ball_mask.png"];
+    let written = ["--no-pictures", "-o", "m.toml"];
+    let text = report(&folder, &[&by_masks[..], &written].concat());
+    assert!(!text.contains("Boxes"), "{text}");
+    let masks = model(&folder, "m.toml");
+
+    let labels: Vec<[String; 2]> = (0..6)
+        .map(|i| {
+            let mask = fs::read(training.join(format!("00{i}_ball_mask.png"))).unwrap();
+            let mask = decode_grey(&mask).unwrap();
+            let bright = |&(x, y): &(u32, u32)| mask.get_pixel(x, y)[0] >= 128;
+            let all = || (0..mask.height()).flat_map(|y| (0..mask.width()).map(move |x| (x, y)));
+            let range = |axis: fn((u32, u32)) -> u32| {
+                let along = || all().filter(bright).map(axis);
+                (along().min().unwrap(), along().max().unwrap() + 1)
+            };
+            let ((left, right), (top, bottom)) = (range(|p| p.0), range(|p| p.1));
+            let image = training.join(format!("00{i}.jpg")).display().to_string();
+            [
+                image,
+                format!("{left},{top},{},{}", right - left, bottom - top),
+            ]
+        })
+        .collect();
+    let labels = labels
+        .iter()
+        .flat_map(|[image, rect]| ["--image", image, "--rect", rect]);
+    let text = report(&folder, &labels.chain(written).collect::<Vec<_>>());
+    assert_contains(
+        &text,
+        &["Boxes around the target in 6 images (000.jpg, ", "Good"],
+    );
+    let boxes = model(&folder, "m.toml");
+    let ratio = boxes.pixel_count() as f64 / masks.pixel_count() as f64;
+    // A pixel more on one side is 5 %.
+    assert!((ratio - 1.0).abs() < 0.08, "{ratio}");
+    let similarity = boxes.histogram().similarity(masks.histogram());
+    // With the corners, a fifth of the pixels would be background: at most √0.79.
+    assert!(similarity > 0.96, "{similarity}");
+    assert!(boxes.body().is_some() && masks.body().is_some());
+    assert!(boxes.edges().is_empty() && !masks.edges().is_empty());
+}
+
+#[test]
 fn palettes_and_bins_are_selectable() {
     let folder = small_images();
     for (options, expected) in [

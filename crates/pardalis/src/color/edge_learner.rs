@@ -41,6 +41,15 @@ fn radius_px(outline: &OutlineDistance) -> f64 {
     (outline.area_px() as f64 / std::f64::consts::PI).sqrt()
 }
 
+/// What the labels of bodies follow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Follows {
+    /// The outline, to a fraction of a pixel.
+    Outline,
+    /// A box around the body: where the outline lies is known roughly.
+    Box,
+}
+
 /// Counts memberships along the outlines of labelled bodies, and collects their mean colours.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EdgeLearner {
@@ -53,11 +62,12 @@ pub(super) struct EdgeLearner {
 
 impl EdgeLearner {
     /// Adds the outlines of a labelled image of the given width. `yuv` returns the colour of a pixel. Parts
-    /// that are small or touch the image border are ignored.
+    /// that are small or touch the image border are ignored. Memberships are only counted along exact outlines.
     pub(super) fn add(
         &mut self,
         labels: &[bool],
         width: usize,
+        follows: Follows,
         yuv: impl Fn(usize, usize) -> [f32; 3],
     ) {
         let height = labels.len() / width.max(1);
@@ -80,15 +90,26 @@ impl EdgeLearner {
             let same = octaves.iter().enumerate().map_while(|(octave, outlines)| {
                 outlines.iter().find(|other| is_same(octave, other))
             });
-            self.add_part(&same.collect::<Vec<_>>(), &yuv);
+            self.add_part(&same.collect::<Vec<_>>(), follows, &yuv);
         }
     }
 
     /// Adds a part, given its outline in each octave.
-    fn add_part(&mut self, outlines: &[&OutlineDistance], yuv: &impl Fn(usize, usize) -> [f32; 3]) {
+    fn add_part(
+        &mut self,
+        outlines: &[&OutlineDistance],
+        follows: Follows,
+        yuv: &impl Fn(usize, usize) -> [f32; 3],
+    ) {
         for (octave, outline) in outlines.iter().enumerate() {
             self.take_pixels(outline, octave, yuv);
-            self.count(octave, radius_px(outline));
+            let Some(surroundings) = Surroundings::of(&self.pixels) else {
+                continue;
+            };
+            self.take_body(octave, radius_px(outline));
+            if follows == Follows::Outline {
+                self.count(octave, &surroundings);
+            }
         }
     }
 
@@ -115,23 +136,23 @@ impl EdgeLearner {
         });
     }
 
+    /// Takes the mean colour of the collected pixels if the body has the right size in this octave.
+    fn take_body(&mut self, octave: usize, radius_px: f64) {
+        let [least_px, most_px] = BODY_RADIUS_PX;
+        if radius_px <= most_px && (octave == 0 || radius_px > least_px) {
+            let inside = |pixel: &&EdgePixel| BodyColors::DEPTH_PX.contains(&pixel.distance_px);
+            let colors = self.pixels.iter().filter(inside).map(|pixel| pixel.yuv);
+            self.bodies.extend(mean(colors));
+        }
+    }
+
     /// Counts the collected pixels of an octave.
-    fn count(&mut self, octave: usize, radius_px: f64) {
-        let pixels = &self.pixels;
-        let Some(surroundings) = Surroundings::of(pixels) else {
-            return;
-        };
+    fn count(&mut self, octave: usize, surroundings: &Surroundings) {
         while self.counts.len() <= octave {
             let none = vec![[0; EdgeProfile::MEMBERSHIPS]; EdgeProfile::DISTANCES];
             self.counts.push([none.clone(), none]);
         }
-        let [least_px, most_px] = BODY_RADIUS_PX;
-        if radius_px <= most_px && (octave == 0 || radius_px > least_px) {
-            let inside = |pixel: &&EdgePixel| BodyColors::DEPTH_PX.contains(&pixel.distance_px);
-            let colors = pixels.iter().filter(inside).map(|pixel| pixel.yuv);
-            self.bodies.extend(mean(colors));
-        }
-        for pixel in pixels {
+        for pixel in &self.pixels {
             let membership = surroundings.membership(pixel);
             let row = ((pixel.distance_px + EdgeProfile::REACH_PX) * 4.0).round();
             if membership.is_nan() || row > (EdgeProfile::DISTANCES + 1) as f32 {

@@ -249,7 +249,7 @@ fn read_counts(text: &CountsText) -> Result<Counts, (usize, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::color::edge_learner::EdgeLearner;
+    use crate::color::edge_learner::{EdgeLearner, Follows};
 
     /// Learns from discs on a plain background, blurred by `sigma_px`.
     fn learnt(sigma_px: f64) -> EdgeProfile {
@@ -267,7 +267,7 @@ mod tests {
             let labels: Vec<bool> = (0..width * height)
                 .map(|i| distance(i % width, i / width) < 0.0)
                 .collect();
-            learner.add(&labels, width, |x, y| {
+            learner.add(&labels, width, Follows::Outline, |x, y| {
                 let share = 0.5 * libm::erfc(distance(x, y) / sigma_px / 2.0_f64.sqrt());
                 let grain = ((x * 7 + y * 13) % 11) as f32 - 5.0;
                 [60.0 + 100.0 * share as f32 + grain, 128.0, 128.0]
@@ -334,7 +334,9 @@ mod tests {
         assert_eq!(learner.profiles(), []);
         // A body that touches the image border.
         let labels: Vec<bool> = (0..400).map(|i| i % 20 < 8).collect();
-        learner.add(&labels, 20, |x, _| [10.0 * x as f32, 0.0, 0.0]);
+        learner.add(&labels, 20, Follows::Outline, |x, _| {
+            [10.0 * x as f32, 0.0, 0.0]
+        });
         assert_eq!(learner.profiles(), []);
     }
 

@@ -2,6 +2,7 @@
 //! colour models learnt from labelled pixels.
 
 mod body_colors;
+mod box_labels;
 mod channels;
 mod edge_learner;
 mod edge_profile;

@@ -5,8 +5,9 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 
 use super::body_colors::{BodyColors, BodyText};
+use super::box_labels::PixelLabels;
 use super::channels::{ChannelHistograms, ChannelsText};
-use super::edge_learner::EdgeLearner;
+use super::edge_learner::{EdgeLearner, Follows};
 use super::edge_profile::{EdgeProfile, EdgeText};
 use super::histogram::Histogram;
 use super::palette::{Palette, PixelKind, PixelTable};
@@ -91,7 +92,7 @@ impl ColorModel {
 
     /// Returns the profile of the target's colours across its outline in images of full size, of half the size, of a
     /// quarter and on, as far as labelled bodies are large enough there. Empty for older files, and if no body was
-    /// labelled whole and clear of the image border.
+    /// labelled whole, along its outline and clear of the image border.
     pub fn edges(&self) -> &[EdgeProfile] {
         &self.edges
     }
@@ -324,10 +325,56 @@ impl ColorLearner {
 
     /// Adds one image. `is_object` marks the pixels that show the target, row by row, one entry per pixel.
     ///
+    /// The marked pixels follow the target's outline, or fill a box around it: an upright rectangle, at least 8 pixels wide
+    /// and high, whose corners have the colours of its surroundings rather than its own. Of such a box the inscribed
+    /// ellipse is taken as the target; the corners count neither as target nor as background, and nothing is learnt about
+    /// the edge, because boxes are seldom exact. Rectangles whose corners have
+    /// the target's colours are taken as they are. [`Self::target_pixels`] returns the result.
+    ///
     /// # Errors
     ///
     /// `is_object` has another length than the image has pixels.
     pub fn add(&mut self, frame: &Frame, is_object: &[bool]) -> Result<(), Error> {
+        let (bins, labels) = self.labels_of(frame, is_object)?;
+        let all = labels.is_target.iter().zip(&labels.is_boxed).enumerate();
+        for (index, (&object, _)) in all.filter(|(_, (object, boxed))| **object || !**boxed) {
+            let counts = if object {
+                &mut self.object_counts
+            } else {
+                &mut self.background_counts
+            };
+            counts[usize::from(bins[index])] += 1;
+            let rgb = frame.rgb(index % frame.width(), index / frame.width());
+            self.ranges.add(rgb, object);
+            self.channels.add(rgb, object);
+        }
+        let kind = PixelKind::of(frame);
+        for follows in [Follows::Outline, Follows::Box] {
+            let labels = labels.of_target(follows == Follows::Box);
+            self.edge.add(&labels, frame.width(), follows, |x, y| {
+                kind.full_range_yuv(frame.components(x, y))
+            });
+        }
+        self.image_count += 1;
+        Ok(())
+    }
+
+    /// Returns the pixels, row by row, that [`Self::add`] takes as the target's: those marked, except in the corners of
+    /// boxes around bodies.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Self::add`].
+    pub fn target_pixels(&mut self, frame: &Frame, is_object: &[bool]) -> Result<Vec<bool>, Error> {
+        Ok(self.labels_of(frame, is_object)?.1.is_target)
+    }
+
+    /// Returns the bins of the pixels, and their labels.
+    fn labels_of(
+        &mut self,
+        frame: &Frame,
+        is_object: &[bool],
+    ) -> Result<(Vec<u16>, PixelLabels), Error> {
         let expected = frame.width() * frame.height();
         if is_object.len() != expected {
             return Err(Error::ImageBytes {
@@ -335,26 +382,9 @@ impl ColorLearner {
                 found: is_object.len(),
             });
         }
-        for (bin, &object) in self.bins_of(frame).into_iter().zip(is_object) {
-            let counts = if object {
-                &mut self.object_counts
-            } else {
-                &mut self.background_counts
-            };
-            counts[usize::from(bin)] += 1;
-        }
-        for (index, &object) in is_object.iter().enumerate() {
-            let (x, y) = (index % frame.width(), index / frame.width());
-            let rgb = frame.rgb(x, y);
-            self.ranges.add(rgb, object);
-            self.channels.add(rgb, object);
-        }
-        let kind = PixelKind::of(frame);
-        self.edge.add(is_object, frame.width(), |x, y| {
-            kind.full_range_yuv(frame.components(x, y))
-        });
-        self.image_count += 1;
-        Ok(())
+        let bins = self.bins_of(frame);
+        let labels = PixelLabels::of(is_object, &bins, self.palette.bin_count(), frame.width());
+        Ok((bins, labels))
     }
 
     /// Returns the pixel counts per bin, of the target and of the rest of the images.

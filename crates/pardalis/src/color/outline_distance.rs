@@ -26,7 +26,7 @@ pub(super) struct OutlineDistance {
 }
 
 /// The pixels of a part: column and row.
-type Part = Vec<(usize, usize)>;
+pub(super) type Part = Vec<(usize, usize)>;
 
 impl OutlineDistance {
     /// Finds the outlines of all sufficiently large parts that do not touch the image border.
@@ -114,7 +114,7 @@ impl OutlineDistance {
 }
 
 /// Finds the connected parts of the labels.
-fn parts(labels: &[bool], width: usize) -> Vec<Part> {
+pub(super) fn parts(labels: &[bool], width: usize) -> Vec<Part> {
     let height = labels.len() / width.max(1);
     let mut left = labels.to_vec();
     let mut parts = Vec::new();

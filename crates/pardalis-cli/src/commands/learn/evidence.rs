@@ -23,6 +23,8 @@ pub(super) struct ImageEvidence {
     pub(super) name: String,
     /// Number of the target's pixels.
     pub(super) pixels: u64,
+    /// Whether a label is a box around the target, of which the inscribed ellipse is learnt.
+    pub(super) has_box: bool,
     /// Share of the target's pixels with positive log odds.
     pub(super) found: f64,
     /// Share of the other pixels with positive log odds; `None` if all pixels are the target's.
@@ -45,28 +47,35 @@ impl Evidence {
     pub(super) fn gather(files: &[LabelledFile], palette: Palette) -> Result<Self> {
         let mut learner = ColorLearner::new(palette)?;
         let mut counts = Vec::with_capacity(files.len());
+        let mut has_box = Vec::with_capacity(files.len());
         for file in files {
             let (frame, is_object) = file.load()?;
             let before = Counts::of(&learner);
             learner.add(&frame, &is_object)?;
             counts.push(Counts::of(&learner).without(&before));
+            has_box.push(learner.target_pixels(&frame, &is_object)? != is_object);
         }
         let separation = learner.separation();
         let all = Counts::of(&learner);
         let is_targets = |bin: usize| separation.log_odds[bin] > 0.0;
-        let images = files.iter().zip(&counts).map(|(file, own)| {
-            let others = all.without(own);
-            let by_others = Separation::of(&others.object, &others.background).log_odds;
-            // A bin that occurs in none of the other images is no evidence for the target.
-            let is_others = |bin: usize| others.object[bin] > 0 && by_others[bin] > 0.0;
-            ImageEvidence {
-                name: file.name(),
-                pixels: own.object.iter().sum(),
-                found: share_where(&own.object, is_targets).unwrap_or(0.0),
-                mistaken: share_where(&own.background, is_targets),
-                fit: share_where(&own.object, is_others).filter(|_| files.len() > 1),
-            }
-        });
+        let images = files
+            .iter()
+            .zip(&counts)
+            .zip(has_box)
+            .map(|((file, own), has_box)| {
+                let others = all.without(own);
+                let by_others = Separation::of(&others.object, &others.background).log_odds;
+                // A bin that occurs in none of the other images is no evidence for the target.
+                let is_others = |bin: usize| others.object[bin] > 0 && by_others[bin] > 0.0;
+                ImageEvidence {
+                    name: file.name(),
+                    pixels: own.object.iter().sum(),
+                    has_box,
+                    found: share_where(&own.object, is_targets).unwrap_or(0.0),
+                    mistaken: share_where(&own.background, is_targets),
+                    fit: share_where(&own.object, is_others).filter(|_| files.len() > 1),
+                }
+            });
         Ok(Self {
             images: images.collect(),
             separation,

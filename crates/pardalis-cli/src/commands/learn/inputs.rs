@@ -238,13 +238,13 @@ impl clap::Args for Listed {
                 option("rect", "X,Y,WIDTH,HEIGHT")
                     .value_parser(label(Label::rect))
                     .allow_hyphen_values(true)
-                    .help("Labels the image: a rectangle in pixels; 0,0 is the top left pixel"),
+                    .help("Labels the image: a box drawn closely around the target, in pixels; 0,0 is the top left pixel"),
             )
             .arg(
                 option("polygon", "X,Y,X,Y,X,Y...")
                     .value_parser(label(Label::polygon))
                     .allow_hyphen_values(true)
-                    .help("Labels the image: a polygon given by its corners in pixels"),
+                    .help("Labels the image: a polygon along the target's outline, given by its corners in pixels"),
             )
     }
 

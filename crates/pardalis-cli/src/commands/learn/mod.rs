@@ -22,13 +22,20 @@ use report::Report;
 const EXAMPLES: &str = "Examples:
   Every image of a folder that has a mask beside it (000.jpg and 000_mask.png):
     pardalis learn training --masks _mask.png -o orange.colors.toml
-  Images and labels one by one; labels belong to the image before them:
-    pardalis learn --image a.jpg --mask a_mask.png --image b.jpg --rect 210,80,40,40 \\
-      --polygon 400,90,430,95,412,120 -o orange.colors.toml
+  Images and boxes drawn around the target, left, top, width and height; labels belong to the image before them:
+    pardalis learn --image a.jpg --rect 396,82,28,28 --image b.jpg --rect 210,80,40,40 -o orange.colors.toml
+  A mask, and a polygon along the outline:
+    pardalis learn --image a.jpg --mask a_mask.png --image b.jpg \\
+      --polygon 424,96,423,101,420,106,415,109,410,110,405,109,400,106,397,101,\\
+396,96,397,91,400,86,405,83,410,82,415,83,420,86,423,91 -o orange.colors.toml
   For a camera that delivers YUV:
     pardalis learn training --masks _mask.png --palette yuv --yuv-range limited -o orange.colors.toml";
 
-/// Learns the colours of a target from labelled images.
+/// Learns the colours of a target from labelled images
+///
+/// Label the whole target: along its outline with a mask or a polygon of 16 corners or more, or with a box drawn closely
+/// around it. Of a box around a round target, the colours of the inscribed ellipse are learnt, but not how the edge blurs
+/// into the surroundings; a rectangular target that fills its box is learnt as it is. Labels inside the target, or touching the image border, teach nothing about its outline.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {

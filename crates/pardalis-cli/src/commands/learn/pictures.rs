@@ -82,7 +82,8 @@ fn tiles(files: &[LabelledFile], evidence: &Evidence) -> Result<Vec<Tile>> {
     shown
         .into_iter()
         .map(|(file, image)| {
-            let (frame, mask) = file.load()?;
+            let (frame, marked) = file.load()?;
+            let mask = learner.target_pixels(&frame, &marked)?;
             let bins = learner.bins_of(&frame);
             let verdict = if image.is_suspect() {
                 ": check this label"

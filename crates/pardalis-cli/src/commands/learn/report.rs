@@ -34,6 +34,7 @@ impl fmt::Display for Report<'_> {
             counted(background_pixels, "pixel")
         )?;
         self.write_left_out(f)?;
+        self.write_boxes(f)?;
         self.write_bins(f)?;
         if background_pixels > 0 {
             self.write_separation(f)?;
@@ -59,18 +60,21 @@ impl Report<'_> {
         if self.without_mask.is_empty() {
             return Ok(());
         }
-        let listed = &self.without_mask[..self.without_mask.len().min(MAX_LISTED)];
-        let rest = self.without_mask.len() - listed.len();
-        let more = if rest > 0 {
-            format!(" and {rest} more")
-        } else {
-            String::new()
-        };
-        let count = counted(self.without_mask.len() as u64, "image");
+        let names: Vec<&str> = self.without_mask.iter().map(String::as_str).collect();
+        writeln!(f, "Skipped for lack of a mask: {}.", images(&names))
+    }
+
+    fn write_boxes(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let images_with_boxes = self.evidence.images.iter().filter(|image| image.has_box);
+        let names: Vec<&str> = images_with_boxes.map(|image| image.name.as_str()).collect();
+        if names.is_empty() {
+            return Ok(());
+        }
         writeln!(
             f,
-            "Skipped for lack of a mask: {count} ({}{more}).",
-            listed.join(", ")
+            "Boxes around the target in {}: the colours of the ellipse inside each box are learnt, but no edge; \
+             for the most accurate distances, draw masks or polygons along the outline.",
+            images(&names)
         )
     }
 
@@ -174,7 +178,7 @@ impl Report<'_> {
         }
         writeln!(
             f,
-            "Remedies: labels that stay inside the target; finer --bins or another --palette; a target in a colour \
+            "Remedies: labels on the outline of the whole target, or boxes closely around it; finer --bins or another --palette; a target in a colour \
              that does not occur in its surroundings."
         )
     }
@@ -264,6 +268,17 @@ fn share(counts: &[u64], bin: usize) -> f64 {
 
 fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
+}
+
+/// Formats `3 images (a.png, b.png, c.png)`, and the number of those that are not listed.
+fn images(names: &[&str]) -> String {
+    let listed = &names[..names.len().min(MAX_LISTED)];
+    let more = match names.len() - listed.len() {
+        0 => String::new(),
+        rest => format!(" and {rest} more"),
+    };
+    let count = counted(names.len() as u64, "image");
+    format!("{count} ({}{more})", listed.join(", "))
 }
 
 /// Formats `1 image`, `2 images`.
