@@ -365,7 +365,7 @@ impl EdgeCue {
             let table = &self.tables[usize::from(octave.0)];
             let lines = &mut detection.lines[count];
             let has_edges = lines.place(
-                (frame, octave, finer == 0),
+                (frame, octave),
                 &self.coordinates,
                 table,
                 &self.settings,

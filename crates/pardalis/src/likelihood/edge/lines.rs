@@ -154,18 +154,16 @@ impl CorrespondenceLines {
         }
     }
 
-    /// Places lines across an outline, given as the first lane of its points, in an octave of the frame. What is judged of the body as a whole (its mean colour, its
-    /// visible share, what surrounds it) stays as it was unless the octave `is_judged`. Returns `false` if too little of it lies in the image, or if inside and
+    /// Places lines across an outline, given as the first lane of its points, in an octave of the frame. Returns `false` if too little of it lies in the image, or if inside and
     /// outside have the same colours.
     pub(super) fn place(
         &mut self,
-        (frame, octave, is_judged): (&EdgeFrame, Octave, bool),
+        (frame, octave): (&EdgeFrame, Octave),
         outline: &[Coordinates],
         table: &Table,
         settings: &EdgeSettings,
         buffers: &mut LineBuffers,
     ) -> bool {
-        let is_judged = is_judged || self.camera != frame.camera();
         self.camera = frame.camera();
         self.octave = octave;
         let LineBuffers {
@@ -222,19 +220,16 @@ impl CorrespondenceLines {
             );
         }
         let total: f32 = bodies.iter().sum();
-        let visible_share = matching.iter().sum::<f32>() / total.max(1e-6);
-        if is_judged {
-            self.compare_surroundings(&around, frame.context().surrounding);
-            self.body_color = mean(&body);
-            self.visible_share = visible_share;
-        }
+        self.visible_share = matching.iter().sum::<f32>() / total.max(1e-6);
+        self.compare_surroundings(&around, frame.context().surrounding);
+        self.body_color = mean(&body);
         let unshared = unshared(frame, &self.crossings);
         for sector in 0..SECTORS {
             // A sector without pixels of its own takes the mean of all.
             let share = if bodies[sector] > 0.0 {
                 matching[sector] / bodies[sector]
             } else {
-                visible_share
+                self.visible_share
             };
             let share = share * self.unchanged[sector] * unshared[sector];
             self.visible[sector] = MIN_UNCERTAINTY + (1.0 - 2.0 * MIN_UNCERTAINTY) * share;
