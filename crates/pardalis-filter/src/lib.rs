@@ -1,6 +1,6 @@
 //! Particle filters for targets in 3D, independent of images.
 //!
-//! A particle filter represents what is known of a target's state by weighted samples, the
+//! A particle filter represents the distribution of a target's state by weighted samples, the
 //! *particles*. In each step it moves them with a [motion model](motion), weights them by the
 //! [`Likelihood`] of the new observation, estimates the state and [resamples](resample). This crate
 //! offers two filters:

@@ -37,7 +37,7 @@ impl RectangleConfig {
     }
 }
 
-/// What is known of a camera's position.
+/// A camera's position, as far as a scene states it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Center {
     Unknown,

@@ -47,7 +47,7 @@ pub(super) struct CandidateSearch {
     positions_m: Vec<[f64; 3]>,
 }
 
-/// What is known of a target's position before any image.
+/// The constraints on a target's position that do not depend on images: its shape and the ground.
 #[derive(Debug)]
 struct Geometry {
     shape: Shape,
