@@ -9,6 +9,7 @@
 //! - [`rng`]: counter-based random numbers, independent of the number of threads.
 //! - [`simd`]: kernels compiled for several instruction sets.
 //! - [`srgb`]: sRGB as linear light.
+//! - [`tuned!`]: structs of tuned constants.
 //!
 //! ```
 //! use pardalis_core::rng::{Draws, Stage};
@@ -26,5 +27,6 @@ pub mod real;
 pub mod rng;
 pub mod simd;
 pub mod srgb;
+mod tuning;
 
 pub use error::Error;

@@ -2,24 +2,15 @@
 
 use crate::color::{ColorModel, ColorRanges, IlluminationCorrection, Palette, PixelKind};
 use crate::frame::with_pixels;
+use crate::tuning::BlobTuning;
 use crate::view::PreparedFrame;
 use pardalis_camera::Mask;
 
-/// Tuned constants of blob detection.
-pub(crate) mod tuning {
-    /// Blobs with fewer pixels count as noise. Hand-set: a disc of this area has a radius of 1.7 px.
-    pub(crate) const MIN_AREA_PX: usize = 9;
-    /// The number of blobs kept per image, largest first. Hand-set: bounds the time of the candidate search.
-    pub(crate) const MAX_BLOBS: usize = 8;
-    /// Rows and columns between the pixels that image statistics sample. Hand-set: 640 x 480 pixels still give 19 200 samples.
-    pub(crate) const SAMPLING_STEP_PX: usize = 4;
-    /// From this posterior on a pixel counts as the target's: its colour is twice as frequent among the target's pixels as in the image. Hand-set.
-    pub(crate) const MIN_POSTERIOR: f64 = 2.0 / 3.0;
-    /// The number of pixels out of 3 x 3 that the majority filter asks for. Derivation: a majority.
-    pub(crate) const MAJORITY: u8 = 5;
-}
-use tuning::{MAJORITY, MIN_AREA_PX};
-pub(crate) use tuning::{MAX_BLOBS, MIN_POSTERIOR, SAMPLING_STEP_PX};
+/// Rows and columns between the pixels that image statistics sample, pixels. Hand-set: 640 x 480 pixels still give 19 200 samples. All targets share the
+/// statistics.
+pub(crate) const SAMPLING_STEP_PX: usize = 4;
+/// The number of pixels out of 3 x 3 that the majority filter asks for. Derivation: a majority.
+const MAJORITY: u8 = 5;
 
 /// A connected part of an image in the target's colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -126,6 +117,7 @@ pub fn blobs(prepared: &PreparedFrame, colors: &ColorModel) -> Vec<Blob> {
 /// Finds blobs. Owns its buffers: a search in an image no larger than those before allocates nothing.
 #[derive(Debug, Default)]
 pub(crate) struct BlobSearch {
+    tuning: BlobTuning,
     /// The bin of each pixel.
     bins: Vec<u16>,
     /// Whether each pixel has the target's colours.
@@ -140,6 +132,18 @@ pub(crate) struct BlobSearch {
 }
 
 impl BlobSearch {
+    pub(crate) fn new(tuning: BlobTuning) -> Self {
+        Self {
+            tuning,
+            ..Self::default()
+        }
+    }
+
+    /// The greatest number of blobs that a search returns.
+    pub(crate) fn max_blobs(&self) -> usize {
+        self.tuning.max_blobs
+    }
+
     /// Finds the blobs of pixels with a high posterior within these ranges, for which the frame was prepared. Returns them largest first.
     pub(crate) fn find(
         &mut self,
@@ -155,6 +159,7 @@ impl BlobSearch {
         let open = prepared.view().mask().map(Mask::open);
         let is_open = |i: usize| open.is_none_or(|open| open[i]);
         let Self {
+            tuning,
             bins,
             matching,
             filtered,
@@ -168,8 +173,13 @@ impl BlobSearch {
             bins.extend((0..width).map(|x| table.bin(correction.bytes(components(x, y)))));
         });
         matching.clear();
+        let BlobTuning {
+            min_posterior,
+            min_area_px,
+            max_blobs,
+        } = *tuning;
         let matches =
-            |(i, &bin): (usize, &u16)| is_open(i) && posterior[usize::from(bin)] >= MIN_POSTERIOR;
+            |(i, &bin): (usize, &u16)| is_open(i) && posterior[usize::from(bin)] >= min_posterior;
         matching.extend(bins.iter().enumerate().map(matches));
         if let Some(ranges) = ranges {
             let in_ranges = prepared.match_table(ranges);
@@ -181,7 +191,7 @@ impl BlobSearch {
         majority(matching, width, columns, filtered);
         (0..filtered.len()).for_each(|i| filtered[i] &= is_open(i));
         blobs.clear();
-        blobs.reserve(MAX_BLOBS);
+        blobs.reserve(max_blobs);
         stack.clear();
         // Each pixel is pushed once at most.
         stack.reserve(filtered.len());
@@ -209,12 +219,12 @@ impl BlobSearch {
                     }
                 }
             }
-            if sums.count >= MIN_AREA_PX {
+            if sums.count >= min_area_px {
                 let blob = sums.blob();
                 // Blobs of equal area stay in row order.
                 let rank = blobs.partition_point(|larger| larger.area_px >= blob.area_px);
-                if rank < MAX_BLOBS {
-                    blobs.truncate(MAX_BLOBS - 1);
+                if rank < max_blobs {
+                    blobs.truncate(max_blobs - 1);
                     blobs.insert(rank, blob);
                 }
             }

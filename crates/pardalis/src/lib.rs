@@ -24,7 +24,7 @@
 //! # Modules
 //!
 //! In the order in which data flows: [`frame`], [`color`], [`camera`], [`view`], [`shape`], [`detect`], [`likelihood`], [`start`], [`filter`],
-//! [`tracker`]. [`rectify`] computes maps of a plane.
+//! [`tracker`]. [`rectify`] computes maps of a plane. [`tuning`] holds the tuned constants of detected targets, for sensitivity studies.
 //!
 //! Calibration, simulation, evaluation and scene files are crates of their own: `pardalis-calibrate`, `pardalis-simulate`,
 //! `pardalis-evaluate` and `pardalis-scene`.
@@ -50,6 +50,7 @@ pub mod reference;
 pub mod shape;
 pub mod start;
 pub mod tracker;
+pub mod tuning;
 pub mod view;
 
 pub use frame::{Frame, PixelFormat};

@@ -2,16 +2,9 @@
 
 use super::kinematics::Kinematics;
 use super::proposal::{Prediction, log_add};
-use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
+use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, ProposalTuning, write};
 use crate::resample;
 use pardalis_core::rng::Stage;
-
-/// Particles are resampled if the effective sample size is at most this share of their number. Origin: the usual
-/// choice.
-const RESAMPLE_BELOW: f64 = 0.5;
-/// One in this number of particles has a velocity jump, even if jumps are rare; its weight corrects for this.
-/// Hand-set.
-const JUMP_ONE_IN: usize = 4;
 
 impl BernoulliFilter {
     /// Returns the probability of a velocity jump since the last update, and the kinematics of a step with one.
@@ -30,7 +23,12 @@ impl BernoulliFilter {
         let dt_s = self.pending_s;
         let free_axes = self.settings.motion.free_axes();
         let count = self.weights.len();
-        let is_depleted = self.effective_sample_size() <= RESAMPLE_BELOW * count as f64;
+        let ProposalTuning {
+            resample_below,
+            jump_one_in,
+            ..
+        } = self.settings.proposal;
+        let is_depleted = self.effective_sample_size() <= resample_below * count as f64;
         if is_depleted {
             let uniform = |_| draws.uniform(0, observation, Stage::Resampling);
             resample::systematic(&self.weights, uniform, &mut self.ancestors);
@@ -51,14 +49,14 @@ impl BernoulliFilter {
                 (i, self.weights[i])
             };
             let before = &self.hypotheses[ancestor];
-            // One particle in four has a velocity jump, even if jumps are rare; its weight corrects for this.
+            // One particle in a few has a velocity jump, even if jumps are rare; its weight corrects for this.
             let (kinematics, log_probability) = match velocity_jump {
                 None => (self.kinematics, 0.0),
-                Some((chance, jumped)) if i % JUMP_ONE_IN == 0 => {
-                    (jumped, libm::log(chance * JUMP_ONE_IN as f64))
+                Some((chance, jumped)) if i % jump_one_in == 0 => {
+                    (jumped, libm::log(chance * jump_one_in as f64))
                 }
                 Some((chance, _)) => {
-                    let share = 1.0 - 1.0 / JUMP_ONE_IN as f64;
+                    let share = 1.0 - 1.0 / jump_one_in as f64;
                     (self.kinematics, libm::log((1.0 - chance) / share))
                 }
             };

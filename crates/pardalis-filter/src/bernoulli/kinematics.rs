@@ -3,7 +3,7 @@
 use crate::motion::{Model, Motion, PositionNoise, VelocityNoise};
 use pardalis_core::Error;
 
-/// Variance that every step adds to a position, m²: 10 µm squared. Keeps densities finite if no time has passed or
+/// Variance that every step adds to a position, m²: 10 µm squared. Hand-set: keeps densities finite if no time has passed or
 /// there is no process noise.
 const STEP_VARIANCE_M2: f64 = 1e-10;
 

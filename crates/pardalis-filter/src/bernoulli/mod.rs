@@ -20,8 +20,10 @@ mod oracle;
 mod oracle_tests;
 mod predicted_density;
 mod proposal;
+mod tuning;
 
 pub use proposal::MeasurementComponent;
+pub use tuning::ProposalTuning;
 
 use kinematics::Kinematics;
 use proposal::{Proposal, log_add};
@@ -66,6 +68,8 @@ pub struct BernoulliSettings {
     pub velocity_jump_rate_hz: f64,
     /// Standard deviation of the change of velocity in a jump, on each axis, m/s.
     pub velocity_jump_sigma_mps: f64,
+    /// Tuned constants of the proposal, for sensitivity studies; they may change in any release.
+    pub proposal: ProposalTuning,
 }
 
 impl BernoulliSettings {
@@ -82,6 +86,7 @@ impl BernoulliSettings {
             birth_velocity_sigma_mps: 1.0,
             velocity_jump_rate_hz: 0.0,
             velocity_jump_sigma_mps: 0.0,
+            proposal: ProposalTuning::DEFAULT,
         }
     }
 
@@ -109,7 +114,8 @@ impl BernoulliSettings {
             "birth_velocity_sigma_mps",
             [self.birth_velocity_sigma_mps; 3],
         )?;
-        check_sigma("velocity_jump_sigma_mps", [self.velocity_jump_sigma_mps; 3])
+        check_sigma("velocity_jump_sigma_mps", [self.velocity_jump_sigma_mps; 3])?;
+        self.proposal.check()
     }
 }
 
@@ -192,7 +198,7 @@ impl BernoulliFilter {
             hypotheses: vec![Hypothesis::default(); count],
             particles: particles.clone(),
             weights: vec![1.0 / count as f64; count],
-            proposal: Proposal::new(settings.motion.free_axes()),
+            proposal: Proposal::new(settings.motion.free_axes(), settings.proposal),
             new_hypotheses: vec![Hypothesis::default(); count],
             new_particles: particles,
             ancestors: vec![0; count],

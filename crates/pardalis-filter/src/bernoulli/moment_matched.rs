@@ -10,13 +10,6 @@ use super::proposal::log_add;
 use super::{BernoulliFilter, GOLDEN, Hypothesis, Prior, write};
 use pardalis_core::rng::Stage;
 
-/// The second proposal is used if the effective sample size falls below this share of the number of particles. It
-/// must have been above before: otherwise the distribution may have several modes, which moments do not describe.
-/// Hand-set.
-const MIN_EFFECTIVE_SHARE: f64 = 0.1;
-/// The share of births among the particles of the second proposal. Hand-set.
-const BIRTH_SHARE: f64 = 0.5;
-
 /// The moment-matched prediction of all particles.
 struct Predicted {
     log_chance: f64,
@@ -55,9 +48,10 @@ impl Predicted {
 }
 
 impl BernoulliFilter {
-    /// Reports whether the effective sample size of the new particles is too small and that of the old ones was not.
+    /// Reports whether the effective sample size of the new particles is too small and that of the old ones was not:
+    /// otherwise the distribution may have several modes, which moments do not describe.
     pub(super) fn agrees_too_little(&self, prior: &Prior) -> bool {
-        let least = MIN_EFFECTIVE_SHARE * self.weights.len() as f64;
+        let least = self.settings.proposal.min_effective_share * self.weights.len() as f64;
         let log_weights = self.new_particles.log_weights.iter();
         let squares: f64 = log_weights.map(|log| libm::exp(2.0 * log)).sum();
         let is_thin = squares * least > 1.0 && self.effective_sample_size() > least;
@@ -80,13 +74,14 @@ impl BernoulliFilter {
         let (draws, observation) = (self.draws, self.observation);
         let log_located = libm::log(prior.located);
         let log_elsewhere = libm::log(prior.elsewhere) + libm::log(self.settings.birth_density);
+        let births = self.settings.proposal.moment_matched_birth_share;
         let offset = draws.uniform(count as u32, observation, Stage::Moments);
         for i in 0..count {
             let particle = i as u32;
             let [which, from, elsewhere, _] = draws.uniforms(particle, observation, Stage::Moments);
             let [x, y, z, _] = draws.normals(particle, observation, Stage::Motion, 1);
             let normals = [x, y, z].map(f64::from);
-            let position_m = if (offset + i as f64 * GOLDEN).fract() < BIRTH_SHARE {
+            let position_m = if (offset + i as f64 * GOLDEN).fract() < births {
                 self.proposal.draw_birth(which, normals)
             } else {
                 let chance = libm::exp(steady.log_chance);
@@ -98,8 +93,8 @@ impl BernoulliFilter {
             let log_predicted = log_jumped.map_or(log_steady, |log| log_add(log_steady, log));
             let log_prior = log_add(log_located + log_predicted, log_elsewhere);
             let log_proposal = log_add(
-                libm::log(BIRTH_SHARE) + self.proposal.log_birth_density(position_m),
-                libm::log(1.0 - BIRTH_SHARE) + log_predicted,
+                libm::log(births) + self.proposal.log_birth_density(position_m),
+                libm::log(1.0 - births) + log_predicted,
             );
             self.new_particles.log_weights[i] = log_prior - log_proposal - libm::log(count as f64);
             self.new_hypotheses[i] = if elsewhere < libm::exp(log_elsewhere - log_prior) {

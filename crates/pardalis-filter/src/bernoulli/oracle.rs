@@ -162,17 +162,19 @@ impl Before<'_> {
                 covariance: covariance.view((0, 0), (axes, axes)).into(),
             };
             let weight = (component.log_weight - greatest).exp();
-            let share = 0.5 / self.components.len() as f64 + 0.5 * weight / total;
+            let even = self.settings.proposal.even_birth_share;
+            let share = even / self.components.len() as f64 + (1.0 - even) * weight / total;
             (gaussian, weight, share)
         };
         self.components.iter().map(of).collect()
     }
 
-    /// Returns the density of births at the components, with doubled standard deviations.
+    /// Returns the density of births at the components, with widened standard deviations.
     fn birth_density(&self, position: &DVector<f64>) -> f64 {
         let of = |(component, _, share): (Gaussian, f64, f64)| {
             let mean = component.mean;
-            let covariance = component.covariance * 4.0;
+            let widening = self.settings.proposal.birth_widening;
+            let covariance = component.covariance * widening.powi(2);
             share * Gaussian { mean, covariance }.density(position)
         };
         self.components().into_iter().map(of).sum()
@@ -186,7 +188,9 @@ impl Before<'_> {
             return predicted;
         }
         let [located, elsewhere, _] = self.chances;
-        let birth = 0.1 + 0.9 * elsewhere / (located + elsewhere);
+        let tuning = &self.settings.proposal;
+        let [least, alone] = [tuning.birth_share, tuning.predicted_share];
+        let birth = least + (1.0 - least) * elsewhere / (located + elsewhere);
         // Components within six standard deviations, weighted by their agreement with the prediction.
         let near = components.iter().filter_map(|(component, weight, _)| {
             let both = Gaussian {
@@ -198,22 +202,22 @@ impl Before<'_> {
         });
         let total: f64 = near.clone().map(|(_, agreement)| agreement).sum();
         if total == 0.0 {
-            let birth = birth + (1.0 - birth) * 0.75 / 2.0;
+            let birth = birth + (1.0 - birth) * (1.0 - alone) / 2.0;
             return birth * self.birth_density(position) + (1.0 - birth) * predicted;
         }
         let products = near.map(|(component, agreement)| {
             agreement / total * prediction.product(component).density(position)
         });
         birth * self.birth_density(position)
-            + (1.0 - birth) * (0.75 * products.sum::<f64>() + 0.25 * predicted)
+            + (1.0 - birth) * ((1.0 - alone) * products.sum::<f64>() + alone * predicted)
     }
 
     /// Returns the ancestor of each particle and its weight: those of systematic resampling if the effective sample
-    /// size is at most half the number of particles.
+    /// size is at most a share of the number of particles.
     fn ancestors(&self, resampling: f64) -> Vec<(usize, f64)> {
         let count = self.weights.len();
         let squares: f64 = self.weights.iter().map(|weight| weight * weight).sum();
-        if 1.0 / squares > 0.5 * count as f64 {
+        if 1.0 / squares > self.settings.proposal.resample_below * count as f64 {
             return self.weights.iter().copied().enumerate().collect();
         }
         let sum = |weights: &[f64]| weights.iter().sum::<f64>();
@@ -247,15 +251,17 @@ impl Before<'_> {
         let [located, elsewhere, _] = self.chances;
         let has_births = !self.components.is_empty();
         let ancestors = self.ancestors(resampling);
+        let one_in = self.settings.proposal.jump_one_in;
+        let jumping = 1.0 / one_in as f64;
         let (mut weights, mut hypotheses) = (Vec::new(), Vec::new());
         for (i, &position_m) in positions_m.iter().enumerate() {
             let (ancestor, weight) = ancestors[i];
             let before = &self.hypotheses[ancestor];
-            // One particle in four has a jump, regardless of its probability.
+            // One particle in a few has a jump, regardless of its probability.
             let (jump_m2ps2, correction) = match self.jump() {
                 None => (0.0, 1.0),
-                Some((chance, variance)) if i % 4 == 0 => (variance, chance / 0.25),
-                Some((chance, _)) => (0.0, (1.0 - chance) / 0.75),
+                Some((chance, variance)) if i % one_in == 0 => (variance, chance / jumping),
+                Some((chance, _)) => (0.0, (1.0 - chance) / (1.0 - jumping)),
             };
             let moved = self.moved(before.velocity_variance_m2ps2, jump_m2ps2);
             let prediction = self.prediction(before, &moved);
@@ -287,10 +293,10 @@ impl Before<'_> {
     }
 
     /// Reports whether the particles of the first draw agree too little with the images: their effective sample
-    /// size is less than a tenth of their number, and was not before.
+    /// size is less than a small share of their number, and was not before.
     pub(super) fn is_drawn_again(&self, new_weights: &[f64]) -> bool {
         let effective = |weights: &[f64]| 1.0 / weights.iter().map(|w| w * w).sum::<f64>();
-        let least = 0.1 * self.weights.len() as f64;
+        let least = self.settings.proposal.min_effective_share * self.weights.len() as f64;
         effective(new_weights) < least
             && effective(self.weights) > least
             && self.chances[0] > 0.0
@@ -352,7 +358,8 @@ impl Before<'_> {
             let predicted = as_steady + chance * jumped.position.density(&position);
             let born = elsewhere * self.settings.birth_density;
             let prior = located * predicted + born;
-            let proposal = 0.5 * self.birth_density(&position) + 0.5 * predicted;
+            let births = self.settings.proposal.moment_matched_birth_share;
+            let proposal = births * self.birth_density(&position) + (1.0 - births) * predicted;
             weights.push(prior / proposal / positions_m.len() as f64);
             let [jump, birth] = uniforms(i);
             hypotheses.push(if birth < born / prior {

@@ -46,6 +46,26 @@ impl Images {
     }
 }
 
+fn proposal() -> impl Strategy<Value = ProposalTuning> {
+    let share = || 0.05..0.95_f64;
+    let shares = [share(), share(), share(), share(), share(), share()];
+    let others = (1.0..4.0_f64, 2..8_usize);
+    let drawn = (shares, others).prop_map(|(shares, (birth_widening, jump_one_in))| {
+        let [birth, even, predicted, resample, effective, matched] = shares;
+        ProposalTuning {
+            birth_share: birth,
+            even_birth_share: even,
+            birth_widening,
+            predicted_share: predicted,
+            resample_below: resample,
+            jump_one_in,
+            min_effective_share: effective,
+            moment_matched_birth_share: matched,
+        }
+    });
+    prop_oneof![Just(ProposalTuning::DEFAULT), drawn]
+}
+
 fn settings() -> impl Strategy<Value = BernoulliSettings> {
     let noise = (0.1..5.0_f64, any::<bool>(), any::<bool>());
     let motion = noise.prop_map(|(density, is_walk, is_planar)| {
@@ -65,8 +85,8 @@ fn settings() -> impl Strategy<Value = BernoulliSettings> {
     let rate = || prop_oneof![Just(0.0), 0.01..2.0_f64];
     let jumps = (prop_oneof![Just(0.0), 0.1..5.0_f64], 0.0..5.0_f64);
     let births = (1e-3..1.0_f64, 0.0..3.0_f64);
-    (motion, [rate(), rate(), rate()], births, jumps).prop_map(
-        |(motion, [birth, death, relocation], births, jumps)| BernoulliSettings {
+    (motion, [rate(), rate(), rate()], births, jumps, proposal()).prop_map(
+        |(motion, [birth, death, relocation], births, jumps, proposal)| BernoulliSettings {
             particle_count: PARTICLES,
             birth_rate_hz: birth,
             death_rate_hz: death,
@@ -75,6 +95,7 @@ fn settings() -> impl Strategy<Value = BernoulliSettings> {
             birth_velocity_sigma_mps: births.1,
             velocity_jump_rate_hz: jumps.0,
             velocity_jump_sigma_mps: jumps.1,
+            proposal,
             ..BernoulliSettings::of(motion)
         },
     )

@@ -3,24 +3,18 @@
 
 use std::f64::consts::PI;
 
+use super::tuning::ProposalTuning;
 use crate::gaussian::MAX_START;
 
-/// Minimum share of births: particles drawn at components, independently of the prediction. Hand-set.
-const BIRTH_SHARE: f64 = 0.1;
-/// Share of the other particles that are drawn from the prediction alone. Hand-set: a defensive mixture against wrong
-/// components.
-const PREDICTED_SHARE: f64 = 0.25;
-/// Factor by which births widen the standard deviations of components. Hand-set: likelihoods may have wider tails
-/// than components.
-const BIRTH_WIDENING: f64 = 2.0;
 /// Maximum squared Mahalanobis distance of a component near a prediction: six standard deviations. Derivation: 1e-8
 /// of the probability lies farther away.
 const NEAR_SQUARED: f64 = 36.0;
-/// Minimum variance of a component along any axis, m²: 1 µm squared. Keeps densities finite.
+/// Minimum variance of a component along any axis, m²: 1 µm squared. Hand-set: keeps densities finite.
 const MIN_VARIANCE_M2: f64 = 1e-12;
 /// Number of components for which memory is allocated in advance. Hand-set.
 const COMPONENT_ROOM: usize = 8;
-/// Number of sweeps of Jacobi rotations; each squares the magnitude of the off-diagonal elements.
+/// Number of sweeps of Jacobi rotations. Derivation: each squares the magnitude of the off-diagonal elements, so that fewer
+/// than these reach the precision of numbers.
 const SWEEPS: usize = 10;
 
 /// A Gaussian in the world that a detection contributes to the proposal. It does not bias the posterior, because
@@ -64,15 +58,17 @@ struct Component {
 #[derive(Debug)]
 pub(super) struct Proposal {
     free_axes: usize,
+    tuning: ProposalTuning,
     components: Vec<Component>,
     /// Share of births if a component is near the prediction.
     birth_share: f64,
 }
 
 impl Proposal {
-    pub(super) fn new(free_axes: usize) -> Self {
+    pub(super) fn new(free_axes: usize, tuning: ProposalTuning) -> Self {
         Self {
             free_axes,
+            tuning,
             components: Vec::with_capacity(COMPONENT_ROOM),
             birth_share: 0.0,
         }
@@ -94,15 +90,17 @@ impl Proposal {
             component.log_weight -= greatest;
             total += libm::exp(component.log_weight);
         }
-        // Half of the births are distributed evenly, because the weights are based on a single frame.
+        // Some of the births are distributed evenly, because the weights are based on a single frame.
+        let even_share = self.tuning.even_birth_share;
         let even = 1.0 / self.components.len() as f64;
         for component in &mut self.components {
-            component.birth_share = 0.5 * even + 0.5 * libm::exp(component.log_weight) / total;
+            let by_weight = libm::exp(component.log_weight) / total;
+            component.birth_share = even_share * even + (1.0 - even_share) * by_weight;
         }
         self.birth_share = if self.components.is_empty() {
             0.0
         } else {
-            BIRTH_SHARE + (1.0 - BIRTH_SHARE) * elsewhere
+            self.tuning.birth_share + (1.0 - self.tuning.birth_share) * elsewhere
         };
     }
 
@@ -130,13 +128,14 @@ impl Proposal {
             log_near = log_add(log_near, component.log_agreement);
         }
         // Without components nearby, their share is divided between births and the prediction.
+        let predicted_share = self.tuning.predicted_share;
         let rest = 1.0 - self.birth_share;
         let [birth_share, near_share] = if log_near > f64::NEG_INFINITY {
-            [self.birth_share, rest * (1.0 - PREDICTED_SHARE)]
+            [self.birth_share, rest * (1.0 - predicted_share)]
         } else if self.is_empty() {
             [0.0; 2]
         } else {
-            [self.birth_share + rest * (1.0 - PREDICTED_SHARE) / 2.0, 0.0]
+            [self.birth_share + rest * (1.0 - predicted_share) / 2.0, 0.0]
         };
         let [mut left_birth, mut left_near] = [share, share - birth_share];
         let position_m = if left_birth < birth_share {
@@ -144,7 +143,7 @@ impl Proposal {
                 left_birth -= birth_share * component.birth_share;
                 left_birth < 0.0
             });
-            component.draw_birth(normals, self.free_axes)
+            component.draw_birth(normals, self.free_axes, self.tuning.birth_widening)
         } else if left_near < near_share {
             let component = self.pick(|component| {
                 left_near -= near_share * libm::exp(component.log_agreement - log_near);
@@ -168,7 +167,7 @@ impl Proposal {
         };
         let found = self.components.iter().find(is_it);
         let component = found.unwrap_or(&self.components[self.components.len() - 1]);
-        component.draw_birth(normals, self.free_axes)
+        component.draw_birth(normals, self.free_axes, self.tuning.birth_widening)
     }
 
     /// Returns the logarithm of the density of births.
@@ -176,7 +175,8 @@ impl Proposal {
         let of_place = |component: &Component| {
             let (squared, log_height) =
                 component.squared_and_log_height(position_m, self.free_axes);
-            component.log_birth_density(squared, log_height, self.free_axes)
+            let widening = self.tuning.birth_widening;
+            component.log_birth_density(squared, log_height, self.free_axes, widening)
         };
         let logs = self.components.iter().map(of_place);
         logs.fold(f64::NEG_INFINITY, log_add)
@@ -206,7 +206,9 @@ impl Proposal {
         for component in &self.components {
             let (squared, log_height) =
                 component.squared_and_log_height(position_m, self.free_axes);
-            let of_place = component.log_birth_density(squared, log_height, self.free_axes);
+            let widening = self.tuning.birth_widening;
+            let of_place =
+                component.log_birth_density(squared, log_height, self.free_axes, widening);
             log_birth = log_add(log_birth, of_place);
             if component.log_agreement > f64::NEG_INFINITY {
                 log_peaks = log_add(log_peaks, component.log_weight + log_height - squared / 2.0);
@@ -297,17 +299,23 @@ impl Component {
     }
 
     /// Returns the logarithm of its part of the density of births.
-    fn log_birth_density(&self, squared: f64, log_height: f64, free_axes: usize) -> f64 {
-        let widened = squared / BIRTH_WIDENING.powi(2);
-        let log_widening = free_axes as f64 * libm::log(BIRTH_WIDENING);
+    fn log_birth_density(
+        &self,
+        squared: f64,
+        log_height: f64,
+        free_axes: usize,
+        widening: f64,
+    ) -> f64 {
+        let widened = squared / widening.powi(2);
+        let log_widening = free_axes as f64 * libm::log(widening);
         libm::log(self.birth_share) + log_height - log_widening - widened / 2.0
     }
 
     /// Draws a birth from the widened component.
-    fn draw_birth(&self, normals: [f64; 3], free_axes: usize) -> [f64; 3] {
+    fn draw_birth(&self, normals: [f64; 3], free_axes: usize, widening: f64) -> [f64; 3] {
         let mut position_m = self.mean_m;
         for axis in 0..free_axes {
-            let step_m = BIRTH_WIDENING * self.variances_m2[axis].sqrt() * normals[axis];
+            let step_m = widening * self.variances_m2[axis].sqrt() * normals[axis];
             self.go(&mut position_m, axis, step_m, free_axes);
         }
         position_m

@@ -9,7 +9,7 @@ use super::palette::PixelKind;
 use crate::color_space::YuvEncoding;
 use pardalis_core::Error;
 
-/// Number of steps in which a channel is counted.
+/// Number of steps in which a channel is counted. Derivation: the most bins that a histogram may have.
 const STEPS: usize = 64;
 
 /// Counts per step of red, green and blue.
@@ -20,7 +20,7 @@ type Counts = [[u64; STEPS]; 3];
 pub struct ChannelBins(usize);
 
 impl ChannelBins {
-    /// The default of cues: 16, which is wide enough for the noise of cameras.
+    /// The default of cues: 16. Hand-set: wide enough for the noise of cameras.
     pub const DEFAULT: Self = Self(16);
 
     /// Checks a number of bins.

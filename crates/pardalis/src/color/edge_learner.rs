@@ -20,11 +20,18 @@ fn mean(colors: impl Iterator<Item = [f32; 3]>) -> Option<[f32; 3]> {
 
 /// Bodies with fewer pixels than this in a coarser octave teach nothing there. Hand-set: a disc with a radius of 5 px.
 const MIN_COARSE_AREA_PX: usize = 79;
-/// Radii in pixels, in its octave, of bodies whose mean colours are learnt there: the octave in which the tracker judges
-/// outlines (at most 16 px, and more than 8 px where there is a finer octave), and a little more so that none is left out.
-const BODY_RADIUS_PX: [f64; 2] = [7.75, 16.5];
+/// The tracker judges outlines in the finest octave in which they are no wider than this, half their width in pixels: lines
+/// then reach across most of the body, edges within it count little, and blur is narrow. Hand-set: between 8 and 16 px most of
+/// the balls of real clips are recognised.
+pub(crate) const JUDGED_RADIUS_PX: f64 = 16.0;
+/// The coarsest octave. Derivation: a body of 256 px, half of what the largest photographs show, has a radius of 16 px there.
+pub(crate) const COARSEST_OCTAVE: u8 = 4;
+/// Radii in pixels, in its octave, of bodies whose mean colours are learnt there. Derivation: the octave in which the tracker
+/// judges outlines (at most [`JUDGED_RADIUS_PX`], and more than half of it where there is a finer octave), and a little more
+/// so that none is left out.
+const BODY_RADIUS_PX: [f64; 2] = [JUDGED_RADIUS_PX / 2.0 - 0.25, JUDGED_RADIUS_PX + 0.5];
 /// The number of octaves that profiles are learnt for. Derivation: those that the tracker uses.
-const OCTAVES: u32 = 5;
+const OCTAVES: u32 = COARSEST_OCTAVE as u32 + 1;
 
 /// Parts of two octaves whose centres lie closer than this, in pixels of the finer one, are the same. Hand-set.
 const SAME_PART_PX: f32 = 2.0;

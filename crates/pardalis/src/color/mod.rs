@@ -17,6 +17,7 @@ mod ranges;
 pub use crate::color_space::{YuvEncoding, YuvMatrix, YuvRange, hsi_from_rgb};
 pub use body_colors::BodyColors;
 pub use channels::{ChannelBins, ChannelHistograms, ChannelTable};
+pub(crate) use edge_learner::{COARSEST_OCTAVE, JUDGED_RADIUS_PX};
 pub use edge_profile::{EdgeLogRatios, EdgeProfile};
 pub use histogram::Histogram;
 pub use illumination::{Illumination, IlluminationCorrection};

@@ -228,7 +228,7 @@ impl PixelKind {
     }
 }
 
-/// Steps per channel in a [`PixelTable`].
+/// Steps per channel in a [`PixelTable`]. Derivation: the table then fits in the cache.
 const STEPS: usize = 64;
 
 /// A lookup table from a pixel's three raw bytes to its bin. Bytes are quantised to multiples of four, so

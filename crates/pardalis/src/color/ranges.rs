@@ -20,7 +20,7 @@ pub struct ColorRanges {
 }
 
 impl ColorRanges {
-    /// Intensities that are neither too dark nor too bright for a meaningful hue and saturation.
+    /// Intensities, 0 to 1, that are neither too dark nor too bright for a meaningful hue and saturation. Hand-set.
     pub const INTENSITY: [f64; 2] = [0.1, 0.9];
 
     /// Checks the ranges.
@@ -52,7 +52,9 @@ impl ColorRanges {
     /// either side, and more saturation and intensity.
     #[must_use]
     pub fn widened(&self) -> Self {
+        /// Degrees of hue on either side. Hand-set.
         const HUE_DEG: f64 = 5.0;
+        /// Saturation and intensity, each from 0 to 1, on either side. Hand-set.
         const SHARE: f64 = 0.12;
         let [from, to] = self.hue_deg;
         let span_deg = (to - from).rem_euclid(360.0) + 2.0 * HUE_DEG;
@@ -85,7 +87,7 @@ impl ColorRanges {
     }
 }
 
-/// Steps per channel in tables and colour counts.
+/// Steps per channel in tables and colour counts. Derivation: tables then fit in the cache.
 const STEPS: usize = 64;
 
 /// Returns the cell of a pixel's three raw bytes, quantised to multiples of four.
@@ -130,7 +132,7 @@ impl MatchTable {
     }
 }
 
-/// Share of a target's pixels that each learnt range leaves out.
+/// Share of a target's pixels that each learnt range leaves out. Hand-set: highlights and wrong labels.
 const LEFT_OUT: f64 = 0.02;
 
 /// Counts the colours of labelled pixels to find the ranges that hold them.

@@ -5,6 +5,7 @@ use crate::color::ColorModel;
 use crate::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
 use crate::shape::{Shape, Sphere, SphereOutline};
 use crate::start::Start;
+use crate::tuning::Tuning;
 use pardalis_core::Error;
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_filter::motion::{ConstantVelocity, Motion};
@@ -41,6 +42,7 @@ impl<B: Into<BodySettings>> From<B> for TargetSettings {
 
 /// One of the two ways in which a body or landmark is tracked.
 #[derive(Debug, Clone)]
+#[allow(clippy::large_enum_variant)] // settings are few, and made once
 pub enum BodySettings {
     /// The tracker detects the target itself.
     Detected(DetectedSettings),
@@ -89,6 +91,8 @@ pub struct DetectedSettings {
     pub existence: ExistenceSettings,
     /// The position at first, if it is known.
     pub start: Option<GaussianStart>,
+    /// Tuned constants, for sensitivity studies; they may change in any release.
+    pub tuning: Tuning,
 }
 
 impl DetectedSettings {
@@ -113,6 +117,7 @@ impl DetectedSettings {
             particle_count: Self::PARTICLE_COUNT,
             existence: ExistenceSettings::default(),
             start: None,
+            tuning: Tuning::default(),
         }
     }
 }

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::frame::{Octave, SECTORS};
 use super::lines::CorrespondenceLines;
 use super::{Coordinates, EdgeCue, EdgeFrame, LANES, Surrounding};
+use crate::tuning::{AdaptationTuning, EdgeTuning};
 
 /// Where a target is seen, by the frames of one instant alone. Nothing changes it once it is fitted.
 #[derive(Debug, Clone, Default)]
@@ -65,13 +66,22 @@ impl Detection {
     }
 
     /// The same for one camera; `None` if that does not see it unoccluded.
-    pub(crate) fn unoccluded_body_color(&self, camera: usize) -> Option<[f32; 3]> {
+    pub(crate) fn unoccluded_body_color(
+        &self,
+        camera: usize,
+        tuning: &AdaptationTuning,
+    ) -> Option<[f32; 3]> {
         let lines = self.lines_of(camera).next()?;
-        (lines.visible_share >= UNOCCLUDED_SHARE).then_some(lines.body_color)
+        (lines.visible_share >= tuning.unoccluded_share).then_some(lines.body_color)
     }
 
     /// Updates what surrounds the target in a camera's image: slowly, and not in sectors into which something else has come.
-    pub(crate) fn update_surrounding(&self, camera: usize, known: &mut Option<Surrounding>) {
+    pub(crate) fn update_surrounding(
+        &self,
+        camera: usize,
+        known: &mut Option<Surrounding>,
+        tuning: &AdaptationTuning,
+    ) {
         let Some(lines) = self.lines_of(camera).next() else {
             return;
         };
@@ -81,7 +91,7 @@ impl Detection {
             if is_new(sector) {
                 1.0
             } else {
-                SURROUNDING_RATE * lines.unchanged[sector]
+                tuning.surrounding_rate * lines.unchanged[sector]
             }
         });
         for ((known, seen), rate) in known.iter_mut().zip(&lines.surrounding).zip(rates) {
@@ -211,28 +221,14 @@ impl SectorSums {
     }
 }
 
-/// From this visible share on a body counts as unoccluded.
-const UNOCCLUDED_SHARE: f32 = 0.75;
-/// The share by which one frame changes what surrounds the target.
-const SURROUNDING_RATE: f32 = 0.1;
-/// A finer octave agrees if it moves the position no farther than this, in standard deviations of the coarser one, ... Hand-set.
-const MAX_REFINED_SIGMAS: f64 = 3.0;
-/// ... and if its log-likelihood ratio is at least this share of the coarser one's. Hand-set.
-const MIN_REFINED_SHARE: f64 = 0.5;
-/// Times that correspondence lines are placed again, around the position that those before found.
-const ROUNDS: usize = 4;
-/// Newton steps per round.
-const STEPS: usize = 4;
-/// Half the width over which the lines' log-likelihoods are differentiated, in pixels: pixels make them rough below.
-const SPAN_PX: f32 = 0.5;
-/// No step moves the outline farther than this, in the octave's pixels: lines reach 5 px.
-const MAX_SHIFT_PX: f64 = 3.5;
-/// Steps that move the outline less end a round, in pixels.
-const MIN_SHIFT_PX: f64 = 0.01;
-/// A camera in which a smaller share of the outline is visible does not see the target.
-const MIN_VISIBLE_SHARE: f32 = 0.2;
-/// The curvature that lines have at least, 1/px² before the likelihood exponent: keeps steps finite where a line is flat.
-const MIN_CURVATURE: f32 = 0.02;
+/// The damping of Newton steps (Levenberg-Marquardt), a share of the curvature: at first, ... Hand-set, as the following.
+const FIRST_DAMPING: f64 = 1e-3;
+/// ... its factors after a step that makes the fit better, and after one that does not, ...
+const DAMPING_FACTORS: [f64; 2] = [0.1, 30.0];
+/// ... and the least after one that does not.
+const LEAST_FAILED_DAMPING: f64 = 1e-2;
+/// The distance over which projections are differentiated, in diameters. Hand-set: single precision still tells the difference.
+const STEP_DIAMETERS: f64 = 0.02;
 
 /// The log-likelihood's gradient and curvature.
 struct Slope {
@@ -284,8 +280,8 @@ impl EdgeCue {
         let agrees = is_found
             && detection.camera_count == cameras
             && (moved.transpose() * information * moved)[0]
-                < MAX_REFINED_SIGMAS * MAX_REFINED_SIGMAS
-            && detection.log_likelihood_ratio > MIN_REFINED_SHARE * log_ratio;
+                < self.tuning.max_refined_sigmas.powi(2)
+            && detection.log_likelihood_ratio > self.tuning.min_refined_share * log_ratio;
         if !agrees {
             detection.position_m = position_m;
             self.place_lines(frames, finer - 1, detection);
@@ -303,39 +299,49 @@ impl EdgeCue {
         (is_planar, finer): (bool, u8),
         detection: &mut Detection,
     ) -> bool {
-        for round in 0..=ROUNDS {
+        let EdgeTuning {
+            rounds,
+            steps,
+            min_shift_px,
+            max_shift_px,
+            ..
+        } = self.tuning;
+        for round in 0..=rounds {
             self.place_lines(frames, finer, detection);
             if detection.camera_count == 0 {
                 return false;
             }
-            if round == ROUNDS {
+            if round == rounds {
                 break;
             }
             let before = Vector3::from(detection.position_m);
-            let mut damping = 1e-3;
+            let mut damping = FIRST_DAMPING;
             let mut value = self.value(frames, detection, before, prior);
             let mut moved_px = 0.0_f64;
-            for _ in 0..STEPS {
+            for _ in 0..steps {
                 let here = Vector3::from(detection.position_m);
                 let (slope, shift_px) = self.slope(frames, detection, here, prior);
                 let Some((step, size_px)) = solve(&slope, damping, is_planar, &shift_px) else {
                     break;
                 };
+                // Lines do not reach farther.
+                let shrink = (max_shift_px / size_px).min(1.0);
+                let (step, size_px) = (step * shrink, size_px * shrink);
                 let there = here + step;
                 let new_value = self.value(frames, detection, there, prior);
                 if new_value > value {
                     value = new_value;
                     detection.position_m = there.into();
-                    damping *= 0.1;
+                    damping *= DAMPING_FACTORS[0];
                     moved_px += size_px;
                 } else {
-                    damping = (damping * 30.0).max(1e-2);
+                    damping = (damping * DAMPING_FACTORS[1]).max(LEAST_FAILED_DAMPING);
                 }
-                if size_px < MIN_SHIFT_PX {
+                if size_px < min_shift_px {
                     break;
                 }
             }
-            if moved_px < MIN_SHIFT_PX && round > 0 {
+            if moved_px < min_shift_px && round > 0 {
                 break;
             }
         }
@@ -368,10 +374,10 @@ impl EdgeCue {
                 (frame, octave),
                 &self.coordinates,
                 table,
-                &self.settings,
+                (&self.settings, &self.tuning),
                 &mut self.buffers,
             );
-            count += usize::from(has_edges && lines.visible_share >= MIN_VISIBLE_SHARE);
+            count += usize::from(has_edges && lines.visible_share >= self.tuning.min_visible_share);
         }
         detection.camera_count = count;
     }
@@ -412,9 +418,10 @@ impl EdgeCue {
             gradient: Vector3::zeros(),
             curvature: Matrix3::zeros(),
         };
+        let span_px = self.tuning.span_px;
         let mut most = [0.0_f64; 3];
-        // Either way along each axis, so far that single precision still tells the difference.
-        let step_m = 0.02 * self.diameter_m;
+        // Either way along each axis.
+        let step_m = STEP_DIAMETERS * self.diameter_m;
         let mut positions = [[0_f32; LANES]; 3];
         for lane in 0..LANES {
             for axis in 0..3 {
@@ -451,10 +458,10 @@ impl EdgeCue {
                 }
                 let shift_px = lines.shift_px(k, [u[0], v[0]]);
                 let at = |d: f32| lines.line_log_ratio(k, shift_px + d);
-                let [less, here, more] = [-SPAN_PX, 0.0, SPAN_PX].map(at);
-                let gradient = (more - less) / (2.0 * SPAN_PX);
-                let least = MIN_CURVATURE * lines.likelihood_exponent;
-                let curvature = ((2.0 * here - less - more) / (SPAN_PX * SPAN_PX)).max(least);
+                let [less, here, more] = [-span_px, 0.0, span_px].map(at);
+                let gradient = (more - less) / (2.0 * span_px);
+                let least = self.tuning.min_curvature * lines.likelihood_exponent;
+                let curvature = ((2.0 * here - less - more) / (span_px * span_px)).max(least);
                 let weight = f64::from(visible[lines.sector(k)]);
                 slope.gradient += along * (weight * f64::from(gradient));
                 slope.curvature += along * along.transpose() * (weight * f64::from(curvature));
@@ -468,7 +475,7 @@ impl EdgeCue {
     }
 }
 
-/// Returns the damped Newton step, and by how many pixels it moves the outline at most: no farther than lines reach.
+/// Returns the damped Newton step, and by how many pixels it moves the outline at most.
 fn solve(
     slope: &Slope,
     damping: f64,
@@ -492,9 +499,5 @@ fn solve(
     let size_px: f64 = (0..3)
         .map(|axis| step[axis].abs() * px_per_metre[axis])
         .fold(0.0, f64::max);
-    if !size_px.is_finite() {
-        return None;
-    }
-    let shrink = (MAX_SHIFT_PX / size_px).min(1.0);
-    Some((step * shrink, size_px * shrink))
+    size_px.is_finite().then_some((step, size_px))
 }

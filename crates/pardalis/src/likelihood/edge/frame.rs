@@ -1,8 +1,9 @@
 //! One camera's frame, prepared for the edge cue of one target.
 
 use super::super::outline::Projector;
-use crate::color::{ColorRanges, IlluminationCorrection, MatchTable, Palette, PixelKind};
-use crate::detect::MIN_POSTERIOR;
+use crate::color::{
+    COARSEST_OCTAVE, ColorRanges, IlluminationCorrection, MatchTable, Palette, PixelKind,
+};
 use crate::view::PreparedFrame;
 use pardalis_camera::{LANES, Mask};
 use pardalis_core::simd::Level;
@@ -12,8 +13,8 @@ use pardalis_core::simd::Level;
 pub(super) struct Octave(pub(super) u8);
 
 impl Octave {
-    /// The coarsest octave. Derivation: a body of 256 px, half of what the largest photographs show, has a radius of 16 px there.
-    pub(super) const COARSEST: Self = Self(4);
+    /// The coarsest octave.
+    pub(super) const COARSEST: Self = Self(COARSEST_OCTAVE);
     /// Coarser octaves average every second, fourth, ... pixel of a block in each direction only. Hand-set: 16 pixels make a mean sharp enough.
     const SAMPLED: u8 = 2;
 
@@ -87,6 +88,8 @@ pub(crate) struct EdgeFrameContext<'a> {
     pub(crate) colors: (Palette, Option<ColorRanges>),
     /// The colour posterior of each bin of the palette.
     pub(crate) posterior: &'a [f64],
+    /// From this posterior on a pixel counts as the target's.
+    pub(crate) min_posterior: f64,
     /// Maps pixels to the illumination in which the colours were learnt.
     pub(crate) correction: IlluminationCorrection,
     /// What surrounded the target when this camera saw it last.
@@ -202,7 +205,7 @@ impl<'a> EdgeFrame<'a> {
         let bytes = self.prepared.frame().components(column, row);
         let corrected = self.context.correction.bytes(bytes);
         let bin = self.prepared.table(self.context.colors.0).bin(corrected);
-        let matches = self.context.posterior[usize::from(bin)] >= MIN_POSTERIOR
+        let matches = self.context.posterior[usize::from(bin)] >= self.context.min_posterior
             && self
                 .in_ranges
                 .is_none_or(|table| table.matches(corrected) == 1);

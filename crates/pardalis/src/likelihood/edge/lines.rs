@@ -4,6 +4,7 @@ use super::frame::{Octave, SECTORS};
 use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
 use crate::color::{BodyColors, EdgePixel, Surroundings};
 use crate::likelihood::outline::Coordinates;
+use crate::tuning::EdgeTuning;
 
 /// The reach of lines either way, in pixels. Hand-set: positions off by more are found by the next round of the fit.
 pub(super) const REACH_PX: f32 = 5.0;
@@ -12,21 +13,10 @@ pub(super) const SHIFTS: usize = 41;
 const SHIFTS_A_PX: f32 = 4.0;
 /// The band of pixels that are looked at, signed distances from the outline in pixels: reach plus the colours of either side. Hand-set.
 const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
-/// Of outlines longer than this, in pixels, every second pixel is used, as on a chessboard. Hand-set: halves the time for large bodies.
-const LONG_PX: f32 = 150.0;
-/// The least share of lines inside the image. Hand-set.
-const MIN_COMPLETE: f32 = 0.5;
-/// By how many nats a line speaks against shifts beyond its reach. Hand-set.
-const BEYOND_REACH_NATS: f32 = 10.0;
 /// Pixels that show what surrounds the body, signed distances from the outline in pixels. Hand-set: beyond the blur of edges.
 const SURROUNDING_PX: std::ops::RangeInclusive<f32> = 3.0..=7.0;
-/// Differences of what surrounds a sector from before, in weighted Y, U and V: up to the first it is unchanged, from the second on something else has come.
-/// Hand-set.
-const CHANGED_COLOR: [f32; 2] = [18.0, 36.0];
-/// If more than this share of the sectors has changed, the body itself has moved on to other surroundings. Hand-set.
-const MOVED_SHARE: f32 = 0.6;
-/// The least probability that a sector is visible, and that it is occluded. Hand-set.
-const MIN_UNCERTAINTY: f32 = 0.02;
+/// The weight of squared differences in U and V against those in Y, when surroundings are compared. Hand-set: chroma changes less with shadows.
+const CHROMA_WEIGHT: f32 = 2.0;
 
 /// Correspondence lines across an outline in one camera's frame.
 #[derive(Debug, Clone, Default)]
@@ -49,6 +39,8 @@ pub(super) struct CorrespondenceLines {
     pub(super) unchanged: [f32; SECTORS],
     /// The exponent of the lines' likelihoods.
     pub(super) likelihood_exponent: f32,
+    /// By how much a line speaks against shifts beyond its reach, nats.
+    beyond_reach_nats: f32,
     /// The share of the outline along which the body's colours are visible.
     pub(super) visible_share: f32,
     /// The mean Y, U and V of its pixels there; NaN if there are none.
@@ -71,7 +63,7 @@ pub(super) struct LineBuffers {
 }
 
 impl LineBuffers {
-    /// Enough room for the pixels along all but the longest outlines.
+    /// Pixels that there is room for in advance. Hand-set: enough for all but the longest outlines.
     const PIXELS: usize = 8192;
 
     pub(super) fn new() -> Self {
@@ -161,11 +153,12 @@ impl CorrespondenceLines {
         (frame, octave): (&EdgeFrame, Octave),
         outline: &[Coordinates],
         table: &Table,
-        settings: &EdgeSettings,
+        (settings, tuning): (&EdgeSettings, &EdgeTuning),
         buffers: &mut LineBuffers,
     ) -> bool {
         self.camera = frame.camera();
         self.octave = octave;
+        self.beyond_reach_nats = tuning.beyond_reach_nats;
         let LineBuffers {
             pixels,
             places,
@@ -183,12 +176,16 @@ impl CorrespondenceLines {
         }));
         let crossings = self.crossings.iter();
         let inside = crossings.filter(|crossing| frame.holds(crossing.point));
-        if (inside.count() as f32) < MIN_COMPLETE * count as f32 {
+        if (inside.count() as f32) < tuning.min_inside_share * count as f32 {
             return false;
         }
         let lengths = corners.iter().map(|corner| corner.length_px);
         let length_px: f32 = lengths.filter(|length| length.is_finite()).sum();
-        let thinning = if length_px > LONG_PX { 2 } else { 1 };
+        let thinning = if length_px > tuning.thinned_from_px {
+            2
+        } else {
+            1
+        };
         take_pixels((frame, octave), corners, thinning, pixels, places);
         let weight = thinning as f32;
         let Some(surroundings) = Surroundings::of(pixels) else {
@@ -221,7 +218,7 @@ impl CorrespondenceLines {
         }
         let total: f32 = bodies.iter().sum();
         self.visible_share = matching.iter().sum::<f32>() / total.max(1e-6);
-        self.compare_surroundings(&around, frame.context().surrounding);
+        self.compare_surroundings(&around, frame.context().surrounding, tuning);
         self.body_color = mean(&body);
         let unshared = unshared(frame, &self.crossings);
         for sector in 0..SECTORS {
@@ -232,7 +229,8 @@ impl CorrespondenceLines {
                 self.visible_share
             };
             let share = share * self.unchanged[sector] * unshared[sector];
-            self.visible[sector] = MIN_UNCERTAINTY + (1.0 - 2.0 * MIN_UNCERTAINTY) * share;
+            let least = tuning.min_uncertainty;
+            self.visible[sector] = least + (1.0 - 2.0 * least) * share;
         }
         self.likelihood_exponent = settings.likelihood_exponent as f32;
         self.likelihood_exponent /=
@@ -242,23 +240,28 @@ impl CorrespondenceLines {
     }
 
     /// Compares what surrounds the body with before: an edge between the body and something that has come belongs to that thing.
-    fn compare_surroundings(&mut self, sums: &[[f32; 4]; SECTORS], known: Option<&Surrounding>) {
+    fn compare_surroundings(
+        &mut self,
+        sums: &[[f32; 4]; SECTORS],
+        known: Option<&Surrounding>,
+        tuning: &EdgeTuning,
+    ) {
         self.surrounding = sums.each_ref().map(mean);
         self.unchanged = [1.0; SECTORS];
         let Some(known) = known else {
             return;
         };
-        let [same, other] = CHANGED_COLOR;
+        let (same, other) = (tuning.unchanged_color, tuning.changed_color);
         for sector in 0..SECTORS {
             let off = |i: usize| (self.surrounding[sector][i] - known[sector][i]).powi(2);
-            let distance = (off(0) + 2.0 * off(1) + 2.0 * off(2)).sqrt();
+            let distance = (off(0) + CHROMA_WEIGHT * off(1) + CHROMA_WEIGHT * off(2)).sqrt();
             let unchanged = (other - distance) / (other - same);
             if !unchanged.is_nan() {
                 self.unchanged[sector] = unchanged.clamp(0.0, 1.0);
             }
         }
         let changed: f32 = self.unchanged.iter().map(|unchanged| 1.0 - unchanged).sum();
-        if changed > MOVED_SHARE * SECTORS as f32 {
+        if changed > tuning.moved_share * SECTORS as f32 {
             self.unchanged = [1.0; SECTORS];
         }
     }
@@ -324,7 +327,7 @@ impl CorrespondenceLines {
         if shift_px.abs() < REACH_PX {
             inside
         } else {
-            inside.min(0.0) - BEYOND_REACH_NATS
+            inside.min(0.0) - self.beyond_reach_nats
         }
     }
 

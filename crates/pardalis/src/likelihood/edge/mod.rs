@@ -16,8 +16,11 @@ pub(crate) use fit::{Detection, Detections};
 pub(crate) use frame::{EdgeFrame, EdgeFrameContext, Outlines, Surrounding};
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
-use crate::color::{ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, Palette, Side};
+use crate::color::{
+    ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, JUDGED_RADIUS_PX, Palette, Side,
+};
 use crate::shape::Shape;
+use crate::tuning::EdgeTuning;
 use crate::view::View;
 use frame::{Octave, SECTORS};
 use lines::{LineBuffers, REACH_PX, SHIFTS};
@@ -99,13 +102,6 @@ impl EdgeSettings {
     }
 }
 
-/// By how many nats a pixel in the target's colours speaks against lying outside of the outline, and another against lying inside. Derivation: ln P(colours | inside)
-/// / P(colours | outside) and the same of other colours, with probabilities of 0.7 and 0.1: highlights, prints, fingers and bags cover part of most bodies.
-const REGION_NATS: [f64; 2] = [1.95, 1.1];
-/// Pixels nearer to the outline than this say nothing by their colours alone, which are mixed there: in the frame's own pixels and in coarser octaves, whose
-/// edges are sharper. Hand-set.
-const MIXED_PX: [f64; 2] = [2.0, 1.0];
-
 /// What pixels near the outline say, as lines sum it.
 #[derive(Debug)]
 struct Table {
@@ -114,13 +110,14 @@ struct Table {
 }
 
 impl Table {
-    fn new(by_distance: &[Box<EdgeLogRatios>; 2], octave: Octave) -> Self {
+    fn new(by_distance: &[Box<EdgeLogRatios>; 2], octave: Octave, tuning: &EdgeTuning) -> Self {
         let rows = [false, true].map(|matches| {
             by_distance.each_ref().map(|by_distance| {
                 let row = |bin: usize| {
                     std::array::from_fn(|distance| {
                         let distance_px = 0.25 * distance as f64 - f64::from(EdgeProfile::REACH_PX);
-                        let of_region = region_log_ratio(matches, distance_px, octave) as f32;
+                        let of_region =
+                            region_log_ratio(matches, distance_px, octave, tuning) as f32;
                         by_distance[distance].get(bin).copied().unwrap_or(0.0) + of_region
                     })
                 };
@@ -156,25 +153,25 @@ impl Table {
 }
 
 /// The log-ratio of a pixel by whether it is in the target's colours, in nats: at most 0, and 0 near the outline and on the side where it belongs.
-fn region_log_ratio(matches: bool, distance_px: f64, octave: Octave) -> f64 {
-    let [of_target, of_others] = REGION_NATS;
-    let mixed_px = MIXED_PX[usize::from(octave > Octave::default())];
+fn region_log_ratio(matches: bool, distance_px: f64, octave: Octave, tuning: &EdgeTuning) -> f64 {
+    let mixed_px = if octave > Octave::default() {
+        tuning.coarse_mixed_px
+    } else {
+        tuning.mixed_px
+    };
     let beyond = |px: f64| (px - mixed_px).clamp(0.0, 1.0);
     if matches {
-        -of_target * beyond(distance_px)
+        -tuning.target_outside_nats * beyond(distance_px)
     } else {
-        -of_others * beyond(-distance_px)
+        -tuning.other_inside_nats * beyond(-distance_px)
     }
 }
-
-/// Outlines are judged in the finest octave in which they are no wider than this, half their width in pixels: lines then reach across most of the body, edges
-/// within it count little, and blur is narrow. Hand-set: between 8 and 16 px most of the balls of real clips are recognised.
-const JUDGED_RADIUS_PX: f32 = 16.0;
 
 /// The edge cue of one target.
 #[derive(Debug)]
 pub(crate) struct EdgeCue {
     settings: EdgeSettings,
+    tuning: EdgeTuning,
     outline: OutlineKernel,
     /// The height of the middle of the shape above its position, metres.
     middle_height_m: f32,
@@ -191,7 +188,7 @@ pub(crate) struct EdgeCue {
 
 impl EdgeCue {
     pub(crate) fn new(
-        settings: EdgeSettings,
+        (settings, tuning): (EdgeSettings, EdgeTuning),
         shape: Shape,
         colors: &ColorModel,
         level: Level,
@@ -213,11 +210,12 @@ impl EdgeCue {
             });
             let log_ratios =
                 log_ratios.unwrap_or_else(|| EdgeProfile::soft_step(Octave(octave).scale().into()));
-            Table::new(&log_ratios, Octave(octave))
+            Table::new(&log_ratios, Octave(octave), &tuning)
         };
         let tables = (0..=Octave::COARSEST.0).map(table).collect();
         Ok(Self {
             settings,
+            tuning,
             outline: OutlineKernel::new(shape, settings.correspondence_lines),
             middle_height_m: shape.middle_height_m() as f32,
             diameter_m: shape.diameter_m(),
@@ -297,7 +295,7 @@ impl EdgeCue {
         // Half the width of a long outline, the radius of a round one.
         let radius_px = twice_area.abs() / length.max(1e-6);
         let mut octave = Octave::default();
-        while octave < Octave::COARSEST && octave.scale() * radius_px > JUDGED_RADIUS_PX {
+        while octave < Octave::COARSEST && octave.scale() * radius_px > JUDGED_RADIUS_PX as f32 {
             octave.0 += 1;
         }
         octave

@@ -3,6 +3,7 @@ use crate::color::{ColorLearner, IlluminationCorrection, PixelKind, YuvEncoding}
 use crate::detect::BinCounts;
 use crate::reference;
 use crate::shape::{Sphere, SphereOutline};
+use crate::tuning::{AdaptationTuning, BlobTuning};
 use crate::view::View;
 use crate::{Frame, PixelFormat};
 use pardalis_camera::Pose;
@@ -56,7 +57,13 @@ fn with_frame<T>(
     look: impl FnOnce(&mut EdgeCue, EdgeFrame) -> T,
 ) -> T {
     let colors = colors();
-    let mut cue = EdgeCue::new(EdgeSettings::default(), ball(), &colors, Level::best()).unwrap();
+    let mut cue = EdgeCue::new(
+        (EdgeSettings::default(), EdgeTuning::DEFAULT),
+        ball(),
+        &colors,
+        Level::best(),
+    )
+    .unwrap();
     let mut view = view();
     let kind = PixelKind::of(frame);
     view.prepare(kind, cue.palette());
@@ -70,6 +77,7 @@ fn with_frame<T>(
         colors: (cue.palette(), cue.ranges()),
         posterior: &posterior,
         correction,
+        min_posterior: BlobTuning::DEFAULT.min_posterior,
         surrounding,
         look_alikes: &Outlines::default(),
     };
@@ -247,7 +255,7 @@ fn what_has_come_between_does_not_make_a_small_body_smaller() {
     let (whole, _) = picture(place_m, SIZE.0);
     let mut around = None;
     let seen = fitted(&whole, place_m, None).unwrap();
-    seen.update_surrounding(0, &mut around);
+    seen.update_surrounding(0, &mut around, &AdaptationTuning::DEFAULT);
     // The right third of it is hidden.
     let (partly, _) = picture(place_m, 86);
     let naive = fitted(&partly, place_m, None).unwrap();

@@ -1,12 +1,10 @@
 //! Step 5, adaptation: what is learnt of a target while it is certainly there: what surrounds it, and the illumination in which each camera sees it.
 
-use super::tuning::{
-    ADAPTATION_S, CERTAIN_CONFIDENCE, FORGETTING_S, MAX_ILLUMINATION, MAX_LOCAL_ILLUMINATION,
-};
 use crate::Frame;
 use crate::color::{ColorModel, Illumination, IlluminationCorrection, PixelKind};
 use crate::likelihood::edge::{Detection, EdgeSettings, Surrounding};
 use crate::tracker::statistics::ImageStatistics;
+use crate::tuning::AdaptationTuning;
 use crate::view::View;
 
 /// What one camera's images have taught about the target.
@@ -34,6 +32,7 @@ pub(super) struct Certain<'a> {
     pub(super) detection: Option<&'a Detection>,
     pub(super) colors: &'a ColorModel,
     pub(super) settings: &'a EdgeSettings,
+    pub(super) tuning: &'a AdaptationTuning,
     pub(super) time_s: f64,
 }
 
@@ -58,33 +57,42 @@ impl Adaptation {
     ) {
         let detection = certain.detection;
         if let Some(detection) = detection.filter(|_| certain.settings.background_model) {
-            detection.update_surrounding(camera, &mut self.surrounding);
+            detection.update_surrounding(camera, &mut self.surrounding, certain.tuning);
         }
         let adapts = certain.settings.illumination_adaptation;
         let Some(known) = certain.colors.body().filter(|_| adapts) else {
             return;
         };
         let correction = self.correction(PixelKind::FULL_RANGE_YUV);
-        let seen = detection.and_then(|detection| detection.unoccluded_body_color(camera));
+        let seen =
+            detection.and_then(|detection| detection.unoccluded_body_color(camera, certain.tuning));
         // Colours that speak against the target teach nothing.
         let seen = seen.filter(|&color| known.log_ratio(correction.color(color)) > 0.0);
         let seen = seen.map(|color| [color, statistics.mean_color(&view.prepared(frame))]);
-        self.illumination.adapt(known.mean(), seen, certain.time_s);
+        self.illumination
+            .adapt(known.mean(), seen, certain.time_s, certain.tuning);
     }
 }
 
 impl AdaptiveIllumination {
     /// Adapts to the mean colours of the target, as it is `known` and as it is seen now, and of the image; forgets while the target is not seen.
-    fn adapt(&mut self, known: [f32; 3], seen: Option<[[f32; 3]; 2]>, time_s: f64) {
+    fn adapt(
+        &mut self,
+        known: [f32; 3],
+        seen: Option<[[f32; 3]; 2]>,
+        time_s: f64,
+        tuning: &AdaptationTuning,
+    ) {
         let (goal, within_s) = if let Some([target, image]) = seen {
             let first = *self.first.get_or_insert(image);
             let goal = plausible(
                 Illumination::between(known, target),
                 Illumination::between(first, image),
+                tuning,
             );
-            (goal, ADAPTATION_S)
+            (goal, tuning.illumination_s)
         } else {
-            (Illumination::default(), FORGETTING_S)
+            (Illumination::default(), tuning.forgetting_s)
         };
         let since_s = self.time_s.replace(time_s).unwrap_or(time_s);
         let rate = 1.0 - libm::exp((since_s - time_s).min(0.0) / within_s);
@@ -95,21 +103,30 @@ impl AdaptiveIllumination {
 }
 
 /// Returns the illumination nearest to the target's apparent one that is plausible for a target in an image whose illumination has changed by this much.
-fn plausible(of_target: Illumination, of_image: Illumination) -> Illumination {
-    let nearest = |target: f64, image: f64, i: usize| {
-        let least = (image.min(0.0) - MAX_LOCAL_ILLUMINATION[i]).max(-MAX_ILLUMINATION[i]);
-        let most = (image.max(0.0) + MAX_LOCAL_ILLUMINATION[i]).min(MAX_ILLUMINATION[i]);
+fn plausible(
+    of_target: Illumination,
+    of_image: Illumination,
+    tuning: &AdaptationTuning,
+) -> Illumination {
+    let nearest = |target: f64, image: f64, max_local: f64, max: f64| {
+        let least = (image.min(0.0) - max_local).max(-max);
+        let most = (image.max(0.0) + max_local).min(max);
         target.clamp(least, most)
     };
     Illumination {
-        brightness: nearest(of_target.brightness, of_image.brightness, 0),
-        warmth: nearest(of_target.warmth, of_image.warmth, 1),
+        brightness: nearest(
+            of_target.brightness,
+            of_image.brightness,
+            tuning.max_local_brightness,
+            tuning.max_brightness,
+        ),
+        warmth: nearest(
+            of_target.warmth,
+            of_image.warmth,
+            tuning.max_local_warmth,
+            tuning.max_warmth,
+        ),
     }
-}
-
-/// Returns whether a target in this state of tracking, with this confidence, is certain enough to learn from.
-pub(super) fn is_certain(is_tracking: bool, confidence: f64) -> bool {
-    is_tracking && confidence >= CERTAIN_CONFIDENCE
 }
 
 #[cfg(test)]
@@ -124,6 +141,7 @@ mod tests {
 
     const ORANGE: [f64; 3] = [185.0, 90.0, 37.0];
     const ROOM: [f64; 3] = [110.0, 120.0, 105.0];
+    const TUNING: AdaptationTuning = AdaptationTuning::DEFAULT;
 
     /// Adapts for some seconds to a target and an image that grow darker by these factors.
     fn adapted([of_target, of_image]: [f64; 2], seconds: usize) -> AdaptiveIllumination {
@@ -132,7 +150,8 @@ mod tests {
             let share = frame as f64 / (25 * seconds) as f64;
             let [target, image] = [(ORANGE, of_target), (ROOM, of_image)]
                 .map(|(rgb, least)| yuv(rgb.map(|level| level * libm::pow(least, share))));
-            adaptive.adapt(yuv(ORANGE), Some([target, image]), frame as f64 / 25.0);
+            let time_s = frame as f64 / 25.0;
+            adaptive.adapt(yuv(ORANGE), Some([target, image]), time_s, &TUNING);
         }
         adaptive
     }
@@ -146,12 +165,12 @@ mod tests {
         );
         let illumination = adapted([0.4, 1.0], 60).illumination;
         assert!(
-            (illumination.brightness + MAX_LOCAL_ILLUMINATION[0]).abs() < 0.01,
+            (illumination.brightness + TUNING.max_local_brightness).abs() < 0.01,
             "{illumination:?}"
         );
         let illumination = adapted([0.1, 0.05], 60).illumination;
         assert!(
-            (illumination.brightness + MAX_ILLUMINATION[0]).abs() < 0.01,
+            (illumination.brightness + TUNING.max_brightness).abs() < 0.01,
             "{illumination:?}"
         );
     }
@@ -159,7 +178,7 @@ mod tests {
     #[test]
     fn illumination_is_forgotten_while_the_target_is_not_seen() {
         let mut adaptive = adapted([0.4, 0.4], 10);
-        adaptive.adapt(yuv(ORANGE), None, 10.0 + FORGETTING_S);
+        adaptive.adapt(yuv(ORANGE), None, 10.0 + TUNING.forgetting_s, &TUNING);
         let kept = adaptive.illumination.brightness / libm::log(0.4);
         assert!((0.25..0.37).contains(&kept), "{kept}");
     }

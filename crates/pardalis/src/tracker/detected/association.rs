@@ -4,10 +4,6 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::DetectedTarget;
 use super::look_alikes::LookAlikes;
-use super::tuning::{
-    CLUTTER_PER_FRAME, LANDMARK_REACH_DIAMETERS, LOG_RATIO_NATS, LOG_RATIO_SCALE,
-    MAX_SIGMA_DIAMETERS, OCCLUDED_COLOR_NATS, STRAY_LANDMARK_NATS,
-};
 use crate::color::PixelKind;
 use crate::likelihood::edge::Detection;
 use pardalis_filter::bernoulli::MeasurementComponent;
@@ -55,8 +51,9 @@ impl DetectedTarget {
         detection: &Detection,
         look_alikes: &LookAlikes,
     ) -> Option<AssociatedDetection> {
+        let tuning = &self.tuning.association;
         let position_m = detection.position_m();
-        let widest_m = MAX_SIGMA_DIAMETERS * self.shape.diameter_m();
+        let widest_m = tuning.max_sigma_diameters * self.shape.diameter_m();
         let mut information =
             detection.information() + Matrix3::from_diagonal_element(widest_m.powi(-2));
         if self.is_planar {
@@ -69,14 +66,14 @@ impl DetectedTarget {
         let covariance_m2 = information.cholesky()?.inverse();
         let log_volume = self.log_volume(&covariance_m2);
         let cameras = detection.camera_count() as f64;
-        let [least, greatest] = LOG_RATIO_NATS;
         let log_ratio = detection.log_likelihood_ratio();
         let by_color = self.color_log_ratio(detection) - self.stray_nats(position_m);
         let judged = detection.judged_log_ratio();
-        let likeness = (judged / cameras / LOG_RATIO_SCALE + least).min(greatest)
-            - OCCLUDED_COLOR_NATS * (1.0 - detection.visible_share())
+        let likeness = (judged / cameras / tuning.log_ratio_scale - tuning.clutter_nats)
+            .min(tuning.max_log_ratio)
+            - tuning.occluded_color_nats * (1.0 - detection.visible_share())
             + by_color;
-        let clutter_density = CLUTTER_PER_FRAME * self.birth_density;
+        let clutter_density = self.clutter_density();
         let place = (position_m, &covariance_m2);
         let assigned = self.assigned_nats(look_alikes, place, likeness, clutter_density);
         let log_weight = likeness - libm::log(clutter_density) - assigned;
@@ -117,7 +114,7 @@ impl DetectedTarget {
         likeness: f64,
         by_color: f64,
     ) -> f64 {
-        let clutter_density = CLUTTER_PER_FRAME * self.birth_density;
+        let clutter_density = self.clutter_density();
         let tracked_density = self.filter.predicted_density(position_m, covariance_m2);
         let other_density = clutter_density + tracked_density;
         let as_new = likeness + libm::log(self.birth_density / other_density);
@@ -164,13 +161,19 @@ impl DetectedTarget {
         of_cameras.reduce(f64::min).unwrap_or(0.0)
     }
 
+    /// The density of clutter, 1/m³ (1/m² on the ground).
+    fn clutter_density(&self) -> f64 {
+        self.tuning.association.clutter_per_frame * self.birth_density
+    }
+
     /// By how many nats a detection is less likely a landmark because it is far from the target's other landmarks.
     fn stray_nats(&self, position_m: [f64; 3]) -> f64 {
         let here = Vector3::from(position_m);
-        let reach_m = LANDMARK_REACH_DIAMETERS * self.shape.diameter_m();
+        let tuning = &self.tuning.association;
+        let reach_m = tuning.landmark_reach_diameters * self.shape.diameter_m();
         let is_far = |other: &[f64; 3]| (here - Vector3::from(*other)).norm() > reach_m;
         if self.other_landmarks_m.iter().any(is_far) {
-            STRAY_LANDMARK_NATS
+            tuning.stray_landmark_nats
         } else {
             0.0
         }

@@ -2,17 +2,16 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::detect::{Blob, BlobSearch, MAX_BLOBS};
+use crate::detect::{Blob, BlobSearch};
 use crate::likelihood::edge::{EdgeCue, EdgeFrame};
 use crate::shape::Shape;
+use crate::tuning::{BlobTuning, DetectionTuning};
 
-/// The nearest and the farthest candidate along a ray, in diameters of the target.
-const NEAREST_DIAMETERS: f64 = 0.75;
-const FARTHEST_DIAMETERS: f64 = 200.0;
-/// Bisections of the logarithm of the distance: to a thousandth of a diameter's share.
+/// Bisections of the logarithm of the distance. Derivation: find it to 0.14 %.
 const BISECTIONS: usize = 12;
-/// Rays meet if they pass each other within this distance, in diameters.
-const MEETING_DIAMETERS: f64 = 1.0;
+/// Distances this share from the nearest and the farthest are at the end of the bisection: no distance has the blob's area. Derivation: more than a bisection's
+/// error.
+const END_SHARE: f64 = 0.02;
 
 /// A ray in the world: its origin in metres and its unit direction.
 #[derive(Debug)]
@@ -51,16 +50,25 @@ pub(super) struct CandidateSearch {
 #[derive(Debug)]
 struct Geometry {
     shape: Shape,
+    tuning: DetectionTuning,
     /// The height of a target that stays on the ground, metres.
     ground_z_m: Option<f64>,
 }
 
 impl CandidateSearch {
     /// A search for a body of this shape, on the ground at this height (metres) if there is one.
-    pub(super) fn new(shape: Shape, ground_z_m: Option<f64>) -> Self {
+    pub(super) fn new(
+        shape: Shape,
+        ground_z_m: Option<f64>,
+        (detection, blobs): (DetectionTuning, BlobTuning),
+    ) -> Self {
         Self {
-            geometry: Geometry { shape, ground_z_m },
-            blobs: BlobSearch::default(),
+            geometry: Geometry {
+                shape,
+                tuning: detection,
+                ground_z_m,
+            },
+            blobs: BlobSearch::new(blobs),
             rays: Vec::new(),
             positions_m: Vec::new(),
         }
@@ -75,9 +83,9 @@ impl CandidateSearch {
             positions_m,
         } = self;
         rays.clear();
-        rays.reserve(frames.len() * MAX_BLOBS);
+        rays.reserve(frames.len() * blobs.max_blobs());
         positions_m.clear();
-        positions_m.reserve(frames.len() * MAX_BLOBS);
+        positions_m.reserve(frames.len() * blobs.max_blobs());
         for frame in frames {
             let context = frame.context();
             let (palette, ranges) = context.colors;
@@ -113,6 +121,11 @@ impl CandidateSearch {
 }
 
 impl Geometry {
+    /// The distance of the farthest candidates, metres.
+    fn farthest_m(&self) -> f64 {
+        self.tuning.farthest_diameters * self.shape.diameter_m()
+    }
+
     /// The position of a target whose middle is here.
     fn position_m(&self, middle: Point3<f64>) -> [f64; 3] {
         let [x, y, z] = middle.into();
@@ -124,8 +137,8 @@ impl Geometry {
     fn on_ground_m(&self, ray: &Ray, ground_z_m: f64) -> Option<[f64; 3]> {
         let height_m = ground_z_m + self.shape.middle_height_m();
         let distance_m = (height_m - ray.origin.z) / ray.direction.z;
-        let farthest_m = FARTHEST_DIAMETERS * self.shape.diameter_m();
-        (distance_m > 0.0 && distance_m < farthest_m).then(|| self.position_m(ray.at(distance_m)))
+        (distance_m > 0.0 && distance_m < self.farthest_m())
+            .then(|| self.position_m(ray.at(distance_m)))
     }
 
     /// The position along its ray at which a target has a blob's area.
@@ -136,9 +149,9 @@ impl Geometry {
         ray: &Ray,
         blob: &Blob,
     ) -> Option<[f64; 3]> {
-        let diameter_m = self.shape.diameter_m();
-        let [mut near, mut far] = [NEAREST_DIAMETERS, FARTHEST_DIAMETERS]
-            .map(|diameters| libm::log(diameters * diameter_m));
+        let nearest_m = self.tuning.nearest_diameters * self.shape.diameter_m();
+        let farthest_m = self.farthest_m();
+        let [mut near, mut far] = [nearest_m, farthest_m].map(libm::log);
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (near + far);
             let position_m = self.position_m(ray.at(libm::exp(middle)));
@@ -146,8 +159,8 @@ impl Geometry {
             *(if is_small { &mut far } else { &mut near }) = middle;
         }
         let distance_m = libm::exp(0.5 * (near + far));
-        let is_inside = distance_m > 1.02 * NEAREST_DIAMETERS * diameter_m
-            && distance_m < 0.98 * FARTHEST_DIAMETERS * diameter_m;
+        let is_inside = distance_m > (1.0 + END_SHARE) * nearest_m
+            && distance_m < (1.0 - END_SHARE) * farthest_m;
         is_inside.then(|| self.position_m(ray.at(distance_m)))
     }
 
@@ -159,14 +172,15 @@ impl Geometry {
         let [along_a, along_b] = [a.direction.dot(&between), b.direction.dot(&between)];
         let distance_a = (along_a - cos * along_b) / sin_squared;
         let distance_b = (cos * along_a - along_b) / sin_squared;
-        let farthest_m = FARTHEST_DIAMETERS * self.shape.diameter_m();
+        let farthest_m = self.farthest_m();
         let fits = |distance: f64| distance > 0.0 && distance < farthest_m;
         // Distances of parallel rays are NaN or infinite.
         if !(fits(distance_a) && fits(distance_b)) {
             return None;
         }
         let [at_a, at_b] = [a.at(distance_a), b.at(distance_b)];
-        let is_close = (at_a - at_b).norm() < MEETING_DIAMETERS * self.shape.diameter_m();
+        let is_close =
+            (at_a - at_b).norm() < self.tuning.meeting_diameters * self.shape.diameter_m();
         is_close.then(|| self.position_m(nalgebra::center(&at_a, &at_b)))
     }
 }

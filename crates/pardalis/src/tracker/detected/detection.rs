@@ -3,17 +3,14 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::candidates::CandidateSearch;
-use super::tuning::{
-    DISTINCT_DIAMETERS, FRAMES_BETWEEN_SEARCHES, MAX_DETECTIONS, MIN_LOG_RATIO,
-    MIN_PREDICTED_EXISTENCE, SURE_EXISTENCE, SURE_LOG_RATIO,
-};
-use crate::detect::MAX_BLOBS;
 use crate::likelihood::edge::{Detection, Detections, EdgeCue, EdgeFrame};
 use crate::shape::Shape;
+use crate::tuning::{BlobTuning, DetectionTuning};
 use pardalis_filter::estimate::StateEstimate;
 
 /// Finds detections. Owns their buffers.
 pub(super) struct Detector {
+    tuning: DetectionTuning,
     shape: Shape,
     is_planar: bool,
     candidates: CandidateSearch,
@@ -37,14 +34,15 @@ impl Detector {
     pub(super) fn new(
         shape: Shape,
         ground_z_m: Option<f64>,
-        cameras: usize,
-        points: usize,
+        (cameras, points): (usize, usize),
+        (tuning, blobs): (DetectionTuning, BlobTuning),
     ) -> Self {
-        let room = 1 + cameras * MAX_BLOBS;
+        let room = 1 + cameras * blobs.max_blobs;
         Self {
+            tuning,
             shape,
             is_planar: ground_z_m.is_some(),
-            candidates: CandidateSearch::new(shape, ground_z_m),
+            candidates: CandidateSearch::new(shape, ground_z_m, (tuning, blobs)),
             since_search: 0,
             detections: Detections::with_room(room, cameras, points),
         }
@@ -62,17 +60,18 @@ impl Detector {
         frames: &[EdgeFrame],
         predicted: &Prediction,
     ) {
+        let tuning = self.tuning;
         self.detections.clear();
-        let is_expected = predicted.existence > MIN_PREDICTED_EXISTENCE;
+        let is_expected = predicted.existence > tuning.min_predicted_existence;
         if let Some(estimate) = predicted.estimate.as_ref().filter(|_| is_expected) {
             self.detect_near(edge, frames, estimate);
         }
         self.since_search += 1;
         let near = self.detections.as_slice().first();
-        let is_sure = near.is_some_and(|found| found.judged_log_ratio() > SURE_LOG_RATIO);
+        let is_sure = near.is_some_and(|found| found.judged_log_ratio() > tuning.sure_log_ratio);
         if !is_sure
-            || predicted.existence < SURE_EXISTENCE
-            || self.since_search >= FRAMES_BETWEEN_SEARCHES
+            || predicted.existence < tuning.sure_existence
+            || self.since_search >= tuning.frames_between_searches
         {
             self.since_search = 0;
             for &position_m in self.candidates.positions_m(edge, frames) {
@@ -81,9 +80,9 @@ impl Detector {
                     .push_fit(|buffer| edge.fit(frames, position_m, None, is_planar, buffer));
             }
         }
-        let apart_m = DISTINCT_DIAMETERS * self.shape.diameter_m();
+        let apart_m = tuning.distinct_diameters * self.shape.diameter_m();
         self.detections
-            .keep_distinct(MIN_LOG_RATIO, apart_m, MAX_DETECTIONS);
+            .keep_distinct(tuning.min_log_ratio, apart_m, tuning.max_detections);
     }
 
     /// Detects the target near its predicted position, with the prediction as prior.
@@ -96,9 +95,9 @@ impl Detector {
             .push_fit(|buffer| edge.fit(frames, mean_m, prior, is_planar, buffer));
     }
 
-    /// The inverse of a covariance (xx, xy, xz, yy, yz, zz in m²), no sharper than a hundredth of a diameter.
+    /// The inverse of a covariance (xx, xy, xz, yy, yz, zz in m²), no sharper than the tuning says.
     fn information(&self, [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-        let least = (0.01 * self.shape.diameter_m()).powi(2);
+        let least = (self.tuning.min_sigma_diameters * self.shape.diameter_m()).powi(2);
         let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
             + Matrix3::from_diagonal_element(least);
         covariance.try_inverse().unwrap_or_else(Matrix3::zeros)

@@ -8,7 +8,6 @@ mod association;
 mod candidates;
 mod detection;
 mod look_alikes;
-mod tuning;
 mod update;
 mod visibility;
 
@@ -25,8 +24,9 @@ use crate::Frame;
 use crate::color::{ColorModel, PixelKind};
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, EdgeFrameContext, Outlines};
 use crate::shape::Shape;
+use crate::tuning::{ExistenceTuning, Tuning};
 use crate::view::View;
-use adaptation::{Adaptation, Certain, is_certain};
+use adaptation::{Adaptation, Certain};
 use association::AssociatedDetection;
 use detection::{Detector, Prediction};
 use pardalis_core::Error;
@@ -36,10 +36,6 @@ use pardalis_filter::Particles;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
-use tuning::{
-    BIRTH_DIAMETERS, BIRTH_VELOCITY_SIGMA_MPS, FOUND_CONFIDENCE, LOST_CONFIDENCE, MAX_DETECTIONS,
-    TIME_BEFORE_START_S,
-};
 use update::{Measurement, update};
 use visibility::Visibility;
 
@@ -51,6 +47,7 @@ pub(super) struct DetectedTarget {
     is_planar: bool,
     colors: ColorModel,
     existence: ExistenceSettings,
+    tuning: Tuning,
     /// Targets appear with this density, 1/m³ (1/m² on the ground).
     birth_density: f64,
     edge: EdgeCue,
@@ -99,12 +96,14 @@ impl DetectedTarget {
         level: Level,
     ) -> Result<Self, Error> {
         settings.existence.check()?;
+        settings.tuning.check()?;
         if let Some(start) = &settings.start {
             start.check()?;
         }
         let (shape, motion, existence) = (settings.shape, settings.motion, settings.existence);
         let is_planar = motion.is_planar();
-        let extent_m = BIRTH_DIAMETERS * shape.diameter_m();
+        let tuning = settings.tuning;
+        let extent_m = tuning.existence.birth_diameters * shape.diameter_m();
         let birth_density = libm::pow(extent_m, if is_planar { -2.0 } else { -3.0 });
         let mut filter = BernoulliSettings::of(motion);
         filter.particle_count = settings.particle_count;
@@ -112,9 +111,10 @@ impl DetectedTarget {
         filter.death_rate_hz = existence.death_rate_hz;
         filter.relocation_rate_hz = existence.relocation_rate_hz;
         filter.birth_density = birth_density;
-        filter.birth_velocity_sigma_mps = BIRTH_VELOCITY_SIGMA_MPS;
+        filter.birth_velocity_sigma_mps = tuning.existence.birth_velocity_sigma_mps;
         filter.velocity_jump_rate_hz = existence.velocity_jump_rate_hz;
         filter.velocity_jump_sigma_mps = existence.velocity_jump_sigma_mps;
+        filter.proposal = tuning.proposal;
         let filter = BernoulliFilter::new(filter, draws)?;
         let ground_z_m = is_planar.then_some(existence.ground_z_m);
         Ok(Self {
@@ -122,16 +122,17 @@ impl DetectedTarget {
             start: settings.start,
             shape,
             is_planar,
-            edge: EdgeCue::new(settings.edge, shape, &settings.colors, level)?,
+            edge: EdgeCue::new((settings.edge, tuning.edge), shape, &settings.colors, level)?,
             colors: settings.colors.clone(),
             existence,
+            tuning,
             birth_density,
             filter,
             detector: Detector::new(
                 shape,
                 ground_z_m,
-                views.len(),
-                settings.edge.correspondence_lines,
+                (views.len(), settings.edge.correspondence_lines),
+                (tuning.detection, tuning.blobs),
             ),
             images: vec![CameraImage::default(); views.len()],
             adaptations: vec![Adaptation::default(); views.len()],
@@ -141,8 +142,8 @@ impl DetectedTarget {
             other_landmarks_m: Vec::new(),
             buffers: Buffers {
                 frames: Vec::with_capacity(views.len()),
-                associated: Vec::with_capacity(MAX_DETECTIONS),
-                components: Vec::with_capacity(MAX_DETECTIONS),
+                associated: Vec::with_capacity(tuning.detection.max_detections),
+                components: Vec::with_capacity(tuning.detection.max_detections),
             },
         })
     }
@@ -180,7 +181,8 @@ impl DetectedTarget {
         } else if let Some(start) = self.start {
             self.begin(&start, 1.0);
         } else {
-            self.filter.predict(TIME_BEFORE_START_S);
+            self.filter
+                .predict(self.tuning.existence.time_before_start_s);
         }
         self.track.set_started();
     }
@@ -202,6 +204,7 @@ impl DetectedTarget {
             let context = EdgeFrameContext {
                 colors,
                 posterior: &image.posterior,
+                min_posterior: self.tuning.blobs.min_posterior,
                 correction: adaptation.correction(PixelKind::of(frame)),
                 surrounding: adaptation.surrounding(),
                 look_alikes: &image.look_alikes,
@@ -229,7 +232,8 @@ impl DetectedTarget {
             detections,
             associated: &associated,
             visibilities: &self.visibilities,
-            near_m: self.shape.diameter_m(),
+            near_m: self.tuning.existence.near_diameters * self.shape.diameter_m(),
+            missed: -self.tuning.existence.missed_nats,
         };
         let updated = update(
             &mut self.filter,
@@ -297,6 +301,7 @@ impl DetectedTarget {
             detection: self.certain_detection(associated),
             colors: &self.colors,
             settings: self.edge.settings(),
+            tuning: &self.tuning.adaptation,
             time_s: instant.time_s,
         };
         for (camera, frame) in instant.frames {
@@ -307,14 +312,15 @@ impl DetectedTarget {
         self.adaptations = adaptations;
     }
 
-    /// The detection within half a diameter of the estimate, if the target is certainly there.
+    /// The detection at the estimate, if the target is certainly there.
     fn certain_detection(&self, associated: &[AssociatedDetection]) -> Option<&Detection> {
+        let tuning = &self.tuning.adaptation;
         let is_tracking = self.track.state() == TrackState::Tracking;
-        if !is_certain(is_tracking, self.confidence()) {
+        if !(is_tracking && self.confidence() >= tuning.certain_confidence) {
             return None;
         }
         let here = Vector3::from(self.filter.estimate(0.0)?.position_m);
-        let near_m = 0.5 * self.shape.diameter_m();
+        let near_m = tuning.certain_diameters * self.shape.diameter_m();
         let detections = self.detector.detections();
         let mut found = associated.iter().map(|found| &detections[found.detection]);
         found.find(|found| (here - Vector3::from(found.position_m())).norm() < near_m)
@@ -333,14 +339,19 @@ impl DetectedTarget {
         let is_visible = self.track.is_visible(time_s);
         let was_known = self.track.is_known();
         let confidence = self.confidence();
+        let ExistenceTuning {
+            found_confidence,
+            lost_confidence,
+            ..
+        } = self.tuning.existence;
         let least = if was_known {
-            LOST_CONFIDENCE
+            lost_confidence
         } else {
-            FOUND_CONFIDENCE
+            found_confidence
         };
         let state = if existence >= 0.5 && is_visible && confidence >= least {
             TrackState::Tracking
-        } else if existence >= 0.5 && was_known && confidence >= LOST_CONFIDENCE {
+        } else if existence >= 0.5 && was_known && confidence >= lost_confidence {
             TrackState::Occluded
         } else if was_known || self.track.state() == TrackState::Lost {
             TrackState::Lost

@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 
 use super::association::AssociatedDetection;
-use super::tuning::MISSED_NATS;
 use super::visibility::Visibility;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame};
 use pardalis_filter::bernoulli::{BernoulliFilter, MeasurementComponent};
@@ -17,6 +16,8 @@ pub(super) struct Measurement<'a> {
     pub(super) visibilities: &'a [Option<Visibility>],
     /// Detections closer to the estimate than this are the target, metres.
     pub(super) near_m: f64,
+    /// The log-likelihood ratio of a frame in which a visible target is nowhere near a detection, nats.
+    pub(super) missed: f32,
 }
 
 /// What the update found.
@@ -40,6 +41,7 @@ pub(super) fn update(
         associated,
         visibilities,
         near_m,
+        missed,
     } = *measurement;
     components.clear();
     components.extend(associated.iter().map(|associated| associated.component));
@@ -55,13 +57,7 @@ pub(super) fn update(
             of_camera.clear();
             of_camera.resize(out.len(), 0.0);
             let positions_m = particles.positions_m();
-            edge.log_likelihood_ratios(
-                frame,
-                detections.clone(),
-                positions_m,
-                MISSED_NATS,
-                of_camera,
-            );
+            edge.log_likelihood_ratios(frame, detections.clone(), positions_m, missed, of_camera);
             let Some(visibility) = &visibilities[frame.camera()] else {
                 continue;
             };
@@ -90,7 +86,7 @@ fn max_existence_log_ratio(
 ) -> f64 {
     let log_ratios = measurement.associated.iter();
     let log_ratios = log_ratios.map(|associated| associated.existence_log_ratio);
-    let greatest = log_ratios.fold(f64::from(MISSED_NATS), f64::max);
+    let greatest = log_ratios.fold(f64::from(measurement.missed), f64::max);
     let predicted = filter.estimate(0.0);
     let of_frame = |frame: &EdgeFrame| {
         let visibility = measurement.visibilities[frame.camera()]?;

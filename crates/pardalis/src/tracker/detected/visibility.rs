@@ -1,7 +1,9 @@
 //! Step 4, visibility: whether each camera sees the target or something occludes it, as a Markov chain of two states in continuous time.
 
-use super::tuning::OUT_OF_VIEW_LOG_RATIO;
 use crate::tracker::existence::OcclusionRates;
+
+/// The log-likelihood ratio that the edge cue gives to particles outside a camera's image, nats. Derivation: such a frame says nothing.
+const OUT_OF_VIEW_LOG_RATIO: f32 = 0.0;
 
 /// The visibility of a target in one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
