@@ -94,7 +94,7 @@ tuned! {
         /// What surrounds a sector is unchanged up to this difference of colours.
         unchanged_color: f32 = 18.0, "grey levels, weighted Y, U and V", "hand-set";
         /// From this difference of colours on something else has come.
-        changed_color: f32 = 36.0, "grey levels, weighted Y, U and V", "hand-set";
+        changed_color: f32 = 36.0, "grey levels, weighted Y, U and V", "hand-set: twice as much misses what occludes the target";
         /// If more of the sectors have changed, the body itself has moved on to other surroundings.
         moved_share: f32 = 0.6, "share", "hand-set";
         /// The least probability that a sector is visible, and that it is occluded.
@@ -106,9 +106,9 @@ tuned! {
         /// ... and if its log-likelihood ratio is at least this share of the coarser one's.
         min_refined_share: f64 = 0.5, "share", "hand-set";
         /// How often correspondence lines are placed again, around the position that those before found.
-        rounds: usize = 4, "rounds", "hand-set";
+        rounds: usize = 4, "rounds", "hand-set: two are too few, eight are more accurate while the target is partly occluded";
         /// The number of Newton steps per round.
-        steps: usize = 4, "steps", "hand-set";
+        steps: usize = 4, "steps", "hand-set: as for rounds";
         /// Half the width over which the lines' log-likelihoods are differentiated.
         span_px: f32 = 0.5, "pixels", "hand-set: pixels make them rough below";
         /// No step moves the outline farther than this.
@@ -156,11 +156,11 @@ tuned! {
         /// A detection's log-likelihood ratio of target against clutter rises by one per this many nats of the edge cue's per camera, ...
         log_ratio_scale: f64 = 1.5, "nats", "hand-set: pixels are not independent";
         /// ... from minus this, ...
-        clutter_nats: f64 = 5.0, "nats", "hand-set";
+        clutter_nats: f64 = 5.0, "nats", "hand-set: between more wrong frames (half) and more missed ones (twice) on real footage";
         /// ... to at most this.
         max_log_ratio: f64 = 15.0, "nats", "hand-set";
         /// By how much a detection is less likely the target if none of its outline shows the target's colours, in proportion for parts.
-        occluded_color_nats: f64 = 12.0, "nats", "hand-set";
+        occluded_color_nats: f64 = 12.0, "nats", "hand-set: as for `clutter_nats`";
         /// The greatest standard deviation of a detection along any axis: the depth of a small body is measured no worse.
         max_sigma_diameters: f64 = 5.0, "diameters", "hand-set";
         /// The landmarks of one target lie within this distance of one another, ...
