@@ -43,12 +43,11 @@ fn same_input(a: &CameraConfig, b: &CameraConfig, folder: &Path) -> Option<Strin
         let path = folder.join(&camera.input.place().value);
         path.canonicalize().unwrap_or(path)
     };
-    // Some devices differ only in ffmpeg's options.
-    let options = |camera: &CameraConfig| match &camera.input {
-        Input::Images { .. } => Vec::new(),
-        Input::Video { input_options, .. } => input_options.clone(),
+    let settings = |camera: &CameraConfig| match &camera.input {
+        Input::Images { .. } => None,
+        Input::Video { video, .. } => Some(video.settings.clone()),
     };
-    (real(a) == real(b) && options(a) == options(b)).then(|| {
+    (real(a) == real(b) && settings(a) == settings(b)).then(|| {
         format!(
             "cameras {} and {} read the same frames; give each camera its own",
             a.name, b.name

@@ -15,7 +15,10 @@ use pardalis_camera::Mask;
 use pardalis_camera::formats::Lens;
 use pardalis_core::simd::Level;
 use pardalis_scene::calibration;
-use pardalis_scene::{BodyConfig, CameraConfig, Input, Problem, Scene, StartConfig};
+use pardalis_scene::{
+    BodyConfig, CameraConfig, Input, Problem, Scene, StartConfig, VideoFormat, VideoInput,
+    VideoPlace,
+};
 
 use crate::output::warn;
 use crate::rectangle::find_in_scene;
@@ -327,21 +330,21 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
             }
         }
         Input::Video {
-            input,
-            input_options,
-            encoding,
+            video, encoding, ..
         } => {
-            let file = resolve(folder, &input.value);
-            // Addresses, and devices that only ffmpeg's options identify, are not paths.
-            let may_be_no_path = input.value.contains("://") || !input_options.is_empty();
-            let name = if may_be_no_path && !file.exists() {
-                input.value.clone()
-            } else {
-                file.display().to_string()
+            let resolved = |name: &String| resolve(folder, name).display().to_string();
+            let place = match &video.place {
+                VideoPlace::File(name) => VideoPlace::File(resolved(name)),
+                VideoPlace::Device(name) if video.settings.format == Some(VideoFormat::V4l2) => {
+                    VideoPlace::Device(resolved(name))
+                }
+                other => other.clone(),
             };
             SourceKind::Video {
-                input: name,
-                input_options: input_options.clone(),
+                video: VideoInput {
+                    place,
+                    settings: video.settings.clone(),
+                },
                 encoding: *encoding,
             }
         }

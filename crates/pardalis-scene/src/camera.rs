@@ -5,6 +5,7 @@ use super::model::{Model, pose_of_model, principal_point_px, read_any_model};
 use super::plane::RectangleConfig;
 use super::reader::{Located, Table};
 use super::setting::{Setting, Word};
+use super::video::{VideoInput, combine, read_settings, set_size_px};
 use pardalis::color::{YuvEncoding, YuvMatrix, YuvRange};
 use pardalis::frame::MAX_TIME_S;
 use pardalis_camera::formats::Lens;
@@ -110,12 +111,12 @@ pub enum Input {
         /// Frames per second; if `None`, `times.csv` in the folder states the time of each image.
         fps: Option<f64>,
     },
-    /// Any input that an installed ffmpeg opens.
+    /// A video, which an installed ffmpeg opens.
     Video {
-        /// The file, address or device.
-        input: Located<String>,
-        /// ffmpeg's options before `-i`.
-        input_options: Vec<String>,
+        /// The file, address or device, as written.
+        name: Located<String>,
+        /// What is opened, and how.
+        video: VideoInput,
         /// Encoding of its pixels, if the stream does not state it or states it wrongly.
         encoding: Option<YuvEncoding>,
     },
@@ -126,7 +127,7 @@ impl Input {
     pub fn place(&self) -> &Located<String> {
         match self {
             Self::Images { folder, .. } => folder,
-            Self::Video { input, .. } => input,
+            Self::Video { name, .. } => name,
         }
     }
 }
@@ -138,7 +139,7 @@ impl CameraConfig {
         table: Table,
         read_calibration: ReadCalibration,
     ) -> Option<Self> {
-        let input = read_input(&table);
+        let mut input = read_input(&table);
         let time_offset_s: f64 = table
             .key(
                 "time_offset_s",
@@ -186,6 +187,10 @@ impl CameraConfig {
             .optional::<[f64; 2]>();
         if center_px.is_some() && !table.has("mask_radius_px") {
             table.problem("mask_center_px", "needs mask_radius_px; add it");
+        }
+        if let (Some(Input::Video { video, .. }), Some(optics)) = (&mut input, &optics) {
+            let size_px = optics.size_px.as_ref().map(|size_px| size_px.value);
+            set_size_px(&table, &mut video.settings, size_px);
         }
         table.finish();
         let optics = optics?;
@@ -394,21 +399,19 @@ fn read_input(table: &Table) -> Option<Input> {
     let video = table
         .key(
             "video",
-            "Video file, stream address or device such as `/dev/video0`, opened with ffmpeg.",
+            "Video file, address of a stream (`rtsp`, `rtp`, `udp`, `tcp`, `http`, `https`), or device such as `/dev/video0`, opened with ffmpeg.",
         )
         .depends("unless `images` is given")
-        .located_conditional();
+        .located_conditional::<String>();
     let fps = table
-        .key("fps", "Frame rate of a folder of images.")
-        .within(1e-6..=1e6)
-        .depends("the times in `times.csv` beside the images")
-        .optional();
-    let input_options = table
         .key(
-            "input_options",
-            "Options that ffmpeg gets before its input, such as `[\"-f\", \"v4l2\"]`. Only for `video`.",
+            "fps",
+            "Frame rate of a folder of images, or of a video in a format without time stamps; the rate that a device is asked for.",
         )
-        .or(Vec::new());
+        .within(1e-6..=1e6)
+        .depends("the times in `times.csv` beside the images, or the rate of the device")
+        .optional();
+    let settings = read_settings(table);
     let encoding = table.section(
         "yuv",
         "How the pixels of a video encode colour, where the stream does not state it or is wrong. Only for `video`.",
@@ -428,23 +431,18 @@ fn read_input(table: &Table) -> Option<Input> {
     );
     match (images, video) {
         (Some(folder), None) => {
-            for key in ["input_options", "yuv"] {
+            for key in ["input", "yuv"] {
                 if table.has(key) {
                     table.problem(key, "applies to video only; remove it");
                 }
             }
             Some(Input::Images { folder, fps })
         }
-        (None, Some(input)) => {
-            if fps.is_some() {
-                table.problem(
-                    "fps",
-                    "applies to folders of images only; a video has time stamps; remove it",
-                );
-            }
+        (None, Some(name)) => {
+            let video = combine(table, &name.value, fps, settings)?;
             Some(Input::Video {
-                input,
-                input_options,
+                name,
+                video,
                 encoding,
             })
         }

@@ -24,6 +24,7 @@ mod shape;
 mod start;
 mod target;
 mod timing;
+mod video;
 mod world;
 
 pub use camera::{CameraConfig, FrameRange, Input, MaskCircle, ReadCalibration};
@@ -32,6 +33,10 @@ pub use offsets::with_time_offsets;
 pub use plane::RectangleConfig;
 pub use start::{StartConfig, TrackStart};
 pub use target::{BodyConfig, TargetConfig, TrackingConfig};
+pub use video::{
+    DeviceCodec, Hardware, Protocol, RtspTransport, VideoFormat, VideoInput, VideoPlace,
+    VideoSettings,
+};
 pub use world::WorldConfig;
 
 use camera_names::CameraNames;

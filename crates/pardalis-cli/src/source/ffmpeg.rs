@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use anyhow::{Context, Result};
+use pardalis_scene::{Protocol, VideoFormat, VideoInput, VideoPlace, VideoSettings};
 use serde::Deserialize;
 
 use super::TimeSpan;
@@ -51,8 +52,9 @@ impl Programs {
     }
 
     /// Probes the first video stream. Fails if the input cannot be opened or has no video.
-    pub(super) fn probe(&self, input: &str, input_options: &[String]) -> Result<ProbedStream> {
-        let output = Command::new(&self.ffprobe)
+    pub(super) fn probe(&self, video: &VideoInput) -> Result<ProbedStream> {
+        let input = name_of(&video.place);
+        let output = command(&self.ffprobe)
             .args([
                 "-v",
                 "error",
@@ -62,16 +64,22 @@ impl Programs {
                 "-select_streams",
                 "V:0",
             ])
-            .args(options_of_ffprobe(input_options))
-            .args(["-i", &input_argument(input, input_options)])
-            .stdin(Stdio::null())
+            .args(opening(video))
+            .args(["-i", &url(&video.place)])
             .output()
             .with_context(|| format!("{} cannot be started", self.ffprobe.display()))?;
         if !output.status.success() {
             let messages = String::from_utf8_lossy(&output.stderr);
             let lines: Vec<_> = messages.lines().collect();
+            if messages.contains("not on whitelist") {
+                return Err(user_error!(
+                    "{input}: its content names other files or addresses, or has a format that is not allowed; \
+                     convert it into a video file, such as MP4. ffmpeg's message:\n{}",
+                    lines.first().copied().unwrap_or_default()
+                ));
+            }
             return Err(user_error!(
-                "{input}: ffprobe cannot open it; check the name and the input options. ffprobe's messages:\n{}",
+                "{input}: ffprobe cannot open it; check the name and how it is opened. ffprobe's messages:\n{}",
                 lines[lines.len().saturating_sub(QUOTED_LINES)..].join("\n")
             ));
         }
@@ -84,13 +92,8 @@ impl Programs {
 
     /// Starts to decode the first video stream to filtered raw frames of a pixel format with ffmpeg's name.
     /// Every frame of the stream is written once, with its own time stamp.
-    pub(super) fn decode(
-        &self,
-        input: &str,
-        input_options: &[String],
-        filter: &str,
-    ) -> Result<Decode> {
-        let mut child = Command::new(&self.ffmpeg)
+    pub(super) fn decode(&self, video: &VideoInput, filter: &str) -> Result<Decode> {
+        let mut child = command(&self.ffmpeg)
             .args([
                 "-hide_banner",
                 "-nostdin",
@@ -99,8 +102,9 @@ impl Programs {
                 "repeat+level+info",
                 "-copyts",
             ])
-            .args(input_options)
-            .args(["-i", &input_argument(input, input_options), "-map", "0:V:0"])
+            .args(opening(video))
+            .args(reading(&video.settings))
+            .args(["-i", &url(&video.place), "-map", "0:V:0"])
             .args(["-vf", &format!("{filter},{STAMP_FILTER}=checksum=0")])
             .args([
                 self.frame_rate_option()?,
@@ -109,7 +113,6 @@ impl Programs {
                 "rawvideo",
                 "pipe:1",
             ])
-            .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -135,9 +138,8 @@ impl Programs {
 
     /// Returns the option that keeps ffmpeg from dropping and duplicating frames; ffmpeg 5.1 renamed it.
     fn frame_rate_option(&self) -> Result<&'static str> {
-        let help = Command::new(&self.ffmpeg)
+        let help = command(&self.ffmpeg)
             .args(["-hide_banner", "-h", "long"])
-            .stdin(Stdio::null())
             .output()
             .with_context(|| format!("{} cannot be started", self.ffmpeg.display()))?;
         let has_new_name = String::from_utf8_lossy(&help.stdout).contains("-fps_mode");
@@ -145,55 +147,109 @@ impl Programs {
     }
 }
 
-/// Returns the argument of `-i`. A file is marked as such because ffmpeg takes a colon in a name for a protocol. With a
-/// format of its own (`-f`), the input may be anything, so it stays as it is.
-fn input_argument(input: &str, input_options: &[String]) -> String {
-    if Path::new(input).is_file() && !input_options.iter().any(|option| option == "-f") {
-        format!("file:{input}")
-    } else {
-        input.to_owned()
+/// Returns a command without standard input that writes no report.
+fn command(program: &Path) -> Command {
+    let mut command = Command::new(program);
+    command.stdin(Stdio::null()).env_remove("FFREPORT");
+    command
+}
+
+/// The containers that are recognised by their content. None of them names other files, as playlists do.
+const CONTAINERS: &str = "asf,av1,avi,dv,flv,gif,gxf,h264,hevc,ivf,m4v,matroska,mjpeg,mov,mp4,mpeg,mpegts,mpegvideo,\
+                          mpjpeg,mxf,nut,obu,ogg,yuv4mpegpipe";
+
+/// Returns the place as the user wrote it, for messages.
+pub(super) fn name_of(place: &VideoPlace) -> &str {
+    match place {
+        VideoPlace::File(name) | VideoPlace::Device(name) | VideoPlace::Address(_, name) => name,
     }
 }
 
-/// The formats of ffmpeg that are cameras and screens.
-const DEVICE_FORMATS: [&str; 12] = [
-    "v4l2",
-    "video4linux2",
-    "dshow",
-    "vfwcap",
-    "avfoundation",
-    "android_camera",
-    "decklink",
-    "libdc1394",
-    "x11grab",
-    "gdigrab",
-    "fbdev",
-    "kmsgrab",
-];
-
-/// Returns ffmpeg's input options without those that ffprobe lacks, which set a reading rate.
-fn options_of_ffprobe(input_options: &[String]) -> Vec<&String> {
-    let mut options = input_options.iter();
-    let mut known = Vec::new();
-    while let Some(option) = options.next() {
-        match option.as_str() {
-            "-re" => {}
-            "-readrate" => drop(options.next()),
-            _ => known.push(option),
-        }
+/// Returns the argument of `-i`. A file is marked as such because ffmpeg takes a colon in a name for a protocol.
+fn url(place: &VideoPlace) -> String {
+    match place {
+        VideoPlace::File(path) => format!("file:{path}"),
+        VideoPlace::Device(name) | VideoPlace::Address(_, name) => name.clone(),
     }
-    known
+}
+
+/// Returns the options before `-i` that ffmpeg and ffprobe need to open a video, and nothing else than this video.
+fn opening(video: &VideoInput) -> Vec<String> {
+    let settings = &video.settings;
+    // With the protocols below them, and those to which servers may redirect.
+    let protocols = match &video.place {
+        VideoPlace::File(_) | VideoPlace::Device(_) => "file",
+        VideoPlace::Address(Protocol::Rtsp, _) => "rtsp,rtp,udp,tcp",
+        VideoPlace::Address(Protocol::Rtp, _) => "rtp,udp",
+        VideoPlace::Address(Protocol::Udp, _) => "udp",
+        VideoPlace::Address(Protocol::Tcp, _) => "tcp",
+        VideoPlace::Address(Protocol::Http | Protocol::Https, _) => "http,https,httpproxy,tls,tcp",
+    };
+    let formats = match (&video.place, settings.format) {
+        (_, Some(format)) => format.name(),
+        (VideoPlace::Address(Protocol::Rtsp, _), None) => "rtsp",
+        (VideoPlace::Address(Protocol::Rtp, _), None) => "rtp",
+        (_, None) => CONTAINERS,
+    };
+    let codec_option = match settings.format {
+        Some(VideoFormat::V4l2) => "-input_format",
+        _ => "-vcodec",
+    };
+    let size = settings
+        .size_px
+        .map(|[width, height]| format!("{width}x{height}"));
+    let options = [
+        ("-protocol_whitelist", Some(protocols.to_owned())),
+        ("-format_whitelist", Some(formats.to_owned())),
+        ("-f", settings.format.map(|format| format.name().to_owned())),
+        ("-framerate", settings.fps.map(|fps| fps.to_string())),
+        ("-video_size", size),
+        ("-pixel_format", settings.pixel_format.clone()),
+        (
+            codec_option,
+            settings.codec.map(|codec| codec.name().to_owned()),
+        ),
+        (
+            "-rtsp_transport",
+            settings
+                .rtsp_transport
+                .map(|transport| transport.name().to_owned()),
+        ),
+    ];
+    given(options)
+}
+
+/// Returns the options before `-i` that only ffmpeg has.
+fn reading(settings: &VideoSettings) -> Vec<String> {
+    let mut arguments = given([
+        (
+            "-hwaccel",
+            settings.hardware.map(|hardware| hardware.name().to_owned()),
+        ),
+        ("-ss", settings.start_s.map(|start_s| start_s.to_string())),
+        (
+            "-t",
+            settings.duration_s.map(|duration_s| duration_s.to_string()),
+        ),
+    ]);
+    if settings.real_time {
+        arguments.push("-re".to_owned());
+    }
+    arguments
+}
+
+/// Returns the options that have a value.
+fn given<const N: usize>(options: [(&str, Option<String>); N]) -> Vec<String> {
+    let with_value = options
+        .into_iter()
+        .filter_map(|(name, value)| Some([name.to_owned(), value?]));
+    with_value.flatten().collect()
 }
 
 /// Reports whether frames arrive while they are taken: from a device, from an address, or from a file that is read at
 /// its own rate.
-pub(super) fn is_live(input: &str, input_options: &[String]) -> bool {
-    let at_own_rate = |option: &String| option == "-re" || option == "-readrate";
-    let is_device = input_options
-        .array_windows()
-        .any(|[key, value]| key == "-f" && DEVICE_FORMATS.contains(&value.as_str()));
-    let is_address = input.contains("://") && !input.starts_with("file:");
-    is_address || is_device || input_options.iter().any(at_own_rate)
+pub(super) fn is_live(video: &VideoInput) -> bool {
+    video.settings.real_time || !matches!(video.place, VideoPlace::File(_))
 }
 
 #[derive(Deserialize)]
@@ -239,10 +295,14 @@ impl ProbedStream {
             .unwrap_or(0)
     }
 
-    /// Returns the time span of the frames, if the container states it.
-    pub(super) fn span(&self) -> Option<TimeSpan> {
-        let first_s: f64 = self.start_time.parse().ok()?;
-        let duration_s: f64 = self.duration.parse().ok()?;
+    /// Returns the time span of the frames that are read, if the container states it.
+    pub(super) fn span(&self, settings: &VideoSettings) -> Option<TimeSpan> {
+        let start_s = settings.start_s.unwrap_or(0.0);
+        let first_s = self.start_time.parse::<f64>().ok()? + start_s;
+        let left_s = self.duration.parse::<f64>().ok()? - start_s;
+        let duration_s = left_s
+            .min(settings.duration_s.unwrap_or(f64::INFINITY))
+            .max(0.0);
         let (frames, seconds) = self.avg_frame_rate.split_once('/')?;
         let step_s = seconds.parse::<f64>().ok()? / frames.parse::<f64>().ok()?;
         let is_sound = first_s.is_finite() && duration_s.is_finite() && step_s.is_finite();
@@ -253,9 +313,10 @@ impl ProbedStream {
         })
     }
 
-    /// Returns the number of frames, if the container states it.
-    pub(super) fn frame_count(&self) -> Option<usize> {
-        self.nb_frames.parse().ok()
+    /// Returns the number of frames that are read, if the container states it.
+    pub(super) fn frame_count(&self, settings: &VideoSettings) -> Option<usize> {
+        let is_whole = settings.start_s.is_none() && settings.duration_s.is_none();
+        is_whole.then(|| self.nb_frames.parse().ok())?
     }
 }
 
@@ -375,6 +436,52 @@ mod tests {
                 .to_string();
             assert!(error.contains("program ffmpeg"), "{error}");
             assert!(error.contains("install the ffmpeg package"), "{error}");
+        }
+    }
+
+    #[test]
+    fn ffmpeg_gets_nothing_but_what_the_settings_name() {
+        let video = VideoInput {
+            place: VideoPlace::Device("-report".to_owned()),
+            settings: VideoSettings {
+                format: Some(VideoFormat::V4l2),
+                fps: Some(30.0),
+                size_px: Some([1280, 720]),
+                pixel_format: Some("yuyv422".to_owned()),
+                codec: Some(pardalis_scene::DeviceCodec::Mjpeg),
+                hardware: Some(pardalis_scene::Hardware::Vaapi),
+                ..VideoSettings::default()
+            },
+        };
+        assert_eq!(
+            opening(&video).join(" "),
+            "-protocol_whitelist file -format_whitelist v4l2 -f v4l2 -framerate 30 -video_size 1280x720 \
+             -pixel_format yuyv422 -input_format mjpeg"
+        );
+        assert_eq!(reading(&video.settings).join(" "), "-hwaccel vaapi");
+        // It follows `-i`.
+        assert_eq!(url(&video.place), "-report");
+        let file = VideoInput::of_path("concat:a|b");
+        assert_eq!(url(&file.place), "file:concat:a|b");
+        for (protocol, allowed) in [
+            (Protocol::Rtsp, "rtsp,rtp,udp,tcp -format_whitelist rtsp"),
+            (Protocol::Udp, "udp -format_whitelist asf,"),
+            (
+                Protocol::Https,
+                "http,https,httpproxy,tls,tcp -format_whitelist asf,",
+            ),
+        ] {
+            let url = format!("{}://camera", protocol.name());
+            let video = VideoInput {
+                place: VideoPlace::Address(protocol, url),
+                settings: VideoSettings::default(),
+            };
+            let options = opening(&video).join(" ");
+            let wanted = format!("-protocol_whitelist {allowed}");
+            assert!(options.starts_with(&wanted), "{options}");
+        }
+        for generator in ["lavfi", "concat", "hls", "dash", "sdp", "image2"] {
+            assert!(!CONTAINERS.split(',').any(|name| name == generator));
         }
     }
 

@@ -17,7 +17,7 @@ use std::time::Duration;
 use anyhow::Result;
 use pardalis::color::YuvEncoding;
 use pardalis::{Frame, PixelFormat};
-use pardalis_scene::FrameRange;
+use pardalis_scene::{FrameRange, VideoInput};
 use serde::Serialize;
 
 use crate::timing::{Stopwatch, now_s};
@@ -55,10 +55,8 @@ pub(crate) enum SourceKind {
     },
     /// A video file, stream or camera device, read with an installed ffmpeg.
     Video {
-        /// The argument of ffmpeg's `-i`.
-        input: String,
-        /// ffmpeg's options before `-i`, such as `-f v4l2`.
-        input_options: Vec<String>,
+        /// What ffmpeg opens, and how.
+        video: VideoInput,
         /// Encoding of YUV pixels, if the stream does not state it or states it wrongly.
         encoding: Option<YuvEncoding>,
     },
@@ -169,19 +167,15 @@ impl Source {
                 let input = folder.display().to_string();
                 Ok(Self::of_images(input, frames, config.time_offset_s))
             }
-            SourceKind::Video {
-                input,
-                input_options,
-                encoding,
-            } => {
+            SourceKind::Video { video, encoding } => {
                 let search_path = std::env::var_os("PATH").unwrap_or_default();
                 let programs = Programs::find(&search_path)
-                    .map_err(|error| user_error!("{input}: {error}"))?;
+                    .map_err(|error| user_error!("{}: {error}", ffmpeg::name_of(&video.place)))?;
                 let (description, frames) =
-                    VideoFrames::open(&programs, input, input_options, *encoding, config.frames)?;
+                    VideoFrames::open(&programs, video, *encoding, config.frames)?;
                 let span = frames.span();
                 let process = frames.process();
-                let is_live = ffmpeg::is_live(input, input_options);
+                let is_live = ffmpeg::is_live(video);
                 let clock = if is_live {
                     Clock::Live
                 } else {

@@ -7,9 +7,9 @@ use anyhow::{Context, Error, Result};
 use pardalis::PixelFormat;
 use pardalis::color::{YuvEncoding, YuvMatrix, YuvRange};
 use pardalis_core::error::MAX_IMAGE_SIDE_PX;
-use pardalis_scene::FrameRange;
+use pardalis_scene::{FrameRange, VideoInput};
 
-use super::ffmpeg::{Decode, ProbedStream, Process, Programs};
+use super::ffmpeg::{Decode, ProbedStream, Process, Programs, name_of};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
 use crate::user_error::user_error;
 
@@ -37,15 +37,15 @@ impl VideoFrames {
     /// the range.
     pub(super) fn open(
         programs: &Programs,
-        input: &str,
-        input_options: &[String],
+        video: &VideoInput,
         encoding: Option<YuvEncoding>,
         range: FrameRange,
     ) -> Result<(Description, Self)> {
+        let input = name_of(&video.place);
         if range.limit == Some(0) {
             return Err(user_error!("{input}: frame_limit is 0; allowed: 1 or more"));
         }
-        let stream = programs.probe(input, input_options)?;
+        let stream = programs.probe(video)?;
         let size_px = upright_size_px(&stream);
         let (width, height) = size_px;
         if width == 0 || height == 0 || width.max(height) > MAX_IMAGE_SIDE_PX {
@@ -54,18 +54,20 @@ impl VideoFrames {
             ));
         }
         let layout = Layout::of(&stream, encoding);
-        let decode = programs.decode(input, input_options, &layout.filter)?;
+        let decode = programs.decode(video, &layout.filter)?;
         let description = Description {
             input: input.to_owned(),
             content: content(&stream, &layout),
             size_px,
             pixel_format: layout.format,
             encoding: layout.encoding,
-            frame_count: stream.frame_count().map(|count| range.count_of(count)),
+            frame_count: stream
+                .frame_count(&video.settings)
+                .map(|count| range.count_of(count)),
         };
         let frames = Self {
             input: input.to_owned(),
-            span: stream.span(),
+            span: stream.span(&video.settings),
             size_px,
             byte_count: layout.format.byte_count(width, height),
             range,
@@ -110,8 +112,7 @@ impl VideoFrames {
         }
         let Some(time_s) = stamp.time_s else {
             return Err(user_error!(
-                "{}: frame {} has no time stamp; give the input options a frame rate \
-                 (-framerate), or extract the images into a folder and give fps",
+                "{}: frame {} has no time stamp; give input.format and fps, or extract the images into a folder",
                 self.input,
                 self.read
             ));

@@ -7,7 +7,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::source::{Clock, Counters, Delivery, Source, SourceConfig, SourceKind};
 use pardalis::Frame;
-use pardalis_scene::FrameRange;
+use pardalis_scene::{FrameRange, Protocol, VideoFormat, VideoPlace, VideoSettings};
 
 /// Returns the installed programs; prints a note and returns `None` if these tests cannot run.
 fn programs() -> Option<Programs> {
@@ -56,12 +56,25 @@ fn clip(folder: &TempDir, name: &str, arguments: &[&str]) -> String {
 fn config(input: &str) -> SourceConfig {
     SourceConfig {
         kind: SourceKind::Video {
-            input: input.to_owned(),
-            input_options: Vec::new(),
+            video: VideoInput::of_path(input),
             encoding: None,
         },
         time_offset_s: 0.0,
         frames: FrameRange::ALL,
+    }
+}
+
+/// A file that is opened with these settings.
+fn opened(path: &str, settings: VideoSettings) -> SourceConfig {
+    SourceConfig {
+        kind: SourceKind::Video {
+            video: VideoInput {
+                place: VideoPlace::File(path.to_owned()),
+                settings,
+            },
+            encoding: None,
+        },
+        ..config(path)
     }
 }
 
@@ -357,7 +370,7 @@ fn unreadable_inputs_are_named_in_errors() {
     let folder = TempDir::new().expect("a folder");
     let text = path_in(&folder, "text.mp4");
     std::fs::write(&text, "no video").expect("written");
-    let sound = path_in(&folder, "sound.wav");
+    let sound = path_in(&folder, "sound.mp4");
     ffmpeg(&["-f", "lavfi", "-i", "sine=duration=0.1", &sound]);
     let whole = clip(
         &folder,
@@ -385,20 +398,197 @@ fn unreadable_inputs_are_named_in_errors() {
     }
 }
 
+/// Returns the error of opening a source.
+fn error_of(config: &SourceConfig) -> String {
+    match Source::open(config) {
+        Ok(source) => panic!("opens: {:?}", source.describe()),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn files_that_name_other_files_are_refused_whatever_they_are_called() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let codec = ["-c:v", "libx264", "-pix_fmt", "yuv420p"];
+    let secret = clip(&folder, "secret.mp4", &codec);
+    let stream = clip(&folder, "secret.ts", &codec);
+    let playlist =
+        format!("#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n{stream}\n#EXT-X-ENDLIST\n");
+    let session = "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nt=0 0\n\
+                   m=video 5004 RTP/AVP 96\na=rtpmap:96 H264/90000\n";
+    for (name, text) in [
+        ("concat", "ffconcat version 1.0\nfile 'secret.mp4'\n"),
+        ("hls", &playlist),
+        ("session", session),
+    ] {
+        for extension in ["mp4", "m3u8", "txt"] {
+            let path = path_in(&folder, &format!("{name}.{extension}"));
+            std::fs::write(&path, text).expect("written");
+            let error = error_of(&config(&path));
+            assert!(error.contains("its content names other files"), "{error}");
+        }
+    }
+    let manifest = "<?xml version=\"1.0\"?>\n<MPD xmlns=\"urn:mpeg:dash:schema:mpd:2011\" type=\"static\"><Period>\
+                    <AdaptationSet><Representation id=\"1\" mimeType=\"video/mp4\"><BaseURL>secret.mp4</BaseURL>\
+                    </Representation></AdaptationSet></Period></MPD>";
+    let graph = "testsrc=size=320x240:rate=25,metadata=print:file=written.txt";
+    for (name, text) in [("dash.mpd", manifest), ("graph.lavfi", graph)] {
+        let path = path_in(&folder, name);
+        std::fs::write(&path, text).expect("written");
+        error_of(&config(&path));
+    }
+    // Protocols of ffmpeg that wrap others are parts of file names.
+    for name in [
+        format!("concat:{secret}"),
+        format!("subfile,,start,0,end,0,,:{secret}"),
+        format!("crypto:{secret}"),
+        format!("async:file:{secret}"),
+        format!("cache:file:{secret}"),
+        format!("file:{secret}"),
+        "data:video/mp4;base64,AAAA".to_owned(),
+        "pipe:0".to_owned(),
+    ] {
+        let error = error_of(&config(&name));
+        assert!(error.contains("No such file"), "{error}");
+    }
+    assert_eq!(read(&config(&secret)).1.len(), 6);
+}
+
+/// A web server on this machine: answers every request for a path that ends in the name with the text.
+fn server(answers: Vec<(&'static str, String)>) -> String {
+    use std::io::{BufRead, BufReader, Write};
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = format!("http://{}", listener.local_addr().expect("an address"));
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.expect("a connection");
+            let mut lines = BufReader::new(stream.try_clone().expect("a copy")).lines();
+            let request = lines.next().and_then(Result::ok).unwrap_or_default();
+            // Until the empty line.
+            lines.find(|line| line.as_ref().map_or(true, String::is_empty));
+            let path = request.split(' ').nth(1).unwrap_or_default();
+            let answer = answers.iter().find(|(name, _)| path.ends_with(name));
+            let answer = answer.map_or("HTTP/1.0 404 None\r\n\r\n", |(_, answer)| answer);
+            // ffmpeg may hang up before it has read everything.
+            let _ = stream.write_all(answer.as_bytes());
+        }
+    });
+    address
+}
+
+#[test]
+fn servers_cannot_make_ffmpeg_open_files() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let secret = clip(
+        &folder,
+        "secret.ts",
+        &["-c:v", "libx264", "-pix_fmt", "yuv420p"],
+    );
+    let found = "HTTP/1.0 200 OK\r\n\r\n";
+    let address = server(vec![
+        (
+            "moved",
+            format!("HTTP/1.0 302 Found\r\nLocation: file://{secret}\r\n\r\n"),
+        ),
+        (
+            "list",
+            format!("{found}ffconcat version 1.0\nfile '{secret}'\n"),
+        ),
+        (
+            "live.m3u8",
+            format!(
+                "{found}#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n{secret}\n#EXT-X-ENDLIST\n"
+            ),
+        ),
+    ]);
+    for name in ["moved", "list", "live.m3u8"] {
+        let url = format!("{address}/{name}");
+        let source = SourceConfig {
+            kind: SourceKind::Video {
+                video: VideoInput {
+                    place: VideoPlace::Address(Protocol::Http, url.clone()),
+                    settings: VideoSettings::default(),
+                },
+                encoding: None,
+            },
+            ..config("")
+        };
+        let error = error_of(&source);
+        assert!(error.starts_with(&url), "{error}");
+    }
+}
+
+#[test]
+fn a_part_of_a_file_keeps_its_times() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let path = clip(
+        &folder,
+        "clip.mp4",
+        &["-c:v", "libx264", "-pix_fmt", "yuv420p"],
+    );
+    let (_, all_s, bytes, _) = read(&config(&path));
+    let part = VideoSettings {
+        start_s: Some(0.08),
+        duration_s: Some(0.12),
+        ..VideoSettings::default()
+    };
+    let source = Source::open(&opened(&path, part.clone())).expect("opens");
+    let span = source.span().expect("stated by the file");
+    assert_eq!((span.first_s, source.frame_count()), (0.08, None));
+    assert!((span.last_s - 0.20).abs() < 1e-9, "{span:?}");
+    let (_, times_s, part_bytes, _) = read(&opened(&path, part));
+    assert_eq!(times_s, all_s[2..5]);
+    let frame = bytes.len() / 6;
+    assert!(part_bytes == bytes[2 * frame..5 * frame]);
+}
+
+#[test]
+fn formats_without_time_stamps_use_the_stated_rate() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let raw = clip(
+        &folder,
+        "frames.raw",
+        &["-f", "rawvideo", "-pix_fmt", "nv12"],
+    );
+    let settings = VideoSettings {
+        format: Some(VideoFormat::Rawvideo),
+        fps: Some(12.5),
+        size_px: Some([640, 480]),
+        pixel_format: Some("nv12".to_owned()),
+        ..VideoSettings::default()
+    };
+    let (description, times_s, bytes, _) = read(&opened(&raw, settings));
+    assert_eq!(description.pixel_format, PixelFormat::Nv12);
+    assert_eq!(times_s, [0.0, 0.08, 0.16, 0.24, 0.32, 0.4]);
+    assert!(bytes == std::fs::read(&raw).expect("read"));
+}
+
 #[test]
 fn a_source_dropped_early_ends_ffmpeg() {
     if programs().is_none() {
         return;
     }
-    let endless = SourceConfig {
-        kind: SourceKind::Video {
-            input: "testsrc=size=320x240:rate=25".to_owned(),
-            input_options: ["-f", "lavfi"].map(str::to_owned).into(),
-            encoding: None,
-        },
-        ..config("")
+    let folder = TempDir::new().expect("a folder");
+    let long = path_in(&folder, "long.nut");
+    let clip = "testsrc=size=320x240:rate=25:duration=60";
+    ffmpeg(&["-f", "lavfi", "-i", clip, "-c:v", "mjpeg", &long]);
+    let settings = VideoSettings {
+        real_time: true,
+        ..VideoSettings::default()
     };
-    let mut source = Source::open(&endless).expect("opens");
+    let mut source = Source::open(&opened(&long, settings)).expect("opens");
     assert_eq!((source.size(), source.frame_count()), ((320, 240), None));
     assert!(source.next().is_some_and(|frame| frame.is_ok()));
     // Waits for ffmpeg and the thread: this must return.
@@ -446,8 +636,13 @@ fn read_with(script: &str) -> Option<(Vec<f64>, Option<String>, Counters)> {
         &["-c:v", "rawvideo", "-pix_fmt", "nv12"],
     );
     let programs = stand_in(&folder, script);
-    let (description, frames) =
-        VideoFrames::open(&programs, &path, &[], None, FrameRange::ALL).expect("opens");
+    let (description, frames) = VideoFrames::open(
+        &programs,
+        &VideoInput::of_path(&path),
+        None,
+        FrameRange::ALL,
+    )
+    .expect("opens");
     let process = frames.process();
     let mut source = Source::start(description, Clock::Recorded, 0.0, frames);
     source.process = Some(process);

@@ -9,7 +9,7 @@ use pardalis_calibrate::rectangle::{DetectedRectangle, detect};
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::{Camera, Plane};
 use pardalis_images::RgbImage;
-use pardalis_scene::{FrameRange, calibration};
+use pardalis_scene::{FrameRange, VideoInput, calibration};
 
 use super::model::read_camera;
 use super::output;
@@ -137,8 +137,7 @@ fn read_images(images: &Path, count: usize) -> Result<Vec<RgbImage>> {
         }
     } else {
         SourceKind::Video {
-            input: images.to_string_lossy().into_owned(),
-            input_options: Vec::new(),
+            video: VideoInput::of_path(&images.to_string_lossy()),
             encoding: None,
         }
     };

@@ -10,7 +10,7 @@ use anyhow::Result;
 use clap::ValueEnum;
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::formats::Lens;
-use pardalis_scene::{FrameRange, NAMES_ALLOWED, Scene, is_name};
+use pardalis_scene::{FrameRange, NAMES_ALLOWED, Scene, VideoInput, is_name};
 
 use crate::commands::camera::load::lens;
 use crate::files::write_file;
@@ -192,8 +192,7 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     }
     let kind = if is_video {
         SourceKind::Video {
-            input: input.display().to_string(),
-            input_options: Vec::new(),
+            video: VideoInput::of_path(&input.display().to_string()),
             encoding: None,
         }
     } else {

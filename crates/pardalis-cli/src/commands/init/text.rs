@@ -199,7 +199,7 @@ fn input_lines(opened: &Opened, path: &str, fps: Option<f64>) -> String {
     let path = toml::Value::String(path.to_owned());
     if opened.is_video {
         return format!(
-            "video = {path}\n# input_options = [\"-f\", \"v4l2\"]  # ffmpeg options before -i, for cameras such as /dev/video0"
+            "video = {path}  # or a camera such as /dev/video0; input.format, input.codec and others say how to open it"
         );
     }
     let times = match fps {

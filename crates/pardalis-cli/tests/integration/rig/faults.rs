@@ -92,7 +92,7 @@ mod with_ffmpeg {
 
     /// A rig whose second camera is a video that is decoded by the shell script, in which FFMPEG stands for the
     /// installed ffmpeg; `None` if ffmpeg is not installed.
-    fn rig_with_video(options: &str, script: &str) -> Option<Rig> {
+    fn rig_with_video(settings: &str, script: &str) -> Option<Rig> {
         let found = std::env::split_paths(&std::env::var_os("PATH")?)
             .map(|folder| folder.join("ffmpeg"))
             .find(|path| path.is_file());
@@ -112,12 +112,10 @@ mod with_ffmpeg {
             assert!(encoded.unwrap().success());
         }
         let table = |camera: &str| {
-            format!(
-                "video = \"{camera}.mkv\"\ninput_options = [{options}]\ncalibration = \"cameras.json\"\n"
-            )
+            format!("video = \"{camera}.mkv\"\n{settings}\ncalibration = \"cameras.json\"\n")
         };
         rig.replace("cam2", &table("cam2"));
-        if !options.is_empty() {
+        if !settings.is_empty() {
             rig.replace("cam1", &table("cam1"));
             rig.leave_out("cam3");
             rig.leave_out("cam4");
@@ -181,7 +179,7 @@ mod with_ffmpeg {
     #[test]
     fn a_silent_live_camera_does_not_stop_the_other() {
         let script = "FFMPEG \"$@\" | head -c 4000000; exec sleep 1000";
-        let Some(rig) = rig_with_video("\"-re\"", script) else {
+        let Some(rig) = rig_with_video("input.real_time = true", script) else {
             return;
         };
         let mut child = {
