@@ -399,7 +399,7 @@ fn read_input(table: &Table) -> Option<Input> {
     let video = table
         .key(
             "video",
-            "Video file, address of a stream (`rtsp`, `rtp`, `udp`, `tcp`, `http`, `https`), or device such as `/dev/video0`, opened with ffmpeg.",
+            "Video file, address of a stream (`rtsp`, `rtp`, `udp`, `tcp`, `http`, `https`), device such as `/dev/video0`, or `-` for standard input; opened with ffmpeg.",
         )
         .depends("unless `images` is given")
         .located_conditional::<String>();

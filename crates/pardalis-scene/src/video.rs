@@ -18,8 +18,10 @@ pub struct VideoInput {
 /// A source of video.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum VideoPlace {
-    /// The file of this name.
+    /// The file of this name, which may be a pipe.
     File(String),
+    /// The program's standard input.
+    StandardInput,
     /// A camera, by its name in the interface that [`VideoSettings::format`] states.
     Device(String),
     /// A stream from the network, by its full address.
@@ -47,6 +49,8 @@ pub struct VideoSettings {
     pub duration_s: Option<f64>,
     /// The hardware that decodes.
     pub hardware: Option<Hardware>,
+    /// How long to wait for the first frame of anything but a file, in seconds.
+    pub timeout_s: Option<f64>,
     /// Whether a file is read at the rate of its time stamps, as if it were live.
     pub real_time: bool,
 }
@@ -231,6 +235,14 @@ pub(super) fn read_settings(camera: &Table) -> Option<VideoSettings> {
                     .key("hardware", "Decode with this hardware; `auto` picks one that is there.")
                     .depends("none")
                     .optional(),
+                timeout_s: table
+                    .key(
+                        "timeout_s",
+                        "How long to wait for the first frame of a device, stream or pipe.",
+                    )
+                    .within(above(0.0, 1e6))
+                    .depends("20")
+                    .optional(),
                 real_time: table
                     .key(
                         "real_time",
@@ -340,18 +352,19 @@ fn place_of(video: &str, format: Option<VideoFormat>) -> Result<VideoPlace, Stri
     if format.is_some_and(VideoFormat::is_device) {
         return Ok(VideoPlace::Device(video.to_owned()));
     }
+    if video == "-" {
+        return Ok(VideoPlace::StandardInput);
+    }
     let Some((scheme, _)) = video.split_once("://") else {
         return Ok(VideoPlace::File(video.to_owned()));
     };
     let found = Protocol::WORDS.iter().find(|(word, _)| *word == scheme);
-    match found {
-        Some(&(_, protocol)) => Ok(VideoPlace::Address(protocol, video.to_owned())),
-        None => {
-            let words: Vec<_> = Protocol::WORDS.iter().map(|(word, _)| *word).collect();
-            Err(format!(
-                "has the protocol {scheme}; allowed: {}, or the path of a file",
-                words.join(", ")
-            ))
-        }
-    }
+    let place = found.map(|&(_, protocol)| VideoPlace::Address(protocol, video.to_owned()));
+    place.ok_or_else(|| {
+        let words: Vec<_> = Protocol::WORDS.iter().map(|(word, _)| *word).collect();
+        format!(
+            "has the protocol {scheme}; allowed: {}, or the path of a file",
+            words.join(", ")
+        )
+    })
 }

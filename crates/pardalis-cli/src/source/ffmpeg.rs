@@ -1,4 +1,4 @@
-//! The installed ffmpeg and ffprobe programs: finding them, probing a stream, running a decode.
+//! The installed ffmpeg and ffprobe programs: finding them, probing a file, running a decode.
 
 use std::collections::VecDeque;
 use std::ffi::OsStr;
@@ -15,18 +15,47 @@ use pardalis_scene::{Protocol, VideoFormat, VideoInput, VideoPlace, VideoSetting
 use serde::Deserialize;
 
 use super::TimeSpan;
+use super::nut::Nut;
 use crate::user_error::user_error;
 
 /// Number of ffmpeg's last messages that an error quotes.
 const QUOTED_LINES: usize = 5;
 
-/// Name of the filter that reports time stamps; it distinguishes these lines from all other messages.
-const STAMP_FILTER: &str = "showinfo@pardalis";
+/// Name of the filter that reports the colours of a stream; it distinguishes these lines from all other messages.
+const COLOR_FILTER: &str = "showinfo@pardalis";
+
+/// The pixel formats that a stream keeps; ffmpeg converts others to the nearest of them.
+const KEPT_FORMATS: &str = "yuv420p|yuvj420p|nv12|yuyv422|uyvy422|yuv422p|yuvj422p|rgb24";
+
+/// A time base in seconds of which those of cameras and streams are multiples: 1/90000, 1/1000000 and 1001/30000.
+const FINE_TIME_BASE: (i64, i64) = (1, 9_000_000);
+
+/// Options that start live sources soon and deliver each frame at once. A stream is examined for half a second, and
+/// several threads decode one frame instead of one frame each.
+const LIVE_OPTIONS: [&str; 6] = [
+    "-analyzeduration",
+    "500000",
+    "-fpsprobesize",
+    "0",
+    "-thread_type",
+    "slice",
+];
+
+/// Added to all time stamps, in seconds, because a NUT stream has none below zero.
+const NUT_OFFSET_S: i64 = 1 << 20;
+
+/// Stands for missing time stamps, in seconds. It is later than any clock says, and fits into ticks of a nanosecond.
+const MISSING_S: f64 = 5e9;
+
+/// Size of the buffer before the pipe, in bytes.
+const PIPE_BYTES: usize = 1 << 16;
 
 /// Paths of the programs.
 pub(super) struct Programs {
     ffmpeg: PathBuf,
     ffprobe: PathBuf,
+    /// On Linux, the program that lets the kernel end another one together with its parent.
+    setpriv: Option<PathBuf>,
 }
 
 impl Programs {
@@ -38,16 +67,19 @@ impl Programs {
             std::env::split_paths(search_path)
                 .map(|folder| folder.join(&file))
                 .find(|path| path.is_file())
-                .ok_or_else(|| {
-                    user_error!(
-                        "the program {name}, which reads videos and cameras, is not installed or not in PATH; \
-                         install the ffmpeg package, or extract the images into a folder"
-                    )
-                })
+        };
+        let required = |name: &str| {
+            find(name).ok_or_else(|| {
+                user_error!(
+                    "the program {name}, which reads videos and cameras, is not installed or not in PATH; \
+                     install the ffmpeg package, or extract the images into a folder"
+                )
+            })
         };
         Ok(Self {
-            ffmpeg: find("ffmpeg")?,
-            ffprobe: find("ffprobe")?,
+            ffmpeg: required("ffmpeg")?,
+            ffprobe: required("ffprobe")?,
+            setpriv: find("setpriv").filter(|path| can_end_with_parent(path)),
         })
     }
 
@@ -72,11 +104,7 @@ impl Programs {
             let messages = String::from_utf8_lossy(&output.stderr);
             let lines: Vec<_> = messages.lines().collect();
             if messages.contains("not on whitelist") {
-                return Err(user_error!(
-                    "{input}: its content names other files or addresses, or has a format that is not allowed; \
-                     convert it into a video file, such as MP4. ffmpeg's message:\n{}",
-                    lines.first().copied().unwrap_or_default()
-                ));
+                return Err(not_allowed(input, lines[0]));
             }
             return Err(user_error!(
                 "{input}: ffprobe cannot open it; check the name and how it is opened. ffprobe's messages:\n{}",
@@ -90,10 +118,44 @@ impl Programs {
         })
     }
 
-    /// Starts to decode the first video stream to filtered raw frames of a pixel format with ffmpeg's name.
-    /// Every frame of the stream is written once, with its own time stamp.
-    pub(super) fn decode(&self, video: &VideoInput, filter: &str) -> Result<Decode> {
-        let mut child = command(&self.ffmpeg)
+    /// Starts to decode the first video stream of a file with these filters. Every frame of the stream is written once,
+    /// with its own time stamp.
+    pub(super) fn decode(
+        &self,
+        video: &VideoInput,
+        stream: &ProbedStream,
+        filter: &str,
+    ) -> Result<Decode> {
+        let time_base = stream.time_base.split_once('/');
+        let time_base = time_base
+            .and_then(|(n, d)| Some((n.parse().ok()?, d.parse().ok()?)))
+            .filter(|&(n, d)| n > 0 && d > 0);
+        self.run(video, &[], filter, time_base.unwrap_or(FINE_TIME_BASE))
+    }
+
+    /// Starts to decode the first video stream of a live source, like [`Programs::decode`], in its own pixel format if it
+    /// is one of [`KEPT_FORMATS`].
+    pub(super) fn decode_live(&self, video: &VideoInput) -> Result<Decode> {
+        let filter = format!("format={KEPT_FORMATS},{COLOR_FILTER}=checksum=0");
+        self.run(video, &LIVE_OPTIONS, &filter, FINE_TIME_BASE)
+    }
+
+    fn run(
+        &self,
+        video: &VideoInput,
+        options: &[&str],
+        filter: &str,
+        (numerator, denominator): (i64, i64),
+    ) -> Result<Decode> {
+        let mut command = self.command_that_ends_with_parent();
+        if video.place == VideoPlace::StandardInput {
+            command.stdin(Stdio::inherit());
+        }
+        // ffmpeg invents time stamps that are missing, and changes those that do not increase, unless those of decoding do.
+        let filter = format!("{filter},setpts='if(isnan(PTS),{MISSING_S}/TB,PTS)'");
+        let before_all = NUT_OFFSET_S / 2 * denominator / numerator;
+        let stamps = format!("setts=pts=PTS:dts=N-{before_all}");
+        let mut child = command
             .args([
                 "-hide_banner",
                 "-nostdin",
@@ -104,36 +166,52 @@ impl Programs {
             ])
             .args(opening(video))
             .args(reading(&video.settings))
-            .args(["-i", &url(&video.place), "-map", "0:V:0"])
-            .args(["-vf", &format!("{filter},{STAMP_FILTER}=checksum=0")])
-            .args([
-                self.frame_rate_option()?,
-                "passthrough",
-                "-f",
-                "rawvideo",
-                "pipe:1",
-            ])
+            .args(options)
+            .args(["-i", &url(&video.place), "-map", "0:V:0", "-vf", &filter])
+            // Otherwise frames of another size are stretched.
+            .args(["-autoscale", "0"])
+            .args([self.frame_rate_option()?, "passthrough"])
+            .args(["-enc_time_base", &format!("{numerator}:{denominator}")])
+            .args(["-c:v", "rawvideo", "-bsf:v", &stamps])
+            .args(["-output_ts_offset", &NUT_OFFSET_S.to_string()])
+            .args(["-avoid_negative_ts", "disabled", "-write_index", "0"])
+            .args(["-flush_packets", "1", "-f", "nut", "pipe:1"])
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .with_context(|| format!("{} cannot be started", self.ffmpeg.display()))?;
-        let (Some(pixels), Some(messages)) = (child.stdout.take(), child.stderr.take()) else {
+        let (Some(frames), Some(messages)) = (child.stdout.take(), child.stderr.take()) else {
             unreachable!("both are piped");
         };
         let process = Arc::new(Process {
             child: Mutex::new(child),
             error_count: AtomicUsize::new(0),
         });
-        let (sender, stamps) = channel();
+        let (sender, colors) = channel();
         let reader = Arc::clone(&process);
         Ok(Decode {
-            pixels,
-            stamps,
+            frames: Frames {
+                nut: Nut::new(BufReader::with_capacity(PIPE_BYTES, frames)),
+            },
+            colors,
             log: Some(std::thread::spawn(move || {
-                read_log(messages, &sender, &reader)
+                read_log(messages, sender, &reader)
             })),
             process,
         })
+    }
+
+    /// Returns the command of an ffmpeg that does not outlive this program, even if this program is killed. Where that
+    /// cannot be asked for, ffmpeg ends when it writes its next frame.
+    fn command_that_ends_with_parent(&self) -> Command {
+        let Some(setpriv) = &self.setpriv else {
+            return command(&self.ffmpeg);
+        };
+        let mut command = command(setpriv);
+        command
+            .args(["--pdeathsig", "KILL", "--"])
+            .arg(&self.ffmpeg);
+        command
     }
 
     /// Returns the option that keeps ffmpeg from dropping and duplicating frames; ffmpeg 5.1 renamed it.
@@ -145,6 +223,20 @@ impl Programs {
         let has_new_name = String::from_utf8_lossy(&help.stdout).contains("-fps_mode");
         Ok(if has_new_name { "-fps_mode" } else { "-vsync" })
     }
+}
+
+/// Reports whether this is the `setpriv` of util-linux; that of BusyBox lacks the option.
+fn can_end_with_parent(setpriv: &Path) -> bool {
+    let help = command(setpriv).arg("--help").output();
+    help.is_ok_and(|help| String::from_utf8_lossy(&help.stdout).contains("--pdeathsig"))
+}
+
+/// Returns the error of a video whose format is not in the list of those that are allowed, with ffmpeg's message.
+pub(super) fn not_allowed(input: &str, message: &str) -> anyhow::Error {
+    user_error!(
+        "{input}: its content names other files or addresses, or has a format that is not allowed; \
+         convert it into a video file, such as MP4. ffmpeg's message:\n{message}"
+    )
 }
 
 /// Returns a command without standard input that writes no report.
@@ -162,6 +254,7 @@ const CONTAINERS: &str = "asf,av1,avi,dv,flv,gif,gxf,h264,hevc,ivf,m4v,matroska,
 pub(super) fn name_of(place: &VideoPlace) -> &str {
     match place {
         VideoPlace::File(name) | VideoPlace::Device(name) | VideoPlace::Address(_, name) => name,
+        VideoPlace::StandardInput => "standard input",
     }
 }
 
@@ -169,6 +262,7 @@ pub(super) fn name_of(place: &VideoPlace) -> &str {
 fn url(place: &VideoPlace) -> String {
     match place {
         VideoPlace::File(path) => format!("file:{path}"),
+        VideoPlace::StandardInput => "pipe:0".to_owned(),
         VideoPlace::Device(name) | VideoPlace::Address(_, name) => name.clone(),
     }
 }
@@ -179,6 +273,7 @@ fn opening(video: &VideoInput) -> Vec<String> {
     // With the protocols below them, and those to which servers may redirect.
     let protocols = match &video.place {
         VideoPlace::File(_) | VideoPlace::Device(_) => "file",
+        VideoPlace::StandardInput => "pipe",
         VideoPlace::Address(Protocol::Rtsp, _) => "rtsp,rtp,udp,tcp",
         VideoPlace::Address(Protocol::Rtp, _) => "rtp,udp",
         VideoPlace::Address(Protocol::Udp, _) => "udp",
@@ -246,10 +341,19 @@ fn given<const N: usize>(options: [(&str, Option<String>); N]) -> Vec<String> {
     with_value.flatten().collect()
 }
 
-/// Reports whether frames arrive while they are taken: from a device, from an address, or from a file that is read at
-/// its own rate.
+/// Reports whether a video can be opened twice, and read at any speed: a file, but no pipe. What does not exist is taken
+/// for a file.
+pub(super) fn is_file(place: &VideoPlace) -> bool {
+    let VideoPlace::File(path) = place else {
+        return false;
+    };
+    std::fs::metadata(path).map_or(true, |metadata| metadata.is_file() || metadata.is_dir())
+}
+
+/// Reports whether frames arrive while they are taken: from all but files, and from files that are read at their own
+/// rate.
 pub(super) fn is_live(video: &VideoInput) -> bool {
-    video.settings.real_time || !matches!(video.place, VideoPlace::File(_))
+    video.settings.real_time || !is_file(&video.place)
 }
 
 #[derive(Deserialize)]
@@ -271,6 +375,8 @@ pub(super) struct ProbedStream {
     pub(super) color_range: String,
     /// A number as text; empty if the container does not state it.
     pub(super) nb_frames: String,
+    /// A fraction of a second as text.
+    pub(super) time_base: String,
     /// Seconds as text, like the next field; empty if the container does not state it.
     pub(super) start_time: String,
     pub(super) duration: String,
@@ -322,13 +428,63 @@ impl ProbedStream {
 
 /// A running ffmpeg.
 pub(super) struct Decode {
-    /// Raw frames, one after another.
-    pub(super) pixels: ChildStdout,
-    /// One stamp per raw frame, sent before the frame is written; closed when ffmpeg ends.
-    pub(super) stamps: Receiver<Stamp>,
+    pub(super) frames: Frames,
+    /// Receives the colours of a live stream once, before its first frame; closed when ffmpeg ends.
+    pub(super) colors: Receiver<ProbedStream>,
     /// Returns the last messages.
     pub(super) log: Option<JoinHandle<Vec<String>>>,
     pub(super) process: Arc<Process>,
+}
+
+impl Decode {
+    /// Waits until ffmpeg has ended, and returns its exit status and its last messages. Call it after its pipe is
+    /// closed or after [`Process::kill`].
+    pub(super) fn end(&mut self) -> Result<(ExitStatus, Vec<String>)> {
+        let messages = match self.log.take().map(JoinHandle::join) {
+            Some(Ok(messages)) => messages,
+            Some(Err(panic)) => std::panic::resume_unwind(panic),
+            None => Vec::new(),
+        };
+        let status = self.process.wait().context("waiting for ffmpeg")?;
+        Ok((status, messages))
+    }
+}
+
+/// The frames that ffmpeg writes, with their time stamps.
+pub(super) struct Frames {
+    nut: Nut<BufReader<ChildStdout>>,
+}
+
+impl Frames {
+    /// Waits for the stream and returns width and height in pixels; `None` if ffmpeg ends before.
+    pub(super) fn size_px(&mut self) -> std::io::Result<Option<(usize, usize)>> {
+        self.nut.size_px()
+    }
+
+    /// Waits for the next frame and returns its time stamp in seconds, if it has one, and its length in bytes; `None`
+    /// at the end. Read its bytes with [`Frames::read`] before the next call.
+    pub(super) fn next(&mut self) -> std::io::Result<Option<(Option<f64>, usize)>> {
+        let Some(header) = self.nut.next_frame()? else {
+            return Ok(None);
+        };
+        let time_s = seconds(header.ticks, self.nut.time_base());
+        Ok(Some((
+            Some(time_s).filter(|&s| s < MISSING_S),
+            header.byte_count,
+        )))
+    }
+
+    /// Reads the bytes of a frame.
+    pub(super) fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<()> {
+        self.nut.read(bytes)
+    }
+}
+
+/// Returns the time in seconds of a stamp to which ffmpeg has added [`NUT_OFFSET_S`], rounded to ticks as ffmpeg does.
+fn seconds(ticks: i64, (numerator, denominator): (u64, u64)) -> f64 {
+    let (numerator, denominator) = (numerator as f64, denominator as f64);
+    let offset = (NUT_OFFSET_S as f64 * denominator / numerator).round();
+    (ticks.wrapping_sub(offset as i64) as f64 * numerator) / denominator
 }
 
 /// The operating system's process, shared by everything that may have to end it.
@@ -359,38 +515,30 @@ impl Process {
     }
 }
 
-/// ffmpeg's report about a frame, printed before the frame is written.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Stamp {
-    /// Presentation time in seconds; `None` if the stream does not state it.
-    pub(super) time_s: Option<f64>,
-    /// Width and height in pixels.
-    pub(super) size_px: (usize, usize),
-}
-
-/// Drains ffmpeg's messages until it ends: forwards time stamps, counts errors, and returns the last other messages.
-fn read_log(messages: ChildStderr, stamps: &Sender<Stamp>, process: &Process) -> Vec<String> {
+/// Drains ffmpeg's messages until it ends: forwards the colours, counts errors, and returns the last other messages.
+fn read_log(messages: ChildStderr, colors: Sender<ProbedStream>, process: &Process) -> Vec<String> {
     let mut last = VecDeque::new();
-    let mut time_base = (0, 1);
+    let mut colors = Some(colors);
+    let mut stream = ProbedStream::default();
     let mut messages = BufReader::new(messages);
     let mut line = Vec::new();
     loop {
         line.clear();
         // Bytes instead of text: file names in messages may have any encoding.
         match messages.read_until(b'\n', &mut line) {
-            Ok(0) | Err(_) => return last.into(),
+            Ok(0) | Err(_) => break,
             Ok(_) => {}
         }
         let line = String::from_utf8_lossy(&line);
         let line = line.trim();
-        if let Some((_, report)) = line.split_once(STAMP_FILTER) {
-            if let Some(found) = time_base_in(report) {
-                time_base = found;
-            } else if let Some(stamp) = stamp_in(report, time_base) {
-                // The receiver is gone once the frames have been dropped; the pipe is drained nevertheless.
-                let _ = stamps.send(stamp);
+        if let Some((_, report)) = line.split_once(COLOR_FILTER) {
+            if colors.is_some() && add_report(&mut stream, report) {
+                send(&mut colors, &stream);
             }
             continue;
+        }
+        if let Some(codec) = codec_in(line) {
+            codec.clone_into(&mut stream.codec_name);
         }
         if line.contains("[error]") || line.contains("[fatal]") || line.contains("[panic]") {
             process.error_count.fetch_add(1, Ordering::Relaxed);
@@ -402,25 +550,44 @@ fn read_log(messages: ChildStderr, stamps: &Sender<Stamp>, process: &Process) ->
         }
         last.push_back(line.to_owned());
     }
+    if !stream.pix_fmt.is_empty() {
+        send(&mut colors, &stream);
+    }
+    last.into()
 }
 
-/// Parses numerator and denominator of the time base in seconds from `… config in time_base: 1/12800, frame_rate: …`.
-fn time_base_in(report: &str) -> Option<(i64, i64)> {
-    let (_, after) = report.split_once("config in time_base: ")?;
-    let (numerator, denominator) = after.split_once(',')?.0.split_once('/')?;
-    Some((numerator.parse().ok()?, denominator.parse().ok()?))
+/// Sends the colours, once.
+fn send(colors: &mut Option<Sender<ProbedStream>>, stream: &ProbedStream) {
+    if let Some(colors) = colors.take() {
+        // The receiver is gone if the source was dropped.
+        let _ = colors.send(stream.clone());
+    }
 }
 
-/// Parses `… n:   3 pts:   1536 pts_time:0.12 … s:640x480 …`. The printed time in seconds is rounded and not used.
-fn stamp_in(report: &str, (numerator, denominator): (i64, i64)) -> Option<Stamp> {
-    let value_of = |key: &str| report.split_once(key)?.1.split_whitespace().next();
-    let (width, height) = value_of(" s:")?.split_once('x')?;
-    let ticks: Option<i64> = value_of(" pts:")?.parse().ok();
-    let seconds = |ticks: i64| (ticks as f64 * numerator as f64) / denominator as f64;
-    Some(Stamp {
-        time_s: ticks.map(seconds),
-        size_px: (width.parse().ok()?, height.parse().ok()?),
-    })
+/// Adds a line of the colour filter, such as `… n:   0 pts: … fmt:yuv420p … s:640x480 …`, which `… color_range:tv
+/// color_space:bt709 …` follows in most versions of ffmpeg. Reports whether nothing is left to add.
+fn add_report(stream: &mut ProbedStream, report: &str) -> bool {
+    let value_of = |key: &str| {
+        let after = report.split_once(key)?.1;
+        after.split_whitespace().next().map(str::to_owned)
+    };
+    let format = value_of(" fmt:");
+    // Without colours, the next frame follows.
+    let is_next = format.is_some() && !stream.pix_fmt.is_empty();
+    if let Some(format) = format.filter(|_| !is_next) {
+        stream.pix_fmt = format;
+    }
+    let space = value_of("color_space:");
+    let has_colors = space.is_some();
+    stream.color_space = space.unwrap_or_default();
+    stream.color_range = value_of("color_range:").unwrap_or_default();
+    is_next || has_colors
+}
+
+/// Parses the codec's name in `  Stream #0:1 -> #0:0 (h264 (native) -> rawvideo (native))`.
+fn codec_in(line: &str) -> Option<&str> {
+    let (_, after) = line.split_once(" -> #0:0 (")?;
+    after.split_whitespace().next()
 }
 
 #[cfg(test)]
@@ -486,33 +653,38 @@ mod tests {
     }
 
     #[test]
-    fn reports_of_several_ffmpeg_versions() {
-        let base = time_base_in(" @ 0x55] [info] config in time_base: 1/12800, frame_rate: 25/1");
-        assert_eq!(base, Some((1, 12800)));
-        let wanted = Stamp {
-            time_s: Some(0.12),
-            size_px: (640, 480),
-        };
-        for report in [
-            " @ 0x55] [info] n:   3 pts:   1536 pts_time:0.12    pos:    14738 fmt:yuv420p sar:1/1 s:640x480 i:P iskey:0 type:B",
-            " @ 0x55] [info] n:   3 pts:   1536 pts_time:0.12    duration:    512 duration_time:0.04    fmt:yuv420p cl:left sar:1/1 s:640x480 i:P iskey:1 type:I",
-        ] {
-            assert_eq!(stamp_in(report, (1, 12800)), Some(wanted.clone()));
+    fn colors_are_those_that_ffmpeg_reports() {
+        let frame = " @ 0x55] [info] n:   0 pts:   1536 pts_time:0.12    pos:    14738 fmt:yuv420p sar:1/1 s:640x480 i:P iskey:0 type:B";
+        let colors = " @ 0x55] [info] color_range:tv color_space:bt470bg color_primaries:unknown color_trc:unknown";
+        let config = " @ 0x55] [info] config in time_base: 1/12800, frame_rate: 25/1";
+        for (last, space, range) in [(colors, "bt470bg", "tv"), (frame, "", "")] {
+            let mut stream = ProbedStream::default();
+            assert!(!add_report(&mut stream, config));
+            assert!(!add_report(&mut stream, frame));
+            assert!(add_report(&mut stream, last));
+            let found = [&stream.pix_fmt, &stream.color_space, &stream.color_range];
+            assert_eq!(found, ["yuv420p", space, range]);
         }
-        let without = stamp_in(
-            " n:   0 pts: NOPTS pts_time:NOPTS fmt:gray s:8x4 i:P",
-            (1, 25),
-        );
-        assert_eq!(
-            without,
-            Some(Stamp {
-                time_s: None,
-                size_px: (8, 4)
-            })
-        );
-        assert_eq!(
-            stamp_in(" [info] color_range:tv color_space:bt470bg", (1, 25)),
-            None
-        );
+        let mapping = "[info]   Stream #0:1 -> #0:0 (h264 (native) -> rawvideo (native))";
+        assert_eq!(codec_in(mapping), Some("h264"));
+        assert_eq!(codec_in("[info] Stream #0:0: Video: h264"), None);
+    }
+
+    #[test]
+    fn times_are_exact_although_they_are_moved() {
+        // ffmpeg rounds the offset to ticks.
+        for (numerator, denominator) in [
+            (1, 12_800),
+            (1, 9_000_000),
+            (1001, 30_000),
+            (1, 1_000_000_000),
+        ] {
+            let exact =
+                (NUT_OFFSET_S as f64 * denominator as f64 / numerator as f64).round() as i64;
+            for ticks in [0, 1, -7, 123_456_789] {
+                let wanted = (ticks as f64 * numerator as f64) / denominator as f64;
+                assert_eq!(seconds(exact + ticks, (numerator, denominator)), wanted);
+            }
+        }
     }
 }

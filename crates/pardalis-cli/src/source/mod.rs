@@ -3,6 +3,7 @@
 pub(crate) mod decode;
 mod ffmpeg;
 mod images;
+mod nut;
 mod times;
 mod video;
 

@@ -1,20 +1,29 @@
 //! Video files, streams and camera devices, read with an installed ffmpeg in their own pixel format.
 
-use std::io::Read;
+use std::io::ErrorKind;
 use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
 
-use anyhow::{Context, Error, Result};
+use anyhow::{Error, Result};
 use pardalis::PixelFormat;
 use pardalis::color::{YuvEncoding, YuvMatrix, YuvRange};
 use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 use pardalis_scene::{FrameRange, VideoInput};
 
-use super::ffmpeg::{Decode, ProbedStream, Process, Programs, name_of};
+use super::ffmpeg::{Decode, ProbedStream, Process, Programs, is_file, name_of, not_allowed};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
 use crate::user_error::user_error;
 
 /// A picture with at least this number of lines counts as high definition if it does not state its matrix.
 const HIGH_DEFINITION_LINES: usize = 720;
+
+/// How long to wait for the first frame of a live source, in seconds, if the scene does not state it.
+const FIRST_FRAME_TIMEOUT_S: f64 = 20.0;
+
+/// How long to wait for a live source before the user is told.
+const SILENT_WAIT: Duration = Duration::from_secs(2);
 
 /// The frames that are still to be delivered.
 pub(super) struct VideoFrames {
@@ -22,6 +31,8 @@ pub(super) struct VideoFrames {
     span: Option<TimeSpan>,
     size_px: (usize, usize),
     byte_count: usize,
+    /// Whether ffmpeg delivers planar 4:2:2, which is packed here.
+    is_planar: bool,
     /// The frames to deliver.
     range: FrameRange,
     /// Maximum number of frames that are still to be delivered.
@@ -45,16 +56,23 @@ impl VideoFrames {
         if range.limit == Some(0) {
             return Err(user_error!("{input}: frame_limit is 0; allowed: 1 or more"));
         }
-        let stream = programs.probe(video)?;
-        let size_px = upright_size_px(&stream);
+        let (stream, layout, size_px, decode) = if is_file(&video.place) {
+            let stream = programs.probe(video)?;
+            let size_px = upright_size_px(&stream);
+            check_size(input, size_px)?;
+            let layout = Layout::of(&stream, encoding);
+            let decode = programs.decode(video, &stream, &layout.filter)?;
+            (stream, layout, size_px, decode)
+        } else {
+            let timeout_s = video.settings.timeout_s.unwrap_or(FIRST_FRAME_TIMEOUT_S);
+            let timeout = Duration::from_secs_f64(timeout_s);
+            let mut decode = programs.decode_live(video)?;
+            let (stream, size_px) = first_of(input, &mut decode, timeout)?;
+            check_size(input, size_px)?;
+            let layout = Layout::of_live(input, &stream, encoding)?;
+            (stream, layout, size_px, decode)
+        };
         let (width, height) = size_px;
-        if width == 0 || height == 0 || width.max(height) > MAX_IMAGE_SIDE_PX {
-            return Err(user_error!(
-                "{input}: the video is {width} x {height} pixels; allowed: 1 to {MAX_IMAGE_SIDE_PX} a side"
-            ));
-        }
-        let layout = Layout::of(&stream, encoding);
-        let decode = programs.decode(video, &layout.filter)?;
         let description = Description {
             input: input.to_owned(),
             content: content(&stream, &layout),
@@ -70,6 +88,7 @@ impl VideoFrames {
             span: stream.span(&video.settings),
             size_px,
             byte_count: layout.format.byte_count(width, height),
+            is_planar: layout.is_planar,
             range,
             remaining: range.limit,
             read: 0,
@@ -91,32 +110,42 @@ impl VideoFrames {
 
     /// Reads one frame; `None` at the regular end.
     fn read_frame(&mut self) -> Result<Option<TimedBytes>> {
-        let Ok(stamp) = self.decode.stamps.recv() else {
-            return self.end().map(|()| None);
+        let (time_s, byte_count) = match self.decode.frames.next() {
+            Ok(Some(next)) => next,
+            Ok(None) => return self.end().map(|()| None),
+            Err(error) => return Err(self.broken(&error)),
         };
-        let mut bytes = vec![0; self.byte_count];
         let (width, height) = self.size_px;
-        if stamp.size_px != self.size_px {
+        let wanted = if self.is_planar {
+            planar_byte_count(self.size_px)
+        } else {
+            self.byte_count
+        };
+        // The header precedes all frames; frames of later sizes differ in their number of bytes.
+        let is_stated =
+            matches!(self.decode.frames.size_px(), Ok(Some(size)) if size == self.size_px);
+        if byte_count != wanted || !is_stated {
             return Err(user_error!(
-                "{}: frame {} is {} x {} pixels where those before it are {width} x {height}; \
+                "{}: frame {} is not {width} x {height} pixels large, as announced; \
                  cut the video where its size changes",
                 self.input,
-                self.read,
-                stamp.size_px.0,
-                stamp.size_px.1
+                self.read
             ));
         }
-        if self.decode.pixels.read_exact(&mut bytes).is_err() {
-            self.end()?;
-            return Err(self.error_with_messages("ffmpeg ended within a frame", &[]));
-        }
-        let Some(time_s) = stamp.time_s else {
+        let Some(time_s) = time_s else {
             return Err(user_error!(
                 "{}: frame {} has no time stamp; give input.format and fps, or extract the images into a folder",
                 self.input,
                 self.read
             ));
         };
+        let mut bytes = vec![0; byte_count];
+        if let Err(error) = self.decode.frames.read(&mut bytes) {
+            return Err(self.broken(&error));
+        }
+        if self.is_planar {
+            bytes = packed(&bytes, self.size_px);
+        }
         self.read += 1;
         Ok(Some(TimedBytes {
             bytes,
@@ -125,26 +154,21 @@ impl VideoFrames {
         }))
     }
 
+    /// Returns why a frame cannot be read.
+    fn broken(&mut self, error: &std::io::Error) -> Error {
+        if error.kind() == ErrorKind::UnexpectedEof {
+            let ended = self.end().err();
+            ended.unwrap_or_else(|| self.error_with_messages("ffmpeg ended within a frame", &[]))
+        } else {
+            self.decode.process.kill();
+            let what = format!("what ffmpeg wrote cannot be read ({error})");
+            self.error_with_messages(&what, &[])
+        }
+    }
+
     /// Checks why there are no more frames: succeeds at the end of the stream, otherwise fails with ffmpeg's messages.
     fn end(&mut self) -> Result<()> {
-        let log = self.decode.log.take().map(std::thread::JoinHandle::join);
-        let messages = match log {
-            Some(Ok(messages)) => messages,
-            Some(Err(panic)) => std::panic::resume_unwind(panic),
-            None => Vec::new(),
-        };
-        let mut surplus = [0];
-        if self
-            .decode
-            .pixels
-            .read(&mut surplus)
-            .is_ok_and(|count| count > 0)
-        {
-            return Err(
-                self.error_with_messages("ffmpeg wrote more frames than time stamps", &messages)
-            );
-        }
-        let status = self.decode.process.wait().context("waiting for ffmpeg")?;
+        let (status, messages) = self.decode.end()?;
         if !status.success() {
             return Err(self.error_with_messages(&format!("ffmpeg failed ({status})"), &messages));
         }
@@ -164,16 +188,108 @@ impl VideoFrames {
     }
 
     fn error_with_messages(&self, what: &str, messages: &[String]) -> Error {
-        let details = if messages.is_empty() {
-            "ffmpeg printed no further messages.".to_owned()
-        } else {
-            format!("ffmpeg's messages:\n{}", messages.join("\n"))
-        };
         user_error!(
-            "{}: {what}, after {} frames; check the file or the camera. {details}",
+            "{}: {what}, after {} frames; check the file or the camera. {}",
             self.input,
-            self.read
+            self.read,
+            quoted(messages)
         )
+    }
+}
+
+/// Returns ffmpeg's last messages for an error.
+fn quoted(messages: &[String]) -> String {
+    if messages.is_empty() {
+        "ffmpeg printed no further messages.".to_owned()
+    } else {
+        format!("ffmpeg's messages:\n{}", messages.join("\n"))
+    }
+}
+
+/// Fails if images of this size cannot be tracked.
+fn check_size(input: &str, (width, height): (usize, usize)) -> Result<()> {
+    if width == 0 || height == 0 || width.max(height) > MAX_IMAGE_SIDE_PX {
+        return Err(user_error!(
+            "{input}: the video is {width} x {height} pixels; allowed: 1 to {MAX_IMAGE_SIDE_PX} a side"
+        ));
+    }
+    Ok(())
+}
+
+/// Waits for the first frame of a live source and returns its stream and its size in pixels. Fails if it does not come
+/// within the limit.
+fn first_of(
+    input: &str,
+    decode: &mut Decode,
+    limit: Duration,
+) -> Result<(ProbedStream, (usize, usize))> {
+    let watch = Watch::start(input, &decode.process, limit);
+    let size_px = decode.frames.size_px();
+    let stream = decode.colors.recv();
+    if watch.has_expired() {
+        return Err(user_error!(
+            "{input}: no frame came within {} s; check that the camera is on and its address is right, or give \
+             input.timeout_s a longer time",
+            limit.as_secs_f64()
+        ));
+    }
+    if let (Ok(Some((width, height))), Ok(stream)) = (size_px, stream) {
+        let stream = ProbedStream {
+            width,
+            height,
+            ..stream
+        };
+        return Ok((stream, (width, height)));
+    }
+    decode.process.kill();
+    let (_, messages) = decode.end()?;
+    if messages
+        .iter()
+        .any(|message| message.contains("not on whitelist"))
+    {
+        return Err(not_allowed(input, &messages[0]));
+    }
+    Err(user_error!(
+        "{input}: ffmpeg cannot open it; check the name and how it is opened. {}",
+        quoted(&messages)
+    ))
+}
+
+/// Tells the user that a source keeps them waiting, and ends ffmpeg after a time.
+struct Watch {
+    /// Closed to end the thread.
+    open: Option<Sender<()>>,
+    thread: Option<JoinHandle<bool>>,
+}
+
+impl Watch {
+    fn start(input: &str, process: &Arc<Process>, limit: Duration) -> Self {
+        let (open, is_open) = channel();
+        let (input, process) = (input.to_owned(), Arc::clone(process));
+        let thread = std::thread::spawn(move || {
+            let waits = |time| is_open.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
+            let silent = SILENT_WAIT.min(limit);
+            if waits(silent) {
+                let limit_s = limit.as_secs_f64();
+                eprintln!("waiting for the first frame of {input}, at most {limit_s} s");
+                if waits(limit.saturating_sub(silent)) {
+                    process.kill();
+                    return true;
+                }
+            }
+            false
+        });
+        Self {
+            open: Some(open),
+            thread: Some(thread),
+        }
+    }
+
+    /// Ends the watch. Reports whether it has ended ffmpeg.
+    fn has_expired(mut self) -> bool {
+        drop(self.open.take());
+        let ended = self.thread.take().map(JoinHandle::join);
+        matches!(ended, Some(Ok(true)))
     }
 }
 
@@ -241,6 +357,8 @@ struct Layout {
     pix_fmt: String,
     /// `None` for RGB.
     encoding: Option<YuvEncoding>,
+    /// Whether the frames are planar 4:2:2 before they are packed.
+    is_planar: bool,
     /// ffmpeg's filters.
     filter: String,
 }
@@ -285,8 +403,31 @@ impl Layout {
             format,
             pix_fmt: pix_fmt.to_owned(),
             encoding: encoding.filter(|_| !is_rgb),
+            is_planar: false,
             filter,
         }
+    }
+
+    /// Returns the layout of a stream whose format ffmpeg has chosen.
+    fn of_live(input: &str, stream: &ProbedStream, given: Option<YuvEncoding>) -> Result<Self> {
+        let (format, pix_fmt) = nearest_format(&stream.pix_fmt);
+        let encoding = given.or_else(|| encoding_of(stream));
+        let encoding = match format {
+            PixelFormat::Rgb8 => None,
+            _ => Some(encoding.ok_or_else(|| {
+                user_error!(
+                    "{input}: its colours are encoded as {}, which is not supported; state the nearest with yuv",
+                    stream.color_space
+                )
+            })?),
+        };
+        Ok(Self {
+            format,
+            pix_fmt: pix_fmt.to_owned(),
+            encoding,
+            is_planar: stream.pix_fmt.contains("422p"),
+            filter: String::new(),
+        })
     }
 }
 
@@ -337,6 +478,25 @@ fn encoding_of(stream: &ProbedStream) -> Option<YuvEncoding> {
         _ => YuvRange::Limited,
     };
     Some(YuvEncoding { matrix, range })
+}
+
+/// Returns the number of bytes of a planar 4:2:2 image.
+fn planar_byte_count((width, height): (usize, usize)) -> usize {
+    (width + 2 * width.div_ceil(2)) * height
+}
+
+/// Packs a planar 4:2:2 image as YUYV.
+fn packed(planes: &[u8], (width, height): (usize, usize)) -> Vec<u8> {
+    let half = width.div_ceil(2);
+    let (luma, chroma) = planes.split_at(width * height);
+    let (u, v) = chroma.split_at(half * height);
+    let mut bytes = Vec::with_capacity(4 * half * height);
+    for (i, (u, v)) in u.iter().zip(v).enumerate() {
+        let (row, left) = (i / half * width, i % half * 2);
+        let right = (left + 1).min(width - 1);
+        bytes.extend([luma[row + left], *u, luma[row + right], *v]);
+    }
+    bytes
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::process::Command;
+use std::thread::JoinHandle;
 
 use tempfile::TempDir;
 
@@ -676,39 +677,236 @@ fn frames_before_a_failure_are_delivered_and_the_failure_is_quoted() {
 
 #[cfg(unix)]
 #[test]
-fn frames_and_time_stamps_that_differ_in_number_are_an_error() {
-    let Some((times, error, _)) = read_with("FFMPEG \"$@\"; echo surplus") else {
-        return;
-    };
-    assert_eq!(times.len(), 6);
-    assert!(error.is_some_and(|error| error.contains("more frames than time stamps")));
-    let Some((times, error, _)) = read_with("FFMPEG \"$@\" | head -c 1000000") else {
-        return;
-    };
-    assert_eq!(times.len(), 2);
-    let error = error.expect("an error");
-    assert!(error.contains("ended within a frame"), "{error}");
-}
-
-#[cfg(unix)]
-#[test]
-fn a_change_of_size_and_a_missing_time_stamp_are_errors() {
-    let size = "{ FFMPEG \"$@\" 2>&1 >&3 | sed -u '/n:   2 /s/s:640x480/s:320x240/' >&2; } 3>&1";
-    let time =
-        "{ FFMPEG \"$@\" 2>&1 >&3 | sed -u 's/n:   2 pts: *[0-9]* /n: 2 pts: NOPTS /' >&2; } 3>&1";
-    for (script, expected) in [
-        (size, "frame 2 is 320 x 240 pixels where"),
-        (time, "frame 2 has no time stamp"),
+fn what_is_no_frame_is_an_error() {
+    for (script, frames, expected) in [
+        ("FFMPEG \"$@\"; echo surplus", 6, "frame 6 is not"),
+        ("FFMPEG \"$@\" | head -c 1000000", 2, "ended within a frame"),
+        (
+            "echo this is not a stream of frames",
+            0,
+            "it is not a NUT stream",
+        ),
     ] {
         let Some((times, error, _)) = read_with(script) else {
             return;
         };
-        assert_eq!(times, [0.0, 0.04]);
-        assert!(
-            error.is_some_and(|error| error.contains(expected)),
-            "{expected}"
-        );
+        assert_eq!(times.len(), frames);
+        let error = error.expect("an error");
+        assert!(error.contains(expected), "{error}");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn times_do_not_depend_on_the_messages_of_ffmpeg() {
+    let Some((times, error, _)) = read_with("FFMPEG \"$@\" 2> /dev/null") else {
+        return;
+    };
+    assert_eq!(error, None);
+    assert_eq!(times, [0.0, 0.04, 0.08, 0.12, 0.16, 0.2]);
+}
+
+/// Runs the installed ffmpeg with another filter before its own ones.
+#[cfg(unix)]
+fn read_filtered(filter: &str) -> Option<(Vec<f64>, Option<String>, Counters)> {
+    read_with(&format!(
+        "for a; do shift; case \"$a\" in format=*) a=\"{filter},$a\";; esac; set -- \"$@\" \"$a\"; done; FFMPEG \"$@\""
+    ))
+}
+
+#[cfg(unix)]
+#[test]
+fn times_that_repeat_or_decrease_or_are_negative_are_kept() {
+    let Some((times, error, _)) =
+        read_filtered("setpts='if(eq(N,2),PTS-3/TB,if(eq(N,4),PTS-0.04/TB,PTS))'")
+    else {
+        return;
+    };
+    assert_eq!(error, None);
+    let third = 0.08 - 3.0;
+    assert!((times[2] - third).abs() < 1e-9, "{times:?}");
+    let others = [times[0], times[1], times[3], times[4], times[5]];
+    assert_eq!(others, [0.0, 0.04, 0.12, 0.12, 0.2]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_missing_time_stamp_is_an_error() {
+    let Some((times, error, _)) = read_filtered("setpts='if(eq(N,2),NAN,PTS)'") else {
+        return;
+    };
+    assert_eq!(times, [0.0, 0.04]);
+    let error = error.expect("an error");
+    assert!(error.contains("frame 2 has no time stamp"), "{error}");
+}
+
+#[test]
+fn a_change_of_size_is_an_error() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let mut bytes = Vec::new();
+    for size in ["scale=320:240", "scale=240:320", "scale=160:120"] {
+        let part = clip(&folder, "part.mjpeg", &["-vf", size, "-f", "mjpeg"]);
+        bytes.push(std::fs::read(part).expect("read"));
+    }
+    let settings = VideoSettings {
+        format: Some(VideoFormat::Mjpeg),
+        fps: Some(25.0),
+        ..VideoSettings::default()
+    };
+    let path = path_in(&folder, "parts.mjpeg");
+    std::fs::write(&path, [&*bytes[0], &*bytes[2]].concat()).expect("written");
+    let source = Source::open(&opened(&path, settings)).expect("opens");
+    let frames: Vec<_> = source.collect();
+    assert_eq!(frames.len(), 7);
+    let error = frames[6].as_ref().expect_err("of another size").to_string();
+    assert!(error.contains("frame 6 is not 320 x 240 pixels"), "{error}");
+}
+
+/// Creates a pipe with a name and writes a file into it, once.
+#[cfg(unix)]
+fn pipe_of(folder: &TempDir, file: &str) -> (String, JoinHandle<()>) {
+    let pipe = path_in(folder, "pipe");
+    let made = Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.expect("mkfifo runs").success());
+    let (from, to) = (file.to_owned(), pipe.clone());
+    let writer = std::thread::spawn(move || {
+        let bytes = std::fs::read(from).expect("read");
+        std::fs::write(to, bytes).expect("read to its end");
+    });
+    (pipe, writer)
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_are_opened_once_and_deliver_the_same_as_files() {
+    if programs().is_none() {
+        return;
+    }
+    for (name, arguments) in [
+        (
+            "h264.ts",
+            &["-c:v", "libx264", "-pix_fmt", "yuv420p", "-bf", "2"][..],
+        ),
+        (
+            "hd.mkv",
+            &[
+                "-vf",
+                "scale=1280:720",
+                "-c:v",
+                "libx264",
+                "-pix_fmt",
+                "yuv420p",
+            ],
+        ),
+        ("420.avi", &["-c:v", "mjpeg", "-pix_fmt", "yuvj420p"]),
+        (
+            "422.avi",
+            &[
+                "-vf",
+                "scale=162:119",
+                "-c:v",
+                "mjpeg",
+                "-pix_fmt",
+                "yuvj422p",
+            ],
+        ),
+        ("nv12.nut", &["-c:v", "rawvideo", "-pix_fmt", "nv12"]),
+        ("bgr.nut", &["-c:v", "rawvideo", "-pix_fmt", "bgr24"]),
+        ("gray.nut", &["-c:v", "rawvideo", "-pix_fmt", "gray"]),
+    ] {
+        let folder = TempDir::new().expect("a folder");
+        let file = clip(&folder, name, arguments);
+        let (wanted, wanted_s, wanted_bytes, _) = read(&config(&file));
+        let (pipe, writer) = pipe_of(&folder, &file);
+        let (found, found_s, found_bytes, _) = read(&config(&pipe));
+        writer.join().expect("written");
+        assert_eq!(found_s, wanted_s, "{name}");
+        assert!(found_bytes == wanted_bytes, "{name}");
+        let of = |d: &Description| (d.size_px, d.pixel_format, d.encoding);
+        assert_eq!(of(&found), of(&wanted), "{name}");
+        let codec = wanted.content.split(' ').next().expect("a word");
+        assert!(found.content.starts_with(codec), "{found:?}");
+        assert_eq!(found.frame_count, None);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn playlists_in_pipes_are_refused() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let list = path_in(&folder, "list");
+    std::fs::write(&list, "ffconcat version 1.0\nfile 'secret.mp4'\n").expect("written");
+    let (pipe, _) = pipe_of(&folder, &list);
+    let error = error_of(&config(&pipe));
+    assert!(error.contains("its content names other files"), "{error}");
+}
+
+/// Returns the source of a stream from a server on this machine.
+fn tcp(listener: &std::net::TcpListener, timeout_s: f64) -> SourceConfig {
+    let address = format!("tcp://{}", listener.local_addr().expect("an address"));
+    SourceConfig {
+        kind: SourceKind::Video {
+            video: VideoInput {
+                place: VideoPlace::Address(Protocol::Tcp, address),
+                settings: VideoSettings {
+                    timeout_s: Some(timeout_s),
+                    ..VideoSettings::default()
+                },
+            },
+            encoding: None,
+        },
+        ..config("")
+    }
+}
+
+#[test]
+fn a_server_for_one_client_is_connected_once() {
+    use std::io::Write;
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let file = clip(
+        &folder,
+        "clip.ts",
+        &["-c:v", "libx264", "-pix_fmt", "yuv420p"],
+    );
+    let bytes = std::fs::read(&file).expect("read");
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    let source = tcp(&listener, 20.0);
+    let server = std::thread::spawn(move || {
+        let (mut client, _) = listener.accept().expect("a client");
+        // Nobody else is accepted.
+        drop(listener);
+        client.write_all(&bytes).expect("sent");
+    });
+    let (_, times_s, _, _) = read(&source);
+    server.join().expect("served");
+    assert_eq!(times_s, read(&config(&file)).1);
+}
+
+#[test]
+fn a_source_without_frames_ends_the_wait() {
+    if programs().is_none() {
+        return;
+    }
+    // It accepts the connection and sends nothing.
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    let error = error_of(&tcp(&listener, 0.5));
+    assert!(error.contains("no frame came within 0.5 s"), "{error}");
+    let address = listener.local_addr().expect("an address");
+    drop(listener);
+    let closed = std::net::TcpListener::bind(address).expect("the same port");
+    let source = tcp(&closed, 20.0);
+    drop(closed);
+    let error = error_of(&source);
+    assert!(error.contains("Connection refused"), "{error}");
 }
 
 #[test]

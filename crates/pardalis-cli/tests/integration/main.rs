@@ -13,6 +13,7 @@ mod foreign_scenes;
 mod init;
 mod learn;
 mod likelihood;
+mod live;
 mod locate;
 mod measure;
 mod more_is_better;

@@ -730,6 +730,7 @@ fn videos_are_files_devices_or_addresses() {
     ] {
         assert_eq!(video_of(&format!("video = '{name}'")).place, file(name));
     }
+    assert_eq!(video_of("video = '-'").place, VideoPlace::StandardInput);
     let device = video_of("video = '/dev/video2'\nfps = 30\nsize_px = [640, 480]");
     assert_eq!(device.place, VideoPlace::Device("/dev/video2".to_owned()));
     let settings = device.settings;
@@ -747,10 +748,9 @@ fn videos_are_files_devices_or_addresses() {
 
 #[test]
 fn scenes_cannot_give_options_generators_or_other_protocols() {
-    let [key, input] = ["cameras.mirror.video", "cameras.mirror.input"];
-    let at = |name: &str| format!("{input}.{name}");
-    let (format, pixel_format, codec) = (at("format"), at("pixel_format"), at("codec"));
-    let (start_s, real_time, transport) = (at("start_s"), at("real_time"), at("rtsp_transport"));
+    let key = "cameras.mirror.video";
+    let at = |name: &str| format!("cameras.mirror.input.{name}");
+    let (format, pixel_format) = (at("format"), at("pixel_format"));
     assert_rejected(
         video,
         &[
@@ -797,6 +797,19 @@ fn scenes_cannot_give_options_generators_or_other_protocols() {
                 &pixel_format,
                 "letters, digits and underscores",
             ),
+        ],
+    );
+}
+
+#[test]
+fn settings_of_videos_are_rejected_where_they_do_not_apply() {
+    let input = "cameras.mirror.input";
+    let at = |name: &str| format!("{input}.{name}");
+    let (pixel_format, codec) = (at("pixel_format"), at("codec"));
+    let (start_s, real_time, transport) = (at("start_s"), at("real_time"), at("rtsp_transport"));
+    assert_rejected(
+        video,
+        &[
             (
                 "video = 'a'\ninput.pixel_format = 'nv12'",
                 &pixel_format,

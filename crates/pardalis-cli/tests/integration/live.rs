@@ -1,0 +1,117 @@
+//! Live sources with the real program and the real ffmpeg.
+
+use std::fs::{self, File};
+use std::net::TcpListener;
+use std::process::{Command, Stdio};
+#[cfg(target_os = "linux")]
+use std::time::Duration;
+
+use crate::common::{Run, Workplace, rows_in, scene_with};
+
+/// Returns a workplace with the first frames of the sequence as an MPEG transport stream; `None` without ffmpeg.
+fn with_stream(frames: usize) -> Option<Workplace> {
+    let place = Workplace::with_frames(frames);
+    let encoded = Command::new("ffmpeg")
+        .current_dir(place.path(""))
+        .args(["-v", "error", "-framerate", "25", "-i", "images/%06d.jpg"])
+        .args(["-c:v", "libx264", "-preset", "ultrafast", "-g", "5"])
+        .args(["-pix_fmt", "yuvj420p", "ride.ts"])
+        .status();
+    if encoded.is_ok_and(|status| status.success()) {
+        return Some(place);
+    }
+    println!("skipped: ffmpeg is not installed");
+    None
+}
+
+fn video(input: &str) -> String {
+    let lines = format!("video = \"{input}\"");
+    scene_with("images = \"images\"\nfps = 25", &lines)
+}
+
+#[test]
+fn standard_input_is_a_source_like_the_file() {
+    let Some(place) = with_stream(12) else {
+        return;
+    };
+    let from_file = place.track_with(video("ride.ts"), &["-o", "-"]).fine();
+    let mut command = place.command(video("-"), &["-o", "-"]);
+    let input = File::open(place.path("ride.ts")).unwrap();
+    let run = Run::of(command.stdin(input)).fine();
+    assert_eq!(rows_in(&run.stdout).len(), 12);
+    assert_eq!(run.stdout, from_file.stdout);
+    // Nothing comes.
+    let mut command = place.command(video("-"), &["-o", "-"]);
+    let empty = Run::of(command.stdin(Stdio::null()));
+    empty.refused(&["line 3: cameras.cam1.video: standard input: ffmpeg cannot open it"]);
+}
+
+/// Returns the identifiers of the processes that a process has started.
+#[cfg(target_os = "linux")]
+fn children_of(process: u32) -> Vec<String> {
+    let path = format!("/proc/{process}/task/{process}/children");
+    let text = fs::read_to_string(path).unwrap_or_default();
+    text.split_whitespace().map(str::to_owned).collect()
+}
+
+/// Waits until something holds; fails after half a minute.
+#[cfg(target_os = "linux")]
+#[track_caller]
+fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
+    for _ in 0..1500 {
+        if holds() {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    panic!("{what}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn no_ffmpeg_outlives_the_program() {
+    if with_stream(1).is_none() || Command::new("setpriv").arg("--version").output().is_err() {
+        println!("skipped: ffmpeg or setpriv is not installed");
+        return;
+    }
+    for signal in ["INT", "TERM", "KILL"] {
+        let place = Workplace::with_frames(1);
+        // It accepts connections and sends nothing, so that ffmpeg never writes.
+        let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = format!("tcp://{}", silent.local_addr().unwrap());
+        let mut command = place.command(video(&address), &["-o", "out"]);
+        let mut program = command.stderr(Stdio::piped()).spawn().unwrap();
+        let (connection, _) = silent.accept().unwrap();
+        let children = children_of(program.id());
+        assert_eq!(children.len(), 1, "{children:?}");
+        let ffmpeg = format!("/proc/{}/cmdline", children[0]);
+        let started = fs::read_to_string(&ffmpeg).unwrap();
+        assert!(started.contains("ffmpeg"), "{started}");
+        let kill = format!("kill -{signal} {}", program.id());
+        let sent = Command::new("/bin/sh").args(["-c", &kill]).status();
+        assert!(sent.unwrap().success());
+        program.wait().unwrap();
+        // An ended process has no command line.
+        wait_until("ffmpeg goes on", || {
+            fs::read_to_string(&ffmpeg).unwrap_or_default().is_empty()
+        });
+        drop(connection);
+    }
+}
+
+#[test]
+fn a_source_that_keeps_silent_is_announced_and_given_up() {
+    if with_stream(1).is_none() {
+        return;
+    }
+    let place = Workplace::with_frames(1);
+    let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp://{}", silent.local_addr().unwrap());
+    let lines = format!("video = \"{address}\"\ninput.timeout_s = 3");
+    let run = place.track(scene_with("images = \"images\"\nfps = 25", &lines));
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    let waiting = format!("waiting for the first frame of {address}, at most 3 s\n");
+    assert!(run.stderr.starts_with(&waiting), "{}", run.stderr);
+    let given_up = format!("line 3: cameras.cam1.video: {address}: no frame came within 3 s");
+    assert!(run.stderr.contains(&given_up), "{}", run.stderr);
+}
