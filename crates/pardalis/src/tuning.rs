@@ -131,8 +131,8 @@ tuned! {
         meeting_diameters: f64 = 1.0, "diameters", "hand-set";
         /// The number of detections kept per instant.
         max_detections: usize = 6, "detections", "hand-set: bounds the time of the update";
-        /// Detections with a smaller log-likelihood ratio are dropped: an outline anywhere nearby would do as well.
-        min_log_ratio: f64 = 0.5, "nats", "hand-set";
+        /// Detections whose outline speaks against the target by more than this are dropped: it is another thing's.
+        refuted_nats: f64 = 4.0, "nats", "experiment: balls of real clips keep their track with fingers on them; books and boxes have -3 to 20 nats";
         /// Detections closer than this are one.
         distinct_diameters: f64 = 0.25, "diameters", "hand-set";
         /// Whole images are searched at least once in this many frame sets.
@@ -154,7 +154,7 @@ tuned! {
         /// Clutter (things that look like the target) per frame, over all places where targets appear.
         clutter_per_frame: f64 = 0.1, "things", "hand-set";
         /// A detection's log-likelihood ratio of target against clutter rises by one per this many nats of the edge cue's per camera, ...
-        log_ratio_scale: f64 = 1.5, "nats", "hand-set: pixels are not independent";
+        log_ratio_scale: f64 = 1.0, "nats", "experiment: real balls have 5 to 25 nats, books and boxes of their colours -20 to 3";
         /// ... from minus this, ...
         clutter_nats: f64 = 5.0, "nats", "hand-set: between more wrong frames (half) and more missed ones (twice) on real footage";
         /// ... to at most this.

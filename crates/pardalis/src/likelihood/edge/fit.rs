@@ -37,7 +37,8 @@ impl Detection {
         self.log_likelihood_ratio
     }
 
-    /// The same in the octave in which the outline is judged as a whole: how far it is the target's.
+    /// How far its outline as a whole is the target's: the same in the octave in which it is judged, without the errors that a whole outline shares. These
+    /// move an outline, but do not excuse that its parts contradict one another, as at the corners of a book.
     pub(crate) fn judged_log_ratio(&self) -> f64 {
         self.judged_log_ratio
     }
@@ -253,7 +254,7 @@ impl EdgeCue {
         if !self.fit_octave(frames, prior, (is_planar, 0), detection) {
             return false;
         }
-        detection.judged_log_ratio = detection.log_likelihood_ratio;
+        self.judge(frames, detection);
         let octaves = detection.lines().iter().map(|lines| lines.octave.0);
         for finer in 1..=octaves.max().unwrap_or(0) {
             if !self.refine(frames, (is_planar, finer), detection) {
@@ -261,6 +262,23 @@ impl EdgeCue {
             }
         }
         true
+    }
+
+    /// Judges the outline at the detection's position, for which the lines were placed.
+    pub(super) fn judge(&mut self, frames: &[EdgeFrame], detection: &mut Detection) {
+        let position = detection.position_m.map(|v| [v as f32; LANES]);
+        let exponent = self.settings.likelihood_exponent as f32;
+        detection.judged_log_ratio = 0.0;
+        for lines in &mut detection.lines[..detection.camera_count] {
+            let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
+                continue;
+            };
+            self.project(frame.projector(), &position);
+            let of_fit = lines.replace_exponent(exponent);
+            let sums = SectorSums::of(lines, &self.coordinates).lane(0);
+            detection.judged_log_ratio += f64::from(lines.log_likelihood_ratio(&sums));
+            lines.replace_exponent(of_fit);
+        }
     }
 
     /// Fits in octaves finer by one than before, from the position and with the uncertainty found there. Returns whether the finer octaves agree; otherwise

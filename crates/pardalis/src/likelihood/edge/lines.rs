@@ -277,6 +277,13 @@ impl CorrespondenceLines {
         sum.max(0.0)
     }
 
+    /// Sets the exponent of the lines' likelihoods. Returns the one before.
+    pub(super) fn replace_exponent(&mut self, exponent: f32) -> f32 {
+        let before = std::mem::replace(&mut self.likelihood_exponent, exponent);
+        self.find_anywhere();
+        before
+    }
+
     fn find_anywhere(&mut self) {
         let count = self.log_ratios.len();
         let mut sums = [[0_f32; SHIFTS]; SECTORS];

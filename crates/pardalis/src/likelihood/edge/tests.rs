@@ -192,6 +192,73 @@ fn likelihoods_over_correspondence_lines_are_the_oracles() {
 }
 
 #[test]
+fn judgements_are_the_oracles_without_shared_errors() {
+    for (place_m, occluded_from) in [
+        ([0.05, -0.03, 1.25], SIZE.0),
+        ([0.021, 0.012, 0.72], SIZE.0),
+        ([0.021, 0.012, 0.72], 92),
+    ] {
+        let frame = grained(&picture(place_m, occluded_from).0);
+        let (judged, octave) = with_frame(&frame, None, |cue, frame| {
+            let mut detection = Detection::at(place_m);
+            cue.place_lines(std::slice::from_ref(&frame), 0, &mut detection);
+            cue.judge(&[frame], &mut detection);
+            (
+                detection.judged_log_ratio(),
+                detection.lines()[0].octave.0.into(),
+            )
+        });
+        let settings = EdgeSettings {
+            shared_sigma_px: 0.0,
+            ..EdgeSettings::default()
+        };
+        let (ball, view) = (ball(), view());
+        let frame = (&frame, octave);
+        let naive = reference::EdgeLines::place(&settings, &ball, &colors(), &view, frame, place_m);
+        let expected = naive.unwrap().log_likelihood_ratio(&ball, &view, place_m);
+        assert!(
+            (judged - expected).abs() < 0.01 * expected.abs().max(1.0),
+            "{place_m:?}: {judged} {expected}"
+        );
+    }
+}
+
+#[test]
+fn a_square_of_the_targets_colors_is_judged_to_be_something_else() {
+    let place_m = [0.02, 0.01, 1.25];
+    let (frame, _) = picture(place_m, SIZE.0);
+    let ball = fitted(&frame, place_m, None).unwrap();
+    // As large as the ball, in its colours, with corners.
+    let square = [0.0_f64, 0.4].map(|turn| {
+        let mut bytes = frame.bytes().to_vec();
+        for (i, pixel) in bytes.chunks_exact_mut(3).enumerate() {
+            let (u, v) = ((i % SIZE.0) as f64 - 82.7, (i / SIZE.0) as f64 - 61.1);
+            let (sin, cos) = turn.sin_cos();
+            let outside = (cos * u + sin * v).abs().max((cos * v - sin * u).abs()) - 14.0;
+            let share = 0.5 * libm::erfc(outside / 0.9 / 2.0_f64.sqrt());
+            let mixed = [(230.0, 60.0), (110.0, 100.0), (20.0, 70.0)]
+                .map(|(ball, ground)| (ground + share * (ball - ground)) as u8);
+            pixel.copy_from_slice(&mixed);
+        }
+        let encoding = YuvEncoding::default();
+        let frame = Frame::new(PixelFormat::Rgb8, encoding, SIZE.0, SIZE.1, bytes, 0.0).unwrap();
+        fitted(&frame, place_m, None).unwrap()
+    });
+    assert!(
+        ball.judged_log_ratio() > 20.0,
+        "{}",
+        ball.judged_log_ratio()
+    );
+    for square in square {
+        assert!(
+            square.judged_log_ratio() < 0.0,
+            "{}",
+            square.judged_log_ratio()
+        );
+    }
+}
+
+#[test]
 fn an_outline_is_found_to_a_fraction_of_a_pixel_from_some_pixels_off() {
     let place_m = [0.05, -0.03, 1.2];
     let (frame, _) = picture(place_m, SIZE.0);

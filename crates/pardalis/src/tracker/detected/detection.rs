@@ -82,7 +82,7 @@ impl Detector {
         }
         let apart_m = tuning.distinct_diameters * self.shape.diameter_m();
         self.detections
-            .keep_distinct(tuning.min_log_ratio, apart_m, tuning.max_detections);
+            .keep_distinct(-tuning.refuted_nats, apart_m, tuning.max_detections);
     }
 
     /// Detects the target near its predicted position, with the prediction as prior.
