@@ -5,6 +5,7 @@ mod board;
 mod commands;
 mod draw;
 mod files;
+mod focal_length;
 mod folder;
 mod interrupt;
 mod output;

@@ -8,6 +8,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
+use super::exif::Exif;
 use super::{GrayImage, RgbImage};
 
 /// Maximum length of a side, in pixels.
@@ -23,6 +24,11 @@ pub enum DecodeError {
     /// The first bytes are not those of a JPEG or PNG file.
     #[error("this is not a JPEG or PNG image; replace or remove it")]
     OtherFormat,
+    /// The file has an image format that is not read. Contains its name with its article.
+    #[error(
+        "this is {0} image, and only JPEG and PNG are read; convert it, for example with `ffmpeg -i IMAGE IMAGE.png`"
+    )]
+    UnreadFormat(&'static str),
     /// The width or height in the header is 0.
     #[error("the image has no pixels ({0} x {1}); replace or remove it")]
     NoPixels(usize, usize),
@@ -45,20 +51,26 @@ pub enum DecodeError {
     Damaged(String),
 }
 
-/// Decodes a JPEG or PNG file of any pixel type to 8-bit RGB. Alpha is dropped; 16-bit samples are rounded.
+/// Decodes a JPEG or PNG file of any pixel type to 8-bit RGB. Alpha is dropped; 16-bit samples are rounded. JPEG images are
+/// turned upright as their EXIF data demand.
 pub fn decode(file: &[u8]) -> Result<RgbImage, DecodeError> {
-    let (kind, (width, height)) = check(file)?;
+    let Header {
+        kind,
+        stored_size: (width, height),
+        exif,
+    } = Header::read(file)?;
     let rgb = match kind {
         Kind::Jpeg { scans_end } => rgb_from_jpeg(file, scans_end),
         Kind::Png => rgb_from_png(file),
     };
     let samples = rgb.map_err(DecodeError::Damaged)?;
     let count = samples.len();
-    RgbImage::from_raw(width as u32, height as u32, samples).ok_or_else(|| {
+    let stored = RgbImage::from_raw(width as u32, height as u32, samples).ok_or_else(|| {
         DecodeError::Damaged(format!(
             "decoded to {count} bytes for {width} x {height} pixels"
         ))
-    })
+    })?;
+    Ok(exif.orientation.upright(stored))
 }
 
 /// Decodes a JPEG or PNG file of any pixel type to 8-bit grey. Colours are combined with the weights of BT.601.
@@ -69,10 +81,21 @@ pub fn decode_grey(file: &[u8]) -> Result<GrayImage, DecodeError> {
     }))
 }
 
-/// Returns the width and height of a JPEG or PNG file in pixels from its header. The pixels are not decoded, so that
-/// damaged data are not detected.
+/// Returns the width and height in pixels, upright, of a JPEG or PNG file from its header. The pixels are not decoded, so
+/// that damaged data are not detected.
 pub fn size(file: &[u8]) -> Result<(usize, usize), DecodeError> {
-    Ok(check(file)?.1)
+    let header = Header::read(file)?;
+    Ok(header.exif.orientation.size(header.stored_size))
+}
+
+/// Returns the focal length in pixels of the camera of a JPEG file, if its EXIF data state it: certain to a few per cent.
+/// Errors are those of [`size`].
+///
+/// It follows from the focal length on film of 36 x 24 mm with the same diagonal angle, or else from the focal length and
+/// the resolution of the sensor. An image that was cropped later has another one.
+pub fn exif_focal_length_px(file: &[u8]) -> Result<Option<f64>, DecodeError> {
+    let header = Header::read(file)?;
+    Ok(header.exif.focal_length_px(header.stored_size))
 }
 
 /// Supported file formats.
@@ -85,25 +108,97 @@ enum Kind {
     Png,
 }
 
-/// Determines the format from the first bytes and checks the size in the header before memory is allocated.
-fn check(file: &[u8]) -> Result<(Kind, (usize, usize)), DecodeError> {
-    let structure = match file {
-        [] => return Err(DecodeError::Empty),
-        [0xFF, 0xD8, ..] => jpeg_structure(file),
-        [0x89, b'P', b'N', b'G', ..] => png_structure(file),
-        _ => return Err(DecodeError::OtherFormat),
-    };
-    if let Some((width, height)) = structure.size {
-        if width == 0 || height == 0 {
-            return Err(DecodeError::NoPixels(width, height));
+/// What is known of an image before its pixels are decoded.
+struct Header {
+    kind: Kind,
+    /// Width and height in pixels, before the image is turned upright.
+    stored_size: (usize, usize),
+    exif: Exif,
+}
+
+impl Header {
+    /// Determines the format from the first bytes and checks the size in the header before memory is allocated.
+    fn read(file: &[u8]) -> Result<Self, DecodeError> {
+        let structure = match file {
+            [] => return Err(DecodeError::Empty),
+            [0xFF, 0xD8, ..] => jpeg_structure(file),
+            [0x89, b'P', b'N', b'G', ..] => png_structure(file),
+            _ => {
+                return Err(
+                    unread_format(file).map_or(DecodeError::OtherFormat, DecodeError::UnreadFormat)
+                );
+            }
+        };
+        if let Some((width, height)) = structure.size {
+            if width == 0 || height == 0 {
+                return Err(DecodeError::NoPixels(width, height));
+            }
+            if width.max(height) > MAX_SIDE_PX {
+                return Err(DecodeError::TooLarge(width, height));
+            }
         }
-        if width.max(height) > MAX_SIDE_PX {
-            return Err(DecodeError::TooLarge(width, height));
+        match structure.size {
+            Some(stored_size) if structure.complete => Ok(Self {
+                kind: structure.kind,
+                stored_size,
+                exif: structure.exif,
+            }),
+            _ => Err(DecodeError::Incomplete(file.len())),
         }
     }
-    match structure.size {
-        Some(size) if structure.complete => Ok((structure.kind, size)),
-        _ => Err(DecodeError::Incomplete(file.len())),
+}
+
+/// Names the format of an image that is not read, by its first bytes.
+fn unread_format(file: &[u8]) -> Option<&'static str> {
+    match file {
+        [b'B', b'M', ..] => Some("a BMP"),
+        [b'G', b'I', b'F', b'8', ..] => Some("a GIF"),
+        [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => Some("a TIFF"),
+        [
+            b'R',
+            b'I',
+            b'F',
+            b'F',
+            _,
+            _,
+            _,
+            _,
+            b'W',
+            b'E',
+            b'B',
+            b'P',
+            ..,
+        ] => Some("a WebP"),
+        [
+            _,
+            _,
+            _,
+            _,
+            b'f',
+            b't',
+            b'y',
+            b'p',
+            b'a',
+            b'v',
+            b'i',
+            b'f',
+            ..,
+        ] => Some("an AVIF"),
+        [
+            _,
+            _,
+            _,
+            _,
+            b'f',
+            b't',
+            b'y',
+            b'p',
+            b'h' | b'm',
+            b'e' | b'i',
+            b'i' | b'f',
+            ..,
+        ] => Some("a HEIC"),
+        _ => None,
     }
 }
 
@@ -114,6 +209,7 @@ struct Structure {
     size: Option<(usize, usize)>,
     /// Whether the file contains its end marker.
     complete: bool,
+    exif: Exif,
 }
 
 /// Parses the markers of a JPEG file.
@@ -122,6 +218,7 @@ fn jpeg_structure(bytes: &[u8]) -> Structure {
         kind: Kind::Jpeg { scans_end: None },
         size: None,
         complete: false,
+        exif: Exif::default(),
     };
     let mut is_progressive = false;
     let mut rest = &bytes[2..];
@@ -152,6 +249,12 @@ fn jpeg_structure(bytes: &[u8]) -> Structure {
                 is_progressive |= marker == 0xC2;
                 let [_, l1, l0, ..] = rest else { break };
                 let length = usize::from(u16::from_be_bytes([*l1, *l0]));
+                let tiff = rest
+                    .get(3..1 + length)
+                    .and_then(|data| data.strip_prefix(b"Exif\0\0"));
+                if let (0xE1, Some(tiff)) = (marker, tiff) {
+                    structure.exif = Exif::read(tiff);
+                }
                 rest = rest.get(1 + length..).unwrap_or_default();
             }
         }
@@ -165,6 +268,7 @@ fn png_structure(bytes: &[u8]) -> Structure {
         kind: Kind::Png,
         size: None,
         complete: false,
+        exif: Exif::default(),
     };
     let mut rest = bytes.get(8..).unwrap_or_default();
     while let Some((&[l3, l2, l1, l0, k0, k1, k2, k3], body)) = rest.split_first_chunk::<8>() {

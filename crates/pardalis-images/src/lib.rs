@@ -1,7 +1,7 @@
 //! Images in memory: decoding and encoding JPEG and PNG, and resizing.
 //!
 //! An [`Image`] is a grid of pixels with interleaved channels, row by row from the top left. Colours are the bytes
-//! of the file; embedded colour profiles and gamma are ignored, and alpha is dropped.
+//! of the file; embedded colour profiles and gamma are ignored, and alpha is dropped. The EXIF orientation of JPEG files is respected.
 //!
 //! ```
 //! use pardalis_images::{RgbImage, decode, encode_png};
@@ -14,9 +14,10 @@
 
 mod decode;
 mod encode;
+mod exif;
 mod image;
 mod resize;
 
-pub use decode::{DecodeError, MAX_SIDE_PX, decode, decode_grey, size};
+pub use decode::{DecodeError, MAX_SIDE_PX, decode, decode_grey, exif_focal_length_px, size};
 pub use encode::{EncodeError, JpegSampling, encode_jpeg, encode_png};
 pub use image::{GrayImage, Image, RgbImage};

@@ -7,6 +7,7 @@ pub mod calibration;
 mod camera;
 mod camera_names;
 pub mod description;
+mod guesses;
 mod journal;
 mod key;
 mod keys;
@@ -119,6 +120,7 @@ impl Scene {
         let seed = table
             .key("seed", "Seed of all random numbers.")
             .or(Self::DEFAULT_SEED);
+        guesses::read_guesses(table);
         let about = "The cameras, each by its name.";
         let camera_tables = table.named_tables("cameras", about, Presence::Required);
         let camera_names: Vec<String> =

@@ -124,6 +124,17 @@ impl<'a, 't> Table<'a, 't> {
         self.table.get(key).is_some()
     }
 
+    /// Returns the line of the value with this path of keys below this table, if it is given.
+    pub(super) fn given(&self, path: &str) -> Option<usize> {
+        let (parents, key) = path.rsplit_once('.').unwrap_or(("", path));
+        let mut table = self.table;
+        for parent in parents.split('.').filter(|parent| !parent.is_empty()) {
+            table = table.get(parent)?.get_ref().as_table()?;
+        }
+        let value = table.get(key)?;
+        Some(self.journal.line_of(value.span().start))
+    }
+
     /// Reports whether the key is given and marks it as known, for a better message than that the key does not exist.
     pub(super) fn knows(&self, key: &'static str) -> bool {
         self.get(key).is_some()

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use pardalis_images::RgbImage;
-use tiny_skia::Pixmap;
+use tiny_skia::{Paint, PathBuilder, Pixmap, Stroke, Transform};
 
-use super::picture::{canvas_of, picture_from, write_picture};
+use super::picture::{canvas_of, opaque, picture_from, write_picture};
 use super::text::{Caption, write_caption};
 use super::{INK, Rgb};
 
@@ -20,6 +20,8 @@ pub(crate) struct Tile {
     pub(crate) mask: Vec<bool>,
     /// The log odds of each pixel, row by row.
     pub(crate) log_odds: Vec<f32>,
+    /// The outline that the detector found, pixel centres at integers; empty if there is none.
+    pub(crate) found_px: Vec<[f64; 2]>,
 }
 
 const SIDE_PX: u32 = 220;
@@ -32,13 +34,14 @@ const MIN_SHOWN_PX: f64 = 16.0;
 
 const PAPER: Rgb = [255; 3];
 const OUTSIDE: Rgb = [200; 3];
+const FOUND: Rgb = [255, 0, 255];
 /// Colours of scores far below, at and far above the threshold.
 const COLD: Rgb = [0, 90, 181];
 const NEUTRAL: Rgb = [247; 3];
 const WARM: Rgb = [220, 50, 32];
 
-/// Draws, for each image, the surroundings of the object with the outline of its mask, and its scores:
-/// red above the threshold, blue below. Two pairs lie side by side.
+/// Draws, for each image, the surroundings of the object with the outline of its mask in black and white and the found
+/// one in magenta, and its scores: red above the threshold, blue below. Two pairs lie side by side.
 pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyhow::Result<()> {
     let columns = (tiles.len() as u32).clamp(1, 2);
     let rows = (tiles.len() as u32).div_ceil(columns);
@@ -81,8 +84,9 @@ pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyho
     let Some(mut canvas) = canvas_of(&picture) else {
         return write_picture(path, &picture);
     };
-    for (index, tile) in tiles.iter().enumerate() {
+    for (index, (tile, crop)) in tiles.iter().zip(&crops).enumerate() {
         let [left, top] = corner_px(index);
+        draw_found(&mut canvas, tile, crop, [left, top]);
         write(&mut canvas, &tile.label, [left, top - 6], pair_px);
     }
     let key = [
@@ -106,6 +110,32 @@ fn write(canvas: &mut Pixmap, text: &str, at_px: [u32; 2], max_px: u32) {
         color: INK,
     };
     write_caption(canvas, &caption);
+}
+
+/// Draws the part of the found outline that a tile shows, whose image begins at this corner.
+fn draw_found(canvas: &mut Pixmap, tile: &Tile, crop: &Crop, corner_px: [u32; 2]) {
+    let shown = |point: &[f64; 2]| {
+        let at = crop.place(*point);
+        let is_shown = at.iter().all(|c| (0.0..f64::from(SIDE_PX)).contains(c));
+        is_shown.then(|| [0, 1].map(|axis| corner_px[axis] as f32 + at[axis] as f32))
+    };
+    let mut path = PathBuilder::new();
+    let next = tile.found_px.iter().cycle().skip(1);
+    for (from, to) in tile.found_px.iter().zip(next) {
+        if let (Some([x, y]), Some([next_x, next_y])) = (shown(from), shown(to)) {
+            path.move_to(x, y);
+            path.line_to(next_x, next_y);
+        }
+    }
+    let mut paint = Paint::default();
+    paint.set_color(opaque(FOUND));
+    let stroke = Stroke {
+        width: 2.0,
+        ..Stroke::default()
+    };
+    if let Some(path) = path.finish() {
+        canvas.stroke_path(&path, &paint, &stroke, Transform::identity(), None);
+    }
 }
 
 /// The square of an image that is shown.
@@ -150,6 +180,12 @@ impl Crop {
         let inside = (0.0..f64::from(tile.image.width())).contains(&u)
             && (0.0..f64::from(tile.image.height())).contains(&v);
         inside.then_some((u as u32, v as u32))
+    }
+
+    /// Returns the place in the tile of an image point, pixel centres at integers.
+    fn place(&self, point_px: [f64; 2]) -> [f64; 2] {
+        let scale = f64::from(SIDE_PX) / self.side_px;
+        [0, 1].map(|axis| scale * (point_px[axis] + 0.5 - self.corner_px[axis]))
     }
 
     fn object_at(&self, tile: &Tile, x: u32, y: u32) -> bool {

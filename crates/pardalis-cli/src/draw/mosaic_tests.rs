@@ -15,6 +15,7 @@ fn labelled_images_are_drawn_with_outline_and_scores() {
                 .map(|p| 0.05 * (f32::from(p[0]) - 1.5 * f32::from(p[2])));
             Tile {
                 label: format!("00{i}.jpg"),
+                found_px: Vec::new(),
                 log_odds: log_odds.collect(),
                 mask: mask.pixels().map(|p| p[0] > 127).collect(),
                 image,
@@ -31,11 +32,49 @@ fn labelled_images_are_drawn_with_outline_and_scores() {
 }
 
 #[test]
+fn found_outlines_are_drawn_where_they_are_seen() {
+    let folder = test_folder("mosaic-found");
+    let is_object = |x: u32, y: u32| (40..60).contains(&x) && (30..50).contains(&y);
+    let image = RgbImage::from_pixel(100, 80, [90; 3]);
+    let magenta_at = |left: f64| {
+        let right = left + 20.0;
+        let tile = Tile {
+            label: String::new(),
+            mask: image
+                .enumerate_pixels()
+                .map(|(x, y, _)| is_object(x, y))
+                .collect(),
+            log_odds: vec![0.0; 8000],
+            // The corners are those of pixels, whose centres are at integers.
+            found_px: [[left, 30.0], [right, 30.0], [right, 50.0], [left, 50.0]]
+                .map(|corner| corner.map(|c: f64| c - 0.5))
+                .to_vec(),
+            image: image.clone(),
+        };
+        let path = folder.join("mosaic.png");
+        write_mosaic(&path, &[tile], 0.0).unwrap();
+        let drawn = decode_image(&path).unwrap();
+        let found = drawn.enumerate_pixels().filter(|(_, _, p)| *p == FOUND);
+        found.map(|(x, y, _)| [x, y]).collect::<Vec<_>>()
+    };
+    // 40 image pixels are 220 px: the outline lies around the middle half of the tile.
+    let found = magenta_at(40.0);
+    let middle = [GAP_PX + SIDE_PX / 2, LABEL_PX + SIDE_PX / 2];
+    assert!(found.len() > 700, "{}", found.len());
+    for [x, y] in found {
+        let far = x.abs_diff(middle[0]).max(y.abs_diff(middle[1]));
+        assert!((53..=56).contains(&far), "{x} {y}");
+    }
+    assert_eq!(magenta_at(70.0), [[0; 2]; 0], "outside of the tile");
+}
+
+#[test]
 fn degenerate_tiles_are_drawn() {
     let folder = test_folder("mosaic-degenerate");
     let path = folder.join("mosaic.png");
     let tile = |width, height, mask, log_odds| Tile {
         label: String::new(),
+        found_px: Vec::new(),
         image: RgbImage::new(width, height),
         mask,
         log_odds,

@@ -23,6 +23,15 @@ fn marked(scene: &str) -> Vec<&str> {
     lines.map(|line| line.split(' ').next().unwrap()).collect()
 }
 
+/// Returns the scene without its list of guesses, as a user leaves it who has checked them.
+fn confirmed(scene: &str) -> String {
+    let Some((before, list)) = scene.split_once("guessed = [") else {
+        return scene.to_owned();
+    };
+    let (_, after) = list.split_once("\n]\n").unwrap();
+    before.to_owned() + after
+}
+
 /// Tracks with few particles and returns the number of rows.
 #[track_caller]
 fn tracked(place: &Workplace, scene: &str) -> usize {
@@ -31,7 +40,7 @@ fn tracked(place: &Workplace, scene: &str) -> usize {
         "the scene must start from a click"
     );
     let scene = scene.replace("particles = 5000", "particles = 100");
-    place.track(&scene).fine();
+    place.track(confirmed(&scene)).fine();
     place.rows().len()
 }
 
@@ -103,6 +112,152 @@ fn only_guesses_are_marked() {
         "pixel_px = [460.0, 88.0]",
     ] {
         assert!(text.lines().any(|l| l == line), "{line}");
+    }
+}
+
+#[test]
+fn track_warns_of_guesses_until_they_are_replaced() {
+    let place = Workplace::with_frames(2);
+    let arguments = ["images", "--camera", "pinhole", "--colors", "ball.toml"];
+    init(&place, &arguments).fine();
+    let text = scene(&place);
+    let run = place.track(&text);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let line_of = |mark: &str| {
+        1 + text
+            .lines()
+            .position(|line| line.starts_with(mark))
+            .unwrap()
+    };
+    let expected = format!(
+        "guessed: positions are only as right as these guesses: fps (line {}), world_from_camera (line {}), f_px (line {}), \
+         center_px (line {}), radius_m (line {}). Replace each and remove it from this list\n",
+        line_of("fps"),
+        line_of("world_from_camera"),
+        line_of("f_px"),
+        line_of("center_px"),
+        line_of("shape.sphere.radius_m"),
+    );
+    assert!(run.stderr.starts_with("warning: "), "{}", run.stderr);
+    assert!(
+        run.stderr.ends_with(&expected),
+        "{}\n{expected}",
+        run.stderr
+    );
+
+    let text = text.replace("    \"cameras.camera.fps\",\n", "");
+    let run = place.track(&text);
+    assert!(!run.stderr.contains("fps"), "{}", run.stderr);
+    assert!(run.stderr.contains("radius_m (line "), "{}", run.stderr);
+    place.track(confirmed(&text)).fine();
+
+    let misspelt = text.replace("pinhole.f_px\"", "pinhole.f\"");
+    place
+        .track(&misspelt)
+        .refused(&["guessed: names cameras.camera.model.pinhole.f, "]);
+}
+
+/// Returns a JPEG image of a frame's size with these EXIF data in place of its own.
+fn with_exif(place: &Workplace, name: &str, film_focal_length_mm: u8) {
+    let frame = fs::read(frame_file(0)).unwrap();
+    let mut exif =
+        b"\xFF\xE1\x00\x34Exif\0\0MM\0*\0\0\0\x08\0\x01\x87\x69\0\x04\0\0\0\x01\0\0\0\x1A\0\0\0\0\
+                     \0\x01\xA4\x05\0\x03\0\0\0\x01\0\0\0\0\0\0\0\0"
+            .to_vec();
+    exif[47] = film_focal_length_mm;
+    fs::write(place.path(name), [&frame[..2], &exif, &frame[2..]].concat()).unwrap();
+}
+
+/// Returns the line with the focal length of a scene.
+fn focal_length_line(place: &Workplace) -> String {
+    let text = scene(place);
+    let line = text.lines().find(|line| line.starts_with("f_px = "));
+    line.unwrap().to_owned()
+}
+
+#[test]
+fn focal_lengths_come_from_the_angle_of_view_or_exif_data() {
+    let place = Workplace::with_frames(2);
+    let pinhole = [
+        "images",
+        "--camera",
+        "pinhole",
+        "--colors",
+        "ball.toml",
+        "--force",
+    ];
+    init(&place, &pinhole).fine();
+    let line = focal_length_line(&place);
+    assert!(
+        line.starts_with("f_px = [554.3, 554.3]  # CHANGE: for 60 degrees"),
+        "{line}"
+    );
+
+    for arguments in [
+        &["images", "--fov", "90", "--force"][..],
+        &[&pinhole[..], &["--fov", "90"]].concat(),
+    ] {
+        init(&place, arguments).fine();
+        let expected = "f_px = [320.0, 320.0]  # 90 degrees across the longer side";
+        assert_eq!(focal_length_line(&place), expected);
+        assert_eq!(
+            marked(&scene(&place)),
+            ["fps", "world_from_camera", "shape.sphere.radius_m"]
+        );
+    }
+
+    // 640 x 480 pixels have a diagonal of 800, film one of 43.27 mm.
+    with_exif(&place, "images/000000.jpg", 26);
+    init(&place, &pinhole).fine();
+    let line = focal_length_line(&place);
+    assert!(
+        line.starts_with("f_px = [480.7, 480.7]  # from the EXIF data of 000000.jpg: 67.3 degrees"),
+        "{line}"
+    );
+    assert_eq!(
+        marked(&scene(&place)),
+        ["fps", "world_from_camera", "shape.sphere.radius_m"]
+    );
+    place.track(confirmed(&scene(&place))).fine();
+    // The command line overrides the image.
+    init(&place, &[&pinhole[..], &["--fov", "90"]].concat()).fine();
+    assert!(focal_length_line(&place).starts_with("f_px = [320.0"));
+
+    with_exif(&place, "photo.jpg", 52);
+    init(&place, &["images", "--camera", "photo.jpg", "--force"]).fine();
+    let line = focal_length_line(&place);
+    assert!(
+        line.starts_with("f_px = [961.5, 961.5]  # from the EXIF data of photo.jpg"),
+        "{line}"
+    );
+}
+
+#[test]
+fn angles_of_view_that_do_not_apply_are_refused() {
+    let place = Workplace::with_frames(2);
+    for (arguments, expected) in [
+        (&["--fov", "180"][..], "allowed: 1 to 170 degrees"),
+        (&["--fov", "-60"], "allowed: 1 to 170 degrees"),
+        (&["--fov", "wide"], "is not a number"),
+        (
+            &["--fov", "60", "--camera", "equidistant"],
+            "--fov: applies to a pinhole camera of which nothing else is known; remove it with --camera equidistant",
+        ),
+        (
+            &["--fov", "60", "--camera", "lens.yml"],
+            "remove it with --camera lens.yml",
+        ),
+        (
+            &["--camera", "images/000000.jpg"],
+            "--camera images/000000.jpg: its EXIF data state no focal length; give the angle of view with --fov DEGREES",
+        ),
+        (&["--camera", "nowhere.jpg"], "nowhere.jpg: cannot be read"),
+        (
+            &["--camera", "images/000000.jpg", "--as", "fisheye"],
+            "--as: applies to calibration files only",
+        ),
+    ] {
+        init(&place, &[&["images"], arguments].concat()).refused(&[expected]);
     }
 }
 
@@ -354,6 +509,8 @@ fn paths_are_valid_from_another_folder() {
         "460,88",
     ];
     init(&place, &arguments).fine();
+    let text = fs::read_to_string(place.path("scenes/a.toml")).unwrap();
+    place.write("scenes/a.toml", confirmed(&text));
     let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
     let command = command.current_dir(place.path("scenes"));
     let run = Run::of(command.args(["track", "a.toml", "-o", "-"])).fine();

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use pardalis::color::{ColorModel, Palette};
-use pardalis_images::{GrayImage, RgbImage, decode, decode_grey, encode_png};
+use pardalis_images::{
+    GrayImage, JpegSampling, RgbImage, decode, decode_grey, encode_jpeg, encode_png,
+};
 use tempfile::TempDir;
 
 /// Returns a folder of the repository's data.
@@ -104,6 +106,7 @@ fn a_folder_with_masks_is_learnt_and_the_model_is_read_back() {
             "Good",
             "Bhattacharyya",
             "000.jpg",
+            "The detector finds the ball in 6 of 6 of these images",
             "orange-learnt",
         ],
     );
@@ -135,6 +138,10 @@ fn a_folder_with_masks_is_learnt_and_the_model_is_read_back() {
     for name in ["histogram.png", "mosaic.png"] {
         let picture = decode(&fs::read(pictures.join(name)).unwrap()).unwrap();
         assert!(picture.width() > 800, "{name}");
+        let is_magenta = |p: &[u8; 3]| *p == [255, 0, 255];
+        let found = picture.pixels().filter(is_magenta).count();
+        // Six circles, each about 110 px wide.
+        assert!(name != "mosaic.png" || found > 6 * 300, "{found}");
     }
     assert!(pictures.join("histogram.svg").is_file());
     // There are no other files, and a second run gives the same bytes.
@@ -325,6 +332,141 @@ fn boxes_around_balls_teach_the_colours_that_masks_teach_but_no_edge() {
     assert!(boxes.edges().is_empty() && !masks.edges().is_empty());
 }
 
+/// A labelled circle in an image of the folder data/real-balls/half.
+struct RealBall {
+    image: String,
+    center_px: [f64; 2],
+    radius_px: f64,
+}
+
+/// Returns the labels of a real clip, at half size.
+fn real_balls(clip: &str) -> Vec<RealBall> {
+    let folder = data("real-balls");
+    let text = fs::read_to_string(folder.join(clip).join("labels.csv")).unwrap();
+    let row = |line: &str| {
+        let fields: Vec<&str> = line.split(',').collect();
+        let number = |i: usize| fields[i].parse::<f64>().unwrap();
+        let image = folder.join(format!("half/{clip}/{:06}.jpg", number(0) as u32));
+        RealBall {
+            image: image.display().to_string(),
+            center_px: [number(2), number(3)].map(|c| 0.5 * (c + 0.5) - 0.5),
+            radius_px: 0.5 * number(4),
+        }
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+impl RealBall {
+    /// Returns a box around the ball, scaled.
+    fn rect(&self, scale: f64) -> [String; 4] {
+        let reach = scale * self.radius_px;
+        let [x, y] = self.center_px.map(|c| (c + 0.5 - reach).floor());
+        let [right, bottom] = self.center_px.map(|c| (c + 0.5 + reach).ceil());
+        let rect = format!("{x},{y},{},{}", right - x, bottom - y);
+        ["--image", &self.image, "--rect", &rect].map(str::to_owned)
+    }
+
+    /// Returns a polygon along the outline, scaled.
+    fn polygon(&self, scale: f64) -> [String; 4] {
+        let corner = |i: i32| {
+            let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
+            let [u, v] = self.center_px;
+            let reach = scale * self.radius_px;
+            format!("{:.2},{:.2}", u + reach * cos, v + reach * sin)
+        };
+        let corners: Vec<String> = (0..24).map(corner).collect();
+        ["--image", &self.image, "--polygon", &corners.join(",")].map(str::to_owned)
+    }
+}
+
+/// Learns from a real clip and returns the report.
+fn report_on_clip(clip: &str, label: impl Fn(&RealBall) -> [String; 4]) -> String {
+    let folder = TempDir::new().unwrap();
+    let labels: Vec<String> = real_balls(clip).iter().flat_map(label).collect();
+    let mut arguments: Vec<&str> = labels.iter().map(String::as_str).collect();
+    arguments.extend(["--no-pictures", "-o", "m.toml"]);
+    report(&folder, &arguments)
+}
+
+#[test]
+fn real_balls_are_found_in_the_images_that_they_were_learnt_from() {
+    for clip in ["pendulum", "roll"] {
+        for text in [
+            report_on_clip(clip, |ball| ball.polygon(1.0)),
+            report_on_clip(clip, |ball| ball.rect(1.0)),
+        ] {
+            assert_contains(&text, &["The detector finds the ball in 3 of 3"]);
+            assert!(!text.contains("The labels are"), "{text}");
+        }
+    }
+}
+
+#[test]
+fn labels_that_do_not_follow_the_outline_are_reported_and_not_called_good() {
+    for clip in ["pendulum", "roll"] {
+        for (text, expected) in [
+            (report_on_clip(clip, |ball| ball.polygon(0.85)), "too small"),
+            (report_on_clip(clip, |ball| ball.polygon(1.15)), "too large"),
+            (report_on_clip(clip, |ball| ball.rect(0.75)), "too small"),
+            (report_on_clip(clip, |ball| ball.rect(1.2)), "too large"),
+        ] {
+            let labels = text.lines().find(|line| line.starts_with("The labels are"));
+            assert!(labels.unwrap().contains(expected), "{text}");
+            assert!(!text.contains("Good"), "{text}");
+        }
+    }
+}
+
+#[test]
+fn remedies_are_recommended_that_work() {
+    let text = report_on_clip("roll", |ball| ball.rect(1.25));
+    assert_contains(
+        &text,
+        &[
+            "The detector finds the ball in 2 of 3",
+            "000037.jpg   132.5   130.5   32.1   nothing",
+            "With boxes 15 % smaller than these labels, it is found in 3 of 3: the labels are too large",
+        ],
+    );
+    let text = report_on_clip("roll", |ball| ball.rect(0.85 * 1.25));
+    assert_contains(&text, &["The detector finds the ball in 3 of 3"]);
+}
+
+#[test]
+fn something_else_of_the_same_colour_is_not_taken_for_the_label() {
+    let folder = TempDir::new().unwrap();
+    // A ball, and a rectangle of its colour, of which a part is labelled.
+    let image = RgbImage::from_fn(160, 120, |x, y| {
+        let is_rectangle = (80..156).contains(&x) && (8..112).contains(&y);
+        let distance = (f64::from(x) - 40.0).hypot(f64::from(y) - 60.0);
+        let share = if is_rectangle {
+            1.0
+        } else {
+            1.0 / (1.0 + (2.0 * (distance - 15.5)).exp())
+        };
+        [0, 1, 2].map(|c| {
+            let (from, to) = (f64::from(GREEN[c]), f64::from(ORANGE[c]));
+            (from + share * (to - from)) as u8
+        })
+    });
+    fs::write(folder.path().join("a.png"), encode_png(&image).unwrap()).unwrap();
+    let corner = |i: i32| {
+        let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
+        format!("{:.2},{:.2}", 98.0 + 12.0 * cos, 30.0 + 12.0 * sin)
+    };
+    let polygon = (0..24).map(corner).collect::<Vec<_>>().join(",");
+    let arguments = ["--image", "a.png", "--polygon", &polygon, "-o", "m.toml"];
+    let text = report(&folder, &arguments);
+    assert_contains(&text, &["The detector finds the ball in 0 of 1"]);
+    let row = text.lines().find(|line| line.ends_with("elsewhere"));
+    let numbers = row.unwrap().split_whitespace().skip(1).take(6);
+    let numbers: Vec<f64> = numbers.map(|n| n.parse().unwrap()).collect();
+    let expected = [98.0, 30.0, 12.0, 40.0, 60.0, 15.5];
+    let near = |(found, expected): (&f64, &f64)| (found - expected).abs() < 1.0;
+    assert!(numbers.iter().zip(&expected).all(near), "{text}");
+    assert!(!text.contains("Good"), "{text}");
+}
+
 #[test]
 fn palettes_and_bins_are_selectable() {
     let folder = small_images();
@@ -426,6 +568,11 @@ fn bad_labels_and_shared_bins_are_reported() {
         Palette::HSI.channels_of_bin(Palette::HSI.bin_of_rgb([40.0, 90.0, 40.0]));
     let shared = format!("shared with the background: {hue}, {saturation}, {intensity}");
     assert_contains(&text, &["Poor", &shared, "Remedies"]);
+    // The target is a square.
+    assert_contains(
+        &text,
+        &["Not checked whether the detector finds the target"],
+    );
 }
 
 #[test]
@@ -502,6 +649,27 @@ fn invalid_labels_are_rejected() {
             ),
             (LABELLED_A, A, &["--image a.png is given twice"]),
             (
+                &["--frame", "3"],
+                LABELLED_A,
+                &["--frame 3 comes before any video"],
+            ),
+            (
+                LABELLED_A,
+                &["--frame", "3"],
+                &["--frame 3 follows labels; put it directly after --image a.png"],
+            ),
+            (
+                A,
+                &["--frame", "3", "--rect", "4,6,10,10"],
+                &["--image a.png --frame 3: this is a single image; leave --frame out"],
+            ),
+            (
+                A,
+                &["--frame", "3", "--frame", "3"],
+                &["--image a.png --frame 3 is given twice"],
+            ),
+            (A, &["--frame", "-1"], &["--frame", "-1", "whole number"]),
+            (
                 &["--rect", "1,2,3,4"],
                 A,
                 &["--rect 1,2,3,4 comes before any image"],
@@ -553,10 +721,114 @@ fn invalid_labels_are_rejected() {
 }
 
 #[test]
+fn frames_of_a_video_are_learnt_like_images() {
+    if Command::new("ffmpeg").arg("-version").output().is_err() {
+        eprintln!("not tested: there is no ffmpeg");
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let clip = data("real-balls/roll/clip.mp4").display().to_string();
+    let labels: &[&str] = &[
+        "--image",
+        &clip,
+        "--frame",
+        "17",
+        "--rect",
+        "641,222,98,98",
+        "--frame",
+        "37",
+        "--rect",
+        "214,210,102,102",
+        "--frame",
+        "44",
+        "--rect",
+        "75,202,110,110",
+    ];
+    let text = report(&folder, &[labels, &["-o", "m.toml"]].concat());
+    assert_contains(
+        &text,
+        &[
+            "3 images",
+            "clip.mp4 37",
+            "The detector finds the ball in 3 of 3",
+            "mosaic.png",
+        ],
+    );
+    assert!(!text.contains("The labels are"), "{text}");
+
+    fs::write(folder.path().join("clip.mp4"), "no video").unwrap();
+    let rect: &[&str] = &["--rect", "1,1,9,9"];
+    assert_refused(
+        &folder,
+        &[
+            (
+                &["--image", &clip, "--frame", "51"],
+                rect,
+                &["--frame 51: ", "the video has 51 frames; allowed: 0 to 50"],
+            ),
+            (
+                &["--image", &clip],
+                rect,
+                &[
+                    "clip.mp4: this is not a JPEG or PNG image",
+                    "--frame NUMBER",
+                ],
+            ),
+            (
+                &["--image", "clip.mp4", "--frame", "0"],
+                rect,
+                &["clip.mp4", "cannot open it"],
+            ),
+            (
+                &["--image", "none.mp4", "--frame", "0"],
+                rect,
+                &["none.mp4"],
+            ),
+            (
+                &["--image", &clip, "--frame", "0", "--frame", "1"],
+                rect,
+                &["clip.mp4 --frame 0: nothing is labelled"],
+            ),
+            (
+                &[
+                    "--image", &clip, "--frame", "4", "--rect", "1,1,9,9", "--frame", "4",
+                ],
+                rect,
+                &["clip.mp4 --frame 4 is given twice"],
+            ),
+        ],
+    );
+}
+
+#[test]
+fn images_are_labelled_upright_as_programs_show_them() {
+    let folder = small_images();
+    let upright = decode(&fs::read(folder.path().join("a.png")).unwrap()).unwrap();
+    // Turned to the left, as a camera that is held on its side stores it: its EXIF data state to turn it to the right.
+    let stored = RgbImage::from_fn(30, 40, |x, y| upright.get_pixel(39 - y, x));
+    let plain = encode_jpeg(&stored, 100, JpegSampling::Automatic).unwrap();
+    let exif =
+        b"\xFF\xE1\x00\x22Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+    let turned = [&plain[..2], exif, &plain[2..]].concat();
+    fs::write(folder.path().join("turned.jpg"), turned).unwrap();
+    let learnt = |image: &str, mask: &str| {
+        let arguments = ["--image", image, "--mask", mask, "--no-pictures"];
+        report(&folder, &[&arguments[..], &["-o", "m.toml"]].concat())
+    };
+    let text = learnt("turned.jpg", "a_mask.png");
+    assert_contains(
+        &text,
+        &["100 pixels", "100.0 %   of the target's pixels are found"],
+    );
+    assert_contains(&text, &["0.0 %   of the background is mistaken"]);
+}
+
+#[test]
 fn invalid_images_are_rejected() {
     let folder = small_images();
     let whole = fs::read(folder.path().join("a.png")).unwrap();
     fs::write(folder.path().join("text.jpg"), "no image").unwrap();
+    fs::write(folder.path().join("a.bmp"), "BM no image").unwrap();
     fs::write(folder.path().join("cut.png"), &whole[..whole.len() / 2]).unwrap();
     let rect: &[&str] = &["--rect", "1,1,2,2"];
     assert_refused(
@@ -569,6 +841,11 @@ fn invalid_images_are_rejected() {
                 &["text.jpg", "not a JPEG or PNG"],
             ),
             (&["--image", "cut.png"], rect, &["cut.png", "cut off"]),
+            (
+                &["--image", "a.bmp"],
+                rect,
+                &["a.bmp: this is a BMP image", "convert it", "ffmpeg -i"],
+            ),
             (&["."], &[], &["--masks"]),
             (
                 &[".", "--masks", "_mask.png"],

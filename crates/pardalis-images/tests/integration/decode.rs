@@ -1,6 +1,9 @@
 //! Decoding of real and damaged files.
 
-use pardalis_images::{RgbImage, decode, decode_grey, encode_png};
+use pardalis_images::{
+    JpegSampling, RgbImage, decode, decode_grey, encode_jpeg, encode_png, exif_focal_length_px,
+    size,
+};
 
 fn real(file: &str) -> Vec<u8> {
     let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data");
@@ -141,6 +144,17 @@ fn invalid_sizes_in_headers_are_rejected() {
         (&empty_png, "no pixels (4 x 0)"),
         (&[], "empty (0 bytes)"),
         (b"frame,time_s\n0,0\n", "not a JPEG or PNG"),
+        (
+            b"BM\x36\x00",
+            "a BMP image, and only JPEG and PNG are read; convert it",
+        ),
+        (b"GIF89a", "a GIF image"),
+        (b"II*\0\x08", "a TIFF image"),
+        (b"MM\0*\0", "a TIFF image"),
+        (b"RIFF\x00\x01\x00\x00WEBPVP8 ", "a WebP image"),
+        (b"\0\0\0\x18ftypheic\0\0", "a HEIC image"),
+        (b"\0\0\0\x18ftypmif1\0\0", "a HEIC image"),
+        (b"\0\0\0\x1cftypavif\0\0", "an AVIF image"),
     ] {
         let error = error_of(bytes);
         assert!(error.contains(expected), "{error}");
@@ -210,5 +224,178 @@ fn jpeg_files_with_missing_data_before_the_end_marker_are_an_error() {
         let bytes = [&whole[..cut], &[0xFF, 0xD9]].concat();
         let error = error_of(&bytes);
         assert!(error.contains("damaged"), "cut at {cut}: {error}");
+    }
+}
+
+/// A tag of EXIF data: its number, its type, and its value as a number or a fraction.
+type Tag = (u16, u16, [u32; 2]);
+
+const SHORT: u16 = 3;
+const LONG: u16 = 4;
+const RATIONAL: u16 = 5;
+
+/// Returns EXIF data with tags in the first directory and in that of details.
+fn exif(is_big_endian: bool, first: &[Tag], details: &[Tag]) -> Vec<u8> {
+    let u16_bytes = |v: u16| {
+        if is_big_endian {
+            v.to_be_bytes()
+        } else {
+            v.to_le_bytes()
+        }
+    };
+    let u32_bytes = |v: u32| {
+        if is_big_endian {
+            v.to_be_bytes()
+        } else {
+            v.to_le_bytes()
+        }
+    };
+    let mut tiff = if is_big_endian {
+        b"MM".to_vec()
+    } else {
+        b"II".to_vec()
+    };
+    tiff.extend(u16_bytes(42));
+    tiff.extend(u32_bytes(8));
+    let details_at = 8 + 2 + 12 * (first.len() as u32 + 1) + 4;
+    let fractions_at = details_at + 2 + 12 * details.len() as u32 + 4;
+    let mut fractions = Vec::new();
+    let pointer = (0x8769, LONG, [details_at, 0]);
+    for directory in [&[first, &[pointer]].concat()[..], details] {
+        tiff.extend(u16_bytes(directory.len() as u16));
+        for &(tag, kind, [value, denominator]) in directory {
+            tiff.extend(u16_bytes(tag));
+            tiff.extend(u16_bytes(kind));
+            tiff.extend(u32_bytes(1));
+            match kind {
+                SHORT => tiff.extend([u16_bytes(value as u16), [0; 2]].concat()),
+                LONG => tiff.extend(u32_bytes(value)),
+                _ => {
+                    tiff.extend(u32_bytes(fractions_at + fractions.len() as u32));
+                    fractions.extend(u32_bytes(value));
+                    fractions.extend(u32_bytes(denominator));
+                }
+            }
+        }
+        tiff.extend(u32_bytes(0));
+    }
+    [b"Exif\0\0".to_vec(), tiff, fractions].concat()
+}
+
+/// Returns a JPEG file with these EXIF data.
+fn jpeg_with(image: &RgbImage, exif: &[u8]) -> Vec<u8> {
+    let plain = encode_jpeg(image, 100, JpegSampling::Automatic).expect("a JPEG image");
+    let length = (exif.len() as u16 + 2).to_be_bytes();
+    [&plain[..2], &[0xFF, 0xE1], &length, exif, &plain[2..]].concat()
+}
+
+/// Returns where a pixel x, y of an upright image of this width and height is stored.
+type StoredAt = fn(u32, u32, u32, u32) -> [u32; 2];
+
+#[test]
+fn jpeg_images_are_turned_upright() {
+    // Squares of 8 pixels, so that compression does not mix them.
+    let colors = [
+        [200, 0, 0],
+        [0, 200, 0],
+        [0, 0, 200],
+        [200, 200, 0],
+        [0, 200, 200],
+        [99; 3],
+    ];
+    let upright = RgbImage::from_fn(24, 16, |x, y| colors[(x / 8 + 3 * (y / 8)) as usize]);
+    let [width, height] = [24, 16];
+    // Where each orientation stores the pixel x, y of the upright image.
+    let stored_at: [StoredAt; 8] = [
+        |x, y, _, _| [x, y],
+        |x, y, w, _| [w - 1 - x, y],
+        |x, y, w, h| [w - 1 - x, h - 1 - y],
+        |x, y, _, h| [x, h - 1 - y],
+        |x, y, _, _| [y, x],
+        |x, y, w, _| [y, w - 1 - x],
+        |x, y, w, h| [h - 1 - y, w - 1 - x],
+        |x, y, _, h| [h - 1 - y, x],
+    ];
+    for (number, stored_at) in (1..).zip(stored_at) {
+        let (stored_width, stored_height) = if number < 5 { (24, 16) } else { (16, 24) };
+        let mut stored = RgbImage::new(stored_width, stored_height);
+        for (x, y, pixel) in upright.enumerate_pixels() {
+            let [column, row] = stored_at(x, y, width, height);
+            stored.put_pixel(column, row, pixel);
+        }
+        for is_big_endian in [false, true] {
+            let data = exif(is_big_endian, &[(0x0112, SHORT, [number, 0])], &[]);
+            let file = jpeg_with(&stored, &data);
+            assert_eq!(size(&file), Ok((24, 16)), "orientation {number}");
+            let decoded = decode(&file).expect("a JPEG image");
+            assert_eq!(decoded.dimensions(), (24, 16), "orientation {number}");
+            for (x, y, pixel) in upright.enumerate_pixels() {
+                let found = decoded.get_pixel(x, y);
+                let is_near = (0..3).all(|c| pixel[c].abs_diff(found[c]) < 30);
+                assert!(
+                    is_near,
+                    "orientation {number}, {x} {y}: {found:?} {pixel:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn focal_lengths_follow_from_exif_data() {
+    let image = RgbImage::new(40, 30);
+    let focal_px = |tags: &[Tag]| {
+        let file = jpeg_with(&image, &exif(true, &[], tags));
+        exif_focal_length_px(&file).expect("a JPEG image")
+    };
+    // 40 x 30 pixels have a diagonal of 50, film one of 43.27 mm.
+    let film = (0xA405, SHORT, [26, 0]);
+    let expected = 26.0 / 43.266_615 * 50.0;
+    assert!((focal_px(&[film]).expect("a length") - expected).abs() < 1e-4);
+    let millimetres = (0x920A, RATIONAL, [42, 10]);
+    let per_centimetre = [(0xA20E, RATIONAL, [1000, 1]), (0xA210, SHORT, [3, 0])];
+    let sensor = [&[millimetres], &per_centimetre[..]].concat();
+    assert_eq!(focal_px(&sensor), Some(4.2 * 100.0));
+    // The image was recorded with 80 columns and scaled to 40.
+    let scaled = [&sensor[..], &[(0xA002, LONG, [80, 0])]].concat();
+    assert_eq!(focal_px(&scaled), Some(210.0));
+    assert_eq!(
+        focal_px(&[millimetres, (0xA20E, RATIONAL, [2540, 1])]),
+        Some(420.0)
+    );
+    assert_eq!(focal_px(&[film, sensor[0], sensor[1]]), focal_px(&[film]));
+    for unknown in [
+        &[][..],
+        &[millimetres],
+        &per_centimetre,
+        &[(0xA405, SHORT, [0, 0])],
+        &[(0x920A, RATIONAL, [42, 0]), per_centimetre[0]],
+    ] {
+        assert_eq!(focal_px(unknown), None, "{unknown:?}");
+    }
+    assert_eq!(exif_focal_length_px(&real_jpeg()), Ok(None));
+    assert_eq!(exif_focal_length_px(&png(&image)), Ok(None));
+}
+
+#[test]
+fn damaged_exif_data_are_left_out() {
+    let image = RgbImage::new(40, 30);
+    let whole = exif(
+        false,
+        &[(0x0112, SHORT, [1, 0])],
+        &[(0xA405, SHORT, [26, 0]), (0x920A, RATIONAL, [42, 10])],
+    );
+    for cut in 0..whole.len() {
+        let file = jpeg_with(&image, &whole[..cut]);
+        assert_eq!(size(&file), Ok((40, 30)), "{cut} bytes");
+    }
+    for at in 6..whole.len() {
+        let mut damaged = whole.clone();
+        damaged[at] = 0xFF;
+        let file = jpeg_with(&image, &damaged);
+        assert!(
+            decode(&file).is_ok() && exif_focal_length_px(&file).is_ok(),
+            "byte {at}"
+        );
     }
 }

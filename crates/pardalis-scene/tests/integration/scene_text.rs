@@ -565,6 +565,47 @@ fn replaced_values_override_the_text_and_are_checked_alike() {
     assert_eq!(told.len(), 5, "{told:#?}");
 }
 
+#[test]
+fn guesses_are_warned_of_until_they_are_replaced() {
+    let guessed = |keys: &str| SCENE.replacen("seed = 7", &format!("guessed = [{keys}]"), 1);
+    let two = guessed(
+        "\"cameras.web.model.pinhole.f_px\", \"cameras.mirror.model.exact_mirror.center_px\"",
+    );
+    let scene = Scene::parse(&two, &no_calibration).unwrap();
+    let warnings: Vec<String> = scene.warnings.iter().map(ToString::to_string).collect();
+    let expected = "line 2: guessed: positions are only as right as these guesses: f_px (line 21), center_px (line 29). ";
+    assert!(
+        warnings.len() == 1 && warnings[0].starts_with(expected),
+        "{warnings:?}"
+    );
+    // A replaced value is no guess.
+    let replaced: toml::Table = "\"cameras.web.model.pinhole.f_px\" = [310, 310]"
+        .parse()
+        .unwrap();
+    let scene = Scene::parse_with(&two, &replaced, &no_calibration).unwrap();
+    let warning = scene.warnings[0].to_string();
+    assert!(
+        !warning.contains("f_px") && warning.contains("center_px"),
+        "{warning}"
+    );
+    for none in [SCENE, &guessed("")] {
+        assert_eq!(Scene::parse(none, &no_calibration).unwrap().warnings, []);
+    }
+    for (keys, expected) in [
+        (
+            "\"cameras.web.model.pinhole.f\"",
+            "line 2: guessed: names cameras.web.model.pinhole.f, which",
+        ),
+        ("\"\"", "line 2: guessed: names , which is not given"),
+        ("\"seed.x\"", "line 2: guessed: names seed.x, which"),
+        ("3", "line 2: guessed: is [3]; allowed: a list of texts"),
+    ] {
+        let problems = Scene::parse(&guessed(keys), &no_calibration).unwrap_err();
+        let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        assert!(told.len() == 1 && told[0].starts_with(expected), "{told:?}");
+    }
+}
+
 /// Parses a scene with a ball that has these settings, and no start unless they include one.
 fn without_start(settings: &str) -> Result<Scene, Vec<String>> {
     let (cameras, _) = SCENE.split_once("[targets.robot]").unwrap();

@@ -14,6 +14,7 @@ use pardalis_scene::{FrameRange, NAMES_ALLOWED, Scene, VideoInput, is_name};
 
 use crate::commands::camera::load::lens;
 use crate::files::write_file;
+use crate::focal_length::{exif_fov_deg, parse_fov_deg};
 use crate::output::print;
 use crate::scene::{read_calibration, read_text};
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
@@ -24,11 +25,12 @@ use text::{Calibration, CameraText, SceneText};
 /// Writes a commented scene file as a starting point
 ///
 /// The input is a folder of images, a sequence folder (frames/ and camera.json or cameras.json), or a video.
-/// Values that cannot be derived from it are guessed and marked CHANGE.
+/// Values that cannot be derived from it are guessed and marked CHANGE; `track` warns while they remain.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis init images --fps 25 --camera equidistant        a folder of images from a fisheye camera
-  pardalis init ride.mp4 --camera pinhole -o ride.toml      a video (needs an installed ffmpeg)
+  pardalis init ride.mp4 --fov 65 -o ride.toml              a video from a camera that sees 65 degrees (needs ffmpeg)
+  pardalis init ride.mp4 --camera photo.jpg                 a focal length from the EXIF data of a photo by this camera
   pardalis init images --fps 25 --camera lens/camera.toml   with a known calibration, ours or another program's
   pardalis init data/dioptric-jump                          a sequence folder, which contains all this")]
 pub(crate) struct Arguments {
@@ -39,10 +41,15 @@ pub(crate) struct Arguments {
     output: PathBuf,
     /// The camera: a model (equidistant, pinhole, unified or perspective_mirror, with parameters guessed from
     /// the image size), or a calibration file of any format, which the scene then refers to; if the file has
-    /// several cameras, the input must have a folder named after each [default: camera.json or cameras.json
+    /// several cameras, the input must have a folder named after each; or a JPEG image by the same camera, for
+    /// a pinhole camera with the focal length in its EXIF data [default: camera.json or cameras.json
     /// of a sequence folder, else equidistant]
     #[arg(long, value_name = "MODEL|FILE")]
     camera: Option<String>,
+    /// The angle of view across the longer side of the image; selects a pinhole camera [default for pinhole:
+    /// from the EXIF data of the images, else 60, marked CHANGE]
+    #[arg(long = "fov", value_name = "DEGREES", value_parser = parse_fov_deg, allow_negative_numbers = true)]
+    fov_deg: Option<f64>,
     /// The lens model of the calibration's coefficients, if the file does not state it
     #[arg(long = "as", value_name = "LENS", value_parser = lens(), requires = "camera")]
     lens: Option<Lens>,
@@ -118,11 +125,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
                 cameras.push(CameraText::known(camera, calibration, &opened, &shown, fps));
             }
         }
-        KnownCameras::Model(model) => {
+        KnownCameras::Model(model, mut fov) => {
             let input = frames_of(&arguments.input, None);
             let opened = open(&input, arguments.fps)?;
+            if matches!((model, &fov), (Model::Pinhole, Fov::Unknown)) && !opened.is_video {
+                fov = fov_of_images(&input)?;
+            }
             let shown = shown_path(&input, output);
-            cameras.push(CameraText::guessed(model, &opened, &shown, arguments.fps));
+            let fps = arguments.fps;
+            cameras.push(CameraText::guessed(model, &fov, &opened, &shown, fps));
         }
     }
     let scene = SceneText {
@@ -145,7 +156,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     write_file(output, text.as_bytes())?;
     print(output.display());
-    let to_change = text.lines().filter(|line| line.contains("CHANGE")).count();
+    let to_change = text::guesses(&text).len();
     if to_change > 0 {
         print(format!(
             "  replace the guesses in the lines marked CHANGE ({to_change})"
@@ -226,27 +237,64 @@ enum KnownCameras {
         file: PathBuf,
         cameras: Vec<CalibratedCamera>,
     },
-    /// Only the model of a single camera.
-    Model(Model),
+    /// Only the model of a single camera, and perhaps the angle of a pinhole camera.
+    Model(Model, Fov),
 }
 
-/// Interprets `--camera`; without it, uses the calibration next to the frames, or else an equidistant camera.
+/// The angle of view of a pinhole camera across the longer side of its images, in degrees.
+enum Fov {
+    /// Given on the command line.
+    Given(f64),
+    /// From the EXIF data of the image of this name.
+    Exif(f64, String),
+    Unknown,
+}
+
+/// Interprets `--camera` and `--fov`; without them, uses the calibration next to the frames, or else an equidistant camera.
 fn known_cameras(arguments: &Arguments) -> Result<KnownCameras> {
-    let file = if let Some(name) = &arguments.camera {
-        if let Ok(model) = Model::from_str(name, false) {
-            return match arguments.lens {
-                None => Ok(KnownCameras::Model(model)),
-                Some(_) => Err(user_error!(
-                    "--as: applies to calibration files only; remove it with --camera {name}"
-                )),
-            };
-        }
+    let name = arguments.camera.as_deref();
+    let model = name.and_then(|name| Model::from_str(name, false).ok());
+    let image = name.map(Path::new).filter(|path| is_image(path));
+    if let (Some(_), Some(name)) = (arguments.lens, name)
+        && (model.is_some() || image.is_some())
+    {
+        return Err(user_error!(
+            "--as: applies to calibration files only; remove it with --camera {name}"
+        ));
+    }
+    if let Some(fov_deg) = arguments.fov_deg {
+        return match (name, model) {
+            (None, _) | (_, Some(Model::Pinhole)) => {
+                Ok(KnownCameras::Model(Model::Pinhole, Fov::Given(fov_deg)))
+            }
+            (Some(name), _) => Err(user_error!(
+                "--fov: applies to a pinhole camera of which nothing else is known; remove it with --camera {name}"
+            )),
+        };
+    }
+    if let Some(model) = model {
+        return Ok(KnownCameras::Model(model, Fov::Unknown));
+    }
+    if let Some(image) = image {
+        return match exif_fov_deg(image)? {
+            Some(fov_deg) => {
+                let fov = Fov::Exif(fov_deg, file_name(image));
+                Ok(KnownCameras::Model(Model::Pinhole, fov))
+            }
+            None => Err(user_error!(
+                "--camera {}: its EXIF data state no focal length; give the angle of view with --fov DEGREES, or --camera pinhole for a \
+                 typical one",
+                image.display()
+            )),
+        };
+    }
+    let file = if let Some(name) = name {
         PathBuf::from(name)
     } else {
         let beside = ["camera.json", "cameras.json"].map(|name| arguments.input.join(name));
         match beside.into_iter().find(|path| path.is_file()) {
             Some(path) => path,
-            None => return Ok(KnownCameras::Model(Model::Equidistant)),
+            None => return Ok(KnownCameras::Model(Model::Equidistant, Fov::Unknown)),
         }
     };
     if !file.exists() {
@@ -258,6 +306,29 @@ fn known_cameras(arguments: &Arguments) -> Result<KnownCameras> {
     let cameras = read_calibration(Path::new(""), &file.to_string_lossy(), arguments.lens)
         .map_err(|message| user_error!("{message}"))?;
     Ok(KnownCameras::Calibration { file, cameras })
+}
+
+/// Returns the angle of view that the first image of a folder states, if it does.
+fn fov_of_images(folder: &Path) -> Result<Fov> {
+    let unreadable = |error| user_error!("{}: cannot be read: {error}", folder.display());
+    let entries = fs::read_dir(folder).map_err(unreadable)?;
+    let paths = entries.map(|entry| Ok(entry?.path()));
+    let paths = paths.collect::<std::io::Result<Vec<PathBuf>>>();
+    let is_shown = |path: &PathBuf| is_image(path) && !file_name(path).starts_with('.');
+    let first = paths
+        .map_err(unreadable)?
+        .into_iter()
+        .filter(is_shown)
+        .min();
+    // A broken image is reported when it is tracked.
+    let stated = first.and_then(|first| Some((exif_fov_deg(&first).ok()??, file_name(&first))));
+    Ok(stated.map_or(Fov::Unknown, |(fov_deg, name)| Fov::Exif(fov_deg, name)))
+}
+
+/// Returns the name of a file without its folder.
+fn file_name(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
 }
 
 /// Errors: the calibration is for images of another size.

@@ -7,7 +7,8 @@ use pardalis_camera::CalibratedCamera;
 use pardalis_camera::Camera;
 use pardalis_camera::formats::Lens;
 
-use super::{Model as ModelName, Opened};
+use super::{Fov, Model as ModelName, Opened};
+use crate::focal_length::{TYPICAL_FOV_DEG, focal_length_px, middle_px};
 use crate::user_error::user_error;
 
 /// Frame rate if it is unknown, in frames per second.
@@ -71,17 +72,19 @@ impl CameraText {
         }
     }
 
-    /// Describes a camera of which only the model's name is known.
-    pub(super) fn guessed(model: ModelName, opened: &Opened, path: &str, fps: Option<f64>) -> Self {
+    /// Describes a camera of which only the model's name is known, and perhaps the angle of a pinhole camera.
+    pub(super) fn guessed(
+        model: ModelName,
+        fov: &Fov,
+        opened: &Opened,
+        path: &str,
+        fps: Option<f64>,
+    ) -> Self {
         let (width, height) = (opened.size.0 as f64, opened.size.1 as f64);
         let half = width.min(height) / 2.0;
-        let center = format!(
-            "center_px = [{:?}, {:?}]  # CHANGE: the principal point",
-            (width - 1.0) / 2.0,
-            (height - 1.0) / 2.0
-        );
-        // Guesses: an image circle as high as the image; a pinhole of about 60 degrees across the longer side; a mirror that shows
-        // 45 degrees below the horizon at half the radius.
+        let middle_px = middle_px(opened.size);
+        let center = format!("center_px = {middle_px:?}  # CHANGE: the principal point");
+        // Guesses: an image circle as high as the image; a mirror that shows 45 degrees below the horizon at half the radius.
         let (kind, parameters, pose) = match model {
             ModelName::Equidistant => {
                 let f = half / 92.5_f64.to_radians();
@@ -91,9 +94,31 @@ impl CameraText {
                 ("equidistant", parameters, LOOKING_DOWN)
             }
             ModelName::Pinhole => {
-                let f = 0.87 * width.max(height);
+                let known = format!("center_px = {middle_px:?}  # the middle of the image");
+                let (fov_deg, origin, center) = match fov {
+                    Fov::Given(fov_deg) => (
+                        *fov_deg,
+                        format!("{fov_deg} degrees across the longer side"),
+                        known,
+                    ),
+                    Fov::Exif(fov_deg, image) => (
+                        *fov_deg,
+                        format!(
+                            "from the EXIF data of {image}: {fov_deg:.1} degrees across the longer side"
+                        ),
+                        known,
+                    ),
+                    Fov::Unknown => (
+                        TYPICAL_FOV_DEG,
+                        format!(
+                            "CHANGE: for {TYPICAL_FOV_DEG} degrees across the longer side, which is typical; calibrate the camera, or give --fov"
+                        ),
+                        center,
+                    ),
+                };
+                let f = focal_length_px(opened.size, fov_deg);
                 let parameters = format!(
-                    "f_px = [{f:.1}, {f:.1}]  # CHANGE: focal lengths\n{center}\ndistortion = [0.0, 0.0, 0.0, 0.0, 0.0]  # k1, k2, p1, p2, k3"
+                    "f_px = [{f:.1}, {f:.1}]  # {origin}\n{center}\ndistortion = [0.0, 0.0, 0.0, 0.0, 0.0]  # k1, k2, p1, p2, k3"
                 );
                 ("pinhole", parameters, LOOKING_AHEAD)
             }
@@ -214,14 +239,48 @@ fn input_lines(opened: &Opened, path: &str, fps: Option<f64>) -> String {
     format!("images = {path}\n{times}")
 }
 
+/// The mark of a line with a guess.
+const MARK: &str = "# CHANGE";
+
+/// Returns the full keys of the guesses in the tables of a scene, which are the lines with the mark.
+pub(super) fn guesses(text: &str) -> Vec<String> {
+    let mut table = "";
+    let mut keys = Vec::new();
+    for line in text.lines() {
+        if let Some(header) = line.strip_prefix('[') {
+            table = header.trim_end_matches(']');
+        } else if let (true, Some((key, _))) = (line.contains(MARK), line.split_once(" = ")) {
+            keys.push(format!("{table}.{key}"));
+        }
+    }
+    keys
+}
+
 impl SceneText<'_> {
     /// Formats the text of the scene file.
     pub(super) fn text(&self) -> String {
         let mut text = String::from(
             "# A scene for `pardalis track`: cameras and targets.\n\
              # Paths are relative to this file. Lengths are in metres, times in seconds, image distances in pixels.\n\n\
-             seed = 1  # the same seed gives the same results for any number of threads\n\n",
+             seed = 1  # the same seed gives the same results for any number of threads\n",
         );
+        let settings = self.settings();
+        let guesses = guesses(&settings);
+        if !guesses.is_empty() {
+            text.push_str(
+                "# Guesses, of which `pardalis track` warns. Replace each in its line marked CHANGE, and remove it here.\nguessed = [\n",
+            );
+            for key in guesses {
+                let _ = writeln!(text, "    \"{key}\",");
+            }
+            text.push_str("]\n");
+        }
+        text + "\n" + &settings
+    }
+
+    /// Formats the tables of cameras and targets.
+    fn settings(&self) -> String {
+        let mut text = String::new();
         for camera in &self.cameras {
             camera.text(&mut text);
         }

@@ -1,15 +1,17 @@
 //! The images to learn from, and their labels.
 
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fmt, fs};
 
 use anyhow::Result;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use pardalis::Frame;
+use pardalis_scene::FrameRange;
 
 use super::label::Label;
 use crate::source::decode::decode_image;
+use crate::source::{Delivery, Source, SourceConfig, SourceKind};
 use crate::user_error::user_error;
 
 /// A folder with masks, or images and labels one by one.
@@ -26,16 +28,26 @@ pub(super) struct InputOptions {
     listed: Listed,
 }
 
-/// An image and its labels.
-#[derive(Debug, Clone, PartialEq)]
+/// An image, or a frame of a video, and its labels.
+#[derive(Debug, Clone)]
 pub(super) struct LabelledFile {
-    pub(super) image: PathBuf,
+    /// The image or the video.
+    path: PathBuf,
+    /// The frame of a video.
+    frame: Option<VideoFrame>,
     /// The target is the union of the labels.
     pub(super) labels: Vec<Label>,
 }
 
+/// A frame of a video, with its number from 0. Cloning shares the pixels.
+#[derive(Debug, Clone)]
+struct VideoFrame {
+    number: usize,
+    frame: Frame,
+}
+
 /// The images to learn from.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(super) struct Inputs {
     pub(super) files: Vec<LabelledFile>,
     /// Names of the images in the folder that have no mask.
@@ -55,24 +67,81 @@ impl InputOptions {
 }
 
 impl LabelledFile {
-    /// Returns the name of the image file.
+    /// Returns the name of the image file, or of the video with the number of the frame.
     pub(super) fn name(&self) -> String {
-        name_of(&self.image)
+        let name = name_of(&self.path);
+        match &self.frame {
+            Some(VideoFrame { number, .. }) => format!("{name} {number}"),
+            None => name,
+        }
     }
 
     /// Reads the image, and whether each pixel, row by row, shows the target.
     ///
     /// Errors: a file cannot be read or decoded, or a label does not fit the image.
     pub(super) fn load(&self) -> Result<(Frame, Vec<bool>)> {
-        let image = decode_image(&self.image)?;
-        let (width, height) = image.size_px();
-        let mut is_object = vec![false; width * height];
+        let frame = match &self.frame {
+            Some(VideoFrame { frame, .. }) => frame.clone(),
+            None => still(&self.path)?,
+        };
+        let size = (frame.width(), frame.height());
+        let mut is_object = vec![false; size.0 * size.1];
         for label in &self.labels {
-            label.mark(&self.image, (width, height), &mut is_object)?;
+            label.mark(&self.path, size, &mut is_object)?;
         }
-        let frame = Frame::from_rgb(width, height, image.into_raw(), 0.0)?;
         Ok((frame, is_object))
     }
+}
+
+/// Reads an image.
+fn still(path: &Path) -> Result<Frame> {
+    let image = decode_image(path).map_err(|error| {
+        if !path.is_file() || has_image_ending(path) {
+            return error;
+        }
+        user_error!(
+            "{error:#}; or, if it is a video, name a frame: --image {} --frame NUMBER",
+            path.display()
+        )
+    })?;
+    let (width, height) = image.size_px();
+    Ok(Frame::from_rgb(width, height, image.into_raw(), 0.0)?)
+}
+
+/// Reads the frame of a video with this number, from 0.
+fn video_frame(path: &Path, number: usize) -> Result<Frame> {
+    let unusable = |reason: &str| {
+        let name = path.display();
+        user_error!("--image {name} --frame {number}: {reason}")
+    };
+    if has_image_ending(path) {
+        return Err(unusable("this is a single image; leave --frame out"));
+    }
+    let mut source = Source::open(&SourceConfig {
+        kind: SourceKind::Video {
+            input: path.display().to_string(),
+            input_options: Vec::new(),
+            encoding: None,
+        },
+        time_offset_s: 0.0,
+        frames: FrameRange {
+            first: number,
+            step: 1,
+            limit: Some(1),
+        },
+    })?;
+    match source.next() {
+        Some(Ok(Delivery::Frame { frame, .. })) => Ok(frame),
+        Some(Ok(Delivery::Broken(error)) | Err(error)) => Err(unusable(&format!("{error:#}"))),
+        None => Err(unusable(
+            "the video has no such frame; give a smaller number",
+        )),
+    }
+}
+
+fn has_image_ending(path: &Path) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    matches!(ending.as_deref(), Some("jpg" | "jpeg" | "png"))
 }
 
 fn name_of(path: &Path) -> String {
@@ -92,10 +161,12 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
     let mut images = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
-        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        let is_image = matches!(extension.as_deref(), Some("jpg" | "jpeg" | "png"));
         let name = name_of(&path);
-        if is_image && !name.starts_with('.') && !name.ends_with(masks) && path.is_file() {
+        if has_image_ending(&path)
+            && !name.starts_with('.')
+            && !name.ends_with(masks)
+            && path.is_file()
+        {
             images.push(path);
         }
     }
@@ -110,7 +181,8 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
         let mask = image.with_file_name(mask);
         if mask.is_file() {
             inputs.files.push(LabelledFile {
-                image,
+                path: image,
+                frame: None,
                 labels: vec![Label::Mask(mask)],
             });
         } else {
@@ -119,7 +191,10 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
     }
     if inputs.files.is_empty() {
         let found = match inputs.without_mask.as_slice() {
-            [] => "contains no images; allowed: files ending in .jpg, .jpeg or .png".to_owned(),
+            [] => {
+                "contains no images; allowed: files ending in .jpg, .jpeg or .png (convert others)"
+                    .to_owned()
+            }
             [first, ..] => format!(
                 "has no mask for any of its {} images: {first} needs a mask {}{masks} next to it; \
                  give the ending of the masks with --masks",
@@ -136,36 +211,115 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
 }
 
 /// The options of [`Listed`].
-const LISTED: [&str; 4] = ["image", "mask", "rect", "polygon"];
+const LISTED: [&str; 5] = ["image", "frame", "mask", "rect", "polygon"];
 
-/// Images and labels in the order of the command line; a label belongs to the last image before it.
+/// Images, frames and labels in the order of the command line; a frame belongs to the last video before it, and a label to
+/// the last image or frame before it.
 #[derive(Debug)]
 struct Listed(Vec<Item>);
 
 #[derive(Debug, Clone)]
 enum Item {
     Image(PathBuf),
+    /// A frame of a video by its number.
+    Frame(usize),
     Label(Label),
+}
+
+/// An image of the command line, or a frame of a video by its number, and its labels.
+struct ListedImage<'a> {
+    path: &'a Path,
+    frame: Option<usize>,
+    labels: Vec<Label>,
+}
+
+/// Formats it as on the command line.
+impl fmt::Display for ListedImage<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "--image {}", self.path.display())?;
+        match self.frame {
+            Some(number) => write!(f, " --frame {number}"),
+            None => Ok(()),
+        }
+    }
 }
 
 impl Listed {
     fn inputs(&self) -> Result<Inputs> {
-        let mut files: Vec<LabelledFile> = Vec::new();
+        let images = self.images()?;
+        for (number, image) in images.iter().enumerate() {
+            let is_same =
+                |other: &ListedImage| (other.path, other.frame) == (image.path, image.frame);
+            if images[..number].iter().any(is_same) {
+                return Err(user_error!(
+                    "{image} is given twice; give it once, followed by all its labels"
+                ));
+            }
+        }
+        if let Some(image) = images.iter().find(|image| image.labels.is_empty()) {
+            return Err(user_error!(
+                "{image}: nothing is labelled; add --mask FILE, --rect X,Y,WIDTH,HEIGHT or \
+                 --polygon X,Y,X,Y,X,Y after it",
+            ));
+        }
+        if images.is_empty() {
+            return Err(user_error!(
+                "no image is given; give FOLDER --masks ENDING, or --image FILE and a label \
+                 (see pardalis learn --help)"
+            ));
+        }
+        let files = images.into_iter().map(|image| {
+            let frame = match image.frame {
+                Some(number) => Some(VideoFrame {
+                    number,
+                    frame: video_frame(image.path, number)?,
+                }),
+                None => None,
+            };
+            Ok(LabelledFile {
+                path: image.path.to_owned(),
+                frame,
+                labels: image.labels,
+            })
+        });
+        Ok(Inputs {
+            files: files.collect::<Result<_>>()?,
+            without_mask: Vec::new(),
+        })
+    }
+
+    /// Assigns frames and labels to images.
+    fn images(&self) -> Result<Vec<ListedImage<'_>>> {
+        let mut images: Vec<ListedImage> = Vec::new();
         for item in &self.0 {
-            match (item, files.last_mut()) {
-                (Item::Image(image), _) => {
-                    if files.iter().any(|file| file.image == *image) {
-                        return Err(user_error!(
-                            "--image {} is given twice; give it once, followed by all its labels",
-                            image.display()
-                        ));
-                    }
-                    files.push(LabelledFile {
-                        image: image.clone(),
+            match (item, images.last_mut()) {
+                (Item::Image(path), _) => images.push(ListedImage {
+                    path,
+                    frame: None,
+                    labels: Vec::new(),
+                }),
+                (Item::Frame(number), Some(image)) if image.frame.is_some() => {
+                    let path = image.path;
+                    images.push(ListedImage {
+                        path,
+                        frame: Some(*number),
                         labels: Vec::new(),
                     });
                 }
-                (Item::Label(label), Some(file)) => file.labels.push(label.clone()),
+                (Item::Frame(number), Some(image)) if image.labels.is_empty() => {
+                    image.frame = Some(*number);
+                }
+                (Item::Frame(number), Some(image)) => {
+                    return Err(user_error!(
+                        "--frame {number} follows labels; put it directly after {image}, before the labels of the frame"
+                    ));
+                }
+                (Item::Frame(number), None) => {
+                    return Err(user_error!(
+                        "--frame {number} comes before any video; put it after the --image FILE that names the video"
+                    ));
+                }
+                (Item::Label(label), Some(image)) => image.labels.push(label.clone()),
                 (Item::Label(label), None) => {
                     return Err(user_error!(
                         "{label} comes before any image; put it after the --image FILE that it labels"
@@ -173,24 +327,13 @@ impl Listed {
                 }
             }
         }
-        if let Some(file) = files.iter().find(|file| file.labels.is_empty()) {
-            return Err(user_error!(
-                "--image {}: nothing is labelled; add --mask FILE, --rect X,Y,WIDTH,HEIGHT or \
-                 --polygon X,Y,X,Y,X,Y after it",
-                file.image.display()
-            ));
-        }
-        if files.is_empty() {
-            return Err(user_error!(
-                "no image is given; give FOLDER --masks ENDING, or --image FILE and a label \
-                 (see pardalis learn --help)"
-            ));
-        }
-        Ok(Inputs {
-            files,
-            without_mask: Vec::new(),
-        })
+        Ok(images)
     }
+}
+
+fn frame_number(text: &str) -> Result<Item, &'static str> {
+    let number = text.parse().map(Item::Frame);
+    number.map_err(|_| "allowed: a whole number, 0 or more")
 }
 
 impl clap::FromArgMatches for Listed {
@@ -227,7 +370,13 @@ impl clap::Args for Listed {
             .arg(
                 option("image", "FILE")
                     .value_parser(PathBufValueParser::new().map(Item::Image))
-                    .help("A JPEG or PNG image; may be repeated. Its labels are those that follow it; their union is the target"),
+                    .help("A JPEG or PNG image, or a video; may be repeated. Its labels are those that follow it; their union is the target"),
+            )
+            .arg(
+                option("frame", "NUMBER")
+                    .value_parser(frame_number)
+                    .allow_hyphen_values(true)
+                    .help("Selects a frame of the video before it, counted from 0; may be repeated. Its labels follow it. Needs an installed ffmpeg"),
             )
             .arg(
                 option("mask", "FILE")

@@ -1,10 +1,13 @@
 //! `pardalis learn`: learns a colour model from labelled images.
 
+mod balls;
+mod check;
 mod evidence;
 mod inputs;
 mod label;
 mod palette;
 mod pictures;
+mod remedy;
 mod report;
 
 use std::path::{Path, PathBuf};
@@ -14,9 +17,11 @@ use anyhow::Result;
 use crate::files::write_file;
 use crate::output::print;
 use crate::user_error::user_error;
+use check::Check;
 use evidence::Evidence;
 use inputs::InputOptions;
 use palette::PaletteOptions;
+use remedy::Remedy;
 use report::Report;
 
 const EXAMPLES: &str = "Examples:
@@ -28,6 +33,8 @@ const EXAMPLES: &str = "Examples:
     pardalis learn --image a.jpg --mask a_mask.png --image b.jpg \\
       --polygon 424,96,423,101,420,106,415,109,410,110,405,109,400,106,397,101,\\
 396,96,397,91,400,86,405,83,410,82,415,83,420,86,423,91 -o orange.colors.toml
+  Two frames of a video (needs an installed ffmpeg):
+    pardalis learn --image clip.mp4 --frame 17 --rect 641,222,98,98 --frame 37 --rect 214,210,102,102 -o ball.colors.toml
   For a camera that delivers YUV:
     pardalis learn training --masks _mask.png --palette yuv --yuv-range limited -o orange.colors.toml";
 
@@ -35,7 +42,11 @@ const EXAMPLES: &str = "Examples:
 ///
 /// Label the whole target: along its outline with a mask or a polygon of 16 corners or more, or with a box drawn closely
 /// around it. Of a box around a round target, the colours of the inscribed ellipse are learnt, but not how the edge blurs
-/// into the surroundings; a rectangular target that fills its box is learnt as it is. Labels inside the target, or touching the image border, teach nothing about its outline.
+/// into the surroundings; a rectangular target that fills its box is learnt as it is. Labels that touch the image border
+/// teach nothing about the outline.
+///
+/// Afterwards the detector of `track` is run on the images. The report says in which of them a labelled ball was found and
+/// where, whether the labels fit the outlines, and what helps if not. `Good` means that all balls were found.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
@@ -63,17 +74,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     check_output(output)?;
     let evidence = Evidence::gather(&inputs.files, palette)?;
     let model = evidence.model()?;
+    let check = Check::run(&inputs.files, &mut evidence.learner(), &model)?;
+    let remedy = if check.failures() > 0 {
+        Remedy::find(&inputs.files, palette, &check)?
+    } else {
+        None
+    };
     let mut written = Vec::new();
     if !arguments.no_pictures {
         let folder = arguments.pictures.clone();
         let folder = folder.unwrap_or_else(|| pictures_folder(output));
-        written = pictures::write(&folder, &inputs.files, &evidence, &model)?;
+        written = pictures::write(&folder, &inputs.files, &evidence, &model, &check)?;
     }
     write_file(output, model.to_text().as_bytes())?;
     written.insert(0, output.clone());
     let report = Report {
         evidence: &evidence,
         model: &model,
+        check: &check,
+        remedy: remedy.as_ref(),
         without_mask: &inputs.without_mask,
         written: &written,
     };

@@ -1,4 +1,5 @@
-//! Pictures of a learnt model: its histogram, and the labels with the scores of the pixels around them.
+//! Pictures of a learnt model: its histogram, and the labels with what the detector found and the scores of the pixels
+//! around them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use pardalis::color::{ColorModel, Palette};
 
+use super::check::Check;
 use super::evidence::{Evidence, ImageEvidence};
 use super::inputs::LabelledFile;
 use crate::draw::histogram::{ColorBin, ColorModelPlot, write_color_model_plot};
@@ -24,6 +26,7 @@ pub(super) fn write(
     files: &[LabelledFile],
     evidence: &Evidence,
     model: &ColorModel,
+    check: &Check,
 ) -> Result<Vec<PathBuf>> {
     fs::create_dir_all(folder).map_err(|error| {
         user_error!(
@@ -33,7 +36,7 @@ pub(super) fn write(
     })?;
     let plot = write_color_model_plot(folder, "histogram", &histogram(evidence, model))?;
     let mosaic = folder.join("mosaic.png");
-    write_mosaic(&mosaic, &tiles(files, evidence)?, 0.0)?;
+    write_mosaic(&mosaic, &tiles(files, evidence, check)?, 0.0)?;
     Ok(plot.into_iter().chain([mosaic]).collect())
 }
 
@@ -69,24 +72,31 @@ fn short_name(palette: Palette, bin: u16) -> String {
     parts.join(" ")
 }
 
-/// Returns the images with their labels and scores; if there are too many, those that fit the others worst.
-fn tiles(files: &[LabelledFile], evidence: &Evidence) -> Result<Vec<Tile>> {
-    let mut shown: Vec<_> = files.iter().zip(&evidence.images).collect();
+/// Returns the images with their labels, what was found and the scores; if there are too many, those in which the target was
+/// not found and those that fit the others worst.
+fn tiles(files: &[LabelledFile], evidence: &Evidence, check: &Check) -> Result<Vec<Tile>> {
+    let judged = evidence.images.iter().zip(&check.images);
+    let mut shown: Vec<_> = files.iter().zip(judged).collect();
     if shown.len() > MAX_TILES {
         let fit = |image: &ImageEvidence| image.fit.unwrap_or(1.0);
-        shown.sort_by(|(_, a), (_, b)| fit(a).total_cmp(&fit(b)));
+        shown.sort_by(|(_, (a, a_found)), (_, (b, b_found))| {
+            let first = b_found.failed().cmp(&a_found.failed());
+            first.then(fit(a).total_cmp(&fit(b)))
+        });
         shown.truncate(MAX_TILES);
     }
     let mut learner = evidence.learner();
     let log_odds = &evidence.separation.log_odds;
     shown
         .into_iter()
-        .map(|(file, image)| {
+        .map(|(file, (image, found))| {
             let (frame, marked) = file.load()?;
             let mask = learner.target_pixels(&frame, &marked)?;
             let bins = learner.bins_of(&frame);
             let verdict = if image.is_suspect() {
                 ": check this label"
+            } else if found.failed() {
+                ": not found"
             } else {
                 ""
             };
@@ -98,6 +108,9 @@ fn tiles(files: &[LabelledFile], evidence: &Evidence) -> Result<Vec<Tile>> {
                     .into_iter()
                     .map(|bin| log_odds[usize::from(bin)] as f32)
                     .collect(),
+                found_px: found
+                    .found()
+                    .map_or_else(Vec::new, |found| found.outline_px.clone()),
             })
         })
         .collect()

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 
 use pardalis::color::ColorModel;
 
+use super::check::{Check, ImageCheck};
 use super::evidence::Evidence;
+use super::remedy::Remedy;
 
 /// Maximum number of bins, or of image names, that are listed.
 const MAX_LISTED: usize = 8;
@@ -17,6 +19,9 @@ const SHARED_PART: f64 = 0.01;
 pub(super) struct Report<'a> {
     pub(super) evidence: &'a Evidence,
     pub(super) model: &'a ColorModel,
+    pub(super) check: &'a Check,
+    /// What helps if the target was not found everywhere.
+    pub(super) remedy: Option<&'a Remedy>,
     /// Names of skipped images.
     pub(super) without_mask: &'a [String],
     /// The written files.
@@ -45,6 +50,7 @@ impl fmt::Display for Report<'_> {
                  Label images that also show its surroundings."
             )?;
         }
+        self.write_check(f)?;
         self.write_ranges(f)?;
         self.write_images(f)?;
         writeln!(f, "\nWritten:")?;
@@ -133,6 +139,14 @@ impl Report<'_> {
             separation.similarity
         )?;
         match Verdict::of(found, mistaken) {
+            Verdict::Good if self.check.failures() > 0 => writeln!(
+                f,
+                "Fair: the target stands out by its colours, but is not found in every image; see below."
+            ),
+            Verdict::Good if self.check.label_error().is_some() => writeln!(
+                f,
+                "Fair: the target stands out by its colours, but the labels do not follow its outline; see below."
+            ),
             Verdict::Good => writeln!(
                 f,
                 "Good: the target stands out from these images by its colours."
@@ -183,6 +197,75 @@ impl Report<'_> {
         )
     }
 
+    /// Writes what the detector found in each image, with advice.
+    fn write_check(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let balls = self.check.ball_count();
+        if balls == 0 {
+            return writeln!(
+                f,
+                "\nNot checked whether the detector finds the target: this is done for balls only, and no label is round and whole. \
+                 If it is a ball, label its whole outline, or draw boxes closely around it."
+            );
+        }
+        let found = balls - self.check.failures();
+        writeln!(
+            f,
+            "\nThe detector finds the ball in {found} of {balls} of these images, with a typical camera:"
+        )?;
+        let width = self.name_width();
+        writeln!(
+            f,
+            "{:width$} {:>22}   {:>22}",
+            "", "label: u, v, radius", "found: u, v, radius"
+        )?;
+        for (image, check) in self.evidence.images.iter().zip(&self.check.images) {
+            writeln!(f, "{:width$} {}", image.name, row(check))?;
+        }
+        self.write_advice(f)
+    }
+
+    /// Advises what to do if the ball was not found everywhere, or if labels do not follow its outline.
+    fn write_advice(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let balls = self.check.ball_count();
+        let says_more = self.remedy.is_some_and(Remedy::changes_labels);
+        if let Some(error) = self.check.label_error().filter(|_| !says_more) {
+            let size = if error > 0.0 { "large" } else { "small" };
+            let percent = 100.0 * error.abs();
+            let advice = if self.evidence.images.iter().any(|image| image.has_box) {
+                "Draw boxes that touch the ball on all sides."
+            } else {
+                "The edge is learnt where they end, so that distances will be wrong by as much. Correct them, or draw boxes \
+                 closely around the ball (--rect), which need not be as exact."
+            };
+            writeln!(
+                f,
+                "The labels are about {percent:.0} % too {size} for the outlines in the images. {advice}"
+            )?;
+        }
+        match self.remedy {
+            Some(remedy) => writeln!(f, "{remedy} of {balls}: {}.", remedy.advice()),
+            None if self.check.failures() > 0 => writeln!(
+                f,
+                "Neither finer bins nor other palettes nor closer labels help. Learn from images in which the ball is sharp, whole, and in \
+                 front of other colours; label all balls in view."
+            ),
+            None => Ok(()),
+        }?;
+        if self.check.failures() > 0 {
+            writeln!(
+                f,
+                "This is about balls; of a target with another shape it says nothing."
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Returns the width of the column of the images' names.
+    fn name_width(&self) -> usize {
+        let names = self.evidence.images.iter().map(|image| &image.name);
+        names.map(|name| name.chars().count()).max().unwrap_or(0)
+    }
+
     fn write_ranges(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Some(ranges) = self.model.ranges() else {
             return writeln!(
@@ -204,11 +287,7 @@ impl Report<'_> {
 
     fn write_images(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let images = &self.evidence.images;
-        let width = images
-            .iter()
-            .map(|image| image.name.chars().count())
-            .max()
-            .unwrap_or(0);
+        let width = self.name_width();
         writeln!(
             f,
             "\n{:width$} {:>9} {:>9} {:>9} {:>9}",
@@ -260,6 +339,26 @@ impl Verdict {
             Self::Poor
         }
     }
+}
+
+/// Formats what was labelled and found in an image.
+fn row(check: &ImageCheck) -> String {
+    let ImageCheck::Ball { labels, found, .. } = check else {
+        return "  not checked: no label is round and whole".to_owned();
+    };
+    let label = labels[0];
+    let Some(found) = found else {
+        return format!("{label}   nothing");
+    };
+    let remark = match check.label_error() {
+        _ if check.failed() => "   elsewhere".to_owned(),
+        Some(error) => {
+            let size = if error > 0.0 { "large" } else { "small" };
+            format!("   label {:.0} % too {size}", 100.0 * error.abs())
+        }
+        None => String::new(),
+    };
+    format!("{label}   {}{remark}", found.circle)
 }
 
 fn share(counts: &[u64], bin: usize) -> f64 {

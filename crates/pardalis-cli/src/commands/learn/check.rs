@@ -1,0 +1,188 @@
+//! The detector on the images that a model was learnt from: whether it finds what was labelled, and whether the labels
+//! follow the outlines in the images.
+
+use anyhow::Result;
+use pardalis::color::{ColorLearner, ColorModel};
+use pardalis::tracker::DetectedSettings;
+use pardalis::view::View;
+use pardalis::{Frame, FrameSet, Tracker};
+use pardalis_camera::{Pinhole, Pose};
+
+use super::balls::{Circle, labelled_balls};
+use super::inputs::LabelledFile;
+use crate::focal_length::{TYPICAL_FOV_DEG, focal_length_px, middle_px};
+
+/// The radius of the ball, metres. Any would do: with one camera it only scales the distance.
+const RADIUS_M: f64 = 0.1;
+/// Points of the found outline.
+const OUTLINE_POINTS: usize = 72;
+/// Labels that are larger or smaller than the outlines by more than this share ... Hand-set: labels drawn with care on real
+/// clips deviate by at most 7 %.
+const MAX_LABEL_ERROR: f64 = 0.08;
+/// ... and by more than this many pixels are wrong. Hand-set: whole pixels and blur account for less.
+const MAX_LABEL_ERROR_PX: f64 = 0.8;
+
+/// What the detector found in each image, in the order of the files.
+#[derive(Debug)]
+pub(super) struct Check {
+    pub(super) images: Vec<ImageCheck>,
+}
+
+/// What the detector found in one image.
+#[derive(Debug)]
+pub(super) enum ImageCheck {
+    /// No label is whole and round. The detector was not run.
+    NoBall,
+    /// The detector was run.
+    Ball {
+        /// The labelled balls, the one nearest to what was found first.
+        labels: Vec<Circle>,
+        found: Option<Found>,
+        /// The outline in the image near the first label, by its colours alone: the detector without the learnt edge, which
+        /// repeats the labels.
+        outline: Option<Circle>,
+    },
+}
+
+/// A ball that the detector found.
+#[derive(Debug)]
+pub(super) struct Found {
+    /// The circle with the centroid and area of the outline.
+    pub(super) circle: Circle,
+    pub(super) outline_px: Vec<[f64; 2]>,
+}
+
+impl Check {
+    /// Runs the detector on each image as `track` runs it on a first frame, with a typical pinhole camera. `learner`
+    /// has the palette of the model.
+    ///
+    /// Errors: an image cannot be read.
+    pub(super) fn run(
+        files: &[LabelledFile],
+        learner: &mut ColorLearner,
+        model: &ColorModel,
+    ) -> Result<Self> {
+        let images = files.iter().map(|file| {
+            let (frame, marked) = file.load()?;
+            let is_target = learner.target_pixels(&frame, &marked)?;
+            let mut labels = labelled_balls(&is_target, frame.width());
+            if labels.is_empty() {
+                return Ok(ImageCheck::NoBall);
+            }
+            let found = detect(&frame, model, LearntEdge::Used)?;
+            if let Some(Found { circle, .. }) = &found {
+                labels.sort_by(|a, b| a.radii_to(circle).total_cmp(&b.radii_to(circle)));
+            }
+            let outline = detect(&frame, model, LearntEdge::Ignored)?.map(|found| found.circle);
+            Ok(ImageCheck::Ball {
+                outline: outline.filter(|outline| labels[0].radii_to(outline) <= 1.0),
+                labels,
+                found,
+            })
+        });
+        Ok(Self {
+            images: images.collect::<Result<_>>()?,
+        })
+    }
+
+    /// Returns the number of images with a labelled ball.
+    pub(super) fn ball_count(&self) -> usize {
+        let is_ball = |image: &&ImageCheck| matches!(image, ImageCheck::Ball { .. });
+        self.images.iter().filter(is_ball).count()
+    }
+
+    /// Returns the number of images in which the labelled ball was not found.
+    pub(super) fn failures(&self) -> usize {
+        let failed = self.images.iter().filter(|image| image.failed());
+        failed.count()
+    }
+
+    /// Returns by which share the labels are too large, the median; negative if they are too small. `None` if most are
+    /// right, or nothing is known.
+    pub(super) fn label_error(&self) -> Option<f64> {
+        let ratios = self.images.iter().filter_map(ImageCheck::size_of_label);
+        let mut ratios: Vec<f64> = ratios.collect();
+        ratios.sort_by(f64::total_cmp);
+        error_of(*ratios.get(ratios.len() / 2)?)
+    }
+}
+
+impl ImageCheck {
+    /// Reports whether the labelled ball was not found: nothing was, or something centred outside the label.
+    pub(super) fn failed(&self) -> bool {
+        match self {
+            Self::NoBall => false,
+            Self::Ball { labels, found, .. } => found
+                .as_ref()
+                .is_none_or(|found| labels[0].radii_to(&found.circle) > 1.0),
+        }
+    }
+
+    /// Returns what was found.
+    pub(super) fn found(&self) -> Option<&Found> {
+        match self {
+            Self::NoBall => None,
+            Self::Ball { found, .. } => found.as_ref(),
+        }
+    }
+
+    /// Returns by which share the label is too large; negative if it is too small. `None` if it is right, or nothing is
+    /// known.
+    pub(super) fn label_error(&self) -> Option<f64> {
+        error_of(self.size_of_label()?)
+    }
+
+    /// Returns the radius of the label as a multiple of that of the outline; 1 if they hardly differ.
+    fn size_of_label(&self) -> Option<f64> {
+        let Self::Ball {
+            labels,
+            outline: Some(outline),
+            ..
+        } = self
+        else {
+            return None;
+        };
+        let (label_px, outline_px) = (labels[0].radius_px, outline.radius_px);
+        let differs = (label_px - outline_px).abs() > MAX_LABEL_ERROR_PX;
+        Some(if differs { label_px / outline_px } else { 1.0 })
+    }
+}
+
+fn error_of(size: f64) -> Option<f64> {
+    Some(size - 1.0).filter(|error| error.abs() > MAX_LABEL_ERROR)
+}
+
+/// Whether the detector uses the edge profile of the model, or a general soft edge.
+#[derive(Clone, Copy, PartialEq)]
+enum LearntEdge {
+    Used,
+    Ignored,
+}
+
+/// Detects a ball with default settings, as in the first frame of a track.
+fn detect(frame: &Frame, model: &ColorModel, edge: LearntEdge) -> Result<Option<Found>> {
+    let size = (frame.width(), frame.height());
+    let focal_px = focal_length_px(size, TYPICAL_FOV_DEG);
+    let lens = Pinhole::new([focal_px; 2], middle_px(size), &[])?;
+    let mut ball = DetectedSettings::ball(RADIUS_M, model.clone())?;
+    ball.edge.learned_profile = edge == LearntEdge::Used;
+    let shape = ball.shape;
+    let mut setup = Tracker::builder();
+    let camera = setup.camera(View::new(lens, Pose::identity(), size, None)?);
+    let target = setup.target(ball);
+    let mut tracker = setup.build()?;
+    tracker.observe(&FrameSet::of(camera, frame.clone()))?;
+    let Some(known) = tracker.estimate(target)?.kinematics else {
+        return Ok(None);
+    };
+    let view = &tracker.views()[camera.index()];
+    let outline = shape.outline_px(
+        view.camera(),
+        view.camera_from_world(),
+        known.position_m,
+        1.0,
+        OUTLINE_POINTS,
+    );
+    let outline_px: Vec<[f64; 2]> = outline.into_iter().flatten().collect();
+    Ok(Circle::of_outline(&outline_px).map(|circle| Found { circle, outline_px }))
+}
