@@ -7,7 +7,7 @@ use anyhow::Result;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use pardalis::Frame;
-use pardalis_scene::FrameRange;
+use pardalis_scene::{FrameRange, VideoInput};
 
 use super::label::Label;
 use crate::source::decode::decode_image;
@@ -119,8 +119,7 @@ fn video_frame(path: &Path, number: usize) -> Result<Frame> {
     }
     let mut source = Source::open(&SourceConfig {
         kind: SourceKind::Video {
-            input: path.display().to_string(),
-            input_options: Vec::new(),
+            video: VideoInput::of_path(&path.display().to_string()),
             encoding: None,
         },
         time_offset_s: 0.0,
