@@ -12,7 +12,9 @@ use pardalis::color::ColorModel;
 use pardalis::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
 use pardalis::shape::Shape;
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, DetectedSettings, ExistenceSettings, InitializedSettings};
+use pardalis::tracker::{
+    BodySettings, DetectedSettings, ExistenceSettings, InitializedSettings, Region,
+};
 use pardalis_core::Error;
 use pardalis_filter::bernoulli::check_motion;
 use pardalis_filter::motion::{ConstantVelocity, Motion};
@@ -403,6 +405,27 @@ fn read_detected_start(
     Ok(Some(start))
 }
 
+/// Reads where a detected target can be.
+fn read_region(existence: &Table) -> Option<Region> {
+    let about = "Where the target can be: the range of its position along each axis of the world. What is seen elsewhere is not the target.";
+    existence.section("region", about, |table| {
+        let mut region = Region::default();
+        let about = [
+            "Least and greatest x.",
+            "Least and greatest y.",
+            "Least and greatest z: [0, 3] is above the floor and below the ceiling.",
+        ];
+        for (axis, name) in ["x_m", "y_m", "z_m"].into_iter().enumerate() {
+            let key = table.key(name, about[axis]).depends("anywhere");
+            if let Some([least, greatest]) = key.optional::<[f64; 2]>() {
+                (region.min_m[axis], region.max_m[axis]) = (least, greatest);
+            }
+        }
+        table.checked(region.check())?;
+        Some(region)
+    })
+}
+
 /// Reads how a detected target appears, disappears and becomes occluded.
 fn read_existence(table: &Table) -> Option<ExistenceSettings> {
     let default = ExistenceSettings::default();
@@ -457,6 +480,9 @@ fn read_existence(table: &Table) -> Option<ExistenceSettings> {
             )
             .within(-1e6..=1e6)
             .or(default.ground_z_m);
+        if let Some(region) = read_region(existence) {
+            settings.region = region;
+        }
         existence.checked(settings.check())?;
         Some(settings)
     });

@@ -115,6 +115,8 @@ tuned! {
         max_shift_px: f64 = 3.5, "pixels", "hand-set: lines reach 5 px";
         /// Steps that move the outline less end a round.
         min_shift_px: f64 = 0.01, "pixels", "hand-set: far below the noise of edges";
+        /// When an outline is judged, each sector may deviate from it by up to this.
+        judged_tolerance_px: f32 = 0.5, "pixels", "hand-set: about what a focal length that is a tenth wrong does to a ball far off the axis";
         /// The curvature that lines have at least, before the likelihood exponent.
         min_curvature: f32 = 0.02, "1/pixel²", "hand-set: keeps steps finite where a line is flat";
     }
@@ -131,8 +133,8 @@ tuned! {
         meeting_diameters: f64 = 1.0, "diameters", "hand-set";
         /// The number of detections kept per instant.
         max_detections: usize = 6, "detections", "hand-set: bounds the time of the update";
-        /// Detections whose outline speaks against the target by more than this are dropped: it is another thing's.
-        refuted_nats: f64 = 4.0, "nats", "experiment: balls of real clips keep their track with fingers on them; books and boxes have -3 to 20 nats";
+        /// Detections with a smaller log-likelihood ratio are dropped: an outline anywhere nearby would do as well.
+        min_log_ratio: f64 = 0.5, "nats", "hand-set";
         /// Detections closer than this are one.
         distinct_diameters: f64 = 0.25, "diameters", "hand-set";
         /// Whole images are searched at least once in this many frame sets.
@@ -154,11 +156,11 @@ tuned! {
         /// Clutter (things that look like the target) per frame, over all places where targets appear.
         clutter_per_frame: f64 = 0.1, "things", "hand-set";
         /// A detection's log-likelihood ratio of target against clutter rises by one per this many nats of the edge cue's per camera, ...
-        log_ratio_scale: f64 = 1.0, "nats", "experiment: real balls have 5 to 25 nats, books and boxes of their colours -20 to 3";
+        log_ratio_scale: f64 = 1.5, "nats", "hand-set: pixels are not independent";
         /// ... from minus this, ...
         clutter_nats: f64 = 5.0, "nats", "hand-set: between more wrong frames (half) and more missed ones (twice) on real footage";
         /// ... to at most this.
-        max_log_ratio: f64 = 15.0, "nats", "hand-set";
+        max_log_ratio: f64 = 8.0, "nats", "experiment: more would let a perfect outline outweigh any colour";
         /// By how much a detection is less likely the target if none of its outline shows the target's colours, in proportion for parts.
         occluded_color_nats: f64 = 12.0, "nats", "hand-set: as for `clutter_nats`";
         /// The greatest standard deviation of a detection along any axis: the depth of a small body is measured no worse.

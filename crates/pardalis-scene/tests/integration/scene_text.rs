@@ -710,6 +710,11 @@ fn contradictory_settings_of_detected_targets_are_rejected_by_key() {
                 "above 0",
             ),
             (
+                "existence.region.z_m = [3, 0]",
+                "targets.ball.existence.region.z_m",
+                "a greater one",
+            ),
+            (
                 "edge.correspondence_lines = 3",
                 "targets.ball.edge.correspondence_lines",
                 "16 to 1000",

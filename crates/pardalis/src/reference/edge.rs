@@ -220,6 +220,22 @@ impl EdgeLines {
         }
     }
 
+    /// Returns the log-likelihood ratio at the outline around which the lines were placed, where each sector may deviate from it by up to a tolerance: the
+    /// mean likelihood of five deviations.
+    pub fn judged_log_ratio(&self, tolerance_px: f64) -> f64 {
+        let count = self.points.len();
+        let of_sector = |sector: usize| {
+            let lines = || (0..count).filter(|k| k * SECTORS / count == sector);
+            let likelihoods = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|share| {
+                let sum: f64 = lines().map(|k| self.at(k, share * tolerance_px)).sum();
+                (sum - self.anywhere[sector]).exp()
+            });
+            let ratio = likelihoods.iter().sum::<f64>() / 5.0;
+            (self.visible[sector] * ratio + 1.0 - self.visible[sector]).ln()
+        };
+        (0..SECTORS).map(of_sector).sum()
+    }
+
     /// Returns the log-likelihood ratio of a body at a position in the world (metres) against an edge at any shift
     /// from the outline around which the lines were placed.
     pub fn log_likelihood_ratio(&self, shape: &Shape, view: &View, position_m: [f64; 3]) -> f64 {

@@ -18,7 +18,7 @@ mod track;
 
 pub use builder::TrackerBuilder;
 use detected::LookAlikes;
-pub use existence::{ExistenceSettings, OcclusionRates};
+pub use existence::{ExistenceSettings, OcclusionRates, Region};
 pub use frame_set::FrameSet;
 pub use ids::{CameraId, TargetId};
 pub use settings::{BodySettings, DetectedSettings, InitializedSettings, TargetSettings};

@@ -3,7 +3,7 @@
 use crate::common::{FPS, SIZE, data, detected_ball, fisheye_view, frame, jump_picture, set_of};
 use pardalis::color::YuvEncoding;
 use pardalis::likelihood::EdgeSettings;
-use pardalis::tracker::{DetectedSettings, PASSES_SIGMA_M, TrackState};
+use pardalis::tracker::{DetectedSettings, PASSES_SIGMA_M, Region, TrackState};
 use pardalis::{Estimate, Frame, PixelFormat, TargetId, Tracker};
 use pardalis_core::simd::Level;
 use pardalis_images::RgbImage;
@@ -79,6 +79,36 @@ fn a_thrown_ball_is_detected_and_tracked_in_any_format() {
             assert!(estimate.confidence > 0.9, "frame {index}");
         }
     }
+}
+
+#[test]
+fn a_ball_outside_of_its_region_is_another_thing() {
+    let tracked = |region: Region| {
+        let mut ball = detected_ball();
+        ball.existence.region = region;
+        let views = vec![fisheye_view()];
+        let mut tracker = Tracker::new(views, vec![ball], 1, Level::best()).unwrap();
+        let picture = |index| as_frame(&jump_picture(index), index, PixelFormat::Rgb8);
+        track(&mut tracker, (0..10).map(picture))
+    };
+    let everywhere = tracked(Region::default());
+    assert!(everywhere.iter().any(is_tracked));
+    // The ball is 0.1 to 0.9 m above the floor, the camera 0.9 m.
+    let above_floor = Region {
+        min_m: [-5.0, -5.0, 0.0],
+        max_m: [5.0, 5.0, 3.0],
+    };
+    let estimates = tracked(above_floor);
+    for (index, (inside, everywhere)) in estimates.iter().zip(&everywhere).enumerate() {
+        assert_eq!(inside.state, everywhere.state, "frame {index}");
+        let position_m = inside.kinematics.unwrap().position_m;
+        assert!(above_floor.contains(position_m) && error_m(inside, index) < 0.1);
+    }
+    let below_floor = Region {
+        max_m: [5.0, 5.0, -0.5],
+        ..Region::default()
+    };
+    assert!(!tracked(below_floor).iter().any(is_tracked));
 }
 
 #[test]

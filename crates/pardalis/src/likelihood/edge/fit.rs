@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::frame::{Octave, SECTORS};
-use super::lines::CorrespondenceLines;
+use super::lines::{CorrespondenceLines, log_mean_exp};
 use super::{Coordinates, EdgeCue, EdgeFrame, LANES, Surrounding};
 use crate::tuning::{AdaptationTuning, EdgeTuning};
 
@@ -13,6 +13,7 @@ pub(crate) struct Detection {
     position_m: [f64; 3],
     information: Matrix3<f64>,
     log_likelihood_ratio: f64,
+    coarse_log_ratio: f64,
     judged_log_ratio: f64,
     /// The lines of each camera that sees it come first; the rest are buffers.
     lines: Vec<CorrespondenceLines>,
@@ -37,8 +38,13 @@ impl Detection {
         self.log_likelihood_ratio
     }
 
-    /// How far its outline as a whole is the target's: the same in the octave in which it is judged, without the errors that a whole outline shares. These
-    /// move an outline, but do not excuse that its parts contradict one another, as at the corners of a book.
+    /// The same in the octave in which it is judged.
+    pub(crate) fn coarse_log_ratio(&self) -> f64 {
+        self.coarse_log_ratio
+    }
+
+    /// How far its outline as a whole is the target's: the same in the octave in which it is judged, where each sector may deviate from the outline by a
+    /// fraction of a pixel. Errors that the whole outline shares, as the fit has them, would excuse any contradiction, such as the corners of a book.
     pub(crate) fn judged_log_ratio(&self) -> f64 {
         self.judged_log_ratio
     }
@@ -181,7 +187,7 @@ impl Detections {
         let found = &mut self.buffers[..self.count];
         // Of two equally likely ones the first found comes first.
         found.sort_unstable_by(|a, b| {
-            let by_ratio = b.judged_log_ratio.total_cmp(&a.judged_log_ratio);
+            let by_ratio = b.coarse_log_ratio.total_cmp(&a.coarse_log_ratio);
             by_ratio.then(a.number.cmp(&b.number))
         });
         let mut kept = 0;
@@ -190,7 +196,7 @@ impl Detections {
             let is_apart =
                 |other: &Detection| (here - Vector3::from(other.position_m)).norm() > apart_m;
             if kept < most
-                && found[i].judged_log_ratio > min_log_ratio
+                && found[i].coarse_log_ratio > min_log_ratio
                 && found[..kept].iter().all(is_apart)
             {
                 found.swap(kept, i);
@@ -231,6 +237,9 @@ const LEAST_FAILED_DAMPING: f64 = 1e-2;
 /// The distance over which projections are differentiated, in diameters. Hand-set: single precision still tells the difference.
 const STEP_DIAMETERS: f64 = 0.02;
 
+/// The number of deviations of a sector that are tried when an outline is judged. Hand-set: a quarter of a pixel apart, as lines' shifts.
+const DEVIATIONS: usize = 5;
+
 /// The log-likelihood's gradient and curvature.
 struct Slope {
     gradient: Vector3<f64>,
@@ -254,6 +263,7 @@ impl EdgeCue {
         if !self.fit_octave(frames, prior, (is_planar, 0), detection) {
             return false;
         }
+        detection.coarse_log_ratio = detection.log_likelihood_ratio;
         self.judge(frames, detection);
         let octaves = detection.lines().iter().map(|lines| lines.octave.0);
         for finer in 1..=octaves.max().unwrap_or(0) {
@@ -268,6 +278,7 @@ impl EdgeCue {
     pub(super) fn judge(&mut self, frames: &[EdgeFrame], detection: &mut Detection) {
         let position = detection.position_m.map(|v| [v as f32; LANES]);
         let exponent = self.settings.likelihood_exponent as f32;
+        let tolerance_px = self.tuning.judged_tolerance_px;
         detection.judged_log_ratio = 0.0;
         for lines in &mut detection.lines[..detection.camera_count] {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
@@ -275,7 +286,15 @@ impl EdgeCue {
             };
             self.project(frame.projector(), &position);
             let of_fit = lines.replace_exponent(exponent);
-            let sums = SectorSums::of(lines, &self.coordinates).lane(0);
+            let mut sums = [[0_f32; DEVIATIONS]; SECTORS];
+            for (k, [u, v]) in self.coordinates.iter().enumerate() {
+                let shift_px = lines.shift_px(k, [u[0], v[0]]);
+                for (deviation, sum) in sums[lines.sector(k)].iter_mut().enumerate() {
+                    let share = 2.0 * deviation as f32 / (DEVIATIONS - 1) as f32 - 1.0;
+                    *sum += lines.line_log_ratio(k, shift_px + share * tolerance_px);
+                }
+            }
+            let sums = sums.map(|sums| log_mean_exp(&sums));
             detection.judged_log_ratio += f64::from(lines.log_likelihood_ratio(&sums));
             lines.replace_exponent(of_fit);
         }

@@ -293,9 +293,7 @@ impl CorrespondenceLines {
             }
         }
         for (anywhere, sums) in self.anywhere.iter_mut().zip(&sums) {
-            let most = sums.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-            let total: f32 = sums.iter().map(|sum| libm::expf(sum - most)).sum();
-            *anywhere = most + libm::logf(total / SHIFTS as f32);
+            *anywhere = log_mean_exp(sums);
         }
     }
 
@@ -365,6 +363,13 @@ impl CorrespondenceLines {
     pub(super) fn sector(&self, k: usize) -> usize {
         k * SECTORS / self.crossings.len()
     }
+}
+
+/// ln of the mean of the exponentials.
+pub(super) fn log_mean_exp(logs: &[f32]) -> f32 {
+    let most = logs.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let total: f32 = logs.iter().map(|log| libm::expf(log - most)).sum();
+    most + libm::logf(total / logs.len() as f32)
 }
 
 /// The share of each sector that lies outside of look-alikes.

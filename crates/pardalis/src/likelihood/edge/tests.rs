@@ -192,7 +192,7 @@ fn likelihoods_over_correspondence_lines_are_the_oracles() {
 }
 
 #[test]
-fn judgements_are_the_oracles_without_shared_errors() {
+fn judgements_are_the_oracles() {
     for (place_m, occluded_from) in [
         ([0.05, -0.03, 1.25], SIZE.0),
         ([0.021, 0.012, 0.72], SIZE.0),
@@ -215,7 +215,8 @@ fn judgements_are_the_oracles_without_shared_errors() {
         let (ball, view) = (ball(), view());
         let frame = (&frame, octave);
         let naive = reference::EdgeLines::place(&settings, &ball, &colors(), &view, frame, place_m);
-        let expected = naive.unwrap().log_likelihood_ratio(&ball, &view, place_m);
+        let tolerance_px = EdgeTuning::DEFAULT.judged_tolerance_px.into();
+        let expected = naive.unwrap().judged_log_ratio(tolerance_px);
         assert!(
             (judged - expected).abs() < 0.01 * expected.abs().max(1.0),
             "{place_m:?}: {judged} {expected}"

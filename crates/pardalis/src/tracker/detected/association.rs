@@ -72,7 +72,12 @@ impl DetectedTarget {
         let likeness = (judged / cameras / tuning.log_ratio_scale - tuning.clutter_nats)
             .min(tuning.max_log_ratio)
             - tuning.occluded_color_nats * (1.0 - detection.visible_share())
-            + by_color;
+            + by_color
+            - 0.5
+                * self
+                    .existence
+                    .region
+                    .squared_sigmas(position_m, &information);
         let clutter_density = self.clutter_density();
         let place = (position_m, &covariance_m2);
         let assigned = self.assigned_nats(look_alikes, place, likeness, clutter_density);

@@ -68,7 +68,7 @@ impl Detector {
         }
         self.since_search += 1;
         let near = self.detections.as_slice().first();
-        let is_sure = near.is_some_and(|found| found.judged_log_ratio() > tuning.sure_log_ratio);
+        let is_sure = near.is_some_and(|found| found.coarse_log_ratio() > tuning.sure_log_ratio);
         if !is_sure
             || predicted.existence < tuning.sure_existence
             || self.since_search >= tuning.frames_between_searches
@@ -82,7 +82,7 @@ impl Detector {
         }
         let apart_m = tuning.distinct_diameters * self.shape.diameter_m();
         self.detections
-            .keep_distinct(-tuning.refuted_nats, apart_m, tuning.max_detections);
+            .keep_distinct(tuning.min_log_ratio, apart_m, tuning.max_detections);
     }
 
     /// Detects the target near its predicted position, with the prediction as prior.

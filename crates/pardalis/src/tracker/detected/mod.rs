@@ -232,6 +232,7 @@ impl DetectedTarget {
             detections,
             associated: &associated,
             visibilities: &self.visibilities,
+            region: self.existence.region,
             near_m: self.tuning.existence.near_diameters * self.shape.diameter_m(),
             missed: -self.tuning.existence.missed_nats,
         };

@@ -5,7 +5,11 @@ use nalgebra::Vector3;
 use super::association::AssociatedDetection;
 use super::visibility::Visibility;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame};
+use crate::tracker::existence::Region;
 use pardalis_filter::bernoulli::{BernoulliFilter, MeasurementComponent};
+
+/// By how much a particle outside of the target's region is less likely, nats: it is impossible, but should all be outside, one must remain.
+const OUTSIDE_NATS: f32 = 50.0;
 
 /// What the update reads.
 pub(super) struct Measurement<'a> {
@@ -14,6 +18,8 @@ pub(super) struct Measurement<'a> {
     pub(super) associated: &'a [AssociatedDetection],
     /// The predicted visibility in each camera.
     pub(super) visibilities: &'a [Option<Visibility>],
+    /// Where the target can be.
+    pub(super) region: Region,
     /// Detections closer to the estimate than this are the target, metres.
     pub(super) near_m: f64,
     /// The log-likelihood ratio of a frame in which a visible target is nowhere near a detection, nats.
@@ -40,6 +46,7 @@ pub(super) fn update(
         detections,
         associated,
         visibilities,
+        region,
         near_m,
         missed,
     } = *measurement;
@@ -63,6 +70,12 @@ pub(super) fn update(
             };
             for (sum, &log_ratio) in out.iter_mut().zip(&*of_camera) {
                 *sum += visibility.mixture_log_ratio(log_ratio);
+            }
+        }
+        let [x, y, z] = particles.positions_m();
+        for (particle, sum) in out.iter_mut().enumerate() {
+            if !region.contains([x, y, z].map(|column| f64::from(column[particle]))) {
+                *sum -= OUTSIDE_NATS;
             }
         }
     });
