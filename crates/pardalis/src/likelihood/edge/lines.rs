@@ -1,5 +1,6 @@
 //! Correspondence lines across an outline in one frame: the log-likelihood of the outline's shift along each line.
 
+use super::fit::NoFit;
 use super::frame::{Octave, SECTORS};
 use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
 use crate::color::{BodyColors, EdgePixel, Surroundings};
@@ -146,8 +147,8 @@ impl CorrespondenceLines {
         }
     }
 
-    /// Places lines across an outline, given as the first lane of its points, in an octave of the frame. Returns `false` if too little of it lies in the image, or if inside and
-    /// outside have the same colours.
+    /// Places lines across an outline, given as the first lane of its points, in an octave of the frame. Returns why not if too little of it lies in the image, shows edges, or
+    /// shows the body's colours.
     pub(super) fn place(
         &mut self,
         (frame, octave): (&EdgeFrame, Octave),
@@ -155,7 +156,7 @@ impl CorrespondenceLines {
         table: &Table,
         (settings, tuning): (&EdgeSettings, &EdgeTuning),
         buffers: &mut LineBuffers,
-    ) -> bool {
+    ) -> Result<(), NoFit> {
         self.camera = frame.camera();
         self.octave = octave;
         self.beyond_reach_nats = tuning.beyond_reach_nats;
@@ -177,7 +178,7 @@ impl CorrespondenceLines {
         let crossings = self.crossings.iter();
         let inside = crossings.filter(|crossing| frame.holds(crossing.point));
         if (inside.count() as f32) < tuning.min_inside_share * count as f32 {
-            return false;
+            return Err(NoFit::OutOfView);
         }
         let lengths = corners.iter().map(|corner| corner.length_px);
         let length_px: f32 = lengths.filter(|length| length.is_finite()).sum();
@@ -189,7 +190,7 @@ impl CorrespondenceLines {
         take_pixels((frame, octave), corners, thinning, pixels, places);
         let weight = thinning as f32;
         let Some(surroundings) = Surroundings::of(pixels) else {
-            return false;
+            return Err(NoFit::NoEdges);
         };
         self.log_ratios.clear();
         self.log_ratios.resize(count, [0.0; SHIFTS]);
@@ -236,7 +237,11 @@ impl CorrespondenceLines {
         self.likelihood_exponent /=
             1.0 + self.curvature() * (settings.shared_sigma_px as f32).powi(2);
         self.find_anywhere();
-        true
+        if self.visible_share >= tuning.min_visible_share {
+            Ok(())
+        } else {
+            Err(NoFit::Covered(self.visible_share))
+        }
     }
 
     /// Compares what surrounds the body with before: an edge between the body and something that has come belongs to that thing.

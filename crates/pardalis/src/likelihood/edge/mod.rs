@@ -12,7 +12,7 @@ mod lines;
 mod tests;
 
 use fit::SectorSums;
-pub(crate) use fit::{Detection, Detections};
+pub(crate) use fit::{Detection, Detections, NoFit};
 pub(crate) use frame::{EdgeFrame, EdgeFrameContext, Outlines, Surrounding};
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
