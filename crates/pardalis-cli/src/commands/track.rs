@@ -117,12 +117,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Returns the targets that were tracked in no frame, each with its number and name.
+/// Returns the targets that have rows but were tracked in none, each with its number and name.
 fn never_found(run: &Run) -> impl Iterator<Item = (usize, &str)> {
     let targets = run.open.scene.targets.iter().zip(run.series.states());
     let never = targets
         .enumerate()
-        .filter(|(_, (_, states))| states.tracking == 0);
+        .filter(|(_, (_, states))| states.tracking == 0 && states.rows() > 0);
     never.map(|(number, (target, _))| (number, &*target.name))
 }
 

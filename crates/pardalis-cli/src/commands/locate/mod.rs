@@ -26,6 +26,9 @@ pub(crate) use starts::parse_pixel;
 /// the previous pass; the mean of the last pass is the result. If the start is a pixel, its ray is searched
 /// first, down to the ground. Writes into a folder: tracks.csv (one row per image and target, without
 /// velocities) and summary.json.
+///
+/// For each image it prints the position with its standard deviations and the confidence, or why a target was not found
+/// (docs/not-found.md).
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis locate ball.toml                          the scene's images, each from the scene's start
