@@ -5,6 +5,7 @@ use std::fs;
 use std::process::Command;
 
 use crate::common::{Run, Workplace, data, scene_with};
+use pardalis::tracker::Verdict;
 use pardalis_images::decode;
 use serde_json::Value;
 
@@ -261,4 +262,16 @@ fn explanations_need_a_folder() {
         run.stderr
     );
     assert_eq!(candidates(&place, "out").len(), 0);
+}
+
+#[test]
+fn the_guide_has_a_section_for_each_verdict_in_their_order() {
+    let page = data().join("../../docs/not-found.md");
+    let page = fs::read_to_string(page).unwrap();
+    let sections: Vec<&str> = page
+        .lines()
+        .filter_map(|line| line.strip_prefix("## "))
+        .collect();
+    let verdicts = Verdict::ALL.map(Verdict::name);
+    assert_eq!(sections[..verdicts.len()], verdicts);
 }
