@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::frame::{Octave, SECTORS};
-use super::lines::CorrespondenceLines;
+use super::lines::{CorrespondenceLines, NoFit};
 use super::{Coordinates, EdgeCue, EdgeFrame, LANES, Surrounding};
 use crate::tuning::{AdaptationTuning, EdgeTuning};
 
@@ -19,17 +19,6 @@ pub(crate) struct Detection {
     camera_count: usize,
     /// The number of the candidate from which it was fitted.
     candidate: usize,
-}
-
-/// Why no outline was fitted. Of several cameras the one counts that came nearest to a fit, the last of these.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
-pub(crate) enum NoFit {
-    /// Most of the outline lies outside of every image.
-    OutOfView,
-    /// Inside and outside have the same colours, or the edges determine no position.
-    NoEdges,
-    /// Only this share of the outline shows the target's colours.
-    Covered(f32),
 }
 
 impl Detection {

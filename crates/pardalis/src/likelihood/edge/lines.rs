@@ -1,6 +1,5 @@
 //! Correspondence lines across an outline in one frame: the log-likelihood of the outline's shift along each line.
 
-use super::fit::NoFit;
 use super::frame::{Octave, SECTORS};
 use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
 use crate::color::{BodyColors, EdgePixel, Surroundings};
@@ -18,6 +17,17 @@ const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
 const SURROUNDING_PX: std::ops::RangeInclusive<f32> = 3.0..=7.0;
 /// The weight of squared differences in U and V against those in Y, when surroundings are compared. Hand-set: chroma changes less with shadows.
 const CHROMA_WEIGHT: f32 = 2.0;
+
+/// Why no outline was fitted. Of several cameras the one counts that came nearest to a fit, the last of these.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+pub(crate) enum NoFit {
+    /// Most of the outline lies outside of every image.
+    OutOfView,
+    /// Inside and outside have the same colours, or the edges determine no position.
+    NoEdges,
+    /// Only this share of the outline shows the target's colours.
+    Covered(f32),
+}
 
 /// Correspondence lines across an outline in one camera's frame.
 #[derive(Debug, Clone, Default)]

@@ -12,7 +12,7 @@ mod lines;
 mod tests;
 
 use fit::SectorSums;
-pub(crate) use fit::{Detection, Detections, NoFit};
+pub(crate) use fit::{Detection, Detections};
 pub(crate) use frame::{EdgeFrame, EdgeFrameContext, Outlines, Surrounding};
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
@@ -23,6 +23,7 @@ use crate::shape::Shape;
 use crate::tuning::EdgeTuning;
 use crate::view::View;
 use frame::{Octave, SECTORS};
+pub(crate) use lines::NoFit;
 use lines::{LineBuffers, REACH_PX, SHIFTS};
 use pardalis_camera::LANES;
 use pardalis_core::Error;
