@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{BufWriter, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -19,7 +19,7 @@ const HEADER: &str = "frame,time_s,target,landmark,origin,camera,u_px,v_px,area_
 
 /// Writes the candidates of each target to a file.
 pub(crate) struct CandidateRows {
-    out: BufWriter<File>,
+    out: File,
     path: PathBuf,
     cameras: Vec<String>,
     targets: Vec<TargetConfig>,
@@ -40,7 +40,7 @@ impl CandidateRows {
             )
         })?;
         let mut rows = Self {
-            out: BufWriter::new(file),
+            out: file,
             path,
             cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
             targets: scene.targets.clone(),
@@ -58,7 +58,6 @@ impl CandidateRows {
     fn write(&mut self) -> Result<()> {
         self.out
             .write_all(self.text.as_bytes())
-            .and_then(|()| self.out.flush())
             .with_context(|| format!("{}: the candidates cannot be written", self.path.display()))
     }
 }

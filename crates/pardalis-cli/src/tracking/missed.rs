@@ -1,8 +1,5 @@
 //! Why targets were not found: what ruled out the candidates in the frames without a target.
 
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BTreeSet};
-
 use anyhow::Result;
 use pardalis::tracker::{Candidate, Origin, TrackState, Verdict};
 use pardalis::{TargetId, Tracker};
@@ -14,28 +11,29 @@ const TOLD: usize = 3;
 
 /// Counts, for each target, the frames in which it was searching or lost, by what ruled out a candidate in them.
 pub(crate) struct MissedFrames {
-    targets: Vec<BTreeMap<Verdict, usize>>,
+    /// One count per verdict, in the order of [`Verdict::ALL`].
+    targets: Vec<[usize; Verdict::ALL.len()]>,
 }
 
 impl MissedFrames {
     /// Counts those of this many targets.
     pub(crate) fn of(targets: usize) -> Self {
         Self {
-            targets: vec![BTreeMap::new(); targets],
+            targets: vec![[0; Verdict::ALL.len()]; targets],
         }
     }
 
     /// Returns for each reason the number of frames in which a target was missed and a candidate ruled out for it.
     pub(crate) fn by_reason(&self, target: usize) -> impl Iterator<Item = (Verdict, usize)> {
-        let reasons = self.targets[target].iter();
-        reasons.map(|(&reason, &frames)| (reason, frames))
+        let counted = Verdict::ALL.into_iter().zip(self.targets[target]);
+        counted.filter(|&(_, frames)| frames > 0)
     }
 
     /// Returns the most frequent reasons for which a target of this name was missed in this many frames, one per line.
     pub(crate) fn lines(&self, target: usize, name: &str, missed: usize) -> Vec<String> {
         let mut reasons: Vec<_> = self.by_reason(target).collect();
         // Of two equally frequent ones that which came nearer.
-        reasons.sort_by_key(|&reason| Reverse((reason.1, reason.0)));
+        reasons.sort_by(|a, b| (b.1, b.0).cmp(&(a.1, a.0)));
         let line = |&(reason, frames): &(Verdict, usize)| {
             format!(
                 "in {frames} of {missed} frames without {name}, {} ({}): {}",
@@ -53,8 +51,9 @@ impl Sink for MissedFrames {
         for (number, estimate) in instant.estimates.iter().enumerate() {
             let is_missed = matches!(estimate.state, TrackState::Searching | TrackState::Lost);
             if is_missed {
-                for Reverse(reason) in reasons(instant.tracker, TargetId::new(number))? {
-                    *self.targets[number].entry(reason).or_default() += 1;
+                let reasons = reasons(instant.tracker, TargetId::new(number))?;
+                for (frames, verdict) in self.targets[number].iter_mut().zip(Verdict::ALL) {
+                    *frames += usize::from(reasons.contains(&verdict));
                 }
             }
         }
@@ -64,18 +63,20 @@ impl Sink for MissedFrames {
 
 /// Returns what ruled out candidates of a target in the latest frames, or of the first landmark that is missing, that which came nearest to it first; nothing for
 /// targets that the tracker does not search for. A prediction counts only if there is nothing else.
-pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<BTreeSet<Reverse<Verdict>>> {
+pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<Vec<Verdict>> {
     let bodies = tracker.bodies_at(target, tracker.time_s().unwrap_or(0.0))?;
     let of_bodies = tracker.candidates(target)?.zip(bodies);
     let mut missing = of_bodies.filter(|(_, body)| body.kinematics.is_none());
     let candidates = missing.next().map_or(&[][..], |(candidates, _)| candidates);
-    let is_seen = |candidate: &&Candidate| candidate.origin != Origin::Prediction;
-    let has_seen = candidates.iter().any(|candidate| is_seen(&candidate));
-    let counted = (candidates.iter()).filter(|candidate| !has_seen || is_seen(candidate));
-    let verdicts = counted.map(|candidate| candidate.verdict);
-    let ruling_out =
-        verdicts.filter(|verdict| !matches!(verdict, Verdict::SamePlace | Verdict::Target));
-    Ok(ruling_out.map(Reverse).collect())
+    let is_seen = |candidate: &Candidate| candidate.origin != Origin::Prediction;
+    let has_seen = candidates.iter().any(is_seen);
+    let ruled_out = |verdict: &Verdict| {
+        let is_ruled_out =
+            |candidate: &Candidate| candidate.verdict == *verdict && is_seen(candidate) == has_seen;
+        let says_why = !matches!(verdict, Verdict::SamePlace | Verdict::Target);
+        says_why && candidates.iter().any(is_ruled_out)
+    };
+    Ok(Verdict::ALL.into_iter().rev().filter(ruled_out).collect())
 }
 
 /// Says what ruled out a candidate, as a clause.

@@ -184,7 +184,7 @@ pub(crate) fn locate(
             located.map_err(|error| user_error!("{}: {error}", starts.source_of_frame(frame)))?;
         for (number, (name, estimate)) in names.iter().zip(&estimates).enumerate() {
             let reasons = missed::reasons(tracker, TargetId::new(number))?;
-            let reason = reasons.first().map(|reason| reason.0);
+            let reason = reasons.first().copied();
             push_line(&mut report, set.index, name, (estimate, reason));
         }
         Ok(estimates)
