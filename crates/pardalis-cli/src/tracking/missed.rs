@@ -33,7 +33,7 @@ impl MissedFrames {
     pub(crate) fn lines(&self, target: usize, name: &str, missed: usize) -> Vec<String> {
         let mut reasons: Vec<_> = self.by_reason(target).collect();
         // Of two equally frequent ones that which came nearer.
-        reasons.sort_by(|a, b| (b.1, b.0).cmp(&(a.1, a.0)));
+        reasons.sort_by_key(|&reason| std::cmp::Reverse((reason.1, reason.0)));
         let line = |&(reason, frames): &(Verdict, usize)| {
             format!(
                 "in {frames} of {missed} frames without {name}, {} ({}): {}",
