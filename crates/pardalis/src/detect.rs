@@ -105,13 +105,17 @@ pub(crate) fn mean_color(prepared: &PreparedFrame) -> [f32; 3] {
 /// A colour stands out if it is at least twice as frequent among the target's pixels as in the image. Panics if the frame was not prepared for the
 /// colours' palette ([`View::prepare`](crate::view::View::prepare)).
 pub fn blobs(prepared: &PreparedFrame, colors: &ColorModel) -> Vec<Blob> {
+    search_image(prepared, colors).blobs
+}
+
+fn search_image(prepared: &PreparedFrame, colors: &ColorModel) -> BlobSearch {
     let (mut counts, mut posterior) = (BinCounts::default(), Vec::new());
     let correction = IlluminationCorrection::NONE;
     counts.count(prepared, colors.palette(), &correction, 1);
     counts.color_posterior(colors, &mut posterior);
     let mut search = BlobSearch::default();
     search.find(prepared, colors.palette(), &posterior, None, &correction);
-    search.blobs
+    search
 }
 
 /// Finds blobs. Owns its buffers: a search in an image no larger than those before allocates nothing.
@@ -129,6 +133,7 @@ pub(crate) struct BlobSearch {
     /// Pixels of a blob whose neighbours are still to be visited.
     stack: Vec<usize>,
     blobs: Vec<Blob>,
+    left_out: Option<Blob>,
 }
 
 impl BlobSearch {
@@ -142,6 +147,16 @@ impl BlobSearch {
     /// The greatest number of blobs that a search returns.
     pub(crate) fn max_blobs(&self) -> usize {
         self.tuning.max_blobs
+    }
+
+    /// The least area of a blob, in pixels.
+    pub(crate) fn min_area_px(&self) -> usize {
+        self.tuning.min_area_px
+    }
+
+    /// The largest part of the latest image that the search did not return: too small, or beyond the greatest number of blobs.
+    pub(crate) fn left_out(&self) -> Option<&Blob> {
+        self.left_out.as_ref()
     }
 
     /// Finds the blobs of pixels with a high posterior within these ranges, for which the frame was prepared. Returns them largest first.
@@ -166,7 +181,9 @@ impl BlobSearch {
             columns,
             stack,
             blobs,
+            left_out,
         } = self;
+        *left_out = None;
         bins.clear();
         bins.reserve(width * height);
         with_pixels!(frame, components => for y in 0..height {
@@ -219,14 +236,20 @@ impl BlobSearch {
                     }
                 }
             }
-            if sums.count >= min_area_px {
-                let blob = sums.blob();
-                // Blobs of equal area stay in row order.
-                let rank = blobs.partition_point(|larger| larger.area_px >= blob.area_px);
-                if rank < max_blobs {
-                    blobs.truncate(max_blobs - 1);
-                    blobs.insert(rank, blob);
-                }
+            let blob = sums.blob();
+            // Blobs of equal area stay in row order.
+            let rank = blobs.partition_point(|larger| larger.area_px >= blob.area_px);
+            let last = if sums.count < min_area_px || rank == max_blobs {
+                Some(blob)
+            } else {
+                let last = (blobs.len() == max_blobs).then(|| blobs.pop()).flatten();
+                blobs.insert(rank, blob);
+                last
+            };
+            if let Some(last) = last
+                && left_out.is_none_or(|other| other.area_px < last.area_px)
+            {
+                *left_out = Some(last);
             }
         }
         blobs
@@ -275,8 +298,17 @@ impl Sums {
 
     fn blob(&self) -> Blob {
         let [min_px, max_px] = self.bounds.unwrap_or_default();
+        // The majority filter may leave a few pixels whose posterior is 0: then the middle.
+        let middle = |i: usize| 0.5 * (min_px[i] + max_px[i]) as f64;
+        let mean = |i: usize| self.weighted[i] / self.weight;
         Blob {
-            centroid_px: self.weighted.map(|sum| sum / self.weight),
+            centroid_px: [0, 1].map(|i| {
+                if self.weight > 0.0 {
+                    mean(i)
+                } else {
+                    middle(i)
+                }
+            }),
             area_px: self.count as f64,
             min_px,
             max_px,
@@ -327,11 +359,15 @@ mod tests {
     }
 
     fn found(discs: &[([f64; 2], f64)], mask: Option<Mask>) -> Vec<Blob> {
+        search(discs, mask).blobs
+    }
+
+    fn search(discs: &[([f64; 2], f64)], mask: Option<Mask>) -> BlobSearch {
         let camera = Camera::Pinhole(Pinhole::new([50.0; 2], [30.0, 20.0], &[]).unwrap());
         let mut view = View::new(camera, Pose::identity(), SIZE, mask).unwrap();
         let frame = picture(discs);
         view.prepare(crate::color::PixelKind::of(&frame), Palette::HSI);
-        blobs(&view.prepared(&frame), &orange())
+        search_image(&view.prepared(&frame), &orange())
     }
 
     #[test]
@@ -364,6 +400,33 @@ mod tests {
         let cut = found(&[([39.0, 20.0], 4.0)], Some(mask.clone()));
         assert!(cut[0].cut_off && cut[0].max_px[0] <= 40, "{cut:?}");
         assert!(found(&[([50.0, 20.0], 4.0)], Some(mask)).is_empty());
+    }
+
+    #[test]
+    fn the_largest_part_that_is_no_blob_is_left_out() {
+        let small = ([5.0, 35.0], 1.5);
+        let noise = search(&[([41.0, 22.0], 6.0), small], None);
+        let left_out = noise.left_out().unwrap();
+        let [u, v] = left_out.centroid_px;
+        assert!((u - 5.0).hypot(v - 35.0) < 1e-9, "{left_out:?}");
+        assert_eq!(noise.blobs.len(), 1);
+        assert!(left_out.area_px < noise.min_area_px() as f64);
+        // Ten equal discs: two more than are returned, after a larger one.
+        let discs = (0..10).map(|i| {
+            (
+                [6.0 + 11.0 * f64::from(i % 5), 8.0 + 12.0 * f64::from(i / 5)],
+                3.0,
+            )
+        });
+        let mut discs: Vec<_> = discs.collect();
+        discs.push(([30.0, 34.0], 4.5));
+        let many = search(&discs, None);
+        assert_eq!(many.blobs.len(), 8);
+        assert!(many.blobs[0].area_px > many.blobs[1].area_px);
+        let left_out = many.left_out().unwrap();
+        assert_eq!(left_out.area_px, many.blobs[7].area_px);
+        assert!(many.blobs.iter().all(|blob| blob != left_out));
+        assert_eq!(search(&[], None).left_out(), None);
     }
 
     #[test]

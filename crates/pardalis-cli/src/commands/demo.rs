@@ -32,6 +32,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         seed: None,
         threads: None,
         annotate: Annotate::Trails,
+        explain: false,
         particles: None,
         plots: false,
         progress: true,

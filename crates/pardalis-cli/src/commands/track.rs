@@ -3,16 +3,20 @@
 use std::io::Write as _;
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 use pardalis::TargetId;
 
 use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
+use crate::user_error::user_error;
 
 /// Tracks the targets of a scene
 ///
 /// Reads a scene file (`pardalis init` writes one to start from), tracks every target through all frames and writes a
 /// folder with tracks.csv (position, velocity, covariance and best particle, one row per frame and target),
 /// summary.json, and plots (from above, from the side, in an oblique view, and over time).
+///
+/// If a target is missing in some frames, the summary says in how many, and what ruled out what looked most like it;
+/// --explain says it frame by frame.
 ///
 /// With several cameras, frames that arrive early wait up to timing.max_delay_s (a key of the scene; default 0.1 s,
 /// with one camera 0) for earlier frames of other cameras. A camera that fails, ends or freezes does not stop the
@@ -21,7 +25,9 @@ use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
 #[command(after_help = "Examples:
   pardalis track ball.toml                      results into the folder ball-tracks
   pardalis track ball.toml -o run7 --annotate   also the frames with contours and particles
+  pardalis track ball.toml --annotate --explain what ruled out things that are not the ball
   pardalis track ball.toml -o - | head          rows to standard output while tracking")]
+#[allow(clippy::struct_excessive_bools)] // flags of the command line
 pub(crate) struct Arguments {
     /// The scene file
     #[arg(value_name = "SCENE.toml")]
@@ -39,6 +45,15 @@ pub(crate) struct Arguments {
     /// Also writes every frame with contours and particles drawn on it
     #[arg(long)]
     annotate: bool,
+    /// Also writes candidates.csv: what was examined in each frame, and what ruled it out
+    ///
+    /// Without an output folder there is none. With --annotate, the candidates are drawn into the frames. The guide explains
+    /// each verdict (docs/not-found.md).
+    #[arg(long)]
+    explain: bool,
+    /// Exits with code 1 if a target is tracked in no frame; results are written nevertheless
+    #[arg(long)]
+    require_found: bool,
     /// Also writes the particles of each estimate to a file with the columns
     /// frame,time_s,target,landmark,particle,x_m,…,vx_mps,…,weight
     ///
@@ -67,6 +82,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     let to_stdout = output == Output::Stdout;
+    if arguments.explain && to_stdout {
+        return Err(user_error!(
+            "--explain: writes candidates.csv into the output folder; give -o a folder instead of -"
+        ));
+    }
     let options = Options {
         output,
         seed: arguments.seed,
@@ -76,6 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         } else {
             Annotate::No
         },
+        explain: arguments.explain,
         particles: arguments.particles.clone(),
         plots: !arguments.no_plots,
         progress: true,
@@ -86,7 +107,43 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         // The reader may have closed the pipe; the results are in the folder.
         let _ = std::io::stdout().write_all(summary(&run).as_bytes());
     }
+    let never_found: Vec<&str> = never_found(&run).map(|(_, name)| name).collect();
+    if arguments.require_found && !never_found.is_empty() {
+        return Err(anyhow!(
+            "--require-found: not found in any frame: {}",
+            never_found.join(", ")
+        ));
+    }
     Ok(())
+}
+
+/// Returns the targets that have rows but were tracked in none, each with its number and name.
+fn never_found(run: &Run) -> impl Iterator<Item = (usize, &str)> {
+    let targets = run.open.scene.targets.iter().zip(run.series.states());
+    let never = targets
+        .enumerate()
+        .filter(|(_, (_, states))| states.tracking == 0 && states.rows() > 0);
+    never.map(|(number, (target, _))| (number, &*target.name))
+}
+
+/// Returns what most often ruled out a target that was missing in some frames, and what to do next, one per line.
+fn reasons(run: &Run, number: usize) -> Vec<String> {
+    let name = &run.open.scene.targets[number].name;
+    let states = &run.series.states()[number];
+    let mut lines = (run.missed).lines(number, name, states.searching + states.lost);
+    if !lines.is_empty() {
+        let next = if run
+            .files
+            .iter()
+            .any(|file| file.ends_with("candidates.csv"))
+        {
+            "candidates.csv has all candidates; docs/not-found.md explains the verdicts"
+        } else {
+            "next: look at `pardalis track SCENE.toml --explain --annotate`, and read docs/not-found.md"
+        };
+        lines.push(next.to_owned());
+    }
+    lines
 }
 
 /// Returns warnings about problems that may have impaired the results, one per line.
@@ -118,6 +175,20 @@ fn warnings(run: &Run) -> String {
                 "warning: cameras.{name}: only {} of its {} frames were used; the table shows why the others were not",
                 record.frames.used, record.frames.delivered
             );
+        }
+    }
+    for (number, name) in never_found(run) {
+        let frames = run.outcome.frame_sets;
+        let _ = writeln!(
+            text,
+            "warning: targets.{name}: was not found in any of the {frames} frames"
+        );
+        let mut lines = reasons(run, number);
+        if lines.is_empty() {
+            lines.push("it is followed from its start and not searched for: check the start, or leave it out (docs/not-found.md)".to_owned());
+        }
+        for line in lines {
+            let _ = writeln!(text, "  {line}");
         }
     }
     text
@@ -183,12 +254,19 @@ pub(crate) fn summary(run: &Run) -> String {
     let frames = outcome.frame_sets;
     let rate = frames as f64 / outcome.tracking_s.max(1e-9);
     let mut text = format!("tracked {frames} frames ({rate:.0} per second of tracking time)\n");
-    for (target, states) in run.open.scene.targets.iter().zip(run.series.states()) {
+    let targets = run.open.scene.targets.iter().zip(run.series.states());
+    for (number, (target, states)) in targets.enumerate() {
         let _ = writeln!(
             text,
-            "{}: {} frames tracked, {} occluded, {} lost",
-            target.name, states.tracking, states.occluded, states.lost
+            "{}: {} frames tracked, {} occluded, {} lost, {} searching",
+            target.name, states.tracking, states.occluded, states.lost, states.searching
         );
+        // Warnings say why a target was never found.
+        if states.tracking > 0 {
+            for line in reasons(run, number) {
+                let _ = writeln!(text, "  {line}");
+            }
+        }
     }
     text += &camera_table(run);
     for file in &run.files {

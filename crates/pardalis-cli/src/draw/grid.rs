@@ -43,6 +43,7 @@ pub(crate) fn drawn_over(image: &RgbImage, marks: Vec<Mark>, labels: &[Label]) -
     });
     let overlay = Overlay {
         marks: marks.collect(),
+        notes: Vec::new(),
         label: String::new(),
         zoom_at_px: None,
     };

@@ -7,7 +7,7 @@ use tiny_skia::{
 
 use super::Rgb;
 use super::picture::{canvas_of, opaque, picture_from};
-use super::text::{Caption, write_caption};
+use super::text::{Caption, width_em, write_caption};
 
 /// The way in which the points of a mark are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,11 +32,24 @@ pub(crate) struct Mark {
     pub(crate) color: Rgb,
 }
 
+/// A cross with a short text beside it.
+#[derive(Debug, Clone)]
+pub(crate) struct Note {
+    /// The middle of the cross, as for [`Mark`].
+    pub(crate) at_px: [f64; 2],
+    /// The text.
+    pub(crate) text: &'static str,
+    /// The colour of the cross.
+    pub(crate) color: Rgb,
+}
+
 /// Everything that is drawn over one image.
 #[derive(Debug, Clone)]
 pub(crate) struct Overlay {
     /// Drawn in this order.
     pub(crate) marks: Vec<Mark>,
+    /// Drawn over the marks.
+    pub(crate) notes: Vec<Note>,
     /// A line of text at the top; not drawn if it is empty.
     pub(crate) label: String,
     /// The image point whose neighbourhood is shown enlarged in a lower corner, with the marks around it.
@@ -62,6 +75,9 @@ pub(crate) fn annotated(image: &RgbImage, overlay: &Overlay) -> RgbImage {
     View::WHOLE.draw_marks(&mut canvas, &overlay.marks);
     if let Some(inset) = Inset::at(image, overlay.zoom_at_px) {
         inset.draw(&mut canvas, image, &overlay.marks);
+    }
+    for note in &overlay.notes {
+        draw_note(&mut canvas, note);
     }
     if !overlay.label.is_empty() {
         draw_label(&mut canvas, &overlay.label);
@@ -286,6 +302,37 @@ fn draw_frame(canvas: &mut Pixmap, corner_px: [u32; 2], side_px: u32, width_px: 
             None,
         );
     }
+}
+
+/// Draws a cross, and its text in white on a dark strip to the right; to the left if only there is room.
+fn draw_note(canvas: &mut Pixmap, note: &Note) {
+    let height_px = (canvas.width() as f32 / 60.0).clamp(9.0, 18.0);
+    let [x, y] = View::WHOLE.canvas_from_image(note.at_px);
+    let arm = 0.5 * f64::from(height_px);
+    for [dx, dy] in [[arm, 0.0], [0.0, arm]] {
+        let ends = [Some([x - dx, y - dy]), Some([x + dx, y + dy])];
+        View::WHOLE.draw_line(canvas, &ends, note.color);
+    }
+    let width_px = height_px * width_em(note.text);
+    let right = x as f32 + 0.8 * height_px;
+    let left = x as f32 - 0.8 * height_px - width_px;
+    let fits = right + width_px < canvas.width() as f32 || left < 0.0;
+    let at_px = [if fits { right } else { left }, y as f32 + 0.35 * height_px];
+    let mut strip = paint([0; 3]);
+    strip.set_color_rgba8(0, 0, 0, 150);
+    let [left, bottom] = [at_px[0] - 0.2 * height_px, at_px[1] + 0.3 * height_px];
+    let (width, height) = (width_px + 0.4 * height_px, 1.3 * height_px);
+    if let Some(rect) = Rect::from_xywh(left, bottom - height, width, height) {
+        canvas.fill_rect(rect, &strip, Transform::identity(), None);
+    }
+    let caption = Caption {
+        text: note.text,
+        at_px,
+        height_px,
+        max_width_px: width_px,
+        color: [255; 3],
+    };
+    write_caption(canvas, &caption);
 }
 
 /// Writes the label in white on a dark strip along the top.

@@ -25,6 +25,7 @@ fn mark(shape: Shape, points_px: Vec<Option<[f64; 2]>>, color: Rgb) -> Overlay {
             points_px,
             color,
         }],
+        notes: Vec::new(),
         label: String::new(),
         zoom_at_px: None,
     }
@@ -81,9 +82,15 @@ fn points_far_outside_or_not_finite_are_harmless() {
         .collect();
     for shape in [Shape::Dots, Shape::Line, Shape::Contour] {
         for zoom_at_px in wild.map(|u| Some([u, 5.0])) {
+            let note = |at_px| Note {
+                at_px,
+                text: "wild",
+                color: [255; 3],
+            };
             let overlay = Overlay {
                 zoom_at_px,
                 label: "wild".to_owned(),
+                notes: points.iter().copied().flatten().map(note).collect(),
                 ..mark(shape, points.clone(), [255; 3])
             };
             for (width, height) in [(1, 1), (41, 1), (320, 240), (100, 400)] {
@@ -95,6 +102,29 @@ fn points_far_outside_or_not_finite_are_harmless() {
     let picture = annotated(&grey(20, 10), &mark(Shape::Line, through, [255; 3]));
     assert!((0..20).all(|x| picture.get_pixel(x, 5) == [255; 3]));
     annotated(&grey(0, 0), &mark(Shape::Line, vec![], [0; 3]));
+}
+
+#[test]
+fn a_note_is_a_cross_with_its_text_to_the_right() {
+    let overlay = Overlay {
+        notes: vec![Note {
+            at_px: [40.0, 30.0],
+            text: "too-far",
+            color: [255, 0, 0],
+        }],
+        ..mark(Shape::Line, vec![], [0; 3])
+    };
+    let picture = annotated(&grey(160, 60), &overlay);
+    let reddish = |x, y| picture.get_pixel(x, y)[0] > picture.get_pixel(x, y)[1] + 50;
+    assert!(reddish(37, 30) && reddish(40, 33) && !reddish(37, 33));
+    let bright = picture
+        .enumerate_pixels()
+        .filter(|(_, _, p)| p.iter().all(|&c| c > 200));
+    let columns: Vec<u32> = bright.map(|(x, _, _)| x).collect();
+    assert!(
+        columns.len() > 20 && columns.iter().all(|&x| x > 44),
+        "{columns:?}"
+    );
 }
 
 #[test]

@@ -5,15 +5,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::TargetId;
+use pardalis::tracker::Verdict;
 use pardalis::view::View;
+use pardalis::{CameraId, TargetId};
 use pardalis_filter::Particles;
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_scene::{BodyConfig, Scene, TargetConfig};
 
-use super::{Annotate, Instant, Sink};
+use super::{Annotate, Instant, Options, Sink};
 use crate::draw::PALETTE;
-use crate::draw::overlay::{Mark, Overlay, Shape, annotated};
+use crate::draw::overlay::{Mark, Note, Overlay, Shape, annotated};
 use crate::draw::picture::{picture_of, write_picture};
 use crate::user_error::user_error;
 
@@ -47,6 +48,7 @@ pub(crate) struct Annotator {
     camera_folders: Vec<PathBuf>,
     targets: Vec<TargetConfig>,
     has_trails: bool,
+    has_candidates: bool,
     /// The last positions of each target; `None` where there was no estimate.
     trails: Vec<VecDeque<Option<[f64; 3]>>>,
 }
@@ -54,7 +56,7 @@ pub(crate) struct Annotator {
 impl Annotator {
     /// Creates the folder `annotated`, with one subfolder per camera if there are several, and removes the frames of an
     /// earlier run.
-    pub(crate) fn create(output: &Path, scene: &Scene, annotate: Annotate) -> Result<Self> {
+    pub(crate) fn create(output: &Path, scene: &Scene, options: &Options) -> Result<Self> {
         let folder = output.join("annotated");
         let camera_folders: Vec<PathBuf> = match &scene.cameras[..] {
             [_] => vec![folder.clone()],
@@ -76,7 +78,8 @@ impl Annotator {
             folder,
             camera_folders,
             targets: scene.targets.clone(),
-            has_trails: annotate == Annotate::Trails,
+            has_trails: options.annotate == Annotate::Trails,
+            has_candidates: options.explain,
             trails: vec![VecDeque::new(); scene.targets.len()],
         })
     }
@@ -119,6 +122,36 @@ impl Annotator {
             }
         }
         Ok(marks)
+    }
+
+    /// Returns what was examined in a camera's image, or for all cameras, each with what became of it.
+    fn notes(&self, instant: &Instant, camera: CameraId) -> Result<Vec<Note>> {
+        let mut notes = Vec::new();
+        if !self.has_candidates {
+            return Ok(notes);
+        }
+        let view = &instant.tracker.views()[camera.index()];
+        for (number, target) in self.targets.iter().enumerate() {
+            let of_bodies = instant.tracker.candidates(TargetId::new(number))?;
+            for (body, candidates) in target.bodies.iter().zip(of_bodies) {
+                let shown = candidates.iter().filter(|candidate| {
+                    let is_here = candidate.origin.camera().is_none_or(|of| of == camera);
+                    is_here && candidate.verdict != Verdict::SamePlace
+                });
+                notes.extend(shown.filter_map(|candidate| {
+                    let at_px = match candidate.origin.blob() {
+                        Some(blob) => Some(blob.centroid_px),
+                        None => pixel_of(view, shown_m(body, candidate.position_m?)),
+                    };
+                    Some(Note {
+                        at_px: at_px?,
+                        text: candidate.verdict.name(),
+                        color: PALETTE[number % PALETTE.len()],
+                    })
+                }));
+            }
+        }
+        Ok(notes)
     }
 
     fn label(&self, instant: &Instant) -> String {
@@ -247,6 +280,7 @@ impl Sink for Annotator {
                 });
             let overlay = Overlay {
                 marks: self.marks(instant, view)?,
+                notes: self.notes(instant, CameraId::new(*camera))?,
                 label: self.label(instant),
                 zoom_at_px: first_shown_m.and_then(|place_m| pixel_of(view, place_m)),
             };

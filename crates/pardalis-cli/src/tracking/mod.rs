@@ -1,8 +1,10 @@
 //! Tracking: frames of all cameras in time order, through the tracker, to the sinks.
 
 mod annotate;
+mod candidate_rows;
 mod frame_sets;
 mod merge;
+pub(crate) mod missed;
 mod particle_rows;
 mod rows;
 mod series;
@@ -23,9 +25,11 @@ use crate::source::Source;
 use crate::timing::Stopwatch;
 use crate::user_error::user_error;
 use annotate::Annotator;
+use candidate_rows::CandidateRows;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
 pub(crate) use merge::FrameSet;
+use missed::MissedFrames;
 use particle_rows::ParticleRows;
 use rows::Rows;
 pub(crate) use series::{SeriesCollector, truth_series};
@@ -41,6 +45,8 @@ pub(crate) struct Options {
     pub(crate) threads: Option<usize>,
     /// Whether to write annotated frames.
     pub(crate) annotate: Annotate,
+    /// Whether to write what was examined, and to draw it into annotated frames; needs a folder.
+    pub(crate) explain: bool,
     /// A file for the particles of each estimate.
     pub(crate) particles: Option<PathBuf>,
     /// Whether to draw plots.
@@ -116,6 +122,8 @@ pub(crate) struct Run {
     pub(crate) outcome: Outcome,
     /// The track of each target.
     pub(crate) series: SeriesCollector,
+    /// Why targets were not found.
+    pub(crate) missed: MissedFrames,
     /// The files that were written, the most important first.
     pub(crate) files: Vec<PathBuf>,
 }
@@ -160,20 +168,35 @@ pub(crate) fn run_steps(
     let mut rows = Rows::create(&options.output, names.clone())?;
     let mut annotator = match &options.output {
         Output::Folder(folder) if options.annotate != Annotate::No => {
-            Some(Annotator::create(folder, &open.scene, options.annotate)?)
+            Some(Annotator::create(folder, &open.scene, options)?)
         }
         _ => None,
+    };
+    let mut candidate_rows = match &options.output {
+        Output::Folder(folder) if options.explain => {
+            Some(CandidateRows::create(folder, &open.scene)?)
+        }
+        Output::Folder(folder) => {
+            // Those of an earlier run would not be of these rows; usually there are none.
+            let _ = std::fs::remove_file(folder.join(CandidateRows::FILE));
+            None
+        }
+        Output::Stdout => None,
     };
     let mut particle_rows = match &options.particles {
         Some(path) => Some(ParticleRows::create(path, &open.scene)?),
         None => None,
     };
     let mut series = SeriesCollector::new(&names);
+    let mut missed = MissedFrames::of(names.len());
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads.unwrap_or(0))
         .build()
         .context("the threads cannot be started")?;
-    let mut sinks: Vec<&mut dyn Sink> = vec![&mut rows, &mut series];
+    let mut sinks: Vec<&mut dyn Sink> = vec![&mut rows, &mut series, &mut missed];
+    if let Some(candidate_rows) = &mut candidate_rows {
+        sinks.push(candidate_rows);
+    }
     if let Some(annotator) = &mut annotator {
         sinks.push(annotator);
     }
@@ -189,12 +212,13 @@ pub(crate) fn run_steps(
             scene_path,
             &open,
             &outcome,
-            &series,
+            (&series, &missed),
             pool.current_num_threads(),
         )?);
         if options.plots {
             files.extend(series.draw(folder, &open.scene, &[])?);
         }
+        files.extend(candidate_rows.map(|rows| rows.path().to_owned()));
         files.extend(annotator.map(|annotator| annotator.folder().to_owned()));
         files.extend(options.particles.clone());
     }
@@ -204,6 +228,7 @@ pub(crate) fn run_steps(
             open,
             outcome,
             series,
+            missed,
             files,
         }),
     }

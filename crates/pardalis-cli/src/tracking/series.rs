@@ -27,6 +27,13 @@ pub(crate) struct StateCounts {
     pub(crate) lost: usize,
 }
 
+impl StateCounts {
+    /// Returns the number of rows.
+    pub(crate) fn rows(&self) -> usize {
+        self.searching + self.tracking + self.occluded + self.lost
+    }
+}
+
 impl SeriesCollector {
     /// Creates a collector for targets of these names.
     pub(crate) fn new(names: &[String]) -> Self {

@@ -6,7 +6,7 @@ use anyhow::Result;
 use pardalis::TargetId;
 use serde_json::{Map, json};
 
-use super::{Outcome, SeriesCollector};
+use super::{MissedFrames, Outcome, SeriesCollector};
 use crate::files::write_file;
 use crate::scene::OpenScene;
 
@@ -16,7 +16,7 @@ pub(crate) fn write(
     scene_path: &Path,
     open: &OpenScene,
     outcome: &Outcome,
-    series: &SeriesCollector,
+    (series, missed): (&SeriesCollector, &MissedFrames),
     threads: usize,
 ) -> Result<PathBuf> {
     let mut decoding_s = 0.0;
@@ -53,7 +53,15 @@ pub(crate) fn write(
         }
         let diameters_m = target.bodies.iter().map(|body| body.shape.diameter_m());
         let diameter_m = diameters_m.fold(0.0, f64::max);
-        let entry = json!({ "diameter_m": diameter_m, "rows": states, "cameras": per_camera });
+        let missed: Map<_, _> = (missed.by_reason(number))
+            .map(|(reason, frames)| (reason.name().to_owned(), json!(frames)))
+            .collect();
+        let entry = json!({
+            "diameter_m": diameter_m,
+            "rows": states,
+            "missed": missed,
+            "cameras": per_camera,
+        });
         targets.insert(target.name.clone(), entry);
     }
     let summary = json!({

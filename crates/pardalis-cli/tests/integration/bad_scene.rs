@@ -227,7 +227,11 @@ fn no_number_causes_invalid_rows() {
                 );
                 continue;
             }
-            run.fine();
+            assert_eq!(run.code, Some(0), "{value} in line {line}: {}", run.stderr);
+            // With some numbers the ball is not found.
+            let warned = "warning: targets.ball: was not found in any of the 2 frames\n";
+            let is_expected = run.stderr.is_empty() || run.stderr.starts_with(warned);
+            assert!(is_expected, "{value} in line {line}: {}", run.stderr);
             for field in place
                 .rows()
                 .iter()

@@ -116,7 +116,7 @@ fn results_have_the_format_of_track() {
     let lines: Vec<&str> = run.stdout.lines().collect();
     assert!(lines[0].starts_with("frame 0: ball at 0.6"), "{}", lines[0]);
     assert!(
-        lines[2].ends_with(" mm") && lines[2].contains(" m ± "),
+        lines[2].ends_with(" mm, confidence 1.00") && lines[2].contains(" m ± "),
         "{}",
         lines[2]
     );
@@ -501,5 +501,21 @@ fn clicks_are_assigned_to_cameras_and_targets() {
     ] {
         let arguments: Vec<&str> = arguments.split(' ').chain(["-o", "out"]).collect();
         locate(&place, &scene, &arguments).refused(&[wanted]);
+    }
+}
+
+#[test]
+fn a_start_without_a_ball_has_little_confidence() {
+    let place = Workplace::with_frames(0);
+    let confidence = |start: &str| -> f64 {
+        let scene = first_stills(2).replace("[1.3, 0, 0.11]", start);
+        locate(&place, &scene, &["-o", "out"]).fine();
+        // The ball is at 1.3 m in the second image.
+        place.rows()[1][18].parse().unwrap()
+    };
+    assert!(confidence("[1.3, 0, 0.11]") > 0.95);
+    for empty in ["[-1.3, 0, 0.11]", "[0, 1.3, 0.11]", "[-1, -1.5, 0.11]"] {
+        let confidence = confidence(empty);
+        assert!(confidence < 0.3, "{empty}: {confidence}");
     }
 }

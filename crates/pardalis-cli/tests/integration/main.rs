@@ -9,6 +9,7 @@ mod camera;
 mod common;
 mod demo;
 mod evaluate;
+mod explain;
 mod foreign_scenes;
 mod init;
 mod learn;

@@ -4,6 +4,7 @@
 //! tracker itself, *initialised* ones are tracked by the published cues from a given start.
 
 mod builder;
+mod candidate;
 mod detected;
 mod existence;
 mod frame_set;
@@ -17,6 +18,7 @@ mod target_tracker;
 mod track;
 
 pub use builder::TrackerBuilder;
+pub use candidate::{Candidate, Origin, Verdict};
 use detected::LookAlikes;
 pub use existence::{ExistenceSettings, OcclusionRates, Region};
 pub use frame_set::FrameSet;
@@ -79,8 +81,9 @@ pub struct Estimate {
     /// The direction from the rear landmark to the front one, counter-clockwise from x, in radians within ±π; `None`
     /// for targets without these landmarks.
     pub heading_rad: Option<f64>,
-    /// The filter's own probability that the target is within one diameter of the position. Without a position: the
-    /// probability that a detected target exists and is visible; 0 for an initialised one.
+    /// The filter's own probability that the target is within one diameter of the position; for an initialised target,
+    /// given that it is there, unless it was located in a single image. Without a position: the probability that a
+    /// detected target exists and is visible; 0 for an initialised one.
     pub confidence: f64,
 }
 
@@ -221,6 +224,18 @@ impl Tracker {
         let bodies = self.bodies_of(target)?.iter();
         let started = bodies.filter(|body| body.track().has_started());
         Ok(started.map(TargetTracker::particles))
+    }
+
+    /// Returns for each body of a target what was examined in the latest frames, and what ruled it out: why the target was not found. Initialised targets
+    /// have no candidates.
+    ///
+    /// Whole images are searched unless the target is certainly where it was predicted, so that its candidate is then the only one.
+    pub fn candidates(
+        &self,
+        target: TargetId,
+    ) -> Result<impl Iterator<Item = &[Candidate]>, Error> {
+        let bodies = self.bodies_of(target)?.iter();
+        Ok(bodies.map(TargetTracker::candidates))
     }
 
     /// Returns the contribution of each camera to a target so far.

@@ -1,6 +1,7 @@
 //! The tracker of one body, either detected by the tracker itself or initialised and tracked by the published cues.
 
 use super::Estimate;
+use super::candidate::Candidate;
 use super::detected::{DetectedTarget, LookAlikes};
 use super::initialized::InitializedTarget;
 use super::settings::BodySettings;
@@ -105,6 +106,11 @@ impl TargetTracker {
             Self::Detected(target) => target.particles(),
             Self::Initialized(target) => target.particles(),
         }
+    }
+
+    /// Returns what was examined in the latest frames; nothing for an initialised target, which is not searched for.
+    pub(super) fn candidates(&self) -> &[Candidate] {
+        self.detected().map_or(&[], DetectedTarget::candidates)
     }
 
     /// Reports whether it compares a camera's frame with the previous one ([`View::keep`]).

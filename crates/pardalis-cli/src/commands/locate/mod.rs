@@ -6,13 +6,14 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::Estimate;
+use pardalis::tracker::Verdict;
 use pardalis::tracker::{PASSES_SIGMA_M, check_passes};
+use pardalis::{Estimate, TargetId};
 use pardalis_scene::{FrameRange, Scene};
 
 use crate::output::print;
 use crate::scene;
-use crate::tracking::{self, Annotate, FrameSet, Options, Output, Run};
+use crate::tracking::{self, Annotate, FrameSet, Options, Output, Run, missed};
 use crate::user_error::user_error;
 use starts::Starts;
 pub(crate) use starts::StartsFrom;
@@ -25,6 +26,9 @@ pub(crate) use starts::parse_pixel;
 /// the previous pass; the mean of the last pass is the result. If the start is a pixel, its ray is searched
 /// first, down to the ground. Writes into a folder: tracks.csv (one row per image and target, without
 /// velocities) and summary.json.
+///
+/// For each image it prints the position with its standard deviations and the confidence, or why a target was not found
+/// (docs/not-found.md).
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis locate ball.toml                          the scene's images, each from the scene's start
@@ -128,6 +132,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         } else {
             Annotate::No
         },
+        explain: false,
         particles: None,
         plots: false,
         progress: true,
@@ -177,8 +182,10 @@ pub(crate) fn locate(
             .and_then(|set| tracker.locate(&set, &starts_here, &settings.passes_m));
         let estimates =
             located.map_err(|error| user_error!("{}: {error}", starts.source_of_frame(frame)))?;
-        for (name, estimate) in names.iter().zip(&estimates) {
-            push_line(&mut report, set.index, name, estimate);
+        for (number, (name, estimate)) in names.iter().zip(&estimates).enumerate() {
+            let reasons = missed::reasons(tracker, TargetId::new(number))?;
+            let reason = reasons.first().copied();
+            push_line(&mut report, set.index, name, (estimate, reason));
         }
         Ok(estimates)
     };
@@ -186,19 +193,30 @@ pub(crate) fn locate(
     Ok((run, report))
 }
 
-/// Appends a line about one target in one image.
-fn push_line(text: &mut String, index: usize, name: &str, estimate: &Estimate) {
-    let _ = match &estimate.kinematics {
-        Some(found) => {
+/// Appends a line about one target in one image, with what ruled out the candidate that came nearest to it if there is one.
+fn push_line(
+    text: &mut String,
+    index: usize,
+    name: &str,
+    (estimate, reason): (&Estimate, Option<Verdict>),
+) {
+    let _ = match (&estimate.kinematics, reason) {
+        (Some(found), _) => {
             let [x, y, z] = found.position_m;
             let sigma_mm = [0, 3, 5].map(|i| 1e3 * found.covariance_m2[i].sqrt());
             writeln!(
                 text,
-                "frame {index}: {name} at {x:.3}, {y:.3}, {z:.3} m ± {:.0}, {:.0}, {:.0} mm",
-                sigma_mm[0], sigma_mm[1], sigma_mm[2]
+                "frame {index}: {name} at {x:.3}, {y:.3}, {z:.3} m ± {:.0}, {:.0}, {:.0} mm, confidence {:.2}",
+                sigma_mm[0], sigma_mm[1], sigma_mm[2], estimate.confidence
             )
         }
-        None => writeln!(
+        (None, Some(reason)) => writeln!(
+            text,
+            "frame {index}: {name} not found: {} ({})",
+            missed::what(reason),
+            reason.name()
+        ),
+        (None, None) => writeln!(
             text,
             "frame {index}: {name} not visible around the start ({})",
             estimate.state.name()

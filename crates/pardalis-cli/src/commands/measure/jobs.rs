@@ -36,6 +36,7 @@ impl Job<'_> {
             seed: Some(self.seed),
             threads: Some(1),
             annotate: Annotate::No,
+            explain: false,
             particles: None,
             plots: false,
             progress: false,

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::frame::{Octave, SECTORS};
-use super::lines::{CorrespondenceLines, log_mean_exp};
+use super::lines::{CorrespondenceLines, NoFit, log_mean_exp};
 use super::{Coordinates, EdgeCue, EdgeFrame, LANES, Surrounding};
 use crate::tuning::{AdaptationTuning, EdgeTuning};
 
@@ -18,8 +18,8 @@ pub(crate) struct Detection {
     /// The lines of each camera that sees it come first; the rest are buffers.
     lines: Vec<CorrespondenceLines>,
     camera_count: usize,
-    /// When it was found among the detections of its instant.
-    number: usize,
+    /// The number of the candidate from which it was fitted.
+    candidate: usize,
 }
 
 impl Detection {
@@ -47,6 +47,11 @@ impl Detection {
     /// fraction of a pixel. Errors that the whole outline shares, as the fit has them, would excuse any contradiction, such as the corners of a book.
     pub(crate) fn judged_log_ratio(&self) -> f64 {
         self.judged_log_ratio
+    }
+
+    /// The number of the candidate from which it was fitted.
+    pub(crate) fn candidate(&self) -> usize {
+        self.candidate
     }
 
     /// The number of cameras that see it, 1 at least.
@@ -167,14 +172,20 @@ impl Detections {
         self.count = 0;
     }
 
-    /// Adds what `fit` makes of a buffer, if it finds something.
-    pub(crate) fn push_fit(&mut self, fit: impl FnOnce(&mut Detection) -> bool) {
+    /// Adds what `fit` makes of a buffer for the candidate of this number, if it finds something.
+    pub(crate) fn push_fit(
+        &mut self,
+        candidate: usize,
+        fit: impl FnOnce(&mut Detection) -> Result<(), NoFit>,
+    ) -> Result<&Detection, NoFit> {
         if self.buffers.len() == self.count {
             self.buffers.push(Detection::default());
         }
         let detection = &mut self.buffers[self.count];
-        detection.number = self.count;
-        self.count += usize::from(fit(detection));
+        detection.candidate = candidate;
+        fit(detection)?;
+        self.count += 1;
+        Ok(detection)
     }
 
     /// The detections found so far.
@@ -185,10 +196,10 @@ impl Detections {
     /// Keeps the best `most` detections above a log-likelihood ratio that lie farther than `apart_m` metres from one another, best first.
     pub(crate) fn keep_distinct(&mut self, min_log_ratio: f64, apart_m: f64, most: usize) {
         let found = &mut self.buffers[..self.count];
-        // Of two equally likely ones the first found comes first.
+        // Of two equally likely ones that of the first candidate comes first.
         found.sort_unstable_by(|a, b| {
             let by_ratio = b.coarse_log_ratio.total_cmp(&a.coarse_log_ratio);
-            by_ratio.then(a.number.cmp(&b.number))
+            by_ratio.then(a.candidate.cmp(&b.candidate))
         });
         let mut kept = 0;
         for i in 0..found.len() {
@@ -247,7 +258,7 @@ struct Slope {
 }
 
 impl EdgeCue {
-    /// Fits the best position near `position_m`; returns `false` if no camera sees the target's colours there. `prior` is a Gaussian that is fitted
+    /// Fits the best position near `position_m`; returns why not if no camera sees the target's colours there. `prior` is a Gaussian that is fitted
     /// along with the lines: mean and inverse covariance. Planar motion (`is_planar`) keeps the height. Writes into `detection`, whose buffers it reuses.
     ///
     /// The outline is fitted in the octave in which it is judged, then octave by octave down to the frame's own pixels as long as these agree.
@@ -258,11 +269,9 @@ impl EdgeCue {
         prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
         is_planar: bool,
         detection: &mut Detection,
-    ) -> bool {
+    ) -> Result<(), NoFit> {
         detection.position_m = position_m;
-        if !self.fit_octave(frames, prior, (is_planar, 0), detection) {
-            return false;
-        }
+        self.fit_octave(frames, prior, (is_planar, 0), detection)?;
         detection.coarse_log_ratio = detection.log_likelihood_ratio;
         self.judge(frames, detection);
         let octaves = detection.lines().iter().map(|lines| lines.octave.0);
@@ -271,7 +280,7 @@ impl EdgeCue {
                 break;
             }
         }
-        true
+        Ok(())
     }
 
     /// Judges the outline at the detection's position, for which the lines were placed.
@@ -312,16 +321,17 @@ impl EdgeCue {
         let (position_m, log_ratio) = (detection.position_m, detection.log_likelihood_ratio);
         let (mean, information) = (Vector3::from(position_m), detection.information);
         let prior = Some((&mean, &information));
-        let is_found = self.fit_octave(frames, prior, (is_planar, finer), detection);
+        let fitted = self.fit_octave(frames, prior, (is_planar, finer), detection);
         let moved = Vector3::from(detection.position_m) - mean;
-        let agrees = is_found
+        let agrees = fitted.is_ok()
             && detection.camera_count == cameras
             && (moved.transpose() * information * moved)[0]
                 < self.tuning.max_refined_sigmas.powi(2)
             && detection.log_likelihood_ratio > self.tuning.min_refined_share * log_ratio;
         if !agrees {
             detection.position_m = position_m;
-            self.place_lines(frames, finer - 1, detection);
+            // As before: there were lines.
+            let _ = self.place_lines(frames, finer - 1, detection);
             detection.information = information;
             detection.log_likelihood_ratio = log_ratio;
         }
@@ -335,7 +345,7 @@ impl EdgeCue {
         prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
         (is_planar, finer): (bool, u8),
         detection: &mut Detection,
-    ) -> bool {
+    ) -> Result<(), NoFit> {
         let EdgeTuning {
             rounds,
             steps,
@@ -344,10 +354,7 @@ impl EdgeCue {
             ..
         } = self.tuning;
         for round in 0..=rounds {
-            self.place_lines(frames, finer, detection);
-            if detection.camera_count == 0 {
-                return false;
-            }
+            self.place_lines(frames, finer, detection)?;
             if round == rounds {
                 break;
             }
@@ -386,18 +393,23 @@ impl EdgeCue {
         let (slope, _) = self.slope(frames, detection, here, None);
         detection.information = slope.curvature;
         detection.log_likelihood_ratio = self.value(frames, detection, here, None);
-        detection.log_likelihood_ratio.is_finite()
+        if detection.log_likelihood_ratio.is_finite() {
+            Ok(())
+        } else {
+            Err(NoFit::NoEdges)
+        }
     }
 
     /// Places correspondence lines around the detection's position in each camera that shows the target's colours there, in octaves `finer` than those in which
-    /// the outline is judged.
+    /// the outline is judged. Returns why not if none does.
     pub(super) fn place_lines(
         &mut self,
         frames: &[EdgeFrame],
         finer: u8,
         detection: &mut Detection,
-    ) {
+    ) -> Result<(), NoFit> {
         let mut count = 0;
+        let mut no_fit = NoFit::OutOfView;
         for frame in frames {
             let position = detection.position_m.map(|v| [v as f32; LANES]);
             self.project(frame.projector(), &position);
@@ -407,16 +419,21 @@ impl EdgeCue {
             let octave = Octave(self.octave().0.saturating_sub(finer));
             let table = &self.tables[usize::from(octave.0)];
             let lines = &mut detection.lines[count];
-            let has_edges = lines.place(
+            let placed = lines.place(
                 (frame, octave),
                 &self.coordinates,
                 table,
                 (&self.settings, &self.tuning),
                 &mut self.buffers,
             );
-            count += usize::from(has_edges && lines.visible_share >= self.tuning.min_visible_share);
+            match placed {
+                Ok(()) => count += 1,
+                Err(reason) if reason > no_fit => no_fit = reason,
+                Err(_) => {}
+            }
         }
         detection.camera_count = count;
+        if count > 0 { Ok(()) } else { Err(no_fit) }
     }
 
     /// Returns the log-likelihood ratio at a position plus the prior's log-density there.

@@ -18,6 +18,17 @@ const SURROUNDING_PX: std::ops::RangeInclusive<f32> = 3.0..=7.0;
 /// The weight of squared differences in U and V against those in Y, when surroundings are compared. Hand-set: chroma changes less with shadows.
 const CHROMA_WEIGHT: f32 = 2.0;
 
+/// Why no outline was fitted. Of several cameras the one counts that came nearest to a fit, the last of these.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+pub(crate) enum NoFit {
+    /// Most of the outline lies outside of every image.
+    OutOfView,
+    /// Inside and outside have the same colours, or the edges determine no position.
+    NoEdges,
+    /// Only this share of the outline shows the target's colours.
+    Covered(f32),
+}
+
 /// Correspondence lines across an outline in one camera's frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct CorrespondenceLines {
@@ -146,8 +157,8 @@ impl CorrespondenceLines {
         }
     }
 
-    /// Places lines across an outline, given as the first lane of its points, in an octave of the frame. Returns `false` if too little of it lies in the image, or if inside and
-    /// outside have the same colours.
+    /// Places lines across an outline, given as the first lane of its points, in an octave of the frame. Returns why not if too little of it lies in the image, shows edges, or
+    /// shows the body's colours.
     pub(super) fn place(
         &mut self,
         (frame, octave): (&EdgeFrame, Octave),
@@ -155,7 +166,7 @@ impl CorrespondenceLines {
         table: &Table,
         (settings, tuning): (&EdgeSettings, &EdgeTuning),
         buffers: &mut LineBuffers,
-    ) -> bool {
+    ) -> Result<(), NoFit> {
         self.camera = frame.camera();
         self.octave = octave;
         self.beyond_reach_nats = tuning.beyond_reach_nats;
@@ -177,7 +188,7 @@ impl CorrespondenceLines {
         let crossings = self.crossings.iter();
         let inside = crossings.filter(|crossing| frame.holds(crossing.point));
         if (inside.count() as f32) < tuning.min_inside_share * count as f32 {
-            return false;
+            return Err(NoFit::OutOfView);
         }
         let lengths = corners.iter().map(|corner| corner.length_px);
         let length_px: f32 = lengths.filter(|length| length.is_finite()).sum();
@@ -189,7 +200,7 @@ impl CorrespondenceLines {
         take_pixels((frame, octave), corners, thinning, pixels, places);
         let weight = thinning as f32;
         let Some(surroundings) = Surroundings::of(pixels) else {
-            return false;
+            return Err(NoFit::NoEdges);
         };
         self.log_ratios.clear();
         self.log_ratios.resize(count, [0.0; SHIFTS]);
@@ -236,7 +247,11 @@ impl CorrespondenceLines {
         self.likelihood_exponent /=
             1.0 + self.curvature() * (settings.shared_sigma_px as f32).powi(2);
         self.find_anywhere();
-        true
+        if self.visible_share >= tuning.min_visible_share {
+            Ok(())
+        } else {
+            Err(NoFit::Covered(self.visible_share))
+        }
     }
 
     /// Compares what surrounds the body with before: an edge between the body and something that has come belongs to that thing.

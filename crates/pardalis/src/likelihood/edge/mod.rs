@@ -23,6 +23,7 @@ use crate::shape::Shape;
 use crate::tuning::EdgeTuning;
 use crate::view::View;
 use frame::{Octave, SECTORS};
+pub(crate) use lines::NoFit;
 use lines::{LineBuffers, REACH_PX, SHIFTS};
 use pardalis_camera::LANES;
 use pardalis_core::Error;

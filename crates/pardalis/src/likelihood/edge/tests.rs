@@ -97,7 +97,7 @@ fn fitted(
     with_frame(frame, surrounding, |cue, frame| {
         let mut detection = Detection::default();
         let found = cue.fit(&[frame], start_m, None, false, &mut detection);
-        found.then_some(detection)
+        found.is_ok().then_some(detection)
     })
 }
 
@@ -161,10 +161,12 @@ fn likelihoods_over_correspondence_lines_are_the_oracles() {
             .collect();
         let fast = with_frame(&frame, None, |cue, frame| {
             let mut detection = Detection::at(place_m);
-            cue.place_lines(std::slice::from_ref(&frame), 0, &mut detection);
+            cue.place_lines(std::slice::from_ref(&frame), 0, &mut detection)
+                .unwrap();
             let judged = detection.lines()[0].octave.0;
             let finer = judged - u8::try_from(octave).unwrap();
-            cue.place_lines(std::slice::from_ref(&frame), finer, &mut detection);
+            cue.place_lines(std::slice::from_ref(&frame), finer, &mut detection)
+                .unwrap();
             assert_eq!(detection.camera_count(), 1);
             let columns = [0, 1, 2].map(|axis| {
                 let column = positions.iter().map(|position| position[axis] as f32);
@@ -201,7 +203,8 @@ fn judgements_are_the_oracles() {
         let frame = grained(&picture(place_m, occluded_from).0);
         let (judged, octave) = with_frame(&frame, None, |cue, frame| {
             let mut detection = Detection::at(place_m);
-            cue.place_lines(std::slice::from_ref(&frame), 0, &mut detection);
+            cue.place_lines(std::slice::from_ref(&frame), 0, &mut detection)
+                .unwrap();
             cue.judge(&[frame], &mut detection);
             (
                 detection.judged_log_ratio(),

@@ -6,6 +6,7 @@ use super::DetectedTarget;
 use super::look_alikes::LookAlikes;
 use crate::color::PixelKind;
 use crate::likelihood::edge::Detection;
+use crate::tracker::candidate::{Candidate, Verdict};
 use pardalis_filter::bernoulli::MeasurementComponent;
 
 /// What data association makes of one detection.
@@ -23,23 +24,27 @@ pub(super) struct AssociatedDetection {
 
 impl DetectedTarget {
     /// Associates the detections with the target. Of look-alikes that are not found yet the first takes its likeliest detection and leaves the others
-    /// to those after it.
+    /// to those after it. Notes in each candidate what speaks most against it.
     pub(super) fn associate(
         &self,
         detections: &[Detection],
         look_alikes: &LookAlikes,
         associated: &mut Vec<AssociatedDetection>,
+        candidates: &mut [Candidate],
     ) {
         associated.clear();
         for (number, detection) in detections.iter().enumerate() {
-            associated.extend(self.associate_one(number, detection, look_alikes));
+            let candidate = &mut candidates[detection.candidate()];
+            associated.extend(self.associate_one(number, detection, look_alikes, candidate));
         }
         if !self.track.is_known()
             && look_alikes.leaves_some_to_others()
             && let Some(likeliest) = self.likeliest(associated)
         {
             associated.swap(0, likeliest);
-            associated.truncate(1);
+            for other in associated.drain(1..) {
+                candidates[detections[other.detection].candidate()].verdict = Verdict::LookAlike;
+            }
         }
     }
 
@@ -50,6 +55,7 @@ impl DetectedTarget {
         number: usize,
         detection: &Detection,
         look_alikes: &LookAlikes,
+        candidate: &mut Candidate,
     ) -> Option<AssociatedDetection> {
         let tuning = &self.tuning.association;
         let position_m = detection.position_m();
@@ -67,22 +73,38 @@ impl DetectedTarget {
         let log_volume = self.log_volume(&covariance_m2);
         let cameras = detection.camera_count() as f64;
         let log_ratio = detection.log_likelihood_ratio();
-        let by_color = self.color_log_ratio(detection) - self.stray_nats(position_m);
+        let of_color = self.color_log_ratio(detection);
+        let stray = self.stray_nats(position_m);
+        let by_color = of_color - stray;
         let judged = detection.judged_log_ratio();
-        let likeness = (judged / cameras / tuning.log_ratio_scale - tuning.clutter_nats)
-            .min(tuning.max_log_ratio)
-            - tuning.occluded_color_nats * (1.0 - detection.visible_share())
-            + by_color
-            - 0.5
-                * self
-                    .existence
-                    .region
-                    .squared_sigmas(position_m, &information);
+        let by_outline = (judged / cameras / tuning.log_ratio_scale - tuning.clutter_nats)
+            .min(tuning.max_log_ratio);
+        let covered = tuning.occluded_color_nats * (1.0 - detection.visible_share());
+        let region = self.existence.region;
+        let outside = 0.5 * region.squared_sigmas(position_m, &information);
+        let likeness = by_outline - covered + by_color - outside;
         let clutter_density = self.clutter_density();
         let place = (position_m, &covariance_m2);
         let assigned = self.assigned_nats(look_alikes, place, likeness, clutter_density);
         let log_weight = likeness - libm::log(clutter_density) - assigned;
         let existence_log_ratio = self.existence_log_ratio(place, likeness, by_color) - assigned;
+        candidate.color_nats = Some(of_color);
+        candidate.verdict = if existence_log_ratio > 0.0 {
+            Verdict::Unconfirmed
+        } else {
+            let against = [
+                (by_outline, Verdict::OtherOutline),
+                (-covered, Verdict::Covered),
+                (of_color, Verdict::OtherColor),
+                (-outside, Verdict::OutsideRegion),
+                (-stray, Verdict::Stray),
+                (-assigned, Verdict::LookAlike),
+            ];
+            let most = against
+                .into_iter()
+                .reduce(|a, b| if b.0 < a.0 { b } else { a });
+            most.map_or(Verdict::Unconfirmed, |(_, verdict)| verdict)
+        };
         Some(AssociatedDetection {
             detection: number,
             component: MeasurementComponent {

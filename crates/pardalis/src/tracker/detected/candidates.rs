@@ -1,10 +1,13 @@
-//! Candidates: positions in the world at which a target may be, from blobs of its colours: along each blob's ray by apparent size, and where the rays of two cameras meet.
+//! The search for candidates: positions in the world at which a target may be, from blobs of its colours: along each blob's ray by apparent size, and where the rays of two
+//! cameras meet.
 
 use nalgebra::{Point3, Vector3};
 
 use crate::detect::{Blob, BlobSearch};
 use crate::likelihood::edge::{EdgeCue, EdgeFrame};
 use crate::shape::Shape;
+use crate::tracker::candidate::{Candidate, Origin, Verdict};
+use crate::tracker::ids::CameraId;
 use crate::tuning::{BlobTuning, DetectionTuning};
 
 /// Bisections of the logarithm of the distance. Derivation: find it to 0.14 %.
@@ -43,7 +46,6 @@ pub(super) struct CandidateSearch {
     geometry: Geometry,
     blobs: BlobSearch,
     rays: Vec<Ray>,
-    positions_m: Vec<[f64; 3]>,
 }
 
 /// The constraints on a target's position that do not depend on images: its shape and the ground.
@@ -70,53 +72,86 @@ impl CandidateSearch {
             },
             blobs: BlobSearch::new(blobs),
             rays: Vec::new(),
-            positions_m: Vec::new(),
         }
     }
 
-    /// Returns the candidate positions (world frame, metres) of these frames: those of single cameras first, then those of pairs.
-    pub(super) fn positions_m(&mut self, edge: &mut EdgeCue, frames: &[EdgeFrame]) -> &[[f64; 3]] {
+    /// Adds the candidates of these frames, those of single cameras first, then those of pairs. Those that are not ruled out have a position.
+    pub(super) fn search(
+        &mut self,
+        edge: &mut EdgeCue,
+        frames: &[EdgeFrame],
+        candidates: &mut Vec<Candidate>,
+    ) {
         let Self {
             geometry,
-            blobs,
+            blobs: search,
             rays,
-            positions_m,
         } = self;
         rays.clear();
-        rays.reserve(frames.len() * blobs.max_blobs());
-        positions_m.clear();
-        positions_m.reserve(frames.len() * blobs.max_blobs());
+        rays.reserve(frames.len() * search.max_blobs());
         for frame in frames {
+            let camera = CameraId::new(frame.camera());
             let context = frame.context();
             let (palette, ranges) = context.colors;
-            let blobs = blobs.find(
+            let blobs = search.find(
                 frame.prepared(),
                 palette,
                 context.posterior,
                 ranges,
                 &context.correction,
             );
-            for blob in blobs {
+            for &blob in blobs {
+                let origin = Origin::Blob(camera, blob);
                 let Some(ray) = Ray::of(frame, blob.centroid_px) else {
+                    candidates.push(Candidate::new(origin, Verdict::OutOfView));
                     continue;
                 };
-                positions_m.extend(match geometry.ground_z_m {
-                    Some(ground_z_m) => geometry.on_ground_m(&ray, ground_z_m),
-                    None => geometry.by_size_m(edge, frame, &ray, blob),
+                let position_m = match geometry.ground_z_m {
+                    Some(ground_z_m) => geometry
+                        .on_ground_m(&ray, ground_z_m)
+                        .ok_or(Verdict::OffGround),
+                    None => geometry.by_size_m(edge, frame, &ray, &blob),
+                };
+                candidates.push(match position_m {
+                    Ok(position_m) => at(origin, position_m),
+                    Err(verdict) => Candidate::new(origin, verdict),
                 });
                 rays.push(ray);
+            }
+            let verdict = if blobs.is_empty() {
+                Verdict::NoColors
+            } else {
+                Verdict::Surplus
+            };
+            let is_blob = |part: &Blob| part.area_px >= search.min_area_px() as f64;
+            match search.left_out() {
+                Some(part) if verdict == Verdict::NoColors || is_blob(part) => {
+                    candidates.push(Candidate::new(Origin::Blob(camera, *part), verdict));
+                }
+                None if verdict == Verdict::NoColors => {
+                    candidates.push(Candidate::new(Origin::Image(camera), verdict));
+                }
+                _ => {}
             }
         }
         if geometry.ground_z_m.is_none() {
             for (i, ray) in rays.iter().enumerate() {
                 for other in &rays[..i] {
                     if ray.camera != other.camera {
-                        positions_m.extend(geometry.meeting_m(ray, other));
+                        let position_m = geometry.meeting_m(ray, other);
+                        candidates.extend(position_m.map(|m| at(Origin::Rays, m)));
                     }
                 }
             }
         }
-        positions_m
+    }
+}
+
+/// A candidate that is to be fitted from this position, metres. Until then nothing determines where it is.
+pub(super) fn at(origin: Origin, position_m: [f64; 3]) -> Candidate {
+    Candidate {
+        position_m: Some(position_m),
+        ..Candidate::new(origin, Verdict::NoEdges)
     }
 }
 
@@ -141,14 +176,14 @@ impl Geometry {
             .then(|| self.position_m(ray.at(distance_m)))
     }
 
-    /// The position along its ray at which a target has a blob's area.
+    /// The position along its ray at which a target has a blob's area, or why there is none.
     fn by_size_m(
         &self,
         edge: &mut EdgeCue,
         frame: &EdgeFrame,
         ray: &Ray,
         blob: &Blob,
-    ) -> Option<[f64; 3]> {
+    ) -> Result<[f64; 3], Verdict> {
         let nearest_m = self.tuning.nearest_diameters * self.shape.diameter_m();
         let farthest_m = self.farthest_m();
         let [mut near, mut far] = [nearest_m, farthest_m].map(libm::log);
@@ -159,9 +194,13 @@ impl Geometry {
             *(if is_small { &mut far } else { &mut near }) = middle;
         }
         let distance_m = libm::exp(0.5 * (near + far));
-        let is_inside = distance_m > (1.0 + END_SHARE) * nearest_m
-            && distance_m < (1.0 - END_SHARE) * farthest_m;
-        is_inside.then(|| self.position_m(ray.at(distance_m)))
+        if distance_m <= (1.0 + END_SHARE) * nearest_m {
+            Err(Verdict::TooNear)
+        } else if distance_m < (1.0 - END_SHARE) * farthest_m {
+            Ok(self.position_m(ray.at(distance_m)))
+        } else {
+            Err(Verdict::TooFar)
+        }
     }
 
     /// The position at which two rays meet, or pass close by each other.

@@ -15,6 +15,7 @@ pub(super) use look_alikes::LookAlikes;
 
 use nalgebra::Vector3;
 
+use super::candidate::{Candidate, Verdict};
 use super::existence::ExistenceSettings;
 use super::settings::DetectedSettings;
 use super::statistics::ImageStatistics;
@@ -63,6 +64,8 @@ pub(super) struct DetectedTarget {
     detection_m2: Option<[f64; 6]>,
     /// Where the other landmarks of the target are known to be, metres.
     other_landmarks_m: Vec<[f64; 3]>,
+    /// What was examined in the latest frames.
+    candidates: Vec<Candidate>,
     buffers: Buffers,
 }
 
@@ -140,6 +143,8 @@ impl DetectedTarget {
             log_ratios: vec![Vec::new(); views.len()],
             detection_m2: None,
             other_landmarks_m: Vec::new(),
+            // The prediction and, for each camera, its blobs and the largest that is left out; only where rays of several cameras meet may there be more.
+            candidates: Vec::with_capacity(1 + views.len() * (tuning.blobs.max_blobs + 1)),
             buffers: Buffers {
                 frames: Vec::with_capacity(views.len()),
                 associated: Vec::with_capacity(tuning.detection.max_detections),
@@ -159,6 +164,11 @@ impl DetectedTarget {
 
     pub(super) fn start(&self) -> Option<&GaussianStart> {
         self.start.as_ref()
+    }
+
+    /// What was examined in the latest frames.
+    pub(super) fn candidates(&self) -> &[Candidate] {
+        &self.candidates
     }
 
     pub(super) fn particles(&self) -> &Particles {
@@ -197,6 +207,7 @@ impl DetectedTarget {
         let time_s = instant.time_s;
         self.prepare_images(instant, statistics, look_alikes);
         let mut associated = std::mem::take(&mut self.buffers.associated);
+        let mut candidates = std::mem::take(&mut self.candidates);
         let mut frames = emptied(std::mem::take(&mut self.buffers.frames));
         let colors = (self.edge.palette(), self.edge.ranges());
         frames.extend(instant.frames.iter().map(|(camera, frame)| {
@@ -216,10 +227,11 @@ impl DetectedTarget {
             estimate: self.filter.estimate(0.0),
             existence: self.filter.existence(),
         };
-        self.detector.detect(&mut self.edge, &frames, &predicted);
+        self.detector
+            .detect(&mut self.edge, &frames, &predicted, &mut candidates);
         let detections = self.detector.detections();
 
-        self.associate(detections, look_alikes, &mut associated);
+        self.associate(detections, look_alikes, &mut associated, &mut candidates);
 
         for frame in &frames {
             let rates = &self.existence.occlusion;
@@ -260,6 +272,8 @@ impl DetectedTarget {
         }
         self.buffers.frames = emptied(frames);
         self.update_state(time_s);
+        self.conclude(&associated, updated.target, &mut candidates);
+        self.candidates = candidates;
 
         self.adapt(instant, statistics, &associated);
         self.buffers.associated = associated;
@@ -311,6 +325,27 @@ impl DetectedTarget {
             adaptations[*camera].adapt(*camera, frame, statistics, &certain);
         }
         self.adaptations = adaptations;
+    }
+
+    /// Notes which candidate is the target, given its number among those associated. Others against which nothing speaks are its rivals; without a target
+    /// they are one another's.
+    fn conclude(
+        &self,
+        associated: &[AssociatedDetection],
+        target: Option<usize>,
+        candidates: &mut [Candidate],
+    ) {
+        let is_tracking = self.track.state() == TrackState::Tracking;
+        let target = target.filter(|_| is_tracking);
+        if let Some(target) = target {
+            let detection = &self.detector.detections()[associated[target].detection];
+            candidates[detection.candidate()].verdict = Verdict::Target;
+        }
+        let is_open = |candidate: &&mut Candidate| candidate.verdict == Verdict::Unconfirmed;
+        if target.is_some() || candidates.iter_mut().filter(is_open).count() > 1 {
+            let open = candidates.iter_mut().filter(is_open);
+            open.for_each(|candidate| candidate.verdict = Verdict::Rival);
+        }
     }
 
     /// The detection at the estimate, if the target is certainly there.
@@ -384,6 +419,7 @@ impl DetectedTarget {
         self.visibilities.fill(None);
         self.adaptations.fill(Adaptation::default());
         self.start = None;
+        self.candidates.clear();
     }
 
     /// The mean log-likelihood ratio of a camera's latest frame over the posterior, in nats.

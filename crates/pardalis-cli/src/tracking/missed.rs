@@ -1,0 +1,127 @@
+//! Why targets were not found: what ruled out the candidates in the frames without a target.
+
+use anyhow::Result;
+use pardalis::tracker::{Candidate, Origin, TrackState, Verdict};
+use pardalis::{TargetId, Tracker};
+
+use super::{Instant, Sink};
+
+/// The number of reasons that are told for each target.
+const TOLD: usize = 3;
+
+/// Counts, for each target, the frames in which it was searching or lost, by what ruled out a candidate in them.
+pub(crate) struct MissedFrames {
+    /// One count per verdict, in the order of [`Verdict::ALL`].
+    targets: Vec<[usize; Verdict::ALL.len()]>,
+}
+
+impl MissedFrames {
+    /// Counts those of this many targets.
+    pub(crate) fn of(targets: usize) -> Self {
+        Self {
+            targets: vec![[0; Verdict::ALL.len()]; targets],
+        }
+    }
+
+    /// Returns for each reason the number of frames in which a target was missed and a candidate ruled out for it.
+    pub(crate) fn by_reason(&self, target: usize) -> impl Iterator<Item = (Verdict, usize)> {
+        let counted = Verdict::ALL.into_iter().zip(self.targets[target]);
+        counted.filter(|&(_, frames)| frames > 0)
+    }
+
+    /// Returns the most frequent reasons for which a target of this name was missed in this many frames, one per line.
+    pub(crate) fn lines(&self, target: usize, name: &str, missed: usize) -> Vec<String> {
+        let mut reasons: Vec<_> = self.by_reason(target).collect();
+        // Of two equally frequent ones that which came nearer.
+        reasons.sort_by_key(|&reason| std::cmp::Reverse((reason.1, reason.0)));
+        let line = |&(reason, frames): &(Verdict, usize)| {
+            format!(
+                "in {frames} of {missed} frames without {name}, {} ({}): {}",
+                what(reason),
+                reason.name(),
+                remedy(reason)
+            )
+        };
+        reasons.iter().take(TOLD).map(line).collect()
+    }
+}
+
+impl Sink for MissedFrames {
+    fn take(&mut self, instant: &Instant) -> Result<()> {
+        for (number, estimate) in instant.estimates.iter().enumerate() {
+            let is_missed = matches!(estimate.state, TrackState::Searching | TrackState::Lost);
+            if is_missed {
+                let reasons = reasons(instant.tracker, TargetId::new(number))?;
+                for (frames, verdict) in self.targets[number].iter_mut().zip(Verdict::ALL) {
+                    *frames += usize::from(reasons.contains(&verdict));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns what ruled out candidates of a target in the latest frames, or of the first landmark that is missing, that which came nearest to it first; nothing for
+/// targets that the tracker does not search for. A prediction counts only if there is nothing else.
+pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<Vec<Verdict>> {
+    let bodies = tracker.bodies_at(target, tracker.time_s().unwrap_or(0.0))?;
+    let of_bodies = tracker.candidates(target)?.zip(bodies);
+    let mut missing = of_bodies.filter(|(_, body)| body.kinematics.is_none());
+    let candidates = missing.next().map_or(&[][..], |(candidates, _)| candidates);
+    let is_seen = |candidate: &Candidate| candidate.origin != Origin::Prediction;
+    let has_seen = candidates.iter().any(is_seen);
+    let ruled_out = |verdict: &Verdict| {
+        let is_ruled_out =
+            |candidate: &Candidate| candidate.verdict == *verdict && is_seen(candidate) == has_seen;
+        let says_why = !matches!(verdict, Verdict::SamePlace | Verdict::Target);
+        says_why && candidates.iter().any(is_ruled_out)
+    };
+    Ok(Verdict::ALL.into_iter().rev().filter(ruled_out).collect())
+}
+
+/// Says what ruled out a candidate, as a clause.
+pub(crate) fn what(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::NoColors => "nothing in the image has its colours",
+        Verdict::Surplus => "too many things have its colours",
+        Verdict::OutOfView => {
+            "what has its colours is cut off by the image's border, the mask or the camera's model"
+        }
+        Verdict::OffGround => "what has its colours is not on the ground",
+        Verdict::TooNear => {
+            "what has its colours is so large that the target would touch the camera"
+        }
+        Verdict::TooFar => "what has its colours is so small that the target would be too far away",
+        Verdict::NoEdges => "what has its colours has no edges to fit the outline to",
+        Verdict::Covered => "too little of the outline shows its colours",
+        Verdict::OtherOutline => "what has its colours has another outline",
+        Verdict::OtherColor => "what has its outline has another mean colour",
+        Verdict::OutsideRegion => "what looks like it is outside of its region",
+        Verdict::Stray => "what looks like its landmark is too far from the others",
+        Verdict::LookAlike => "what looks like it is another target",
+        Verdict::Rival => "several things look like it",
+        _ => "something may be it, but not certainly enough",
+    }
+}
+
+/// Says what to do if a verdict is wrong.
+fn remedy(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::NoColors | Verdict::OtherColor => {
+            "learn the colours from images of this camera in this light"
+        }
+        Verdict::Surplus => "mask what is not the target, or learn finer colours (learn --bins)",
+        Verdict::OutOfView => "check size_px, the mask and the camera's model",
+        Verdict::OffGround => "check the camera's pose and existence.ground_z_m",
+        Verdict::TooNear | Verdict::TooFar => {
+            "check the target's size in metres and the focal length"
+        }
+        Verdict::NoEdges => "look for blur and for surroundings in its colours",
+        Verdict::Covered => "look whether something covers it, or whether it is another thing",
+        Verdict::OtherOutline => "check its shape, and learn from labels along its outline",
+        Verdict::OutsideRegion => "check existence.region, the camera's pose and the target's size",
+        Verdict::Stray => "look for other things in the landmark's colours",
+        Verdict::LookAlike | Verdict::Rival => "give the scene one target for each object",
+        _ => "give more frames, or learn from more images",
+    }
+}

@@ -1,0 +1,277 @@
+//! Why a target was not found: `pardalis track --explain`, the summary, `--require-found` and `pardalis locate`.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::process::Command;
+
+use crate::common::{Run, Workplace, data, scene_with};
+use pardalis::tracker::Verdict;
+use pardalis_images::decode;
+use serde_json::Value;
+
+/// The header of candidates.csv.
+const HEADER: &str = "frame,time_s,target,landmark,origin,camera,u_px,v_px,area_px,x_m,y_m,z_m,\
+                      outline_nats,color_nats,visible_share,verdict";
+
+/// Returns the scene with a detected ball in the colours of a bundled file.
+fn detected(colors: &str) -> String {
+    let (scene, _) = crate::common::SCENE.split_once("contour").unwrap();
+    let colors = data().join("../colors").join(colors);
+    scene.replace("ball.toml", colors.to_str().unwrap())
+}
+
+/// Returns the fields of the rows of a candidates.csv after checking that header and rows are complete.
+fn candidates(place: &Workplace, folder: &str) -> Vec<Vec<String>> {
+    let text = fs::read_to_string(place.path(folder).join("candidates.csv")).unwrap();
+    assert!(text.ends_with('\n'), "{text}");
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some(HEADER));
+    let row = |line: &str| {
+        let fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+        assert_eq!(fields.len(), 16, "{line}");
+        fields
+    };
+    lines.map(row).collect()
+}
+
+/// Returns the verdicts of the rows.
+fn verdicts(rows: &[Vec<String>]) -> BTreeSet<&str> {
+    rows.iter().map(|row| &*row[15]).collect()
+}
+
+fn missed(place: &Workplace) -> Value {
+    let text = fs::read(place.path("out/summary.json")).unwrap();
+    let summary: Value = serde_json::from_slice(&text).unwrap();
+    summary["targets"]["ball"]["missed"].clone()
+}
+
+/// Runs the program on a scene with explanations in the folder `out`.
+fn explained(place: &Workplace, scene: &str, more: &[&str]) -> Run {
+    let arguments = [&["-o", "out", "--no-plots", "--explain"], more].concat();
+    place.track_with(scene, &arguments)
+}
+
+#[test]
+fn without_its_colours_a_target_is_never_found_and_the_run_says_why() {
+    let place = Workplace::with_frames(6);
+    let scene = detected("pink-ball.hsi.colors.toml");
+    let run = explained(&place, &scene, &[]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    for said in [
+        "warning: targets.ball: was not found in any of the 6 frames\n",
+        "in 6 of 6 frames without ball, nothing in the image has its colours (no-colors): learn the colours",
+        "docs/not-found.md",
+    ] {
+        assert!(run.stderr.contains(said), "{said:?} in {}", run.stderr);
+    }
+    let states = "ball: 0 frames tracked, 0 occluded, 0 lost, 6 searching\n";
+    assert!(run.stdout.contains(states), "{}", run.stdout);
+    let rows = candidates(&place, "out");
+    assert_eq!(rows.len(), 6);
+    for (frame, row) in rows.iter().enumerate() {
+        assert_eq!((&*row[0], &*row[2]), (&*frame.to_string(), "ball"));
+        assert_eq!((&*row[5], &*row[15]), ("cam1", "no-colors"));
+        // No part of the image, or one too small for a blob.
+        let area_px = row[8].parse().unwrap_or(0.0);
+        assert!(
+            area_px < 9.0 && (row[4] == "image") == row[8].is_empty(),
+            "{row:?}"
+        );
+    }
+    assert_eq!(missed(&place), serde_json::json!({ "no-colors": 6 }));
+
+    let required = explained(&place, &scene, &["--require-found"]);
+    assert_eq!(required.code, Some(1), "{}", required.stderr);
+    assert!(
+        required
+            .stderr
+            .ends_with("error: --require-found: not found in any frame: ball\n")
+    );
+    assert_eq!(place.rows().len(), 6, "the rows are written nevertheless");
+
+    // Without --explain nothing is left of the earlier run's candidates.
+    let run = place.track(&scene);
+    assert!(
+        run.stderr.contains("--explain --annotate"),
+        "{}",
+        run.stderr
+    );
+    assert!(!place.path("out/candidates.csv").exists());
+}
+
+#[test]
+fn a_wrong_scale_makes_the_ball_too_far() {
+    let place = Workplace::with_frames(4);
+    let scene = detected("orange-ball.hsi.colors.toml").replace("145.5622506548578", "5000");
+    let run = explained(&place, &scene, &[]);
+    let told = "in 4 of 4 frames without ball, what has its colours is so small that the target would be too far away (too-far)";
+    assert!(run.stderr.contains(told), "{}", run.stderr);
+    // The ball of data/dioptric-jump, at (460, 88), has no position because none has its size.
+    let rows = candidates(&place, "out");
+    let near = |field: &str, px: f64| {
+        field
+            .parse()
+            .is_ok_and(|found: f64| (found - px).abs() < 3.0)
+    };
+    let ball: Vec<_> = rows
+        .iter()
+        .filter(|row| near(&row[6], 460.0) && near(&row[7], 88.0))
+        .collect();
+    assert_eq!(ball.len(), 4);
+    for row in ball {
+        assert_eq!((&*row[4], &*row[9], &*row[15]), ("blob", "", "too-far"));
+    }
+}
+
+#[test]
+fn a_ball_that_is_found_is_the_target_among_the_candidates() {
+    let place = Workplace::with_frames(6);
+    let scene = detected("orange-ball.hsi.colors.toml");
+    let run = explained(&place, &scene, &["--annotate", "--require-found"]).fine();
+    assert!(
+        run.stdout
+            .contains("6 frames tracked, 0 occluded, 0 lost, 0 searching")
+    );
+    assert!(run.stdout.contains("out/candidates.csv\n"));
+    let rows = candidates(&place, "out");
+    let targets: Vec<_> = rows.iter().filter(|row| row[15] == "target").collect();
+    assert_eq!(targets.len(), 6, "one in each frame");
+    for row in &targets {
+        let outline_nats: f64 = row[12].parse().unwrap();
+        let visible_share: f64 = row[14].parse().unwrap();
+        assert!(outline_nats > 5.0 && visible_share > 0.8, "{row:?}");
+    }
+    // The robot that carries the camera has the ball's colours, but another outline.
+    assert!(verdicts(&rows).contains("other-outline"), "{rows:?}");
+    assert_eq!(missed(&place), serde_json::json!({}));
+    // Candidates change nothing in rows, and are drawn: the cross is on the ball.
+    let picture = |folder: &str| {
+        let file = fs::read(place.path(folder).join("annotated/000003.jpg")).unwrap();
+        decode(&file).unwrap()
+    };
+    let explained_rows = fs::read(place.path("out/tracks.csv")).unwrap();
+    let drawn = picture("out");
+    place
+        .track_with(&scene, &["-o", "plain", "--no-plots", "--annotate"])
+        .fine();
+    assert!(fs::read(place.path("plain/tracks.csv")).unwrap() == explained_rows);
+    let plain = picture("plain");
+    let differing = drawn.enumerate_pixels().filter(|&(x, y, pixel)| {
+        let near = x.abs_diff(490) < 40 && y.abs_diff(88) < 12;
+        near && pixel[0].abs_diff(plain.get_pixel(x, y)[0]) > 60
+    });
+    assert!(
+        differing.count() > 100,
+        "the verdict stands beside the ball"
+    );
+}
+
+/// A ball that comes into view after half a second, and a book in its colours.
+const BOOK: &str = r"seed = 1
+duration_s = 1.0
+training_stills = 6
+[cameras.cam1]
+size_px = [320, 240]
+model.pinhole = { f_px = [330, 330], center_px = [159.5, 119.5] }
+look_from_m = [0, -1.0, 0.5]
+look_at_m = [0, 0, 0.1]
+[image]
+instants = 1
+blur_px = 0.6
+read_noise = 2.0
+[ground]
+texture.noise = { size_m = 0.2, octaves = 4, colors_srgb = [[120, 95, 70], [175, 150, 115]] }
+[objects.ball]
+target = true
+shape.sphere.radius_m = 0.05
+color_srgb = [225, 70, 130]
+path.waypoints = { times_s = [0.0, 0.5, 0.6, 1.0], positions_m = [[-3, 0, 0.1], [-3, 0, 0.1], [-0.2, 0, 0.1], [-0.1, 0, 0.1]] }
+[objects.book]
+shape.box.size_m = [0.16, 0.02, 0.16]
+color_srgb = [225, 70, 130]
+path.still.position_m = [0.1, 0.1, 0]
+";
+
+#[test]
+fn a_book_in_the_balls_colours_is_ruled_out_by_its_outline() {
+    let place = Workplace::with_frames(0);
+    place.write("world.toml", BOOK);
+    let pardalis = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+        Run::of(command.current_dir(place.path(".")).args(arguments))
+    };
+    pardalis(&["simulate", "world.toml", "-o", "world"]).fine();
+    let scene = r#"seed = 1
+[cameras.cam1]
+images = "world/frames"
+calibration = "world/cameras.toml"
+frame_limit = 12
+[targets.ball]
+shape.sphere.radius_m = 0.05
+colors = "world/ball.colors.toml"
+"#;
+    let run = explained(&place, scene, &[]);
+    let told = "in 12 of 12 frames without ball, what has its colours has another outline (other-outline): check its shape";
+    assert!(run.stderr.contains(told), "{}", run.stderr);
+    let rows = candidates(&place, "out");
+    assert_eq!(verdicts(&rows), BTreeSet::from(["other-outline"]));
+
+    // Single images say the same; the ball has a confidence.
+    place.write(
+        "scene.toml",
+        scene.replace("frame_limit = 12", "frame_limit = 25"),
+    );
+    let run = pardalis(&["locate", "scene.toml", "-o", "located"]).fine();
+    let lines: Vec<&str> = run.stdout.lines().collect();
+    assert_eq!(
+        lines[3],
+        "frame 3: ball not found: what has its colours has another outline (other-outline)"
+    );
+    let (place, confidence) = lines[24].split_once(" mm, confidence ").unwrap();
+    // Truly at -0.082.
+    assert!(place.starts_with("frame 24: ball at -0.08"), "{place}");
+    assert!(confidence.parse::<f64>().unwrap() > 0.5, "{confidence}");
+}
+
+#[test]
+fn two_equal_balls_are_rivals_for_one_target() {
+    let place = Workplace::with_frames(0);
+    let frames = data().join("../dioptric-two-balls/frames");
+    let scene = detected("orange-ball.hsi.colors.toml").replace(
+        "\"images\"",
+        &format!("{:?}\nframe_limit = 3", frames.to_str().unwrap()),
+    );
+    let run = explained(&place, &scene, &[]);
+    let told = "in 3 of 3 frames without ball, several things look like it (rival)";
+    assert!(run.stderr.contains(told), "{}", run.stderr);
+}
+
+#[test]
+fn explanations_need_a_folder() {
+    let place = Workplace::with_frames(1);
+    let scene = detected("orange-ball.hsi.colors.toml");
+    let run = place.track_with(&scene, &["-o", "-", "--explain"]);
+    run.refused(&["--explain: writes candidates.csv into the output folder; give -o a folder"]);
+    // An initialised target is not searched for: it has no candidates.
+    let scene = scene_with("[1.35, -1.25, 0.62]", "[1.35, -1.25, 50]");
+    let run = explained(&place, &scene, &[]);
+    assert_eq!(run.code, Some(0));
+    assert!(
+        run.stderr.contains("followed from its start"),
+        "{}",
+        run.stderr
+    );
+    assert_eq!(candidates(&place, "out").len(), 0);
+}
+
+#[test]
+fn the_guide_has_a_section_for_each_verdict_in_their_order() {
+    let page = data().join("../../docs/not-found.md");
+    let page = fs::read_to_string(page).unwrap();
+    let sections: Vec<&str> = page
+        .lines()
+        .filter_map(|line| line.strip_prefix("## "))
+        .collect();
+    let verdicts = Verdict::ALL.map(Verdict::name);
+    assert_eq!(sections[..verdicts.len()], verdicts);
+}
