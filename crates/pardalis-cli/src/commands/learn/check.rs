@@ -159,13 +159,17 @@ enum LearntEdge {
     Ignored,
 }
 
-/// Detects a ball with default settings, as in the first frame of a track.
+/// By how much outlines may deviate from those of the guessed camera, pixels: a fisheye lens changes a ball far off its axis by a tenth.
+const TOLERANCE_PX: f32 = 1.5;
+
+/// Detects a ball as in the first frame of a track, with default settings except that the camera is a guess.
 fn detect(frame: &Frame, model: &ColorModel, edge: LearntEdge) -> Result<Option<Found>> {
     let size = (frame.width(), frame.height());
     let focal_px = focal_length_px(size, TYPICAL_FOV_DEG);
     let lens = Pinhole::new([focal_px; 2], middle_px(size), &[])?;
     let mut ball = DetectedSettings::ball(RADIUS_M, model.clone())?;
     ball.edge.learned_profile = edge == LearntEdge::Used;
+    ball.tuning.edge.judged_tolerance_px = TOLERANCE_PX;
     let shape = ball.shape;
     let mut setup = Tracker::builder();
     let camera = setup.camera(View::new(lens, Pose::identity(), size, None)?);
