@@ -189,7 +189,7 @@ path.waypoints = { times_s = [0.0, 0.5, 0.6, 1.0], positions_m = [[-3, 0, 0.1], 
 [objects.book]
 shape.box.size_m = [0.3, 0.02, 0.16]
 color_srgb = [225, 70, 130]
-path.still.position_m = [0.1, 0.1, 0]
+path.still.position_m = [0.22, 0.1, 0]
 ";
 
 #[test]
