@@ -108,7 +108,7 @@ enum Kind {
     Png,
 }
 
-/// What is known of an image before its pixels are decoded.
+/// The properties of an image that its file states before the pixels.
 struct Header {
     kind: Kind,
     /// Width and height in pixels, before the image is turned upright.

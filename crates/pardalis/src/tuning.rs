@@ -116,7 +116,7 @@ tuned! {
         /// Steps that move the outline less end a round.
         min_shift_px: f64 = 0.01, "pixels", "hand-set: far below the noise of edges";
         /// When an outline is judged, each sector may deviate from it by up to this.
-        judged_tolerance_px: f32 = 0.5, "pixels", "hand-set: about what a focal length that is a tenth wrong does to a ball far off the axis";
+        judged_tolerance_px: f32 = 0.5, "pixels", "hand-set: larger ones excuse the corners of boxes";
         /// The curvature that lines have at least, before the likelihood exponent.
         min_curvature: f32 = 0.02, "1/pixel²", "hand-set: keeps steps finite where a line is flat";
     }
@@ -201,7 +201,7 @@ tuned! {
         certain_diameters: f64 = 0.5, "diameters", "hand-set: a radius";
         /// From this visible share on a body counts as unoccluded.
         unoccluded_share: f32 = 0.75, "share", "hand-set";
-        /// The share by which one frame changes what is known of the target's surroundings.
+        /// The weight of one frame in the running mean of the colours around the target.
         surrounding_rate: f32 = 0.1, "share", "hand-set";
         /// The time constant of adaptation to illumination.
         illumination_s: f64 = 0.5, "seconds", "hand-set: lamps change faster, clouds slower";

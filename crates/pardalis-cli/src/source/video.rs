@@ -22,7 +22,7 @@ const HIGH_DEFINITION_LINES: usize = 720;
 /// How long to wait for the first frame of a live source, in seconds, if the scene does not state it.
 const FIRST_FRAME_TIMEOUT_S: f64 = 20.0;
 
-/// How long to wait for a live source before the user is told.
+/// How long to wait for a live source before a message appears.
 const SILENT_WAIT: Duration = Duration::from_secs(2);
 
 /// The frames that are still to be delivered.

@@ -6,8 +6,8 @@ use pardalis::{TargetId, Tracker};
 
 use super::{Instant, Sink};
 
-/// The number of reasons that are told for each target.
-const TOLD: usize = 3;
+/// Number of reasons reported for each target.
+const REPORTED_REASONS: usize = 3;
 
 /// Counts, for each target, the frames in which it was searching or lost, by what ruled out a candidate in them.
 pub(crate) struct MissedFrames {
@@ -42,7 +42,7 @@ impl MissedFrames {
                 remedy(reason)
             )
         };
-        reasons.iter().take(TOLD).map(line).collect()
+        reasons.iter().take(REPORTED_REASONS).map(line).collect()
     }
 }
 
