@@ -68,15 +68,7 @@ impl Sink for CandidateRows {
         for (number, target) in self.targets.iter().enumerate() {
             let of_bodies = instant.tracker.candidates(TargetId::new(number))?;
             for (body, candidates) in target.bodies.iter().zip(of_bodies) {
-                let landmark = if target.bodies.len() > 1 {
-                    body.name.as_str()
-                } else {
-                    ""
-                };
-                let labels = format!(
-                    "{},{},{},{landmark}",
-                    instant.index, instant.time_s, target.name
-                );
+                let labels = instant.row_labels(target, body);
                 for candidate in candidates {
                     push_row(&mut self.text, &labels, &self.cameras, candidate);
                 }

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use pardalis::{Estimate, Frame, Tracker};
-use pardalis_scene::Scene;
+use pardalis_scene::{BodyConfig, Scene, TargetConfig};
 use serde::Serialize;
 
 use crate::interrupt;
@@ -87,6 +87,18 @@ pub(crate) struct Instant<'a> {
     pub(crate) tracker: &'a Tracker,
     /// One estimate per target.
     pub(crate) estimates: &'a [Estimate],
+}
+
+impl Instant<'_> {
+    /// Returns the first cells of a row about one body of a target: frame, time, target and, if there are several, the landmark.
+    fn row_labels(&self, target: &TargetConfig, body: &BodyConfig) -> String {
+        let landmark = if target.bodies.len() > 1 {
+            body.name.as_str()
+        } else {
+            ""
+        };
+        format!("{},{},{},{landmark}", self.index, self.time_s, target.name)
+    }
 }
 
 /// Receives the results, one time after another.

@@ -69,15 +69,7 @@ impl Sink for ParticleRows {
                 continue;
             }
             for (body, particles) in target.bodies.iter().zip(clouds) {
-                let landmark = if target.bodies.len() > 1 {
-                    body.name.as_str()
-                } else {
-                    ""
-                };
-                let labels = format!(
-                    "{},{},{},{landmark}",
-                    instant.index, instant.time_s, target.name
-                );
+                let labels = instant.row_labels(target, body);
                 push_rows(&mut self.text, &labels, particles);
             }
         }
