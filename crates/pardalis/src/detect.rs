@@ -23,8 +23,19 @@ pub struct Blob {
     pub min_px: [usize; 2],
     /// Its largest column and row.
     pub max_px: [usize; 2],
+    /// The covariance of its pixels about their mean: of columns, of columns and rows, and of rows, in px².
+    pub covariance_px2: [f64; 3],
     /// Whether it touches the image's border or a masked pixel, so that part of it may be missing.
     pub cut_off: bool,
+}
+
+impl Blob {
+    /// The variances along its longest axis and across it, px².
+    pub(crate) fn principal_variances_px2(&self) -> [f64; 2] {
+        let [xx, xy, yy] = self.covariance_px2;
+        let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+        [middle + half, (middle - half).max(0.0)]
+    }
 }
 
 /// How often each bin of a palette occurs in an image.
@@ -280,6 +291,9 @@ struct Sums {
     count: usize,
     weight: f64,
     weighted: [f64; 2],
+    /// Sums of columns and rows, and of their products, unweighted.
+    first: [f64; 2],
+    second: [f64; 3],
     bounds: Option<[[usize; 2]; 2]>,
     cut_off: bool,
 }
@@ -288,6 +302,13 @@ impl Sums {
     fn add(&mut self, pixel: [usize; 2], weight: f64) {
         self.count += 1;
         self.weight += weight;
+        let [x, y] = pixel.map(|at| at as f64);
+        for (sum, at) in self.first.iter_mut().zip([x, y]) {
+            *sum += at;
+        }
+        for (sum, product) in self.second.iter_mut().zip([x * x, x * y, y * y]) {
+            *sum += product;
+        }
         let [low, high] = self.bounds.get_or_insert([pixel; 2]);
         for i in 0..2 {
             self.weighted[i] += weight * pixel[i] as f64;
@@ -301,6 +322,11 @@ impl Sums {
         // The majority filter may leave a few pixels whose posterior is 0: then the middle.
         let middle = |i: usize| 0.5 * (min_px[i] + max_px[i]) as f64;
         let mean = |i: usize| self.weighted[i] / self.weight;
+        let count = self.count as f64;
+        let covariance = |product: f64, i: usize, j: usize| {
+            product / count - self.first[i] * self.first[j] / (count * count)
+        };
+        let [xx, xy, yy] = self.second;
         Blob {
             centroid_px: [0, 1].map(|i| {
                 if self.weight > 0.0 {
@@ -312,6 +338,11 @@ impl Sums {
             area_px: self.count as f64,
             min_px,
             max_px,
+            covariance_px2: [
+                covariance(xx, 0, 0),
+                covariance(xy, 0, 1),
+                covariance(yy, 1, 1),
+            ],
             cut_off: self.cut_off,
         }
     }

@@ -117,6 +117,12 @@ tuned! {
         min_shift_px: f64 = 0.01, "pixels", "hand-set: far below the noise of edges";
         /// When an outline is judged, each sector may deviate from it by up to this.
         judged_tolerance_px: f32 = 0.5, "pixels", "hand-set: larger ones excuse the corners of boxes";
+        /// The scale of the logistic curve that the edge of a body at rest is, in the octave of a streak.
+        streak_edge_px: f32 = 0.55, "pixels", "experiment: learnt edge profiles";
+        /// Displacements shorter than this, in the octave, make no streak.
+        min_streak_px: f32 = 1.5, "pixels", "hand-set: within the width of edges";
+        /// Mixtures with less of the body do not show its colours.
+        min_mixture: f32 = 0.5, "share", "hand-set: noise is multiplied by the inverse";
         /// The curvature that lines have at least, before the likelihood exponent.
         min_curvature: f32 = 0.02, "1/pixel²", "hand-set: keeps steps finite where a line is flat";
     }
@@ -145,6 +151,12 @@ tuned! {
         sure_existence: f64 = 0.9, "share", "hand-set";
         /// Above this probability of existence the target is looked for near its prediction.
         min_predicted_existence: f64 = 0.1, "share", "hand-set";
+        /// The least streak that is looked for where the target is predicted.
+        min_streak_diameters: f64 = 0.2, "diameters", "hand-set: outlines at rest fit shorter ones";
+        /// The least ratio of length to width of a blob that may be a streak.
+        min_streak_elongation: f64 = 1.1, "ratio", "hand-set: only the core of a short streak has the target's colours";
+        /// The least width of the blob of a streak, as a standard deviation.
+        min_streak_sigma_px: f64 = 1.5, "pixels", "hand-set: narrower ones have no form";
         /// A predicted position, used as prior of a fit, has at least this standard deviation.
         min_sigma_diameters: f64 = 0.01, "diameters", "hand-set: keeps the prior's covariance invertible";
     }
@@ -163,6 +175,12 @@ tuned! {
         max_log_ratio: f64 = 8.0, "nats", "experiment: more would let a perfect outline outweigh any colour";
         /// By how much a detection is less likely the target if none of its outline shows the target's colours, in proportion for parts.
         occluded_color_nats: f64 = 12.0, "nats", "hand-set: as for `clutter_nats`";
+        /// By how much a streak that was not predicted is less likely the target: long things at rest look like it.
+        new_streak_nats: f64 = 1.5, "nats", "hand-set: there are several times as many as round ones";
+        /// The greatest log-ratio by which such a streak speaks for the target's existence in one frame.
+        max_new_streak_nats: f64 = 2.5, "nats", "hand-set: two frames must agree";
+        /// A streak must have come at least this share of its length since the frame before.
+        min_way_share: f64 = 0.7, "share", "derivation: the shutter is open for no longer than from frame to frame; lengths are certain to a third";
         /// The greatest standard deviation of a detection along any axis: the depth of a small body is measured no worse.
         max_sigma_diameters: f64 = 5.0, "diameters", "hand-set";
         /// The landmarks of one target lie within this distance of one another, ...

@@ -106,6 +106,7 @@ fn blob_at(centroid_px: [f64; 2], area_px: f64) -> Option<Blob> {
     (inside(0, SIZE.0) && inside(1, SIZE.1)).then(|| Blob {
         centroid_px,
         area_px,
+        covariance_px2: [0.25 * radius * radius, 0.0, 0.25 * radius * radius],
         min_px: centroid_px.map(|c| (c - radius) as usize),
         max_px: centroid_px.map(|c| (c + radius) as usize),
         cut_off: false,

@@ -96,6 +96,11 @@ impl Surroundings {
         self.sides[sector_of(pixel.turn)]
     }
 
+    /// Returns the mean colour around the body next to a pixel.
+    pub(crate) fn around(&self, pixel: &EdgePixel) -> [f32; 3] {
+        self.sectors[sector_of(pixel.turn)].0
+    }
+
     /// Returns the membership of a pixel: 0 for the colour that surrounds the body there, 1 for the body's
     /// own colour, in between for mixtures; below 0 and above 1 for colours beyond these. NaN if the two
     /// colours are too similar.

@@ -226,6 +226,19 @@ impl PixelKind {
         }
         .map(|value| value as f32)
     }
+
+    /// Converts Y, U and V of BT.601, full range, to a pixel's raw bytes, the nearest if it has none for that colour.
+    pub(crate) fn bytes(self, full_range_yuv: [f32; 3]) -> [u8; 3] {
+        let full = YuvEncoding::default();
+        let yuv = full_range_yuv.map(f64::from);
+        let bytes = match self {
+            Self::Rgb => full.rgb_from_yuv(yuv),
+            Self::Yuv(encoding) if encoding == full => yuv,
+            Self::Yuv(encoding) => encoding.yuv_from_rgb(full.rgb_from_yuv(yuv)),
+        };
+        // Casts of floats saturate.
+        bytes.map(|value| (value + 0.5) as u8)
+    }
 }
 
 /// Steps per channel in a [`PixelTable`]. Derivation: the table then fits in the cache.

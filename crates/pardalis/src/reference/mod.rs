@@ -10,6 +10,7 @@ mod detected;
 mod edge;
 mod outline;
 mod patch;
+mod streak;
 
 pub use detected::{
     Rivals, association_log_weight, mixture_log_ratio, predicted_visibility, updated_visibility,
@@ -17,6 +18,7 @@ pub use detected::{
 pub use edge::{EdgeLines, color_posterior};
 pub use outline::{boundary, boundary_along_normals, boundary_of_scales, outline_points};
 pub use patch::{difference_log_likelihood, region_log_likelihood, region_pixels};
+pub use streak::StreakOfDisc;
 
 use crate::Frame;
 use crate::color::{ColorModel, ColorRanges, Histogram, Palette, PixelKind};

@@ -11,6 +11,8 @@ use crate::tuning::{AdaptationTuning, EdgeTuning};
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Detection {
     position_m: [f64; 3],
+    /// How far it moved while the shutter was open.
+    displacement_m: [f64; 3],
     information: Matrix3<f64>,
     log_likelihood_ratio: f64,
     coarse_log_ratio: f64,
@@ -26,6 +28,16 @@ impl Detection {
     /// Its position in the world, metres.
     pub(crate) fn position_m(&self) -> [f64; 3] {
         self.position_m
+    }
+
+    /// How far it moved while the shutter was open, metres: zero unless it was fitted as a streak.
+    pub(crate) fn displacement_m(&self) -> [f64; 3] {
+        self.displacement_m
+    }
+
+    /// Whether it was fitted as a streak: an outline that moves while the shutter is open.
+    pub(crate) fn is_streak(&self) -> bool {
+        self.displacement_m != [0.0; 3]
     }
 
     /// The curvature of the log-likelihood at its position, 1/m²: the inverse of the position's covariance.
@@ -265,15 +277,20 @@ impl EdgeCue {
     pub(crate) fn fit(
         &mut self,
         frames: &[EdgeFrame],
-        position_m: [f64; 3],
+        (position_m, displacement_m): ([f64; 3], [f64; 3]),
         prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
         is_planar: bool,
         detection: &mut Detection,
     ) -> Result<(), NoFit> {
         detection.position_m = position_m;
+        detection.displacement_m = displacement_m;
         self.fit_octave(frames, prior, (is_planar, 0), detection)?;
         detection.coarse_log_ratio = detection.log_likelihood_ratio;
         self.judge(frames, detection);
+        if detection.is_streak() {
+            // The edges of a streak are no sharper in finer octaves.
+            return Ok(());
+        }
         let octaves = detection.lines().iter().map(|lines| lines.octave.0);
         for finer in 1..=octaves.max().unwrap_or(0) {
             if !self.refine(frames, (is_planar, finer), detection) {
@@ -417,11 +434,12 @@ impl EdgeCue {
                 detection.lines.push(CorrespondenceLines::default());
             }
             let octave = Octave(self.octave().0.saturating_sub(finer));
+            let displacement_px = self.displacement_px(frame, detection);
             let table = &self.tables[usize::from(octave.0)];
             let lines = &mut detection.lines[count];
             let placed = lines.place(
                 (frame, octave),
-                &self.coordinates,
+                (&self.coordinates, displacement_px),
                 table,
                 (&self.settings, &self.tuning),
                 &mut self.buffers,
@@ -434,6 +452,33 @@ impl EdgeCue {
         }
         detection.camera_count = count;
         if count > 0 { Ok(()) } else { Err(no_fit) }
+    }
+
+    /// Returns by how much the middle of the body moves in a frame during the exposure, in pixels.
+    fn displacement_px(&self, frame: &EdgeFrame, detection: &Detection) -> [f32; 2] {
+        if !detection.is_streak() {
+            return [0.0; 2];
+        }
+        let mut places = [[0_f32; LANES]; 3];
+        for axis in 0..3 {
+            let middle = if axis == 2 {
+                f64::from(self.middle_height_m)
+            } else {
+                0.0
+            };
+            for (lane, place) in places[axis].iter_mut().enumerate() {
+                let share = if lane == 0 { -0.5 } else { 0.5 };
+                let moved = share * detection.displacement_m[axis];
+                *place = (detection.position_m[axis] + middle + moved) as f32;
+            }
+        }
+        let [u, v] = frame.projector().project(self.level, &places);
+        let displacement = [u[1] - u[0], v[1] - v[0]];
+        if displacement.iter().all(|v| v.is_finite()) {
+            displacement
+        } else {
+            [0.0; 2]
+        }
     }
 
     /// Returns the log-likelihood ratio at a position plus the prior's log-density there.

@@ -203,12 +203,21 @@ impl<'a> EdgeFrame<'a> {
             return None;
         }
         let bytes = self.prepared.frame().components(column, row);
+        Some((self.kind.full_range_yuv(bytes), self.matches(bytes)))
+    }
+
+    /// Returns whether a pixel's raw bytes are one of the target's colours.
+    fn matches(&self, bytes: [u8; 3]) -> bool {
         let corrected = self.context.correction.bytes(bytes);
         let bin = self.prepared.table(self.context.colors.0).bin(corrected);
-        let matches = self.context.posterior[usize::from(bin)] >= self.context.min_posterior
+        self.context.posterior[usize::from(bin)] >= self.context.min_posterior
             && self
                 .in_ranges
-                .is_none_or(|table| table.matches(corrected) == 1);
-        Some((self.kind.full_range_yuv(bytes), matches))
+                .is_none_or(|table| table.matches(corrected) == 1)
+    }
+
+    /// Returns whether a colour (Y, U and V) is one of the target's.
+    pub(super) fn is_target_color(&self, yuv: [f32; 3]) -> bool {
+        self.matches(self.kind.bytes(yuv))
     }
 }

@@ -1,6 +1,7 @@
 //! Correspondence lines across an outline in one frame: the log-likelihood of the outline's shift along each line.
 
 use super::frame::{Octave, SECTORS};
+use super::streak::{Mixture, Streak};
 use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
 use crate::color::{BodyColors, EdgePixel, Surroundings};
 use crate::likelihood::outline::Coordinates;
@@ -10,7 +11,7 @@ use crate::tuning::EdgeTuning;
 pub(super) const REACH_PX: f32 = 5.0;
 /// The shifts of a line: a quarter of a pixel apart, as the distances of edge profiles. Derivation: 2 · 5 px · 4 + 1.
 pub(super) const SHIFTS: usize = 41;
-const SHIFTS_A_PX: f32 = 4.0;
+pub(super) const SHIFTS_A_PX: usize = 4;
 /// The band of pixels that are looked at, signed distances from the outline in pixels: reach plus the colours of either side. Hand-set.
 const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
 /// Pixels that show what surrounds the body, signed distances from the outline in pixels. Hand-set: beyond the blur of edges.
@@ -71,6 +72,9 @@ pub(super) struct LineBuffers {
     /// The line of each pixel, and whether it has the body's colours.
     places: Vec<(usize, bool)>,
     corners: Vec<Corner>,
+    streak: Streak,
+    /// What each pixel is in a streak; none for a body at rest.
+    mixtures: Vec<Mixture>,
 }
 
 impl LineBuffers {
@@ -82,19 +86,76 @@ impl LineBuffers {
             pixels: Vec::with_capacity(Self::PIXELS),
             places: Vec::with_capacity(Self::PIXELS),
             corners: Vec::new(),
+            streak: Streak::with_room(Self::PIXELS),
+            mixtures: Vec::with_capacity(Self::PIXELS),
         }
     }
 }
 
 /// A point of an outline, with its neighbours.
 #[derive(Debug)]
-struct Corner {
+pub(super) struct Corner {
     crossing: Crossing,
     tangent: [f32; 2],
     /// The length of the outline that belongs to the point, in pixels.
     length_px: f32,
     /// The curvature of the outline, 1/px: 1/r for a circle.
     bend_a_px: f32,
+}
+
+/// Counts and sums of the colours of pixels near an outline.
+#[derive(Default)]
+struct SectorColors {
+    /// The number of the body's pixels in each sector, and of those in the target's colours.
+    bodies: [f32; SECTORS],
+    matching: [f32; SECTORS],
+    /// The colours around the body in each sector.
+    around: [[f32; 4]; SECTORS],
+    /// The body's own colours.
+    body: [f32; 4],
+}
+
+impl SectorColors {
+    /// Adds a pixel of the body, with its colour if that is one of the target's.
+    fn add_body(&mut self, sector: usize, weight: f32, color: Option<[f32; 3]>) {
+        self.bodies[sector] += weight;
+        if let Some(color) = color {
+            self.matching[sector] += weight;
+            add(&mut self.body, color);
+        }
+    }
+}
+
+impl Corner {
+    /// A corner at a pixel, with the direction outwards, of an outline that counts as straight there.
+    #[cfg(test)]
+    pub(super) fn at(point: [f32; 2], normal: [f32; 2]) -> Self {
+        Self {
+            crossing: Crossing { point, normal },
+            tangent: [-normal[1], normal[0]],
+            length_px: 1.0,
+            bend_a_px: 0.0,
+        }
+    }
+
+    /// Its pixel in the octave.
+    pub(super) fn point(&self) -> [f32; 2] {
+        self.crossing.point
+    }
+
+    /// The squared distance of a pixel.
+    fn squared_px(&self, pixel: [f32; 2]) -> f32 {
+        let point = self.crossing.point;
+        (pixel[0] - point[0]).powi(2) + (pixel[1] - point[1]).powi(2)
+    }
+
+    /// The signed distance of a pixel for which it is the nearest corner.
+    fn distance_px(&self, pixel: [f32; 2]) -> f32 {
+        let [du, dv] = [0, 1].map(|i| pixel[i] - self.crossing.point[i]);
+        let [nu, nv] = self.crossing.normal;
+        let across = du * self.tangent[0] + dv * self.tangent[1];
+        du * nu + dv * nv + 0.5 * self.bend_a_px * across * across
+    }
 }
 
 /// Adds a colour to a count and a sum of colours.
@@ -162,7 +223,7 @@ impl CorrespondenceLines {
     pub(super) fn place(
         &mut self,
         (frame, octave): (&EdgeFrame, Octave),
-        outline: &[Coordinates],
+        (outline, displacement_px): (&[Coordinates], [f32; 2]),
         table: &Table,
         (settings, tuning): (&EdgeSettings, &EdgeTuning),
         buffers: &mut LineBuffers,
@@ -174,6 +235,8 @@ impl CorrespondenceLines {
             pixels,
             places,
             corners,
+            streak,
+            mixtures,
         } = buffers;
         let count = outline.len();
         let orientation = orientation(outline);
@@ -191,46 +254,111 @@ impl CorrespondenceLines {
             return Err(NoFit::OutOfView);
         }
         let lengths = corners.iter().map(|corner| corner.length_px);
+        let lengths_are_finite = lengths.clone().all(f32::is_finite);
         let length_px: f32 = lengths.filter(|length| length.is_finite()).sum();
-        let thinning = if length_px > tuning.thinned_from_px {
+        let displacement = displacement_px.map(|v| octave.scale() * v);
+        let is_streak =
+            lengths_are_finite && displacement[0].hypot(displacement[1]) >= tuning.min_streak_px;
+        let thinning = if is_streak || length_px > tuning.thinned_from_px {
             2
         } else {
             1
         };
-        take_pixels((frame, octave), corners, thinning, pixels, places);
+        mixtures.clear();
+        if is_streak {
+            streak.map(
+                corners,
+                displacement,
+                tuning.streak_edge_px,
+                |pixel, near| {
+                    let nearest = nearest(corners, pixel, near);
+                    (nearest, corners[nearest].distance_px(pixel))
+                },
+            );
+            take_mixtures(
+                (frame, octave),
+                (streak, count as f32, thinning),
+                pixels,
+                places,
+                mixtures,
+            );
+        } else {
+            take_pixels((frame, octave), corners, thinning, pixels, places);
+        }
         let weight = thinning as f32;
         let Some(surroundings) = Surroundings::of(pixels) else {
             return Err(NoFit::NoEdges);
         };
         self.log_ratios.clear();
         self.log_ratios.resize(count, [0.0; SHIFTS]);
-        let (mut bodies, mut matching) = ([0_f32; SECTORS], [0_f32; SECTORS]);
-        let mut around = [[0_f32; 4]; SECTORS];
-        let mut body = [0_f32; 4];
-        for (pixel, &(line, matches)) in pixels.iter().zip(&*places) {
-            let sector = line * SECTORS / count;
-            if BodyColors::DEPTH_PX.contains(&pixel.distance_px) {
-                bodies[sector] += weight;
-                if matches {
-                    matching[sector] += weight;
-                    add(&mut body, pixel.yuv);
-                }
-            }
-            if SURROUNDING_PX.contains(&pixel.distance_px) {
-                add(&mut around[sector], pixel.yuv);
-            }
-            let membership = surroundings.membership(pixel);
-            table.add(
-                (matches, surroundings.side(pixel), membership),
-                pixel.distance_px,
-                weight,
-                &mut self.log_ratios[line],
-            );
+        let colors = self.sum_pixels(frame, (&surroundings, table), buffers, (weight, tuning));
+        self.find_visible(frame, &colors, tuning);
+        self.likelihood_exponent = settings.likelihood_exponent as f32;
+        self.likelihood_exponent /=
+            1.0 + self.curvature() * (settings.shared_sigma_px as f32).powi(2);
+        self.find_anywhere();
+        if self.visible_share >= tuning.min_visible_share {
+            Ok(())
+        } else {
+            Err(NoFit::Covered(self.visible_share))
         }
+    }
+
+    /// Sums the log-ratios of the pixels in the buffers for each line, and their colours for each sector.
+    fn sum_pixels(
+        &mut self,
+        frame: &EdgeFrame,
+        (surroundings, table): (&Surroundings, &Table),
+        buffers: &LineBuffers,
+        (weight, tuning): (f32, &EdgeTuning),
+    ) -> SectorColors {
+        let count = self.crossings.len();
+        let mut colors = SectorColors::default();
+        let pixels = buffers.pixels.iter().zip(&buffers.places);
+        for (i, (pixel, &(line, matches))) in pixels.enumerate() {
+            let sector = line * SECTORS / count;
+            let membership = surroundings.membership(pixel);
+            let side = surroundings.side(pixel);
+            if SURROUNDING_PX.contains(&pixel.distance_px) {
+                add(&mut colors.around[sector], pixel.yuv);
+            }
+            let log_ratios = &mut self.log_ratios[line];
+            if let Some(mixture) = buffers.mixtures.get(i) {
+                let around = surroundings.around(pixel);
+                let own = mixture.own_color(pixel.yuv, around, tuning.min_mixture, |color| {
+                    frame.is_target_color(color)
+                });
+                if let Some((color, matches)) = own {
+                    colors.add_body(sector, weight, matches.then_some(color));
+                }
+                // A pale mixture says nothing by its colours alone.
+                let matches = own.map_or(pixel.distance_px < 0.0, |(_, matches)| matches);
+                let [nu, nv] = buffers.corners[line].crossing.normal;
+                let at_rest_px = |shift_px: f32| {
+                    let shift = [nu * shift_px, nv * shift_px];
+                    buffers.streak.shifted_px(mixture.pixel, shift)
+                };
+                table.add_streak((matches, side, membership), at_rest_px, weight, log_ratios);
+            } else {
+                if BodyColors::DEPTH_PX.contains(&pixel.distance_px) {
+                    colors.add_body(sector, weight, matches.then_some(pixel.yuv));
+                }
+                let distance_px = pixel.distance_px;
+                table.add((matches, side, membership), distance_px, weight, log_ratios);
+            }
+        }
+        colors
+    }
+
+    /// Finds how far the body is visible in each sector, from the colours there.
+    fn find_visible(&mut self, frame: &EdgeFrame, colors: &SectorColors, tuning: &EdgeTuning) {
+        let SectorColors {
+            bodies, matching, ..
+        } = colors;
         let total: f32 = bodies.iter().sum();
         self.visible_share = matching.iter().sum::<f32>() / total.max(1e-6);
-        self.compare_surroundings(&around, frame.context().surrounding, tuning);
-        self.body_color = mean(&body);
+        self.compare_surroundings(&colors.around, frame.context().surrounding, tuning);
+        self.body_color = mean(&colors.body);
         let unshared = unshared(frame, &self.crossings);
         for sector in 0..SECTORS {
             // A sector without pixels of its own takes the mean of all.
@@ -242,15 +370,6 @@ impl CorrespondenceLines {
             let share = share * self.unchanged[sector] * unshared[sector];
             let least = tuning.min_uncertainty;
             self.visible[sector] = least + (1.0 - 2.0 * least) * share;
-        }
-        self.likelihood_exponent = settings.likelihood_exponent as f32;
-        self.likelihood_exponent /=
-            1.0 + self.curvature() * (settings.shared_sigma_px as f32).powi(2);
-        self.find_anywhere();
-        if self.visible_share >= tuning.min_visible_share {
-            Ok(())
-        } else {
-            Err(NoFit::Covered(self.visible_share))
         }
     }
 
@@ -336,7 +455,7 @@ impl CorrespondenceLines {
         if shift_px.is_nan() {
             return 0.0;
         }
-        let step = ((shift_px + REACH_PX) * SHIFTS_A_PX).clamp(1.0, (SHIFTS - 2) as f32);
+        let step = ((shift_px + REACH_PX) * SHIFTS_A_PX as f32).clamp(1.0, (SHIFTS - 2) as f32);
         let nearest = (step + 0.5) as usize;
         let off = step - nearest as f32;
         let [before, at, after] =
@@ -436,27 +555,13 @@ fn take_pixels(
         (least.max(0.0) as usize)..(((most + 1.0).max(0.0) as usize).min(size))
     };
     let columns = bounds(0, width);
-    let squared = |k: usize, pixel: [f32; 2]| {
-        let point = corners[k].crossing.point;
-        (pixel[0] - point[0]).powi(2) + (pixel[1] - point[1]).powi(2)
-    };
-    let mut nearest = 0;
     for y in bounds(1, height) {
-        let mut is_first = true;
+        let mut near = None;
         for x in columns.clone().filter(|x| (x + y) % thinning == 0) {
             let pixel = [x as f32, y as f32];
-            if is_first {
-                let compare =
-                    |a: &usize, b: &usize| squared(*a, pixel).total_cmp(&squared(*b, pixel));
-                nearest = (0..count).min_by(compare).unwrap_or(0);
-                is_first = false;
-            }
-            nearest = descend(nearest, count, |k| squared(k, pixel));
-            let corner = &corners[nearest];
-            let [du, dv] = [0, 1].map(|i| pixel[i] - corner.crossing.point[i]);
-            let [nu, nv] = corner.crossing.normal;
-            let across = du * corner.tangent[0] + dv * corner.tangent[1];
-            let distance_px = du * nu + dv * nv + 0.5 * corner.bend_a_px * across * across;
+            let nearest = nearest(corners, pixel, near);
+            near = Some(nearest);
+            let distance_px = corners[nearest].distance_px(pixel);
             if !BAND_PX.contains(&distance_px) {
                 continue;
             }
@@ -470,6 +575,55 @@ fn take_pixels(
             });
             places.push((nearest, matches));
         }
+    }
+}
+
+/// Gathers an octave's pixels near a streak.
+fn take_mixtures(
+    (frame, octave): (&EdgeFrame, Octave),
+    (streak, count, thinning): (&Streak, f32, usize),
+    pixels: &mut Vec<EdgePixel>,
+    places: &mut Vec<(usize, bool)>,
+    mixtures: &mut Vec<Mixture>,
+) {
+    pixels.clear();
+    places.clear();
+    let (width, height) = octave.size(frame.size());
+    let [columns, rows] = streak.bounds(*BAND_PX.end());
+    let within = |[least, most]: [f32; 2], size: usize| {
+        (least.max(0.0) as usize)..(((most + 1.0).max(0.0) as usize).min(size))
+    };
+    for y in within(rows, height) {
+        for x in within(columns, width).filter(|x| (x + y) % thinning == 0) {
+            let pixel = [x as f32, y as f32];
+            let Some(mixture) = streak.mixture(pixel) else {
+                continue;
+            };
+            if mixture.hull_px > *BAND_PX.end() {
+                continue;
+            }
+            let Some((yuv, matches)) = frame.pixel(octave, x, y) else {
+                continue;
+            };
+            pixels.push(EdgePixel {
+                yuv,
+                distance_px: mixture.at_rest_px,
+                turn: mixture.corner as f32 / count,
+            });
+            places.push((mixture.corner, matches));
+            mixtures.push(mixture);
+        }
+    }
+}
+
+/// The nearest corner, searched from one near it, or from all.
+fn nearest(corners: &[Corner], pixel: [f32; 2], near: Option<usize>) -> usize {
+    let squared = |k: usize| corners[k].squared_px(pixel);
+    if let Some(near) = near {
+        descend(near, corners.len(), squared)
+    } else {
+        let compare = |a: &usize, b: &usize| squared(*a).total_cmp(&squared(*b));
+        (0..corners.len()).min_by(compare).unwrap_or(0)
     }
 }
 

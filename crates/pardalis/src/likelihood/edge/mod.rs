@@ -8,6 +8,9 @@
 mod fit;
 mod frame;
 mod lines;
+mod streak;
+#[cfg(test)]
+mod streak_tests;
 #[cfg(test)]
 mod tests;
 
@@ -24,7 +27,7 @@ use crate::tuning::EdgeTuning;
 use crate::view::View;
 use frame::{Octave, SECTORS};
 pub(crate) use lines::NoFit;
-use lines::{LineBuffers, REACH_PX, SHIFTS};
+use lines::{LineBuffers, REACH_PX, SHIFTS, SHIFTS_A_PX};
 use pardalis_camera::LANES;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
@@ -128,6 +131,50 @@ impl Table {
         Self { rows }
     }
 
+    /// The row of a pixel.
+    #[inline(always)]
+    fn row(
+        &self,
+        (matches, side, membership): (bool, Side, f32),
+    ) -> &[f32; EdgeProfile::DISTANCES] {
+        let bin = if membership.is_nan() {
+            EdgeProfile::MEMBERSHIPS
+        } else {
+            EdgeProfile::bin_of(membership)
+        };
+        &self.rows[usize::from(matches)][side as usize][bin]
+    }
+
+    /// Adds the log-ratios of a pixel of a streak for all shifts of the outline. `at_rest_px` returns, for a shift in pixels, the distance from a body at rest that has the
+    /// same mixture; it is asked for whole pixels and interpolated.
+    fn add_streak(
+        &self,
+        pixel: (bool, Side, f32),
+        at_rest_px: impl Fn(f32) -> f32,
+        weight: f32,
+        log_ratios: &mut [f32; SHIFTS],
+    ) {
+        const STEPS: usize = (SHIFTS - 1) / SHIFTS_A_PX;
+        let row = self.row(pixel);
+        let last = (row.len() - 1) as f32;
+        let log_ratio = |distance_px: f32| {
+            let step = (4.0 * (distance_px + EdgeProfile::REACH_PX)).clamp(0.0, last - 1e-3);
+            let j = step as usize;
+            weight * (row[j] + (step - j as f32) * (row[j + 1] - row[j]))
+        };
+        let mut from_px = at_rest_px(-REACH_PX);
+        log_ratios[0] += log_ratio(from_px);
+        for step in 0..STEPS {
+            let to_px = at_rest_px((step + 1) as f32 - REACH_PX);
+            for part in 1..=SHIFTS_A_PX {
+                let share = part as f32 / SHIFTS_A_PX as f32;
+                let distance_px = from_px + share * (to_px - from_px);
+                log_ratios[step * SHIFTS_A_PX + part] += log_ratio(distance_px);
+            }
+            from_px = to_px;
+        }
+    }
+
     /// Adds a pixel's log-ratios for all shifts of the outline. Shifts are as far apart as the profile's distances.
     #[inline(always)]
     fn add(
@@ -137,12 +184,7 @@ impl Table {
         weight: f32,
         log_ratios: &mut [f32; SHIFTS],
     ) {
-        let bin = if membership.is_nan() {
-            EdgeProfile::MEMBERSHIPS
-        } else {
-            EdgeProfile::bin_of(membership)
-        };
-        let row = &self.rows[usize::from(matches)][side as usize][bin];
+        let row = self.row((matches, side, membership));
         let last = (row.len() - 1) as f32;
         for (i, log_ratio) in log_ratios.iter_mut().enumerate() {
             let step = (4.0 * (distance_px + REACH_PX + EdgeProfile::REACH_PX) - i as f32)

@@ -9,8 +9,8 @@ use crate::{Frame, PixelFormat};
 use pardalis_camera::Pose;
 use pardalis_camera::{Camera, Pinhole};
 
-const SIZE: (usize, usize) = (160, 120);
-const RADIUS_M: f64 = 0.1;
+pub(super) const SIZE: (usize, usize) = (160, 120);
+pub(super) const RADIUS_M: f64 = 0.1;
 
 fn view() -> View {
     let camera = Camera::Pinhole(Pinhole::new([200.0; 2], [79.5, 59.5], &[]).unwrap());
@@ -18,7 +18,7 @@ fn view() -> View {
 }
 
 /// An orange ball at a place before a green ground, its edge as soft as a camera's, with what hides columns from `hidden_from` on.
-fn picture([x, y, z]: [f64; 3], hidden_from: usize) -> (Frame, Vec<bool>) {
+pub(super) fn picture([x, y, z]: [f64; 3], hidden_from: usize) -> (Frame, Vec<bool>) {
     let (mut bytes, mut labels) = (Vec::new(), Vec::new());
     let center = nalgebra::Vector3::new(x, y, z);
     for i in 0..SIZE.0 * SIZE.1 {
@@ -51,7 +51,7 @@ fn colors() -> ColorModel {
 }
 
 /// Calls `look` with the cue of the ball and a picture's frame, prepared for it.
-fn with_frame<T>(
+pub(super) fn with_frame<T>(
     frame: &Frame,
     surrounding: Option<&Surrounding>,
     look: impl FnOnce(&mut EdgeCue, EdgeFrame) -> T,
@@ -96,7 +96,7 @@ fn fitted(
 ) -> Option<Detection> {
     with_frame(frame, surrounding, |cue, frame| {
         let mut detection = Detection::default();
-        let found = cue.fit(&[frame], start_m, None, false, &mut detection);
+        let found = cue.fit(&[frame], (start_m, [0.0; 3]), None, false, &mut detection);
         found.is_ok().then_some(detection)
     })
 }

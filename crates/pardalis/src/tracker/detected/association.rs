@@ -6,7 +6,7 @@ use super::DetectedTarget;
 use super::look_alikes::LookAlikes;
 use crate::color::PixelKind;
 use crate::likelihood::edge::Detection;
-use crate::tracker::candidate::{Candidate, Verdict};
+use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use pardalis_filter::bernoulli::MeasurementComponent;
 
 /// What data association makes of one detection.
@@ -82,18 +82,30 @@ impl DetectedTarget {
         let covered = tuning.occluded_color_nats * (1.0 - detection.visible_share());
         let region = self.existence.region;
         let outside = 0.5 * region.squared_sigmas(position_m, &information);
-        let likeness = by_outline - covered + by_color - outside;
+        let is_new_streak = detection.is_streak() && matches!(candidate.origin, Origin::Blob(..));
+        let streak = if !is_new_streak {
+            0.0
+        } else if self.contradicts_streak(detection) {
+            f64::from(self.tuning.existence.missed_nats)
+        } else {
+            tuning.new_streak_nats
+        };
+        let likeness = by_outline - covered + by_color - outside - streak;
         let clutter_density = self.clutter_density();
         let place = (position_m, &covariance_m2);
         let assigned = self.assigned_nats(look_alikes, place, likeness, clutter_density);
         let log_weight = likeness - libm::log(clutter_density) - assigned;
-        let existence_log_ratio = self.existence_log_ratio(place, likeness, by_color) - assigned;
+        let mut existence_log_ratio =
+            self.existence_log_ratio(place, likeness, by_color) - assigned;
+        if is_new_streak {
+            existence_log_ratio = existence_log_ratio.min(tuning.max_new_streak_nats);
+        }
         candidate.color_nats = Some(of_color);
         candidate.verdict = if existence_log_ratio > 0.0 {
             Verdict::Unconfirmed
         } else {
             let against = [
-                (by_outline, Verdict::OtherOutline),
+                (by_outline - streak, Verdict::OtherOutline),
                 (-covered, Verdict::Covered),
                 (of_color, Verdict::OtherColor),
                 (-outside, Verdict::OutsideRegion),
@@ -116,6 +128,22 @@ impl DetectedTarget {
             existence_log_ratio,
             log_ratio_offset: ((log_weight - log_volume - log_ratio) / cameras) as f32,
         })
+    }
+
+    /// Returns whether a streak is longer than the way from where the target was before: what moves while the shutter is open moves between the frames too.
+    fn contradicts_streak(&self, detection: &Detection) -> bool {
+        let tuning = &self.tuning;
+        if self.filter.existence() < tuning.detection.min_predicted_existence {
+            return false;
+        }
+        let Some(predicted) = self.filter.estimate(0.0) else {
+            return false;
+        };
+        let velocity_mps = Vector3::from(predicted.velocity_mps.unwrap_or_default());
+        let before_m = Vector3::from(predicted.position_m) - self.since_s * velocity_mps;
+        let way_m = (Vector3::from(detection.position_m()) - before_m).norm();
+        let length_m = Vector3::from(detection.displacement_m()).norm();
+        way_m < tuning.association.min_way_share * length_m
     }
 
     /// By how many nats a detection is less likely this target's because it may be a look-alike's. Look-alikes that were updated with this instant's

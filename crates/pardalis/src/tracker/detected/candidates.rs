@@ -75,6 +75,49 @@ impl CandidateSearch {
         }
     }
 
+    /// The position and the displacement during the exposure of a target whose streak is a blob. The target is wider and the streak longer than follows from the blob, by
+    /// these factors. `None` if the blob is round, or the target would be too near or too far.
+    pub(super) fn streak_m(
+        &self,
+        edge: &mut EdgeCue,
+        frame: &EdgeFrame,
+        blob: &Blob,
+        [widened, lengthened]: [f64; 2],
+    ) -> Option<([f64; 3], [f64; 3])> {
+        let [along, across] = blob.principal_variances_px2();
+        let [xx, xy, yy] = blob.covariance_px2;
+        let angle = 0.5 * libm::atan2(2.0 * xy, xx - yy);
+        // Of a uniform disc, the variance is a quarter of the squared radius; of a uniform line, a twelfth of the squared length.
+        let length_px = lengthened * libm::sqrt(12.0 * (along - across));
+        let disc = Blob {
+            area_px: std::f64::consts::PI * 4.0 * across * widened * widened,
+            ..*blob
+        };
+        let geometry = &self.geometry;
+        let half = [libm::cos(angle), libm::sin(angle)].map(|v| 0.5 * length_px * v);
+        let [u, v] = blob.centroid_px;
+        let middle = Ray::of(frame, [u, v])?;
+        let ends = [-1.0, 1.0].map(|sign| Ray::of(frame, [u + sign * half[0], v + sign * half[1]]));
+        let [Some(from), Some(to)] = ends else {
+            return None;
+        };
+        let ends = [&from, &to];
+        let (position_m, ends_m) = if let Some(ground_z_m) = geometry.ground_z_m {
+            let on_ground_m = |ray: &Ray| geometry.on_ground_m(ray, ground_z_m);
+            (on_ground_m(&middle)?, ends.map(on_ground_m))
+        } else {
+            let position_m = geometry.by_size_m(edge, frame, &middle, &disc).ok()?;
+            let distance_m = (Point3::from(position_m) - middle.origin).norm();
+            let at_m = |ray: &Ray| Some(ray.at(distance_m).into());
+            (position_m, ends.map(at_m))
+        };
+        let [Some(from_m), Some(to_m)] = ends_m else {
+            return None;
+        };
+        let displacement_m = Vector3::from(to_m) - Vector3::from(from_m);
+        Some((position_m, displacement_m.into()))
+    }
+
     /// Adds the candidates of these frames, those of single cameras first, then those of pairs. Those that are not ruled out have a position.
     pub(super) fn search(
         &mut self,

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::candidates::{CandidateSearch, at};
+use super::streaks::{self, Exposures};
 use crate::likelihood::edge::{Detection, Detections, EdgeCue, EdgeFrame, NoFit};
 use crate::shape::Shape;
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
@@ -11,13 +12,15 @@ use pardalis_filter::estimate::StateEstimate;
 
 /// Finds detections. Owns their buffers.
 pub(super) struct Detector {
-    tuning: DetectionTuning,
-    shape: Shape,
+    pub(super) tuning: DetectionTuning,
+    pub(super) shape: Shape,
     is_planar: bool,
-    candidates: CandidateSearch,
+    pub(super) candidates: CandidateSearch,
     /// Frame sets since whole images were searched.
     since_search: u32,
-    detections: Detections,
+    /// For how long the shutters are open.
+    pub(super) exposures: Exposures,
+    pub(super) detections: Detections,
 }
 
 /// The Bernoulli filter's prediction for the instant of the frames.
@@ -26,25 +29,28 @@ pub(super) struct Prediction {
     pub(super) estimate: Option<StateEstimate>,
     /// The probability that it exists.
     pub(super) existence: f64,
+    /// The time since the frames before, seconds.
+    pub(super) since_s: f64,
 }
 
 impl Detector {
     /// A detector of a body of this shape with outlines of this many points, on the ground at this height (metres) if its motion is planar.
     ///
-    /// It has room for a detection near the prediction and one at each blob; only where rays of several cameras meet may there be more.
+    /// It has room for a detection near the prediction and one at each blob, and for streaks; only where rays of several cameras meet may there be more.
     pub(super) fn new(
         shape: Shape,
         ground_z_m: Option<f64>,
         (cameras, points): (usize, usize),
         (tuning, blobs): (DetectionTuning, BlobTuning),
     ) -> Self {
-        let room = 1 + cameras * blobs.max_blobs;
+        let room = 1 + cameras * blobs.max_blobs + streaks::MAX_FITS;
         Self {
             tuning,
             shape,
             is_planar: ground_z_m.is_some(),
             candidates: CandidateSearch::new(shape, ground_z_m, (tuning, blobs)),
             since_search: 0,
+            exposures: Exposures::default(),
             detections: Detections::with_room(room, cameras, points),
         }
     }
@@ -52,6 +58,12 @@ impl Detector {
     /// The latest detections, the likeliest first, each place once.
     pub(super) fn detections(&self) -> &[Detection] {
         self.detections.as_slice()
+    }
+
+    /// The greatest log-likelihood ratio of the detections found so far.
+    pub(super) fn greatest_log_ratio(&self) -> f64 {
+        let log_ratios = self.detections().iter().map(Detection::coarse_log_ratio);
+        log_ratios.fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Finds the detections in these frames, and lists all candidates with what ruled them out so far.
@@ -71,11 +83,14 @@ impl Detector {
             let information = self.information(estimate.covariance_m2);
             let prior = Some((&Vector3::from(mean_m), &information));
             candidates.push(at(Origin::Prediction, mean_m));
-            self.fit((edge, frames), prior, candidates, 0);
+            self.fit((edge, frames), prior, candidates, (0, [0.0; 3]));
+            if let Some(velocity_mps) = estimate.velocity_mps {
+                let way_m = velocity_mps.map(|v| v * predicted.since_s);
+                self.fit_streaks((edge, frames), prior, candidates, (mean_m, way_m));
+            }
         }
         self.since_search += 1;
-        let near = self.detections.as_slice().first();
-        let is_sure = near.is_some_and(|found| found.coarse_log_ratio() > tuning.sure_log_ratio);
+        let is_sure = self.greatest_log_ratio() > tuning.sure_log_ratio;
         if !is_sure
             || predicted.existence < tuning.sure_existence
             || self.since_search >= tuning.frames_between_searches
@@ -84,8 +99,9 @@ impl Detector {
             let first = candidates.len();
             self.candidates.search(edge, frames, candidates);
             for number in first..candidates.len() {
-                self.fit((edge, frames), None, candidates, number);
+                self.fit((edge, frames), None, candidates, (number, [0.0; 3]));
             }
+            self.fit_streaks_of_blobs((edge, frames), candidates, first);
         }
         let apart_m = tuning.distinct_diameters * self.shape.diameter_m();
         self.detections
@@ -97,21 +113,28 @@ impl Detector {
         }
     }
 
-    /// Fits the candidate of this number, unless it is ruled out already, with a prior if there is one.
-    fn fit(
+    /// Fits the candidate of this number, unless it is ruled out already, with a prior if there is one, as an outline with this displacement during the
+    /// exposure. Returns the log-likelihood ratio; minus infinity if there is no fit.
+    pub(super) fn fit(
         &mut self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
         prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
         candidates: &mut [Candidate],
-        number: usize,
-    ) {
+        (number, displacement_m): (usize, [f64; 3]),
+    ) -> f64 {
         let candidate = &mut candidates[number];
         let Some(position_m) = candidate.position_m else {
-            return;
+            return f64::NEG_INFINITY;
         };
         let is_planar = self.is_planar;
         let fitted = self.detections.push_fit(number, |buffer| {
-            edge.fit(frames, position_m, prior, is_planar, buffer)
+            edge.fit(
+                frames,
+                (position_m, displacement_m),
+                prior,
+                is_planar,
+                buffer,
+            )
         });
         match fitted {
             Ok(detection) => {
@@ -121,6 +144,7 @@ impl Detector {
                 if detection.coarse_log_ratio() <= self.tuning.min_log_ratio {
                     candidate.verdict = Verdict::OtherOutline;
                 }
+                return detection.coarse_log_ratio();
             }
             Err(NoFit::OutOfView) => candidate.verdict = Verdict::OutOfView,
             Err(NoFit::NoEdges) => candidate.verdict = Verdict::NoEdges,
@@ -129,6 +153,7 @@ impl Detector {
                 candidate.verdict = Verdict::Covered;
             }
         }
+        f64::NEG_INFINITY
     }
 
     /// Notes why fitted candidates are not among the detections.

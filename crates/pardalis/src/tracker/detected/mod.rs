@@ -8,6 +8,7 @@ mod association;
 mod candidates;
 mod detection;
 mod look_alikes;
+mod streaks;
 mod update;
 mod visibility;
 
@@ -67,6 +68,8 @@ pub(super) struct DetectedTarget {
     /// What was examined in the latest frames.
     candidates: Vec<Candidate>,
     buffers: Buffers,
+    /// The time from the frames before to the latest, seconds.
+    since_s: f64,
 }
 
 /// What the images of one camera say of the target's colours and of look-alikes, at the latest instant.
@@ -142,6 +145,7 @@ impl DetectedTarget {
             visibilities: vec![None; views.len()],
             log_ratios: vec![Vec::new(); views.len()],
             detection_m2: None,
+            since_s: 0.0,
             other_landmarks_m: Vec::new(),
             // The prediction and, for each camera, its blobs and the largest that is left out; only where rays of several cameras meet may there be more.
             candidates: Vec::with_capacity(1 + views.len() * (tuning.blobs.max_blobs + 1)),
@@ -183,6 +187,7 @@ impl DetectedTarget {
 
     /// Predicts to the time of the next frames, or starts.
     pub(super) fn predict(&mut self, time_s: f64, dt_s: f64) {
+        self.since_s = dt_s;
         if let Some((start, since_s)) = self.track.take_reinitialization() {
             self.begin(&start, 1.0);
             self.filter.predict((time_s - since_s).max(0.0));
@@ -226,6 +231,7 @@ impl DetectedTarget {
         let predicted = Prediction {
             estimate: self.filter.estimate(0.0),
             existence: self.filter.existence(),
+            since_s: self.since_s,
         };
         self.detector
             .detect(&mut self.edge, &frames, &predicted, &mut candidates);
