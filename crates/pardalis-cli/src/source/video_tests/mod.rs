@@ -39,22 +39,17 @@ fn ffmpeg(arguments: &[&str]) -> Vec<u8> {
     output.stdout
 }
 
-fn sequence() -> String {
-    format!(
-        "{}/../../data/dioptric-jump/frames",
-        env!("CARGO_MANIFEST_DIR")
-    )
-}
+/// A moving test picture of ffmpeg.
+const PICTURE: &str = "testsrc2=size=640x480:rate=25";
 
 fn path_in(folder: &TempDir, name: &str) -> String {
     folder.path().join(name).to_string_lossy().into_owned()
 }
 
-/// Creates a clip of the sequence's first six frames with these arguments.
+/// Creates a clip of six frames with these arguments.
 fn clip(folder: &TempDir, name: &str, arguments: &[&str]) -> String {
     let path = path_in(folder, name);
-    let pattern = format!("{}/%06d.jpg", sequence());
-    let input = ["-framerate", "25", "-i", &pattern, "-frames:v", "6"];
+    let input = ["-f", "lavfi", "-i", PICTURE, "-frames:v", "6"];
     ffmpeg(&[&input, arguments, &[path.as_str()]].concat());
     path
 }
