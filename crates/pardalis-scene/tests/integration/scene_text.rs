@@ -1,4 +1,4 @@
-//! Scenes and colour models as text: settings, and damage, which gives an error with a plausible line, never a panic.
+//! Scenes, experiments and colour models as text: settings, and damage, which gives an error with a plausible line, never a panic.
 
 mod detected;
 mod initialized;
@@ -8,7 +8,8 @@ use pardalis::color::ColorModel;
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::formats::Lens;
 use pardalis_core::Error;
-use pardalis_scene::{BodyConfig, Scene, TrackingConfig};
+use pardalis_scene::experiment::Experiment;
+use pardalis_scene::{BodyConfig, Problem, Scene, TrackingConfig};
 
 const SCENE: &str = r#"# A scene with every kind of setting.
 seed = 7
@@ -87,10 +88,19 @@ fn no_calibration(file: &str, _: Option<Lens>) -> Result<Vec<CalibratedCamera>, 
     Err(format!("{file}: is not there"))
 }
 
-/// Parses a scene and checks that errors are in order, with lines of the text and messages; reports whether it is
-/// valid.
+const EXPERIMENT: &str = include_str!("../reference/every-key-experiment.toml");
+
 fn check_scene(text: &str) -> bool {
-    let Err(problems) = Scene::parse(text, &no_calibration) else {
+    check_problems(text, Scene::parse(text, &no_calibration).err())
+}
+
+fn check_experiment(text: &str) -> bool {
+    check_problems(text, Experiment::parse(text).err())
+}
+
+/// Checks that problems are in order, with lines of the text and messages; reports whether there are none.
+fn check_problems(text: &str, problems: Option<Vec<Problem>>) -> bool {
+    let Some(problems) = problems else {
         return true;
     };
     assert!(!problems.is_empty());
@@ -118,7 +128,7 @@ fn check_colors(text: &str) -> bool {
 
 #[test]
 fn texts_truncated_at_any_byte_are_read_or_rejected() {
-    assert!(check_scene(SCENE) && check_colors(COLORS));
+    assert!(check_scene(SCENE) && check_colors(COLORS) && check_experiment(EXPERIMENT));
     let cut = |text: &'static str| (0..text.len()).filter_map(move |end| text.get(..end));
     // The rest is a valid scene only if a target has shape and colours and no setting is truncated: all others have
     // defaults.
@@ -128,6 +138,11 @@ fn texts_truncated_at_any_byte_are_read_or_rejected() {
     assert!(sound.iter().all(|text| text.len() >= begun));
     let sound = cut(COLORS).filter(|text| check_colors(text)).count();
     assert!(sound <= 2, "{sound}");
+    // Sweeps and figures are not required, nor most of their keys.
+    let sound = cut(EXPERIMENT)
+        .filter(|text| check_experiment(text))
+        .count();
+    assert!((1..150).contains(&sound), "{sound}");
 }
 
 /// Replaces one to four random bytes of the text, and converts the result to valid UTF-8.
@@ -154,10 +169,11 @@ fn flipped(text: &str, seed: u64) -> String {
 
 #[test]
 fn texts_with_random_bytes_are_read_or_rejected() {
-    let mut sound = [0; 2];
+    let mut sound = [0; 3];
     for seed in 0..2000 {
         sound[0] += usize::from(check_scene(&flipped(SCENE, seed)));
         sound[1] += usize::from(check_colors(&flipped(COLORS, seed)));
+        sound[2] += usize::from(check_experiment(&flipped(EXPERIMENT, seed)));
     }
     // Some replacements are harmless (in comments, digits, names), most are not.
     assert!(sound.iter().all(|n| (1..1500).contains(n)), "{sound:?}");

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use anyhow::{Context as _, Result, anyhow};
 use indicatif::{ProgressBar, ProgressStyle};
 use pardalis_scene::Scene;
+use pardalis_scene::experiment::Run;
 
-use super::definition::Run;
 use super::finished::Finished;
 use crate::commands::locate;
 use crate::interrupt;
