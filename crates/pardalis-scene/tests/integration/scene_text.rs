@@ -244,7 +244,7 @@ fn replaced_values_override_the_text_and_are_checked_alike() {
     // Replaced values do not shift the line numbers of the text.
     let text = SCENE.replace("fps = 25.0", "fps = 0");
     let problems = Scene::parse_with(&text, &wrong, &no_calibration).unwrap_err();
-    let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    let messages: Vec<String> = problems.iter().map(ToString::to_string).collect();
     for wanted in [
         "as set: seed: is a table; allowed: a whole number",
         "as set: targets.ball.filter.particles: is 0; allowed:",
@@ -253,11 +253,11 @@ fn replaced_values_override_the_text_and_are_checked_alike() {
         "line 5: cameras.dioptric.fps: is 0",
     ] {
         assert!(
-            told.iter().any(|t| t.starts_with(wanted)),
-            "no {wanted:?} in {told:#?}"
+            messages.iter().any(|t| t.starts_with(wanted)),
+            "no {wanted:?} in {messages:#?}"
         );
     }
-    assert_eq!(told.len(), 5, "{told:#?}");
+    assert_eq!(messages.len(), 5, "{messages:#?}");
 }
 
 #[test]
@@ -296,7 +296,10 @@ fn guesses_are_warned_of_until_they_are_replaced() {
         ("3", "line 2: guessed: is [3]; allowed: a list of texts"),
     ] {
         let problems = Scene::parse(&guessed(keys), &no_calibration).unwrap_err();
-        let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
-        assert!(told.len() == 1 && told[0].starts_with(expected), "{told:?}");
+        let messages: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        assert!(
+            messages.len() == 1 && messages[0].starts_with(expected),
+            "{messages:?}"
+        );
     }
 }
