@@ -1,4 +1,28 @@
-//! Parsers of command-line values that several commands share.
+//! Command-line options and parsers that several commands share.
+
+use anyhow::{Context as _, Result};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+/// How many threads a command uses.
+#[derive(Debug, Clone, Copy, Default, clap::Args)]
+pub(crate) struct Threads {
+    /// Number of threads; results do not depend on it [default: one per core]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+impl Threads {
+    /// A single thread.
+    pub(crate) const ONE: Self = Self { threads: Some(1) };
+
+    /// Starts the threads.
+    pub(crate) fn start(self) -> Result<ThreadPool> {
+        ThreadPoolBuilder::new()
+            .num_threads(self.threads.map_or(0, usize::from))
+            .build()
+            .context("the threads cannot be started")
+    }
+}
 
 /// Parses `WIDTHxHEIGHT` in pixels.
 pub(crate) fn parse_size(text: &str) -> Result<(usize, usize), String> {

@@ -66,18 +66,12 @@ mod tests {
         true_mps: Option<[f64; 3]>,
     ) -> (EstimatedState, TrueState) {
         let estimate = EstimatedState {
-            position_m: [0.0; 3],
-            best_position_m: None,
             velocity_mps: estimated_mps,
-            heading_rad: None,
-            covariance_m2: None,
+            ..EstimatedState::at([0.0; 3])
         };
         let truth = TrueState {
-            position_m: [0.0; 3],
             velocity_mps: true_mps,
-            heading_rad: None,
-            visible_fraction: None,
-            seeing_cameras: None,
+            ..TrueState::at([0.0; 3])
         };
         (estimate, truth)
     }

@@ -47,18 +47,12 @@ mod tests {
 
     fn pair(estimated_deg: Option<f64>, true_deg: Option<f64>) -> (EstimatedState, TrueState) {
         let estimate = EstimatedState {
-            position_m: [0.0; 3],
-            best_position_m: None,
-            velocity_mps: None,
             heading_rad: estimated_deg.map(f64::to_radians),
-            covariance_m2: None,
+            ..EstimatedState::at([0.0; 3])
         };
         let truth = TrueState {
-            position_m: [0.0; 3],
-            velocity_mps: None,
             heading_rad: true_deg.map(f64::to_radians),
-            visible_fraction: None,
-            seeing_cameras: None,
+            ..TrueState::at([0.0; 3])
         };
         (estimate, truth)
     }

@@ -15,19 +15,10 @@
 //! use pardalis_evaluate::{EstimatedState, Sample, Settings, TrueState, evaluate};
 //!
 //! let truth = TrueState {
-//!     position_m: [0.0, 0.0, 1.0],
-//!     velocity_mps: None,
-//!     heading_rad: None,
 //!     visible_fraction: Some(1.0),
-//!     seeing_cameras: None,
+//!     ..TrueState::at([0.0, 0.0, 1.0])
 //! };
-//! let estimate = EstimatedState {
-//!     position_m: [0.1, 0.0, 1.0],
-//!     best_position_m: None,
-//!     velocity_mps: None,
-//!     heading_rad: None,
-//!     covariance_m2: None,
-//! };
+//! let estimate = EstimatedState::at([0.1, 0.0, 1.0]);
 //! let samples = [
 //!     Sample { state: None, estimate: Some(estimate), truth },
 //!     Sample { state: None, estimate: None, truth },
@@ -84,6 +75,19 @@ pub struct EstimatedState {
     pub covariance_m2: Option<[f64; 6]>,
 }
 
+impl EstimatedState {
+    /// Returns an estimate of the position, in metres, alone.
+    pub fn at(position_m: [f64; 3]) -> Self {
+        Self {
+            position_m,
+            best_position_m: None,
+            velocity_mps: None,
+            heading_rad: None,
+            covariance_m2: None,
+        }
+    }
+}
+
 /// True state of an object in one frame, in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrueState {
@@ -97,6 +101,19 @@ pub struct TrueState {
     pub visible_fraction: Option<f64>,
     /// Number of cameras that see more than half of the object, if known.
     pub seeing_cameras: Option<usize>,
+}
+
+impl TrueState {
+    /// Returns the state of an object of which only the position, in metres, is known.
+    pub fn at(position_m: [f64; 3]) -> Self {
+        Self {
+            position_m,
+            velocity_mps: None,
+            heading_rad: None,
+            visible_fraction: None,
+            seeing_cameras: None,
+        }
+    }
 }
 
 /// One frame of the ground truth with the corresponding output of the track.

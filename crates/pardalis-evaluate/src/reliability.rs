@@ -140,19 +140,10 @@ mod tests {
 
     #[test]
     fn rows_state_a_position_or_visibility() {
-        let estimate = EstimatedState {
-            position_m: [1.0, 2.0, 3.0],
-            best_position_m: None,
-            velocity_mps: None,
-            heading_rad: None,
-            covariance_m2: None,
-        };
+        let estimate = EstimatedState::at([1.0, 2.0, 3.0]);
         let truth = |x_m: f64, share: Option<f64>| TrueState {
-            position_m: [x_m, 2.0, 3.0],
-            velocity_mps: None,
-            heading_rad: None,
             visible_fraction: share,
-            seeing_cameras: None,
+            ..TrueState::at([x_m, 2.0, 3.0])
         };
         let is_right = |estimate, truth: Option<&TrueState>| {
             CheckedConfidence::of(0.5, estimate, truth, 0.25).is_right

@@ -58,19 +58,10 @@ mod tests {
     fn frame(share: f64, state: TrackState, off_m: Option<f64>) -> Sample {
         Sample {
             state: Some(state),
-            estimate: off_m.map(|off_m| EstimatedState {
-                position_m: [off_m, 0.0, 0.0],
-                best_position_m: None,
-                velocity_mps: None,
-                heading_rad: None,
-                covariance_m2: None,
-            }),
+            estimate: off_m.map(|off_m| EstimatedState::at([off_m, 0.0, 0.0])),
             truth: TrueState {
-                position_m: [0.0; 3],
-                velocity_mps: None,
-                heading_rad: None,
                 visible_fraction: Some(share),
-                seeing_cameras: None,
+                ..TrueState::at([0.0; 3])
             },
         }
     }

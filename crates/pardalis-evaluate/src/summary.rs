@@ -242,19 +242,10 @@ mod tests {
     fn sample(estimated_m: [f64; 3], true_m: [f64; 3]) -> Sample {
         Sample {
             state: None,
-            estimate: Some(EstimatedState {
-                position_m: estimated_m,
-                best_position_m: None,
-                velocity_mps: None,
-                heading_rad: None,
-                covariance_m2: None,
-            }),
+            estimate: Some(EstimatedState::at(estimated_m)),
             truth: TrueState {
-                position_m: true_m,
-                velocity_mps: None,
-                heading_rad: None,
                 visible_fraction: Some(1.0),
-                seeing_cameras: None,
+                ..TrueState::at(true_m)
             },
         }
     }

@@ -37,6 +37,8 @@ pub enum Content {
     Choice,
     /// A table of tables whose names the user chooses.
     Named,
+    /// A list of tables.
+    List,
 }
 
 /// Whether a key is required.
@@ -71,6 +73,10 @@ pub enum Type {
     List(Box<Type>, Option<usize>),
     /// Either of two types.
     Either(Box<Type>, Box<Type>),
+    /// Any value.
+    Any,
+    /// A table of values whose keys the user chooses.
+    Map(Box<Type>),
 }
 
 impl Type {
@@ -83,6 +89,8 @@ impl Type {
             Self::List(item, Some(count)) => format!("rows of {count} {}", item.plural()),
             Self::List(item, None) => format!("rows of {}", item.plural()),
             Self::Either(a, b) => format!("{} or {}", a.plural(), b.plural()),
+            Self::Any => "values".to_owned(),
+            Self::Map(_) => "tables".to_owned(),
         }
     }
 }
@@ -101,6 +109,8 @@ impl fmt::Display for Type {
             Self::List(item, Some(count)) => write!(f, "{count} {}", item.plural()),
             Self::List(item, None) => write!(f, "list of {}", item.plural()),
             Self::Either(a, b) => write!(f, "{a} or {b}"),
+            Self::Any => f.write_str("any value"),
+            Self::Map(item) => write!(f, "table of {}", item.plural()),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Scene, world and calibration files: from their text to validated settings.
+//! Scene, world, calibration and experiment files: from their text to validated settings.
 //!
 //! All problems of a file are reported at once, with key and line. [`mod@reference`] describes every key.
 
@@ -7,6 +7,7 @@ pub mod calibration;
 mod camera;
 mod camera_names;
 pub mod description;
+pub mod experiment;
 mod guesses;
 mod journal;
 mod key;

@@ -105,7 +105,7 @@ const KINDS: [Kind; 5] = [
     ("hyperboloid", "A sheet of a hyperboloid."),
     (
         "constant_resolution",
-        "A mirror that images a plane with constant resolution (Hicks and Bajcsy 1999).",
+        "A mirror that images a plane with constant resolution (Hicks and Bajcsy 2000).",
     ),
 ];
 

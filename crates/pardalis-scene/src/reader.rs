@@ -255,6 +255,30 @@ impl<'a, 't> Table<'a, 't> {
         named
     }
 
+    /// Declares a list of tables and returns these. The caller finishes each.
+    pub(super) fn tables(&self, key: &'static str, about: &'static str) -> Vec<Table<'a, 't>> {
+        self.describe(key, about, Content::List, Presence::Optional(""));
+        if self.is_describing() {
+            return vec![self.described(key)];
+        }
+        let Some(value) = self.get(key) else {
+            return Vec::new();
+        };
+        let items = value.get_ref().as_array();
+        let tables: Option<Vec<_>> = items.and_then(|items| {
+            let table_of = |(i, item): (usize, &'a Spanned<DeValue<'t>>)| {
+                let path = format!("{}[{}]", self.path_of(key), i + 1);
+                let table = item.get_ref().as_table()?;
+                Some(Self::new(self.journal, path, table, item.span()))
+            };
+            items.iter().enumerate().map(table_of).collect()
+        });
+        tables.unwrap_or_else(|| {
+            self.reject(key, "a list of tables");
+            Vec::new()
+        })
+    }
+
     /// Declares a table that holds exactly one of several tables, and reads that one.
     pub(super) fn choice<T>(
         &self,

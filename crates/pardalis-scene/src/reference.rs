@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::description::{Content, KeyDescription, Presence};
+use super::experiment::{Experiment, FIGURES_OF_MERIT};
 use super::keys::{inside, keys_in, name_in};
 use super::{Scene, WorldConfig, calibration, schema};
 
@@ -15,11 +16,18 @@ pub enum FileKind {
     World,
     /// Calibrations of cameras.
     Calibration,
+    /// Experiments, for `pardalis measure`.
+    Experiment,
 }
 
 impl FileKind {
     /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Scene, Self::World, Self::Calibration];
+    pub const ALL: [Self; 4] = [
+        Self::Scene,
+        Self::World,
+        Self::Calibration,
+        Self::Experiment,
+    ];
 
     /// Returns the kind's name, as in `scene.md` and `scene.schema.json`.
     pub fn name(self) -> &'static str {
@@ -27,6 +35,7 @@ impl FileKind {
             Self::Scene => "scene",
             Self::World => "world",
             Self::Calibration => "calibration",
+            Self::Experiment => "experiment",
         }
     }
 
@@ -36,6 +45,7 @@ impl FileKind {
             Self::Scene => Scene::keys(),
             Self::World => WorldConfig::keys(),
             Self::Calibration => calibration::keys(),
+            Self::Experiment => Experiment::keys(),
         }
     }
 
@@ -44,6 +54,7 @@ impl FileKind {
             Self::Scene => "Scene files",
             Self::World => "World files",
             Self::Calibration => "Calibration files",
+            Self::Experiment => "Experiment files",
         }
     }
 
@@ -58,24 +69,34 @@ impl FileKind {
             Self::Calibration => {
                 "A calibration file describes the cameras of a rig. `pardalis calibrate` and `pardalis camera convert` write them, and a scene names one with `calibration`."
             }
+            Self::Experiment => {
+                "An experiment file names the scenes that `pardalis measure` runs with several seeds, and the bands within which their figures of merit must lie."
+            }
         }
     }
 
     /// Returns the reference of the keys as Markdown.
     pub fn markdown(self) -> String {
+        let keys = self.keys();
+        let names = if keys.iter().any(|key| key.content == Content::Named) {
+            let allowed = super::NAMES_ALLOWED;
+            format!("`NAME` stands for a name of your choice: {allowed}. ")
+        } else {
+            String::new()
+        };
         let mut text = format!(
             "<!-- Generated from the code that reads these files; do not edit. -->\n# {}\n\n{} The format is [TOML](https://toml.io). \
              All problems of a file are reported at once, with line and key; unknown keys are errors. \
-             `NAME` stands for a name of your choice: {}. \
-             An editor that knows JSON schemas completes and checks these files with [{name}.schema.json]({name}.schema.json).\n",
+             {names}An editor that knows JSON schemas completes and checks these files with [{name}.schema.json]({name}.schema.json).\n",
             self.title(),
             self.introduction(),
-            super::NAMES_ALLOWED,
             name = self.name(),
         );
-        let keys = self.keys();
         let mut printed: Vec<&str> = Vec::new();
         push_table(&mut text, &keys, "", &mut printed);
+        if self == Self::Experiment {
+            push_figures_of_merit(&mut text);
+        }
         text
     }
 
@@ -148,6 +169,7 @@ fn push_table<'k>(
                 key.about,
                 presence_sentence(&key.presence)
             ),
+            Content::List => write!(text, "\n## `[[{place}]]`\n\n{}\n", key.about),
         };
         let twin = printed
             .iter()
@@ -194,6 +216,18 @@ fn push_row(text: &mut String, key: &KeyDescription, name: &str) {
         "| `{name}` | {kind} | {unit} | {default} | {range} | {} |",
         key.about
     );
+}
+
+/// Appends the columns of the results of experiments.
+fn push_figures_of_merit(text: &mut String) {
+    text.push_str(
+        "\n## Figures of merit\n\nThe names in `expect`, and the columns of `results.csv` after `run`, `seed`, `target`, `object` and `window`. \
+         Errors are estimate minus truth, over all frames with an estimate; units are those of the names' endings.\n\n\
+         | Name | Meaning |\n|---|---|\n",
+    );
+    for (name, about) in FIGURES_OF_MERIT {
+        let _ = writeln!(text, "| `{name}` | {about} |");
+    }
 }
 
 /// Formats a default as in TOML, rounded to six digits.

@@ -80,6 +80,7 @@ fn content(keys: &[KeyDescription], key: &KeyDescription) -> Map<String, Value> 
             "additionalProperties": false,
             "minProperties": 1,
         })),
+        Content::List => map(json!({ "type": "array", "items": table(keys, &key.path) })),
     }
 }
 
@@ -108,6 +109,10 @@ fn value(kind: &Type, range: Option<Range>) -> Value {
             "maxItems": count,
         }),
         Type::Either(a, b) => json!({ "anyOf": [value(a, range), value(b, range)] }),
+        Type::Any => json!({}),
+        Type::Map(item) => {
+            json!({ "type": "object", "additionalProperties": value(item, range) })
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! The types of settings: how each is read from a TOML value, and which values are allowed.
 
+use std::collections::BTreeMap;
+
 use toml::de::DeValue;
 
 use super::description::Type;
@@ -137,6 +139,52 @@ impl<T: Setting> Setting for Vec<T> {
     }
     fn write(&self) -> toml::Value {
         toml::Value::Array(self.iter().map(Setting::write).collect())
+    }
+}
+
+/// Any value, for settings of another file.
+impl Setting for toml::Value {
+    fn kind() -> Type {
+        Type::Any
+    }
+    fn allowed() -> String {
+        "a value".to_owned()
+    }
+    const LIST: &'static str = "a list of values";
+    fn read(value: &DeValue) -> Option<Self> {
+        Some(match value {
+            DeValue::Float(float) => Self::Float(float.as_str().replace('_', "").parse().ok()?),
+            DeValue::Integer(_) => Self::Integer(i64::read(value)?),
+            DeValue::Boolean(value) => Self::Boolean(*value),
+            DeValue::String(text) => Self::String(text.to_string()),
+            DeValue::Datetime(time) => Self::Datetime(*time),
+            DeValue::Array(_) => Self::Array(Vec::read(value)?),
+            DeValue::Table(_) => Self::Table(BTreeMap::read(value)?.into_iter().collect()),
+        })
+    }
+    fn write(&self) -> toml::Value {
+        self.clone()
+    }
+}
+
+/// A table with keys of the user's choice.
+impl<T: Setting> Setting for BTreeMap<String, T> {
+    fn kind() -> Type {
+        Type::Map(Box::new(T::kind()))
+    }
+    fn allowed() -> String {
+        format!("a table; each value: {}", T::allowed())
+    }
+    fn read(value: &DeValue) -> Option<Self> {
+        value
+            .as_table()?
+            .iter()
+            .map(|(key, value)| Some((key.get_ref().to_string(), T::read(value.get_ref())?)))
+            .collect()
+    }
+    fn write(&self) -> toml::Value {
+        let values = self.iter().map(|(key, value)| (key.clone(), value.write()));
+        toml::Value::Table(values.collect())
     }
 }
 

@@ -407,7 +407,7 @@ fn read_detected_start(
 
 /// Reads where a detected target can be.
 fn read_region(existence: &Table) -> Option<Region> {
-    let about = "Where the target can be: the range of its position along each axis of the world. What is seen elsewhere is not the target.";
+    let about = "Where the target can be: the range of its position along each axis of the world. Candidates outside it are ruled out.";
     existence.section("region", about, |table| {
         let mut region = Region::default();
         let about = [

@@ -1,4 +1,5 @@
-//! Checks that relative links in Markdown pages lead to files, and links to headings to headings.
+//! Checks that relative links in Markdown pages lead to files, links to headings to headings, and that the files and tests that
+//! ARCHITECTURE.md names exist.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -18,6 +19,7 @@ pub(crate) fn run(root: &Path) -> Result<()> {
             }
         }
     }
+    broken.extend(missing_names(root)?);
     if !broken.is_empty() {
         bail!("links that lead nowhere:\n  {}", broken.join("\n  "));
     }
@@ -44,6 +46,28 @@ fn reason_broken(page: &Path, link: &str) -> Option<String> {
     }
     let text = std::fs::read_to_string(&target).ok()?;
     (!anchors(&text).contains(heading)).then(|| "there is no such heading".to_owned())
+}
+
+/// Returns the paths `crates/...` and the tests that ARCHITECTURE.md names and that do not exist.
+fn missing_names(root: &Path) -> Result<Vec<String>> {
+    let page = root.join("ARCHITECTURE.md");
+    let text = std::fs::read_to_string(&page).unwrap_or_default();
+    let mut sources = String::new();
+    for file in crate::files(&root.join("crates"), "rs").unwrap_or_default() {
+        sources.push_str(&std::fs::read_to_string(file)?);
+    }
+    let is_missing = |name: &&str| {
+        let is_word = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        // The names of tests are sentences.
+        let is_test = is_word && name.matches('_').count() >= 4;
+        let is_path = name.starts_with("crates/") && !name.contains(' ');
+        is_test && !sources.contains(&format!("fn {name}(")) || is_path && !root.join(name).exists()
+    };
+    let names = prose(&text).flat_map(|line| line.split('`').skip(1).step_by(2));
+    let missing = names.filter(is_missing);
+    Ok(missing
+        .map(|name| format!("ARCHITECTURE.md: `{name}` does not exist"))
+        .collect())
 }
 
 /// Returns the lines of a page outside of code blocks.
@@ -112,5 +136,15 @@ mod tests {
         std::fs::write(folder.path().join("c.png"), "").unwrap();
         std::fs::write(folder.path().join("b.md"), "## There\n").unwrap();
         assert!(run(folder.path()).is_ok());
+
+        let page = folder.path().join("ARCHITECTURE.md");
+        let text = "`crates/a.rs`: `a_test_of_something_or_other` is not `a_word`";
+        std::fs::write(page, text).unwrap();
+        let missing = missing_names(folder.path()).unwrap();
+        assert!(missing[0].contains("crates/a.rs") && missing[1].contains("something"));
+        std::fs::create_dir(folder.path().join("crates")).unwrap();
+        let source = "fn a_test_of_something_or_other() {}";
+        std::fs::write(folder.path().join("crates/a.rs"), source).unwrap();
+        assert_eq!(missing_names(folder.path()).unwrap(), [""; 0]);
     }
 }

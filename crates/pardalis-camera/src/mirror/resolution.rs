@@ -2,7 +2,8 @@
 
 /// A mirror that shows the plane z = `plane_z_m` at the image radius ρ = a·r + b (focal length 1),
 /// where r is the distance from the axis. Shapes on the floor keep their shape and size in the
-/// image (Hicks and Bajcsy 1999, "Reflective surfaces as computational sensors"; Gaspar et al. 2002).
+/// image (Hicks and Bajcsy 2000, "Catadioptric sensors that approximate wide-angle perspective projections"; Gaspar et al.
+/// 2002, "Constant resolution omnidirectional cameras").
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConstantResolution {
     /// Distance of the vertex from the pinhole, in metres.

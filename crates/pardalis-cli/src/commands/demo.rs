@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use super::{evaluate, track};
+use crate::arguments::Threads;
 use crate::output::print;
 use crate::tables;
 use crate::tracking::{self, Annotate, Options, Output};
@@ -30,7 +31,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let options = Options {
         output: Output::Folder(arguments.output.clone()),
         seed: None,
-        threads: None,
+        threads: Threads::default(),
         annotate: Annotate::Trails,
         explain: false,
         particles: None,

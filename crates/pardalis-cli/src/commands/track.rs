@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Result, anyhow};
 use pardalis::TargetId;
 
+use crate::arguments::Threads;
 use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
 use crate::user_error::user_error;
 
@@ -15,8 +16,8 @@ use crate::user_error::user_error;
 /// folder with tracks.csv (position, velocity, covariance and best particle, one row per frame and target),
 /// summary.json, and plots (from above, from the side, in an oblique view, and over time).
 ///
-/// If a target is missing in some frames, the summary says in how many, and what ruled out what looked most like it;
-/// --explain says it frame by frame.
+/// If a target is missing in some frames, the summary says in how many, and why the candidates were ruled out;
+/// --explain reports this for each frame.
 ///
 /// With several cameras, frames that arrive early wait up to timing.max_delay_s (a key of the scene; default 0.1 s,
 /// with one camera 0) for earlier frames of other cameras. A camera that fails, ends or freezes does not stop the
@@ -25,7 +26,7 @@ use crate::user_error::user_error;
 #[command(after_help = "Examples:
   pardalis track ball.toml                      results into the folder ball-tracks
   pardalis track ball.toml -o run7 --annotate   also the frames with contours and particles
-  pardalis track ball.toml --annotate --explain what ruled out things that are not the ball
+  pardalis track ball.toml --annotate --explain why other candidates were ruled out
   pardalis track ball.toml -o - | head          rows to standard output while tracking")]
 #[allow(clippy::struct_excessive_bools)] // flags of the command line
 pub(crate) struct Arguments {
@@ -39,15 +40,14 @@ pub(crate) struct Arguments {
     /// Overrides the scene's seed
     #[arg(long)]
     seed: Option<u32>,
-    /// Number of threads; results do not depend on it [default: one per core]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     /// Also writes every frame with contours and particles drawn on it
     #[arg(long)]
     annotate: bool,
-    /// Also writes candidates.csv: what was examined in each frame, and what ruled it out
+    /// Also writes candidates.csv: the candidates in each frame, and why each was ruled out
     ///
-    /// Without an output folder there is none. With --annotate, the candidates are drawn into the frames. The guide explains
+    /// Needs an output folder. With --annotate, the candidates are drawn into the frames. The guide explains
     /// each verdict (docs/not-found.md).
     #[arg(long)]
     explain: bool,
@@ -90,7 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let options = Options {
         output,
         seed: arguments.seed,
-        threads: arguments.threads.map(usize::from),
+        threads: arguments.threads,
         annotate: if arguments.annotate {
             Annotate::Trails
         } else {

@@ -170,10 +170,8 @@ fn pictures_are_written_in_the_format_of_their_extension() {
 }
 
 #[test]
-fn a_real_frame_is_annotated() {
-    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/dioptric-jump");
-    let image = decode_image(format!("{data}/frames/000000.jpg").as_ref()).unwrap();
-    // Frame 0 of truth.csv.
+fn a_frame_is_annotated_with_particles_contours_label_and_zoom() {
+    let image = RgbImage::from_fn(640, 480, |x, y| [(x / 5) as u8, (y / 4) as u8, 60]);
     let centre_px = [459.9, 87.9];
     let cloud = (0..400).map(|i| {
         let angle_rad = f64::from(i) * 2.4;
@@ -196,7 +194,7 @@ fn a_real_frame_is_annotated() {
             .to_owned();
     overlay.zoom_at_px = Some(centre_px);
     let picture = annotated(&image, &overlay);
-    let folder = test_folder("overlay-real");
+    let folder = test_folder("overlay-all");
     write_picture(&folder.join("frame.png"), &picture).unwrap();
     let strip = (0..300).flat_map(|x| (0..22).map(move |y| (x, y)));
     let white = strip

@@ -4,10 +4,24 @@ use tempfile::TempDir;
 
 use super::decode::decode_image;
 use super::*;
+use pardalis_images::{JpegSampling, RgbImage, encode_jpeg};
 use pardalis_scene::FrameRange;
 
-fn sequence() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/dioptric-jump/frames")
+/// Creates a folder of JPEG images of 160 x 120 pixels, in which a bright square moves.
+fn sequence(indices: impl IntoIterator<Item = u32>) -> TempDir {
+    let folder = TempDir::new().expect("a folder");
+    for index in indices {
+        let image = RgbImage::from_fn(160, 120, |x, y| {
+            if (index..index + 20).contains(&x) && (50..70).contains(&y) {
+                [230, 110, 20]
+            } else {
+                [(x * y % 90) as u8, x as u8, y as u8]
+            }
+        });
+        let bytes = encode_jpeg(&image, 90, JpegSampling::Automatic).expect("encoded");
+        std::fs::write(folder.path().join(format!("{index:06}.jpg")), bytes).expect("written");
+    }
+    folder
 }
 
 fn images(folder: &Path, timing: Timing) -> SourceConfig {
@@ -21,13 +35,9 @@ fn images(folder: &Path, timing: Timing) -> SourceConfig {
     }
 }
 
-/// Creates a folder with the sequence's frames 0, 1, 3 and 4.
+/// Creates a folder with the frames 0, 1, 3 and 4.
 fn broken_sequence() -> TempDir {
-    let folder = TempDir::new().expect("a folder");
-    for name in ["000000.jpg", "000001.jpg", "000003.jpg", "000004.jpg"] {
-        std::fs::copy(sequence().join(name), folder.path().join(name)).expect("copied");
-    }
-    folder
+    sequence([0, 1, 3, 4])
 }
 
 /// Returns the next frame and its arrival.
@@ -48,11 +58,12 @@ fn next_broken(source: &mut Source) -> String {
 
 #[test]
 fn a_sequence_is_complete_and_in_order() {
-    let config = images(&sequence(), Timing::Fps(25.0));
+    let folder = sequence(0..110);
+    let config = images(folder.path(), Timing::Fps(25.0));
     let mut source = Source::open(&config).expect("opens");
     assert_eq!(
         (source.size(), source.frame_count()),
-        ((640, 480), Some(110))
+        ((160, 120), Some(110))
     );
     assert_eq!(
         source.describe().content,
@@ -65,7 +76,8 @@ fn a_sequence_is_complete_and_in_order() {
         let time_s = index as f64 / 25.0;
         assert_eq!((frame.time_s(), arrival_s), (time_s, time_s));
         if index % 20 == 3 {
-            let image = decode_image(&sequence().join(format!("{index:06}.jpg"))).expect("decodes");
+            let image =
+                decode_image(&folder.path().join(format!("{index:06}.jpg"))).expect("decodes");
             assert!(frame.bytes() == image.as_raw(), "frame {index}");
         }
     }
@@ -139,12 +151,12 @@ fn broken_images_and_images_of_another_size_are_skipped() {
     let bytes = std::fs::read(&third).expect("read");
     std::fs::write(&third, &bytes[..bytes.len() / 2]).expect("written");
     std::fs::write(folder.path().join("000000.jpg"), "no image").expect("written");
-    let small = pardalis_images::encode_png(&pardalis_images::RgbImage::new(320, 240));
+    let small = pardalis_images::encode_png(&RgbImage::new(80, 60));
     std::fs::write(folder.path().join("000002.png"), small.expect("encoded")).expect("written");
     let mut source = Source::open(&images(folder.path(), Timing::Fps(25.0))).expect("opens");
     assert_eq!(
         source.size(),
-        (640, 480),
+        (160, 120),
         "of the first image that has a header"
     );
     let first = next_broken(&mut source);
@@ -152,10 +164,10 @@ fn broken_images_and_images_of_another_size_are_skipped() {
     assert_eq!(next_frame(&mut source).0.time_s(), 1.0 / 25.0);
     let small = next_broken(&mut source);
     assert!(
-        small.contains("000002.png: the image is 320 x 240 pixels where"),
+        small.contains("000002.png: the image is 80 x 60 pixels where"),
         "{small}"
     );
-    assert!(small.contains("000001.jpg has 640 x 480"), "{small}");
+    assert!(small.contains("000001.jpg has 160 x 120"), "{small}");
     let cut = next_broken(&mut source);
     assert!(
         cut.contains("000003.jpg: the file ends before its image does"),
@@ -167,7 +179,8 @@ fn broken_images_and_images_of_another_size_are_skipped() {
 
 #[test]
 fn a_source_dropped_early_stops_its_thread() {
-    let mut source = Source::open(&images(&sequence(), Timing::Fps(25.0))).expect("opens");
+    let folder = sequence(0..110);
+    let mut source = Source::open(&images(folder.path(), Timing::Fps(25.0))).expect("opens");
     next_frame(&mut source);
     // Joins the thread, which is blocked with frames that nothing receives: this must return.
     drop(source);
@@ -175,9 +188,10 @@ fn a_source_dropped_early_stops_its_thread() {
 
 #[test]
 fn a_time_offset_that_is_not_a_number_is_an_error() {
+    let folder = sequence([0]);
     let config = SourceConfig {
         time_offset_s: f64::NAN,
-        ..images(&sequence(), Timing::Fps(25.0))
+        ..images(folder.path(), Timing::Fps(25.0))
     };
     let mut source = Source::open(&config).expect("opens");
     let error = source

@@ -500,5 +500,5 @@ fn packed(planes: &[u8], (width, height): (usize, usize)) -> Vec<u8> {
 }
 
 #[cfg(test)]
-#[path = "video_tests.rs"]
+#[path = "video_tests/mod.rs"]
 mod tests;

@@ -61,8 +61,9 @@ impl Sink for MissedFrames {
     }
 }
 
-/// Returns what ruled out candidates of a target in the latest frames, or of the first landmark that is missing, that which came nearest to it first; nothing for
-/// targets that the tracker does not search for. A prediction counts only if there is nothing else.
+/// Returns the verdicts that ruled out candidates of a target (of its first missing landmark) in the latest frames, the last
+/// test first; none for targets that the tracker does not search for. Predictions count only if there are no other
+/// candidates.
 pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<Vec<Verdict>> {
     let bodies = tracker.bodies_at(target, tracker.time_s().unwrap_or(0.0))?;
     let of_bodies = tracker.candidates(target)?.zip(bodies);
@@ -85,22 +86,28 @@ pub(crate) fn what(verdict: Verdict) -> &'static str {
         Verdict::NoColors => "nothing in the image has its colours",
         Verdict::Surplus => "too many things have its colours",
         Verdict::OutOfView => {
-            "what has its colours is cut off by the image's border, the mask or the camera's model"
+            "the area in its colours is cut off by the image border, the mask or the domain of the camera model"
         }
-        Verdict::OffGround => "what has its colours is not on the ground",
+        Verdict::OffGround => "the area in its colours is not on the ground",
         Verdict::TooNear => {
-            "what has its colours is so large that the target would touch the camera"
+            "the area in its colours is so large that the target would touch the camera"
         }
-        Verdict::TooFar => "what has its colours is so small that the target would be too far away",
-        Verdict::NoEdges => "what has its colours has no edges to fit the outline to",
+        Verdict::TooFar => {
+            "the area in its colours is so small that the target would be too far away"
+        }
+        Verdict::NoEdges => {
+            "the area in its colours has no edges to which its outline could be fitted"
+        }
         Verdict::Covered => "too little of the outline shows its colours",
-        Verdict::OtherOutline => "what has its colours has another outline",
-        Verdict::OtherColor => "what has its outline has another mean colour",
-        Verdict::OutsideRegion => "what looks like it is outside of its region",
-        Verdict::Stray => "what looks like its landmark is too far from the others",
-        Verdict::LookAlike => "what looks like it is another target",
-        Verdict::Rival => "several things look like it",
-        _ => "something may be it, but not certainly enough",
+        Verdict::OtherOutline => "the area in its colours has another outline",
+        Verdict::OtherColor => "the area with its outline has another mean colour",
+        Verdict::OutsideRegion => "the likeliest candidate is outside existence.region",
+        Verdict::Stray => {
+            "the likeliest candidate for a landmark is too far from the other landmarks"
+        }
+        Verdict::LookAlike => "the likeliest candidate is another target",
+        Verdict::Rival => "several candidates look like it",
+        _ => "the likeliest candidate is not certain enough",
     }
 }
 
@@ -117,7 +124,7 @@ fn remedy(verdict: Verdict) -> &'static str {
             "check the target's size in metres and the focal length"
         }
         Verdict::NoEdges => "look for blur and for surroundings in its colours",
-        Verdict::Covered => "look whether something covers it, or whether it is another thing",
+        Verdict::Covered => "check whether something covers it, or whether it is something else",
         Verdict::OtherOutline => "check its shape, and learn from labels along its outline",
         Verdict::OutsideRegion => "check existence.region, the camera's pose and the target's size",
         Verdict::Stray => "look for other things in the landmark's colours",

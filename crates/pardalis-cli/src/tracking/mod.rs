@@ -12,12 +12,13 @@ mod summary;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use pardalis::{Estimate, Frame, Tracker};
 use pardalis_scene::{BodyConfig, Scene, TargetConfig};
 use serde::Serialize;
 
+use crate::arguments::Threads;
 use crate::interrupt;
 use crate::output::warn;
 use crate::scene::{self, OpenScene};
@@ -41,8 +42,7 @@ pub(crate) struct Options {
     pub(crate) output: Output,
     /// Overrides the scene's seed.
     pub(crate) seed: Option<u32>,
-    /// Number of threads; if `None`, one per core.
-    pub(crate) threads: Option<usize>,
+    pub(crate) threads: Threads,
     /// Whether to write annotated frames.
     pub(crate) annotate: Annotate,
     /// Whether to write what was examined, and to draw it into annotated frames; needs a folder.
@@ -201,10 +201,7 @@ pub(crate) fn run_steps(
     };
     let mut series = SeriesCollector::new(&names);
     let mut missed = MissedFrames::of(names.len());
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads.unwrap_or(0))
-        .build()
-        .context("the threads cannot be started")?;
+    let pool = options.threads.start()?;
     let mut sinks: Vec<&mut dyn Sink> = vec![&mut rows, &mut series, &mut missed];
     if let Some(candidate_rows) = &mut candidate_rows {
         sinks.push(candidate_rows);

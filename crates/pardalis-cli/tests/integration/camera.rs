@@ -312,12 +312,12 @@ fn toml_errors_are_reported_with_their_line() {
     );
     // An error in the TOML syntax is reported alone.
     for cut in ["0.9], [0, 0, 0, 1]]", "480]"] {
-        let said = refused(
+        let message = refused(
             &LENS.replacen(cut, &cut[..cut.len() - 1], 1),
             "bad.toml: line ",
         );
-        assert_eq!(said.matches("line ").count(), 1, "{said}");
-        assert!(!said.contains("cameras.cam1"), "{said}");
+        assert_eq!(message.matches("line ").count(), 1, "{message}");
+        assert!(!message.contains("cameras.cam1"), "{message}");
     }
 }
 

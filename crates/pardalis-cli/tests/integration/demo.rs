@@ -30,7 +30,7 @@ fn the_demo_tracks_the_ball_and_prints_the_error() {
         folder.path(),
         &["demo", "--data", data.to_str().unwrap()],
     );
-    let said = String::from_utf8(demo.stdout).unwrap();
+    let printed = String::from_utf8(demo.stdout).unwrap();
     assert_eq!((demo.status.code(), &*demo.stderr), (Some(0), &b""[..]));
 
     let results = folder.path().join("pardalis-demo");
@@ -44,8 +44,8 @@ fn the_demo_tracks_the_ball_and_prints_the_error() {
         let size = fs::metadata(results.join(file)).unwrap().len();
         assert!(size > 1000, "{file}: {size} bytes");
         assert!(
-            said.contains(&format!("pardalis-demo/{file}")),
-            "{file}: {said}"
+            printed.contains(&format!("pardalis-demo/{file}")),
+            "{file}: {printed}"
         );
     }
     assert_eq!(
@@ -79,7 +79,7 @@ fn the_demo_tracks_the_ball_and_prints_the_error() {
         format!("The mean position error was {mean_mm:.0} mm"),
         format!("the mean direction error was {mean_deg:.1} degrees"),
     ] {
-        assert!(said.contains(&sentence), "{sentence}: {said}");
+        assert!(printed.contains(&sentence), "{sentence}: {printed}");
     }
 }
 
@@ -88,10 +88,10 @@ fn a_missing_data_folder_is_named_with_a_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |program: &Path, arguments: &[&str], wanted: &[&str]| {
         let output = run(program, folder.path(), arguments);
-        let said = String::from_utf8(output.stderr).unwrap();
+        let printed = String::from_utf8(output.stderr).unwrap();
         assert_eq!((output.status.code(), &*output.stdout), (Some(2), &b""[..]));
         for wanted in wanted {
-            assert!(said.contains(wanted), "no {wanted:?} in: {said}");
+            assert!(printed.contains(wanted), "no {wanted:?} in: {printed}");
         }
     };
     let program = Path::new(env!("CARGO_BIN_EXE_pardalis"));

@@ -57,12 +57,12 @@ fn without_its_colours_a_target_is_never_found_and_the_run_says_why() {
     let scene = detected("pink-ball.hsi.colors.toml");
     let run = explained(&place, &scene, &[]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    for said in [
+    for part in [
         "warning: targets.ball: was not found in any of the 6 frames\n",
         "in 6 of 6 frames without ball, nothing in the image has its colours (no-colors): learn the colours",
         "docs/not-found.md",
     ] {
-        assert!(run.stderr.contains(said), "{said:?} in {}", run.stderr);
+        assert!(run.stderr.contains(part), "{part:?} in {}", run.stderr);
     }
     let states = "ball: 0 frames tracked, 0 occluded, 0 lost, 6 searching\n";
     assert!(run.stdout.contains(states), "{}", run.stdout);
@@ -104,8 +104,8 @@ fn a_wrong_scale_makes_the_ball_too_far() {
     let place = Workplace::with_frames(4);
     let scene = detected("orange-ball.hsi.colors.toml").replace("145.5622506548578", "5000");
     let run = explained(&place, &scene, &[]);
-    let told = "in 4 of 4 frames without ball, what has its colours is so small that the target would be too far away (too-far)";
-    assert!(run.stderr.contains(told), "{}", run.stderr);
+    let message = "in 4 of 4 frames without ball, the area in its colours is so small that the target would be too far away (too-far)";
+    assert!(run.stderr.contains(message), "{}", run.stderr);
     // The ball of data/dioptric-jump, at (460, 88), has no position because none has its size.
     let rows = candidates(&place, "out");
     let near = |field: &str, px: f64| {
@@ -211,8 +211,8 @@ shape.sphere.radius_m = 0.05
 colors = "world/ball.colors.toml"
 "#;
     let run = explained(&place, scene, &[]);
-    let told = "warning: targets.ball: was not found in any of the 12 frames";
-    assert!(run.stderr.contains(told), "{}", run.stderr);
+    let message = "warning: targets.ball: was not found in any of the 12 frames";
+    assert!(run.stderr.contains(message), "{}", run.stderr);
     // A circle around it is empty above and below; one within it does not have its corners.
     let forms = BTreeSet::from(["covered", "other-outline", "same-place"]);
     let rows = candidates(&place, "out");
@@ -248,8 +248,8 @@ fn two_equal_balls_are_rivals_for_one_target() {
         &format!("{:?}\nframe_limit = 3", frames.to_str().unwrap()),
     );
     let run = explained(&place, &scene, &[]);
-    let told = "in 3 of 3 frames without ball, several things look like it (rival)";
-    assert!(run.stderr.contains(told), "{}", run.stderr);
+    let message = "in 3 of 3 frames without ball, several candidates look like it (rival)";
+    assert!(run.stderr.contains(message), "{}", run.stderr);
 }
 
 #[test]

@@ -177,8 +177,8 @@ fn no_position_is_given_out_of_view() {
     let place = Workplace::with_frames(0);
     let scene = first_stills(1).replace("[1.3, 0, 0.11]", "[1.3, 0, 50]");
     let run = locate(&place, &scene, &["-o", "out"]).fine();
-    let told = "frame 0: ball not visible around the start (occluded)\n";
-    assert!(run.stdout.starts_with(told), "{}", run.stdout);
+    let message = "frame 0: ball not visible around the start (occluded)\n";
+    assert!(run.stdout.starts_with(message), "{}", run.stdout);
     let rows = place.rows();
     assert_eq!(rows[0][3], "occluded");
     assert!(rows[0][4..18].iter().all(String::is_empty), "{:?}", rows[0]);

@@ -211,7 +211,7 @@ fn invalid_experiments_are_rejected_by_name() {
         (
             "coverage =",
             "coverge =",
-            &["small.toml", "few particles", "expect.coverge", "coverage"],
+            &["small.toml", "line 9: runs[1].expect.coverge", "coverage"],
         ),
         ("scene.toml", "none.toml", &["none.toml"]),
         ("truth.csv", "none.csv", &["none.csv"]),

@@ -61,21 +61,13 @@ fn finds_tape_of_plane_robot() {
     let folder = tempfile::tempdir().unwrap();
     let frames = data("plane-robot/frames");
     let world = CORNERS.map(|[_, _, x, y]| format!("{x},{y}")).join(" ");
-    let run = pardalis(
-        folder.path(),
-        &[
-            "calibrate",
-            "plane",
-            &frames.to_string_lossy(),
-            "--corners",
-            &world,
-            "--focal",
-            "560",
-            "-o",
-            "floor",
-        ],
-    )
-    .fine();
+    let frames = frames.to_string_lossy();
+    let calibrate = |output: &str| {
+        let options = ["--corners", &world, "--focal", "560", "-o", output];
+        let arguments = [&["calibrate", "plane", &*frames][..], &options].concat();
+        pardalis(folder.path(), &arguments).fine()
+    };
+    let run = calibrate("floor");
     assert_within(&corners(&run), &CORNERS_PX, 0.12);
     assert!(run.stdout.contains("bright tape"), "{}", run.stdout);
     let line = run
@@ -95,21 +87,7 @@ fn finds_tape_of_plane_robot() {
     pardalis(folder.path(), &["camera", "show", "floor/camera.toml"]).fine();
     // The result is deterministic.
     let first = fs::read(folder.path().join("floor/camera.toml")).unwrap();
-    pardalis(
-        folder.path(),
-        &[
-            "calibrate",
-            "plane",
-            &frames.to_string_lossy(),
-            "--corners",
-            &world,
-            "--focal",
-            "560",
-            "-o",
-            "again",
-        ],
-    )
-    .fine();
+    calibrate("again");
     assert_eq!(
         fs::read(folder.path().join("again/camera.toml")).unwrap(),
         first

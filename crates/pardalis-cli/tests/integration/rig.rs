@@ -71,8 +71,8 @@ fn one_camera_frozen() {
         rig.freeze("cam1", from..to);
         let run = rig.track("");
         assert_eq!(run.code, Some(0), "{}", run.stderr);
-        let told = "warning: cameras.cam1: only 1 of its 120 frames were used";
-        assert_eq!(run.stderr.starts_with(told), from == 1, "{}", run.stderr);
+        let message = "warning: cameras.cam1: only 1 of its 120 frames were used";
+        assert_eq!(run.stderr.starts_with(message), from == 1, "{}", run.stderr);
         rig.assert_followed_within(bound_m);
         let frames = rig.frames("cam1");
         assert_eq!(
@@ -139,8 +139,8 @@ fn one_camera_arrives_late() {
 
     let run = rig.track("[timing]\nmax_delay_s = 0\n");
     assert_eq!(run.code, Some(0));
-    let told = "warning: cameras.cam2: 120 frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is 0 s";
-    assert!(run.stderr.starts_with(told), "{}", run.stderr);
+    let message = "warning: cameras.cam2: 120 frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is 0 s";
+    assert!(run.stderr.starts_with(message), "{}", run.stderr);
     rig.assert_followed();
     let frames = rig.frames("cam2");
     assert_eq!(

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::formats::Lens;
-use pardalis_scene::description::{Content, KeyDescription, Presence};
+use pardalis_scene::description::{Content, KeyDescription, Presence, Type};
+use pardalis_scene::experiment::Experiment;
 use pardalis_scene::reference::FileKind;
 use pardalis_scene::{Problem, Scene, WorldConfig, calibration};
 use serde_json::Value;
@@ -44,7 +45,7 @@ struct Sample {
     kind: FileKind,
 }
 
-/// Returns every scene and world of the repository, and files that together contain every key.
+/// Returns every scene, world and experiment of the repository, and files that together contain every key.
 fn samples() -> Vec<Sample> {
     let mut samples = Vec::new();
     let root = repository();
@@ -73,6 +74,8 @@ fn samples() -> Vec<Sample> {
                 FileKind::World
             } else if table.contains_key("cameras") {
                 FileKind::Calibration
+            } else if table.contains_key("question") {
+                FileKind::Experiment
             } else {
                 continue;
             };
@@ -95,6 +98,7 @@ impl Sample {
             FileKind::Scene => Scene::parse_with(&self.text, replaced, &read).err(),
             FileKind::World => WorldConfig::parse_with(&self.text, replaced, &read).err(),
             FileKind::Calibration => calibration::read_toml(&self.text).err(),
+            FileKind::Experiment => Experiment::parse(&self.text).err(),
         }
         .unwrap_or_default()
     }
@@ -103,7 +107,8 @@ impl Sample {
         serde_json::to_value(self.text.parse::<toml::Table>().unwrap()).unwrap()
     }
 
-    /// Returns the keys of the file's values: each full key, and the same with `NAME` for names.
+    /// Returns the keys of the file's values: each full key, with the numbers of tables in lists, and the same with
+    /// `NAME` for names and without numbers.
     fn keys(&self, described: &[KeyDescription]) -> Vec<(String, String)> {
         fn walk(
             value: &Value,
@@ -111,16 +116,25 @@ impl Sample {
             described: &[KeyDescription],
             found: &mut Vec<(String, String)>,
         ) {
-            let is_named = described
-                .iter()
-                .any(|key| key.path == pattern && key.content == Content::Named);
-            match value {
-                Value::Object(table) => {
+            let below = |path: &str, key: &str| match path {
+                "" => key.to_owned(),
+                _ => format!("{path}.{key}"),
+            };
+            let content = described.iter().find(|key| key.path == pattern);
+            let content = content.map(|key| &key.content);
+            let is_named = content == Some(&Content::Named);
+            match (content, value) {
+                (Some(Content::List), Value::Array(tables)) => {
+                    for (i, table) in tables.iter().enumerate() {
+                        let path = below(path, &i.to_string());
+                        walk(table, [&path, pattern], described, found);
+                    }
+                }
+                (Some(Content::Value { .. }), _) => {
+                    found.push((path.to_owned(), pattern.to_owned()));
+                }
+                (_, Value::Object(table)) => {
                     for (key, value) in table {
-                        let below = |path: &str, key: &str| match path {
-                            "" => key.to_owned(),
-                            _ => format!("{path}.{key}"),
-                        };
                         let name = if is_named { "NAME" } else { key };
                         let paths = [&*below(path, key), &*below(pattern, name)];
                         walk(value, paths, described, found);
@@ -362,7 +376,11 @@ fn check(schema: &Value, value: &Value, path: &str) -> Result<(), String> {
             None if schema.get("additionalProperties") == Some(&Value::Bool(false)) => {
                 return Err(format!("{path}: is not a key"));
             }
-            None => {}
+            None => {
+                if let Some(schema @ Value::Object(_)) = schema.get("additionalProperties") {
+                    check(schema, inner, &path)?;
+                }
+            }
         }
     }
     Ok(())
@@ -382,11 +400,23 @@ fn schemas_accept_every_file_and_reject_unknown_keys_and_wrong_types() {
         let value = sample.value();
         let checked = check(schema, &value, "");
         assert!(checked.is_ok(), "{:?}: {checked:?}", sample.path);
-        for key in sample.keys(&sample.kind.keys()) {
+        let described = sample.kind.keys();
+        for key in sample.keys(&described) {
             let pointer = format!("/{}", key.0.replace('.', "/"));
             // Tables in the place of values.
+            let takes_any_table = described.iter().any(|described| {
+                let Content::Value { kind, .. } = &described.content else {
+                    return false;
+                };
+                described.path == key.1 && *kind == Type::Map(Box::new(Type::Any))
+            });
             let mut wrong = value.clone();
-            *wrong.pointer_mut(&pointer).unwrap() = serde_json::json!({ "no_such_key": 1 });
+            let instead = if takes_any_table {
+                serde_json::json!(1)
+            } else {
+                serde_json::json!({ "no_such_key": 1 })
+            };
+            *wrong.pointer_mut(&pointer).unwrap() = instead;
             assert!(check(schema, &wrong, "").is_err(), "{}", key.0);
             // Unknown keys beside them.
             let mut wrong = value.clone();

@@ -61,8 +61,8 @@ fn plane(scene: &Scene) -> Plane<f64> {
 #[track_caller]
 fn assert_rejected(pieces: &[(&str, &str)], wanted: &str) {
     let problems = scene_with(pieces).unwrap_err();
-    let said = problems.iter().any(|p| p.to_string().contains(wanted));
-    assert!(said, "no {wanted:?} in {problems:#?}");
+    let found = problems.iter().any(|p| p.to_string().contains(wanted));
+    assert!(found, "no {wanted:?} in {problems:#?}");
 }
 
 #[test]

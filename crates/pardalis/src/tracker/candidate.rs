@@ -62,17 +62,17 @@ impl Origin {
     }
 }
 
-/// What became of a candidate, in the order in which candidates are ruled out: the later, the nearer it came to being the target.
+/// The test that ruled out a candidate, in the order of the tests: the later, the closer it came to being the target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Verdict {
-    /// The image has no blob of the target's colours that is large enough. The largest too small one is the candidate, if there is any.
+    /// The image has no blob of the target's colours that is large enough. The candidate is the largest smaller one, if there is one.
     NoColors,
     /// It was not examined, because larger blobs or likelier candidates were.
     Surplus,
-    /// It is another candidate once more: the fits led to the same place.
+    /// The fit led to the position of another candidate.
     SamePlace,
-    /// Its pixel, or most of its outline, lies outside of what the camera sees: the image, the mask, the domain of the camera's model.
+    /// Its pixel, or most of its outline, lies outside the image, the mask or the domain of the camera model.
     OutOfView,
     /// Its ray does not meet the ground on which the target stays.
     OffGround,
@@ -84,9 +84,9 @@ pub enum Verdict {
     NoEdges,
     /// Too little of its outline shows the target's colours.
     Covered,
-    /// Its outline is another thing's.
+    /// Its outline differs from that of the target.
     OtherOutline,
-    /// Its mean colour is another thing's.
+    /// Its mean colour differs from that of the target.
     OtherColor,
     /// It is where the target cannot be.
     OutsideRegion,

@@ -362,7 +362,7 @@ fn an_external_estimate_recovers_a_lost_ball() {
         ..GaussianStart::default()
     });
     let mut ours = Tracker::new(vec![fisheye_view()], vec![target], 1, Level::best()).unwrap();
-    let mut told = None;
+    let mut earlier = None;
     for (index, frame) in jump_frames(0..12).enumerate() {
         let time_s = frame.time_s();
         let set = set_of(frame);
@@ -371,8 +371,8 @@ fn an_external_estimate_recovers_a_lost_ball() {
             let off_m = distance_m(lost.kinematics.unwrap().position_m, jump_truth_m(5));
             assert!(off_m > 1.0, "{off_m}");
             // The external estimate is two frames old when it arrives.
-            let (estimate, told_s): (_, f64) = told.unwrap();
-            ours.reinitialize(BALL, &estimate, told_s).unwrap();
+            let (estimate, earlier_s): (_, f64) = earlier.unwrap();
+            ours.reinitialize(BALL, &estimate, earlier_s).unwrap();
             // Nothing changes before the next frames.
             assert_eq!(ours.estimate_at(BALL, time_s).unwrap(), lost);
         }
@@ -381,7 +381,7 @@ fn an_external_estimate_recovers_a_lost_ball() {
         if index == 4 {
             let theirs = other.estimate_at(BALL, time_s).unwrap().kinematics.unwrap();
             let there = GaussianStart::from_estimate(&theirs, 0.5).moved(&other_from_world);
-            told = Some((there.moved(&other_from_world.inverse()), time_s));
+            earlier = Some((there.moved(&other_from_world.inverse()), time_s));
         }
         if index >= 6 {
             let found = ours.estimate_at(BALL, time_s).unwrap();

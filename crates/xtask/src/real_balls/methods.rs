@@ -110,8 +110,8 @@ pub(crate) fn opencv(
     let found = work.join("found.csv");
     let mut command = Command::new(python);
     command.arg(script).arg(&images.source).arg(&circles);
-    let said = call(command.arg(&found))?;
-    let fps = said
+    let printed = call(command.arg(&found))?;
+    let fps = printed
         .trim()
         .parse()
         .context("the script's frames per second")?;

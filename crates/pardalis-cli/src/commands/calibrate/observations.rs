@@ -9,7 +9,7 @@ use pardalis_calibrate::{CalibrationView, Correspondence};
 use crate::tables::{Row, Table};
 use crate::user_error::user_error;
 
-/// Largest number of faulty rows that are listed.
+/// Largest number of wrong rows that are listed.
 const MAX_LISTED: usize = 10;
 
 /// Largest plausible coordinate in metres.
@@ -87,7 +87,7 @@ pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
         repeated: 0,
     };
     let mut known = HashSet::new();
-    let mut faults = Vec::new();
+    let mut problems = Vec::new();
     for row in table.rows() {
         match parse(&row) {
             Ok((name, correspondence)) => {
@@ -97,18 +97,18 @@ pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
                     observations.repeated += 1;
                 }
             }
-            Err(fault) => faults.push(format!("{fault:#}")),
+            Err(problem) => problems.push(format!("{problem:#}")),
         }
     }
-    if faults.is_empty() {
+    if problems.is_empty() {
         return Ok(observations);
     }
-    let more = faults.len().saturating_sub(MAX_LISTED);
-    faults.truncate(MAX_LISTED);
+    let more = problems.len().saturating_sub(MAX_LISTED);
+    problems.truncate(MAX_LISTED);
     if more > 0 {
-        faults.push(format!("and {more} more such rows"));
+        problems.push(format!("and {more} more such rows"));
     }
-    Err(user_error!("{}", faults.join("\n")))
+    Err(user_error!("{}", problems.join("\n")))
 }
 
 /// Returns a key that is equal for equal points at equal pixels only.
@@ -161,34 +161,34 @@ impl Observations {
         )
     }
 
-    /// Fails if `fault` returns text for any point.
+    /// Fails if `problem` returns text for any point.
     fn refuse_rows(
         &self,
         path: &Path,
-        fault: impl Fn(&Correspondence) -> Option<String>,
+        problem: impl Fn(&Correspondence) -> Option<String>,
         what: &str,
         remedy: &str,
     ) -> Result<()> {
         let points = self.views.iter().flat_map(|view| &view.correspondences);
         let numbered = points.zip(self.numbers.iter().flatten());
-        let mut faults: Vec<String> = numbered
+        let mut problems: Vec<String> = numbered
             .filter_map(|(point, number)| {
-                Some(format!("{} {number} {}", self.numbered_by, fault(point)?))
+                Some(format!("{} {number} {}", self.numbered_by, problem(point)?))
             })
             .collect();
-        let count = faults.len();
+        let count = problems.len();
         if count == 0 {
             return Ok(());
         }
         if count > MAX_LISTED {
-            faults.truncate(MAX_LISTED);
-            faults.push("...".to_owned());
+            problems.truncate(MAX_LISTED);
+            problems.push("...".to_owned());
         }
         Err(user_error!(
             "{}: {count} of {} {what}: {}; {remedy}",
             path.display(),
             self.point_count(),
-            faults.join(", ")
+            problems.join(", ")
         ))
     }
 

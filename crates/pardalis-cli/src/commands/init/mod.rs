@@ -29,9 +29,9 @@ use text::{Calibration, CameraText, SceneText};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis init images --fps 25 --camera equidistant        a folder of images from a fisheye camera
-  pardalis init ride.mp4 --fov 65 -o ride.toml              a video from a camera that sees 65 degrees (needs ffmpeg)
+  pardalis init ride.mp4 --fov 65 -o ride.toml              a video; the angle of view is 65 degrees (needs ffmpeg)
   pardalis init ride.mp4 --camera photo.jpg                 a focal length from the EXIF data of a photo by this camera
-  pardalis init images --fps 25 --camera lens/camera.toml   with a known calibration, ours or another program's
+  pardalis init images --fps 25 --camera lens/camera.toml   with a calibration by this or another program
   pardalis init data/dioptric-jump                          a sequence folder, which contains all this")]
 pub(crate) struct Arguments {
     /// A folder of images, a sequence folder, or a video file

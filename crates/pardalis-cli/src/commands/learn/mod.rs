@@ -41,9 +41,9 @@ const EXAMPLES: &str = "Examples:
 /// Learns the colours of a target from labelled images
 ///
 /// Label the whole target: along its outline with a mask or a polygon of 16 corners or more, or with a box drawn closely
-/// around it. Of a box around a round target, the colours of the inscribed ellipse are learnt, but not how the edge blurs
-/// into the surroundings; a rectangular target that fills its box is learnt as it is. Labels that touch the image border
-/// teach nothing about the outline.
+/// around it. From a box around a round target, the colours of the inscribed ellipse are learnt, but not how the edge
+/// blurs into the surroundings; a rectangular target that fills its box is learnt as it is. Labels that touch the image
+/// border are not used to learn the edge.
 ///
 /// Afterwards the detector of `track` is run on the images. The report says in which of them a labelled ball was found and
 /// where, whether the labels fit the outlines, and what helps if not. `Good` means that all balls were found.

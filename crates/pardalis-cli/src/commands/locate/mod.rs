@@ -11,6 +11,7 @@ use pardalis::tracker::{PASSES_SIGMA_M, check_passes};
 use pardalis::{Estimate, TargetId};
 use pardalis_scene::{FrameRange, Scene};
 
+use crate::arguments::Threads;
 use crate::output::print;
 use crate::scene;
 use crate::tracking::{self, Annotate, FrameSet, Options, Output, Run, missed};
@@ -54,9 +55,8 @@ pub(crate) struct Arguments {
     /// Overrides the scene's seed
     #[arg(long)]
     seed: Option<u32>,
-    /// Number of threads; results do not depend on it [default: one per core]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     /// Also writes every image with contours and particles drawn on it
     #[arg(long)]
     annotate: bool,
@@ -126,7 +126,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let options = Options {
         output,
         seed: arguments.seed,
-        threads: arguments.threads.map(usize::from),
+        threads: arguments.threads,
         annotate: if arguments.annotate {
             Annotate::Frame
         } else {

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis_evaluate::spherical_error;
+use pardalis_scene::experiment::{Figure, FigureKind};
 
-use super::definition::{Figure, FigureKind};
 use super::digits::median;
 use super::plan::Measured;
 use super::pooled::reliability_of;

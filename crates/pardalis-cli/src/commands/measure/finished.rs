@@ -6,10 +6,10 @@ use std::{fs, io};
 
 use anyhow::Result;
 use pardalis_scene::Scene;
+use pardalis_scene::experiment::Method;
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
-use super::definition::Method;
 use crate::files::write_file;
 use crate::user_error::user_error;
 

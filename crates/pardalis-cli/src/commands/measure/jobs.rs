@@ -7,9 +7,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use anyhow::{Context as _, Result, anyhow};
 use indicatif::{ProgressBar, ProgressStyle};
 use pardalis_scene::Scene;
+use pardalis_scene::experiment::Run;
 
-use super::definition::Run;
 use super::finished::Finished;
+use crate::arguments::Threads;
 use crate::commands::locate;
 use crate::interrupt;
 use crate::tracking::{self, Annotate, Options, Output};
@@ -34,7 +35,7 @@ impl Job<'_> {
         let options = Options {
             output: Output::Folder(self.folder.clone()),
             seed: Some(self.seed),
-            threads: Some(1),
+            threads: Threads::ONE,
             annotate: Annotate::No,
             explain: false,
             particles: None,

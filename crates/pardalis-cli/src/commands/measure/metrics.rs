@@ -1,6 +1,7 @@
 //! The figures of merit of an experiment.
 
 use pardalis_evaluate::{Course, Errors, Heading};
+use pardalis_scene::experiment::FIGURES_OF_MERIT;
 
 use crate::commands::evaluate::TargetReport;
 
@@ -13,8 +14,8 @@ pub(super) struct Measured<'a> {
 /// A figure's name and its computation, which returns `None` without estimates or if the figure is meaningless.
 pub(super) type Metric = (&'static str, fn(&Measured) -> Option<f64>);
 
-/// The figures, in the order of the columns; errors are over all frames with an estimate.
-pub(super) const METRICS: [Metric; 40] = [
+/// The figures, in the order of the columns; their meanings are in [`FIGURES_OF_MERIT`].
+pub(super) const METRICS: [Metric; FIGURES_OF_MERIT.len()] = [
     ("coverage", |m| m.report.scores.coverage),
     ("lost_frames", |m| Some(m.report.scores.lost_frames as f64)),
     ("ends_on_target", |m| {
@@ -36,7 +37,6 @@ pub(super) const METRICS: [Metric; 40] = [
     ("sd_m", |m| errors(m).map(|e| e.position_m.sd)),
     ("rmse_m", |m| errors(m).map(|e| e.position_m.rmse)),
     ("max_m", |m| errors(m).map(|e| e.position_m.max)),
-    // For the best particle instead of the mean.
     ("best_rmse_m", |m| {
         errors(m)?.best_position_m.map(|best| best.rmse)
     }),
@@ -89,7 +89,6 @@ pub(super) const METRICS: [Metric; 40] = [
         reliability.map(|r| r.calibration_error)
     }),
     ("confidence_max", |m| m.report.confidence.confidence_max),
-    // Together with a standard deviation, it gives the standard error of a mean.
     ("estimates", |m| Some(m.report.scores.all.estimates as f64)),
     ("ms_a_frame", |m| m.ms_a_frame),
 ];
@@ -108,4 +107,17 @@ fn heading(measured: &Measured) -> Option<Heading> {
 
 fn one_or_zero(yes: bool) -> f64 {
     f64::from(u8::from(yes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_figure_of_the_reference_is_computed() {
+        assert_eq!(
+            METRICS.map(|(name, _)| name),
+            FIGURES_OF_MERIT.map(|(name, _)| name)
+        );
+    }
 }

@@ -1,6 +1,5 @@
 //! `pardalis measure`: runs an experiment's scenes with several seeds and evaluates them against the truth.
 
-mod definition;
 mod digits;
 mod figures;
 mod finished;
@@ -14,13 +13,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
+use pardalis_scene::experiment::Experiment;
 use rayon::prelude::*;
 
 use crate::commands::simulate::Sequence;
 use crate::files::write_file;
 use crate::output::print;
+use crate::scene::{problems_in, read_text};
 use crate::user_error::user_error;
-use definition::Experiment;
 use finished::Finished;
 use jobs::Job;
 use plan::Measured;
@@ -29,10 +29,10 @@ use results::Results;
 
 /// Runs an experiment with several seeds and evaluates it
 ///
-/// EXPERIMENT.toml names scenes, their truth, and bands for the figures of every seed. Writes results.csv (one row
-/// per run, seed, target and window), pooled.csv (per run or sweep over all recordings: NEES with its 99 % band,
-/// reliability of the confidences), every track, and plots with all seeds. An interrupted experiment resumes:
-/// finished seeds are reused if program, scene and frames are unchanged.
+/// EXPERIMENT.toml names scenes, their truth, and bands for the figures of every seed; docs/reference/experiment.md lists
+/// all keys and figures. Writes results.csv (one row per run, seed, target and window), pooled.csv (per run or sweep over
+/// all recordings: NEES with its 99 % band, reliability of the confidences), every track, and plots with all seeds. An
+/// interrupted experiment resumes: finished seeds are reused if program, scene and frames are unchanged.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis measure experiments/jump/experiment.toml
@@ -106,7 +106,9 @@ pub(crate) struct Arguments {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let experiment = Experiment::read(&arguments.experiment)?;
+    let path = &arguments.experiment;
+    let experiment = Experiment::parse(&read_text(path)?)
+        .map_err(|problems| problems_in("experiment", path, &problems))?;
     // Before anything is written, because a replaced record would count as an uncommitted change.
     let facts = results::facts(&arguments.experiment);
     let output = arguments.output.join(&experiment.name);

@@ -6,9 +6,9 @@ use anyhow::{Context as _, Result};
 use pardalis::tracker::PASSES_SIGMA_M;
 use pardalis_evaluate::CheckedConfidence;
 use pardalis_scene::Scene;
+use pardalis_scene::experiment::{Method, Run};
 use rayon::prelude::*;
 
-use super::definition::{Method, Run};
 use super::finished::{self, Finished};
 use super::jobs::Job;
 use super::results::Figures;

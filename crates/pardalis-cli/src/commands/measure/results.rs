@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use super::definition::{Bands, Run};
+use pardalis_scene::experiment::{Bands, Run};
+
 use super::digits::{median, shown};
 use super::metrics::{METRICS, Measured};
 use crate::commands::evaluate::{Report, TargetReport};

@@ -16,6 +16,7 @@ use pardalis_images::{GrayImage, RgbImage, encode_png};
 use pardalis_scene::{CameraConfig, Scene};
 use rayon::prelude::*;
 
+use crate::arguments::Threads;
 use crate::folder::{Content, Folder};
 use crate::output::{print, warn};
 use crate::progress::Progress;
@@ -59,9 +60,8 @@ pub(crate) struct Arguments {
     /// The folder for the results [default: the scene's name with -rectified]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
-    /// Number of threads; results do not depend on it [default: one per core]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     /// Replaces an earlier result
     #[arg(long)]
     force: bool,
@@ -90,9 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let stem = arguments.scene.file_stem().unwrap_or_default();
         PathBuf::from(format!("{}-rectified", stem.to_string_lossy()))
     });
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(arguments.threads.map_or(0, usize::from))
-        .build()?;
+    let pool = arguments.threads.start()?;
     let report = pool.install(|| rectify(arguments, &output))?;
     print(report);
     Ok(())

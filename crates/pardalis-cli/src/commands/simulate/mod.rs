@@ -11,6 +11,7 @@ use anyhow::Result;
 use pardalis_scene::WorldConfig;
 use pardalis_simulate::{Delivery, World};
 
+use crate::arguments::Threads;
 use crate::folder::{Content, Folder};
 use crate::output::print;
 use crate::progress::Progress;
@@ -40,9 +41,8 @@ pub(crate) struct Arguments {
     /// Overrides the world's seed
     #[arg(long)]
     seed: Option<u32>,
-    /// Number of threads; results do not depend on it [default: one per core]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     /// Replaces an earlier simulated sequence
     #[arg(long)]
     force: bool,
@@ -88,9 +88,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Some(output) => output.clone(),
         None => PathBuf::from(path.file_stem().unwrap_or_default()),
     };
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(arguments.threads.map_or(0, usize::from))
-        .build()?;
+    let pool = arguments.threads.start()?;
     let sequence = Sequence::read(path, &replaced)?;
     let progress = Progress::new("simulating", Some(sequence.image_count()));
     pool.install(|| sequence.write(&output, arguments.force, &progress))?;

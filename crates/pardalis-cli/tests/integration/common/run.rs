@@ -54,8 +54,8 @@ impl Run {
         assert!(self.stderr.starts_with("error: "), "{}", self.stderr);
         assert_eq!(self.stdout, "");
         for wanted in wanted {
-            let said = self.stderr.contains(wanted);
-            assert!(said, "no {wanted:?} in: {}", self.stderr);
+            let found = self.stderr.contains(wanted);
+            assert!(found, "no {wanted:?} in: {}", self.stderr);
         }
     }
 }

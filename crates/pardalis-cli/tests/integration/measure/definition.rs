@@ -136,7 +136,7 @@ names = ["smooth", "rough"]
     assert_eq!(contour("scales--0-7--1-3", "outer_scale"), 1.3);
 
     for (piece, other, wanted) in [
-        ("values = [50, 60]\n", "", "needs key and values"),
+        ("values = [50, 60]\n", "", "sweeps[1].values: is missing"),
         ("[0.9, 1.1]", "[0.9]", "not a list of 2 values"),
         (
             "\"smooth\", ",
@@ -147,10 +147,14 @@ names = ["smooth", "rough"]
     ] {
         assert!(sweeps.contains(piece), "{piece}");
         place.write("small.toml", run_with(&sweeps.replace(piece, other)));
-        pardalis(&place, &["measure", "small.toml"]).refused(&["small.toml: sweep", wanted]);
+        pardalis(&place, &["measure", "small.toml"]).refused(&[
+            "small.toml: ",
+            ": sweeps[",
+            wanted,
+        ]);
     }
     place.write("small.toml", run_with("key = \"seed\"\nvalues = [1]"));
-    pardalis(&place, &["measure", "small.toml"]).refused(&["run \"a\"", "[[sweeps]]"]);
+    pardalis(&place, &["measure", "small.toml"]).refused(&["runs[1].key", "[[sweeps]]"]);
 }
 
 #[test]
@@ -195,13 +199,17 @@ fn windows_are_evaluated_separately_with_their_own_bands() {
             "\"at first\"",
             "its name is empty or used twice",
         ),
-        ("rmse_m", "rmsee_m", "expect.rmsee_m is not a figure"),
+        (
+            "rmse_m",
+            "rmsee_m",
+            "line 10: runs[1].windows[2].expect.rmsee_m: is not a figure",
+        ),
         ("from_s = 0.08", "from_s = 7", "no frame of"),
     ] {
         place.write("small.toml", run_with(&windows.replace(piece, other)));
         let run = pardalis(&place, &["measure", "small.toml"]);
         assert_eq!(run.code, Some(2), "{}", run.stderr);
-        for wanted in ["small.toml: run \"a\"", wanted] {
+        for wanted in ["small.toml: ", wanted] {
             assert!(
                 run.stderr.contains(wanted),
                 "no {wanted:?} in: {}",
@@ -379,7 +387,8 @@ fn single_images_are_located_from_their_starts() {
     assert_ne!(results(&place), first);
 
     place.write("small.toml", run_with("starts = \"truth.csv\""));
-    pardalis(&place, &["measure", "small.toml"]).refused(&["run \"a\"", "method = \"locate\""]);
+    pardalis(&place, &["measure", "small.toml"])
+        .refused(&["runs[1].starts", "method = \"locate\""]);
     place.write("small.toml", run_with("method = \"find\""));
     pardalis(&place, &["measure", "small.toml"]).refused(&["small.toml", "find", "locate"]);
 }

@@ -95,7 +95,11 @@ fn each_seed_has_its_own_world_and_all_are_pooled() {
         ),
     ] {
         place.write("small.toml", FRESH.replace(piece, other));
-        pardalis(&place, &["measure", "small.toml"]).refused(&["run \"fresh: here\"", wanted]);
+        pardalis(&place, &["measure", "small.toml"]).refused(&[
+            "small.toml: ",
+            " in the experiment:",
+            wanted,
+        ]);
     }
 }
 

@@ -74,8 +74,9 @@ fn a_camera_that_ends_early_does_not_stop_the_others() {
     rig.remove("cam3", 60..FRAMES);
     let run = rig.track("");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    let told = "warning: cameras.cam3: stopped at 2.36 s: its frames end before those of others\n";
-    assert_eq!(run.stderr, told);
+    let message =
+        "warning: cameras.cam3: stopped at 2.36 s: its frames end before those of others\n";
+    assert_eq!(run.stderr, message);
     rig.assert_followed();
     let stopped = &rig.summary()["cameras"]["cam3"]["stopped"];
     assert_eq!(stopped["time_s"], 2.36);
@@ -147,8 +148,8 @@ mod with_ffmpeg {
         };
         let run = track(&rig);
         assert_eq!(run.code, Some(0), "{}", run.stderr);
-        let told = "warning: cameras.cam2: stopped: cam2.mkv: ffmpeg failed (exit status: 9)";
-        assert!(run.stderr.starts_with(told), "{}", run.stderr);
+        let message = "warning: cameras.cam2: stopped: cam2.mkv: ffmpeg failed (exit status: 9)";
+        assert!(run.stderr.starts_with(message), "{}", run.stderr);
         assert!(run.stderr.contains("[fatal] unplugged"), "{}", run.stderr);
         rig.assert_followed();
         let stopped = &rig.summary()["cameras"]["cam2"]["stopped"];

@@ -103,6 +103,6 @@ fn cameras_with_the_same_input_or_pose_are_reported() {
     rig.edit("cam4", "calibration_camera = \"cam3\"\n");
     let run = rig.track("");
     assert_eq!(run.code, Some(0));
-    let told = "warning: scene.toml: line 11: cameras.cam4: has the same pose as cam3";
-    assert!(run.stderr.starts_with(told), "{}", run.stderr);
+    let message = "warning: scene.toml: line 11: cameras.cam4: has the same pose as cam3";
+    assert!(run.stderr.starts_with(message), "{}", run.stderr);
 }

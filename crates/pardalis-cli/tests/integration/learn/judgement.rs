@@ -1,0 +1,213 @@
+//! How the report judges labels and colours, most of it on real clips.
+
+use super::*;
+
+/// A labelled circle in an image of the folder data/real-balls/half.
+struct RealBall {
+    image: String,
+    center_px: [f64; 2],
+    radius_px: f64,
+}
+
+/// Returns the labels of a real clip, at half size.
+fn real_balls(clip: &str) -> Vec<RealBall> {
+    let folder = data("real-balls");
+    let text = fs::read_to_string(folder.join(clip).join("labels.csv")).unwrap();
+    let row = |line: &str| {
+        let fields: Vec<&str> = line.split(',').collect();
+        let number = |i: usize| fields[i].parse::<f64>().unwrap();
+        let image = folder.join(format!("half/{clip}/{:06}.jpg", number(0) as u32));
+        RealBall {
+            image: image.display().to_string(),
+            center_px: [number(2), number(3)].map(|c| 0.5 * (c + 0.5) - 0.5),
+            radius_px: 0.5 * number(4),
+        }
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+impl RealBall {
+    /// Returns a box around the ball, scaled.
+    fn rect(&self, scale: f64) -> [String; 4] {
+        let reach = scale * self.radius_px;
+        let [x, y] = self.center_px.map(|c| (c + 0.5 - reach).floor());
+        let [right, bottom] = self.center_px.map(|c| (c + 0.5 + reach).ceil());
+        let rect = format!("{x},{y},{},{}", right - x, bottom - y);
+        ["--image", &self.image, "--rect", &rect].map(str::to_owned)
+    }
+
+    /// Returns a polygon along the outline, scaled.
+    fn polygon(&self, scale: f64) -> [String; 4] {
+        let corner = |i: i32| {
+            let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
+            let [u, v] = self.center_px;
+            let reach = scale * self.radius_px;
+            format!("{:.2},{:.2}", u + reach * cos, v + reach * sin)
+        };
+        let corners: Vec<String> = (0..24).map(corner).collect();
+        ["--image", &self.image, "--polygon", &corners.join(",")].map(str::to_owned)
+    }
+}
+
+/// Learns from a real clip and returns the report.
+fn report_on_clip(clip: &str, label: impl Fn(&RealBall) -> [String; 4]) -> String {
+    let folder = TempDir::new().unwrap();
+    let labels: Vec<String> = real_balls(clip).iter().flat_map(label).collect();
+    let mut arguments: Vec<&str> = labels.iter().map(String::as_str).collect();
+    arguments.extend(["--no-pictures", "-o", "m.toml"]);
+    report(&folder, &arguments)
+}
+
+#[test]
+fn real_balls_are_found_in_the_images_that_they_were_learnt_from() {
+    for clip in ["pendulum", "roll"] {
+        for text in [
+            report_on_clip(clip, |ball| ball.polygon(1.0)),
+            report_on_clip(clip, |ball| ball.rect(1.0)),
+        ] {
+            assert_contains(&text, &["The detector finds the ball in 3 of 3"]);
+            assert!(!text.contains("The labels are"), "{text}");
+        }
+    }
+}
+
+#[test]
+fn labels_that_do_not_follow_the_outline_are_reported_and_not_called_good() {
+    for clip in ["pendulum", "roll"] {
+        for (text, expected) in [
+            (report_on_clip(clip, |ball| ball.polygon(0.85)), "too small"),
+            (report_on_clip(clip, |ball| ball.polygon(1.15)), "too large"),
+            (report_on_clip(clip, |ball| ball.rect(0.75)), "too small"),
+            (report_on_clip(clip, |ball| ball.rect(1.2)), "too large"),
+        ] {
+            let labels = text
+                .lines()
+                .find(|line| line.to_lowercase().contains("the labels are"));
+            let labels = labels.unwrap_or_else(|| panic!("{clip}, {expected}: {text}"));
+            assert!(labels.contains(expected), "{text}");
+            assert!(!text.contains("Good"), "{text}");
+        }
+    }
+}
+
+#[test]
+fn remedies_are_recommended_that_work() {
+    let text = report_on_clip("roll", |ball| ball.rect(1.25));
+    assert_contains(
+        &text,
+        &[
+            "The detector finds the ball in 2 of 3",
+            "000037.jpg   132.5   130.5   32.1   nothing",
+            "With boxes 15 % smaller than these labels, it is found in 3 of 3: the labels are too large",
+        ],
+    );
+    let text = report_on_clip("roll", |ball| ball.rect(0.85 * 1.25));
+    assert_contains(&text, &["The detector finds the ball in 3 of 3"]);
+}
+
+#[test]
+fn something_else_of_the_same_colour_is_not_taken_for_the_label() {
+    let folder = TempDir::new().unwrap();
+    // A ball, and a rectangle of its colour, of which a part is labelled.
+    let image = RgbImage::from_fn(160, 120, |x, y| {
+        let is_rectangle = (80..156).contains(&x) && (8..112).contains(&y);
+        let distance = (f64::from(x) - 40.0).hypot(f64::from(y) - 60.0);
+        let share = if is_rectangle {
+            1.0
+        } else {
+            1.0 / (1.0 + (2.0 * (distance - 15.5)).exp())
+        };
+        [0, 1, 2].map(|c| {
+            let (from, to) = (f64::from(GREEN[c]), f64::from(ORANGE[c]));
+            (from + share * (to - from)) as u8
+        })
+    });
+    fs::write(folder.path().join("a.png"), encode_png(&image).unwrap()).unwrap();
+    let corner = |i: i32| {
+        let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
+        format!("{:.2},{:.2}", 98.0 + 12.0 * cos, 30.0 + 12.0 * sin)
+    };
+    let polygon = (0..24).map(corner).collect::<Vec<_>>().join(",");
+    let arguments = ["--image", "a.png", "--polygon", &polygon, "-o", "m.toml"];
+    let text = report(&folder, &arguments);
+    assert_contains(&text, &["The detector finds the ball in 0 of 1"]);
+    let row = text.lines().find(|line| line.ends_with("elsewhere"));
+    let numbers = row.unwrap().split_whitespace().skip(1).take(6);
+    let numbers: Vec<f64> = numbers.map(|n| n.parse().unwrap()).collect();
+    let expected = [98.0, 30.0, 12.0, 40.0, 60.0, 15.5];
+    let near = |(found, expected): (&f64, &f64)| (found - expected).abs() < 1.0;
+    assert!(numbers.iter().zip(&expected).all(near), "{text}");
+    assert!(!text.contains("Good"), "{text}");
+}
+
+#[test]
+fn bad_labels_and_shared_bins_are_reported() {
+    let folder = small_images();
+    fs::copy(folder.path().join("a.png"), folder.path().join("c.png")).unwrap();
+    let good = [
+        "--image",
+        "a.png",
+        "--rect",
+        "4,6,10,10",
+        "--image",
+        "c.png",
+        "--rect",
+        "4,6,10,10",
+    ];
+    let blue = [
+        "--image",
+        "b.png",
+        "--rect",
+        "20,6,10,10",
+        "-o",
+        "m.toml",
+        "--pictures",
+        "seen",
+    ];
+    let text = report(&folder, &[&good[..], &blue].concat());
+    assert_contains(&text, &["b.png: its labelled pixels differ", "Fair"]);
+    assert!(!text.contains("a.png: its"), "{text}");
+    assert!(folder.path().join("seen/mosaic.png").is_file());
+
+    // Half of the label is the green background.
+    let text = report(
+        &folder,
+        &[
+            "--image",
+            "a.png",
+            "--rect",
+            "4,6,20,10",
+            "-o",
+            "m.toml",
+            "--no-pictures",
+        ],
+    );
+    let [hue, saturation, intensity] =
+        Palette::HSI.channels_of_bin(Palette::HSI.bin_of_rgb([40.0, 90.0, 40.0]));
+    let shared = format!("shared with the background: {hue}, {saturation}, {intensity}");
+    assert_contains(&text, &["Poor", &shared, "Remedies"]);
+    // The target is a square.
+    assert_contains(
+        &text,
+        &["Not checked whether the detector finds the target"],
+    );
+}
+
+#[test]
+fn an_image_without_background_is_learnt_but_not_judged() {
+    let folder = small_images();
+    let text = report(
+        &folder,
+        &["--image", "a.png", "--rect", "0,0,40,30", "-o", "m.toml"],
+    );
+    assert_contains(
+        &text,
+        &["1200 pixels", "0 pixels of background", "cannot be judged"],
+    );
+    assert!(
+        !text.contains("Good") && !text.contains("area under"),
+        "{text}"
+    );
+    assert_eq!(model(&folder, "m.toml").pixel_count(), 1200);
+    assert!(folder.path().join("m-learnt/histogram.png").is_file());
+}

@@ -1,0 +1,146 @@
+//! Settings of detected targets.
+
+use pardalis::color::ColorModel;
+use pardalis::likelihood::{Cue, EdgeSettings};
+use pardalis::tracker::{BodySettings, DetectedSettings, ExistenceSettings};
+use pardalis_scene::{Scene, StartConfig};
+
+use super::{SCENE, assert_rejected, parsed};
+
+/// Parses a scene with a ball that has these settings, and no start unless they include one.
+fn without_start(settings: &str) -> Result<Scene, Vec<String>> {
+    let (cameras, _) = SCENE.split_once("[targets.robot]").unwrap();
+    let text = format!(
+        "{cameras}[targets.ball]\nshape.sphere.radius_m = 0.1\ncolors = \"ball.toml\"\n{settings}\n"
+    );
+    parsed(&text)
+}
+
+/// Returns the settings of a scene's ball, which must be a detected target.
+fn detected(settings: &str) -> DetectedSettings {
+    let scene = without_start(settings).unwrap();
+    let body = &scene.targets[0].bodies[0];
+    let start = body.start().map(|start| match start.value {
+        StartConfig::Here(start) => start,
+        StartConfig::Track(_) => panic!("no track is given"),
+    });
+    let colors = include_str!("../../../../../data/colors/pink-ball.hsi.colors.toml");
+    let colors = ColorModel::from_text(colors).unwrap();
+    match body.settings(Some(colors), start).unwrap() {
+        BodySettings::Detected(settings) => settings,
+        BodySettings::Initialized(settings) => panic!("{settings:?}"),
+    }
+}
+
+#[test]
+fn targets_without_start_are_detected_with_the_defaults_of_the_library() {
+    let found = detected("");
+    assert_eq!(found.edge, EdgeSettings::default());
+    assert_eq!(found.start, None);
+    assert_eq!(found.existence, ExistenceSettings::default());
+    assert_eq!(found.particle_count, 500);
+    let default = DetectedSettings::new(found.shape, found.colors.clone());
+    assert_eq!(found.motion, default.motion);
+    assert_eq!(found.particle_count, default.particle_count);
+
+    let found = detected(
+        "edge = { correspondence_lines = 100, likelihood_exponent = 0.3, shared_sigma_px = 0.1, learned_profile = false, lit_and_shaded_profiles = false, color_evidence = false, illumination_adaptation = false }\nexistence = { birth_rate_hz = 2, occlusion_rate_hz = 0.25 }\n\
+         start.gaussian.position_m = [1, 2, 3]",
+    );
+    let mut edge = EdgeSettings::default();
+    edge.correspondence_lines = 100;
+    edge.likelihood_exponent = 0.3;
+    edge.shared_sigma_px = 0.1;
+    edge.learned_profile = false;
+    edge.lit_and_shaded_profiles = false;
+    edge.background_model = true;
+    edge.color_evidence = false;
+    edge.illumination_adaptation = false;
+    assert_eq!(found.edge, edge);
+    assert_eq!(found.start.unwrap().position_m, [1.0, 2.0, 3.0]);
+    assert_eq!(found.existence.birth_rate_hz, 2.0);
+    assert_eq!(found.existence.occlusion.occlusion_hz, 0.25);
+
+    let scene = without_start("start.gaussian.position_m = [1, 2, 3]").unwrap();
+    let cues = scene.targets[0].bodies[0].cues();
+    assert!(
+        matches!(cues[0].cue, Cue::Contour(_)),
+        "a start without a cue is published"
+    );
+}
+
+#[test]
+fn incomplete_settings_are_rejected() {
+    let body = |settings: &str| without_start(settings).unwrap().targets[0].bodies[0].clone();
+    let error = body("").settings(None, None).unwrap_err();
+    assert!(error.to_string().contains("colour model"), "{error}");
+    let published = body("start.gaussian.position_m = [1, 2, 3]");
+    let error = published.settings(None, None).unwrap_err();
+    assert!(error.to_string().contains("start"), "{error}");
+}
+
+#[test]
+fn contradictory_settings_of_detected_targets_are_rejected_by_key() {
+    assert_rejected(
+        without_start,
+        &[
+            ("edge = {}\ncontour = {}", "targets.ball.edge", "combined"),
+            (
+                "edge = {}\nstart.pixel.pixel_px = [3, 4]\nstart.pixel.camera = \"web\"",
+                "targets.ball.start",
+                "pixel",
+            ),
+            (
+                "motion.constant_velocity.acceleration_sigma_mps2 = 3",
+                "targets.ball.motion",
+                "white",
+            ),
+            (
+                "motion.constant_acceleration.jerk_density_m2ps5 = 3",
+                "targets.ball.motion",
+                "white",
+            ),
+            (
+                "existence.death_rate_hz = -1",
+                "targets.ball.existence.death_rate_hz",
+                "0 to 1000",
+            ),
+            (
+                "existence.reappearance_rate_hz = 0",
+                "targets.ball.existence.reappearance_rate_hz",
+                "above 0",
+            ),
+            (
+                "existence.region.z_m = [3, 0]",
+                "targets.ball.existence.region.z_m",
+                "a greater one",
+            ),
+            (
+                "edge.correspondence_lines = 3",
+                "targets.ball.edge.correspondence_lines",
+                "16 to 1000",
+            ),
+            (
+                "edge.likelihood_exponent = nan",
+                "targets.ball.edge.likelihood_exponent",
+                "finite",
+            ),
+            (
+                "edge.shared_sigma_px = 11",
+                "targets.ball.edge.shared_sigma_px",
+                "0 to 10",
+            ),
+            (
+                "contour = {}\nexistence = {}\nstart.gaussian.position_m = [1, 2, 3]",
+                "targets.ball.existence",
+                "edge",
+            ),
+            ("contour = {}", "targets.ball.start", "start.gaussian"),
+            (
+                "window = {}\nedge = {}",
+                "targets.ball.edge",
+                "cannot be combined with other cues",
+            ),
+        ],
+    );
+}
