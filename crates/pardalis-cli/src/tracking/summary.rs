@@ -33,6 +33,7 @@ pub(crate) fn write(
             "frames": record.frames,
             "stopped": record.stopped,
             "ffmpeg_errors": counters.ffmpeg_errors,
+            "reopened": counters.reopened,
         });
         if let Some(position_m) = camera.position_m() {
             entry["position_m"] = json!(position_m);

@@ -16,6 +16,7 @@ mod init;
 mod learn;
 mod likelihood;
 mod live;
+mod live_faults;
 mod locate;
 mod measure;
 mod more_is_better;

@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-use crate::common::{Run, SCENE, Workplace, frame_file};
+use crate::common::{Run, SCENE, Workplace, frame_file, scene_with};
 
 fn located(place: &Workplace, images: &[&str]) -> Run {
     place.write("scene.toml", SCENE);
@@ -99,4 +99,30 @@ fn control_characters_in_names_do_not_reach_the_terminal() {
         "{:?}",
         run.stderr
     );
+}
+
+#[test]
+fn a_small_video_with_huge_frames_is_refused() {
+    let place = Workplace::with_frames(0);
+    let encoded = Command::new("ffmpeg")
+        .current_dir(place.path(""))
+        .args(["-v", "error", "-f", "lavfi", "-i", "color=size=9000x8000"])
+        .args(["-frames:v", "1", "-c:v", "png", "huge.mkv"])
+        .status();
+    if !encoded.is_ok_and(|status| status.success()) {
+        println!("skipped: ffmpeg is not installed");
+        return;
+    }
+    let video = |input: &str| {
+        let lines = format!("video = \"{input}\"");
+        scene_with("images = \"images\"\nfps = 25", &lines)
+    };
+    place.track(video("huge.mkv")).refused(&[
+        "line 3: cameras.cam1.video: huge.mkv: ",
+        "more than 67108864 pixels",
+    ]);
+    let input = fs::File::open(place.path("huge.mkv")).unwrap();
+    let mut command = place.command(video("-"), &["-o", "out"]);
+    let run = Run::of(command.stdin(input));
+    run.refused(&["line 3: cameras.cam1.video: standard input: ", "67108864"]);
 }
