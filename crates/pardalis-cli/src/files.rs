@@ -1,15 +1,33 @@
-//! Atomic replacement of files.
+//! Atomic replacement of files, and files of rows that stay whole.
 
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{self, ErrorKind, Write};
 use std::path::Path;
+
+use anyhow::{Error, Result};
 
 use crate::user_error::user_error;
 
-/// Writes a file via a temporary file next to it, so that a failure leaves the previous content intact.
+/// Writes a file via a temporary file next to it, so that a failure leaves the previous content intact. A device or a pipe
+/// receives the bytes directly, and a link stays one.
 ///
 /// Errors: the file cannot be written.
-pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    let is_replaced = fs::metadata(path).map_or(true, |metadata| metadata.is_file());
+    let written = if is_replaced {
+        // A link that leads nowhere is replaced.
+        let place = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        replace(&place, bytes)
+    } else {
+        File::options()
+            .write(true)
+            .open(path)
+            .and_then(|mut file| file.write_all(bytes))
+    };
+    written.map_err(|error| unwritable(path, error))
+}
+
+fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let partial = path.with_file_name(format!(".{name}.{}.partial", std::process::id()));
     let written = File::create(&partial)
@@ -18,14 +36,83 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
             file.sync_all()
         })
         .and_then(|()| fs::rename(&partial, path));
-    written.map_err(|error| {
+    if written.is_err() {
         // If the temporary file could not be created, there is nothing to remove.
         let _ = fs::remove_file(&partial);
-        user_error!(
-            "{}: cannot be written ({error}); choose an existing folder with write permission",
-            path.display()
-        )
-    })
+    }
+    written
+}
+
+/// Returns the error of a file that cannot be written. The user's input is to blame if another name would help, but not for
+/// a full disk.
+pub(crate) fn unwritable(path: &Path, error: io::Error) -> Error {
+    let name = path.display();
+    match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
+            Error::new(error).context(format!(
+                "{name}: cannot be written: the disk is full, or no larger file is allowed; free some space, or choose \
+                 another folder"
+            ))
+        }
+        // Deliberately by its reader; callers look for it.
+        ErrorKind::BrokenPipe => Error::new(error).context(format!("{name}: cannot be written")),
+        _ => user_error!(
+            "{name}: cannot be written ({error}); choose an existing folder with write permission"
+        ),
+    }
+}
+
+/// A table that grows by whole rows, whatever fails.
+pub(crate) struct RowFile {
+    out: Out,
+    /// The destination, for messages.
+    place: String,
+    /// Number of bytes of the rows that are complete.
+    whole_bytes: u64,
+}
+
+enum Out {
+    File(File),
+    Stdout(io::Stdout),
+}
+
+impl RowFile {
+    /// Creates a file, or empties an existing one.
+    pub(crate) fn create(path: &Path) -> Result<Self> {
+        let file = File::create(path).map_err(|error| unwritable(path, error))?;
+        Ok(Self {
+            out: Out::File(file),
+            place: path.display().to_string(),
+            whole_bytes: 0,
+        })
+    }
+
+    /// Returns the table that is printed on standard output.
+    pub(crate) fn stdout() -> Self {
+        Self {
+            out: Out::Stdout(io::stdout()),
+            place: "standard output".to_owned(),
+            whole_bytes: 0,
+        }
+    }
+
+    /// Adds rows at once, so that neither a reader nor a crash sees half a row. If they cannot be written, the file ends
+    /// with the rows before them.
+    pub(crate) fn write(&mut self, rows: &str) -> Result<()> {
+        let written = match &mut self.out {
+            Out::File(file) => file.write_all(rows.as_bytes()),
+            Out::Stdout(stdout) => stdout
+                .write_all(rows.as_bytes())
+                .and_then(|()| stdout.flush()),
+        };
+        if let (Err(_), Out::File(file)) = (&written, &self.out) {
+            // Pipes and devices have no length; what they took is gone.
+            let _ = file.set_len(self.whole_bytes);
+        }
+        written.map_err(|error| unwritable(Path::new(&self.place), error))?;
+        self.whole_bytes += rows.len() as u64;
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -52,5 +139,35 @@ mod tests {
         assert!(error.is::<crate::user_error::UserError>());
         assert!(error.to_string().contains("model.toml"), "{error}");
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_and_devices_stay_what_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+        fs::write(&file, "old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write_file(&link, b"new").unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        // Not /dev/null itself: a mistake would replace it.
+        let null = folder.path().join("null");
+        std::os::unix::fs::symlink("/dev/null", &null).unwrap();
+        write_file(&null, b"new").unwrap();
+        assert!(null.is_symlink());
+        assert!(!Path::new("/dev/null").is_file());
+    }
+
+    #[test]
+    fn a_full_disk_is_named_and_is_not_the_users_mistake() {
+        let full = io::Error::from(ErrorKind::StorageFull);
+        let error = unwritable(Path::new("out/tracks.csv"), full);
+        assert!(!error.is::<crate::user_error::UserError>());
+        assert!(
+            error
+                .to_string()
+                .contains("out/tracks.csv: cannot be written: the disk is full")
+        );
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
+use crate::files::unwritable;
 use crate::user_error::user_error;
 
 /// The contents of a command's result folders, by which the command recognises the folders that it may
@@ -91,13 +92,13 @@ impl Folder {
     /// Creates a subfolder.
     pub(crate) fn make(&self, name: &Path) -> Result<()> {
         let path = self.partial.join(name);
-        fs::create_dir_all(&path).map_err(|error| self.failed(name, &error))
+        fs::create_dir_all(&path).map_err(|error| self.failed(name, error))
     }
 
     /// Writes a file.
     pub(crate) fn write(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
         let name = name.as_ref();
-        fs::write(self.partial.join(name), bytes).map_err(|error| self.failed(name, &error))
+        fs::write(self.partial.join(name), bytes).map_err(|error| self.failed(name, error))
     }
 
     /// Returns the temporary path of a file.
@@ -116,7 +117,7 @@ impl Folder {
         };
         replaced
             .and_then(|()| fs::rename(&self.partial, &self.output))
-            .map_err(|error| self.failed(Path::new(""), &error))?;
+            .map_err(|error| self.failed(Path::new(""), error))?;
         self.is_finished = true;
         if old.exists() {
             fs::remove_dir_all(&old).map_err(|error| {
@@ -129,11 +130,8 @@ impl Folder {
         Ok(())
     }
 
-    fn failed(&self, name: &Path, error: &std::io::Error) -> anyhow::Error {
-        user_error!(
-            "{}: cannot be written ({error}); choose a folder with write permission with -o",
-            self.output.join(name).display()
-        )
+    fn failed(&self, name: &Path, error: std::io::Error) -> anyhow::Error {
+        unwritable(&self.output.join(name), error)
     }
 }
 

@@ -8,6 +8,7 @@ mod files;
 mod focal_length;
 mod folder;
 mod interrupt;
+mod numbers;
 mod output;
 mod progress;
 mod rectangle;
@@ -83,5 +84,5 @@ fn main() -> ExitCode {
         Command::Measure(arguments) => commands::measure::run(&arguments),
         Command::Simulate(arguments) => commands::simulate::run(&arguments),
     };
-    user_error::exit_code_of(&outcome)
+    user_error::exit_code_of(&outcome.and_then(|()| output::finish()))
 }

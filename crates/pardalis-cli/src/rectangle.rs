@@ -54,9 +54,9 @@ pub(crate) fn first_images(config: &SourceConfig) -> Result<Vec<RgbImage>> {
     }
 }
 
-/// Detects the rectangle of a camera in its first images and sets the camera's model accordingly. Adds the corners to
-/// the scene's resolved settings. Does nothing if the camera has no rectangle.
-pub(crate) fn find_in_scene(
+/// Detects the rectangle of a camera in its first images, for which its source is opened, and sets the camera's model
+/// accordingly. Adds the corners to the scene's resolved settings. Does nothing if the camera has no rectangle.
+pub(crate) fn find_in_images(
     camera: &mut CameraConfig,
     source: SourceConfig,
     resolved: &mut toml::Table,
@@ -71,13 +71,39 @@ pub(crate) fn find_in_scene(
         },
         ..source
     };
+    let images = first_images(&first).map_err(|error| config.problem(format!("{error:#}")))?;
+    set_model(camera, &images, resolved)
+}
+
+/// Detects the rectangle of a camera like [`find_in_images`] in the first frames of a source, which delivers them
+/// nevertheless.
+pub(crate) fn find_in_source(
+    camera: &mut CameraConfig,
+    source: &mut Source,
+    resolved: &mut toml::Table,
+) -> Result<(), Problem> {
+    let Some(config) = &camera.rectangle else {
+        return Ok(());
+    };
+    let frames = source.peek(config.value.frames);
+    let images: Vec<RgbImage> = frames.map(picture_of).collect();
+    set_model(camera, &images, resolved)
+}
+
+fn set_model(
+    camera: &mut CameraConfig,
+    images: &[RgbImage],
+    resolved: &mut toml::Table,
+) -> Result<(), Problem> {
+    let Some(config) = &camera.rectangle else {
+        return Ok(());
+    };
     let edge = if config.value.inner_edge {
         Edge::Inner
     } else {
         Edge::Outer
     };
-    let images = first_images(&first).map_err(|error| config.problem(format!("{error:#}")))?;
-    let found = detect(&images, edge).map_err(|error| config.problem(error.to_string()))?;
+    let found = detect(images, edge).map_err(|error| config.problem(error.to_string()))?;
     let model = config.value.camera(found.corners_px);
     let model = model.map_err(|error| config.problem(error.to_string()))?;
     let corners: toml::Table = [(

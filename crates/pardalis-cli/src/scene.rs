@@ -21,7 +21,7 @@ use pardalis_scene::{
 };
 
 use crate::output::warn;
-use crate::rectangle::find_in_scene;
+use crate::rectangle::{find_in_images, find_in_source};
 use crate::rig;
 use crate::source::decode::decode_mask;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
@@ -75,7 +75,8 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
     })
 }
 
-/// Reads and checks a scene file; of the files it names, only calibrations are opened. Warns of probable mistakes.
+/// Reads and checks a scene file; of the files it names, only calibrations are opened, and recordings in which a rectangle
+/// determines a camera's model. Live cameras have the models of rectangles once they are open. Warns of probable mistakes.
 pub(crate) fn read(path: &Path) -> Result<Scene> {
     read_with(path, &toml::Table::new())
 }
@@ -90,11 +91,8 @@ pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
     })
     .map_err(|problems| problems_in("scene", path, &problems))?;
     let mut problems = Vec::new();
-    let by_rectangle = |camera: &&mut CameraConfig| camera.rectangle.is_some();
-    for camera in scene.cameras.iter_mut().filter(by_rectangle) {
-        let found = source_config(camera, folder)
-            .and_then(|source| find_in_scene(camera, source, &mut scene.resolved));
-        problems.extend(found.err());
+    for camera in &mut scene.cameras {
+        problems.extend(find_rectangle(camera, folder, false, &mut scene.resolved).err());
     }
     if !problems.is_empty() {
         return Err(problems_in("scene", path, &problems));
@@ -103,6 +101,33 @@ pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
         warn(format!("{}: {warning}", path.display()));
     }
     Ok(scene)
+}
+
+/// Opens the live cameras of the scene in the file at `path` whose models rectangles determine, and closes them again.
+pub(crate) fn find_live_rectangles(path: &Path, scene: &mut Scene) -> Result<()> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    for camera in &mut scene.cameras {
+        find_rectangle(camera, folder, true, &mut scene.resolved)
+            .map_err(|problem| problems_in("scene", path, &[problem]))?;
+    }
+    Ok(())
+}
+
+/// Sets the model of a live or a recorded camera whose model a rectangle determines.
+fn find_rectangle(
+    camera: &mut CameraConfig,
+    folder: &Path,
+    is_live: bool,
+    resolved: &mut toml::Table,
+) -> Result<(), Problem> {
+    if camera.rectangle.is_none() {
+        return Ok(());
+    }
+    let source = source_config(camera, folder)?;
+    if source.is_live() != is_live {
+        return Ok(());
+    }
+    find_in_images(camera, source, resolved)
 }
 
 /// Reads the cameras of a calibration file that a scene in this folder names. Errors name the file and its line.
@@ -141,9 +166,12 @@ pub(crate) fn open(
     let mut problems = Vec::new();
     let mut sources = Vec::new();
     let mut views = Vec::new();
-    for camera in &scene.cameras {
+    if !stills.is_empty() {
+        find_live_rectangles(path, &mut scene)?;
+    }
+    for camera in &mut scene.cameras {
         let source = if stills.is_empty() {
-            open_source(camera, folder)
+            open_source(camera, folder, &mut scene.resolved)
         } else {
             Ok(Source::stills(stills)?)
         };
@@ -242,13 +270,17 @@ pub(crate) fn open_camera(
     stills: &[PathBuf],
 ) -> Result<(Source, View)> {
     let folder = path.parent().unwrap_or(Path::new(""));
+    let mut camera = camera.clone();
+    let problem = |problem| problems_in("scene", path, &[problem]);
+    let resolved = &mut toml::Table::new();
     let source = if stills.is_empty() {
-        open_source(camera, folder).map_err(|problem| problems_in("scene", path, &[problem]))?
+        open_source(&mut camera, folder, resolved).map_err(problem)?
     } else {
+        find_rectangle(&mut camera, folder, true, resolved).map_err(problem)?;
         Source::stills(stills)?
     };
     let mut problems = Vec::new();
-    let view = view_of(camera, folder, source.size(), &mut problems);
+    let view = view_of(&camera, folder, source.size(), &mut problems);
     match view {
         Some(view) => Ok((source, view)),
         None => Err(problems_in("scene", path, &problems)),
@@ -292,10 +324,20 @@ fn resolve(folder: &Path, path: &str) -> PathBuf {
     folder.join(path)
 }
 
-fn open_source(camera: &CameraConfig, folder: &Path) -> Result<Source, Problem> {
+/// Opens the source of a camera. If it is live, a rectangle in its images sets the camera's model.
+fn open_source(
+    camera: &mut CameraConfig,
+    folder: &Path,
+    resolved: &mut toml::Table,
+) -> Result<Source, Problem> {
     let config = source_config(camera, folder)?;
     let place = camera.input.place();
-    Source::open(&config).map_err(|error| place.problem(format!("{error:#}")))
+    let source = Source::open(&config);
+    let mut source = source.map_err(|error| place.problem(format!("{error:#}")))?;
+    if source.is_live() {
+        find_in_source(camera, &mut source, resolved)?;
+    }
+    Ok(source)
 }
 
 /// Returns the source settings of a camera of a scene in this folder.

@@ -1,7 +1,8 @@
 //! Errors in the user's input, and the exit codes: 0 success, 2 invalid input or usage, 1 any other error.
 
-use std::io::Write as _;
 use std::process::ExitCode;
+
+use crate::output::note;
 
 /// An error in the user's input or usage. The text states the problem, its position, and the remedy.
 #[derive(Debug, thiserror::Error)]
@@ -21,8 +22,7 @@ pub(crate) fn exit_code_of(outcome: &anyhow::Result<()>) -> ExitCode {
     let Err(error) = outcome else {
         return ExitCode::SUCCESS;
     };
-    // A failed write to standard error cannot be reported anywhere.
-    let _ = writeln!(std::io::stderr(), "error: {error:#}");
+    note(format_args!("error: {error:#}"));
     let users = error
         .chain()
         .any(|e| e.is::<UserError>() || e.is::<pardalis_core::Error>());

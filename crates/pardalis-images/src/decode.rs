@@ -1,7 +1,6 @@
 //! Decoding of JPEG and PNG files. An incomplete file is an error and never gives a half-grey image.
 
 use std::borrow::Cow;
-use std::io::Cursor;
 
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
@@ -9,10 +8,18 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::exif::Exif;
+use super::from_png::rgb_from_png;
 use super::{GrayImage, RgbImage};
 
 /// Maximum length of a side, in pixels.
 pub const MAX_SIDE_PX: usize = 16_384;
+
+/// Maximum number of pixels of an image, and so the bound of the memory that a small file can demand: decoding takes up to
+/// nine bytes per pixel for progressive JPEG images, and three for all others.
+pub const MAX_PIXELS: usize = 1 << 26;
+
+/// Maximum number of scans of a progressive JPEG image. Each takes as long as a whole image; usual are up to a dozen.
+const MAX_SCANS: usize = 64;
 
 /// The reason why a file cannot be decoded. Messages continue a sentence that begins with the file's name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -37,6 +44,11 @@ pub enum DecodeError {
         "the image is {0} x {1} pixels; at most {MAX_SIDE_PX} per side are supported: scale it down"
     )]
     TooLarge(usize, usize),
+    /// The image has more than [`MAX_PIXELS`] pixels.
+    #[error(
+        "the image is {0} x {1} pixels; at most {MAX_PIXELS} in all are supported, such as 8192 x 8192: scale it down"
+    )]
+    TooManyPixels(usize, usize),
     /// The file ends before its image does. Contains its length in bytes.
     #[error(
         "the file ends before its image does, as if cut off while it was written or copied ({0} bytes); \
@@ -61,7 +73,7 @@ pub fn decode(file: &[u8]) -> Result<RgbImage, DecodeError> {
     } = Header::read(file)?;
     let rgb = match kind {
         Kind::Jpeg { scans_end } => rgb_from_jpeg(file, scans_end),
-        Kind::Png => rgb_from_png(file),
+        Kind::Png => rgb_from_png(file, (width, height)),
     };
     let samples = rgb.map_err(DecodeError::Damaged)?;
     let count = samples.len();
@@ -135,6 +147,9 @@ impl Header {
             }
             if width.max(height) > MAX_SIDE_PX {
                 return Err(DecodeError::TooLarge(width, height));
+            }
+            if width * height > MAX_PIXELS {
+                return Err(DecodeError::TooManyPixels(width, height));
             }
         }
         match structure.size {
@@ -295,6 +310,7 @@ fn rgb_from_jpeg(bytes: &[u8], scans_end: Option<usize>) -> Result<Vec<u8>, Stri
         .set_strict_mode(true)
         .set_max_width(MAX_SIDE_PX)
         .set_max_height(MAX_SIDE_PX)
+        .jpeg_set_max_scans(MAX_SCANS)
         .jpeg_set_out_colorspace(ColorSpace::RGB);
     // The decoder fills in data missing before an end marker, for example where a camera lost part of a frame. With
     // zeros instead of the marker, for reading ahead, it reports that data are missing. Progressive scans need the
@@ -305,48 +321,4 @@ fn rgb_from_jpeg(bytes: &[u8], scans_end: Option<usize>) -> Result<Vec<u8>, Stri
     };
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&*data), options);
     decoder.decode().map_err(|error| format!("JPEG: {error}"))
-}
-
-fn rgb_from_png(bytes: &[u8]) -> Result<Vec<u8>, String> {
-    // The size has been checked. Suffices for 16 bits of red, green, blue and alpha at the maximum size.
-    let limits = png::Limits {
-        bytes: 8 * MAX_SIDE_PX * MAX_SIDE_PX,
-    };
-    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
-    // Converts palettes to colours, and samples of fewer than 8 bits to 8 bits.
-    decoder.set_transformations(png::Transformations::EXPAND);
-    let reason = |error: png::DecodingError| format!("PNG: {error}");
-    let mut reader = decoder.read_info().map_err(reason)?;
-    let count = reader.output_buffer_size().ok_or("PNG: too large")?;
-    let mut samples = vec![0; count];
-    let info = reader.next_frame(&mut samples).map_err(reason)?;
-    samples.truncate(info.buffer_size());
-    if info.bit_depth == png::BitDepth::Sixteen {
-        samples = eight_bits(&samples);
-    }
-    Ok(match info.color_type {
-        png::ColorType::Grayscale => rgb_from(&samples, |[grey]| [grey; 3]),
-        png::ColorType::GrayscaleAlpha => rgb_from(&samples, |[grey, _]| [grey; 3]),
-        png::ColorType::Rgba => rgb_from(&samples, |[r, g, b, _]| [r, g, b]),
-        // Palettes have been expanded.
-        png::ColorType::Rgb | png::ColorType::Indexed => samples,
-    })
-}
-
-/// Rounds big-endian samples of two bytes to one byte.
-fn eight_bits(samples: &[u8]) -> Vec<u8> {
-    let (samples, _) = samples.as_chunks();
-    let rounded = |sample: u16| ((u32::from(sample) + 128) / 257) as u8;
-    samples
-        .iter()
-        .map(|&bytes| rounded(u16::from_be_bytes(bytes)))
-        .collect()
-}
-
-fn rgb_from<const CHANNELS: usize>(
-    samples: &[u8],
-    rgb: impl Fn([u8; CHANNELS]) -> [u8; 3],
-) -> Vec<u8> {
-    let (pixels, _) = samples.as_chunks();
-    pixels.iter().flat_map(|&pixel| rgb(pixel)).collect()
 }

@@ -15,9 +15,12 @@
 mod decode;
 mod encode;
 mod exif;
+mod from_png;
 mod image;
 mod resize;
 
-pub use decode::{DecodeError, MAX_SIDE_PX, decode, decode_grey, exif_focal_length_px, size};
+pub use decode::{
+    DecodeError, MAX_PIXELS, MAX_SIDE_PX, decode, decode_grey, exif_focal_length_px, size,
+};
 pub use encode::{EncodeError, JpegSampling, encode_jpeg, encode_png};
 pub use image::{GrayImage, Image, RgbImage};

@@ -51,6 +51,8 @@ pub struct VideoSettings {
     pub hardware: Option<Hardware>,
     /// How long to wait for the first frame of anything but a file, in seconds.
     pub timeout_s: Option<f64>,
+    /// How long to try to open a live source again that has ended or failed, in seconds.
+    pub reopen_s: Option<f64>,
     /// Whether a file is read at the rate of its time stamps, as if it were live.
     pub real_time: bool,
 }
@@ -159,6 +161,19 @@ impl VideoFormat {
 }
 
 impl VideoInput {
+    /// Returns how long to try to open this again after it has ended or failed, in seconds.
+    pub fn reopen_s(&self) -> f64 {
+        let default_s = match self.place {
+            VideoPlace::Device(_)
+            | VideoPlace::Address(Protocol::Rtsp | Protocol::Rtp | Protocol::Udp, _) => REOPEN_S,
+            // A part of a stream has an end.
+            _ => 0.0,
+        };
+        let is_part = self.settings.duration_s.is_some();
+        let default_s = if is_part { 0.0 } else { default_s };
+        self.settings.reopen_s.unwrap_or(default_s)
+    }
+
     /// Returns the file or the camera of Linux of this name.
     pub fn of_path(path: &str) -> Self {
         let format = path.starts_with(LINUX_CAMERAS).then_some(VideoFormat::V4l2);
@@ -174,6 +189,9 @@ impl VideoInput {
         }
     }
 }
+
+/// How long to try to open a camera again, in seconds: longer than most cameras need to start.
+const REOPEN_S: f64 = 60.0;
 
 /// Names of cameras of Linux start with this.
 const LINUX_CAMERAS: &str = "/dev/video";
@@ -243,6 +261,14 @@ pub(super) fn read_settings(camera: &Table) -> Option<VideoSettings> {
                     .within(above(0.0, 1e6))
                     .depends("20")
                     .optional(),
+                reopen_s: table
+                    .key(
+                        "reopen_s",
+                        "How long to try to open a device or stream again that has ended, failed or given no frame for `timeout_s`; 0 for never.",
+                    )
+                    .within(0.0..=1e9)
+                    .depends("60 for devices, `rtsp`, `rtp` and `udp`; 0 for `tcp`, `http` and `https`, whose streams may have an end")
+                    .optional(),
                 real_time: table
                     .key(
                         "real_time",
@@ -270,6 +296,7 @@ pub(super) fn combine(
         .map_err(|message| camera.problem("video", message))
         .ok()?;
     let is_file = matches!(place, VideoPlace::File(_));
+    let is_reopened = matches!(place, VideoPlace::Device(_) | VideoPlace::Address(..));
     let is_rtsp = matches!(place, VideoPlace::Address(Protocol::Rtsp, _));
     let takes_codec = matches!(format, Some(VideoFormat::V4l2 | VideoFormat::Dshow));
     let takes_pixels = format.is_some_and(VideoFormat::takes_pixels);
@@ -278,6 +305,12 @@ pub(super) fn combine(
     for (key, is_given, applies, to) in [
         ("start_s", settings.start_s.is_some(), is_file, "files"),
         ("real_time", settings.real_time, is_file, "files"),
+        (
+            "reopen_s",
+            settings.reopen_s.is_some(),
+            is_reopened,
+            "devices and addresses",
+        ),
         (
             "rtsp_transport",
             settings.rtsp_transport.is_some(),

@@ -1,12 +1,12 @@
 //! `pardalis track`: tracks the targets of a scene.
 
-use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use pardalis::TargetId;
 
 use crate::arguments::Threads;
+use crate::output::{note, print};
 use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
 use crate::user_error::user_error;
 
@@ -102,10 +102,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         progress: true,
     };
     let run = tracking::run(&arguments.scene, &options)?;
-    let _ = std::io::stderr().write_all(warnings(&run).as_bytes());
+    let warnings = warnings(&run);
+    if !warnings.is_empty() {
+        note(warnings.trim_end());
+    }
     if !to_stdout {
-        // The reader may have closed the pipe; the results are in the folder.
-        let _ = std::io::stdout().write_all(summary(&run).as_bytes());
+        print(summary(&run).trim_end());
     }
     let never_found: Vec<&str> = never_found(&run).map(|(_, name)| name).collect();
     if arguments.require_found && !never_found.is_empty() {
@@ -254,6 +256,9 @@ pub(crate) fn summary(run: &Run) -> String {
     let frames = outcome.frame_sets;
     let rate = frames as f64 / outcome.tracking_s.max(1e-9);
     let mut text = format!("tracked {frames} frames ({rate:.0} per second of tracking time)\n");
+    if outcome.interrupted {
+        text += "ended by Ctrl-C\n";
+    }
     let targets = run.open.scene.targets.iter().zip(run.series.states());
     for (number, (target, states)) in targets.enumerate() {
         let _ = writeln!(

@@ -56,8 +56,11 @@ const MIN_SPAN_M: f64 = 0.02;
 
 const COORDINATES: [&str; 3] = ["x (m)", "y (m)", "z (m)"];
 
-/// Draws tracks, truth and cameras (world frame, metres) into `above`, `side`, `3d` and `coordinates`, each `.svg`
-/// and `.png`, in a folder that must exist. Returns the paths of the files.
+/// The names of the plots of tracks, without their endings.
+pub(crate) const TRACK_PLOTS: [&str; 4] = ["above", "side", "3d", "coordinates"];
+
+/// Draws tracks, truth and cameras (world frame, metres) into files of the names [`TRACK_PLOTS`], each `.svg` and `.png`, in
+/// a folder that must exist. Returns the paths of the files.
 ///
 /// Positions that are not finite or beyond 100 km count as missing. Estimates far from the truth (without truth, far
 /// from 98 % of the estimates) are cut off, and a note states their number.
@@ -70,12 +73,13 @@ pub(crate) fn write_track_plots(
     let tracks = series.iter().map(|track| (&*track.name, track));
     let figures = Figures::new(tracks, truth, cameras);
     let mut paths = Vec::new();
-    for (name, document) in [
-        ("above", figures.above()?),
-        ("side", figures.side()?),
-        ("3d", figures.oblique()?),
-        ("coordinates", figures.coordinates()?),
-    ] {
+    let drawings = [
+        figures.above()?,
+        figures.side()?,
+        figures.oblique()?,
+        figures.coordinates()?,
+    ];
+    for (name, document) in TRACK_PLOTS.into_iter().zip(drawings) {
         paths.extend(write_svg_and_png(folder, name, &document)?);
     }
     Ok(paths)
@@ -117,6 +121,8 @@ pub(super) struct Figures<'a> {
     pub(super) mark_size: f64,
     /// The shown extents of x, y and z.
     shown_m: [Option<RangeInclusive<f64>>; 3],
+    /// The same without cameras.
+    path_m: [Option<RangeInclusive<f64>>; 3],
 }
 
 fn drawable_position(position_m: &[f64; 3]) -> bool {
@@ -200,6 +206,7 @@ impl<'a> Figures<'a> {
             tracks,
             names,
             shown_m: [None, None, None],
+            path_m: [None, None, None],
         };
         let cameras_m: Vec<_> = figures.cameras.iter().map(|c| c.position_m()).collect();
         figures.shown_m = shown_ranges_m(
@@ -207,6 +214,7 @@ impl<'a> Figures<'a> {
             &places_m(&figures.truth),
             &cameras_m,
         );
+        figures.path_m = shown_ranges_m(&places_m(&figures.tracks), &places_m(&figures.truth), &[]);
         figures
     }
 
@@ -325,7 +333,8 @@ impl<'a> Figures<'a> {
     /// Returns the range of one coordinate over tracks and truth, extended to the bands as long as the paths
     /// remain legible.
     fn range_with_bands_m(&self, axis: usize) -> Range<f64> {
-        let paths = self.range_m(axis);
+        // Cameras are not drawn over time, and those far away would flatten the paths.
+        let paths = padded(self.path_m[axis].clone(), MIN_SPAN_M);
         let room_m = (paths.end - paths.start).max(0.2);
         let (low_m, high_m) = (paths.start - room_m, paths.end + room_m);
         let bands = self.points().filter_map(|p| {

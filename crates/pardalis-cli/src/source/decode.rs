@@ -1,5 +1,7 @@
 //! Decoding of JPEG and PNG files; errors name the file.
 
+use std::fs;
+use std::io;
 use std::path::Path;
 
 use anyhow::Result;
@@ -9,6 +11,9 @@ use crate::user_error::user_error;
 
 // Every image that can be decoded can be tracked.
 const _: () = assert!(pardalis_images::MAX_SIDE_PX == pardalis_core::error::MAX_IMAGE_SIDE_PX);
+
+/// Maximum size of an image file in bytes: more than the largest image takes without compression.
+const MAX_FILE_BYTES: u64 = 256 << 20;
 
 /// Decodes a JPEG or PNG file of any pixel type to 8-bit RGB. Alpha is dropped.
 ///
@@ -37,10 +42,43 @@ pub(crate) fn image_size(path: &Path) -> Result<(usize, usize)> {
     decoded(path, size)
 }
 
-fn decoded<T>(path: &Path, decode: impl Fn(&[u8]) -> Result<T, DecodeError>) -> Result<T> {
+/// Fails with the reason if an image cannot be a file of a possible length.
+pub(crate) fn check_file(path: &Path) -> Result<()> {
     let name = path.display();
-    let file =
-        std::fs::read(path).map_err(|error| user_error!("{name}: cannot be read: {error}"))?;
+    let metadata = fs::metadata(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound if path.is_symlink() => {
+            user_error!(
+                "{name}: is a link to a file that does not exist; restore that file, or remove the link"
+            )
+        }
+        io::ErrorKind::NotFound => {
+            user_error!("{name}: cannot be read: there is no such file; check the name")
+        }
+        _ => user_error!("{name}: cannot be read: {error}; check its permissions"),
+    })?;
+    if metadata.is_dir() {
+        return Err(user_error!("{name}: is a folder; give a JPEG or PNG image"));
+    }
+    // Reading a pipe or a device might wait for ever.
+    if !metadata.is_file() {
+        return Err(user_error!(
+            "{name}: is a pipe or a device; give a JPEG or PNG image"
+        ));
+    }
+    if metadata.len() > MAX_FILE_BYTES {
+        return Err(user_error!(
+            "{name}: has {} bytes; allowed for an image: at most {MAX_FILE_BYTES}",
+            metadata.len()
+        ));
+    }
+    Ok(())
+}
+
+fn decoded<T>(path: &Path, decode: impl Fn(&[u8]) -> Result<T, DecodeError>) -> Result<T> {
+    check_file(path)?;
+    let name = path.display();
+    let file = fs::read(path)
+        .map_err(|error| user_error!("{name}: cannot be read: {error}; check its permissions"))?;
     decode(&file).map_err(|error| user_error!("{name}: {error}"))
 }
 
@@ -53,7 +91,10 @@ mod tests {
         let error = decode_image(Path::new("nowhere.png"))
             .unwrap_err()
             .to_string();
-        assert!(error.contains("nowhere.png: cannot be read"), "{error}");
+        assert!(
+            error.contains("nowhere.png: cannot be read: there is no such file"),
+            "{error}"
+        );
         let folder = tempfile::TempDir::new().unwrap();
         let path = folder.path().join("cut.jpg");
         std::fs::write(&path, [0xFF, 0xD8, 0xFF]).unwrap();

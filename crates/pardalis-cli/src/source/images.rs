@@ -1,5 +1,6 @@
 //! JPEG and PNG images: a folder in natural order, or a list of files.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
 
@@ -7,7 +8,7 @@ use anyhow::Result;
 use pardalis::frame::MAX_TIME_S;
 use pardalis_scene::FrameRange;
 
-use super::decode::{decode_image, image_size};
+use super::decode::{check_file, decode_image, image_size};
 use super::times::{ImageTimes, read_times};
 use super::{Pixels, TimeSpan, TimedBytes, Timing};
 use crate::user_error::user_error;
@@ -54,8 +55,11 @@ impl ImageFrames {
         Self::of(taken)
     }
 
-    /// Opens a list of images whose times are one second apart.
+    /// Opens a list of images whose times are one second apart. All must exist.
     pub(super) fn stills(files: &[PathBuf]) -> Result<Self> {
+        for file in files {
+            check_file(file)?;
+        }
         let times = (0..files.len()).map(|index| ImageTimes::at(index as f64));
         Self::of(files.iter().cloned().zip(times).collect())
     }
@@ -93,16 +97,16 @@ impl ImageFrames {
 
     /// Returns a description of the content: number and names of the images.
     pub(super) fn content(&self) -> String {
-        let name = |file: Option<&(PathBuf, ImageTimes)>| {
-            file.map_or_else(String::new, |f| file_name(&f.0))
-        };
-        let files = self.files.as_slice();
-        format!(
-            "{} images, {} to {}",
-            files.len(),
-            name(files.first()),
-            name(files.last())
-        )
+        match self.files.as_slice() {
+            [] => "no images".to_owned(),
+            [only] => format!("1 image, {}", file_name(&only.0)),
+            [first, .., last] => format!(
+                "{} images, {} to {}",
+                self.files.len(),
+                file_name(&first.0),
+                file_name(&last.0)
+            ),
+        }
     }
 }
 
@@ -136,7 +140,8 @@ impl Iterator for ImageFrames {
 /// Lists the images of a folder in natural order, each with its index in time.
 ///
 /// If all names end in a number, the index is that number minus the first one, so that a missing file
-/// leaves a gap in time; otherwise it is the position in the list. Hidden files, other files and folders are skipped.
+/// leaves a gap in time; otherwise it is the position in the list. Hidden and other files are skipped. Folders, pipes and links
+/// that lead nowhere are listed if they are called like images: they are broken images, and not to be overlooked.
 fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
     let unreadable = |error| {
         user_error!(
@@ -153,7 +158,7 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
-        if is_image_name(&path) && path.is_file() {
+        if is_image_name(&path) {
             files.push(path);
         }
     }
@@ -216,6 +221,7 @@ fn with_times(
         Timing::TimesFile => {
             let path = folder.join("times.csv");
             let times = read_times(&path)?;
+            check_rows(&path, &times, &files)?;
             files
                 .into_iter()
                 .map(|(file, index)| match times.get(&index) {
@@ -229,6 +235,29 @@ fn with_times(
                 .collect()
         }
     }
+}
+
+/// Fails if the table goes on after the last image, so that images before it may be missing and all others get wrong times.
+/// Images that are numbered from 0 keep theirs whatever is missing.
+fn check_rows(
+    table: &Path,
+    times: &BTreeMap<u64, ImageTimes>,
+    files: &[(PathBuf, u64)],
+) -> Result<()> {
+    let (Some((&last_row, _)), Some((last_file, last)), Some((first_file, _))) =
+        (times.last_key_value(), files.last(), files.first())
+    else {
+        return Ok(());
+    };
+    if last_row > *last && trailing_number(first_file) != Some(0) {
+        return Err(user_error!(
+            "{}: has times up to frame {last_row}, but the last image, {}, is frame {last}, so that other images may have \
+             wrong times as well; remove the rows of images that are missing, or number the images from 0",
+            table.display(),
+            file_name(last_file)
+        ));
+    }
+    Ok(())
 }
 
 fn file_name(path: &Path) -> String {

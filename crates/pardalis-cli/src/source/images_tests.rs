@@ -39,7 +39,12 @@ fn numbers_are_indices_in_time_with_gaps() {
     std::fs::create_dir(folder.path().join("f14.jpg")).expect("a folder");
     assert_eq!(
         listed(&folder),
-        named(&[("f9.jpg", 0), ("f10.JPG", 1), ("f012.Jpeg", 3)])
+        named(&[
+            ("f9.jpg", 0),
+            ("f10.JPG", 1),
+            ("f012.Jpeg", 3),
+            ("f14.jpg", 5)
+        ])
     );
 }
 
@@ -115,6 +120,10 @@ fn invalid_times_are_rejected_with_their_line() {
         ("frame,time_s\n0,1\n1\n", "line: 3"),
         ("frame,time\n0,1\n", "line 1: there is no column time_s"),
         ("", "line 1: there is no column frame"),
+        (
+            "frame,time_s\n0,0\n1,0.1\n2,0.2\n3,0.3\n",
+            "has times up to frame 3, but the last image, a5.jpg, is frame 2",
+        ),
         ("frame,time_s\n\u{0},x\n", "line 2: frame is"),
     ] {
         let folder = folder_with(&["a3.jpg", "a4.jpg", "a5.jpg"]);

@@ -3,7 +3,9 @@
 pub(crate) mod decode;
 mod ffmpeg;
 mod images;
+mod live;
 mod nut;
+mod running;
 mod times;
 mod video;
 
@@ -23,12 +25,16 @@ use serde::Serialize;
 
 use crate::timing::{Stopwatch, now_s};
 use crate::user_error::user_error;
-use ffmpeg::{Process, Programs};
+use ffmpeg::Programs;
 use images::ImageFrames;
+use running::Running;
 use video::VideoFrames;
 
-/// Number of frames that are decoded ahead.
+/// Maximum number of frames that are decoded ahead.
 const FRAMES_AHEAD: usize = 3;
+
+/// Maximum memory of frames that are decoded ahead, in bytes; but a frame of any size is.
+const BYTES_AHEAD: usize = 64 << 20;
 
 /// How long to wait for the first frame of a live camera if its time is needed.
 const FIRST_FRAME_WAIT: Duration = Duration::from_secs(5);
@@ -94,6 +100,8 @@ pub(crate) struct Description {
 pub(crate) struct Counters {
     /// Errors that ffmpeg reported without stopping: frames may be damaged.
     pub(crate) ffmpeg_errors: usize,
+    /// How often a live source was opened again after it had failed.
+    pub(crate) reopened: usize,
     /// Time spent decoding, in parallel with tracking, in seconds. For videos: time waiting for ffmpeg.
     pub(crate) decode_s: f64,
 }
@@ -154,7 +162,17 @@ pub(crate) struct Source {
     peeked: VecDeque<Result<Delivery>>,
     /// `None` once the thread has ended.
     decoding: Option<(Receiver<Decoded>, JoinHandle<()>)>,
-    process: Option<Arc<Process>>,
+    process: Option<Arc<Running>>,
+}
+
+impl SourceConfig {
+    /// Reports whether frames arrive while they are taken, and whether opening the source twice may fail.
+    pub(crate) fn is_live(&self) -> bool {
+        match &self.kind {
+            SourceKind::Images { .. } => false,
+            SourceKind::Video { video, .. } => ffmpeg::is_live(video),
+        }
+    }
 }
 
 impl Source {
@@ -218,9 +236,10 @@ impl Source {
         time_offset_s: f64,
         mut pixels: impl Iterator<Item = Result<Pixels>> + Send + 'static,
     ) -> Self {
-        let (sender, receiver) = sync_channel(FRAMES_AHEAD);
         let (width, height) = description.size_px;
         let format = description.pixel_format;
+        let ahead = BYTES_AHEAD / format.byte_count(width, height).max(1);
+        let (sender, receiver) = sync_channel(ahead.clamp(1, FRAMES_AHEAD));
         let encoding = description.encoding.unwrap_or_default();
         let input = description.input.clone();
         let thread = std::thread::spawn(move || {
@@ -287,14 +306,33 @@ impl Source {
         self.is_live
     }
 
+    /// Waits for the first frames, at most this many, and returns those that come; they are delivered nevertheless. Call it
+    /// before taking any frame.
+    pub(crate) fn peek(&mut self, count: usize) -> impl Iterator<Item = &Frame> {
+        let is_frame = |delivery: &&_| matches!(delivery, Ok(Delivery::Frame { .. }));
+        while self.peeked.iter().filter(is_frame).count() < count
+            && let Some(next) = self.receive()
+        {
+            self.peeked.push_back(next);
+        }
+        self.peeked.iter().filter_map(|delivery| match delivery {
+            Ok(Delivery::Frame { frame, .. }) => Some(frame),
+            _ => None,
+        })
+    }
+
     /// Waits for the first frame and returns its time stamp in seconds; `None` if there is no frame. Call it before
     /// taking any frame.
     pub(crate) fn first_time_s(&mut self) -> Option<f64> {
         loop {
-            match self.peeked.back() {
+            let first = self
+                .peeked
+                .iter()
+                .find(|delivery| !matches!(delivery, Ok(Delivery::Broken(_))));
+            match first {
                 Some(Ok(Delivery::Frame { frame, .. })) => return Some(frame.time_s()),
-                Some(Err(_)) => return None,
-                Some(Ok(Delivery::Broken(_))) | None => {}
+                Some(_) => return None,
+                None => {}
             }
             let next = if self.is_live {
                 let (receiver, _) = self.decoding.as_ref()?;
@@ -313,11 +351,10 @@ impl Source {
 
     /// Returns the statistics of decoding so far.
     pub(crate) fn counters(&self) -> Counters {
+        let running = self.process.as_ref();
         Counters {
-            ffmpeg_errors: self
-                .process
-                .as_ref()
-                .map_or(0, |process| process.error_count()),
+            ffmpeg_errors: running.map_or(0, |running| running.error_count()),
+            reopened: running.map_or(0, |running| running.reopened()),
             ..self.counters
         }
     }
@@ -362,7 +399,7 @@ impl Source {
     /// Stops decoding and waits until the thread and ffmpeg have ended. Returns the thread's panic, if any.
     fn stop(&mut self) -> std::thread::Result<()> {
         if let Some(process) = &self.process {
-            process.kill();
+            process.stop();
         }
         let Some((receiver, thread)) = self.decoding.take() else {
             return Ok(());

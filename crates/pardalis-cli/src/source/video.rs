@@ -2,28 +2,23 @@
 
 use std::io::ErrorKind;
 use std::sync::Arc;
-use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::{Error, Result};
 use pardalis::PixelFormat;
 use pardalis::color::{YuvEncoding, YuvMatrix, YuvRange};
 use pardalis_core::error::MAX_IMAGE_SIDE_PX;
+use pardalis_images::MAX_PIXELS;
 use pardalis_scene::{FrameRange, VideoInput};
 
-use super::ffmpeg::{Decode, ProbedStream, Process, Programs, is_file, name_of, not_allowed};
+use super::ffmpeg::{Decode, ProbedStream, Programs, is_file, name_of};
+use super::live::{Again, Announce, first_of, quoted, timeout};
+use super::running::{Running, Watchdog};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
 use crate::user_error::user_error;
 
 /// A picture with at least this number of lines counts as high definition if it does not state its matrix.
 const HIGH_DEFINITION_LINES: usize = 720;
-
-/// How long to wait for the first frame of a live source, in seconds, if the scene does not state it.
-const FIRST_FRAME_TIMEOUT_S: f64 = 20.0;
-
-/// How long to wait for a live source before a message appears.
-const SILENT_WAIT: Duration = Duration::from_secs(2);
 
 /// The frames that are still to be delivered.
 pub(super) struct VideoFrames {
@@ -40,6 +35,14 @@ pub(super) struct VideoFrames {
     /// Frames read so far, including skipped ones.
     read: usize,
     decode: Decode,
+    running: Arc<Running>,
+    /// How the source is opened again when it fails.
+    again: Option<Again>,
+    /// Ends a source that falls silent, if it can be opened again.
+    watchdog: Option<Watchdog>,
+    /// The format of the frames, which a source that is opened again must have as well.
+    format: (PixelFormat, Option<YuvEncoding>),
+    given_encoding: Option<YuvEncoding>,
     ended: bool,
 }
 
@@ -64,10 +67,9 @@ impl VideoFrames {
             let decode = programs.decode(video, &stream, &layout.filter)?;
             (stream, layout, size_px, decode)
         } else {
-            let timeout_s = video.settings.timeout_s.unwrap_or(FIRST_FRAME_TIMEOUT_S);
-            let timeout = Duration::from_secs_f64(timeout_s);
             let mut decode = programs.decode_live(video)?;
-            let (stream, size_px) = first_of(input, &mut decode, timeout)?;
+            let (stream, size_px) =
+                first_of(input, &mut decode, timeout(video), Announce::Waiting)?;
             check_size(input, size_px)?;
             let layout = Layout::of_live(input, &stream, encoding)?;
             (stream, layout, size_px, decode)
@@ -83,6 +85,11 @@ impl VideoFrames {
                 .frame_count(&video.settings)
                 .map(|count| range.count_of(count)),
         };
+        let running = Arc::new(Running::new(Arc::clone(&decode.process)));
+        let again = Again::of(programs, video);
+        let watchdog = again
+            .as_ref()
+            .map(|_| Watchdog::start(Arc::clone(&running), timeout(video)));
         let frames = Self {
             input: input.to_owned(),
             span: stream.span(&video.settings),
@@ -93,14 +100,19 @@ impl VideoFrames {
             remaining: range.limit,
             read: 0,
             decode,
+            running,
+            again,
+            watchdog,
+            format: (layout.format, layout.encoding),
+            given_encoding: encoding,
             ended: false,
         };
         Ok((description, frames))
     }
 
-    /// Returns the process, which must be killed to end a wait for a frame.
-    pub(super) fn process(&self) -> Arc<Process> {
-        Arc::clone(&self.decode.process)
+    /// Returns what must be stopped to end a wait for a frame.
+    pub(super) fn process(&self) -> Arc<Running> {
+        Arc::clone(&self.running)
     }
 
     /// Returns the time span of the frames, if the container states it.
@@ -108,9 +120,40 @@ impl VideoFrames {
         self.span
     }
 
+    /// Opens a live source again that has ended, with an error or without. Reports whether there may be further frames;
+    /// fails if it did not come back.
+    fn comes_back(&mut self, why: Option<Error>) -> Result<bool> {
+        let Some(again) = &mut self.again else {
+            return why.map_or(Ok(false), Err);
+        };
+        if self.running.is_stopped_after(Duration::ZERO) {
+            return Ok(false);
+        }
+        let check = |stream: &ProbedStream, size_px: (usize, usize)| {
+            let layout = Layout::of_live(&self.input, stream, self.given_encoding)?;
+            if size_px == self.size_px && (layout.format, layout.encoding) == self.format {
+                return Ok(());
+            }
+            let (width, height) = self.size_px;
+            Err(user_error!(
+                "{}: came back with {} x {} pixels in {}, and not with {width} x {height} pixels in the format that it \
+                 had; start again",
+                self.input,
+                size_px.0,
+                size_px.1,
+                layout.pix_fmt
+            ))
+        };
+        self.decode = again.open(&self.running, why, check)?;
+        Ok(true)
+    }
+
     /// Reads one frame; `None` at the regular end.
     fn read_frame(&mut self) -> Result<Option<TimedBytes>> {
-        let (time_s, byte_count) = match self.decode.frames.next() {
+        self.running.set_waiting(true);
+        let next = self.decode.frames.next();
+        self.running.set_waiting(false);
+        let (time_s, byte_count) = match next {
             Ok(Some(next)) => next,
             Ok(None) => return self.end().map(|()| None),
             Err(error) => return Err(self.broken(&error)),
@@ -149,7 +192,10 @@ impl VideoFrames {
         self.read += 1;
         Ok(Some(TimedBytes {
             bytes,
-            time_s,
+            time_s: match &mut self.again {
+                Some(again) => again.time_s(time_s),
+                None => time_s,
+            },
             arrival_s: None,
         }))
     }
@@ -197,100 +243,25 @@ impl VideoFrames {
     }
 }
 
-/// Returns ffmpeg's last messages for an error.
-fn quoted(messages: &[String]) -> String {
-    if messages.is_empty() {
-        "ffmpeg printed no further messages.".to_owned()
-    } else {
-        format!("ffmpeg's messages:\n{}", messages.join("\n"))
-    }
-}
-
 /// Fails if images of this size cannot be tracked.
 fn check_size(input: &str, (width, height): (usize, usize)) -> Result<()> {
-    if width == 0 || height == 0 || width.max(height) > MAX_IMAGE_SIDE_PX {
+    // ffmpeg states no size if it refuses to decode so many pixels.
+    if width == 0 || height == 0 {
+        return Err(user_error!(
+            "{input}: its video states no size, or more than {MAX_PIXELS} pixels; scale it down, or give another file"
+        ));
+    }
+    if width.max(height) > MAX_IMAGE_SIDE_PX {
         return Err(user_error!(
             "{input}: the video is {width} x {height} pixels; allowed: 1 to {MAX_IMAGE_SIDE_PX} a side"
         ));
     }
-    Ok(())
-}
-
-/// Waits for the first frame of a live source and returns its stream and its size in pixels. Fails if it does not come
-/// within the limit.
-fn first_of(
-    input: &str,
-    decode: &mut Decode,
-    limit: Duration,
-) -> Result<(ProbedStream, (usize, usize))> {
-    let watch = Watch::start(input, &decode.process, limit);
-    let size_px = decode.frames.size_px();
-    let stream = decode.colors.recv();
-    if watch.has_expired() {
+    if width * height > MAX_PIXELS {
         return Err(user_error!(
-            "{input}: no frame came within {} s; check that the camera is on and its address is right, or give \
-             input.timeout_s a longer time",
-            limit.as_secs_f64()
+            "{input}: the video is {width} x {height} pixels; allowed: at most {MAX_PIXELS} in all; scale it down"
         ));
     }
-    if let (Ok(Some((width, height))), Ok(stream)) = (size_px, stream) {
-        let stream = ProbedStream {
-            width,
-            height,
-            ..stream
-        };
-        return Ok((stream, (width, height)));
-    }
-    decode.process.kill();
-    let (_, messages) = decode.end()?;
-    if messages
-        .iter()
-        .any(|message| message.contains("not on whitelist"))
-    {
-        return Err(not_allowed(input, &messages[0]));
-    }
-    Err(user_error!(
-        "{input}: ffmpeg cannot open it; check the name and how it is opened. {}",
-        quoted(&messages)
-    ))
-}
-
-/// Tells the user that a source keeps them waiting, and ends ffmpeg after a time.
-struct Watch {
-    /// Closed to end the thread.
-    open: Option<Sender<()>>,
-    thread: Option<JoinHandle<bool>>,
-}
-
-impl Watch {
-    fn start(input: &str, process: &Arc<Process>, limit: Duration) -> Self {
-        let (open, is_open) = channel();
-        let (input, process) = (input.to_owned(), Arc::clone(process));
-        let thread = std::thread::spawn(move || {
-            let waits = |time| is_open.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
-            let silent = SILENT_WAIT.min(limit);
-            if waits(silent) {
-                let limit_s = limit.as_secs_f64();
-                eprintln!("waiting for the first frame of {input}, at most {limit_s} s");
-                if waits(limit.saturating_sub(silent)) {
-                    process.kill();
-                    return true;
-                }
-            }
-            false
-        });
-        Self {
-            open: Some(open),
-            thread: Some(thread),
-        }
-    }
-
-    /// Ends the watch. Reports whether it has ended ffmpeg.
-    fn has_expired(mut self) -> bool {
-        drop(self.open.take());
-        let ended = self.thread.take().map(JoinHandle::join);
-        matches!(ended, Some(Ok(true)))
-    }
+    Ok(())
 }
 
 impl Iterator for VideoFrames {
@@ -298,13 +269,17 @@ impl Iterator for VideoFrames {
 
     fn next(&mut self) -> Option<Self::Item> {
         while !self.ended && self.remaining != Some(0) {
-            match self.read_frame() {
-                Ok(Some(_)) if !self.range.takes(self.read - 1) => {}
+            let comes_back = match self.read_frame() {
+                Ok(Some(_)) if !self.range.takes(self.read - 1) => Ok(true),
                 Ok(Some(frame)) => {
                     self.remaining = self.remaining.map(|remaining| remaining - 1);
                     return Some(Ok(Pixels::Frame(frame)));
                 }
-                Ok(None) => self.ended = true,
+                Ok(None) => self.comes_back(None),
+                Err(error) => self.comes_back(Some(error)),
+            };
+            match comes_back {
+                Ok(comes_back) => self.ended = !comes_back,
                 Err(error) => {
                     self.ended = true;
                     return Some(Err(error));
@@ -317,9 +292,9 @@ impl Iterator for VideoFrames {
 
 impl Drop for VideoFrames {
     fn drop(&mut self) {
-        self.decode.process.kill();
-        // Reaps the process; its exit status no longer matters.
-        let _ = self.decode.process.wait();
+        self.running.stop();
+        // It ends because the source is stopped.
+        drop(self.watchdog.take());
     }
 }
 

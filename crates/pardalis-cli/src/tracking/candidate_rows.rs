@@ -1,17 +1,15 @@
 //! `candidates.csv`: what was examined at each time and what ruled it out, flushed after each time.
 
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use pardalis::TargetId;
 use pardalis::tracker::Candidate;
 use pardalis_scene::{Scene, TargetConfig};
 
 use super::{Instant, Sink};
-use crate::user_error::user_error;
+use crate::files::RowFile;
 
 /// The header line. Later versions may append columns.
 const HEADER: &str = "frame,time_s,target,landmark,origin,camera,u_px,v_px,area_px,x_m,y_m,z_m,\
@@ -19,7 +17,7 @@ const HEADER: &str = "frame,time_s,target,landmark,origin,camera,u_px,v_px,area_
 
 /// Writes the candidates of each target to a file.
 pub(crate) struct CandidateRows {
-    out: File,
+    out: RowFile,
     path: PathBuf,
     cameras: Vec<String>,
     targets: Vec<TargetConfig>,
@@ -33,32 +31,20 @@ impl CandidateRows {
     /// Creates the file in the output folder and writes the header.
     pub(crate) fn create(folder: &Path, scene: &Scene) -> Result<Self> {
         let path = folder.join(Self::FILE);
-        let file = File::create(&path).map_err(|error| {
-            user_error!(
-                "{}: {error}; give a folder that can be written",
-                path.display()
-            )
-        })?;
-        let mut rows = Self {
-            out: file,
+        let mut out = RowFile::create(&path)?;
+        out.write(HEADER)?;
+        Ok(Self {
+            out,
             path,
             cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),
             targets: scene.targets.clone(),
-            text: HEADER.to_owned(),
-        };
-        rows.write()?;
-        Ok(rows)
+            text: String::new(),
+        })
     }
 
     /// Returns the path of the file.
     pub(crate) fn path(&self) -> &Path {
         &self.path
-    }
-
-    fn write(&mut self) -> Result<()> {
-        self.out
-            .write_all(self.text.as_bytes())
-            .with_context(|| format!("{}: the candidates cannot be written", self.path.display()))
     }
 }
 
@@ -74,7 +60,7 @@ impl Sink for CandidateRows {
                 }
             }
         }
-        self.write()
+        self.out.write(&self.text)
     }
 }
 

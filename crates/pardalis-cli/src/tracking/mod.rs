@@ -19,6 +19,7 @@ use pardalis_scene::{BodyConfig, Scene, TargetConfig};
 use serde::Serialize;
 
 use crate::arguments::Threads;
+use crate::draw::plots::TRACK_PLOTS;
 use crate::interrupt;
 use crate::output::warn;
 use crate::scene::{self, OpenScene};
@@ -178,6 +179,9 @@ pub(crate) fn run_steps(
     interrupt::listen();
     let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
     let mut rows = Rows::create(&options.output, names.clone())?;
+    if let Output::Folder(folder) = &options.output {
+        remove_old(folder);
+    }
     let mut annotator = match &options.output {
         Output::Folder(folder) if options.annotate != Annotate::No => {
             Some(Annotator::create(folder, &open.scene, options)?)
@@ -188,12 +192,7 @@ pub(crate) fn run_steps(
         Output::Folder(folder) if options.explain => {
             Some(CandidateRows::create(folder, &open.scene)?)
         }
-        Output::Folder(folder) => {
-            // Those of an earlier run would not be of these rows; usually there are none.
-            let _ = std::fs::remove_file(folder.join(CandidateRows::FILE));
-            None
-        }
-        Output::Stdout => None,
+        _ => None,
     };
     let mut particle_rows = match &options.particles {
         Some(path) => Some(ParticleRows::create(path, &open.scene)?),
@@ -202,19 +201,25 @@ pub(crate) fn run_steps(
     let mut series = SeriesCollector::new(&names);
     let mut missed = MissedFrames::of(names.len());
     let pool = options.threads.start()?;
-    let mut sinks: Vec<&mut dyn Sink> = vec![&mut rows, &mut series, &mut missed];
+    let mut sinks = Sinks {
+        needed: vec![&mut rows, &mut series, &mut missed],
+        others: Vec::new(),
+    };
     if let Some(candidate_rows) = &mut candidate_rows {
-        sinks.push(candidate_rows);
+        sinks.others.push(candidate_rows);
     }
     if let Some(annotator) = &mut annotator {
-        sinks.push(annotator);
+        sinks.others.push(annotator);
     }
     if let Some(particle_rows) = &mut particle_rows {
-        sinks.push(particle_rows);
+        sinks.others.push(particle_rows);
     }
-    let (outcome, ended_by) = pool.install(|| track(&mut open, step, &mut sinks, options.progress));
+    let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options.progress));
     let mut files = Vec::new();
-    if let Output::Folder(folder) = &options.output {
+    let finish = || -> Result<()> {
+        let Output::Folder(folder) = &options.output else {
+            return Ok(());
+        };
         files.push(folder.join("tracks.csv"));
         files.push(summary::write(
             folder,
@@ -230,16 +235,59 @@ pub(crate) fn run_steps(
         files.extend(candidate_rows.map(|rows| rows.path().to_owned()));
         files.extend(annotator.map(|annotator| annotator.folder().to_owned()));
         files.extend(options.particles.clone());
+        Ok(())
+    };
+    let finished = finish();
+    // What ended the run is the cause of what follows, such as of a summary that a full disk does not take either.
+    ended_by.map_or(finished, Err)?;
+    Ok(Run {
+        open,
+        outcome,
+        series,
+        missed,
+        files,
+    })
+}
+
+/// Removes the summary, the plots and the candidates of an earlier run, which would not be of the new rows.
+fn remove_old(folder: &Path) {
+    let plots = TRACK_PLOTS
+        .iter()
+        .flat_map(|name| ["svg", "png"].map(|ending| format!("{name}.{ending}")));
+    for name in plots.chain([summary::FILE.to_owned(), CandidateRows::FILE.to_owned()]) {
+        // Usually there is none.
+        let _ = std::fs::remove_file(folder.join(name));
     }
-    match ended_by {
-        Some(error) => Err(error),
-        None => Ok(Run {
-            open,
-            outcome,
-            series,
-            missed,
-            files,
-        }),
+}
+
+/// Everything that takes the results of a run.
+struct Sinks<'a> {
+    /// A failure of one of these ends the run.
+    needed: Vec<&'a mut dyn Sink>,
+    /// Those that have not failed yet.
+    others: Vec<&'a mut dyn Sink>,
+}
+
+impl Sinks<'_> {
+    /// Passes one time on. Fails if a sink that is needed does, or if a reader has closed its pipe. Another sink that fails
+    /// gets no further time and must not cost rows; its error is added to `failures`.
+    fn take(&mut self, instant: &Instant, failures: &mut Vec<anyhow::Error>) -> Result<()> {
+        for sink in &mut self.needed {
+            sink.take(instant)?;
+        }
+        let mut closed = None;
+        self.others.retain_mut(|sink| match sink.take(instant) {
+            Ok(()) => true,
+            Err(error) if is_broken_pipe(&error) => {
+                closed = Some(error);
+                false
+            }
+            Err(error) => {
+                failures.push(error);
+                false
+            }
+        });
+        closed.map_or(Ok(()), Err)
     }
 }
 
@@ -247,7 +295,7 @@ pub(crate) fn run_steps(
 fn track(
     open: &mut OpenScene,
     step: Step,
-    sinks: &mut [&mut dyn Sink],
+    mut sinks: Sinks,
     progress: bool,
 ) -> (Outcome, Option<anyhow::Error>) {
     let mut outcome = Outcome::default();
@@ -257,10 +305,16 @@ fn track(
         ProgressBar::hidden()
     };
     let names = open.scene.cameras.iter().map(|c| c.name.clone()).collect();
+    let is_live = open.sources.iter().any(Source::is_live);
+    let mut failures = Vec::new();
     let mut frame_sets = FrameSets::new(&mut open.sources, names, open.scene.max_delay_s);
     let ended_by = loop {
         if interrupt::requested() {
             outcome.interrupted = true;
+            // Nothing else ends most live sessions.
+            if is_live && outcome.frame_sets > 0 {
+                break None;
+            }
             break Some(anyhow::anyhow!(
                 "interrupted after {} frames; the rows written so far are complete",
                 outcome.frame_sets
@@ -293,8 +347,12 @@ fn track(
             tracker: &open.tracker,
             estimates: &estimates,
         };
-        if let Err(error) = sinks.iter_mut().try_for_each(|sink| sink.take(&instant)) {
+        let failed_before = failures.len();
+        if let Err(error) = sinks.take(&instant, &mut failures) {
             break Some(error);
+        }
+        for failure in &failures[failed_before..] {
+            progress.suspend(|| warn(format!("{failure:#}; the rows go on without it")));
         }
         outcome.writing_s += watch.elapsed_s();
         progress.inc(1);
@@ -311,7 +369,7 @@ fn track(
         )),
         other => {
             warnings.into_iter().for_each(warn);
-            other
+            other.or_else(|| failures.into_iter().next())
         }
     };
     outcome.error = ended_by.as_ref().map(|error| format!("{error:#}"));

@@ -1,17 +1,15 @@
 //! Optional output of particles: one row per time, target and particle, flushed after each time.
 
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::{BufWriter, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use pardalis::TargetId;
 use pardalis_filter::Particles;
 use pardalis_scene::{Scene, TargetConfig};
 
 use super::{Instant, Sink};
-use crate::user_error::user_error;
+use crate::files::RowFile;
 
 /// The header line. Later versions may append columns.
 const HEADER: &str =
@@ -25,8 +23,7 @@ const STATE_COLUMNS: usize = 6;
 /// Particles are written before resampling; those of a detected target are those of its last update. The weights of
 /// the particles of one landmark, or of a target without landmarks, sum to one.
 pub(crate) struct ParticleRows {
-    out: BufWriter<File>,
-    path: PathBuf,
+    out: RowFile,
     targets: Vec<TargetConfig>,
     text: String,
 }
@@ -34,27 +31,13 @@ pub(crate) struct ParticleRows {
 impl ParticleRows {
     /// Creates the file and writes the header.
     pub(crate) fn create(path: &Path, scene: &Scene) -> Result<Self> {
-        let file = File::create(path).map_err(|error| {
-            user_error!(
-                "--particles {}: {error}; give a file that can be written",
-                path.display()
-            )
-        })?;
-        let mut rows = Self {
-            out: BufWriter::new(file),
-            path: path.to_owned(),
+        let mut out = RowFile::create(path).map_err(|error| error.context("--particles"))?;
+        out.write(HEADER)?;
+        Ok(Self {
+            out,
             targets: scene.targets.clone(),
-            text: HEADER.to_owned(),
-        };
-        rows.write()?;
-        Ok(rows)
-    }
-
-    fn write(&mut self) -> Result<()> {
-        self.out
-            .write_all(self.text.as_bytes())
-            .and_then(|()| self.out.flush())
-            .with_context(|| format!("{}: the particles cannot be written", self.path.display()))
+            text: String::new(),
+        })
     }
 }
 
@@ -73,7 +56,7 @@ impl Sink for ParticleRows {
                 push_rows(&mut self.text, &labels, particles);
             }
         }
-        self.write()
+        self.out.write(&self.text)
     }
 }
 

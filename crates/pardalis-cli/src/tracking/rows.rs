@@ -1,13 +1,13 @@
 //! `tracks.csv`: one row per time and target, flushed immediately.
 
 use std::fmt::Write as _;
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::fs;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use pardalis::Estimate;
 
 use super::{Instant, Output, Sink, is_broken_pipe};
+use crate::files::{RowFile, unwritable};
 use crate::user_error::user_error;
 
 /// The header line. Later versions may append columns.
@@ -16,9 +16,7 @@ const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps
 
 /// Writes rows to a file or to standard output.
 pub(crate) struct Rows {
-    out: Box<dyn Write + Send>,
-    /// The destination, for messages.
-    place: String,
+    out: RowFile,
     names: Vec<String>,
     text: String,
 }
@@ -26,8 +24,8 @@ pub(crate) struct Rows {
 impl Rows {
     /// Creates the output folder and file and writes the header.
     pub(crate) fn create(output: &Output, names: Vec<String>) -> Result<Self> {
-        let (out, place): (Box<dyn Write + Send>, _) = match output {
-            Output::Stdout => (Box::new(io::stdout()), "standard output".to_owned()),
+        let mut out = match output {
+            Output::Stdout => RowFile::stdout(),
             Output::Folder(folder) => {
                 if folder.is_file() {
                     return Err(user_error!(
@@ -35,38 +33,20 @@ impl Rows {
                         folder.display()
                     ));
                 }
-                let refuse = |error: io::Error| {
-                    user_error!(
-                        "-o {}: {error}; give a folder that can be written",
-                        folder.display()
-                    )
-                };
-                fs::create_dir_all(folder).map_err(refuse)?;
-                let path = folder.join("tracks.csv");
-                let file = File::create(&path).map_err(refuse)?;
-                (Box::new(file), path.display().to_string())
+                fs::create_dir_all(folder).map_err(|error| unwritable(folder, error))?;
+                RowFile::create(&folder.join("tracks.csv"))?
             }
         };
-        let mut rows = Self {
-            out,
-            place,
-            names,
-            text: HEADER.to_owned(),
-        };
-        match rows.write() {
+        match out.write(HEADER) {
             // Writing the first row fails in the same way and ends the run quietly.
             Err(error) if is_broken_pipe(&error) => {}
             written => written?,
         }
-        Ok(rows)
-    }
-
-    /// Writes all rows of one time at once, so that neither a reader nor a crash sees half a row.
-    fn write(&mut self) -> Result<()> {
-        self.out
-            .write_all(self.text.as_bytes())
-            .and_then(|()| self.out.flush())
-            .with_context(|| format!("{}: the rows cannot be written", self.place))
+        Ok(Self {
+            out,
+            names,
+            text: String::new(),
+        })
     }
 }
 
@@ -76,7 +56,7 @@ impl Sink for Rows {
         for (name, estimate) in self.names.iter().zip(instant.estimates) {
             write_row(&mut self.text, instant, name, estimate);
         }
-        self.write()
+        self.out.write(&self.text)
     }
 }
 

@@ -10,6 +10,9 @@ use super::{MissedFrames, Outcome, SeriesCollector};
 use crate::files::write_file;
 use crate::scene::OpenScene;
 
+/// The name of the file in the output folder.
+pub(crate) const FILE: &str = "summary.json";
+
 /// Writes the summary beside the rows.
 pub(crate) fn write(
     folder: &Path,
@@ -30,6 +33,7 @@ pub(crate) fn write(
             "frames": record.frames,
             "stopped": record.stopped,
             "ffmpeg_errors": counters.ffmpeg_errors,
+            "reopened": counters.reopened,
         });
         if let Some(position_m) = camera.position_m() {
             entry["position_m"] = json!(position_m);
@@ -84,7 +88,7 @@ pub(crate) fn write(
         "targets": targets,
         "settings": open.scene.resolved,
     });
-    let path = folder.join("summary.json");
+    let path = folder.join(FILE);
     let text = serde_json::to_string_pretty(&summary)? + "\n";
     write_file(&path, text.as_bytes())?;
     Ok(path)

@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::common::{Run, Workplace, rows_in, scene_with};
 
 /// Returns a workplace with the first frames of the sequence as an MPEG transport stream; `None` without ffmpeg.
-fn with_stream(frames: usize) -> Option<Workplace> {
+pub(crate) fn with_stream(frames: usize) -> Option<Workplace> {
     let place = Workplace::with_frames(frames);
     let encoded = Command::new("ffmpeg")
         .current_dir(place.path(""))
@@ -24,7 +24,8 @@ fn with_stream(frames: usize) -> Option<Workplace> {
     None
 }
 
-fn video(input: &str) -> String {
+/// Returns the scene with this video in place of its images.
+pub(crate) fn video(input: &str) -> String {
     let lines = format!("video = \"{input}\"");
     scene_with("images = \"images\"\nfps = 25", &lines)
 }

@@ -126,7 +126,7 @@ fn an_unwritable_file_is_rejected_before_tracking() {
     let run = place.track_with(SCENE, &["-o", "-", "--particles", "no/such/cloud.csv"]);
     assert_eq!(run.code, Some(2), "{}", run.stderr);
     assert!(
-        run.stderr.contains("--particles no/such/cloud.csv"),
+        run.stderr.contains("--particles: no/such/cloud.csv"),
         "{}",
         run.stderr
     );

@@ -1,3 +1,4 @@
 //! Integration tests of decoding, in one executable.
 
 mod decode;
+mod limits;

@@ -1,8 +1,10 @@
 //! A body that the published cues track from a given start: a particle filter with the cues' likelihoods.
 
 use super::settings::InitializedSettings;
+use super::shown_colors::shows_colors;
 use super::track::{Instant, Track, mean_log_ratio};
 use super::{Estimate, TrackState};
+use crate::color::ColorModel;
 use crate::likelihood::Cues;
 use crate::shape::Shape;
 use crate::start::{PixelStart, Start};
@@ -27,6 +29,8 @@ pub(super) struct InitializedTarget {
     pub(super) track: Track,
     shape: Shape,
     pub(super) cues: Cues,
+    /// Its colours, if the cues know any.
+    colors: Option<ColorModel>,
     start: Start,
     draws: Draws,
     filter: ParticleFilter,
@@ -58,6 +62,7 @@ impl InitializedTarget {
                 level,
             )?,
             filter: ParticleFilter::new(settings.filter, &start, draws, level)?,
+            colors: settings.colors.clone(),
             start: settings.start,
             draws,
         })
@@ -141,14 +146,26 @@ impl InitializedTarget {
     }
 
     /// Locates the body in these frames alone, in passes with these standard deviations in metres, the first around
-    /// the start. Confidence includes the probability that the body is there at all.
+    /// the start. Confidence includes the probability that the body is there at all. A body whose colours are known is lost
+    /// where they are not.
     pub(super) fn locate(
         &mut self,
         instant: &Instant,
         start: &Start,
         passes_sigma_m: &[f64],
     ) -> Estimate {
-        let found = self.locate_in_passes(instant, start, passes_sigma_m);
+        let mut found = self.locate_in_passes(instant, start, passes_sigma_m);
+        if let (Some(kinematics), Some(colors)) = (found, &self.colors)
+            && !shows_colors(
+                (&self.shape, colors),
+                instant.views,
+                instant.frames,
+                kinematics.position_m,
+            )
+        {
+            self.track.set_state(TrackState::Lost);
+            found = None;
+        }
         let located = self.estimate_of(found);
         let cameras = instant.frames.iter().map(|(camera, _)| *camera);
         let log_ratio: f64 = cameras

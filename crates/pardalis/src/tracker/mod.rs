@@ -13,6 +13,7 @@ mod ids;
 mod initialized;
 mod landmarks;
 mod settings;
+mod shown_colors;
 mod statistics;
 mod target_tracker;
 mod track;

@@ -5,6 +5,7 @@ mod determinism;
 mod frame_sets;
 mod kernels;
 mod locate;
+mod locate_absent;
 mod locate_bias;
 mod no_io;
 mod rectify;

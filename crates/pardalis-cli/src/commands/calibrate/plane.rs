@@ -18,6 +18,7 @@ use crate::draw::grid::{Label, drawn_over};
 use crate::draw::overlay::{Mark, Shape};
 use crate::draw::picture::write_picture;
 use crate::files::write_file;
+use crate::numbers::fixed;
 use crate::output::print;
 use crate::rectangle::{EdgeArgument, first_images};
 use crate::source::{SourceConfig, SourceKind, Timing};
@@ -344,7 +345,9 @@ fn report(known: &Known, fitted: &PlaneFit, center_m: Option<[f64; 3]>) -> Resul
     match center_m {
         Some([x, y, z]) => write!(
             text,
-            "The camera is {z:.3} m above the plane, over ({x:.3}, {y:.3}) m."
+            "The camera is {z:.3} m above the plane, over ({}, {}) m.",
+            fixed(x, 3),
+            fixed(y, 3)
         )?,
         None => write!(
             text,

@@ -116,7 +116,8 @@ fn cameras_in(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>> 
             path.display()
         ));
     }
-    let scene = scene::read(path)?;
+    let mut scene = scene::read(path)?;
+    scene::find_live_rectangles(path, &mut scene)?;
     let calibrated = scene.cameras.into_iter().map(|camera| CalibratedCamera {
         name: camera.name,
         camera: camera.camera,

@@ -8,7 +8,6 @@ mod report;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -17,7 +16,8 @@ use pardalis_evaluate::{self, Sample, Settings, TrueState};
 use serde::Deserialize as _;
 use serde_json::Value;
 
-use crate::output::warn;
+use crate::files::write_file;
+use crate::output::{print, warn};
 use crate::tables::{self, Series, TrackRow};
 use crate::user_error::user_error;
 use confidence::Confidence;
@@ -97,23 +97,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let rows = |count: fn(&TargetReport) -> usize| report.targets.iter().map(count).sum::<usize>();
     if !arguments.options.interpolate && 2 * rows(|t| t.rows_without_truth) > rows(|t| t.rows) {
         warn(
-            "warning: most rows lie between the times of the truth and are not evaluated; add --interpolate to evaluate them",
+            "most rows lie between the times of the truth and are not evaluated; add --interpolate to evaluate them",
         );
     }
-    let mut stdout = std::io::stdout().lock();
     if arguments.json.as_deref() == Some(Path::new("-")) {
-        writeln!(stdout, "{}", report.to_json()?)?;
+        print(report.to_json()?);
         return Ok(());
     }
     if let Some(path) = &arguments.json {
-        fs::write(path, report.to_json()? + "\n").map_err(|error| {
-            user_error!(
-                "--json {}: {error}; choose a file with write permission",
-                path.display()
-            )
-        })?;
+        write_file(path, (report.to_json()? + "\n").as_bytes())?;
     }
-    write!(stdout, "{report}")?;
+    print(report.to_string().trim_end());
     Ok(())
 }
 

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::confidence::Confidence;
 pub(crate) use super::pairing::MatchedBy;
+use crate::numbers::{fixed, plain};
 
 /// All results, and the options they depend on.
 #[derive(Debug, Serialize)]
@@ -90,14 +91,16 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [x, y, z] = self.around.position_m;
+        let [x, y, z] = self.around.position_m.map(plain);
         writeln!(f, "tracks   {}", self.tracks.display())?;
         writeln!(f, "truth    {}", self.truth.display())?;
         writeln!(f, "around   ({x}, {y}, {z}) m: {}", self.around.source)?;
         writeln!(
             f,
             "visible  more than {} of the object seen; lost: beyond {} m; times matched within {} s",
-            self.visible_over, self.lost_beyond_m, self.time_tolerance_s
+            self.visible_over,
+            plain(self.lost_beyond_m),
+            plain(self.time_tolerance_s)
         )?;
         if self.from_s.is_some() || self.to_s.is_some() {
             let shown = |time_s: Option<f64>, end: &str| {
@@ -196,7 +199,7 @@ impl TargetReport {
         let diameter_m = self
             .confidence
             .diameter_m
-            .map_or_else(none, |d| d.to_string());
+            .map_or_else(none, |d| plain(d).to_string());
         let error = fixed(reliability.calibration_error, 3);
         line(f, "confidence, calibration error", "", &error)?;
         writeln!(
@@ -330,15 +333,6 @@ fn nees(mean: f64) -> String {
 /// Formats mean and standard deviation in thousandths.
 fn mean_sd(value: MeanSd) -> String {
     format!("{} ± {}", thousandths(value.mean), thousandths(value.sd))
-}
-
-/// Formats a number with at most `decimals` decimals and never as minus zero.
-fn fixed(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    match text.strip_prefix('-') {
-        Some(digits) if digits.chars().all(|c| matches!(c, '0' | '.')) => digits.to_owned(),
-        _ => text,
-    }
 }
 
 /// Returns the placeholder for a missing figure.

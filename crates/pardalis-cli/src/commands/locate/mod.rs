@@ -12,6 +12,7 @@ use pardalis::{Estimate, TargetId};
 use pardalis_scene::{FrameRange, Scene};
 
 use crate::arguments::Threads;
+use crate::numbers::fixed;
 use crate::output::print;
 use crate::scene;
 use crate::tracking::{self, Annotate, FrameSet, Options, Output, Run, missed};
@@ -202,11 +203,11 @@ fn push_line(
 ) {
     let _ = match (&estimate.kinematics, reason) {
         (Some(found), _) => {
-            let [x, y, z] = found.position_m;
+            let [x, y, z] = found.position_m.map(|c| fixed(c, 3));
             let sigma_mm = [0, 3, 5].map(|i| 1e3 * found.covariance_m2[i].sqrt());
             writeln!(
                 text,
-                "frame {index}: {name} at {x:.3}, {y:.3}, {z:.3} m ± {:.0}, {:.0}, {:.0} mm, confidence {:.2}",
+                "frame {index}: {name} at {x}, {y}, {z} m ± {:.0}, {:.0}, {:.0} mm, confidence {:.2}",
                 sigma_mm[0], sigma_mm[1], sigma_mm[2], estimate.confidence
             )
         }

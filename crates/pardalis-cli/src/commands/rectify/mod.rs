@@ -18,6 +18,7 @@ use rayon::prelude::*;
 
 use crate::arguments::Threads;
 use crate::folder::{Content, Folder};
+use crate::numbers::{fixed, plain};
 use crate::output::{print, warn};
 use crate::progress::Progress;
 use crate::scene;
@@ -255,12 +256,19 @@ fn report(arguments: &Arguments, output: &Path, images: usize, rectifier: &Recti
     let shown = rectifier.shown().filter(|shown| *shown).count();
     let [[x0, y0], [x1, y1]] = rectifier.area_m();
     let mut text = format!(
-        "{images} images of {width} x {height} pixels, {} m per pixel: x {x0:.3} to {x1:.3} m, y {y0:.3} to {y1:.3} m; {:.0} % of the pixels show the plane\n",
-        rectifier.step_m(),
+        "{images} images of {width} x {height} pixels, {} m per pixel: x {} to {} m, y {} to {} m; {:.0} % of the pixels show the plane\n",
+        plain(rectifier.step_m()),
+        fixed(x0, 3),
+        fixed(x1, 3),
+        fixed(y0, 3),
+        fixed(y1, 3),
         100.0 * shown as f64 / (width * height) as f64
     );
     let place = match rectifier.camera().center_m() {
-        Some([x, y, z]) => format!("({x:.3}, {y:.3}, {z:.3}) m"),
+        Some(center_m) => {
+            let [x, y, z] = center_m.map(|c| fixed(c, 3));
+            format!("({x}, {y}, {z}) m")
+        }
         None => "an unknown position, so heights above the plane cannot be determined".to_owned(),
     };
     let next = if arguments.images.is_empty() {

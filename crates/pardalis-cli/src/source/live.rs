@@ -1,0 +1,255 @@
+//! Live sources: opening them within a limit, and once more after they have failed.
+
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::{Error, Result};
+use pardalis_scene::VideoInput;
+
+use super::ffmpeg::{Decode, ProbedStream, Process, Programs, name_of, not_allowed};
+use super::running::Running;
+use crate::output::{note, warn};
+use crate::timing::{Stopwatch, now_s};
+use crate::user_error::user_error;
+
+/// How long to wait for the first frame of a live source, in seconds, if the scene does not state it.
+const FIRST_FRAME_TIMEOUT_S: f64 = 20.0;
+
+/// How long to wait for a live source before a message appears.
+const SILENT_WAIT: Duration = Duration::from_secs(2);
+
+/// How long to wait before each attempt to open a source again: long enough for a device to be released.
+const PAUSE: Duration = Duration::from_millis(500);
+
+/// Time stamps continue if they advance like this computer's clock between the frames before and after a failure, up to so
+/// many seconds. Otherwise the clock of the source has started anew.
+const SAME_CLOCK_S: f64 = 1.0;
+
+/// Returns the longest wait for a frame of a live source.
+pub(super) fn timeout(video: &VideoInput) -> Duration {
+    let timeout_s = video.settings.timeout_s.unwrap_or(FIRST_FRAME_TIMEOUT_S);
+    Duration::from_secs_f64(timeout_s)
+}
+
+/// How a live source that has failed is opened again.
+pub(super) struct Again {
+    programs: Programs,
+    video: VideoInput,
+    /// How long it is tried.
+    limit: Duration,
+    clock: SteadyClock,
+}
+
+impl Again {
+    /// Returns `None` for sources that are not opened again.
+    pub(super) fn of(programs: &Programs, video: &VideoInput) -> Option<Self> {
+        let limit_s = video.reopen_s();
+        (limit_s > 0.0).then(|| Self {
+            programs: programs.clone(),
+            video: video.clone(),
+            limit: Duration::from_secs_f64(limit_s),
+            clock: SteadyClock::default(),
+        })
+    }
+
+    /// Returns the time of a frame with this time stamp that arrives now, in seconds.
+    pub(super) fn time_s(&mut self, stamp_s: f64) -> f64 {
+        self.clock.time_at_s(stamp_s, now_s())
+    }
+
+    /// Tries to open the source until it succeeds, `check` accepts its stream and its size in pixels, the time is over or
+    /// the source is stopped. Says so on standard error. `why` is the error that ended it, if any.
+    ///
+    /// Errors: the reason of the last failure.
+    pub(super) fn open(
+        &mut self,
+        running: &Running,
+        why: Option<Error>,
+        check: impl Fn(&ProbedStream, (usize, usize)) -> Result<()>,
+    ) -> Result<Decode> {
+        let input = name_of(&self.video.place);
+        let limit_s = self.limit.as_secs_f64();
+        let timeout = timeout(&self.video);
+        let mut why = if running.was_silent() {
+            user_error!("{input}: no frame came for {} s", timeout.as_secs_f64())
+        } else {
+            why.unwrap_or_else(|| user_error!("{input}: ended"))
+        };
+        warn(format!("{why:#}; opening it again for {limit_s} s"));
+        let watch = Stopwatch::start();
+        while watch.elapsed_s() < limit_s && !running.is_stopped_after(PAUSE) {
+            let opened = self
+                .programs
+                .decode_live(&self.video)
+                .and_then(|mut decode| {
+                    running.replace(Arc::clone(&decode.process));
+                    let (stream, size_px) =
+                        first_of(input, &mut decode, timeout, Announce::Nothing)?;
+                    check(&stream, size_px)?;
+                    Ok(decode)
+                });
+            match opened {
+                Ok(decode) => {
+                    running.count_reopened();
+                    self.clock.is_reopened = true;
+                    warn(format!("{input}: is back after {:.1} s", watch.elapsed_s()));
+                    return Ok(decode);
+                }
+                Err(error) => why = error,
+            }
+        }
+        Err(why.context(format!("{input}: did not come back within {limit_s} s")))
+    }
+}
+
+/// The clock of a live source that continues when the source is opened again.
+#[derive(Default)]
+struct SteadyClock {
+    offset_s: f64,
+    /// The last time, and when its frame arrived, in seconds.
+    last: Option<(f64, f64)>,
+    /// Whether the next frame is the first after a failure.
+    is_reopened: bool,
+}
+
+impl SteadyClock {
+    /// Returns the time of a frame with this time stamp that arrives at this time, in seconds.
+    fn time_at_s(&mut self, stamp_s: f64, arrival_s: f64) -> f64 {
+        if let (true, Some((last_s, last_arrival_s))) = (self.is_reopened, self.last) {
+            let expected_s = last_s + arrival_s - last_arrival_s;
+            if (stamp_s + self.offset_s - expected_s).abs() > SAME_CLOCK_S {
+                self.offset_s = expected_s - stamp_s;
+            }
+            self.is_reopened = false;
+        }
+        let time_s = stamp_s + self.offset_s;
+        self.last = Some((time_s, arrival_s));
+        time_s
+    }
+}
+
+/// Returns ffmpeg's last messages for an error.
+pub(super) fn quoted(messages: &[String]) -> String {
+    if messages.is_empty() {
+        "ffmpeg printed no further messages.".to_owned()
+    } else {
+        format!("ffmpeg's messages:\n{}", messages.join("\n"))
+    }
+}
+
+/// What a wait for a live source says.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Announce {
+    /// What is waited for.
+    Waiting,
+    /// Nothing: it has been said.
+    Nothing,
+}
+
+/// Waits for the first frame of a live source and returns its stream and its size in pixels. Fails if it does not come
+/// within the limit.
+pub(super) fn first_of(
+    input: &str,
+    decode: &mut Decode,
+    limit: Duration,
+    announce: Announce,
+) -> Result<(ProbedStream, (usize, usize))> {
+    let watch = Watch::start(input, &decode.process, limit, announce);
+    let size_px = decode.frames.size_px();
+    let stream = decode.colors.recv();
+    if watch.has_expired() {
+        return Err(user_error!(
+            "{input}: no frame came within {} s; check that the camera is on and its address is right, or give \
+             input.timeout_s a longer time",
+            limit.as_secs_f64()
+        ));
+    }
+    if let (Ok(Some((width, height))), Ok(stream)) = (size_px, stream) {
+        let stream = ProbedStream {
+            width,
+            height,
+            ..stream
+        };
+        return Ok((stream, (width, height)));
+    }
+    decode.process.kill();
+    let (_, messages) = decode.end()?;
+    if messages
+        .iter()
+        .any(|message| message.contains("not on whitelist"))
+    {
+        return Err(not_allowed(input, &messages[0]));
+    }
+    Err(user_error!(
+        "{input}: ffmpeg cannot open it; check the name and how it is opened. {}",
+        quoted(&messages)
+    ))
+}
+
+/// Tells the user that a source keeps them waiting, and ends ffmpeg after a time.
+struct Watch {
+    /// Closed to end the thread.
+    open: Option<Sender<()>>,
+    thread: Option<JoinHandle<bool>>,
+}
+
+impl Watch {
+    fn start(input: &str, process: &Arc<Process>, limit: Duration, announce: Announce) -> Self {
+        let (open, is_open) = channel();
+        let (input, process) = (input.to_owned(), Arc::clone(process));
+        let thread = std::thread::spawn(move || {
+            let waits = |time| is_open.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
+            let silent = SILENT_WAIT.min(limit);
+            if waits(silent) {
+                if announce == Announce::Waiting {
+                    let limit_s = limit.as_secs_f64();
+                    note(format_args!(
+                        "waiting for the first frame of {input}, at most {limit_s} s"
+                    ));
+                }
+                if waits(limit.saturating_sub(silent)) {
+                    process.kill();
+                    return true;
+                }
+            }
+            false
+        });
+        Self {
+            open: Some(open),
+            thread: Some(thread),
+        }
+    }
+
+    /// Ends the watch. Reports whether it has ended ffmpeg.
+    fn has_expired(mut self) -> bool {
+        drop(self.open.take());
+        let ended = self.thread.take().map(JoinHandle::join);
+        matches!(ended, Some(Ok(true)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_go_on_whether_or_not_the_clock_of_the_source_does() {
+        // The stamps before and after a failure of 3 s, and the times that follow.
+        for (after_s, wanted_s) in [
+            ([107.0, 107.1], [107.0, 107.1]),
+            ([0.0, 0.1], [107.25, 107.35]),
+            ([9000.0, 9000.1], [107.25, 107.35]),
+        ] {
+            let mut clock = SteadyClock::default();
+            assert_eq!(clock.time_at_s(104.0, 50.0), 104.0);
+            clock.is_reopened = true;
+            let times_s = [(after_s[0], 53.25), (after_s[1], 53.25)];
+            for ((stamp_s, arrival_s), wanted_s) in times_s.into_iter().zip(wanted_s) {
+                let found_s = clock.time_at_s(stamp_s, arrival_s);
+                assert!((found_s - wanted_s).abs() < 1e-9, "{found_s} {wanted_s}");
+            }
+        }
+    }
+}
