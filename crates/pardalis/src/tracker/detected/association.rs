@@ -83,12 +83,12 @@ impl DetectedTarget {
         let region = self.existence.region;
         let outside = 0.5 * region.squared_sigmas(position_m, &information);
         let is_new_streak = detection.is_streak() && matches!(candidate.origin, Origin::Blob(..));
-        let streak = if !is_new_streak {
-            0.0
-        } else if self.contradicts_streak(detection) {
+        let streak = if detection.is_streak() && self.contradicts_streak(detection) {
             f64::from(self.tuning.existence.missed_nats)
-        } else {
+        } else if is_new_streak {
             tuning.new_streak_nats
+        } else {
+            0.0
         };
         let likeness = by_outline - covered + by_color - outside - streak;
         let clutter_density = self.clutter_density();
