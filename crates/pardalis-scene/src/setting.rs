@@ -290,3 +290,34 @@ impl Setting for PerAxis {
         self.0.write()
     }
 }
+
+/// A positive length, or one that is not known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Length {
+    Metres(f64),
+    Unknown,
+}
+
+/// The word for a value that is not known.
+const UNKNOWN: &str = "unknown";
+
+impl Setting for Length {
+    fn kind() -> Type {
+        Type::Either(Box::new(Type::Number), Box::new(Type::Words(vec![UNKNOWN])))
+    }
+    fn allowed() -> String {
+        format!("a finite number, or \"{UNKNOWN}\"")
+    }
+    fn read(value: &DeValue) -> Option<Self> {
+        if value.as_str() == Some(UNKNOWN) {
+            return Some(Self::Unknown);
+        }
+        f64::read(value).map(Self::Metres)
+    }
+    fn write(&self) -> toml::Value {
+        match self {
+            Self::Metres(metres) => metres.write(),
+            Self::Unknown => toml::Value::String(UNKNOWN.to_owned()),
+        }
+    }
+}

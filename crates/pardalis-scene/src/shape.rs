@@ -3,12 +3,33 @@
 use super::camera_names::CameraNames;
 use super::description::{Presence, above};
 use super::reader::{Kind, Table};
-use super::setting::Word;
+use super::setting::{Length, Word};
 use pardalis::shape::{Flat, Section, Shape, Sphere, SphereOutline, Upright, UprightOutline};
+use pardalis::tracker::SizeTolerance;
+
+/// A shape, and how well its size is known.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ShapeConfig {
+    pub(super) shape: Shape,
+    pub(super) size: SizeTolerance,
+    /// Whether the scene gives the tolerance.
+    pub(super) gives_tolerance: bool,
+}
+
+impl From<Shape> for ShapeConfig {
+    fn from(shape: Shape) -> Self {
+        Self {
+            shape,
+            size: SizeTolerance::default(),
+            gives_tolerance: false,
+        }
+    }
+}
 
 /// Reads the table `shape`. A camera of a plane with unknown position cannot measure heights.
-pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<Shape> {
-    let shape = read_body(table)?;
+pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<ShapeConfig> {
+    let config = read_body(table)?;
+    let shape = config.shape;
     let is_on_plane = matches!(shape, Shape::Flat(flat) if flat.height_m == 0.0);
     if !is_on_plane && let Some(camera) = cameras.without_height.first() {
         table.problem(
@@ -32,7 +53,7 @@ pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<Shape> 
         );
         return None;
     }
-    Some(shape)
+    Some(config)
 }
 
 const SHAPES: [Kind; 5] = [
@@ -46,7 +67,7 @@ const SHAPES: [Kind; 5] = [
     ),
 ];
 
-fn read_body(table: &Table) -> Option<Shape> {
+fn read_body(table: &Table) -> Option<ShapeConfig> {
     let about = "The shape and size of the target.";
     let presence =
         Presence::RequiredIf("unless each landmark has its own shape, or the target has one");
@@ -55,13 +76,14 @@ fn read_body(table: &Table) -> Option<Shape> {
         "cylinder" => {
             let radius_m = length(body, "radius_m", "Radius.", MAX_SIZE_M);
             let section = radius_m.and_then(|radius_m| body.checked(Section::circle(radius_m)));
-            read_upright(body, section)
+            read_upright(body, section).map(ShapeConfig::from)
         }
         "disc" => {
             let radius_m = length(body, "radius_m", "Radius.", MAX_FLAT_SIZE);
             let height_m = read_height_over_ground(body);
             let disc = radius_m.map(|radius_m| Flat::disc(radius_m, height_m));
-            disc.and_then(|disc| body.checked(disc)).map(Shape::Flat)
+            let disc = disc.and_then(|disc| body.checked(disc));
+            disc.map(|disc| Shape::Flat(disc).into())
         }
         "rectangle" => {
             let size_m = body
@@ -70,9 +92,8 @@ fn read_body(table: &Table) -> Option<Shape> {
                 .required();
             let height_m = read_height_over_ground(body);
             let rectangle = size_m.map(|size_m| Flat::rectangle(size_m, height_m));
-            rectangle
-                .and_then(|rectangle| body.checked(rectangle))
-                .map(Shape::Flat)
+            let rectangle = rectangle.and_then(|rectangle| body.checked(rectangle));
+            rectangle.map(|rectangle| Shape::Flat(rectangle).into())
         }
         _ => {
             let sides = body
@@ -96,7 +117,7 @@ fn read_body(table: &Table) -> Option<Shape> {
                 let polygon = Section::polygon(sides, across_flats_m, rotation_deg.to_radians());
                 body.checked(polygon)
             });
-            read_upright(body, section)
+            read_upright(body, section).map(ShapeConfig::from)
         }
     });
     if !table.has("shape") {
@@ -135,17 +156,48 @@ impl Word for UprightOutline {
         &[("exact", Self::Exact), ("facing", Self::Facing)];
 }
 
-fn read_sphere(sphere: &Table) -> Option<Shape> {
-    let radius_m = length(sphere, "radius_m", "Radius.", MAX_SIZE_M);
+/// With this radius in metres the search for a ball of unknown size begins. Hand-set: between a table tennis ball and a football.
+const GUESSED_RADIUS_M: f64 = 0.05;
+
+fn read_sphere(sphere: &Table) -> Option<ShapeConfig> {
+    let radius: Option<Length> = sphere
+        .key("radius_m", "Radius. If it is `unknown`, several cameras, or one if the ball stays on the ground, determine it; only for targets with the edge cue.")
+        .within(above(0.0, MAX_SIZE_M))
+        .required();
+    let tolerance = sphere
+        .key("radius_tolerance", "Standard deviation of the radius, as a share of it; 0 for an exact one. Several cameras, or one if the ball stays on the ground, determine the radius better, also if it is wrong by more. With one camera it counts in the covariance of the distance. Only for targets with the edge cue.")
+        .within(0.0..=1.0);
+    let gives_tolerance = sphere.has("radius_tolerance");
+    let (radius_m, size) = match radius {
+        Some(Length::Unknown) => {
+            if sphere.knows("radius_tolerance") {
+                let message =
+                    "has no meaning for a radius that is unknown; remove it, or give the radius";
+                sphere.problem("radius_tolerance", message);
+            }
+            (Some(GUESSED_RADIUS_M), SizeTolerance::Unknown)
+        }
+        Some(Length::Metres(radius_m)) => (
+            Some(radius_m),
+            SizeTolerance::Share(tolerance.or(SizeTolerance::DEFAULT_SHARE)),
+        ),
+        None => {
+            tolerance.or(SizeTolerance::DEFAULT_SHARE);
+            (None, SizeTolerance::default())
+        }
+    };
     let outline = sphere
         .key(
             "outline",
             "The circle that is projected: the true outline (`tangent`), or the great circle across the viewing ray, as published.",
         )
         .word(SphereOutline::default());
-    sphere
-        .checked(Sphere::new(radius_m?, outline?))
-        .map(Shape::Sphere)
+    let ball = sphere.checked(Sphere::new(radius_m?, outline?))?;
+    Some(ShapeConfig {
+        shape: Shape::Sphere(ball),
+        size,
+        gives_tolerance,
+    })
 }
 
 fn read_upright(body: &Table, section: Option<Section>) -> Option<Shape> {

@@ -6,14 +6,14 @@ use super::description::{Presence, above};
 use super::motion::read_motion;
 use super::reader::{Located, Table};
 use super::setting::Word;
-use super::shape::read_shape;
+use super::shape::{ShapeConfig, read_shape};
 use super::start::{StartConfig, read_start};
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
 use pardalis::shape::Shape;
 use pardalis::start::Start;
 use pardalis::tracker::{
-    BodySettings, DetectedSettings, ExistenceSettings, InitializedSettings, Region,
+    BodySettings, DetectedSettings, ExistenceSettings, InitializedSettings, Region, SizeTolerance,
 };
 use pardalis_core::Error;
 use pardalis_filter::bernoulli::check_motion;
@@ -39,6 +39,8 @@ pub struct BodyConfig {
     pub name: String,
     /// Its shape.
     pub shape: Shape,
+    /// How well its size is known.
+    pub size: SizeTolerance,
     /// The file with its colours; `None` if no cue needs it.
     pub colors: Option<Located<String>>,
     /// How it is tracked.
@@ -109,6 +111,7 @@ impl TargetConfig {
             })
             .collect();
         let typical = shape.or_else(|| own_shapes.iter().copied().flatten().next());
+        let typical = typical.map(|config| config.shape);
         let has_start =
             table.has("start") || landmarks.iter().any(|(_, landmark)| landmark.has("start"));
         let cues = read_cues(&table, typical.as_ref(), &cameras.all, has_start);
@@ -124,7 +127,11 @@ impl TargetConfig {
             let message = "lets a flat shape leave the ground; give planar_constant_velocity, planar_random_walk or planar_constant_acceleration";
             table.problem("motion", message);
         }
-        let body = |name: String, table: &Table, shape: Option<Shape>| {
+        let body = |name: String, table: &Table, config: Option<ShapeConfig>| {
+            let shape = config.map(|config| config.shape);
+            if let (Some(config), Some(shared)) = (&config, &shared) {
+                shared.check_size(table, config, cameras.all.len());
+            }
             let colors = table
                 .key("colors", "Colour model of the target, made by `pardalis learn`. Relative to this file.")
                 .depends("unless the target has only the difference cue, or the window cue with `hue_deg`")
@@ -150,6 +157,7 @@ impl TargetConfig {
             Some(BodyConfig {
                 name,
                 shape: shape?,
+                size: config?.size,
                 colors,
                 tracking: tracking?,
             })
@@ -269,6 +277,7 @@ impl BodyConfig {
                 let no_colors = || missing("the edge cue's colour model", "learn one");
                 let colors = colors.ok_or_else(no_colors)?;
                 let mut settings = DetectedSettings::new(self.shape, colors);
+                settings.size = self.size;
                 settings.edge = *edge;
                 settings.motion = *motion;
                 settings.particle_count = *particle_count;
@@ -310,6 +319,29 @@ impl Shared {
         match self {
             Self::Detected { .. } => false,
             Self::Initialized { cues, .. } => cues.iter().any(|cue| cue.cue.needs_flat_shape()),
+        }
+    }
+
+    /// Reports sizes that cannot be estimated with this number of cameras.
+    fn check_size(&self, table: &Table, config: &ShapeConfig, cameras: usize) {
+        let is_unknown = config.size == SizeTolerance::Unknown;
+        match self {
+            Self::Initialized { .. } if is_unknown => {
+                let message = "has radius_m = \"unknown\", but the published cues need the size; give the radius, or replace them by edge, which estimates it";
+                table.problem("shape", message);
+            }
+            Self::Initialized { .. } if config.gives_tolerance => {
+                let message = "has radius_tolerance, which has no effect on the published cues; they take the radius as exact";
+                table.warn("shape", message);
+            }
+            Self::Detected {
+                motion: Some(motion),
+                ..
+            } if is_unknown && cameras < 2 && !motion.is_planar() => {
+                let message = "has radius_m = \"unknown\", but one camera does not tell size from distance; measure the radius, add a camera that sees the ball too, or give a planar motion if it stays on the ground";
+                table.problem("shape", message);
+            }
+            _ => {}
         }
     }
 

@@ -31,6 +31,8 @@ pub struct Tuning {
     pub existence: ExistenceTuning,
     /// Adaptation.
     pub adaptation: AdaptationTuning,
+    /// The size of balls.
+    pub size: SizeTuning,
     /// The proposal of the Bernoulli filter.
     pub proposal: ProposalTuning,
 }
@@ -46,7 +48,7 @@ impl Tuning {
             )*};
         }
         visit_parts!(blobs, edge, detection, association);
-        visit_parts!(existence, adaptation, proposal);
+        visit_parts!(existence, adaptation, size, proposal);
     }
 
     /// Returns an error unless every constant is above 0 and at most 1000, or 1 for shares.
@@ -57,6 +59,7 @@ impl Tuning {
         self.association.check()?;
         self.existence.check()?;
         self.adaptation.check()?;
+        self.size.check()?;
         self.proposal.check()
     }
 }
@@ -234,6 +237,16 @@ tuned! {
         max_local_brightness: f64 = 0.2, "ln of brightness", "hand-set";
         /// The same for warmth.
         max_local_warmth: f64 = 0.05, "warmth", "hand-set";
+    }
+}
+
+tuned! {
+    /// Tuned constants of the size of balls.
+    SizeTuning {
+        /// The number of frames after which what they said of the size has faded to a third.
+        memory_frames: f64 = 250.0, "frame sets", "hand-set: ten seconds";
+        /// From this standard deviation of its logarithm on a size is unknown, and one camera alone does not determine a position.
+        unknown_sigma: f64 = 0.2, "ln of scale", "hand-set";
     }
 }
 

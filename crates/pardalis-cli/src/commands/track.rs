@@ -7,6 +7,7 @@ use pardalis::TargetId;
 
 use crate::arguments::Threads;
 use crate::output::{note, print};
+use crate::tracking::radius::EstimatedRadius;
 use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
 use crate::user_error::user_error;
 
@@ -128,6 +129,12 @@ fn never_found(run: &Run) -> impl Iterator<Item = (usize, &str)> {
     never.map(|(number, (target, _))| (number, &*target.name))
 }
 
+/// Returns the estimated radii of a target.
+fn radii(run: &Run, number: usize) -> Vec<EstimatedRadius<'_>> {
+    // The number is that of a target of this tracker.
+    EstimatedRadius::of(&run.open.scene, &run.open.tracker, number).unwrap_or_default()
+}
+
 /// Returns what most often ruled out a target that was missing in some frames, and what to do next, one per line.
 fn reasons(run: &Run, number: usize) -> Vec<String> {
     let name = &run.open.scene.targets[number].name;
@@ -177,6 +184,20 @@ fn warnings(run: &Run) -> String {
                 "warning: cameras.{name}: only {} of its {} frames were used; the table shows why the others were not",
                 record.frames.used, record.frames.delivered
             );
+        }
+    }
+    for number in 0..run.open.scene.targets.len() {
+        for radius in radii(run, number) {
+            if let Some(said_m) = radius.contradicted_m() {
+                let _ = writeln!(
+                    text,
+                    "warning: {}.shape.sphere.radius_m: the scene says {} mm, the cameras say {radius}; set radius_m = {:.4}, unless the cameras' calibration is wrong",
+                    radius.key,
+                    // Without the digits that conversion adds.
+                    (1e6 * said_m).round() / 1000.0,
+                    radius.estimate.radius_m
+                );
+            }
         }
     }
     for (number, name) in never_found(run) {
@@ -266,6 +287,9 @@ pub(crate) fn summary(run: &Run) -> String {
             "{}: {} frames tracked, {} occluded, {} lost, {} searching",
             target.name, states.tracking, states.occluded, states.lost, states.searching
         );
+        for radius in radii(run, number) {
+            let _ = writeln!(text, "  {}: radius {radius}", radius.key);
+        }
         // Warnings say why a target was never found.
         if states.tracking > 0 {
             for line in reasons(run, number) {

@@ -113,7 +113,10 @@ impl Annotator {
                     continue;
                 };
                 marks.push(cloud(body, particles, view, color));
-                push_outlines(&mut marks, body, kinematics, view);
+                let scale = now.radius.map_or(1.0, |radius| {
+                    2.0 * radius.radius_m / body.shape.diameter_m()
+                });
+                push_outlines(&mut marks, body, (kinematics, scale), view);
             }
             if let (Some([front, _]), Some(known)) = (target.heading, &estimate.kinematics)
                 && let Some(front) = &tracked[front].kinematics
@@ -177,11 +180,17 @@ impl Annotator {
 }
 
 /// Adds the contours of the best particle in white and those of the mean in black.
-fn push_outlines(marks: &mut Vec<Mark>, body: &BodyConfig, known: &StateEstimate, view: &View) {
-    // Cues other than the contour cue have no scaled contours: draw the outline itself.
-    let scales = body
-        .contour()
-        .map_or_else(|| vec![1.0], |contour| contour.sampling.shown_scales());
+fn push_outlines(
+    marks: &mut Vec<Mark>,
+    body: &BodyConfig,
+    (known, estimated): (&StateEstimate, f64),
+    view: &View,
+) {
+    // Cues other than the contour cue have no scaled contours: draw the outline itself, as large as it is estimated.
+    let scales = body.contour().map_or_else(
+        || vec![estimated],
+        |contour| contour.sampling.shown_scales(),
+    );
     for (position_m, color) in [
         (known.position_m, [0; 3]),
         (known.best_position_m, [255; 3]),

@@ -6,6 +6,7 @@ mod frame_sets;
 mod merge;
 pub(crate) mod missed;
 mod particle_rows;
+pub(crate) mod radius;
 mod rows;
 mod series;
 mod summary;

@@ -12,7 +12,8 @@ use crate::user_error::user_error;
 
 /// The header line. Later versions may append columns.
 const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
-                      xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence,best_x_m,best_y_m,best_z_m\n";
+                      xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence,best_x_m,best_y_m,best_z_m,\
+                      radius_m,sigma_radius_m\n";
 
 /// Writes rows to a file or to standard output.
 pub(crate) struct Rows {
@@ -77,7 +78,11 @@ fn write_row(text: &mut String, instant: &Instant, name: &str, estimate: &Estima
             kinematics.map(|k| k.effective_sample_size),
             Some(estimate.confidence),
         ])
-        .chain((0..3).map(|axis| kinematics.map(|k| k.best_position_m[axis])));
+        .chain((0..3).map(|axis| kinematics.map(|k| k.best_position_m[axis])))
+        .chain([
+            estimate.radius.map(|radius| radius.radius_m),
+            estimate.radius.map(|radius| radius.sigma_m),
+        ]);
     for field in fields {
         text.push(',');
         if let Some(value) = field {

@@ -6,6 +6,7 @@ use anyhow::Result;
 use pardalis::TargetId;
 use serde_json::{Map, json};
 
+use super::radius::EstimatedRadius;
 use super::{MissedFrames, Outcome, SeriesCollector};
 use crate::files::write_file;
 use crate::scene::OpenScene;
@@ -60,7 +61,17 @@ pub(crate) fn write(
         let missed: Map<_, _> = (missed.by_reason(number))
             .map(|(reason, frames)| (reason.name().to_owned(), json!(frames)))
             .collect();
+        let radii = EstimatedRadius::of(&open.scene, &open.tracker, number)?;
+        let radii = radii.iter().map(|radius| {
+            let entry = json!({
+                "radius_m": radius.estimate.radius_m,
+                "sigma_m": radius.estimate.sigma_m,
+            });
+            (radius.key.clone(), entry)
+        });
+        let radii: Map<_, _> = radii.collect();
         let entry = json!({
+            "estimated_radii": radii,
             "diameter_m": diameter_m,
             "rows": states,
             "missed": missed,

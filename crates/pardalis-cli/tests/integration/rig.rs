@@ -188,3 +188,34 @@ fn one_camera_with_a_wrong_clock() {
     rig.assert_followed();
     assert_eq!(rig.summary()["frame_sets"], FRAMES);
 }
+
+#[test]
+fn a_wrong_radius_is_corrected_with_a_warning_and_an_unknown_one_is_found() {
+    let rig = Rig::new();
+    let in_mm = |field: &String| 1000.0 * field.parse::<f64>().unwrap();
+    for (radius, is_told) in [("0.028", true), ("0.035", false), ("\"unknown\"", false)] {
+        let run = rig.track_ball(&format!(
+            "shape.sphere.radius_m = {radius}\ncolors = \"ball.toml\"\n"
+        ));
+        let told = run.stderr.contains(
+            "targets.ball.shape.sphere.radius_m: the scene says 28 mm, the cameras say 35.",
+        );
+        assert_eq!(told, is_told, "{radius}: {}", run.stderr);
+        assert!(
+            run.stdout.contains("targets.ball: radius 35."),
+            "{}",
+            run.stdout
+        );
+        let rows = rows_in(&rig.tracks());
+        let [.., radius_m, sigma_m] = &rows[FRAMES - 1][..] else {
+            panic!("a row has more cells");
+        };
+        assert!((in_mm(radius_m) - 35.0).abs() < 0.3, "{radius}: {radius_m}");
+        assert!(
+            (0.05..0.35).contains(&in_mm(sigma_m)),
+            "{radius}: {sigma_m}"
+        );
+        let entry = &rig.summary()["targets"]["ball"]["estimated_radii"]["targets.ball"];
+        assert_eq!(entry["radius_m"].as_f64().unwrap().to_string(), *radius_m);
+    }
+}

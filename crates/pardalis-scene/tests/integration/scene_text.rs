@@ -249,7 +249,7 @@ fn replaced_values_override_the_text_and_are_checked_alike() {
         "as set: seed: is a table; allowed: a whole number",
         "as set: targets.ball.filter.particles: is 0; allowed:",
         "as set: targets.ball.filter.partikles: is not a key; did you mean particles?",
-        "as set: targets.ball.shape.sphere.radius_m: is the text \"big\"; allowed: a finite number",
+        "as set: targets.ball.shape.sphere.radius_m: is the text \"big\"; allowed: a finite number, or \"unknown\"",
         "line 5: cameras.dioptric.fps: is 0",
     ] {
         assert!(

@@ -57,3 +57,21 @@ pub fn association_log_weight(log_ratio: f64, rivals: &Rivals) -> f64 {
     let predicted = 1.0 + ratio * rivals.predicted / (rivals.clutter + ratio * rivals.own);
     (ratio / rivals.clutter / (updated * predicted)).ln()
 }
+
+/// Returns the likeliest logarithm of a scale and its standard deviation, given a measurement with Gaussian errors and a prior around 0 with the tails of a Cauchy
+/// distribution: the greatest of a fine grid, and the curvature there, to which the prior's tails add nothing.
+pub fn size_posterior(tolerance: f64, measured: f64, sigma: f64) -> [f64; 2] {
+    const STEP: f64 = 1e-5;
+    let of_prior = |x: f64| -(1.0 + 0.5 * (x / tolerance).powi(2)).ln();
+    let of_measurement = |x: f64| -0.5 * ((x - measured) / sigma).powi(2);
+    let grid = (-100_000..=100_000).map(|i| STEP * f64::from(i));
+    let density = |x: f64| of_prior(x) + of_measurement(x);
+    let likeliest = grid.max_by(|a, b| density(*a).total_cmp(&density(*b)));
+    let likeliest = likeliest.unwrap_or(0.0);
+    let bend = |f: &dyn Fn(f64) -> f64| {
+        let wide = 1e-4;
+        (2.0 * f(likeliest) - f(likeliest - wide) - f(likeliest + wide)) / (wide * wide)
+    };
+    let information = bend(&of_prior).max(0.0) + bend(&of_measurement);
+    [likeliest, 1.0 / information.sqrt()]
+}

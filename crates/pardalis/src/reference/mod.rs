@@ -13,7 +13,8 @@ mod patch;
 mod streak;
 
 pub use detected::{
-    Rivals, association_log_weight, mixture_log_ratio, predicted_visibility, updated_visibility,
+    Rivals, association_log_weight, mixture_log_ratio, predicted_visibility, size_posterior,
+    updated_visibility,
 };
 pub use edge::{EdgeLines, color_posterior};
 pub use outline::{boundary, boundary_along_normals, boundary_of_scales, outline_points};

@@ -11,6 +11,8 @@ pub struct Candidate {
     pub origin: Origin,
     /// The position in the world, metres: where its outline was fitted, or else where the fit was to begin; `None` if it was ruled out before.
     pub position_m: Option<[f64; 3]>,
+    /// The logarithm of its scale there relative to the target's shape.
+    pub(super) log_scale: f64,
     /// How far its outline as a whole is the target's, in nats: the judged log-likelihood ratio, summed over the cameras that see it.
     pub outline_nats: Option<f64>,
     /// The log-likelihood ratio of its mean colour, in nats, of the camera in which it is least.
@@ -149,11 +151,17 @@ impl Verdict {
 }
 
 impl Candidate {
+    /// Returns its scale relative to the target's shape: 1 unless the size is estimated.
+    pub fn scale(&self) -> f64 {
+        libm::exp(self.log_scale)
+    }
+
     /// A candidate that is ruled out so far by this verdict.
     pub(super) fn new(origin: Origin, verdict: Verdict) -> Self {
         Self {
             origin,
             position_m: None,
+            log_scale: 0.0,
             outline_nats: None,
             color_nats: None,
             visible_share: None,

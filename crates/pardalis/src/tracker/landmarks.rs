@@ -50,6 +50,7 @@ fn sum(a: Estimate, b: Estimate) -> Estimate {
             effective_sample_size: a.effective_sample_size.min(b.effective_sample_size),
         }),
         heading_rad: None,
+        radius: None,
         confidence: a.confidence * b.confidence,
     }
 }
@@ -84,6 +85,7 @@ mod tests {
                 effective_sample_size: 100.0 + position_m[0],
             }),
             heading_rad: None,
+            radius: None,
             confidence: 0.5,
         }
     }
@@ -111,6 +113,7 @@ mod tests {
             state: TrackState::Lost,
             kinematics: None,
             heading_rad: None,
+            radius: None,
             confidence: 0.0,
         };
         let both = combined(

@@ -24,7 +24,9 @@ use detected::LookAlikes;
 pub use existence::{ExistenceSettings, OcclusionRates, Region};
 pub use frame_set::FrameSet;
 pub use ids::{CameraId, TargetId};
-pub use settings::{BodySettings, DetectedSettings, InitializedSettings, TargetSettings};
+pub use settings::{
+    BodySettings, DetectedSettings, InitializedSettings, SizeTolerance, TargetSettings,
+};
 
 use std::ops::Range;
 
@@ -82,10 +84,21 @@ pub struct Estimate {
     /// The direction from the rear landmark to the front one, counter-clockwise from x, in radians within ±π; `None`
     /// for targets without these landmarks.
     pub heading_rad: Option<f64>,
+    /// The radius of a detected ball, once several cameras have seen it, or one if it stays on the ground. `None` if it is not estimated.
+    pub radius: Option<RadiusEstimate>,
     /// The filter's own probability that the target is within one diameter of the position; for an initialised target,
     /// given that it is there, unless it was located in a single image. Without a position: the probability that a
     /// detected target exists and is visible; 0 for an initialised one.
     pub confidence: f64,
+}
+
+/// The estimated radius of a ball.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RadiusEstimate {
+    /// Radius, metres.
+    pub radius_m: f64,
+    /// Its standard deviation, metres. Includes errors that all frames share, so that it does not vanish with time.
+    pub sigma_m: f64,
 }
 
 /// The outcome of [`Tracker::observe`].

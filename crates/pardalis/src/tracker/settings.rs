@@ -2,6 +2,7 @@
 
 use super::existence::ExistenceSettings;
 use crate::color::ColorModel;
+use crate::likelihood::edge::SizePrior;
 use crate::likelihood::{ContourSettings, Cue, CueSettings, EdgeSettings};
 use crate::shape::{Shape, Sphere, SphereOutline};
 use crate::start::Start;
@@ -78,6 +79,8 @@ impl From<InitializedSettings> for BodySettings {
 pub struct DetectedSettings {
     /// Its shape.
     pub shape: Shape,
+    /// How well the size of a ball is known; without effect on other shapes.
+    pub size: SizeTolerance,
     /// Its colours.
     pub colors: ColorModel,
     /// The edge cue.
@@ -111,6 +114,7 @@ impl DetectedSettings {
     pub fn new(shape: Shape, colors: ColorModel) -> Self {
         Self {
             shape,
+            size: SizeTolerance::default(),
             colors,
             edge: EdgeSettings::default(),
             motion: on_ground(ConstantVelocity::BETWEEN_VELOCITY_JUMPS.into(), &shape),
@@ -119,6 +123,60 @@ impl DetectedSettings {
             start: None,
             tuning: Tuning::default(),
         }
+    }
+
+    /// What is known of the size before the first frames of this many cameras.
+    ///
+    /// Returns an error if the tolerance is out of range, or the size is unknown and these cameras cannot determine it.
+    pub(super) fn size_prior(&self, cameras: usize) -> Result<SizePrior, Error> {
+        let is_ball = matches!(self.shape, Shape::Sphere(_));
+        let sigma = match self.size {
+            SizeTolerance::Share(share) if (0.0..=1.0).contains(&share) => share,
+            SizeTolerance::Share(share) => {
+                return Err(Error::out_of_range("radius_tolerance", share, "0 to 1"));
+            }
+            SizeTolerance::Unknown if !is_ball => {
+                let allowed = "the size of a shape other than a ball: it is not estimated";
+                return Err(Error::out_of_range("size", "unknown", allowed));
+            }
+            SizeTolerance::Unknown if cameras < 2 && !self.motion.is_planar() => {
+                let allowed = "the radius: one camera does not tell size from distance, unless the motion is planar";
+                return Err(Error::out_of_range("radius_m", "unknown", allowed));
+            }
+            SizeTolerance::Unknown => SizeTolerance::UNKNOWN_SIGMA,
+        };
+        Ok(SizePrior {
+            log_scale: 0.0,
+            sigma: if is_ball { sigma } else { 0.0 },
+        })
+    }
+}
+
+/// How well the size of a detected ball is known beforehand.
+///
+/// Two or more cameras that see the ball, or one if it stays on the ground, determine its size. The tracker then estimates it
+/// ([`Estimate::radius`](super::Estimate::radius)), and a contradiction between cameras and settings does not displace the ball. One camera alone does not
+/// tell size from distance: the tolerance then counts in the covariance of the position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum SizeTolerance {
+    /// The standard deviation of the radius as a share of it, 0 to 1; 0 for a radius that is exact. Large deviations are unlikely, but not excluded (the tails are
+    /// those of a Cauchy distribution).
+    Share(f64),
+    /// The radius of the shape is a guess, with which the search begins. Needs several cameras, or planar motion.
+    Unknown,
+}
+
+impl SizeTolerance {
+    /// The default share, 2 %.
+    pub const DEFAULT_SHARE: f64 = 0.02;
+    /// The standard deviation of the logarithm of an unknown radius. Derivation: ln 10, a guess may be ten times too small or too large.
+    const UNKNOWN_SIGMA: f64 = std::f64::consts::LN_10;
+}
+
+impl Default for SizeTolerance {
+    fn default() -> Self {
+        Self::Share(Self::DEFAULT_SHARE)
     }
 }
 

@@ -10,3 +10,4 @@ mod locate_bias;
 mod no_io;
 mod rectify;
 mod seek;
+mod size;

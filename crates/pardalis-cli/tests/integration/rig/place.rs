@@ -144,11 +144,22 @@ impl Rig {
 
     /// Returns the scene, with additional tables before its cameras.
     pub(crate) fn scene(&self, before: &str) -> String {
+        self.cameras(before) + TARGET
+    }
+
+    /// Returns the cameras of the scene, with additional tables before them.
+    fn cameras(&self, before: &str) -> String {
         let mut scene = before.to_owned();
         for (camera, table) in self.settings.borrow().iter() {
             let _ = write!(scene, "[cameras.{camera}]\n{table}");
         }
-        scene + TARGET
+        scene
+    }
+
+    /// Tracks a ball with these settings and no start, with results in the folder `out`.
+    pub(crate) fn track_ball(&self, settings: &str) -> Run {
+        let scene = self.cameras("") + "[targets.ball]\n" + settings;
+        Run::of(&mut self.command(&scene, &["-o", "out", "--no-plots"]))
     }
 
     /// Returns the command `pardalis track` in the folder.

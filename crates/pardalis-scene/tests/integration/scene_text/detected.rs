@@ -2,7 +2,7 @@
 
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{Cue, EdgeSettings};
-use pardalis::tracker::{BodySettings, DetectedSettings, ExistenceSettings};
+use pardalis::tracker::{BodySettings, DetectedSettings, ExistenceSettings, SizeTolerance};
 use pardalis_scene::{Scene, StartConfig};
 
 use super::{SCENE, assert_rejected, parsed};
@@ -143,4 +143,72 @@ fn contradictory_settings_of_detected_targets_are_rejected_by_key() {
             ),
         ],
     );
+}
+
+#[test]
+fn the_radius_of_a_ball_has_a_tolerance_or_is_unknown() {
+    assert_eq!(detected("").size, SizeTolerance::Share(0.02));
+    let (two, _) = SCENE.split_once("[targets.robot]").unwrap();
+    let one = "[cameras.web]\nimages = \"frames\"\nfps = 25\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n\
+               model.pinhole = { f_px = [300, 301], center_px = [159.5, 119.5] }\n";
+    let parse = |cameras: &str, settings: &str| {
+        parsed(&format!(
+            "{cameras}[targets.ball]\ncolors = \"ball.toml\"\n{settings}\n"
+        ))
+    };
+    let size = |cameras, settings| parse(cameras, settings).unwrap().targets[0].bodies[0].size;
+    let rough = "shape.sphere = { radius_m = 0.1, radius_tolerance = 0.1 }";
+    assert_eq!(size(one, rough), SizeTolerance::Share(0.1));
+    let unknown = "shape.sphere.radius_m = \"unknown\"";
+    assert_eq!(size(two, unknown), SizeTolerance::Unknown);
+    let planar =
+        format!("{unknown}\nmotion.planar_constant_velocity.acceleration_density_m2ps3 = 1");
+    assert_eq!(size(one, &planar), SizeTolerance::Unknown);
+    let published = format!("{unknown}\ncontour = {{}}\nstart.gaussian.position_m = [1, 2, 3]");
+    let both = "shape.sphere = { radius_m = \"unknown\", radius_tolerance = 0.1 }";
+    let above = "shape.sphere = { radius_m = 0.1, radius_tolerance = 1.5 }";
+    for (cameras, settings, key, message) in [
+        (
+            one,
+            unknown,
+            "targets.ball.shape",
+            "one camera does not tell size from distance",
+        ),
+        (
+            two,
+            &*published,
+            "targets.ball.shape",
+            "the published cues need the size",
+        ),
+        (
+            two,
+            both,
+            "targets.ball.shape.sphere.radius_tolerance",
+            "remove it",
+        ),
+        (
+            two,
+            above,
+            "targets.ball.shape.sphere.radius_tolerance",
+            "0 to 1",
+        ),
+        (
+            two,
+            "shape.sphere.radius_m = \"big\"",
+            "targets.ball.shape.sphere.radius_m",
+            "\"unknown\"",
+        ),
+    ] {
+        let problems = parse(cameras, settings).unwrap_err();
+        assert_eq!(problems.len(), 1, "{settings}: {problems:?}");
+        let key = format!(": {key}: ");
+        assert!(
+            problems[0].contains(&key) && problems[0].contains(message),
+            "{problems:?}"
+        );
+    }
+    let published = format!("{rough}\ncontour = {{}}\nstart.gaussian.position_m = [1, 2, 3]");
+    let warnings = parse(two, &published).unwrap().warnings;
+    let is_told = |warning: &pardalis_scene::Problem| warning.message.contains("has no effect");
+    assert!(warnings.iter().any(is_told), "{warnings:?}");
 }

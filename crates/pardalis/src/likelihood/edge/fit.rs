@@ -1,9 +1,10 @@
 //! Fits the position at which a target's outlines agree best with the frames: Newton's method on the log-likelihoods of correspondence lines, over all cameras at once.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 
 use super::frame::{Octave, SECTORS};
 use super::lines::{CorrespondenceLines, NoFit, log_mean_exp};
+use super::size::{SizeEvidence, SizePrior};
 use super::{Coordinates, EdgeCue, EdgeFrame, LANES, Surrounding};
 use crate::tuning::{AdaptationTuning, EdgeTuning};
 
@@ -13,7 +14,11 @@ pub(crate) struct Detection {
     position_m: [f64; 3],
     /// How far it moved while the shutter was open.
     displacement_m: [f64; 3],
-    information: Matrix3<f64>,
+    log_scale: f64,
+    /// The curvature of the log-likelihood in position and logarithm of the scale.
+    information: Matrix4<f64>,
+    drift_m: Vector3<f64>,
+    size: Option<SizeEvidence>,
     log_likelihood_ratio: f64,
     coarse_log_ratio: f64,
     judged_log_ratio: f64,
@@ -40,9 +45,29 @@ impl Detection {
         self.displacement_m != [0.0; 3]
     }
 
-    /// The curvature of the log-likelihood at its position, 1/m²: the inverse of the position's covariance.
-    pub(crate) fn information(&self) -> &Matrix3<f64> {
-        &self.information
+    /// Its scale relative to the target's shape.
+    pub(crate) fn scale(&self) -> f64 {
+        libm::exp(self.log_scale)
+    }
+
+    /// The logarithm of its scale.
+    pub(crate) fn log_scale(&self) -> f64 {
+        self.log_scale
+    }
+
+    /// The curvature of the log-likelihood at its position, 1/m²: the inverse of the position's covariance, given its scale.
+    pub(crate) fn information(&self) -> Matrix3<f64> {
+        self.information.fixed_view::<3, 3>(0, 0).into()
+    }
+
+    /// How the position would change with the logarithm of the scale, metres: in one camera alone, along its ray.
+    pub(crate) fn drift_m(&self) -> [f64; 3] {
+        self.drift_m.into()
+    }
+
+    /// What the frames say of its size; `None` if they do not determine it.
+    pub(crate) fn size(&self) -> Option<&SizeEvidence> {
+        self.size.as_ref()
     }
 
     /// The log-likelihood ratio of its lines at its position against an edge anywhere nearby, summed over the cameras that see it, in nats.
@@ -50,7 +75,14 @@ impl Detection {
         self.log_likelihood_ratio
     }
 
-    /// The same in the octave in which it is judged.
+    /// What a camera's lines add to their log-likelihood ratio so that at its position each camera has the same share of the sum, in nats: none then outweighs
+    /// that another contradicts.
+    pub(super) fn balance(&self, lines: &CorrespondenceLines) -> f32 {
+        let mean = self.log_likelihood_ratio / self.camera_count as f64;
+        (mean - f64::from(lines.fitted_log_ratio)) as f32
+    }
+
+    /// Its log-likelihood ratio in the octave in which it is judged.
     pub(crate) fn coarse_log_ratio(&self) -> f64 {
         self.coarse_log_ratio
     }
@@ -71,10 +103,21 @@ impl Detection {
         self.camera_count
     }
 
+    /// The numbers of the cameras that see it.
+    pub(crate) fn cameras(&self) -> impl Iterator<Item = usize> + Clone {
+        self.lines().iter().map(|lines| lines.camera)
+    }
+
     /// The share of its outline along which the target's colours are visible, 0 to 1: the mean over the cameras that see it.
     pub(crate) fn visible_share(&self) -> f64 {
         let sum: f32 = self.lines().iter().map(|lines| lines.visible_share).sum();
         f64::from(sum) / self.camera_count as f64
+    }
+
+    /// The same for the camera in which it is least.
+    pub(crate) fn least_visible_share(&self) -> f32 {
+        let shares = self.lines().iter().map(|lines| lines.visible_share);
+        shares.fold(1.0, f32::min)
     }
 
     /// The same for one camera; `None` if that does not see it.
@@ -131,11 +174,12 @@ impl Detection {
         }
     }
 
-    /// A detection at a position without lines yet.
+    /// A detection at a position and of a scale, without lines yet.
     #[cfg(test)]
-    pub(super) fn at(position_m: [f64; 3]) -> Self {
+    pub(super) fn at(position_m: [f64; 3], scale: f64) -> Self {
         Self {
             position_m,
+            log_scale: libm::log(scale),
             ..Self::default()
         }
     }
@@ -260,31 +304,79 @@ const LEAST_FAILED_DAMPING: f64 = 1e-2;
 /// The distance over which projections are differentiated, in diameters. Hand-set: single precision still tells the difference.
 const STEP_DIAMETERS: f64 = 0.02;
 
+/// Below this share of the information that a known position would leave, the frames do not tell size from distance. Hand-set: cameras side by side.
+const LEAST_SIZE_SHARE: f64 = 1e-4;
+
 /// The number of deviations of a sector that are tried when an outline is judged. Hand-set: a quarter of a pixel apart, as lines' shifts.
 const DEVIATIONS: usize = 5;
 
-/// The log-likelihood's gradient and curvature.
+/// A Gaussian of positions, if there is one: mean and inverse covariance.
+pub(crate) type PositionPrior<'a> = Option<(&'a Vector3<f64>, &'a Matrix3<f64>)>;
+
+/// Where a fit begins, and what is known before.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FitStart<'a> {
+    /// A position in the world, metres.
+    pub(crate) position_m: [f64; 3],
+    /// How far the outline moves while the shutter is open, metres: zero unless it is fitted as a streak.
+    pub(crate) displacement_m: [f64; 3],
+    /// The logarithm of the scale at which outlines are sought first.
+    pub(crate) log_scale: f64,
+    /// What is known of the position: it is fitted along with the lines.
+    pub(crate) prior: PositionPrior<'a>,
+    /// What is known of the size. It is fitted where several cameras see the target, or one that stays on the ground.
+    pub(crate) size: SizePrior,
+    /// Whether motion is planar, which keeps the height.
+    pub(crate) is_planar: bool,
+}
+
+/// The same for a position followed by the logarithm of the scale.
+struct Prior {
+    gaussian: Option<(Vector4<f64>, Matrix4<f64>)>,
+    size: SizePrior,
+    is_planar: bool,
+}
+
+/// The log-likelihood's gradient and curvature in position and logarithm of the scale.
 struct Slope {
-    gradient: Vector3<f64>,
-    curvature: Matrix3<f64>,
+    gradient: Vector4<f64>,
+    curvature: Matrix4<f64>,
+    /// The sum of the lines' curvatures, 1/px².
+    of_shift: f64,
+}
+
+/// The index of the logarithm of the scale.
+const SCALE: usize = 3;
+
+/// Position and logarithm of the scale of a detection.
+fn place_of(detection: &Detection) -> Vector4<f64> {
+    let [x, y, z] = detection.position_m;
+    Vector4::new(x, y, z, detection.log_scale)
 }
 
 impl EdgeCue {
-    /// Fits the best position near `position_m`; returns why not if no camera sees the target's colours there. `prior` is a Gaussian that is fitted
-    /// along with the lines: mean and inverse covariance. Planar motion (`is_planar`) keeps the height. Writes into `detection`, whose buffers it reuses.
+    /// Fits the best position near a start; returns why not if no camera sees the target's colours there. Writes into `detection`, whose buffers it reuses.
     ///
     /// The outline is fitted in the octave in which it is judged, then octave by octave down to the frame's own pixels as long as these agree.
     pub(crate) fn fit(
         &mut self,
         frames: &[EdgeFrame],
-        (position_m, displacement_m): ([f64; 3], [f64; 3]),
-        prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
-        is_planar: bool,
+        start: &FitStart,
         detection: &mut Detection,
     ) -> Result<(), NoFit> {
-        detection.position_m = position_m;
-        detection.displacement_m = displacement_m;
-        self.fit_octave(frames, prior, (is_planar, 0), detection)?;
+        detection.position_m = start.position_m;
+        detection.displacement_m = start.displacement_m;
+        detection.log_scale = start.log_scale;
+        let gaussian = start.prior.map(|(mean, information)| {
+            let mean = mean.push(start.size.log_scale);
+            (mean, information.fixed_resize::<4, 4>(0.0))
+        });
+        let prior = Prior {
+            gaussian,
+            size: start.size,
+            is_planar: start.is_planar,
+        };
+        self.fit_octave(frames, &prior, 0, detection)?;
         detection.coarse_log_ratio = detection.log_likelihood_ratio;
         self.judge(frames, detection);
         if detection.is_streak() {
@@ -293,7 +385,7 @@ impl EdgeCue {
         }
         let octaves = detection.lines().iter().map(|lines| lines.octave.0);
         for finer in 1..=octaves.max().unwrap_or(0) {
-            if !self.refine(frames, (is_planar, finer), detection) {
+            if !self.refine(frames, &prior, finer, detection) {
                 break;
             }
         }
@@ -302,7 +394,10 @@ impl EdgeCue {
 
     /// Judges the outline at the detection's position, for which the lines were placed.
     pub(super) fn judge(&mut self, frames: &[EdgeFrame], detection: &mut Detection) {
-        let position = detection.position_m.map(|v| [v as f32; LANES]);
+        let (position, scale) = (
+            detection.position_m.map(|v| [v as f32; LANES]),
+            detection.scale(),
+        );
         let exponent = self.settings.likelihood_exponent as f32;
         let tolerance_px = self.tuning.judged_tolerance_px;
         detection.judged_log_ratio = 0.0;
@@ -310,7 +405,7 @@ impl EdgeCue {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
-            self.project(frame.projector(), &position);
+            self.project(frame.projector(), &position, scale);
             let of_fit = lines.replace_exponent(exponent);
             let mut sums = [[0_f32; DEVIATIONS]; SECTORS];
             for (k, [u, v]) in self.coordinates.iter().enumerate() {
@@ -331,15 +426,20 @@ impl EdgeCue {
     fn refine(
         &mut self,
         frames: &[EdgeFrame],
-        (is_planar, finer): (bool, u8),
+        known: &Prior,
+        finer: u8,
         detection: &mut Detection,
     ) -> bool {
         let cameras = detection.camera_count;
         let (position_m, log_ratio) = (detection.position_m, detection.log_likelihood_ratio);
-        let (mean, information) = (Vector3::from(position_m), detection.information);
-        let prior = Some((&mean, &information));
-        let fitted = self.fit_octave(frames, prior, (is_planar, finer), detection);
-        let moved = Vector3::from(detection.position_m) - mean;
+        let (drift_m, size) = (detection.drift_m, detection.size);
+        let (mean, information) = (place_of(detection), detection.information);
+        let prior = Prior {
+            gaussian: Some((mean, information)),
+            ..*known
+        };
+        let fitted = self.fit_octave(frames, &prior, finer, detection);
+        let moved = place_of(detection) - mean;
         let agrees = fitted.is_ok()
             && detection.camera_count == cameras
             && (moved.transpose() * information * moved)[0]
@@ -347,9 +447,12 @@ impl EdgeCue {
             && detection.log_likelihood_ratio > self.tuning.min_refined_share * log_ratio;
         if !agrees {
             detection.position_m = position_m;
+            detection.log_scale = mean[SCALE];
             // As before: there were lines.
             let _ = self.place_lines(frames, finer - 1, detection);
+            self.note_log_ratios(frames, detection);
             detection.information = information;
+            (detection.drift_m, detection.size) = (drift_m, size);
             detection.log_likelihood_ratio = log_ratio;
         }
         agrees
@@ -359,8 +462,8 @@ impl EdgeCue {
     fn fit_octave(
         &mut self,
         frames: &[EdgeFrame],
-        prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
-        (is_planar, finer): (bool, u8),
+        prior: &Prior,
+        finer: u8,
         detection: &mut Detection,
     ) -> Result<(), NoFit> {
         let EdgeTuning {
@@ -372,17 +475,21 @@ impl EdgeCue {
         } = self.tuning;
         for round in 0..=rounds {
             self.place_lines(frames, finer, detection)?;
+            if !self.fits_size(prior, detection) && detection.log_scale != prior.size.log_scale {
+                detection.log_scale = prior.size.log_scale;
+                self.place_lines(frames, finer, detection)?;
+            }
             if round == rounds {
                 break;
             }
-            let before = Vector3::from(detection.position_m);
+            let fixed = [prior.is_planar, !self.fits_size(prior, detection)];
             let mut damping = FIRST_DAMPING;
-            let mut value = self.value(frames, detection, before, prior);
+            let mut value = self.value(frames, detection, place_of(detection), prior);
             let mut moved_px = 0.0_f64;
             for _ in 0..steps {
-                let here = Vector3::from(detection.position_m);
-                let (slope, shift_px) = self.slope(frames, detection, here, prior);
-                let Some((step, size_px)) = solve(&slope, damping, is_planar, &shift_px) else {
+                let here = place_of(detection);
+                let (slope, shift_px) = self.slope(frames, detection, Some(prior));
+                let Some((step, size_px)) = solve(&slope, damping, fixed, &shift_px) else {
                     break;
                 };
                 // Lines do not reach farther.
@@ -392,7 +499,8 @@ impl EdgeCue {
                 let new_value = self.value(frames, detection, there, prior);
                 if new_value > value {
                     value = new_value;
-                    detection.position_m = there.into();
+                    detection.position_m = there.xyz().into();
+                    detection.log_scale = there[SCALE];
                     damping *= DAMPING_FACTORS[0];
                     moved_px += size_px;
                 } else {
@@ -406,10 +514,11 @@ impl EdgeCue {
                 break;
             }
         }
-        let here = Vector3::from(detection.position_m);
-        let (slope, _) = self.slope(frames, detection, here, None);
+        let (slope, _) = self.slope(frames, detection, None);
         detection.information = slope.curvature;
-        detection.log_likelihood_ratio = self.value(frames, detection, here, None);
+        detection.log_likelihood_ratio = self.note_log_ratios(frames, detection);
+        let fits_size = self.fits_size(prior, detection);
+        detection.note_size(&slope, prior.is_planar, fits_size);
         if detection.log_likelihood_ratio.is_finite() {
             Ok(())
         } else {
@@ -429,7 +538,7 @@ impl EdgeCue {
         let mut no_fit = NoFit::OutOfView;
         for frame in frames {
             let position = detection.position_m.map(|v| [v as f32; LANES]);
-            self.project(frame.projector(), &position);
+            self.project(frame.projector(), &position, detection.scale());
             if detection.lines.len() == count {
                 detection.lines.push(CorrespondenceLines::default());
             }
@@ -481,46 +590,76 @@ impl EdgeCue {
         }
     }
 
-    /// Returns the log-likelihood ratio at a position plus the prior's log-density there.
+    /// Whether the frames determine the size of a detection, given what is known before. The edges of streaks are too soft.
+    fn fits_size(&self, prior: &Prior, detection: &Detection) -> bool {
+        let is_seen = detection.camera_count > 1 || prior.is_planar;
+        self.is_ball && is_seen && !detection.is_streak() && prior.size.sigma > 0.0
+    }
+
+    /// Returns the log-likelihood ratio at a place, position and logarithm of the scale, plus the prior's log-density there.
     fn value(
         &mut self,
         frames: &[EdgeFrame],
         detection: &Detection,
-        position: Vector3<f64>,
-        prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
+        place: Vector4<f64>,
+        prior: &Prior,
     ) -> f64 {
-        let mut value = prior.map_or(0.0, |(mean, information)| {
-            let off = position - mean;
-            -0.5 * (off.transpose() * information * off)[0]
-        });
+        let mut value = prior.size.log_density(place[SCALE]);
+        if let Some((mean, information)) = prior.gaussian {
+            let off = place - mean;
+            value -= 0.5 * (off.transpose() * information * off)[0];
+        }
+        let (position, scale) = (place.xyz(), libm::exp(place[SCALE]));
         for lines in detection.lines() {
-            let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
-                continue;
-            };
-            let single: [f64; 3] = position.into();
-            self.project(frame.projector(), &single.map(|v| [v as f32; LANES]));
-            let sums = SectorSums::of(lines, &self.coordinates).lane(0);
-            value += f64::from(lines.log_likelihood_ratio(&sums));
+            value += f64::from(self.lines_log_ratio(frames, lines, position.into(), scale));
         }
         value
     }
 
-    /// Returns gradient and curvature at a position, and how many pixels the outline moves per metre along each axis.
+    /// Returns the log-likelihood ratio of one camera's lines at a position, of the shape at this scale.
+    fn lines_log_ratio(
+        &mut self,
+        frames: &[EdgeFrame],
+        lines: &CorrespondenceLines,
+        position_m: [f64; 3],
+        scale: f64,
+    ) -> f32 {
+        let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
+            return 0.0;
+        };
+        let position = position_m.map(|v| [v as f32; LANES]);
+        self.project(frame.projector(), &position, scale);
+        lines.log_likelihood_ratio(&SectorSums::of(lines, &self.coordinates).lane(0))
+    }
+
+    /// Notes the log-likelihood ratio of each camera's lines at the detection. Returns their sum.
+    fn note_log_ratios(&mut self, frames: &[EdgeFrame], detection: &mut Detection) -> f64 {
+        let (position_m, scale) = (detection.position_m, detection.scale());
+        let mut sum = 0.0;
+        for lines in &mut detection.lines[..detection.camera_count] {
+            lines.fitted_log_ratio = self.lines_log_ratio(frames, lines, position_m, scale);
+            sum += f64::from(lines.fitted_log_ratio);
+        }
+        sum
+    }
+
+    /// Returns gradient and curvature at a detection, and how many pixels the outline moves per metre along each axis and per logarithm of the scale.
     fn slope(
         &mut self,
         frames: &[EdgeFrame],
         detection: &Detection,
-        position: Vector3<f64>,
-        prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
-    ) -> (Slope, [f64; 3]) {
+        prior: Option<&Prior>,
+    ) -> (Slope, [f64; 4]) {
         let mut slope = Slope {
-            gradient: Vector3::zeros(),
-            curvature: Matrix3::zeros(),
+            gradient: Vector4::zeros(),
+            curvature: Matrix4::zeros(),
+            of_shift: 0.0,
         };
+        let (position, scale) = (Vector3::from(detection.position_m), detection.scale());
         let span_px = self.tuning.span_px;
-        let mut most = [0.0_f64; 3];
+        let mut most = [0.0_f64; 4];
         // Either way along each axis.
-        let step_m = STEP_DIAMETERS * self.diameter_m;
+        let step_m = STEP_DIAMETERS * self.diameter_m * scale;
         let mut positions = [[0_f32; LANES]; 3];
         for lane in 0..LANES {
             for axis in 0..3 {
@@ -537,7 +676,9 @@ impl EdgeCue {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
-            self.project(frame.projector(), &positions);
+            self.project(frame.projector(), &positions, scale);
+            // A ball that grows looks like one that comes nearer.
+            let nearer = frame.viewpoint_m() - position;
             let sums = SectorSums::of(lines, &self.coordinates).lane(0);
             let visible = lines.visible_given(&sums);
             for k in 0..lines.line_count() {
@@ -552,7 +693,13 @@ impl EdgeCue {
                 if along.iter().any(|v| v.is_nan()) {
                     continue;
                 }
-                for axis in 0..3 {
+                let of_scale = if self.is_ball {
+                    along.dot(&nearer)
+                } else {
+                    0.0
+                };
+                let along = along.push(of_scale);
+                for axis in 0..4 {
                     most[axis] = most[axis].max(along[axis].abs());
                 }
                 let shift_px = lines.shift_px(k, [u[0], v[0]]);
@@ -564,39 +711,90 @@ impl EdgeCue {
                 let weight = f64::from(visible[lines.sector(k)]);
                 slope.gradient += along * (weight * f64::from(gradient));
                 slope.curvature += along * along.transpose() * (weight * f64::from(curvature));
+                slope.of_shift += weight * f64::from(curvature);
             }
         }
-        if let Some((mean, information)) = prior {
-            slope.gradient -= information * (position - mean);
+        let Some(prior) = prior else {
+            return (slope, most);
+        };
+        if let Some((mean, information)) = prior.gaussian {
+            slope.gradient -= information * (place_of(detection) - mean);
             slope.curvature += information;
+        }
+        if self.fits_size(prior, detection) {
+            let information = prior.size.information(detection.log_scale);
+            let off = detection.log_scale - prior.size.log_scale;
+            slope.gradient[SCALE] -= information * off;
+            slope.curvature[(SCALE, SCALE)] += information;
         }
         (slope, most)
     }
 }
 
-/// Returns the damped Newton step, and by how many pixels it moves the outline at most.
+impl Detection {
+    /// Notes what slopes without any prior say of the size, and how the position depends on it.
+    fn note_size(&mut self, slope: &Slope, is_planar: bool, fits_size: bool) {
+        let of_both: Vector3<f64> = slope.curvature.fixed_view::<3, 1>(0, SCALE).into();
+        let (mut curvature, mut of_both_free) = (slope.curvature, of_both);
+        let mut of_position = slope.gradient.xyz();
+        if is_planar {
+            fix(&mut curvature, 2);
+            of_both_free[2] = 0.0;
+            of_position[2] = 0.0;
+        }
+        let free: Matrix3<f64> = curvature.fixed_view::<3, 3>(0, 0).into();
+        self.size = None;
+        self.drift_m = Vector3::zeros();
+        let Some(factor) = free.cholesky() else {
+            return;
+        };
+        self.drift_m = -factor.solve(&of_both_free);
+        if !fits_size {
+            return;
+        }
+        let own = slope.curvature[(SCALE, SCALE)];
+        let information = own + self.drift_m.dot(&of_both_free);
+        if information > LEAST_SIZE_SHARE * own {
+            let gradient = slope.gradient[SCALE] + self.drift_m.dot(&of_position);
+            self.size = Some(SizeEvidence {
+                log_scale: self.log_scale + gradient / information,
+                information,
+                radius_px: (own / slope.of_shift).sqrt(),
+            });
+        }
+    }
+}
+
+/// Takes an axis out of a system of equations: its unknown does not depend on the others.
+fn fix(curvature: &mut Matrix4<f64>, fixed: usize) {
+    for axis in 0..4 {
+        curvature[(axis, fixed)] = 0.0;
+        curvature[(fixed, axis)] = 0.0;
+    }
+    curvature[(fixed, fixed)] = 1.0;
+}
+
+/// Returns the damped Newton step, and by how many pixels it moves the outline at most. Height and scale may be fixed.
 fn solve(
     slope: &Slope,
     damping: f64,
-    is_planar: bool,
-    px_per_metre: &[f64; 3],
-) -> Option<(Vector3<f64>, f64)> {
+    [height, scale]: [bool; 2],
+    px_per_unit: &[f64; 4],
+) -> Option<(Vector4<f64>, f64)> {
     let mut curvature = slope.curvature;
     let mut gradient = slope.gradient;
-    for axis in 0..3 {
+    for axis in 0..4 {
         curvature[(axis, axis)] *= 1.0 + damping;
     }
-    if is_planar {
-        for axis in 0..3 {
-            curvature[(axis, 2)] = 0.0;
-            curvature[(2, axis)] = 0.0;
+    for (axis, is_fixed) in [(2, height), (SCALE, scale)] {
+        if is_fixed {
+            fix(&mut curvature, axis);
+            gradient[axis] = 0.0;
         }
-        curvature[(2, 2)] = 1.0;
-        gradient[2] = 0.0;
     }
     let step = curvature.cholesky()?.solve(&gradient);
-    let size_px: f64 = (0..3)
-        .map(|axis| step[axis].abs() * px_per_metre[axis])
+    let size_px: f64 = (0..4)
+        .map(|axis| step[axis].abs() * px_per_unit[axis])
         .fold(0.0, f64::max);
     size_px.is_finite().then_some((step, size_px))
 }

@@ -1,5 +1,7 @@
 //! One camera's frame, prepared for the edge cue of one target.
 
+use nalgebra::{Point3, Vector3};
+
 use super::super::outline::Projector;
 use crate::color::{
     COARSEST_OCTAVE, ColorRanges, IlluminationCorrection, MatchTable, Palette, PixelKind,
@@ -145,6 +147,13 @@ impl<'a> EdgeFrame<'a> {
 
     pub(super) fn size(&self) -> (usize, usize) {
         self.prepared.view().size()
+    }
+
+    /// The point that outlines are seen from, in the world, metres.
+    pub(crate) fn viewpoint_m(&self) -> Vector3<f64> {
+        let view = self.prepared.view();
+        let viewpoint = Point3::from(view.camera().viewpoint_m());
+        (view.world_from_camera() * viewpoint).coords
     }
 
     /// Returns whether a point of the image lies within the outline of a look-alike.

@@ -57,6 +57,8 @@ pub(super) struct CorrespondenceLines {
     pub(super) visible_share: f32,
     /// The mean Y, U and V of its pixels there; NaN if there are none.
     pub(super) body_color: [f32; 3],
+    /// The log-likelihood ratio of the fitted outline, nats.
+    pub(super) fitted_log_ratio: f32,
 }
 
 #[derive(Debug, Clone, Copy)]

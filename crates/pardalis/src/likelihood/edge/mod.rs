@@ -8,6 +8,7 @@
 mod fit;
 mod frame;
 mod lines;
+mod size;
 mod streak;
 #[cfg(test)]
 mod streak_tests;
@@ -15,7 +16,7 @@ mod streak_tests;
 mod tests;
 
 use fit::SectorSums;
-pub(crate) use fit::{Detection, Detections};
+pub(crate) use fit::{Detection, Detections, FitStart, PositionPrior};
 pub(crate) use frame::{EdgeFrame, EdgeFrameContext, Outlines, Surrounding};
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
@@ -31,6 +32,7 @@ use lines::{LineBuffers, REACH_PX, SHIFTS, SHIFTS_A_PX};
 use pardalis_camera::LANES;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
+pub(crate) use size::{SizeEvidence, SizePrior};
 
 /// Parameters of the edge cue.
 ///
@@ -219,6 +221,8 @@ pub(crate) struct EdgeCue {
     /// The height of the middle of the shape above its position, metres.
     middle_height_m: f32,
     diameter_m: f64,
+    /// Whether sizes of the shape can be compared: those of balls.
+    is_ball: bool,
     /// One per octave; those coarser than the learnt profiles have the last one's.
     tables: Vec<Table>,
     palette: Palette,
@@ -262,6 +266,7 @@ impl EdgeCue {
             outline: OutlineKernel::new(shape, settings.correspondence_lines),
             middle_height_m: shape.middle_height_m() as f32,
             diameter_m: shape.diameter_m(),
+            is_ball: matches!(shape, Shape::Sphere(_)),
             tables,
             palette: colors.palette(),
             ranges: colors.ranges().map(|ranges| ranges.widened()),
@@ -285,13 +290,13 @@ impl EdgeCue {
         self.ranges
     }
 
-    /// Projects the outlines of a block of positions.
-    fn project(&mut self, projector: &Projector, positions: &[[f32; LANES]; 3]) {
+    /// Projects the outlines of a block of positions, of the shape at this scale.
+    fn project(&mut self, projector: &Projector, positions: &[[f32; LANES]; 3], scale: f64) {
         self.outline.project(
             self.level,
             projector,
             positions,
-            1.0,
+            scale,
             &mut self.points,
             &mut self.coordinates,
         );
@@ -304,25 +309,26 @@ impl EdgeCue {
         frame.holds_block(self.level, &position)[0]
     }
 
-    /// Projects the outline of a position and returns its points that have a pixel.
+    /// Projects the outline of a position, of the shape at this scale, and returns its points that have a pixel.
     fn outline_px(
         &mut self,
         projector: &Projector,
         position_m: [f64; 3],
+        scale: f64,
     ) -> impl Iterator<Item = [f32; 2]> + Clone {
-        self.project(projector, &position_m.map(|v| [v as f32; LANES]));
+        self.project(projector, &position_m.map(|v| [v as f32; LANES]), scale);
         let points = self.coordinates.iter().map(|[u, v]| [u[0], v[0]]);
         points.filter(|point| point.iter().all(|v| v.is_finite()))
     }
 
-    /// Adds the outline that this camera has of a look-alike at a position.
+    /// Adds the outline that this camera has of a look-alike at a position and of a scale.
     pub(crate) fn add_look_alike(
         &mut self,
         view: &View,
-        position_m: [f64; 3],
+        (position_m, scale): ([f64; 3], f64),
         outlines: &mut Outlines,
     ) {
-        outlines.push(self.outline_px(&Projector::new(view), position_m));
+        outlines.push(self.outline_px(&Projector::new(view), position_m, scale));
     }
 
     /// The octave in which the latest projected outline, its first lane, is small enough to be judged as a whole.
@@ -344,9 +350,9 @@ impl EdgeCue {
         octave
     }
 
-    /// Returns the area in square pixels within the outline of a position, as far as it has pixels.
-    pub(crate) fn area_px(&mut self, frame: &EdgeFrame, position_m: [f64; 3]) -> f64 {
-        let points = self.outline_px(frame.projector(), position_m);
+    /// Returns the area in square pixels within the outline of a position, of the shape at this scale, as far as it has pixels.
+    pub(crate) fn area_px(&mut self, frame: &EdgeFrame, position_m: [f64; 3], scale: f64) -> f64 {
+        let points = self.outline_px(frame.projector(), position_m, scale);
         let points = points.map(|point| point.map(f64::from));
         let next = points.clone().cycle().skip(1);
         let twice: f64 = points
@@ -357,7 +363,7 @@ impl EdgeCue {
     }
 
     /// Writes the log-likelihood ratio of one camera's frame at each position (world frame, metres): the largest over the detections, each with its
-    /// offset; at least `missed` where the camera has the position in view, and 0 where it does not.
+    /// offset and balanced among the cameras; at least `missed` where the camera has the position in view, and 0 where it does not.
     pub(crate) fn log_likelihood_ratios<'d>(
         &mut self,
         frame: &EdgeFrame,
@@ -368,7 +374,7 @@ impl EdgeCue {
     ) {
         let lines = detections.flat_map(|(detection, offset)| {
             let lines = detection.lines_of(frame.camera());
-            lines.map(move |lines| (lines, offset))
+            lines.map(move |lines| (lines, detection.scale(), offset + detection.balance(lines)))
         });
         let has_lines = lines.clone().next().is_some();
         for start in (0..out.len()).step_by(LANES) {
@@ -379,8 +385,11 @@ impl EdgeCue {
             }
             let mut best = [missed; LANES];
             if has_lines {
-                self.project(frame.projector(), &positions);
-                for (lines, offset) in lines.clone() {
+                let mut projected = None;
+                for (lines, scale, offset) in lines.clone() {
+                    if projected.replace(scale) != Some(scale) {
+                        self.project(frame.projector(), &positions, scale);
+                    }
                     let sums = SectorSums::of(lines, &self.coordinates);
                     for (lane, best) in best.iter_mut().enumerate().take(lanes) {
                         let log_ratio = lines.log_likelihood_ratio(&sums.lane(lane)) + offset;

@@ -2,7 +2,7 @@
 
 use super::lines::Corner;
 use super::streak::Streak;
-use super::tests::{RADIUS_M, SIZE, picture, with_frame};
+use super::tests::{RADIUS_M, SIZE, picture, start_at, with_frame};
 use super::*;
 use crate::color::YuvEncoding;
 use crate::reference;
@@ -99,13 +99,11 @@ fn exposed(position_m: [f64; 3], displacement_m: [f64; 3]) -> Frame {
 fn fitted(frame: &Frame, start_m: [f64; 3], displacement_m: [f64; 3]) -> Option<Detection> {
     with_frame(frame, None, |cue, frame| {
         let mut detection = Detection::default();
-        let found = cue.fit(
-            &[frame],
-            (start_m, displacement_m),
-            None,
-            false,
-            &mut detection,
-        );
+        let start = FitStart {
+            displacement_m,
+            ..start_at(start_m, 0.02)
+        };
+        let found = cue.fit(&[frame], &start, &mut detection);
         found.is_ok().then_some(detection)
     })
 }

@@ -13,8 +13,13 @@ pub(super) const SIZE: (usize, usize) = (160, 120);
 pub(super) const RADIUS_M: f64 = 0.1;
 
 fn view() -> View {
+    view_from(0.0)
+}
+
+/// The view from a place along x.
+fn view_from(x_m: f64) -> View {
     let camera = Camera::Pinhole(Pinhole::new([200.0; 2], [79.5, 59.5], &[]).unwrap());
-    View::new(camera, Pose::identity(), SIZE, None).unwrap()
+    View::new(camera, Pose::translation(x_m, 0.0, 0.0), SIZE, None).unwrap()
 }
 
 /// An orange ball at a place before a green ground, its edge as soft as a camera's, with what hides columns from `hidden_from` on.
@@ -56,36 +61,78 @@ pub(super) fn with_frame<T>(
     surrounding: Option<&Surrounding>,
     look: impl FnOnce(&mut EdgeCue, EdgeFrame) -> T,
 ) -> T {
+    with_frames(1.0, &[(frame, 0.0)], surrounding, |cue, mut frames| {
+        look(cue, frames.remove(0))
+    })
+}
+
+/// Calls `look` with the cue of a ball `scale` times as large, and with pictures of cameras at these places along x, prepared for it.
+fn with_frames<T>(
+    scale: f64,
+    pictures: &[(&Frame, f64)],
+    surrounding: Option<&Surrounding>,
+    look: impl FnOnce(&mut EdgeCue, Vec<EdgeFrame>) -> T,
+) -> T {
     let colors = colors();
     let mut cue = EdgeCue::new(
         (EdgeSettings::default(), EdgeTuning::DEFAULT),
-        ball(),
+        ball_of(scale),
         &colors,
         Level::best(),
     )
     .unwrap();
-    let mut view = view();
-    let kind = PixelKind::of(frame);
-    view.prepare(kind, cue.palette());
-    view.prepare_ranges(kind, cue.ranges().unwrap());
-    let prepared = view.prepared(frame);
-    let (mut counts, mut posterior) = (BinCounts::default(), Vec::new());
     let correction = IlluminationCorrection::NONE;
-    counts.count(&prepared, cue.palette(), &correction, 1);
-    counts.color_posterior(&colors, &mut posterior);
-    let context = EdgeFrameContext {
-        colors: (cue.palette(), cue.ranges()),
-        posterior: &posterior,
-        correction,
-        min_posterior: BlobTuning::DEFAULT.min_posterior,
-        surrounding,
-        look_alikes: &Outlines::default(),
-    };
-    look(&mut cue, EdgeFrame::new(0, prepared, context))
+    let mut views = Vec::new();
+    let mut posteriors = Vec::new();
+    for (frame, x_m) in pictures {
+        let mut view = view_from(*x_m);
+        let kind = PixelKind::of(frame);
+        view.prepare(kind, cue.palette());
+        view.prepare_ranges(kind, cue.ranges().unwrap());
+        let prepared = view.prepared(frame);
+        let (mut counts, mut posterior) = (BinCounts::default(), Vec::new());
+        counts.count(&prepared, cue.palette(), &correction, 1);
+        counts.color_posterior(&colors, &mut posterior);
+        posteriors.push(posterior);
+        views.push(view);
+    }
+    let look_alikes = Outlines::default();
+    let frames = pictures.iter().enumerate().map(|(camera, (frame, _))| {
+        let context = EdgeFrameContext {
+            colors: (cue.palette(), cue.ranges()),
+            posterior: &posteriors[camera],
+            correction,
+            min_posterior: BlobTuning::DEFAULT.min_posterior,
+            surrounding,
+            look_alikes: &look_alikes,
+        };
+        EdgeFrame::new(camera, views[camera].prepared(frame), context)
+    });
+    let frames = frames.collect();
+    look(&mut cue, frames)
 }
 
 fn ball() -> Shape {
-    Shape::Sphere(Sphere::new(RADIUS_M, SphereOutline::Tangent).unwrap())
+    ball_of(1.0)
+}
+
+fn ball_of(scale: f64) -> Shape {
+    Shape::Sphere(Sphere::new(scale * RADIUS_M, SphereOutline::Tangent).unwrap())
+}
+
+/// A start of a fit, of a ball whose size is known to a share.
+pub(super) fn start_at(position_m: [f64; 3], tolerance: f64) -> FitStart<'static> {
+    FitStart {
+        position_m,
+        displacement_m: [0.0; 3],
+        log_scale: 0.0,
+        prior: None,
+        size: SizePrior {
+            log_scale: 0.0,
+            sigma: tolerance,
+        },
+        is_planar: false,
+    }
 }
 
 /// Fits a picture from a start.
@@ -96,7 +143,7 @@ fn fitted(
 ) -> Option<Detection> {
     with_frame(frame, surrounding, |cue, frame| {
         let mut detection = Detection::default();
-        let found = cue.fit(&[frame], (start_m, [0.0; 3]), None, false, &mut detection);
+        let found = cue.fit(&[frame], &start_at(start_m, 0.02), &mut detection);
         found.is_ok().then_some(detection)
     })
 }
@@ -127,20 +174,23 @@ fn grained(frame: &Frame) -> Frame {
 #[test]
 fn likelihoods_over_correspondence_lines_are_the_oracles() {
     // Fully visible, small, large enough that every second pixel is skipped, partly occluded, and in coarser octaves.
-    for (place_m, occluded_from, octave) in [
-        ([0.05, -0.03, 1.25], SIZE.0, 0),
-        ([0.1, -0.03, 3.0], SIZE.0, 0),
-        ([0.02, 0.01, 0.7], SIZE.0, 0),
-        ([0.05, -0.03, 1.25], 92, 0),
-        ([0.021, 0.012, 0.72], SIZE.0, 1),
-        ([0.021, 0.012, 0.72], 92, 1),
-        ([0.01, 0.01, 0.5], SIZE.0, 2),
+    // The last ones are sought as smaller and larger balls.
+    for (place_m, occluded_from, octave, scale) in [
+        ([0.05, -0.03, 1.25], SIZE.0, 0, 1.0),
+        ([0.1, -0.03, 3.0], SIZE.0, 0, 1.0),
+        ([0.02, 0.01, 0.7], SIZE.0, 0, 1.0),
+        ([0.05, -0.03, 1.25], 92, 0, 1.0),
+        ([0.021, 0.012, 0.72], SIZE.0, 1, 1.0),
+        ([0.021, 0.012, 0.72], 92, 1, 1.0),
+        ([0.01, 0.01, 0.5], SIZE.0, 2, 1.0),
+        ([0.05, -0.03, 1.25], SIZE.0, 0, 0.9),
+        ([0.021, 0.012, 0.72], SIZE.0, 1, 1.05),
     ] {
         let frame = grained(&picture(place_m, occluded_from).0);
         let settings = EdgeSettings::default();
         let naive = reference::EdgeLines::place(
             &settings,
-            &ball(),
+            &ball_of(scale),
             &colors(),
             &view(),
             (&frame, octave),
@@ -160,7 +210,7 @@ fn likelihoods_over_correspondence_lines_are_the_oracles() {
             })
             .collect();
         let fast = with_frame(&frame, None, |cue, frame| {
-            let mut detection = Detection::at(place_m);
+            let mut detection = Detection::at(place_m, scale);
             cue.place_lines(std::slice::from_ref(&frame), 0, &mut detection)
                 .unwrap();
             let judged = detection.lines()[0].octave.0;
@@ -179,7 +229,7 @@ fn likelihoods_over_correspondence_lines_are_the_oracles() {
             out
         });
         for (fast, position_m) in fast.iter().zip(&positions) {
-            let expected = naive.log_likelihood_ratio(&ball(), &view(), *position_m);
+            let expected = naive.log_likelihood_ratio(&ball_of(scale), &view(), *position_m);
             // Memberships within rounding of a bin's border may fall to either side.
             let allowed = 0.01 * expected.abs().max(1.0);
             let off = (f64::from(*fast) - expected).abs();
@@ -188,8 +238,11 @@ fn likelihoods_over_correspondence_lines_are_the_oracles() {
                 "{place_m:?} {position_m:?}: {fast} {expected}"
             );
         }
-        let at_place = naive.log_likelihood_ratio(&ball(), &view(), place_m);
-        assert!(at_place > 3.0, "the ball is seen: {at_place}");
+        let at_place = naive.log_likelihood_ratio(&ball_of(scale), &view(), place_m);
+        assert!(
+            scale != 1.0 || at_place > 3.0,
+            "the ball is seen: {at_place}"
+        );
     }
 }
 
@@ -202,7 +255,7 @@ fn judgements_are_the_oracles() {
     ] {
         let frame = grained(&picture(place_m, occluded_from).0);
         let (judged, octave) = with_frame(&frame, None, |cue, frame| {
-            let mut detection = Detection::at(place_m);
+            let mut detection = Detection::at(place_m, 1.0);
             cue.place_lines(std::slice::from_ref(&frame), 0, &mut detection)
                 .unwrap();
             cue.judge(&[frame], &mut detection);
@@ -336,4 +389,74 @@ fn what_has_come_between_does_not_make_a_small_body_smaller() {
     // A tenth of a pixel in radius.
     assert!(error_m(&seen) < 0.08, "{found:?}");
     assert!(error_m(&aware) < 0.5 * error_m(&naive), "{found:?}");
+}
+
+#[test]
+fn two_cameras_find_position_and_size_of_a_ball_whose_size_is_wrong() {
+    let place_m = [0.02, -0.03, 1.2];
+    // The second camera stands 0.3 m beside the first.
+    let pictures =
+        [0.0, 0.3].map(|x_m| picture([place_m[0] - x_m, place_m[1], place_m[2]], SIZE.0).0);
+    let pictures = [(&pictures[0], 0.0), (&pictures[1], 0.3)];
+    for scale in [0.8, 0.95, 1.0, 1.05, 1.2] {
+        let detection = with_frames(scale, &pictures, None, |cue, frames| {
+            let mut detection = Detection::default();
+            let start = start_at([0.03, -0.03, 1.22], 0.02);
+            cue.fit(&frames, &start, &mut detection).unwrap();
+            detection
+        });
+        assert_eq!(detection.camera_count(), 2, "{scale}");
+        for axis in 0..3 {
+            // 0.1 px across in either camera; along, 0.25 px of parallax at 24 mm a pixel.
+            let off_m = (detection.position_m()[axis] - place_m[axis]).abs();
+            assert!(
+                off_m < [6e-4, 6e-4, 6e-3][axis],
+                "{scale}: {:?}",
+                detection.position_m()
+            );
+        }
+        // 0.15 px of 17 px in radius.
+        let size = detection.size().unwrap();
+        assert!(
+            (scale * detection.scale() - 1.0).abs() < 9e-3,
+            "{scale}: {size:?}"
+        );
+        let of_frames = scale * libm::exp(size.log_scale);
+        assert!((of_frames - 1.0).abs() < 9e-3, "{scale}: {size:?}");
+        assert!((size.radius_px - 17.0).abs() < 1.0, "{scale}: {size:?}");
+        assert!(size.information > 1e3, "{scale}: {size:?}");
+    }
+}
+
+#[test]
+fn one_camera_takes_the_size_as_given_and_its_error_moves_the_ball_along_the_ray() {
+    let place_m = [0.05, -0.03, 1.2];
+    let (frame, _) = picture(place_m, SIZE.0);
+    let fitted_as = |scale: f64, tolerance: f64| {
+        with_frames(scale, &[(&frame, 0.0)], None, |cue, frames| {
+            let mut detection = Detection::default();
+            let start = start_at([0.05, -0.03, 1.25], tolerance);
+            cue.fit(&frames, &start, &mut detection).unwrap();
+            detection
+        })
+    };
+    let exact = fitted_as(1.0, 0.0);
+    let tolerant = fitted_as(1.0, 0.02);
+    assert_eq!(exact.position_m(), tolerant.position_m());
+    assert_eq!((tolerant.scale(), tolerant.size()), (1.0, None));
+    let larger = fitted_as(1.02, 0.02);
+    for axis in 0..3 {
+        let moved_m = larger.position_m()[axis] - exact.position_m()[axis];
+        let predicted_m = 0.02 * exact.drift_m()[axis];
+        assert!(
+            (moved_m - predicted_m).abs() < 1e-3,
+            "{moved_m} {predicted_m}"
+        );
+        let along_m = exact.position_m()[axis];
+        assert!(
+            (exact.drift_m()[axis] - along_m).abs() < 0.01,
+            "{:?}",
+            exact.drift_m()
+        );
+    }
 }

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::DetectedTarget;
 use super::look_alikes::LookAlikes;
 use crate::color::PixelKind;
-use crate::likelihood::edge::Detection;
+use crate::likelihood::edge::{Detection, EdgeFrame};
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use pardalis_filter::bernoulli::MeasurementComponent;
 
@@ -27,7 +27,7 @@ impl DetectedTarget {
     /// to those after it. Notes in each candidate what speaks most against it.
     pub(super) fn associate(
         &self,
-        detections: &[Detection],
+        (frames, detections): (&[EdgeFrame], &[Detection]),
         look_alikes: &LookAlikes,
         associated: &mut Vec<AssociatedDetection>,
         candidates: &mut [Candidate],
@@ -37,6 +37,7 @@ impl DetectedTarget {
             let candidate = &mut candidates[detection.candidate()];
             associated.extend(self.associate_one(number, detection, look_alikes, candidate));
         }
+        self.leave_out_sights(frames, detections, associated, candidates);
         if !self.track.is_known()
             && look_alikes.leaves_some_to_others()
             && let Some(likeliest) = self.likeliest(associated)
@@ -46,6 +47,52 @@ impl DetectedTarget {
                 candidates[detections[other.detection].candidate()].verdict = Verdict::LookAlike;
             }
         }
+    }
+
+    /// Leaves out detections in some cameras that are a detection in more of them, seen by the former alone: in the same directions, where a wrong size puts them.
+    fn leave_out_sights(
+        &self,
+        frames: &[EdgeFrame],
+        detections: &[Detection],
+        associated: &mut Vec<AssociatedDetection>,
+        candidates: &mut [Candidate],
+    ) {
+        if self.size.known().sigma == 0.0 {
+            return;
+        }
+        let is_likely = |found: &AssociatedDetection| found.existence_log_ratio > 0.0;
+        let is_sight = |part: &Detection, whole: &Detection| {
+            let is_same_way = |camera: usize| {
+                let frame = frames.iter().find(|frame| frame.camera() == camera);
+                frame.is_some_and(|frame| self.are_same_way(frame.viewpoint_m(), part, whole))
+            };
+            part.camera_count() < whole.camera_count()
+                && part
+                    .cameras()
+                    .all(|camera| whole.cameras().any(|c| c == camera))
+                && part.cameras().all(is_same_way)
+        };
+        let mut number = 0;
+        while number < associated.len() {
+            let part = &detections[associated[number].detection];
+            let mut likely = associated.iter().filter(|found| is_likely(found));
+            if likely.any(|found| is_sight(part, &detections[found.detection])) {
+                candidates[part.candidate()].verdict = Verdict::SamePlace;
+                associated.remove(number);
+            } else {
+                number += 1;
+            }
+        }
+    }
+
+    /// Whether two detections are the same way from a viewpoint in the world, metres: nearer to each other than two distinct ones at their distance are.
+    fn are_same_way(&self, viewpoint_m: Vector3<f64>, part: &Detection, whole: &Detection) -> bool {
+        let [to_part, to_whole] =
+            [part, whole].map(|found| Vector3::from(found.position_m()) - viewpoint_m);
+        let across_m = to_part.cross(&to_whole).norm() / to_part.norm();
+        let diameter_m = whole.scale() * self.shape.diameter_m();
+        to_part.dot(&to_whole) > 0.0
+            && across_m < self.tuning.detection.distinct_diameters * diameter_m
     }
 
     /// Compares a detection with clutter: things of the target's colours and form, uniformly distributed, a known number per frame. The sharper a
@@ -59,7 +106,7 @@ impl DetectedTarget {
     ) -> Option<AssociatedDetection> {
         let tuning = &self.tuning.association;
         let position_m = detection.position_m();
-        let widest_m = tuning.max_sigma_diameters * self.shape.diameter_m();
+        let widest_m = tuning.max_sigma_diameters * self.diameter_m();
         let mut information =
             detection.information() + Matrix3::from_diagonal_element(widest_m.powi(-2));
         if self.is_planar {
@@ -90,7 +137,8 @@ impl DetectedTarget {
         } else {
             0.0
         };
-        let likeness = by_outline - covered + by_color - outside - streak;
+        let by_size = self.size.known().log_density(detection.log_scale());
+        let likeness = by_outline - covered + by_color + by_size - outside - streak;
         let clutter_density = self.clutter_density();
         let place = (position_m, &covariance_m2);
         let assigned = self.assigned_nats(look_alikes, place, likeness, clutter_density);
@@ -109,6 +157,7 @@ impl DetectedTarget {
                 (-covered, Verdict::Covered),
                 (of_color, Verdict::OtherColor),
                 (-outside, Verdict::OutsideRegion),
+                (by_size, Verdict::OtherOutline),
                 (-stray, Verdict::Stray),
                 (-assigned, Verdict::LookAlike),
             ];

@@ -4,7 +4,7 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::detect::{Blob, BlobSearch};
-use crate::likelihood::edge::{EdgeCue, EdgeFrame};
+use crate::likelihood::edge::{EdgeCue, EdgeFrame, SizePrior};
 use crate::shape::Shape;
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tracker::ids::CameraId;
@@ -16,22 +16,29 @@ const BISECTIONS: usize = 12;
 /// error.
 const END_SHARE: f64 = 0.02;
 
+/// Blobs whose area is this share of the expected one, or its inverse, say nothing of the size. Hand-set: a size a thousand times smaller or larger.
+const LEAST_AREA_SHARE: f64 = 1e-6;
+
 /// A ray in the world: its origin in metres and its unit direction.
 #[derive(Debug)]
 struct Ray {
     camera: usize,
     origin: Point3<f64>,
     direction: Vector3<f64>,
+    /// The area of its blob, square pixels.
+    area_px: f64,
 }
 
 impl Ray {
-    fn of(frame: &EdgeFrame, pixel: [f64; 2]) -> Option<Self> {
+    /// The ray through a pixel, at which there is a blob of this area in square pixels.
+    fn of(frame: &EdgeFrame, pixel: [f64; 2], area_px: f64) -> Option<Self> {
         let view = frame.prepared().view();
         let ray = view.camera().unproject(pixel)?;
         Some(Self {
             camera: frame.camera(),
             origin: view.world_from_camera() * Point3::from(ray.origin),
             direction: view.world_from_camera() * Vector3::from(ray.direction),
+            area_px,
         })
     }
 
@@ -83,21 +90,20 @@ impl CandidateSearch {
         frame: &EdgeFrame,
         blob: &Blob,
         [widened, lengthened]: [f64; 2],
+        size: &SizePrior,
     ) -> Option<([f64; 3], [f64; 3])> {
         let [along, across] = blob.principal_variances_px2();
         let [xx, xy, yy] = blob.covariance_px2;
         let angle = 0.5 * libm::atan2(2.0 * xy, xx - yy);
         // Of a uniform disc, the variance is a quarter of the squared radius; of a uniform line, a twelfth of the squared length.
         let length_px = lengthened * libm::sqrt(12.0 * (along - across));
-        let disc = Blob {
-            area_px: std::f64::consts::PI * 4.0 * across * widened * widened,
-            ..*blob
-        };
+        let disc_px = std::f64::consts::PI * 4.0 * across * widened * widened;
         let geometry = &self.geometry;
         let half = [libm::cos(angle), libm::sin(angle)].map(|v| 0.5 * length_px * v);
         let [u, v] = blob.centroid_px;
-        let middle = Ray::of(frame, [u, v])?;
-        let ends = [-1.0, 1.0].map(|sign| Ray::of(frame, [u + sign * half[0], v + sign * half[1]]));
+        let middle = Ray::of(frame, [u, v], disc_px)?;
+        let ends = [-1.0, 1.0]
+            .map(|sign| Ray::of(frame, [u + sign * half[0], v + sign * half[1]], disc_px));
         let [Some(from), Some(to)] = ends else {
             return None;
         };
@@ -106,7 +112,7 @@ impl CandidateSearch {
             let on_ground_m = |ray: &Ray| geometry.on_ground_m(ray, ground_z_m);
             (on_ground_m(&middle)?, ends.map(on_ground_m))
         } else {
-            let position_m = geometry.by_size_m(edge, frame, &middle, &disc).ok()?;
+            let position_m = geometry.by_size_m(edge, frame, &middle, size).ok()?;
             let distance_m = (Point3::from(position_m) - middle.origin).norm();
             let at_m = |ray: &Ray| Some(ray.at(distance_m).into());
             (position_m, ends.map(at_m))
@@ -123,6 +129,7 @@ impl CandidateSearch {
         &mut self,
         edge: &mut EdgeCue,
         frames: &[EdgeFrame],
+        size: &SizePrior,
         candidates: &mut Vec<Candidate>,
     ) {
         let Self {
@@ -145,18 +152,21 @@ impl CandidateSearch {
             );
             for &blob in blobs {
                 let origin = Origin::Blob(camera, blob);
-                let Some(ray) = Ray::of(frame, blob.centroid_px) else {
+                let Some(ray) = Ray::of(frame, blob.centroid_px, blob.area_px) else {
                     candidates.push(Candidate::new(origin, Verdict::OutOfView));
                     continue;
                 };
-                let position_m = match geometry.ground_z_m {
+                let place = match geometry.ground_z_m {
                     Some(ground_z_m) => geometry
                         .on_ground_m(&ray, ground_z_m)
+                        .map(|m| (m, log_scale_of(edge, (frame, &ray), m, size)))
                         .ok_or(Verdict::OffGround),
-                    None => geometry.by_size_m(edge, frame, &ray, &blob),
+                    None => geometry
+                        .by_size_m(edge, frame, &ray, size)
+                        .map(|position_m| (position_m, size.log_scale)),
                 };
-                candidates.push(match position_m {
-                    Ok(position_m) => at(origin, position_m),
+                candidates.push(match place {
+                    Ok((position_m, log_scale)) => at(origin, position_m, log_scale),
                     Err(verdict) => Candidate::new(origin, verdict),
                 });
                 rays.push(ray);
@@ -180,9 +190,12 @@ impl CandidateSearch {
         if geometry.ground_z_m.is_none() {
             for (i, ray) in rays.iter().enumerate() {
                 for other in &rays[..i] {
-                    if ray.camera != other.camera {
-                        let position_m = geometry.meeting_m(ray, other);
-                        candidates.extend(position_m.map(|m| at(Origin::Rays, m)));
+                    let of = |ray: &Ray| frames.iter().find(|f| f.camera() == ray.camera);
+                    if ray.camera != other.camera
+                        && let (Some(one), Some(two)) = (of(ray), of(other))
+                    {
+                        let both = [(one, ray), (two, other)];
+                        candidates.extend(geometry.meeting(edge, both, size));
                     }
                 }
             }
@@ -191,17 +204,34 @@ impl CandidateSearch {
 }
 
 /// A candidate that is to be fitted from this position, metres. Until then nothing determines where it is.
-pub(super) fn at(origin: Origin, position_m: [f64; 3]) -> Candidate {
+pub(super) fn at(origin: Origin, position_m: [f64; 3], log_scale: f64) -> Candidate {
     Candidate {
         position_m: Some(position_m),
+        log_scale,
         ..Candidate::new(origin, Verdict::NoEdges)
     }
 }
 
+/// The logarithm of the scale at which a target at a position has the area of the blob of a ray. Without any tolerance it is that of the size.
+fn log_scale_of(
+    edge: &mut EdgeCue,
+    (frame, ray): (&EdgeFrame, &Ray),
+    position_m: [f64; 3],
+    size: &SizePrior,
+) -> f64 {
+    if size.sigma == 0.0 {
+        return size.log_scale;
+    }
+    let ratio = ray.area_px / edge.area_px(frame, position_m, size.scale());
+    // Where there is no outline, it has no area.
+    let ratio = ratio.clamp(LEAST_AREA_SHARE, 1.0 / LEAST_AREA_SHARE);
+    size.log_scale + 0.5 * libm::log(ratio)
+}
+
 impl Geometry {
-    /// The distance of the farthest candidates, metres.
-    fn farthest_m(&self) -> f64 {
-        self.tuning.farthest_diameters * self.shape.diameter_m()
+    /// The distance of the farthest candidates of a scale, metres.
+    fn farthest_m(&self, scale: f64) -> f64 {
+        self.tuning.farthest_diameters * scale * self.shape.diameter_m()
     }
 
     /// The position of a target whose middle is here.
@@ -215,7 +245,7 @@ impl Geometry {
     fn on_ground_m(&self, ray: &Ray, ground_z_m: f64) -> Option<[f64; 3]> {
         let height_m = ground_z_m + self.shape.middle_height_m();
         let distance_m = (height_m - ray.origin.z) / ray.direction.z;
-        (distance_m > 0.0 && distance_m < self.farthest_m())
+        (distance_m > 0.0 && distance_m < self.farthest_m(1.0))
             .then(|| self.position_m(ray.at(distance_m)))
     }
 
@@ -225,15 +255,16 @@ impl Geometry {
         edge: &mut EdgeCue,
         frame: &EdgeFrame,
         ray: &Ray,
-        blob: &Blob,
+        size: &SizePrior,
     ) -> Result<[f64; 3], Verdict> {
-        let nearest_m = self.tuning.nearest_diameters * self.shape.diameter_m();
-        let farthest_m = self.farthest_m();
+        let scale = size.scale();
+        let nearest_m = self.tuning.nearest_diameters * scale * self.shape.diameter_m();
+        let farthest_m = self.farthest_m(scale);
         let [mut near, mut far] = [nearest_m, farthest_m].map(libm::log);
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (near + far);
             let position_m = self.position_m(ray.at(libm::exp(middle)));
-            let is_small = edge.area_px(frame, position_m) < blob.area_px;
+            let is_small = edge.area_px(frame, position_m, scale) < ray.area_px;
             *(if is_small { &mut far } else { &mut near }) = middle;
         }
         let distance_m = libm::exp(0.5 * (near + far));
@@ -246,23 +277,32 @@ impl Geometry {
         }
     }
 
-    /// The position at which two rays meet, or pass close by each other.
-    fn meeting_m(&self, a: &Ray, b: &Ray) -> Option<[f64; 3]> {
+    /// The candidate where two rays meet, or pass close by each other, each with its camera's frame: as large as their blobs suggest.
+    fn meeting(
+        &self,
+        edge: &mut EdgeCue,
+        both @ [(_, a), (_, b)]: [(&EdgeFrame, &Ray); 2],
+        size: &SizePrior,
+    ) -> Option<Candidate> {
         let between = b.origin - a.origin;
         let cos = a.direction.dot(&b.direction);
         let sin_squared = 1.0 - cos * cos;
         let [along_a, along_b] = [a.direction.dot(&between), b.direction.dot(&between)];
         let distance_a = (along_a - cos * along_b) / sin_squared;
         let distance_b = (cos * along_a - along_b) / sin_squared;
-        let farthest_m = self.farthest_m();
-        let fits = |distance: f64| distance > 0.0 && distance < farthest_m;
         // Distances of parallel rays are NaN or infinite.
-        if !(fits(distance_a) && fits(distance_b)) {
+        let is_ahead = |distance: f64| distance > 0.0 && distance.is_finite();
+        if !(is_ahead(distance_a) && is_ahead(distance_b)) {
             return None;
         }
         let [at_a, at_b] = [a.at(distance_a), b.at(distance_b)];
-        let is_close =
-            (at_a - at_b).norm() < self.tuning.meeting_diameters * self.shape.diameter_m();
-        is_close.then(|| self.position_m(nalgebra::center(&at_a, &at_b)))
+        let position_m = self.position_m(nalgebra::center(&at_a, &at_b));
+        let log_scales = both.map(|one| log_scale_of(edge, one, position_m, size));
+        let log_scale = 0.5 * (log_scales[0] + log_scales[1]);
+        let scale = libm::exp(log_scale);
+        let meeting_m = self.tuning.meeting_diameters * scale * self.shape.diameter_m();
+        let is_close = (at_a - at_b).norm() < meeting_m;
+        let is_near = distance_a.max(distance_b) < self.farthest_m(scale);
+        (is_close && is_near).then(|| at(Origin::Rays, position_m, log_scale))
     }
 }

@@ -4,10 +4,12 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::candidates::{CandidateSearch, at};
 use super::streaks::{self, Exposures};
-use crate::likelihood::edge::{Detection, Detections, EdgeCue, EdgeFrame, NoFit};
+use crate::likelihood::edge::{
+    Detection, Detections, EdgeCue, EdgeFrame, FitStart, NoFit, PositionPrior, SizePrior,
+};
 use crate::shape::Shape;
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
-use crate::tuning::{BlobTuning, DetectionTuning};
+use crate::tuning::{DetectionTuning, Tuning};
 use pardalis_filter::estimate::StateEstimate;
 
 /// Finds detections. Owns their buffers.
@@ -15,6 +17,8 @@ pub(super) struct Detector {
     pub(super) tuning: DetectionTuning,
     pub(super) shape: Shape,
     is_planar: bool,
+    /// From this standard deviation of the logarithm of its scale on, a target that one camera alone sees has no position.
+    unknown_sigma: f64,
     pub(super) candidates: CandidateSearch,
     /// Frame sets since whole images were searched.
     since_search: u32,
@@ -31,6 +35,8 @@ pub(super) struct Prediction {
     pub(super) existence: f64,
     /// The time since the frames before, seconds.
     pub(super) since_s: f64,
+    /// Its size.
+    pub(super) size: SizePrior,
 }
 
 impl Detector {
@@ -41,13 +47,16 @@ impl Detector {
         shape: Shape,
         ground_z_m: Option<f64>,
         (cameras, points): (usize, usize),
-        (tuning, blobs): (DetectionTuning, BlobTuning),
+        tuning: &Tuning,
     ) -> Self {
+        let (unknown_sigma, blobs) = (tuning.size.unknown_sigma, tuning.blobs);
+        let tuning = tuning.detection;
         let room = 1 + cameras * blobs.max_blobs + streaks::MAX_FITS;
         Self {
             tuning,
             shape,
             is_planar: ground_z_m.is_some(),
+            unknown_sigma,
             candidates: CandidateSearch::new(shape, ground_z_m, (tuning, blobs)),
             since_search: 0,
             exposures: Exposures::default(),
@@ -80,9 +89,10 @@ impl Detector {
         let is_expected = predicted.existence > tuning.min_predicted_existence;
         if let Some(estimate) = predicted.estimate.as_ref().filter(|_| is_expected) {
             let mean_m = estimate.position_m;
-            let information = self.information(estimate.covariance_m2);
+            let information = self.information(estimate.covariance_m2, predicted.size.scale());
             let prior = Some((&Vector3::from(mean_m), &information));
-            candidates.push(at(Origin::Prediction, mean_m));
+            let prior = (prior, predicted.size);
+            candidates.push(at(Origin::Prediction, mean_m, predicted.size.log_scale));
             self.fit((edge, frames), prior, candidates, (0, [0.0; 3]));
             if let Some(velocity_mps) = estimate.velocity_mps {
                 let way_m = velocity_mps.map(|v| v * predicted.since_s);
@@ -97,13 +107,20 @@ impl Detector {
         {
             self.since_search = 0;
             let first = candidates.len();
-            self.candidates.search(edge, frames, candidates);
+            self.candidates
+                .search(edge, frames, &predicted.size, candidates);
             for number in first..candidates.len() {
-                self.fit((edge, frames), None, candidates, (number, [0.0; 3]));
+                self.fit(
+                    (edge, frames),
+                    (None, predicted.size),
+                    candidates,
+                    (number, [0.0; 3]),
+                );
             }
-            self.fit_streaks_of_blobs((edge, frames), candidates, first);
+            self.fit_streaks_of_blobs((edge, frames), predicted.size, candidates, first);
         }
-        let apart_m = tuning.distinct_diameters * self.shape.diameter_m();
+        let diameter_m = predicted.size.scale() * self.shape.diameter_m();
+        let apart_m = tuning.distinct_diameters * diameter_m;
         self.detections
             .keep_distinct(tuning.min_log_ratio, apart_m, tuning.max_detections);
         self.note_dropped(candidates, apart_m);
@@ -113,12 +130,12 @@ impl Detector {
         }
     }
 
-    /// Fits the candidate of this number, unless it is ruled out already, with a prior if there is one, as an outline with this displacement during the
-    /// exposure. Returns the log-likelihood ratio; minus infinity if there is no fit.
+    /// Fits the candidate of this number, unless it is ruled out already, with a prior of its position if there is one and of its size, as an outline with this
+    /// displacement during the exposure. Returns the log-likelihood ratio; minus infinity if there is no fit.
     pub(super) fn fit(
         &mut self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
-        prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
+        (prior, size): (PositionPrior, SizePrior),
         candidates: &mut [Candidate],
         (number, displacement_m): (usize, [f64; 3]),
     ) -> f64 {
@@ -126,19 +143,26 @@ impl Detector {
         let Some(position_m) = candidate.position_m else {
             return f64::NEG_INFINITY;
         };
-        let is_planar = self.is_planar;
+        let start = FitStart {
+            position_m,
+            displacement_m,
+            log_scale: candidate.log_scale,
+            prior,
+            size,
+            is_planar: self.is_planar,
+        };
+        let is_unknown = size.sigma > self.unknown_sigma;
         let fitted = self.detections.push_fit(number, |buffer| {
-            edge.fit(
-                frames,
-                (position_m, displacement_m),
-                prior,
-                is_planar,
-                buffer,
-            )
+            edge.fit(frames, &start, buffer)?;
+            if is_unknown && buffer.size().is_none() {
+                return Err(NoFit::NoEdges);
+            }
+            Ok(())
         });
         match fitted {
             Ok(detection) => {
                 candidate.position_m = Some(detection.position_m());
+                candidate.log_scale = detection.log_scale();
                 candidate.outline_nats = Some(detection.judged_log_ratio());
                 candidate.visible_share = Some(detection.visible_share());
                 if detection.coarse_log_ratio() <= self.tuning.min_log_ratio {
@@ -180,8 +204,9 @@ impl Detector {
     }
 
     /// The inverse of a covariance (xx, xy, xz, yy, yz, zz in m²), no sharper than the tuning says.
-    fn information(&self, [xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-        let least = (self.tuning.min_sigma_diameters * self.shape.diameter_m()).powi(2);
+    fn information(&self, [xx, xy, xz, yy, yz, zz]: [f64; 6], scale: f64) -> Matrix3<f64> {
+        let diameter_m = scale * self.shape.diameter_m();
+        let least = (self.tuning.min_sigma_diameters * diameter_m).powi(2);
         let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
             + Matrix3::from_diagonal_element(least);
         covariance.try_inverse().unwrap_or_else(Matrix3::zeros)

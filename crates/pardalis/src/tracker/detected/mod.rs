@@ -8,6 +8,7 @@ mod association;
 mod candidates;
 mod detection;
 mod look_alikes;
+mod size;
 mod streaks;
 mod update;
 mod visibility;
@@ -21,7 +22,7 @@ use super::existence::ExistenceSettings;
 use super::settings::DetectedSettings;
 use super::statistics::ImageStatistics;
 use super::track::{Instant, Track, mean_log_ratio};
-use super::{Estimate, TrackState};
+use super::{Estimate, RadiusEstimate, TrackState};
 use crate::Frame;
 use crate::color::{ColorModel, PixelKind};
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, EdgeFrameContext, Outlines};
@@ -38,6 +39,7 @@ use pardalis_filter::Particles;
 use pardalis_filter::bernoulli::{BernoulliFilter, BernoulliSettings, MeasurementComponent};
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::GaussianStart;
+use size::Size;
 use update::{Measurement, update};
 use visibility::Visibility;
 
@@ -61,8 +63,11 @@ pub(super) struct DetectedTarget {
     visibilities: Vec<Option<Visibility>>,
     /// The log-likelihood ratio of each camera's latest frame, per particle.
     log_ratios: Vec<Vec<f32>>,
+    size: Size,
     /// The covariance of the latest detection of the target (xx, xy, xz, yy, yz, zz in m²).
     detection_m2: Option<[f64; 6]>,
+    /// How the position of the latest detection of the target depends on the logarithm of its scale, metres.
+    drift_m: [f64; 3],
     /// Where the other landmarks of the target are known to be, metres.
     other_landmarks_m: Vec<[f64; 3]>,
     /// What was examined in the latest frames.
@@ -123,6 +128,7 @@ impl DetectedTarget {
         filter.proposal = tuning.proposal;
         let filter = BernoulliFilter::new(filter, draws)?;
         let ground_z_m = is_planar.then_some(existence.ground_z_m);
+        let size = settings.size_prior(views.len())?;
         Ok(Self {
             track: Track::new(views.len()),
             start: settings.start,
@@ -138,13 +144,15 @@ impl DetectedTarget {
                 shape,
                 ground_z_m,
                 (views.len(), settings.edge.correspondence_lines),
-                (tuning.detection, tuning.blobs),
+                &tuning,
             ),
             images: vec![CameraImage::default(); views.len()],
             adaptations: vec![Adaptation::default(); views.len()],
             visibilities: vec![None; views.len()],
             log_ratios: vec![Vec::new(); views.len()],
+            size: Size::new(size),
             detection_m2: None,
+            drift_m: [0.0; 3],
             since_s: 0.0,
             other_landmarks_m: Vec::new(),
             // The prediction and, for each camera, its blobs and the largest that is left out; only where rays of several cameras meet may there be more.
@@ -232,12 +240,18 @@ impl DetectedTarget {
             estimate: self.filter.estimate(0.0),
             existence: self.filter.existence(),
             since_s: self.since_s,
+            size: self.size.known(),
         };
         self.detector
             .detect(&mut self.edge, &frames, &predicted, &mut candidates);
         let detections = self.detector.detections();
 
-        self.associate(detections, look_alikes, &mut associated, &mut candidates);
+        self.associate(
+            (&frames, detections),
+            look_alikes,
+            &mut associated,
+            &mut candidates,
+        );
 
         for frame in &frames {
             let rates = &self.existence.occlusion;
@@ -251,7 +265,7 @@ impl DetectedTarget {
             associated: &associated,
             visibilities: &self.visibilities,
             region: self.existence.region,
-            near_m: self.tuning.existence.near_diameters * self.shape.diameter_m(),
+            near_m: self.tuning.existence.near_diameters * self.diameter_m(),
             missed: -self.tuning.existence.missed_nats,
         };
         let updated = update(
@@ -264,6 +278,9 @@ impl DetectedTarget {
 
         let target = updated.target.map(|number| &associated[number]);
         self.detection_m2 = target.map(|target| target.component.covariance_m2);
+        if let Some(target) = target {
+            self.drift_m = detections[target.detection].drift_m();
+        }
         for &(camera, _) in instant.frames {
             let detection = target.map(|target| &detections[target.detection]);
             let visible_share = detection.and_then(|found| found.visible_share_in(camera));
@@ -301,11 +318,11 @@ impl DetectedTarget {
             counts.color_posterior(&self.colors, &mut image.posterior);
             image.look_alikes.clear();
         }
-        for position_m in look_alikes.positions_m() {
+        for place in look_alikes.places() {
             for (camera, _) in instant.frames {
                 let outlines = &mut self.images[*camera].look_alikes;
                 self.edge
-                    .add_look_alike(&instant.views[*camera], position_m, outlines);
+                    .add_look_alike(&instant.views[*camera], place, outlines);
             }
         }
     }
@@ -330,7 +347,21 @@ impl DetectedTarget {
             let statistics = &mut statistics[*camera];
             adaptations[*camera].adapt(*camera, frame, statistics, &certain);
         }
+        let unoccluded = certain
+            .detection
+            .filter(|detection| detection.least_visible_share() >= certain.tuning.unoccluded_share);
+        let evidence = unoccluded.and_then(Detection::size).copied();
         self.adaptations = adaptations;
+        if let Some(evidence) = evidence {
+            let shared_sigma_px = self.edge.settings().shared_sigma_px;
+            self.size
+                .update(&evidence, shared_sigma_px, &self.tuning.size);
+        }
+    }
+
+    /// The target's diameter as it is known now, metres.
+    fn diameter_m(&self) -> f64 {
+        self.size.known().scale() * self.shape.diameter_m()
     }
 
     /// Notes which candidate is the target, given its number among those associated. Others against which nothing speaks are its rivals; without a target
@@ -362,7 +393,7 @@ impl DetectedTarget {
             return None;
         }
         let here = Vector3::from(self.filter.estimate(0.0)?.position_m);
-        let near_m = tuning.certain_diameters * self.shape.diameter_m();
+        let near_m = tuning.certain_diameters * self.diameter_m();
         let detections = self.detector.detections();
         let mut found = associated.iter().map(|found| &detections[found.detection]);
         found.find(|found| (here - Vector3::from(found.position_m())).norm() < near_m)
@@ -412,7 +443,7 @@ impl DetectedTarget {
     fn confidence_ahead(&self, ahead_s: f64) -> f64 {
         let near = |known: StateEstimate| {
             self.filter
-                .weight_within(known.position_m, self.shape.diameter_m())
+                .weight_within(known.position_m, self.diameter_m())
         };
         let known = self.filter.estimate(ahead_s);
         self.filter.existence() * known.map_or(0.0, near)
@@ -424,6 +455,8 @@ impl DetectedTarget {
         self.track.reset();
         self.visibilities.fill(None);
         self.adaptations.fill(Adaptation::default());
+        self.size.reset();
+        self.drift_m = [0.0; 3];
         self.start = None;
         self.candidates.clear();
     }
@@ -443,6 +476,14 @@ impl DetectedTarget {
                 *sum += variance / known.effective_sample_size;
             }
         }
+        let size = self.size.known();
+        if let Some(known) = &mut kinematics {
+            let [x, y, z] = self.drift_m.map(|drift_m| size.sigma * drift_m);
+            let of_size = [x * x, x * y, x * z, y * y, y * z, z * z];
+            for (sum, product) in known.covariance_m2.iter_mut().zip(of_size) {
+                *sum += product;
+            }
+        }
         let confidence = if is_known {
             self.confidence_ahead(ahead_s)
         } else {
@@ -453,6 +494,13 @@ impl DetectedTarget {
             state: self.track.state(),
             kinematics,
             heading_rad: None,
+            radius: self.size.is_estimated().then(|| {
+                let radius_m = 0.5 * self.diameter_m();
+                RadiusEstimate {
+                    radius_m,
+                    sigma_m: size.sigma * radius_m,
+                }
+            }),
             confidence,
         }
     }

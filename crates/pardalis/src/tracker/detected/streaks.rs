@@ -1,10 +1,10 @@
 //! Streaks: outlines that move while the shutter is open. How far follows from the velocity and the exposure, or from the form of a blob.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::detection::Detector;
 use crate::detect::Blob;
-use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame};
+use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, PositionPrior, SizePrior};
 use crate::tracker::candidate::Candidate;
 
 /// For what share of the time between frames the shutter may be open. Hand-set: longer by about a third each.
@@ -48,13 +48,14 @@ impl Detector {
     pub(super) fn fit_streaks(
         &mut self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
-        prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
+        prior: (PositionPrior, SizePrior),
         candidates: &mut [Candidate],
         (position_m, way_m): ([f64; 3], [f64; 3]),
     ) {
         let at_rest = self.greatest_log_ratio();
         let ranked = self.exposures.ranked();
-        let least_m = self.tuning.min_streak_diameters * self.shape.diameter_m();
+        let diameter_m = prior.1.scale() * self.shape.diameter_m();
+        let least_m = self.tuning.min_streak_diameters * diameter_m;
         if EXPOSURES[ranked[0]] * Vector3::from(way_m).norm() < least_m {
             return;
         }
@@ -80,6 +81,7 @@ impl Detector {
     pub(super) fn fit_streaks_of_blobs(
         &mut self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
+        size: SizePrior,
         candidates: &mut [Candidate],
         first: usize,
     ) {
@@ -100,12 +102,12 @@ impl Detector {
             }
             count += 1;
             for factors in BLOB_FACTORS {
-                let streak_m = self.candidates.streak_m(edge, frame, &blob, factors);
+                let streak_m = self.candidates.streak_m(edge, frame, &blob, factors, &size);
                 let Some(streak_m) = streak_m else {
                     continue;
                 };
                 let streak = (number, streak_m);
-                if self.fit_streak((edge, frames), None, candidates, streak) > sure {
+                if self.fit_streak((edge, frames), (None, size), candidates, streak) > sure {
                     break;
                 }
             }
@@ -123,7 +125,7 @@ impl Detector {
     fn fit_streak(
         &mut self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
-        prior: Option<(&Vector3<f64>, &Matrix3<f64>)>,
+        prior: (PositionPrior, SizePrior),
         candidates: &mut [Candidate],
         (number, (position_m, displacement_m)): (usize, ([f64; 3], [f64; 3])),
     ) -> f64 {
