@@ -5,6 +5,7 @@
 //! resolution and compression. Correspondence lines across the outline (as in region-based tracking: Bibby and Reid 2008, Tjaden et al. 2018, Stoiber et al. 2022) give the
 //! likelihood of each shift of the outline; hypotheses nearby are weighted by these alone.
 
+mod detection;
 mod fit;
 mod frame;
 mod lines;
@@ -15,8 +16,9 @@ mod streak_tests;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use detection::{Detection, Detections};
 use fit::SectorSums;
-pub(crate) use fit::{Detection, Detections, FitStart, PositionPrior};
+pub(crate) use fit::{FitStart, PositionPrior};
 pub(crate) use frame::{EdgeFrame, EdgeFrameContext, Outlines, Surrounding};
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
