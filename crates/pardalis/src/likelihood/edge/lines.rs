@@ -1,5 +1,6 @@
 //! Correspondence lines across an outline in one frame: the log-likelihood of the outline's shift along each line.
 
+use super::corners::{Corner, Crossing, bend, corner, nearest, orientation};
 use super::frame::{Octave, SECTORS};
 use super::streak::{Mixture, Streak};
 use super::{EdgeFrame, EdgeSettings, Surrounding, Table};
@@ -61,12 +62,6 @@ pub(super) struct CorrespondenceLines {
     pub(super) fitted_log_ratio: f32,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Crossing {
-    point: [f32; 2],
-    normal: [f32; 2],
-}
-
 /// Buffers that lines are made with.
 #[derive(Debug)]
 pub(super) struct LineBuffers {
@@ -94,17 +89,6 @@ impl LineBuffers {
     }
 }
 
-/// A point of an outline, with its neighbours.
-#[derive(Debug)]
-pub(super) struct Corner {
-    crossing: Crossing,
-    tangent: [f32; 2],
-    /// The length of the outline that belongs to the point, in pixels.
-    length_px: f32,
-    /// The curvature of the outline, 1/px: 1/r for a circle.
-    bend_a_px: f32,
-}
-
 /// Counts and sums of the colours of pixels near an outline.
 #[derive(Default)]
 struct SectorColors {
@@ -128,38 +112,6 @@ impl SectorColors {
     }
 }
 
-impl Corner {
-    /// A corner at a pixel, with the direction outwards, of an outline that counts as straight there.
-    #[cfg(test)]
-    pub(super) fn at(point: [f32; 2], normal: [f32; 2]) -> Self {
-        Self {
-            crossing: Crossing { point, normal },
-            tangent: [-normal[1], normal[0]],
-            length_px: 1.0,
-            bend_a_px: 0.0,
-        }
-    }
-
-    /// Its pixel in the octave.
-    pub(super) fn point(&self) -> [f32; 2] {
-        self.crossing.point
-    }
-
-    /// The squared distance of a pixel.
-    fn squared_px(&self, pixel: [f32; 2]) -> f32 {
-        let point = self.crossing.point;
-        (pixel[0] - point[0]).powi(2) + (pixel[1] - point[1]).powi(2)
-    }
-
-    /// The signed distance of a pixel for which it is the nearest corner.
-    fn distance_px(&self, pixel: [f32; 2]) -> f32 {
-        let [du, dv] = [0, 1].map(|i| pixel[i] - self.crossing.point[i]);
-        let [nu, nv] = self.crossing.normal;
-        let across = du * self.tangent[0] + dv * self.tangent[1];
-        du * nu + dv * nv + 0.5 * self.bend_a_px * across * across
-    }
-}
-
 /// Adds a colour to a count and a sum of colours.
 fn add([count, sums @ ..]: &mut [f32; 4], yuv: [f32; 3]) {
     *count += 1.0;
@@ -171,43 +123,6 @@ fn add([count, sums @ ..]: &mut [f32; 4], yuv: [f32; 3]) {
 /// The mean of a count and a sum of colours; NaN for none.
 fn mean([count, sums @ ..]: &[f32; 4]) -> [f32; 3] {
     sums.map(|sum| sum / count)
-}
-
-/// The corner of number `k` in an octave; NaN if the outline has no pixel there or on either side.
-fn corner(outline: &[Coordinates], octave: Octave, k: usize, orientation: f32) -> Corner {
-    let count = outline.len();
-    let at = |k: usize| outline[k % count].map(|lanes| octave.coordinate(lanes[0]));
-    let [before, point, after] = [at(k + count - 1), at(k), at(k + 1)];
-    let along = [after[0] - before[0], after[1] - before[1]];
-    let length = (along[0] * along[0] + along[1] * along[1]).sqrt();
-    let tangent = along.map(|v| v / length);
-    Corner {
-        crossing: Crossing {
-            point,
-            normal: [orientation * tangent[1], -orientation * tangent[0]],
-        },
-        tangent,
-        length_px: 0.5 * length,
-        bend_a_px: 0.0,
-    }
-}
-
-/// 1 for outlines that run from u to v, −1 for the others.
-fn orientation(outline: &[Coordinates]) -> f32 {
-    let is_pixel = |point: &&Coordinates| point[0][0].is_finite() && point[1][0].is_finite();
-    let Some([u, v]) = outline.iter().find(is_pixel) else {
-        return 1.0;
-    };
-    let (u0, v0) = (u[0], v[0]);
-    let area: f32 = outline
-        .windows(2)
-        .map(|pair| {
-            let [a, b] = [0, 1].map(|i| [pair[i][0][0] - u0, pair[i][1][0] - v0]);
-            a[0] * b[1] - a[1] * b[0]
-        })
-        .filter(|area| area.is_finite())
-        .sum();
-    1_f32.copysign(area)
 }
 
 impl CorrespondenceLines {
@@ -520,22 +435,6 @@ fn unshared(frame: &EdgeFrame, crossings: &[Crossing]) -> [f32; SECTORS] {
     shares.map(|share| share.max(0.0))
 }
 
-/// Computes the curvature at each corner from its neighbours' normals.
-fn bend(corners: &mut [Corner]) {
-    let count = corners.len();
-    for k in 0..count {
-        let normal = |k: usize| corners[k % count].crossing.normal;
-        let (before, after) = (normal(k + count - 1), normal(k + 1));
-        let Corner {
-            tangent, length_px, ..
-        } = corners[k];
-        let turned = (after[0] - before[0]) * tangent[0] + (after[1] - before[1]) * tangent[1];
-        // Beside points without a pixel the outline counts as straight.
-        let bend = (turned / (2.0 * length_px)).clamp(-1.0, 1.0);
-        corners[k].bend_a_px = if bend.is_nan() { 0.0 } else { bend };
-    }
-}
-
 /// Gathers an octave's pixels near an outline, each with its nearest corner; one in `thinning`, as on a chessboard.
 fn take_pixels(
     (frame, octave): (&EdgeFrame, Octave),
@@ -616,32 +515,4 @@ fn take_mixtures(
             mixtures.push(mixture);
         }
     }
-}
-
-/// The nearest corner, searched from one near it, or from all.
-fn nearest(corners: &[Corner], pixel: [f32; 2], near: Option<usize>) -> usize {
-    let squared = |k: usize| corners[k].squared_px(pixel);
-    if let Some(near) = near {
-        descend(near, corners.len(), squared)
-    } else {
-        let compare = |a: &usize, b: &usize| squared(*a).total_cmp(&squared(*b));
-        (0..corners.len()).min_by(compare).unwrap_or(0)
-    }
-}
-
-/// The nearest corner, searched from one near it.
-fn descend(mut nearest: usize, count: usize, squared: impl Fn(usize) -> f32) -> usize {
-    let mut least = squared(nearest);
-    for step in [1, count - 1] {
-        loop {
-            let next = (nearest + step) % count;
-            let there = squared(next);
-            // Corners without a pixel are never nearer.
-            if !(there < least) {
-                break;
-            }
-            (nearest, least) = (next, there);
-        }
-    }
-    nearest
 }

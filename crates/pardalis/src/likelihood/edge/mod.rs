@@ -5,6 +5,7 @@
 //! resolution and compression. Correspondence lines across the outline (as in region-based tracking: Bibby and Reid 2008, Tjaden et al. 2018, Stoiber et al. 2022) give the
 //! likelihood of each shift of the outline; hypotheses nearby are weighted by these alone.
 
+mod corners;
 mod detection;
 mod fit;
 mod frame;

@@ -4,7 +4,7 @@
 //! outline at mid-exposure and its displacement during the exposure, the streak. The share is expressed as the distance at which the edge of a body at
 //! rest has the same mixture, so that learnt edge profiles hold for streaks too.
 
-use super::lines::Corner;
+use super::corners::Corner;
 
 /// How far around the streak the map reaches, octave pixels. Derivation: the band of pixels and the reach of lines, 13 px, and interpolation.
 const MARGIN_PX: f32 = 15.0;

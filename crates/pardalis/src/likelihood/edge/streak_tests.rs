@@ -1,6 +1,6 @@
 //! Streaks against their oracle, and fitted in images of moving bodies.
 
-use super::lines::Corner;
+use super::corners::Corner;
 use super::streak::Streak;
 use super::tests::{RADIUS_M, SIZE, picture, start_at, with_frame};
 use super::*;

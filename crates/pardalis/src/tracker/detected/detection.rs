@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::candidates::{CandidateSearch, at};
-use super::streaks::{self, Exposures};
+use super::exposures::{self, Exposures};
 use crate::likelihood::edge::{
     Detection, Detections, EdgeCue, EdgeFrame, FitStart, NoFit, PositionPrior, SizePrior,
 };
@@ -51,7 +51,7 @@ impl Detector {
     ) -> Self {
         let (unknown_sigma, blobs) = (tuning.size.unknown_sigma, tuning.blobs);
         let tuning = tuning.detection;
-        let room = 1 + cameras * blobs.max_blobs + streaks::MAX_FITS;
+        let room = 1 + cameras * blobs.max_blobs + exposures::MAX_FITS;
         Self {
             tuning,
             shape,
@@ -117,7 +117,10 @@ impl Detector {
                     (number, [0.0; 3]),
                 );
             }
-            self.fit_streaks_of_blobs((edge, frames), predicted.size, candidates, first);
+            // A target that probably exists is fitted as a streak where it is predicted.
+            if predicted.existence < 0.5 {
+                self.fit_streaks_of_blobs((edge, frames), predicted.size, candidates, first);
+            }
         }
         let diameter_m = predicted.size.scale() * self.shape.diameter_m();
         let apart_m = tuning.distinct_diameters * diameter_m;

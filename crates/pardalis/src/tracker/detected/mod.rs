@@ -7,6 +7,7 @@ mod adaptation;
 mod association;
 mod candidates;
 mod detection;
+mod exposures;
 mod look_alikes;
 mod size;
 mod streaks;

@@ -3,43 +3,22 @@
 use nalgebra::Vector3;
 
 use super::detection::Detector;
+use super::exposures::{BLOB_FACTORS, BLOBS, EXPOSURES, LIKELY_SHARE, note};
 use crate::detect::Blob;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, PositionPrior, SizePrior};
 use crate::tracker::candidate::Candidate;
 
-/// For what share of the time between frames the shutter may be open. Hand-set: longer by about a third each.
-const EXPOSURES: [f64; 5] = [0.25, 0.4, 0.6, 0.8, 1.0];
-/// The weight of one frame in the running means of log-likelihood ratios. Hand-set: exposures rarely change.
-const RATE: f64 = 0.3;
-/// Streaks whose means are less than this share of outlines' at rest are not looked for where an outline at rest fits. Hand-set.
-const LIKELY_SHARE: f64 = 0.5;
-/// By how much a target is wider than the blob of its streak, and the streak longer than follows from the blob, whose ends are too pale. Hand-set.
-const BLOB_FACTORS: [[f64; 2]; 4] = [[1.3, 1.3], [1.3, 2.0], [1.8, 1.3], [1.8, 2.0]];
-/// Of how many blobs streaks are looked for, the largest first. Hand-set: bounds the time.
-const BLOBS: usize = 3;
-/// The greatest number of streaks that are fitted in one instant.
-pub(super) const MAX_FITS: usize = EXPOSURES.len() + BLOBS * BLOB_FACTORS.len();
+/// The least ratio of the way to the standard deviation of the predicted position along it. Hand-set: velocities that are noise make no streaks.
+const MIN_WAY_SIGMAS: f64 = 3.0;
 
-/// How well each exposure explained the frames so far: running means of log-likelihood ratios, nats.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Exposures {
-    at_rest: f64,
-    streaks: [f64; EXPOSURES.len()],
-}
-
-impl Exposures {
-    /// The exposures, the likeliest first.
-    fn ranked(&self) -> [usize; EXPOSURES.len()] {
-        let mut ranked = std::array::from_fn(|exposure| exposure);
-        // Of equally likely ones the shortest comes first.
-        ranked.sort_by(|&a, &b| self.streaks[b].total_cmp(&self.streaks[a]));
-        ranked
-    }
-}
-
-/// Moves a running mean of log-likelihood ratios. What does not fit counts 0.
-fn note(mean: &mut f64, log_ratio: f64) {
-    *mean += RATE * (log_ratio.max(0.0) - *mean);
+/// Whether a way is certain, given the prior of the position at its end: mean and inverse covariance.
+fn is_certain(way_m: &Vector3<f64>, prior: PositionPrior) -> bool {
+    let Some(covariance_m2) = prior.and_then(|(_, information)| information.try_inverse()) else {
+        return false;
+    };
+    let squared_m2 = way_m.norm_squared();
+    let variance_m2 = way_m.dot(&(covariance_m2 * way_m)) / squared_m2;
+    squared_m2 >= MIN_WAY_SIGMAS.powi(2) * variance_m2
 }
 
 impl Detector {
@@ -56,7 +35,8 @@ impl Detector {
         let ranked = self.exposures.ranked();
         let diameter_m = prior.1.scale() * self.shape.diameter_m();
         let least_m = self.tuning.min_streak_diameters * diameter_m;
-        if EXPOSURES[ranked[0]] * Vector3::from(way_m).norm() < least_m {
+        let way_m = Vector3::from(way_m);
+        if EXPOSURES[ranked[0]] * way_m.norm() < least_m || !is_certain(&way_m, prior.0) {
             return;
         }
         let is_sure = at_rest > self.tuning.sure_log_ratio;
@@ -67,7 +47,7 @@ impl Detector {
         note(&mut self.exposures.at_rest, at_rest);
         let enough = at_rest.max(self.tuning.sure_log_ratio);
         for exposure in ranked {
-            let displacement_m = way_m.map(|v| EXPOSURES[exposure] * v);
+            let displacement_m = (EXPOSURES[exposure] * way_m).into();
             let streak_m = (position_m, displacement_m);
             let log_ratio = self.fit_streak((edge, frames), prior, candidates, (0, streak_m));
             note(&mut self.exposures.streaks[exposure], log_ratio);
