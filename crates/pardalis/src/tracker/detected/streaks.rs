@@ -74,7 +74,13 @@ impl Detector {
         }
         let mut count = 0;
         for number in first..candidates.len() {
-            let Some(&blob) = candidates[number].origin.blob() else {
+            let candidate = &candidates[number];
+            // Those without a position are ruled out.
+            let Some(&blob) = candidate
+                .origin
+                .blob()
+                .filter(|_| candidate.position_m.is_some())
+            else {
                 continue;
             };
             if blob.cut_off || count == BLOBS || !self.may_be_streak(&blob) {
