@@ -124,6 +124,8 @@ tuned! {
         streak_edge_px: f32 = 0.55, "pixels", "experiment: learnt edge profiles";
         /// Displacements shorter than this, in the octave, make no streak.
         min_streak_px: f32 = 1.5, "pixels", "hand-set: within the width of edges";
+        /// Longer streaks, in lengths of the outline, are too pale to be seen.
+        max_streak_outlines: f32 = 1.25, "lengths of the outline", "hand-set: about four diameters; also bounds time and memory";
         /// Mixtures with less of the body do not show its colours.
         min_mixture: f32 = 0.5, "share", "hand-set: noise is multiplied by the inverse";
         /// The curvature that lines have at least, before the likelihood exponent.

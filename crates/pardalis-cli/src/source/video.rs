@@ -245,7 +245,7 @@ impl VideoFrames {
 
 /// Fails if images of this size cannot be tracked.
 fn check_size(input: &str, (width, height): (usize, usize)) -> Result<()> {
-    // ffmpeg states no size if it refuses to decode so many pixels.
+    // ffmpeg reports no size for videos that are larger than it may decode.
     if width == 0 || height == 0 {
         return Err(user_error!(
             "{input}: its video states no size, or more than {MAX_PIXELS} pixels; scale it down, or give another file"

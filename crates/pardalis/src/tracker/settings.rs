@@ -125,7 +125,7 @@ impl DetectedSettings {
         }
     }
 
-    /// What is known of the size before the first frames of this many cameras.
+    /// The prior of the size before the first frames, for this number of cameras.
     ///
     /// Returns an error if the tolerance is out of range, or the size is unknown and these cameras cannot determine it.
     pub(super) fn size_prior(&self, cameras: usize) -> Result<SizePrior, Error> {

@@ -57,9 +57,9 @@ pub(crate) struct FitStart<'a> {
     pub(crate) displacement_m: [f64; 3],
     /// The logarithm of the scale at which outlines are sought first.
     pub(crate) log_scale: f64,
-    /// What is known of the position: it is fitted along with the lines.
+    /// The prior of the position, fitted together with the lines.
     pub(crate) prior: PositionPrior<'a>,
-    /// What is known of the size. It is fitted where several cameras see the target, or one that stays on the ground.
+    /// The prior of the size, which is fitted if several cameras see the target, or if it stays on the ground.
     pub(crate) size: SizePrior,
     /// Whether motion is planar, which keeps the height.
     pub(crate) is_planar: bool,

@@ -176,6 +176,11 @@ impl CorrespondenceLines {
         let displacement = displacement_px.map(|v| octave.scale() * v);
         let is_streak =
             lengths_are_finite && displacement[0].hypot(displacement[1]) >= tuning.min_streak_px;
+        if is_streak
+            && displacement[0].hypot(displacement[1]) > tuning.max_streak_outlines * length_px
+        {
+            return Err(NoFit::NoEdges);
+        }
         let thinning = if is_streak || length_px > tuning.thinned_from_px {
             2
         } else {

@@ -1,6 +1,6 @@
 //! The size of a ball: how it is weighed against the outlines when a position is fitted, and what the fit says of it.
 
-/// What is known of the size of a target: the logarithm of its scale relative to its shape. Its tails are heavy, those of a Cauchy distribution, so that
+/// The prior of a target's size: the logarithm of its scale relative to its shape. Its tails are heavy, those of a Cauchy distribution, so that
 /// outlines that contradict a size overrule it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SizePrior {

@@ -32,7 +32,7 @@ pub(super) struct Streak {
     corners: Vec<u16>,
     /// ... the share of the body in its mixture, ...
     shares: Vec<f32>,
-    /// ... the signed distance to the hull of all outlines during the exposure, and the offset along the grid to where that was measured, ...
+    /// ... the signed distance to the hull of all outlines during the exposure, and the column of the node that is nearest to its outline, ...
     hulls: Vec<(f32, u16)>,
     /// ... and the distance from a body at rest with the same mixture.
     at_rest_px: Vec<f32>,
@@ -55,7 +55,7 @@ pub(super) struct Mixture {
     pub(super) at_rest_px: f32,
 }
 
-/// The factors by which shares may be wrong. Hand-set: a half of what makes a mixture of another colour.
+/// Colours are unmixed with the share times each of these factors, because shares are not exact. Hand-set.
 const SHARE_FACTORS: [f32; 3] = [1.0, 0.85, 1.18];
 
 impl Mixture {

@@ -1,6 +1,6 @@
 //! Exposures: for what share of the time between frames the shutter is open, as far as streaks tell.
 
-/// For what share of the time between frames the shutter may be open. Hand-set: longer by about a third each.
+/// For what share of the time between frames the shutter may be open. Hand-set: a streak between two of them fits nearly as well.
 pub(super) const EXPOSURES: [f64; 5] = [0.25, 0.4, 0.6, 0.8, 1.0];
 /// The weight of one frame in the running means of log-likelihood ratios. Hand-set: exposures rarely change.
 const RATE: f64 = 0.3;

@@ -33,6 +33,7 @@ use crate::view::View;
 use adaptation::{Adaptation, Certain};
 use association::AssociatedDetection;
 use detection::{Detector, Prediction};
+use exposures::Exposures;
 use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
@@ -459,6 +460,7 @@ impl DetectedTarget {
         self.size.reset();
         self.drift_m = [0.0; 3];
         self.start = None;
+        self.detector.exposures = Exposures::default();
         self.candidates.clear();
     }
 

@@ -107,7 +107,8 @@ impl Detector {
             && along >= self.tuning.min_streak_elongation * across
     }
 
-    /// Fits a candidate as a streak, from a position and with a displacement. The candidate tells of the likeliest of its fits. Returns the log-likelihood ratio.
+    /// Fits a candidate as a streak from this position, with this displacement. The candidate keeps the results of its likeliest fit. Returns the log-likelihood
+    /// ratio.
     fn fit_streak(
         &mut self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
