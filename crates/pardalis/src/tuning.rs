@@ -170,8 +170,10 @@ tuned! {
 tuned! {
     /// Tuned constants of data association.
     AssociationTuning {
-        /// Clutter (things that look like the target) per frame, over all places where targets appear.
+        /// Clutter (things that look like the target) per frame, over all places where targets appear, besides what is seen of it.
         clutter_per_frame: f64 = 0.1, "things", "hand-set";
+        /// The weight of one search of whole images in the running mean of the clutter that is seen.
+        clutter_rate: f64 = 0.1, "share", "experiment: real clips, between 0.05 and 0.2";
         /// A detection's log-likelihood ratio of target against clutter rises by one per this many nats of the edge cue's per camera, ...
         log_ratio_scale: f64 = 1.5, "nats", "hand-set: pixels are not independent";
         /// ... from minus this, ...

@@ -82,6 +82,15 @@ impl Detection {
         (mean - f64::from(lines.fitted_log_ratio)) as f32
     }
 
+    /// The greatest log-likelihood ratio that a camera's lines may have, in nats.
+    pub(super) fn most(&self, lines: &CorrespondenceLines) -> f32 {
+        if self.camera_count == 1 {
+            lines.fitted_log_ratio
+        } else {
+            f32::INFINITY
+        }
+    }
+
     /// Its log-likelihood ratio in the octave in which it is judged.
     pub(crate) fn coarse_log_ratio(&self) -> f64 {
         self.coarse_log_ratio

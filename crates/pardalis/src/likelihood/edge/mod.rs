@@ -366,7 +366,8 @@ impl EdgeCue {
     }
 
     /// Writes the log-likelihood ratio of one camera's frame at each position (world frame, metres): the largest over the detections, each with its
-    /// offset and balanced among the cameras; at least `missed` where the camera has the position in view, and 0 where it does not.
+    /// offset and balanced among the cameras; at least `missed` where the camera has the position in view, and 0 where it does not. In a single camera no position is
+    /// likelier than the detection itself: poor fits of small outlines may miss the likeliest one, which their weight does not count on.
     pub(crate) fn log_likelihood_ratios<'d>(
         &mut self,
         frame: &EdgeFrame,
@@ -377,7 +378,10 @@ impl EdgeCue {
     ) {
         let lines = detections.flat_map(|(detection, offset)| {
             let lines = detection.lines_of(frame.camera());
-            lines.map(move |lines| (lines, detection.scale(), offset + detection.balance(lines)))
+            lines.map(move |lines| {
+                let offset = offset + detection.balance(lines);
+                (lines, detection.scale(), (offset, detection.most(lines)))
+            })
         });
         let has_lines = lines.clone().next().is_some();
         for start in (0..out.len()).step_by(LANES) {
@@ -389,13 +393,14 @@ impl EdgeCue {
             let mut best = [missed; LANES];
             if has_lines {
                 let mut projected = None;
-                for (lines, scale, offset) in lines.clone() {
+                for (lines, scale, (offset, most)) in lines.clone() {
                     if projected.replace(scale) != Some(scale) {
                         self.project(frame.projector(), &positions, scale);
                     }
                     let sums = SectorSums::of(lines, &self.coordinates);
                     for (lane, best) in best.iter_mut().enumerate().take(lanes) {
-                        let log_ratio = lines.log_likelihood_ratio(&sums.lane(lane)) + offset;
+                        let log_ratio =
+                            lines.log_likelihood_ratio(&sums.lane(lane)).min(most) + offset;
                         if log_ratio > *best {
                             *best = log_ratio;
                         }

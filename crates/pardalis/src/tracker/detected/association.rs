@@ -16,6 +16,8 @@ pub(super) struct AssociatedDetection {
     pub(super) detection: usize,
     /// The Gaussian that it contributes to the filter's proposal.
     pub(super) component: MeasurementComponent,
+    /// By how much it is likelier the target than one thing of clutter, wherever it is, in nats.
+    pub(super) likeness: f64,
     /// The log-ratio by which it speaks for the target's existence, in nats.
     pub(super) existence_log_ratio: f64,
     /// What each camera adds to the edge cue's log-likelihood ratio at this detection, in nats, so that it compares with clutter.
@@ -174,6 +176,7 @@ impl DetectedTarget {
                     .map(|at| covariance_m2[at]),
                 log_weight,
             },
+            likeness: likeness - assigned,
             existence_log_ratio,
             log_ratio_offset: ((log_weight - log_volume - log_ratio) / cameras) as f32,
         })
@@ -267,7 +270,23 @@ impl DetectedTarget {
 
     /// The density of clutter, 1/m³ (1/m² on the ground).
     fn clutter_density(&self) -> f64 {
-        self.tuning.association.clutter_per_frame * self.birth_density
+        (self.tuning.association.clutter_per_frame + self.clutter_seen) * self.birth_density
+    }
+
+    /// Updates how much clutter is seen with the detections of a search, given which of them is the target. Without one, one of them may be the target.
+    pub(super) fn note_clutter(
+        &mut self,
+        associated: &[AssociatedDetection],
+        target: Option<usize>,
+    ) {
+        let tuning = &self.tuning.association;
+        let least = libm::log(tuning.clutter_per_frame);
+        let is_clutter = |(number, found): &(usize, &AssociatedDetection)| {
+            Some(*number) != target && found.likeness > least
+        };
+        let others = associated.iter().enumerate().filter(is_clutter).count();
+        let clutter = others.saturating_sub(usize::from(target.is_none()));
+        self.clutter_seen += tuning.clutter_rate * (clutter as f64 - self.clutter_seen);
     }
 
     /// By how many nats a detection is less likely a landmark because it is far from the target's other landmarks.

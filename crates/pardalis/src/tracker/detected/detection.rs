@@ -69,6 +69,11 @@ impl Detector {
         self.detections.as_slice()
     }
 
+    /// Whether whole images were searched in the latest frames.
+    pub(super) fn has_searched(&self) -> bool {
+        self.since_search == 0
+    }
+
     /// The greatest log-likelihood ratio of the detections found so far.
     pub(super) fn greatest_log_ratio(&self) -> f64 {
         let log_ratios = self.detections().iter().map(Detection::coarse_log_ratio);

@@ -77,6 +77,8 @@ pub(super) struct DetectedTarget {
     buffers: Buffers,
     /// The time from the frames before to the latest, seconds.
     since_s: f64,
+    /// The running mean of the clutter in a search of whole images.
+    clutter_seen: f64,
 }
 
 /// What the images of one camera say of the target's colours and of look-alikes, at the latest instant.
@@ -156,6 +158,7 @@ impl DetectedTarget {
             detection_m2: None,
             drift_m: [0.0; 3],
             since_s: 0.0,
+            clutter_seen: 0.0,
             other_landmarks_m: Vec::new(),
             // The prediction and, for each camera, its blobs and the largest that is left out; only where rays of several cameras meet may there be more.
             candidates: Vec::with_capacity(1 + views.len() * (tuning.blobs.max_blobs + 1)),
@@ -298,6 +301,9 @@ impl DetectedTarget {
         self.buffers.frames = emptied(frames);
         self.update_state(time_s);
         self.conclude(&associated, updated.target, &mut candidates);
+        if self.detector.has_searched() {
+            self.note_clutter(&associated, updated.target);
+        }
         self.candidates = candidates;
 
         self.adapt(instant, statistics, &associated);
@@ -461,6 +467,7 @@ impl DetectedTarget {
         self.drift_m = [0.0; 3];
         self.start = None;
         self.detector.exposures = Exposures::default();
+        self.clutter_seen = 0.0;
         self.candidates.clear();
     }
 

@@ -8,19 +8,6 @@ use crate::detect::Blob;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, PositionPrior, SizePrior};
 use crate::tracker::candidate::Candidate;
 
-/// The least ratio of the way to the standard deviation of the predicted position along it. Hand-set: velocities that are noise make no streaks.
-const MIN_WAY_SIGMAS: f64 = 3.0;
-
-/// Whether a way is certain, given the prior of the position at its end: mean and inverse covariance.
-fn is_certain(way_m: &Vector3<f64>, prior: PositionPrior) -> bool {
-    let Some(covariance_m2) = prior.and_then(|(_, information)| information.try_inverse()) else {
-        return false;
-    };
-    let squared_m2 = way_m.norm_squared();
-    let variance_m2 = way_m.dot(&(covariance_m2 * way_m)) / squared_m2;
-    squared_m2 >= MIN_WAY_SIGMAS.powi(2) * variance_m2
-}
-
 impl Detector {
     /// Fits the prediction as a streak with each of the possible exposures, the likeliest first, until one is certain. `way_m` is how far the target moved since the frames
     /// before. The prediction has been fitted at rest.
@@ -36,7 +23,7 @@ impl Detector {
         let diameter_m = prior.1.scale() * self.shape.diameter_m();
         let least_m = self.tuning.min_streak_diameters * diameter_m;
         let way_m = Vector3::from(way_m);
-        if EXPOSURES[ranked[0]] * way_m.norm() < least_m || !is_certain(&way_m, prior.0) {
+        if EXPOSURES[ranked[0]] * way_m.norm() < least_m {
             return;
         }
         let is_sure = at_rest > self.tuning.sure_log_ratio;
