@@ -32,6 +32,7 @@ use clap::{Parser, Subcommand};
   pardalis demo                                   tracks the bundled sequence
   pardalis learn --image a.jpg --rect 10,20,30,40 -o ball.colors.toml
   pardalis init images --fps 25 --colors ball.colors.toml --pixel 460,88
+  pardalis check scene.toml                       problems of the scene, and its first frames
   pardalis track scene.toml --annotate            tracks, plots and annotated frames
   pardalis locate scene.toml --at 460,88          single images, independently
   pardalis rectify scene.toml                     maps of the ground, seen from above
@@ -60,6 +61,7 @@ enum Command {
     Init(commands::init::Arguments),
     Learn(commands::learn::Arguments),
     Camera(commands::camera::Arguments),
+    Check(commands::check::Arguments),
     Track(commands::track::Arguments),
     Locate(commands::locate::Arguments),
     Rectify(commands::rectify::Arguments),
@@ -76,6 +78,7 @@ fn main() -> ExitCode {
         Command::Init(arguments) => commands::init::run(&arguments),
         Command::Learn(arguments) => commands::learn::run(&arguments),
         Command::Camera(arguments) => commands::camera::run(&arguments),
+        Command::Check(arguments) => commands::check::run(&arguments),
         Command::Track(arguments) => commands::track::run(&arguments),
         Command::Locate(arguments) => commands::locate::run(&arguments),
         Command::Rectify(arguments) => commands::rectify::run(&arguments),

@@ -6,6 +6,7 @@ mod calibrate;
 mod calibrate_time;
 mod calibration;
 mod camera;
+mod check;
 mod common;
 mod demo;
 mod evaluate;
