@@ -41,6 +41,7 @@ Without cameras:
   pardalis simulate data/worlds/ring.toml -o ring   images of a synthetic world, with ground truth
 
 Cameras:
+  pardalis devices                                   cameras of this computer, as lines of a scene
   pardalis camera show calib.yml                     properties of a calibration in any format
   pardalis init images --fps 25 --camera calib.yml   a scene that uses it
   pardalis calibrate board images --board checkerboard:9x6:0.025 --model all
@@ -58,6 +59,7 @@ struct Arguments {
 enum Command {
     Calibrate(commands::calibrate::Arguments),
     Demo(commands::demo::Arguments),
+    Devices(commands::devices::Arguments),
     Init(commands::init::Arguments),
     Learn(commands::learn::Arguments),
     Camera(commands::camera::Arguments),
@@ -75,6 +77,7 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Calibrate(arguments) => commands::calibrate::run(&arguments),
         Command::Demo(arguments) => commands::demo::run(&arguments),
+        Command::Devices(arguments) => commands::devices::run(&arguments),
         Command::Init(arguments) => commands::init::run(&arguments),
         Command::Learn(arguments) => commands::learn::run(&arguments),
         Command::Camera(arguments) => commands::camera::run(&arguments),

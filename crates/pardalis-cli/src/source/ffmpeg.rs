@@ -85,6 +85,17 @@ impl Programs {
         })
     }
 
+    /// Returns what ffmpeg says about the formats of a camera of Linux, or why it cannot open the camera.
+    pub(super) fn camera_formats(&self, device: &Path) -> Result<String> {
+        let output = command(&self.ffmpeg)
+            .args(["-hide_banner", "-loglevel", "info", "-f", "v4l2"])
+            .args(["-list_formats", "all", "-i"])
+            .arg(device)
+            .output()
+            .with_context(|| format!("{} cannot be started", self.ffmpeg.display()))?;
+        Ok(String::from_utf8_lossy(&output.stderr).into_owned())
+    }
+
     /// Probes the first video stream. Fails if the input cannot be opened or has no video.
     pub(super) fn probe(&self, video: &VideoInput) -> Result<ProbedStream> {
         let input = name_of(&video.place);

@@ -10,7 +10,7 @@ mod times;
 mod video;
 
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::task::Poll;
@@ -38,6 +38,22 @@ const BYTES_AHEAD: usize = 64 << 20;
 
 /// How long to wait for each of the first frames of a live camera if they are needed at once.
 const FIRST_FRAME_WAIT: Duration = Duration::from_secs(5);
+
+/// An ffmpeg that lists the formats of cameras.
+pub(crate) struct CameraFormats(Programs);
+
+impl CameraFormats {
+    /// Finds ffmpeg. Fails if it is not installed.
+    pub(crate) fn find() -> Result<Self> {
+        let search_path = std::env::var_os("PATH").unwrap_or_default();
+        Programs::find(&search_path).map(Self)
+    }
+
+    /// Returns ffmpeg's messages about the formats of a camera of Linux.
+    pub(crate) fn messages_about(&self, device: &Path) -> Result<String> {
+        self.0.camera_formats(device)
+    }
+}
 
 /// Settings of the source of a camera's frames.
 #[derive(Debug, Clone)]

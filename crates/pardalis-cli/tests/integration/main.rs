@@ -9,6 +9,7 @@ mod camera;
 mod check;
 mod common;
 mod demo;
+mod devices;
 mod evaluate;
 mod explain;
 mod foreign_scenes;
