@@ -17,6 +17,7 @@ mod full_disk;
 mod init;
 mod learn;
 mod likelihood;
+mod limits;
 mod live;
 mod live_faults;
 mod locate;
