@@ -23,6 +23,7 @@ mod live_faults;
 mod locate;
 mod measure;
 mod more_is_better;
+mod motion_jpeg;
 mod odd_files;
 mod particles;
 mod plane;
