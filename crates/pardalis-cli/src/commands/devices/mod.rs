@@ -38,7 +38,7 @@ pub(crate) fn run(_: &Arguments) -> Result<()> {
     if !cfg!(target_os = "linux") {
         return Err(anyhow!(
             "cameras are listed on Linux only; on macOS, `ffmpeg -f avfoundation -list_devices true -i \"\"` lists them, on Windows \
-             `ffmpeg -f dshow -list_devices true -i dummy` (docs/videos.md says how scenes name them)"
+             `ffmpeg -f dshow -list_devices true -i dummy` (docs/cameras-live.md says how scenes name them)"
         ));
     }
     let ffmpeg = CameraFormats::find();
@@ -102,7 +102,7 @@ fn cameras(
     Err(anyhow!(
         "no camera was found: {others}; plug one in, or pass it on to a container or virtual machine \
          (docker run --device /dev/video0); the cameras of a Raspberry Pi come through a pipe, and network cameras have \
-         addresses (docs/videos.md)"
+         addresses (docs/cameras-live.md)"
     ))
 }
 
