@@ -10,6 +10,8 @@ mod folder;
 mod interrupt;
 mod numbers;
 mod output;
+#[cfg(feature = "package")]
+mod package;
 mod progress;
 mod rectangle;
 mod rig;
@@ -74,6 +76,17 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    #[cfg(feature = "package")]
+    return user_error::exit_code_of(&package::write(
+        <Arguments as clap::CommandFactory>::command(),
+    ));
+    #[cfg(not(feature = "package"))]
+    run()
+}
+
+/// Runs the command of the command line.
+#[cfg_attr(feature = "package", expect(dead_code))]
+fn run() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Calibrate(arguments) => commands::calibrate::run(&arguments),
         Command::Demo(arguments) => commands::demo::run(&arguments),
