@@ -47,7 +47,9 @@ pub(super) fn measure(
     for step in 0..=STEPS {
         // Lost targets cost nothing, unless they are searched for.
         let mut estimates = tracker.targets().map(|target| tracker.estimate(target));
-        if estimates.any(|estimate| estimate.is_ok_and(|e| e.state == TrackState::Lost)) {
+        let mut is_lost =
+            || estimates.any(|estimate| estimate.is_ok_and(|e| e.state == TrackState::Lost));
+        if step > 0 && is_lost() {
             break;
         }
         let time_s = begin_s + step_s * step as f64;
