@@ -10,6 +10,8 @@ mod folder;
 mod interrupt;
 mod numbers;
 mod output;
+#[cfg(feature = "package")]
+mod package;
 mod progress;
 mod rectangle;
 mod rig;
@@ -32,6 +34,7 @@ use clap::{Parser, Subcommand};
   pardalis demo                                   tracks the bundled sequence
   pardalis learn --image a.jpg --rect 10,20,30,40 -o ball.colors.toml
   pardalis init images --fps 25 --colors ball.colors.toml --pixel 460,88
+  pardalis check scene.toml                       problems of the scene, and its first frames
   pardalis track scene.toml --annotate            tracks, plots and annotated frames
   pardalis locate scene.toml --at 460,88          single images, independently
   pardalis rectify scene.toml                     maps of the ground, seen from above
@@ -40,6 +43,7 @@ Without cameras:
   pardalis simulate data/worlds/ring.toml -o ring   images of a synthetic world, with ground truth
 
 Cameras:
+  pardalis devices                                   cameras of this computer, as lines of a scene
   pardalis camera show calib.yml                     properties of a calibration in any format
   pardalis init images --fps 25 --camera calib.yml   a scene that uses it
   pardalis calibrate board images --board checkerboard:9x6:0.025 --model all
@@ -57,9 +61,11 @@ struct Arguments {
 enum Command {
     Calibrate(commands::calibrate::Arguments),
     Demo(commands::demo::Arguments),
+    Devices(commands::devices::Arguments),
     Init(commands::init::Arguments),
     Learn(commands::learn::Arguments),
     Camera(commands::camera::Arguments),
+    Check(commands::check::Arguments),
     Track(commands::track::Arguments),
     Locate(commands::locate::Arguments),
     Rectify(commands::rectify::Arguments),
@@ -70,12 +76,25 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    #[cfg(feature = "package")]
+    return user_error::exit_code_of(&package::write(
+        <Arguments as clap::CommandFactory>::command(),
+    ));
+    #[cfg(not(feature = "package"))]
+    run()
+}
+
+/// Runs the command of the command line.
+#[cfg_attr(feature = "package", expect(dead_code))]
+fn run() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Calibrate(arguments) => commands::calibrate::run(&arguments),
         Command::Demo(arguments) => commands::demo::run(&arguments),
+        Command::Devices(arguments) => commands::devices::run(&arguments),
         Command::Init(arguments) => commands::init::run(&arguments),
         Command::Learn(arguments) => commands::learn::run(&arguments),
         Command::Camera(arguments) => commands::camera::run(&arguments),
+        Command::Check(arguments) => commands::check::run(&arguments),
         Command::Track(arguments) => commands::track::run(&arguments),
         Command::Locate(arguments) => commands::locate::run(&arguments),
         Command::Rectify(arguments) => commands::rectify::run(&arguments),

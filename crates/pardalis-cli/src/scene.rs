@@ -7,17 +7,18 @@ use anyhow::Result;
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{Cue, CueSettings};
 use pardalis::start::Start;
-use pardalis::tracker::TargetSettings;
+use pardalis::tracker::{BodySettings, TargetSettings};
 use pardalis::view::View;
 use pardalis::{TargetId, Tracker};
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::Mask;
 use pardalis_camera::formats::Lens;
 use pardalis_core::simd::Level;
+use pardalis_filter::gaussian::GaussianStart;
 use pardalis_scene::calibration;
 use pardalis_scene::{
-    BodyConfig, CameraConfig, Input, Problem, Scene, StartConfig, VideoFormat, VideoInput,
-    VideoPlace,
+    BodyConfig, CameraConfig, Input, Problem, Scene, StartConfig, TargetConfig, VideoFormat,
+    VideoInput, VideoPlace,
 };
 
 use crate::output::warn;
@@ -162,93 +163,219 @@ pub(crate) fn open(
             .resolved
             .insert("seed".to_owned(), toml::Value::Integer(i64::from(seed)));
     }
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let mut problems = Vec::new();
-    let mut sources = Vec::new();
-    let mut views = Vec::new();
     if !stills.is_empty() {
         find_live_rectangles(path, &mut scene)?;
     }
-    for camera in &mut scene.cameras {
-        let source = if stills.is_empty() {
-            open_source(camera, folder, &mut scene.resolved)
-        } else {
-            Ok(Source::stills(stills)?)
-        };
-        match source {
-            Ok(source) => {
-                views.push(view_of(camera, folder, source.size(), &mut problems));
-                sources.push(Some(source));
-            }
-            Err(problem) => {
-                problems.push(problem);
-                views.push(None);
-                sources.push(None);
-            }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut parts = Parts::with(scene, Vec::new());
+    parts.open_cameras(folder, stills)?;
+    if parts.problems.is_empty() {
+        parts.unit_warnings(path).iter().for_each(warn);
+    }
+    parts.open_targets(folder);
+    parts.finish(path)
+}
+
+/// Reads and opens as much of a scene as its problems allow, in spite of them.
+///
+/// Errors: the file cannot be read.
+pub(crate) fn open_parts(path: &Path) -> Result<Parts> {
+    let text = read_text(path)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let (scene, problems) =
+        Scene::parse_parts(&text, &|file, lens| read_calibration(folder, file, lens));
+    let mut parts = Parts::with(scene, problems);
+    parts.open_cameras(folder, &[])?;
+    parts.find_recorded_rectangles(folder);
+    parts.open_targets(folder);
+    Ok(parts)
+}
+
+/// A scene whose files are being opened: what could be opened, and all problems.
+pub(crate) struct Parts {
+    /// The cameras and targets without problems in the text.
+    pub(crate) scene: Scene,
+    /// The frames of each of its cameras, if they could be opened.
+    pub(crate) sources: Vec<Option<Source>>,
+    /// The views of its cameras, where size and mask are right.
+    pub(crate) views: Vec<Option<View>>,
+    /// The settings of each body of its targets, if its files are right.
+    pub(crate) targets: Vec<Vec<Option<BodySettings>>>,
+    /// The problems so far.
+    pub(crate) problems: Vec<Problem>,
+    /// Whether the text has no problem, so that cameras and targets are complete.
+    is_complete: bool,
+    /// The targets that start from a track, with the time of the start in seconds.
+    reinitialized: Vec<(TargetId, GaussianStart, f64)>,
+}
+
+impl Parts {
+    fn with(scene: Scene, problems: Vec<Problem>) -> Self {
+        Self {
+            scene,
+            sources: Vec::new(),
+            views: Vec::new(),
+            targets: Vec::new(),
+            is_complete: problems.is_empty(),
+            problems,
+            reinitialized: Vec::new(),
         }
     }
-    let opened: Vec<_> = scene
-        .cameras
-        .iter()
-        .zip(sources.iter().map(Option::as_ref))
-        .collect();
-    problems.extend(rig::problems(&opened, folder));
-    if problems.is_empty() {
-        warn_of_units(path, &opened);
+
+    /// Opens the frames of all cameras, or `stills` in place of those of its only camera.
+    ///
+    /// Errors: the stills cannot be opened.
+    fn open_cameras(&mut self, folder: &Path, stills: &[PathBuf]) -> Result<()> {
+        for camera in &mut self.scene.cameras {
+            let source = if stills.is_empty() {
+                open_source(camera, folder, &mut self.scene.resolved)
+            } else {
+                Ok(Source::stills(stills)?)
+            };
+            match source {
+                Ok(source) => {
+                    let view = view_of(camera, folder, source.size(), &mut self.problems);
+                    self.views.push(view);
+                    self.sources.push(Some(source));
+                }
+                Err(problem) => {
+                    self.problems.push(problem);
+                    self.views.push(None);
+                    self.sources.push(None);
+                }
+            }
+        }
+        let problems = rig::problems(&self.opened(), folder);
+        self.problems.extend(problems);
+        Ok(())
     }
-    let mut sources: Vec<Source> = sources.into_iter().flatten().collect();
-    let mut targets = Vec::new();
-    let mut reinitialized = Vec::new();
-    for (number, target) in scene.targets.iter().enumerate() {
-        let mut bodies = Vec::new();
-        for body in &target.bodies {
-            let start = match body.start().map(|start| &start.value) {
-                None => Ok(None),
-                Some(StartConfig::Here(start)) => Ok(Some(*start)),
-                Some(StartConfig::Track(track)) => {
-                    let first_time_s = sources.iter_mut().filter_map(Source::first_time_s);
-                    let first_time_s = first_time_s.reduce(f64::min);
-                    let path = resolve(folder, &track.file);
-                    track_start::read(track, &path, first_time_s).map(|(start, time_s)| {
-                        reinitialized.push((TargetId::new(number), start, time_s));
-                        Some(Start::Gaussian(start))
-                    })
+
+    /// Sets the models of recorded cameras that rectangles determine.
+    fn find_recorded_rectangles(&mut self, folder: &Path) {
+        let Self {
+            scene,
+            sources,
+            views,
+            problems,
+            ..
+        } = self;
+        for (number, camera) in scene.cameras.iter_mut().enumerate() {
+            // The problem with a source that cannot be opened is known.
+            let Some(source) = sources[number].as_ref().filter(|source| !source.is_live()) else {
+                continue;
+            };
+            let size = source.size();
+            let found = find_rectangle(camera, folder, false, &mut scene.resolved);
+            views[number] = match found {
+                Ok(()) if camera.rectangle.is_none() => continue,
+                // Its problems with size and mask are known.
+                Ok(()) => view_of(camera, folder, size, &mut Vec::new()),
+                Err(problem) => {
+                    problems.push(problem);
+                    None
                 }
             };
-            let problem = |message: String| start_problem(body, message);
-            let start = start.map_err(|error| problems.push(problem(format!("{error:#}"))));
-            if let Ok(Some(Start::Pixel(start))) = &start
-                && let Some(view) = &views[start.camera]
-                && let Err(error) = start.check_in(view)
-            {
-                problems.push(problem(error.to_string()));
-            }
-            let colors = read_colors(body, folder).map_err(|problem| problems.push(problem));
-            if let (Ok(start), Ok(colors)) = (start, colors) {
-                match body.settings(colors, start) {
-                    Ok(settings) => bodies.push(settings),
-                    Err(error) => problems.push(problem(error.to_string())),
-                }
-            }
         }
-        let mut settings = TargetSettings::of_landmarks(bodies);
-        settings.heading = target.heading;
-        targets.push(settings);
     }
-    if !problems.is_empty() {
-        problems.sort();
-        return Err(problems_in("scene", path, &problems));
+
+    /// Opens the files of all targets.
+    fn open_targets(&mut self, folder: &Path) {
+        let Self {
+            scene,
+            sources,
+            views,
+            targets,
+            problems,
+            is_complete,
+            reinitialized,
+        } = self;
+        for (number, target) in scene.targets.iter().enumerate() {
+            let mut bodies = Vec::new();
+            for body in &target.bodies {
+                let start = match body.start().map(|start| &start.value) {
+                    None => Ok(None),
+                    Some(StartConfig::Here(start)) => Ok(Some(*start)),
+                    Some(StartConfig::Track(track)) => {
+                        let opened = sources.iter_mut().flatten();
+                        let first_time_s = opened.filter_map(Source::first_time_s);
+                        let first_time_s = first_time_s.reduce(f64::min);
+                        let path = resolve(folder, &track.file);
+                        track_start::read(track, &path, first_time_s).map(|(start, time_s)| {
+                            reinitialized.push((TargetId::new(number), start, time_s));
+                            Some(Start::Gaussian(start))
+                        })
+                    }
+                };
+                let problem = |message: String| start_problem(body, message);
+                let start = start.map_err(|error| problems.push(problem(format!("{error:#}"))));
+                if let (true, Ok(Some(Start::Pixel(start)))) = (*is_complete, &start)
+                    && let Some(view) = &views[start.camera]
+                    && let Err(error) = start.check_in(view)
+                {
+                    problems.push(problem(error.to_string()));
+                }
+                let colors = read_colors(body, folder).map_err(|problem| problems.push(problem));
+                let settings = match (start, colors) {
+                    (Ok(start), Ok(colors)) => {
+                        let settings = body.settings(colors, start);
+                        let settings = settings.map_err(|error| problem(error.to_string()));
+                        settings.map_err(|problem| problems.push(problem)).ok()
+                    }
+                    _ => None,
+                };
+                bodies.push(settings);
+            }
+            targets.push(bodies);
+        }
     }
-    let views = views.into_iter().flatten().collect();
-    let mut tracker = Tracker::new(views, targets, scene.seed, Level::best())?;
-    for (target, start, time_s) in &reinitialized {
-        tracker.reinitialize(*target, start, *time_s)?;
+
+    fn opened(&self) -> Vec<rig::Opened<'_>> {
+        let sources = self.sources.iter().map(Option::as_ref);
+        self.scene.cameras.iter().zip(sources).collect()
     }
-    Ok(OpenScene {
-        scene,
-        sources,
-        tracker,
-    })
+
+    /// Returns warnings if time stamps may not be in seconds although all cameras agree.
+    pub(crate) fn unit_warnings(&self, path: &Path) -> Vec<String> {
+        let of_camera = |(camera, source): rig::Opened| {
+            let step_s = source.and_then(Source::span).and_then(|span| span.step_s)?;
+            let is_long =
+                matches!(camera.input, Input::Images { fps: None, .. }) && step_s > LONG_STEP_S;
+            is_long.then(|| {
+                format!(
+                    "{}: cameras.{}: its images are {step_s} s apart in times.csv, which is in seconds; are these milliseconds?",
+                    path.display(),
+                    camera.name
+                )
+            })
+        };
+        self.opened().into_iter().filter_map(of_camera).collect()
+    }
+
+    /// Returns the scene with its tracker; fails with all problems if there are any.
+    pub(crate) fn finish(mut self, path: &Path) -> Result<OpenScene> {
+        if !self.problems.is_empty() {
+            self.problems.sort();
+            self.problems.dedup();
+            return Err(problems_in("scene", path, &self.problems));
+        }
+        let of_target = |(bodies, target): (Vec<Option<BodySettings>>, &TargetConfig)| {
+            let mut settings = TargetSettings::of_landmarks(bodies.into_iter().flatten().collect());
+            settings.heading = target.heading;
+            settings
+        };
+        let targets = self.targets.into_iter().zip(&self.scene.targets);
+        let targets: Vec<_> = targets.map(of_target).collect();
+        let views = self.views.into_iter().flatten().collect();
+        let mut tracker = Tracker::new(views, targets, self.scene.seed, Level::best())?;
+        for (target, start, time_s) in &self.reinitialized {
+            tracker.reinitialize(*target, start, *time_s)?;
+        }
+        Ok(OpenScene {
+            scene: self.scene,
+            sources: self.sources.into_iter().flatten().collect(),
+            tracker,
+        })
+    }
 }
 
 /// A problem with the start of a body, or with the body if the scene gives no start.
@@ -284,22 +411,6 @@ pub(crate) fn open_camera(
     match view {
         Some(view) => Ok((source, view)),
         None => Err(problems_in("scene", path, &problems)),
-    }
-}
-
-/// Warns if time stamps may not be in seconds although all cameras agree.
-fn warn_of_units(path: &Path, opened: &[rig::Opened]) {
-    for (camera, source) in opened {
-        let step_s = source.and_then(Source::span).and_then(|span| span.step_s);
-        if let (Some(step_s), Input::Images { fps: None, .. }) = (step_s, &camera.input)
-            && step_s > LONG_STEP_S
-        {
-            warn(format!(
-                "{}: cameras.{}: its images are {step_s} s apart in times.csv, which is in seconds; are these milliseconds?",
-                path.display(),
-                camera.name
-            ));
-        }
     }
 }
 

@@ -182,6 +182,11 @@ impl Journal {
         self.warnings.borrow_mut().push(warning);
     }
 
+    /// Reports whether the text has a syntax error.
+    pub(super) fn has_syntax_error(&self) -> bool {
+        self.syntax.is_some()
+    }
+
     /// Returns all problems in the order of their lines or, if there are none, the warnings and every setting with
     /// its final value.
     pub(super) fn finish(self) -> Result<(Vec<Problem>, toml::Table), Vec<Problem>> {

@@ -45,7 +45,7 @@ use camera_names::CameraNames;
 use description::{KeyDescription, Presence};
 use keys::keys_of;
 use reader::Table;
-use replaced::read_with;
+use replaced::read_parts;
 
 /// The rule that [`is_name`] checks, as text.
 pub const NAMES_ALLOWED: &str = "1 to 64 of the characters A-Z a-z 0-9 _ -";
@@ -98,15 +98,48 @@ impl Scene {
         replaced: &toml::Table,
         read_calibration: ReadCalibration,
     ) -> Result<Self, Vec<Problem>> {
-        let (mut scene, warnings, resolved) = read_with(text, replaced, |_, table| {
+        let read = read_parts(text, replaced, |_, table| {
             Self::read(table, read_calibration)
-        })?;
-        scene.warnings = warnings;
-        scene
-            .warnings
-            .extend(timing::cameras_at_one_place(&scene.cameras));
-        scene.resolved = resolved;
-        Ok(scene)
+        });
+        let (warnings, resolved) = read.found?;
+        Ok(read.result.with(warnings, resolved))
+    }
+
+    /// Reads a scene's text like [`Scene::parse`], with all its problems and in spite of them: the scene lacks the cameras and
+    /// targets with problems, and has none after a syntax error. References between cameras and targets hold only if there
+    /// are no problems.
+    pub fn parse_parts(text: &str, read_calibration: ReadCalibration) -> (Self, Vec<Problem>) {
+        let read = read_parts(text, &toml::Table::new(), |_, table| {
+            Self::read(table, read_calibration)
+        });
+        let mut scene = read.result;
+        match read.found {
+            Ok((warnings, resolved)) => (scene.with(warnings, resolved), Vec::new()),
+            Err(problems) => {
+                let is_sound = |table: String| {
+                    let inside = format!("{table}.");
+                    let is_in = |key: &str| key == table || key.starts_with(&inside);
+                    !read.has_syntax_error && !problems.iter().any(|problem| is_in(&problem.key))
+                };
+                // Invalid settings are left out of them, from which further problems would follow.
+                let is_sound_camera =
+                    |camera: &CameraConfig| is_sound(format!("cameras.{}", camera.name));
+                scene.cameras.retain(is_sound_camera);
+                let is_sound_target =
+                    |target: &TargetConfig| is_sound(format!("targets.{}", target.name));
+                scene.targets.retain(is_sound_target);
+                (scene, problems)
+            }
+        }
+    }
+
+    /// Adds what was found while the scene was read.
+    fn with(mut self, warnings: Vec<Problem>, resolved: toml::Table) -> Self {
+        self.warnings = warnings;
+        self.warnings
+            .extend(timing::cameras_at_one_place(&self.cameras));
+        self.resolved = resolved;
+        self
     }
 
     /// Returns the keys of scene files.

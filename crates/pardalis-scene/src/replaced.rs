@@ -1,4 +1,4 @@
-//! Settings that replace a scene's own before it is checked, for the sweeps of experiments.
+//! Reading a text as a whole, with settings that replace its own before it is checked, for the sweeps of experiments.
 
 use std::fmt::Write as _;
 
@@ -8,6 +8,35 @@ use toml::de::{DeTable, DeValue};
 use super::journal::Problem;
 use super::reader::{Journal, Table};
 
+/// What a text says, and what is wrong with it.
+pub(super) struct Read<T> {
+    /// What was read; where there are problems, its valid parts.
+    pub(super) result: T,
+    /// Whether everything that was read, and all other problems, may follow from a syntax error.
+    pub(super) has_syntax_error: bool,
+    /// All warnings and all resolved settings, or every problem, in the order of lines.
+    pub(super) found: Result<(Vec<Problem>, toml::Table), Vec<Problem>>,
+}
+
+/// Reads the root table of a text with some of its settings replaced or added, whatever its problems are.
+pub(super) fn read_parts<T>(
+    text: &str,
+    replaced: &toml::Table,
+    read: impl FnOnce(&Journal, &Table) -> T,
+) -> Read<T> {
+    let (journal, mut root) = Journal::parse(text);
+    let values = text_behind(text, replaced);
+    put_all(&mut root, replaced, &values);
+    let table = Table::root(&journal, &root);
+    let result = read(&journal, &table);
+    table.finish();
+    Read {
+        result,
+        has_syntax_error: journal.has_syntax_error(),
+        found: journal.finish(),
+    }
+}
+
 /// Reads the root table of a text with some of its settings replaced or added. Returns the result, all warnings and all
 /// resolved settings; on failure, every problem, in the order of lines.
 pub(super) fn read_with<T>(
@@ -15,14 +44,8 @@ pub(super) fn read_with<T>(
     replaced: &toml::Table,
     read: impl FnOnce(&Journal, &Table) -> T,
 ) -> Result<(T, Vec<Problem>, toml::Table), Vec<Problem>> {
-    let (journal, mut root) = Journal::parse(text);
-    let values = text_behind(text, replaced);
-    put_all(&mut root, replaced, &values);
-    let table = Table::root(&journal, &root);
-    let result = read(&journal, &table);
-    table.finish();
-    let (warnings, resolved) = journal.finish()?;
-    Ok((result, warnings, resolved))
+    let Read { result, found, .. } = read_parts(text, replaced, read);
+    found.map(|(warnings, resolved)| (result, warnings, resolved))
 }
 
 /// Returns the values as a TOML text in which all offsets lie beyond the scene's text, so that messages about them

@@ -4,6 +4,7 @@ mod compare;
 mod cycles;
 mod examples;
 mod links;
+mod package;
 mod real_balls;
 mod reference;
 mod tables;
@@ -24,6 +25,7 @@ Usage: cargo xtask COMMAND
                        page is out of date
   reference [--check]  write the reference of keys and the JSON schemas in docs/reference; with --check, change
                        nothing and fail if one is out of date
+  package FOLDER       write the shell completions and manual pages of the program into a folder
   real-balls [OPTIONS] score the program on the real clips of data/real-balls; --help lists the options
   compare CHECKOUT     track scenes with the release binaries of this checkout and of another one,
                        and fail if a track differs in any byte";
@@ -39,6 +41,7 @@ fn main() -> ExitCode {
         ["tables", "--check"] => tables::run(&root, true).and_then(|()| examples::run(&root, true)),
         ["reference"] => reference::run(&root, false),
         ["reference", "--check"] => reference::run(&root, true),
+        ["package", folder] => package::run(&root, Path::new(folder)),
         ["real-balls", "--help"] => {
             println!("{}", real_balls::USAGE);
             Ok(())

@@ -8,7 +8,7 @@ use super::{evaluate, track};
 use crate::arguments::Threads;
 use crate::output::print;
 use crate::tables;
-use crate::tracking::{self, Annotate, Options, Output};
+use crate::tracking::{self, Annotate, Limit, Options, Output, Previous};
 use crate::user_error::user_error;
 
 /// Tracks the bundled sequence
@@ -37,6 +37,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         particles: None,
         plots: false,
         progress: true,
+        previous: Previous::Replace,
+        limit: Limit::default(),
     };
     print(format!(
         "tracking an orange ball through {}",

@@ -2,7 +2,9 @@
 
 pub(crate) mod calibrate;
 pub(crate) mod camera;
+pub(crate) mod check;
 pub(crate) mod demo;
+pub(crate) mod devices;
 pub(crate) mod evaluate;
 pub(crate) mod init;
 pub(crate) mod learn;

@@ -1,5 +1,6 @@
 //! `pardalis track`: tracks the targets of a scene.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
@@ -8,7 +9,7 @@ use pardalis::TargetId;
 use crate::arguments::Threads;
 use crate::output::{note, print};
 use crate::tracking::radius::EstimatedRadius;
-use crate::tracking::{self, Annotate, CameraRecord, Options, Output, Run};
+use crate::tracking::{self, Annotate, CameraRecord, Limit, Options, Output, Previous, Run};
 use crate::user_error::user_error;
 
 /// Tracks the targets of a scene
@@ -16,6 +17,8 @@ use crate::user_error::user_error;
 /// Reads a scene file (`pardalis init` writes one to start from), tracks every target through all frames and writes a
 /// folder with tracks.csv (position, velocity, covariance and best particle, one row per frame and target),
 /// summary.json, and plots (from above, from the side, in an oblique view, and over time).
+///
+/// Rows and summary of an earlier run in that folder are kept as tracks.previous.csv and summary.previous.json.
 ///
 /// If a target is missing in some frames, the summary says in how many, and why the candidates were ruled out;
 /// --explain reports this for each frame.
@@ -28,6 +31,7 @@ use crate::user_error::user_error;
   pardalis track ball.toml                      results into the folder ball-tracks
   pardalis track ball.toml -o run7 --annotate   also the frames with contours and particles
   pardalis track ball.toml --annotate --explain why other candidates were ruled out
+  pardalis track live.toml --duration 60        a minute of a live camera
   pardalis track ball.toml -o - | head          rows to standard output while tracking")]
 #[allow(clippy::struct_excessive_bools)] // flags of the command line
 pub(crate) struct Arguments {
@@ -52,6 +56,12 @@ pub(crate) struct Arguments {
     /// each verdict (docs/not-found.md).
     #[arg(long)]
     explain: bool,
+    /// Ends after this many frames, with several cameras after this many frame sets
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    frames: Option<NonZeroUsize>,
+    /// Ends after this much time of the cameras, counted from the first frame
+    #[arg(long = "duration", value_name = "SECONDS", value_parser = parse_duration_s, allow_negative_numbers = true)]
+    duration_s: Option<f64>,
     /// Exits with code 1 if a target is tracked in no frame; results are written nevertheless
     #[arg(long)]
     require_found: bool,
@@ -66,6 +76,15 @@ pub(crate) struct Arguments {
     /// Draws no plots
     #[arg(long)]
     no_plots: bool,
+}
+
+/// Parses a duration in seconds.
+fn parse_duration_s(text: &str) -> Result<f64, String> {
+    let duration_s = text.parse().ok();
+    let is_valid = |&duration_s: &f64| duration_s > 0.0 && duration_s.is_finite();
+    duration_s
+        .filter(is_valid)
+        .ok_or_else(|| "allowed: a number of seconds above 0".to_owned())
 }
 
 /// Runs the command.
@@ -101,6 +120,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         particles: arguments.particles.clone(),
         plots: !arguments.no_plots,
         progress: true,
+        previous: Previous::Keep,
+        limit: Limit {
+            frame_sets: arguments.frames.map(NonZeroUsize::get),
+            duration_s: arguments.duration_s,
+        },
     };
     let run = tracking::run(&arguments.scene, &options)?;
     let warnings = warnings(&run);

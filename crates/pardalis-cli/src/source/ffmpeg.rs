@@ -85,6 +85,17 @@ impl Programs {
         })
     }
 
+    /// Returns what ffmpeg says about the formats of a camera of Linux, or why it cannot open the camera.
+    pub(super) fn camera_formats(&self, device: &Path) -> Result<String> {
+        let output = command(&self.ffmpeg)
+            .args(["-hide_banner", "-loglevel", "info", "-f", "v4l2"])
+            .args(["-list_formats", "all", "-i"])
+            .arg(device)
+            .output()
+            .with_context(|| format!("{} cannot be started", self.ffmpeg.display()))?;
+        Ok(String::from_utf8_lossy(&output.stderr).into_owned())
+    }
+
     /// Probes the first video stream. Fails if the input cannot be opened or has no video.
     pub(super) fn probe(&self, video: &VideoInput) -> Result<ProbedStream> {
         let input = name_of(&video.place);
@@ -138,7 +149,15 @@ impl Programs {
     /// Starts to decode the first video stream of a live source, like [`Programs::decode`], in its own pixel format if it
     /// is one of [`KEPT_FORMATS`].
     pub(super) fn decode_live(&self, video: &VideoInput) -> Result<Decode> {
-        let filter = format!("format={KEPT_FORMATS},{COLOR_FILTER}=checksum=0");
+        // Images of this format have no time stamps, for which ffmpeg substitutes 25 a second: they get the time of their
+        // arrival, in seconds since 1970.
+        let stamps = if video.settings.format == Some(VideoFormat::Mpjpeg) {
+            let (numerator, denominator) = FINE_TIME_BASE;
+            format!("settb={numerator}/{denominator},setpts=RTCTIME/(1000000*TB),")
+        } else {
+            String::new()
+        };
+        let filter = format!("{stamps}format={KEPT_FORMATS},{COLOR_FILTER}=checksum=0");
         self.run(video, &LIVE_OPTIONS, &filter, FINE_TIME_BASE)
     }
 
@@ -370,6 +389,8 @@ struct Probed {
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct ProbedStream {
+    /// The format of a live stream, which is in its first message; empty for files.
+    pub(super) format_name: String,
     pub(super) codec_name: String,
     /// Width in pixels before any rotation.
     pub(super) width: usize,
@@ -549,6 +570,9 @@ fn read_log(messages: ChildStderr, colors: Sender<ProbedStream>, process: &Proce
             }
             continue;
         }
+        if let Some(format) = format_in(line) {
+            format.clone_into(&mut stream.format_name);
+        }
         if let Some(codec) = codec_in(line) {
             codec.clone_into(&mut stream.codec_name);
         }
@@ -594,6 +618,12 @@ fn add_report(stream: &mut ProbedStream, report: &str) -> bool {
     stream.color_space = space.unwrap_or_default();
     stream.color_range = value_of("color_range:").unwrap_or_default();
     is_next || has_colors
+}
+
+/// Parses the format's name in `Input #0, mpjpeg, from 'http://...':`.
+fn format_in(line: &str) -> Option<&str> {
+    let (_, after) = line.split_once("Input #0, ")?;
+    Some(after.split_once(", from ")?.0)
 }
 
 /// Parses the codec's name in `  Stream #0:1 -> #0:0 (h264 (native) -> rawvideo (native))`.

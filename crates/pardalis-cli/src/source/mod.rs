@@ -10,7 +10,7 @@ mod times;
 mod video;
 
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::task::Poll;
@@ -36,8 +36,24 @@ const FRAMES_AHEAD: usize = 3;
 /// Maximum memory of frames that are decoded ahead, in bytes; but a frame of any size is.
 const BYTES_AHEAD: usize = 64 << 20;
 
-/// How long to wait for the first frame of a live camera if its time is needed.
+/// How long to wait for each of the first frames of a live camera if they are needed at once.
 const FIRST_FRAME_WAIT: Duration = Duration::from_secs(5);
+
+/// An ffmpeg that lists the formats of cameras.
+pub(crate) struct CameraFormats(Programs);
+
+impl CameraFormats {
+    /// Finds ffmpeg. Fails if it is not installed.
+    pub(crate) fn find() -> Result<Self> {
+        let search_path = std::env::var_os("PATH").unwrap_or_default();
+        Programs::find(&search_path).map(Self)
+    }
+
+    /// Returns ffmpeg's messages about the formats of a camera of Linux.
+    pub(crate) fn messages_about(&self, device: &Path) -> Result<String> {
+        self.0.camera_formats(device)
+    }
+}
 
 /// Settings of the source of a camera's frames.
 #[derive(Debug, Clone)]
@@ -334,13 +350,42 @@ impl Source {
                 Some(_) => return None,
                 None => {}
             }
-            let next = if self.is_live {
-                let (receiver, _) = self.decoding.as_ref()?;
-                receiver.recv_timeout(FIRST_FRAME_WAIT).ok().map(|d| d.0)
-            } else {
-                self.receive()
-            };
+            let next = self.receive_soon();
             self.peeked.push_back(next?);
+        }
+    }
+
+    /// Waits for the first frames, at most this many, and returns those that come; they are delivered nevertheless. Call it
+    /// before taking any frame.
+    ///
+    /// Errors: no frame comes, with the reason.
+    pub(crate) fn first_frames(&mut self, count: usize) -> Result<Vec<Frame>> {
+        let mut frames = Vec::new();
+        let mut why = None;
+        for number in 0.. {
+            if number == self.peeked.len() {
+                let Some(next) = self.receive_soon() else {
+                    break;
+                };
+                self.peeked.push_back(next);
+            }
+            match &self.peeked[number] {
+                Ok(Delivery::Frame { frame, .. }) => frames.push(frame.clone()),
+                Ok(Delivery::Broken(error)) | Err(error) => {
+                    why.get_or_insert_with(|| format!("{error:#}"));
+                }
+            }
+            if frames.len() == count {
+                break;
+            }
+        }
+        match why {
+            _ if !frames.is_empty() => Ok(frames),
+            Some(why) => Err(user_error!("{why}")),
+            None => Err(user_error!(
+                "{}: gives no frame; check that it has not ended",
+                self.description.input
+            )),
         }
     }
 
@@ -381,6 +426,16 @@ impl Source {
             Ok(decoded) => Some(self.counted(decoded)),
             Err(_) => self.end(),
         }
+    }
+
+    /// Waits for the next delivery, but not for long if the source is live.
+    fn receive_soon(&mut self) -> Option<Result<Delivery>> {
+        if !self.is_live {
+            return self.receive();
+        }
+        let (receiver, _) = self.decoding.as_ref()?;
+        let decoded = receiver.recv_timeout(FIRST_FRAME_WAIT).ok()?;
+        Some(self.counted(decoded))
     }
 
     fn counted(&mut self, (delivery, decode_s): Decoded) -> Result<Delivery> {

@@ -71,6 +71,12 @@ impl VideoFrames {
             let (stream, size_px) =
                 first_of(input, &mut decode, timeout(video), Announce::Waiting)?;
             check_size(input, size_px)?;
+            if stream.format_name == "mpjpeg" && video.settings.format.is_none() {
+                return Err(user_error!(
+                    "{input}: sends single JPEG images without time stamps; give input.format = \"mpjpeg\", so that each gets the \
+                     time of its arrival"
+                ));
+            }
             let layout = Layout::of_live(input, &stream, encoding)?;
             (stream, layout, size_px, decode)
         };

@@ -6,7 +6,7 @@ use std::time::Duration;
 use pardalis::Frame;
 use serde::Serialize;
 
-use super::merge::{FrameCounts, FrameSet, Merge};
+use super::merge::{FrameCounts, FrameSet, Limit, Merge};
 use crate::interrupt;
 use crate::source::{Delivery, Source};
 use crate::timing::now_s;
@@ -56,13 +56,19 @@ pub(crate) struct FrameSets<'a> {
 }
 
 impl<'a> FrameSets<'a> {
-    /// Takes frames from these sources, which are all recorded or all live. The cameras' names are for messages.
-    pub(crate) fn new(sources: &'a mut [Source], names: Vec<String>, max_delay_s: f64) -> Self {
+    /// Takes frames from these sources, which are all recorded or all live, up to this limit. The cameras' names are for
+    /// messages.
+    pub(crate) fn new(
+        sources: &'a mut [Source],
+        names: Vec<String>,
+        max_delay_s: f64,
+        limit: Limit,
+    ) -> Self {
         Self {
             is_live: sources.iter().any(Source::is_live),
             next: sources.iter().map(|_| None).collect(),
             failures: vec![None; sources.len()],
-            merge: Merge::new(sources.len(), max_delay_s),
+            merge: Merge::new(sources.len(), max_delay_s, limit),
             warnings: Vec::new(),
             sources,
             names,
@@ -74,8 +80,14 @@ impl<'a> FrameSets<'a> {
         std::mem::take(&mut self.warnings)
     }
 
+    /// Reports whether the limit has been reached.
+    pub(crate) fn is_over(&self) -> bool {
+        self.merge.is_over()
+    }
+
     /// Returns the statistics of each camera, after the last set.
     pub(crate) fn records(&mut self) -> Vec<CameraRecord> {
+        self.merge.end();
         let counts: Vec<FrameCounts> = self.merge.counts().collect();
         let ends_s = counts.iter().filter_map(|counts| counts.last_time_s);
         let end_s = ends_s.reduce(f64::max);
@@ -149,7 +161,7 @@ impl<'a> FrameSets<'a> {
             let first = first.map(|&(camera, _, arrival_s)| (camera, arrival_s));
             let now_s = first.map_or(f64::INFINITY, |(_, arrival_s)| arrival_s);
             let set = self.merge.next_set(now_s);
-            if set.is_some() {
+            if set.is_some() || self.is_over() {
                 return set;
             }
             let (camera, frame, arrival_s) = self.next[first?.0].take()?;
@@ -184,7 +196,7 @@ impl<'a> FrameSets<'a> {
             let set = self
                 .merge
                 .next_set(if all_ended { f64::INFINITY } else { now_s });
-            if set.is_some() || all_ended {
+            if set.is_some() || all_ended || self.is_over() {
                 return set;
             }
             std::thread::sleep(POLL);
@@ -197,7 +209,9 @@ impl Iterator for FrameSets<'_> {
     type Item = FrameSet;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.is_live {
+        if self.is_over() {
+            None
+        } else if self.is_live {
             self.next_live()
         } else {
             self.next_recorded()

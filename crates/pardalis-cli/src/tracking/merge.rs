@@ -7,6 +7,15 @@ use serde::Serialize;
 /// Frames closer in time than this form one set, in seconds: triggered cameras whose time stamps were rounded.
 const SAME_INSTANT_S: f64 = 1e-6;
 
+/// When a run ends although there may be further frames.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Limit {
+    /// After this many sets.
+    pub(crate) frame_sets: Option<usize>,
+    /// Before the first set this long after the first one, in seconds of the time stamps.
+    pub(crate) duration_s: Option<f64>,
+}
+
 /// The frames of one time.
 pub(crate) struct FrameSet {
     /// With one camera the index of its image, otherwise that of the set, from 0.
@@ -103,6 +112,11 @@ pub(crate) struct Merge {
     last_set: Option<LastSet>,
     /// Number of emitted sets.
     set_count: usize,
+    limit: Limit,
+    /// The time of the first set in seconds.
+    begin_s: Option<f64>,
+    /// Whether nothing more is taken and emitted.
+    is_over: bool,
     arriving: Arrivals,
     /// The latest time stamp of earlier arrivals, in seconds: everything up to it would already be emitted if nothing
     /// waited.
@@ -111,13 +125,16 @@ pub(crate) struct Merge {
 
 impl Merge {
     /// Creates a merge for this number of cameras; `max_delay_s` is how long frames wait for earlier ones.
-    pub(crate) fn new(camera_count: usize, max_delay_s: f64) -> Self {
+    pub(crate) fn new(camera_count: usize, max_delay_s: f64, limit: Limit) -> Self {
         Self {
             hold_s: max_delay_s.max(SAME_INSTANT_S),
             held: Vec::new(),
             cameras: (0..camera_count).map(|_| Seen::default()).collect(),
             last_set: None,
             set_count: 0,
+            limit,
+            begin_s: None,
+            is_over: false,
             arriving: Arrivals {
                 arrival_s: f64::NEG_INFINITY,
                 latest_s: f64::NEG_INFINITY,
@@ -126,8 +143,29 @@ impl Merge {
         }
     }
 
+    /// Reports whether the limit has been reached, or [`Merge::end`] was called.
+    pub(crate) fn is_over(&self) -> bool {
+        self.is_over
+    }
+
+    /// Leaves out the frames that have not been emitted, and all further ones.
+    pub(crate) fn end(&mut self) {
+        self.is_over = true;
+        for held in self.held.drain(..) {
+            let seen = &mut self.cameras[held.camera];
+            seen.counts.delivered -= 1;
+            seen.counts.last_time_s = seen.emitted_s;
+            if seen.emitted_s.is_none() {
+                seen.counts.first_time_s = None;
+            }
+        }
+    }
+
     /// Takes a frame. Frames must be given in order of arrival (seconds) over all cameras.
     pub(crate) fn take(&mut self, camera: usize, frame: Frame, arrival_s: f64) {
+        if self.is_over {
+            return;
+        }
         let time_s = frame.time_s();
         if arrival_s > self.arriving.arrival_s + SAME_INSTANT_S {
             self.passed_s = self.passed_s.max(self.arriving.latest_s);
@@ -184,6 +222,12 @@ impl Merge {
         }
         let times_s = self.held.iter().map(|held| held.frame.time_s());
         let first_s = times_s.reduce(f64::min)?;
+        let begin_s = *self.begin_s.get_or_insert(first_s);
+        let duration_s = self.limit.duration_s;
+        if duration_s.is_some_and(|duration_s| first_s - begin_s >= duration_s) {
+            self.end();
+            return None;
+        }
         let mut members: Vec<Held> = self
             .held
             .extract_if(.., |held| held.frame.time_s() <= first_s + SAME_INSTANT_S)
@@ -231,6 +275,9 @@ impl Merge {
             time_s: set.time_s,
             cameras: set.frames.iter().map(|(camera, _)| *camera).collect(),
         });
+        if self.limit.frame_sets == Some(self.set_count) {
+            self.end();
+        }
         Some(set)
     }
 

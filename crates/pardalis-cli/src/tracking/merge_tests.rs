@@ -28,9 +28,14 @@ fn merged(
     max_delay_s: f64,
     frames: &[(usize, f64, f64)],
 ) -> (Vec<FrameSet>, Vec<FrameCounts>) {
+    let merge = Merge::new(camera_count, max_delay_s, Limit::default());
+    merged_by(merge, frames)
+}
+
+/// Merges frames like [`merged`] in a merge of one's own.
+fn merged_by(mut merge: Merge, frames: &[(usize, f64, f64)]) -> (Vec<FrameSet>, Vec<FrameCounts>) {
     let mut frames = frames.to_vec();
     frames.sort_by(|a, b| a.2.total_cmp(&b.2));
-    let mut merge = Merge::new(camera_count, max_delay_s);
     let mut sets = Vec::new();
     for (camera, time_s, arrival_s) in frames {
         sets.extend(std::iter::from_fn(|| merge.next_set(arrival_s)));
@@ -117,7 +122,7 @@ fn the_first_of_equal_times_of_a_camera_is_used() {
 
 #[test]
 fn a_repeated_image_is_frozen() {
-    let mut merge = Merge::new(2, 0.0);
+    let mut merge = Merge::new(2, 0.0, Limit::default());
     for (camera, content) in [(0, 1.0), (1, 2.0), (0, 1.0), (1, 3.0), (0, 1.0), (1, 3.0)] {
         let step = merge.counts().map(|c| c.delivered).sum::<usize>() / 2;
         let time_s = step as f64;
@@ -173,5 +178,39 @@ proptest::proptest! {
         let dropped = |counts: &[FrameCounts]| counts.iter().map(|c| c.dropped_late).sum::<usize>();
         let longest = merged(4, 60.0, &frames).1;
         assert_eq!(dropped(&longest), 0);
+    }
+}
+
+#[test]
+fn a_limit_ends_the_sets_and_only_frames_in_them_count() {
+    // One camera is a tenth of a second late.
+    let frames: Vec<_> = (0..40)
+        .map(|number| {
+            let (camera, time_s) = (number % 2, f64::from((number / 2) as u32) * 0.04);
+            (camera, time_s, time_s + 0.1 * camera as f64)
+        })
+        .collect();
+    for (frame_sets, duration_s, sets) in [
+        (Some(3), None, 3),
+        (None, Some(0.2), 5),
+        (Some(3), Some(0.2), 3),
+        (Some(9), Some(0.2), 5),
+        (Some(30), Some(1.0), 20),
+    ] {
+        let limit = Limit {
+            frame_sets,
+            duration_s,
+        };
+        let (limited, counts) = merged_by(Merge::new(2, 0.2, limit), &frames);
+        let (all, _) = merged(2, 0.2, &frames);
+        assert_eq!(
+            times_and_cameras(&limited),
+            times_and_cameras(&all)[..sets],
+            "{limit:?}"
+        );
+        for counts in counts {
+            assert_eq!((counts.delivered, counts.used), (sets, sets), "{limit:?}");
+            assert_eq!(counts.last_time_s, Some(limited[sets - 1].time_s));
+        }
     }
 }

@@ -6,6 +6,7 @@ mod frame_sets;
 mod merge;
 pub(crate) mod missed;
 mod particle_rows;
+mod previous;
 pub(crate) mod radius;
 mod rows;
 mod series;
@@ -31,7 +32,7 @@ use annotate::Annotator;
 use candidate_rows::CandidateRows;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
-pub(crate) use merge::FrameSet;
+pub(crate) use merge::{FrameSet, Limit};
 use missed::MissedFrames;
 use particle_rows::ParticleRows;
 use rows::Rows;
@@ -55,6 +56,10 @@ pub(crate) struct Options {
     pub(crate) plots: bool,
     /// Whether to show a progress bar on a terminal.
     pub(crate) progress: bool,
+    /// What becomes of the rows of an earlier run in the same place, and of their summary.
+    pub(crate) previous: Previous,
+    /// When to end before the frames do.
+    pub(crate) limit: Limit,
 }
 
 /// Whether to write annotated frames, and what they show beside estimates.
@@ -66,6 +71,15 @@ pub(crate) enum Annotate {
     Frame,
     /// Also the targets' past positions.
     Trails,
+}
+
+/// What becomes of results of an earlier run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Previous {
+    /// They are kept under another name.
+    Keep,
+    /// They are replaced, because they can be computed again.
+    Replace,
 }
 
 /// Destination of results.
@@ -118,6 +132,8 @@ pub(crate) struct Outcome {
     pub(crate) cameras: Vec<CameraRecord>,
     /// Whether the user interrupted it.
     pub(crate) interrupted: bool,
+    /// Whether it ended because its limit was reached.
+    pub(crate) limit_reached: bool,
     /// The error that ended it early.
     pub(crate) error: Option<String>,
     /// Seconds spent waiting for frames, which are decoded in parallel.
@@ -179,6 +195,14 @@ pub(crate) fn run_steps(
     let mut open = scene::open(scene_path, scene, options.seed, stills)?;
     interrupt::listen();
     let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
+    if options.previous == Previous::Keep {
+        if let Output::Folder(folder) = &options.output {
+            previous::keep_results(folder)?;
+        }
+        if let Some(particles) = &options.particles {
+            previous::keep_rows(particles)?;
+        }
+    }
     let mut rows = Rows::create(&options.output, names.clone())?;
     if let Output::Folder(folder) = &options.output {
         remove_old(folder);
@@ -215,7 +239,7 @@ pub(crate) fn run_steps(
     if let Some(particle_rows) = &mut particle_rows {
         sinks.others.push(particle_rows);
     }
-    let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options.progress));
+    let (outcome, ended_by) = pool.install(|| track(&mut open, step, sinks, options));
     let mut files = Vec::new();
     let finish = || -> Result<()> {
         let Output::Folder(folder) = &options.output else {
@@ -297,18 +321,21 @@ fn track(
     open: &mut OpenScene,
     step: Step,
     mut sinks: Sinks,
-    progress: bool,
+    options: &Options,
 ) -> (Outcome, Option<anyhow::Error>) {
     let mut outcome = Outcome::default();
-    let progress = if progress {
-        progress_bar(open.sources.iter().map(Source::frame_count).max().flatten())
+    let progress = if options.progress {
+        let frames = open.sources.iter().map(Source::frame_count).max().flatten();
+        let limit = options.limit.frame_sets;
+        progress_bar(frames.into_iter().chain(limit).min())
     } else {
         ProgressBar::hidden()
     };
     let names = open.scene.cameras.iter().map(|c| c.name.clone()).collect();
     let is_live = open.sources.iter().any(Source::is_live);
     let mut failures = Vec::new();
-    let mut frame_sets = FrameSets::new(&mut open.sources, names, open.scene.max_delay_s);
+    let delay_s = open.scene.max_delay_s;
+    let mut frame_sets = FrameSets::new(&mut open.sources, names, delay_s, options.limit);
     let ended_by = loop {
         if interrupt::requested() {
             outcome.interrupted = true;
@@ -359,6 +386,7 @@ fn track(
         progress.inc(1);
     };
     progress.finish_and_clear();
+    outcome.limit_reached = frame_sets.is_over();
     outcome.cameras = frame_sets.records();
     let warnings = frame_sets.warnings();
     let ended_by = match ended_by {

@@ -88,6 +88,7 @@ pub(crate) fn write(
         "frame_sets": outcome.frame_sets,
         "max_delay_s": open.scene.max_delay_s,
         "interrupted": outcome.interrupted,
+        "limit_reached": outcome.limit_reached,
         "error": outcome.error,
         "time": {
             "decoding_beside_tracking_s": decoding_s,

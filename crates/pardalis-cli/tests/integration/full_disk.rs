@@ -234,6 +234,12 @@ fn plots_of_an_earlier_run_do_not_stay_beside_other_rows() {
     place.track(SCENE).fine();
     assert_eq!(
         names_in(place.path("out")),
-        ["notes.txt", "summary.json", "tracks.csv"]
+        [
+            "notes.txt",
+            "summary.json",
+            "summary.previous.json",
+            "tracks.csv",
+            "tracks.previous.csv"
+        ]
     );
 }

@@ -357,3 +357,49 @@ fn two_cameras() {
         .fine();
     assert_eq!(place.rows().len(), 3);
 }
+
+#[test]
+fn rows_of_an_earlier_run_are_kept() {
+    let place = Workplace::with_frames(4);
+    let track = |frames: &str| {
+        let arguments = [
+            "-o",
+            "out",
+            "--no-plots",
+            "--particles",
+            "p.csv",
+            "--frames",
+            frames,
+        ];
+        place.track_with(SCENE, &arguments)
+    };
+    let read = |name: &str| fs::read(place.path(name)).unwrap();
+    track("2").fine();
+    let first = ["out/tracks.csv", "out/summary.json", "p.csv"].map(read);
+    assert_eq!(
+        track("3").fine().kept,
+        [
+            "out/tracks.csv is of an earlier run, and is now out/tracks.previous.csv",
+            "p.csv is of an earlier run, and is now p.previous.csv"
+        ]
+    );
+    assert_eq!(place.rows().len(), 3);
+    let previous = [
+        "out/tracks.previous.csv",
+        "out/summary.previous.json",
+        "p.previous.csv",
+    ];
+    assert_eq!(previous.map(read), first);
+    // A scene that cannot be tracked touches nothing.
+    let rows = read("out/tracks.csv");
+    place
+        .track(SCENE.replace("fps = 25", "fps = 0"))
+        .refused(&["fps"]);
+    assert_eq!(
+        (read("out/tracks.csv"), previous.map(read)),
+        (rows.clone(), first)
+    );
+    // The third run replaces the first one.
+    assert_eq!(track("1").code, Some(0));
+    assert_eq!(read("out/tracks.previous.csv"), rows);
+}

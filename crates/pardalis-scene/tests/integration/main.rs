@@ -2,6 +2,7 @@
 
 mod calibration_file_errors;
 mod calibration_files;
+mod guide;
 mod reference;
 mod samples;
 mod scene_plane;

@@ -303,3 +303,20 @@ fn guesses_are_warned_of_until_they_are_replaced() {
         );
     }
 }
+
+#[test]
+fn the_sound_parts_of_a_scene_come_with_its_problems() {
+    let (scene, problems) = Scene::parse_parts(SCENE, &no_calibration);
+    assert_eq!(problems, []);
+    assert_eq!(scene, Scene::parse(SCENE, &no_calibration).unwrap());
+    let wrong = SCENE.replace("fps = 25.0", "fps = -25.0");
+    let (rest, problems) = Scene::parse_parts(&wrong, &no_calibration);
+    assert_eq!(problems, Scene::parse(&wrong, &no_calibration).unwrap_err());
+    assert_eq!(rest.cameras, scene.cameras[1..]);
+    assert_eq!(rest.targets, scene.targets);
+    // The rest may follow from it.
+    let unclosed = SCENE.replace("seed = 7", "seed = [7");
+    let (rest, problems) = Scene::parse_parts(&unclosed, &no_calibration);
+    assert_eq!(problems.len(), 1, "{problems:?}");
+    assert!(rest.cameras.is_empty() && rest.targets.is_empty());
+}

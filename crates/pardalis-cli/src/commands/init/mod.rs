@@ -169,6 +169,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             arguments.colors.display()
         ));
     }
+    print(format!("  pardalis check {}", output.display()));
     print(format!("  pardalis track {}", output.display()));
     Ok(())
 }

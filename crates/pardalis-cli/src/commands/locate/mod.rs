@@ -15,7 +15,7 @@ use crate::arguments::Threads;
 use crate::numbers::fixed;
 use crate::output::print;
 use crate::scene;
-use crate::tracking::{self, Annotate, FrameSet, Options, Output, Run, missed};
+use crate::tracking::{self, Annotate, FrameSet, Limit, Options, Output, Previous, Run, missed};
 use crate::user_error::user_error;
 use starts::Starts;
 pub(crate) use starts::StartsFrom;
@@ -137,6 +137,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         particles: None,
         plots: false,
         progress: true,
+        previous: Previous::Keep,
+        limit: Limit::default(),
     };
     let settings = Settings {
         stills: arguments.images.clone(),

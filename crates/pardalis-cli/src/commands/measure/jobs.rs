@@ -13,7 +13,7 @@ use super::finished::Finished;
 use crate::arguments::Threads;
 use crate::commands::locate;
 use crate::interrupt;
-use crate::tracking::{self, Annotate, Options, Output};
+use crate::tracking::{self, Annotate, Limit, Options, Output, Previous};
 
 /// One seed of a run to be tracked.
 pub(super) struct Job<'a> {
@@ -41,6 +41,8 @@ impl Job<'_> {
             particles: None,
             plots: false,
             progress: false,
+            previous: Previous::Replace,
+            limit: Limit::default(),
         };
         let scene = self.scene.clone();
         let outcome = match self.located_from {

@@ -1,6 +1,6 @@
 //! Runs of the real program and the rows that they write.
 
-use std::process::{Child, Command};
+use std::process::{Child, Command, Output};
 
 /// The first line of every tracks.csv.
 pub(crate) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
@@ -26,16 +26,28 @@ pub(crate) struct Run {
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
+    /// The lines of standard error about results of an earlier run that were kept. Most tests track several times in one
+    /// folder, so they are not part of `stderr`.
+    pub(crate) kept: Vec<String>,
 }
 
 impl Run {
     /// Runs a command to its end. Whatever the input, the program must not panic.
     pub(crate) fn of(command: &mut Command) -> Self {
-        let output = command.output().unwrap();
+        Self::from_output(command.output().unwrap())
+    }
+
+    /// Returns the outcome of a command that has ended.
+    pub(crate) fn from_output(output: Output) -> Self {
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        let lines = stderr.split_inclusive('\n');
+        let (kept, others): (Vec<_>, Vec<_>) =
+            lines.partition(|line| line.contains(" is of an earlier run, and is now "));
         let run = Self {
             code: output.status.code(),
             stdout: String::from_utf8(output.stdout).unwrap(),
-            stderr: String::from_utf8(output.stderr).unwrap(),
+            stderr: others.concat(),
+            kept: kept.iter().map(|line| line.trim_end().to_owned()).collect(),
         };
         assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
         run

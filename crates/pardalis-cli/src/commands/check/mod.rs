@@ -1,0 +1,88 @@
+//! `pardalis check`: finds all problems of a scene, and says what its cameras deliver, without tracking.
+
+mod camera;
+mod cost;
+mod target;
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use pardalis::Frame;
+
+use crate::arguments::Threads;
+use crate::output::{print, warn};
+use crate::scene::open_parts;
+use camera::Seen;
+
+/// Finds all problems of a scene, without tracking
+///
+/// Reads the scene and all files that it names, opens every camera, takes the first frame of each, and compares its size with
+/// that of the calibration. Reports all problems at once, each with its line, its key and the remedy.
+///
+/// Says for each camera what it is, and the size, rate and number of its frames; for each target, whether its colours occur
+/// in the first frames and whether it is found there; which values are still guesses; and how long a step of tracking takes
+/// on this computer, measured with the first frames. Writes no files.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  pardalis check scene.toml             before the first run, or when a camera has moved
+  pardalis check scene.toml && pardalis track scene.toml
+
+Exit codes: 0 if the scene can be tracked, with or without warnings; 2 if it cannot.")]
+pub(crate) struct Arguments {
+    /// The scene file
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    #[command(flatten)]
+    threads: Threads,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let path = &arguments.scene;
+    let mut parts = open_parts(path)?;
+    let cameras = camera::examine(&mut parts);
+    for (camera, seen) in parts.scene.cameras.iter().zip(&cameras) {
+        if let Some(seen) = seen {
+            print(seen.text(&camera.name));
+        }
+    }
+    let first = |seen: &Option<Seen>| Some(seen.as_ref()?.first.clone());
+    let firsts: Vec<Option<Frame>> = cameras.iter().map(first).collect();
+    let targets = target::examine(&mut parts, &firsts);
+    let of_text = parts.scene.warnings.iter();
+    let mut warnings: Vec<String> = of_text
+        .map(|warning| format!("{}: {warning}", path.display()))
+        .chain(parts.unit_warnings(path))
+        .chain(targets.iter().flat_map(|target| target.warnings(path)))
+        .collect();
+    if !parts.problems.is_empty() {
+        for target in targets {
+            print(target.text());
+        }
+        warnings.iter().for_each(warn);
+        return parts.finish(path).map(|_| ());
+    }
+
+    let seen = || cameras.iter().flatten();
+    let is_live = seen().any(|camera| camera.is_live);
+    let frames = seen().filter_map(Seen::recorded_frames).max();
+    let interval_s = seen().filter_map(|camera| camera.interval_s);
+    let interval_s = interval_s.reduce(f64::min);
+    let mut open = parts.finish(path)?;
+    let firsts: Vec<Frame> = firsts.into_iter().flatten().collect();
+    let cost = cost::measure(&mut open.tracker, &firsts, interval_s, arguments.threads)?;
+    for (number, target) in targets.iter().enumerate() {
+        print(target.text());
+        print(target::outcome(
+            &open.scene.targets[number],
+            &cost.found[number],
+        ));
+    }
+    print(cost.text(frames));
+    if is_live {
+        warnings.extend(cost.warning(path));
+    }
+    warnings.iter().for_each(warn);
+    print(format!("{}: no problems", path.display()));
+    Ok(())
+}

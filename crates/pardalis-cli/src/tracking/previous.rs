@@ -1,0 +1,113 @@
+//! Results of an earlier run that a new one would replace. Those of a live camera cannot be computed again.
+
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+
+use super::summary;
+use crate::files::unwritable;
+use crate::output::note;
+
+/// Renames the rows of an earlier run in this folder and their summary, in place of those of the run before it.
+pub(super) fn keep_results(folder: &Path) -> Result<()> {
+    let summary = folder.join(summary::FILE);
+    if keep_rows(&folder.join("tracks.csv"))? {
+        // A run that was killed has no summary.
+        if !summary.exists() {
+            let _ = fs::remove_file(previous(&summary));
+            return Ok(());
+        }
+        rename(&summary)?;
+    }
+    Ok(())
+}
+
+/// Renames a table of an earlier run, and says so on standard error. Reports whether there is one with rows.
+pub(super) fn keep_rows(table: &Path) -> Result<bool> {
+    // No device, and no pipe, which would keep the program waiting.
+    if !table.is_file() || !has_rows(table) {
+        return Ok(false);
+    }
+    rename(table)?;
+    note(format_args!(
+        "{} is of an earlier run, and is now {}",
+        table.display(),
+        previous(table).display()
+    ));
+    Ok(true)
+}
+
+fn rename(path: &Path) -> Result<()> {
+    fs::rename(path, previous(path)).map_err(|error| unwritable(&previous(path), error))
+}
+
+/// Returns the name under which a file is kept: `tracks.previous.csv` for `tracks.csv`.
+fn previous(path: &Path) -> PathBuf {
+    let mut ending = "previous".to_owned();
+    if let Some(extension) = path.extension() {
+        ending = format!("{ending}.{}", extension.to_string_lossy());
+    }
+    path.with_extension(ending)
+}
+
+/// Reports whether a header line is followed by anything. What cannot be read may have rows.
+fn has_rows(table: &Path) -> bool {
+    let Ok(file) = File::open(table) else {
+        return true;
+    };
+    let mut reader = BufReader::new(file);
+    let mut header = Vec::new();
+    let read = reader.read_until(b'\n', &mut header);
+    read.is_err() || reader.fill_buf().map_or(true, |rows| !rows.is_empty())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kept(folder: &Path) -> Vec<(String, String)> {
+        let mut files: Vec<_> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| {
+                let path = entry.unwrap().path();
+                let name = path.file_name().unwrap().to_string_lossy().into_owned();
+                (name, fs::read_to_string(path).unwrap())
+            })
+            .collect();
+        files.sort();
+        files
+    }
+
+    #[test]
+    fn the_last_rows_are_kept_with_their_summary() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        let write = |name: &str, text: &str| fs::write(path.join(name), text).unwrap();
+        let texts = |pairs: &[(&str, &str)]| -> Vec<(String, String)> {
+            let owned = |&(a, b): &(&str, &str)| (a.to_owned(), b.to_owned());
+            pairs.iter().map(owned).collect()
+        };
+        keep_results(path).unwrap();
+        assert_eq!(kept(path), []);
+        write("tracks.csv", "header\n1\n");
+        write("summary.json", "{1}");
+        keep_results(path).unwrap();
+        let first = texts(&[
+            ("summary.previous.json", "{1}"),
+            ("tracks.previous.csv", "header\n1\n"),
+        ]);
+        assert_eq!(kept(path), first);
+        // A run that ended before its first row costs nothing.
+        write("tracks.csv", "header\n");
+        keep_results(path).unwrap();
+        fs::remove_file(path.join("tracks.csv")).unwrap();
+        assert_eq!(kept(path), first);
+        // A run that was killed.
+        write("tracks.csv", "header\n2\n");
+        keep_results(path).unwrap();
+        assert_eq!(kept(path), texts(&[("tracks.previous.csv", "header\n2\n")]));
+        assert_eq!(previous(Path::new("a/b")), Path::new("a/b.previous"));
+    }
+}

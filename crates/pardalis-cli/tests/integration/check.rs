@@ -1,0 +1,209 @@
+//! `pardalis check`: all problems of a scene at once, what its cameras deliver, and whether its colours occur.
+
+use std::fs;
+use std::io::Write as _;
+use std::net::TcpListener;
+use std::process::Command;
+
+use crate::common::{Run, SCENE, Workplace, data, scene_with};
+use crate::live::{video, with_stream};
+
+/// The camera of [`SCENE`] with a target that is detected.
+const DETECTED: &str = r#"[targets.ball]
+shape.sphere.radius_m = 0.11
+colors = "ball.toml"
+"#;
+
+/// Colours that data/dioptric-jump lacks.
+const BRIGHT_GREEN: &str = r#"format = "pardalis color model 1"
+pixel_count = 100
+image_count = 1
+bins = [[4, 11, 3, 100]]
+[palette.hsi]
+hue_bins = 12
+saturation_bins = 12
+intensity_bins = 4
+"#;
+
+/// Runs `pardalis check scene.toml`.
+fn checked(place: &Workplace, scene: &str) -> Run {
+    place.write("scene.toml", scene);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+    Run::of(
+        command
+            .args(["check", "scene.toml"])
+            .current_dir(place.path("")),
+    )
+}
+
+/// Returns a scene of the camera of [`SCENE`] with other targets.
+fn with_targets(targets: &str) -> String {
+    let (camera, _) = SCENE.split_once("[targets.ball]").unwrap();
+    [camera, targets].concat()
+}
+
+/// Checks that the lines begin in order with those wanted, each of which a line of the text begins with.
+#[track_caller]
+fn assert_lines(text: &str, wanted: &[&str]) {
+    let mut lines = text.lines();
+    for wanted in wanted {
+        let found = lines.any(|line| line.starts_with(wanted));
+        assert!(found, "no {wanted:?} in its place in:\n{text}");
+    }
+}
+
+#[test]
+fn a_sound_scene_is_described() {
+    let place = Workplace::with_frames(5);
+    let colors = data().join("../colors/orange-ball.hsi.colors.toml");
+    place.write("ball.toml", fs::read(colors).unwrap());
+    let run = checked(&place, &with_targets(DETECTED)).fine();
+    assert_lines(
+        &run.stdout,
+        &[
+            "cameras.cam1: images: 5 images, 000000.jpg to 000004.jpg",
+            "  640 x 480 pixels; the scene does not say for which size the model holds (size_px); 25 frames per second; 5 frames, 0.16 s",
+            "targets.ball:",
+            "  its colours occur in the first frame of cam1 (",
+            "  found in the first frames at 1.",
+            "cost, estimated on this computer with the first frame of each camera",
+            "scene.toml: no problems",
+        ],
+    );
+    let cost = run.stdout.lines().rev().nth(1).unwrap();
+    assert!(
+        cost.contains(" % of the 40 ms between frames; ") && cost.ends_with(" s for all frames"),
+        "{cost}"
+    );
+    // It writes nothing.
+    let mut names: Vec<_> = fs::read_dir(place.path(""))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["ball.toml", "images", "scene.toml"]);
+    // A target with a start is not searched for.
+    let run = checked(
+        &place,
+        &scene_with("fps = 25", "fps = 25\nsize_px = [640, 480]"),
+    )
+    .fine();
+    assert_lines(
+        &run.stdout,
+        &[
+            "  640 x 480 pixels, as the scene says; 25 frames per second",
+            "  is followed from its start, and not searched for",
+        ],
+    );
+}
+
+#[test]
+fn problems_of_text_and_files_are_reported_together() {
+    let place = Workplace::with_frames(5);
+    fs::create_dir(place.path("broken")).unwrap();
+    // The header is whole, the rest is missing.
+    let image = fs::read(place.image(0)).unwrap();
+    place.write("broken/0.jpg", &image[..image.len() / 4]);
+    let model = "model.pinhole = { f_px = [300, 300], center_px = [319.5, 239.5] }\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]]";
+    let scene = with_targets(&format!(
+        "[cameras.gone]\nimages = \"gone\"\nfps = 25\n{model}\n\
+         [cameras.other]\nimages = \"images/../images\"\nfps = 25\nsize_px = [320, 240]\n{model}\n\
+         [cameras.torn]\nimages = \"broken\"\nfps = 0.5\n{model}\n\
+         {DETECTED}filter = {{ particles = 0 }}\n\
+         [targets.robot]\nshape.cylinder = {{ radius_m = 0.1, height_m = 0.4 }}\ncolors = \"missing.toml\"\n[rest]\nhue = 3\n"
+    ));
+    let run = checked(&place, &scene);
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert_lines(
+        &run.stderr,
+        &[
+            "error: scene.toml: 7 problems in the scene:",
+            "  line 8: cameras.gone.images: ",
+            "  line 13: cameras.other.images: cameras cam1 and other read the same frames",
+            "  line 15: cameras.other.size_px: is 320 x 240, but the images are 640 x 480",
+            "  line 19: cameras.torn.images: broken/0.jpg: ",
+            "  line 26: targets.ball.filter.particles: is 0",
+            "  line 29: targets.robot.colors: missing.toml: cannot be read",
+            "  line 30: rest: is not a key",
+        ],
+    );
+    // What can be examined is.
+    assert_lines(
+        &run.stdout,
+        &["cameras.cam1: images: 5 images", "cameras.other: "],
+    );
+    assert!(!run.stdout.contains("no problems"), "{}", run.stdout);
+}
+
+#[test]
+fn after_a_syntax_error_nothing_else_is_reported() {
+    let place = Workplace::with_frames(1);
+    let scene = scene_with("images = \"images\"", "images = \"gone");
+    let run = checked(&place, &scene);
+    run.refused(&["scene.toml: a problem in the scene:\n  line 3: "]);
+    checked(&place, "").refused(&["cameras: ", "targets: "]);
+}
+
+#[test]
+fn colours_that_do_not_occur_and_guesses_are_warned_of() {
+    let place = Workplace::with_frames(2);
+    place.write("ball.toml", BRIGHT_GREEN);
+    let scene = with_targets(DETECTED).replace(
+        "seed = 1",
+        "guessed = [\"targets.ball.shape.sphere.radius_m\"]",
+    );
+    let run = checked(&place, &scene);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_lines(
+        &run.stderr,
+        &[
+            "warning: scene.toml: line 1: guessed: positions are only as right as these guesses: radius_m (line 8).",
+            "warning: scene.toml: line 9: targets.ball.colors: these colours occur in no first frame",
+        ],
+    );
+    assert_lines(
+        &run.stdout,
+        &[
+            "  its colours do not occur in the first frame of cam1",
+            "  not found in the first frames: nothing in the image has its colours (no-colors)",
+            "scene.toml: no problems",
+        ],
+    );
+}
+
+#[test]
+fn videos_and_live_streams_are_opened_and_left() {
+    let Some(place) = with_stream(30) else {
+        return;
+    };
+    let run = checked(&place, &video("ride.ts")).fine();
+    assert_lines(
+        &run.stdout,
+        &[
+            "cameras.cam1: ride.ts: h264 video in yuvj420p",
+            "  640 x 480 pixels; the scene does not say for which size the model holds (size_px); 25 frames per second; 1.2 s",
+        ],
+    );
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp://{}", server.local_addr().unwrap());
+    let stream = fs::read(place.path("ride.ts")).unwrap();
+    let served = std::thread::spawn(move || {
+        let (mut connection, _) = server.accept().unwrap();
+        // The program may close the connection before it has taken everything.
+        let _ = connection.write_all(&stream);
+    });
+    let run = checked(&place, &video(&address)).fine();
+    served.join().unwrap();
+    let source = format!("cameras.cam1: {address}: h264 video in yuvj420p");
+    let frames = "  640 x 480 pixels; the scene does not say for which size the model holds (size_px); about 25 frames per second; live";
+    assert_lines(&run.stdout, &[&source, frames]);
+    // Nothing comes.
+    let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp://{}", silent.local_addr().unwrap());
+    let lines = format!("video = \"{address}\"\ninput.timeout_s = 1");
+    let scene = scene_with("images = \"images\"\nfps = 25", &lines);
+    let run = checked(&place, &scene);
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    let given_up = format!("line 3: cameras.cam1.video: {address}: no frame came within 1 s");
+    assert!(run.stderr.contains(&given_up), "{}", run.stderr);
+}
