@@ -1,6 +1,9 @@
 //! Runs of the real program and the rows that they write.
 
-use std::process::{Child, Command};
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Output};
+use std::time::Duration;
 
 /// The first line of every tracks.csv.
 pub(crate) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
@@ -29,9 +32,13 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Runs a command to its end. Whatever the input, the program must not panic.
+    /// Runs a command to its end.
     pub(crate) fn of(command: &mut Command) -> Self {
-        let output = command.output().unwrap();
+        Self::from(command.output().unwrap())
+    }
+
+    /// What a program wrote. Whatever the input, it must not panic.
+    fn from(output: Output) -> Self {
         let run = Self {
             code: output.status.code(),
             stdout: String::from_utf8(output.stdout).unwrap(),
@@ -61,16 +68,23 @@ impl Run {
     }
 }
 
-/// Interrupts a running program as Ctrl-C does, checks that it ends with exit code 1 and returns its standard error.
-pub(crate) fn interrupt(child: Child) -> String {
+/// Waits until a running program has written this many lines to a file.
+pub(crate) fn wait_for_lines(child: &mut Child, path: &Path, count: usize) {
+    let written = || fs::read_to_string(path).unwrap_or_default().lines().count();
+    while written() < count {
+        let ended = child.try_wait().unwrap();
+        assert!(ended.is_none(), "it ended before it wrote {count} lines");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Interrupts a running program as Ctrl-C does, and returns how it ends.
+pub(crate) fn interrupt(child: Child) -> Run {
     // The shell's built-in kill, because the program of that name is not installed everywhere.
     let sent = Command::new("/bin/sh")
         .args(["-c", &format!("kill -INT {}", child.id())])
         .status()
         .unwrap();
     assert!(sent.success());
-    let output = child.wait_with_output().unwrap();
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{stderr}");
-    stderr
+    Run::from(child.wait_with_output().unwrap())
 }
