@@ -54,10 +54,12 @@ pub(super) fn canvas_of(picture: &RgbImage) -> Option<Pixmap> {
 
 /// Returns the pixels of an opaque canvas.
 pub(super) fn picture_from(canvas: &Pixmap) -> RgbImage {
-    let (pixels, _) = canvas.data().as_chunks();
-    let samples = pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]);
-    RgbImage::from_raw(canvas.width(), canvas.height(), samples.collect())
-        .expect("three bytes per pixel")
+    let (pixels, _) = canvas.data().as_chunks::<4>();
+    let mut samples = Vec::with_capacity(3 * pixels.len());
+    for [rgb @ .., _] in pixels {
+        samples.extend_from_slice(rgb);
+    }
+    RgbImage::from_raw(canvas.width(), canvas.height(), samples).expect("three bytes per pixel")
 }
 
 /// Returns an opaque colour for a canvas.

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-use crate::common::run::interrupt;
+use crate::common::run::{interrupt, wait_for_lines};
 use crate::common::{Run, SCENE, Workplace, frame_file, rows_in, scene_with};
 
 use pardalis_images::{GrayImage, JpegSampling, RgbImage, encode_jpeg, encode_png};
@@ -281,24 +281,16 @@ fn ctrl_c_keeps_the_rows_and_is_reported() {
         .spawn()
         .unwrap();
     let tracks = place.path("out/tracks.csv");
-    while fs::read_to_string(&tracks)
-        .unwrap_or_default()
-        .lines()
-        .count()
-        < 4
-    {
-        assert!(
-            child.try_wait().unwrap().is_none(),
-            "it ended before it wrote rows"
-        );
-        std::thread::sleep(std::time::Duration::from_millis(2));
-    }
-    let stderr = interrupt(child);
+    wait_for_lines(&mut child, &tracks, 4);
+    let run = interrupt(child);
     let rows = place.rows().len();
     assert!((3..500).contains(&rows), "{rows}");
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
     assert!(
-        stderr.starts_with(&format!("error: interrupted after {rows} frames")),
-        "{stderr}"
+        run.stderr
+            .starts_with(&format!("error: interrupted after {rows} frames")),
+        "{}",
+        run.stderr
     );
     let summary: serde_json::Value =
         serde_json::from_slice(&fs::read(place.path("out/summary.json")).unwrap()).unwrap();

@@ -74,7 +74,7 @@ fn a_live_session_ends_at_its_limit() {
         let _ = camera.write_all(&stream);
         let output = program.wait_with_output().unwrap();
         drop(camera);
-        Run::from_output(output).fine();
+        Run::from(output).fine();
         assert_eq!(place.rows().len(), rows);
         assert!(place.path("out/above.png").exists());
     }

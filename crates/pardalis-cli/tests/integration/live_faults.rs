@@ -7,8 +7,8 @@ use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
+use crate::common::run::{interrupt, wait_for_lines};
 use crate::common::{
     FRONT_LANDMARK, PLANE_ROBOT, REAR_LANDMARK, Run, Workplace, rows_in, scene_with,
 };
@@ -178,33 +178,14 @@ fn ctrl_c_is_the_normal_end_of_a_live_session() {
         .write_all(&fs::read(place.path("ride.ts")).unwrap())
         .unwrap();
     let tracks = place.path("out/tracks.csv");
-    while fs::read_to_string(&tracks)
-        .unwrap_or_default()
-        .lines()
-        .count()
-        < 5
-    {
-        assert!(program.try_wait().unwrap().is_none(), "it ended early");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    let kill = format!("kill -INT {}", program.id());
-    let sent = Command::new("/bin/sh").args(["-c", &kill]).status();
-    assert!(sent.unwrap().success());
-    let output = program.wait_with_output().unwrap();
+    wait_for_lines(&mut program, &tracks, 5);
+    let run = interrupt(program).fine();
     drop(camera);
-    let (stdout, stderr) = (
-        String::from_utf8(output.stdout),
-        String::from_utf8(output.stderr),
-    );
-    assert_eq!((output.status.code(), &*stderr.unwrap()), (Some(0), ""));
     let rows = rows_in(&fs::read_to_string(&tracks).unwrap()).len();
     assert!((4..=FRAMES).contains(&rows), "{rows}");
-    let stdout = stdout.unwrap();
-    assert!(
-        stdout.starts_with(&format!("tracked {rows} frames")),
-        "{stdout}"
-    );
-    assert!(stdout.contains("\nended by Ctrl-C\n"), "{stdout}");
+    let summary = format!("tracked {rows} frames");
+    assert!(run.stdout.starts_with(&summary), "{}", run.stdout);
+    assert!(run.stdout.contains("\nended by Ctrl-C\n"), "{}", run.stdout);
     // The plots are there as well.
     assert!(place.path("out/above.png").exists());
 }

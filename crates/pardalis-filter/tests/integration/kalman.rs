@@ -255,15 +255,14 @@ fn particles_start_without_acceleration_again() {
 /// errors, estimated from the scatter of the seeds at that step, so that correlation between steps
 /// does not matter. (A bound of 4 would be exceeded by chance, since thousands of numbers are
 /// compared.)
-#[test]
-fn the_particle_filter_agrees_with_the_kalman_filter() {
+fn check_against_kalman_filter(schemes: &[Resampling]) {
     const SEEDS: u32 = 24;
     for noise in NOISES {
         let expected = kalman_steps(noise);
         let (particle_count, average_scatter, widest_scatter) = noise.particles_and_scatters();
         let mut scatters = Vec::new();
         let root_n = (particle_count as f64).sqrt();
-        for scheme in SCHEMES {
+        for &scheme in schemes {
             for resample_below in [1.0, 0.5] {
                 let runs: Vec<_> = (0..SEEDS)
                     .map(|seed| {
@@ -333,6 +332,17 @@ fn the_particle_filter_agrees_with_the_kalman_filter() {
             "{noise:?}: scatter of {average} sigma/sqrt(N)"
         );
     }
+}
+
+#[test]
+fn the_particle_filter_agrees_with_the_kalman_filter() {
+    check_against_kalman_filter(&[Resampling::default()]);
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn the_particle_filter_agrees_with_the_kalman_filter_for_every_resampling_scheme() {
+    check_against_kalman_filter(&SCHEMES);
 }
 
 /// Checks that the mean error is zero within 4.5 standard errors and returns the scatter of single

@@ -1,5 +1,7 @@
 //! Detected targets on the rendered fisheye sequence: detection, tracking, occlusion and loss.
 
+use std::ops::Range;
+
 use crate::common::{FPS, SIZE, data, detected_ball, fisheye_view, frame, jump_picture, set_of};
 use pardalis::color::YuvEncoding;
 use pardalis::likelihood::EdgeSettings;
@@ -250,9 +252,9 @@ fn two_targets_are_assigned_to_two_equal_balls() {
     }
 }
 
-#[test]
-fn a_single_ball_is_assigned_to_one_of_two_targets() {
-    for seed in 1..6 {
+/// Checks with these seeds that one of two targets is a single ball, and the other none.
+fn check_single_ball(seeds: Range<u32>) {
+    for seed in seeds {
         let discs = [([200.0, 150.0], 8.0)];
         let frames = (0..25).map(|index| with_balls(index, &discs));
         let estimates = track_two(seed, frames);
@@ -273,7 +275,18 @@ fn a_single_ball_is_assigned_to_one_of_two_targets() {
 }
 
 #[test]
-fn two_equal_balls_that_pass_each_other_keep_their_identities() {
+fn a_single_ball_is_assigned_to_one_of_two_targets() {
+    check_single_ball(1..3);
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn a_single_ball_is_assigned_to_one_of_two_targets_with_more_seeds() {
+    check_single_ball(3..6);
+}
+
+/// Checks with these seeds that two equal balls that pass each other keep their identities.
+fn check_passing_balls(seeds: Range<u32>) {
     // The second is nearer and occludes the first completely.
     let discs = |index: usize| {
         let moved_px = 4.0 * index as f64;
@@ -282,7 +295,7 @@ fn two_equal_balls_that_pass_each_other_keep_their_identities() {
             ([200.0 + moved_px, 152.0], 11.0),
         ]
     };
-    for seed in 1..6 {
+    for seed in seeds {
         let frames = (0..32).map(|index| with_balls(index, &discs(index)));
         let estimates = track_two(seed, frames);
         let found = |index: usize| {
@@ -315,6 +328,17 @@ fn two_equal_balls_that_pass_each_other_keep_their_identities() {
             "seed {seed}: {states:?}"
         );
     }
+}
+
+#[test]
+fn two_equal_balls_that_pass_each_other_keep_their_identities() {
+    check_passing_balls(1..3);
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn two_equal_balls_that_pass_each_other_keep_their_identities_with_more_seeds() {
+    check_passing_balls(3..6);
 }
 
 #[test]
@@ -374,34 +398,38 @@ fn is_tracked(estimate: &Estimate) -> bool {
     estimate.state == TrackState::Tracking
 }
 
-#[test]
-fn changing_illumination_requires_illumination_adaptation() {
-    for gains in [DARK, COLD] {
-        let paint = |index, share| {
-            let gains = gains.map(|gain| libm::pow(gain, share));
-            in_light(jump_picture(index), gains)
-        };
-        let adapting = five_seconds(true, paint);
-        for (frame, estimate) in adapting.iter().enumerate().skip(2) {
-            assert!(is_tracked(estimate), "{gains:?}, frame {frame}");
-            let error_m = error_m(estimate, picture_of(frame));
-            assert!(error_m < 0.1, "{gains:?}, frame {frame}: {error_m}");
-        }
-        let fixed = five_seconds(false, paint);
-        assert!(is_tracked(&fixed[30]), "{gains:?}");
-        assert!(!is_tracked(&fixed[FIVE_SECONDS - 1]), "{gains:?}");
+/// Checks that a ball is tracked in changing light, of these gains at last, and only with illumination adaptation.
+fn check_changing_illumination(gains: [f64; 3]) {
+    let paint = |index, share| {
+        let gains = gains.map(|gain| libm::pow(gain, share));
+        in_light(jump_picture(index), gains)
+    };
+    let adapting = five_seconds(true, paint);
+    for (frame, estimate) in adapting.iter().enumerate().skip(2) {
+        assert!(is_tracked(estimate), "frame {frame}");
+        let error_m = error_m(estimate, picture_of(frame));
+        assert!(error_m < 0.1, "frame {frame}: {error_m}");
     }
+    let fixed = five_seconds(false, paint);
+    assert!(is_tracked(&fixed[30]));
+    assert!(!is_tracked(&fixed[FIVE_SECONDS - 1]));
 }
 
 #[test]
-fn a_ball_that_slowly_changes_its_colour_is_not_tracked() {
+fn darker_and_colder_illumination_requires_illumination_adaptation() {
+    check_changing_illumination(COLD);
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn darker_illumination_requires_illumination_adaptation() {
+    check_changing_illumination(DARK);
+}
+
+/// Checks that a ball is no longer tracked after it has slowly changed to these colours.
+fn check_slow_change_of_colour(colors: &[[f64; 3]]) {
     const ORANGE: [f64; 3] = [185.0, 90.0, 37.0];
-    // Skin or wood, dark brown, olive.
-    for rgb in [
-        [150.0, 105.0, 78.0],
-        [60.0, 30.0, 15.0],
-        [90.0, 110.0, 40.0],
-    ] {
+    for rgb in colors {
         let estimates = five_seconds(true, |index, share| {
             let turned = (share / 0.75).min(1.0);
             let now = [0, 1, 2].map(|i| ORANGE[i] + turned * (rgb[i] - ORANGE[i]));
@@ -413,6 +441,18 @@ fn a_ball_that_slowly_changes_its_colour_is_not_tracked() {
             assert!(estimate.confidence < 0.5, "{rgb:?}");
         }
     }
+}
+
+#[test]
+fn a_ball_that_slowly_changes_its_colour_is_not_tracked() {
+    // Skin or wood.
+    check_slow_change_of_colour(&[[150.0, 105.0, 78.0]]);
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn a_ball_that_slowly_turns_brown_or_olive_is_not_tracked() {
+    check_slow_change_of_colour(&[[60.0, 30.0, 15.0], [90.0, 110.0, 40.0]]);
 }
 
 #[test]

@@ -1,6 +1,9 @@
 //! Runs of the real program and the rows that they write.
 
+use std::fs;
+use std::path::Path;
 use std::process::{Child, Command, Output};
+use std::time::Duration;
 
 /// The first line of every tracks.csv.
 pub(crate) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
@@ -32,13 +35,13 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Runs a command to its end. Whatever the input, the program must not panic.
+    /// Runs a command to its end.
     pub(crate) fn of(command: &mut Command) -> Self {
-        Self::from_output(command.output().unwrap())
+        Self::from(command.output().unwrap())
     }
 
-    /// Returns the outcome of a command that has ended.
-    pub(crate) fn from_output(output: Output) -> Self {
+    /// Returns the outcome of a program that has ended. Whatever the input, it must not have panicked.
+    pub(crate) fn from(output: Output) -> Self {
         let stderr = String::from_utf8(output.stderr).unwrap();
         let lines = stderr.split_inclusive('\n');
         let (kept, others): (Vec<_>, Vec<_>) =
@@ -73,16 +76,23 @@ impl Run {
     }
 }
 
-/// Interrupts a running program as Ctrl-C does, checks that it ends with exit code 1 and returns its standard error.
-pub(crate) fn interrupt(child: Child) -> String {
+/// Waits until a running program has written this many lines to a file.
+pub(crate) fn wait_for_lines(child: &mut Child, path: &Path, count: usize) {
+    let written = || fs::read_to_string(path).unwrap_or_default().lines().count();
+    while written() < count {
+        let ended = child.try_wait().unwrap();
+        assert!(ended.is_none(), "it ended before it wrote {count} lines");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Interrupts a running program as Ctrl-C does, and returns how it ends.
+pub(crate) fn interrupt(child: Child) -> Run {
     // The shell's built-in kill, because the program of that name is not installed everywhere.
     let sent = Command::new("/bin/sh")
         .args(["-c", &format!("kill -INT {}", child.id())])
         .status()
         .unwrap();
     assert!(sent.success());
-    let output = child.wait_with_output().unwrap();
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{stderr}");
-    stderr
+    Run::from(child.wait_with_output().unwrap())
 }

@@ -134,7 +134,8 @@ fn an_interrupted_experiment_keeps_finished_seeds_and_resumes() {
         assert!(child.try_wait().unwrap().is_none(), "it ended early");
         std::thread::sleep(Duration::from_millis(1));
     }
-    let stderr = interrupt(child);
+    let Run { code, stderr, .. } = interrupt(child);
+    assert_eq!(code, Some(1), "{stderr}");
     assert!(
         stderr.contains("interrupted: ") && stderr.contains(" of 42 seeds"),
         "{stderr}"

@@ -135,6 +135,30 @@ fn a_streak_is_fitted_where_its_body_was_at_mid_exposure() {
 }
 
 #[test]
+fn over_long_streaks_are_not_fitted() {
+    let position_m = [0.0, 0.0, 1.8];
+    // The outline is 3.14 diameters long. A map of the longest of these streaks would have millions of nodes.
+    for (diameters, is_too_long) in [(3.5, false), (4.5, true), (1e4, true)] {
+        let displacement_m = [diameters * 2.0 * RADIUS_M, 0.0, 0.0];
+        let frame = exposed(position_m, displacement_m);
+        let start = FitStart {
+            displacement_m,
+            ..start_at(position_m, 0.02)
+        };
+        let fit = with_frame(&frame, None, |cue, frame| {
+            cue.fit(&[frame], &start, &mut Detection::default())
+        });
+        // One that is not too long is mapped, and found too pale.
+        let is_mapped = matches!(fit, Err(NoFit::Covered(_)));
+        assert_eq!(is_mapped, !is_too_long, "{diameters}: {fit:?}");
+        assert!(
+            is_mapped || fit == Err(NoFit::NoEdges),
+            "{diameters}: {fit:?}"
+        );
+    }
+}
+
+#[test]
 fn a_ball_at_rest_is_no_streak() {
     let position_m = [0.05, -0.03, 1.8];
     let (frame, _) = picture(position_m, SIZE.0);

@@ -11,6 +11,8 @@ mod exposures;
 mod look_alikes;
 mod size;
 mod streaks;
+#[cfg(test)]
+mod tests;
 mod update;
 mod visibility;
 
