@@ -33,6 +33,8 @@ pub struct Tuning {
     pub adaptation: AdaptationTuning,
     /// The size of balls.
     pub size: SizeTuning,
+    /// The agreement of cameras.
+    pub agreement: AgreementTuning,
     /// The proposal of the Bernoulli filter.
     pub proposal: ProposalTuning,
 }
@@ -48,7 +50,7 @@ impl Tuning {
             )*};
         }
         visit_parts!(blobs, edge, detection, association);
-        visit_parts!(existence, adaptation, size, proposal);
+        visit_parts!(existence, adaptation, size, agreement, proposal);
     }
 
     /// Returns an error unless every constant is above 0 and at most 1000, or 1 for shares.
@@ -60,6 +62,7 @@ impl Tuning {
         self.existence.check()?;
         self.adaptation.check()?;
         self.size.check()?;
+        self.agreement.check()?;
         self.proposal.check()
     }
 }
@@ -251,6 +254,34 @@ tuned! {
         memory_frames: f64 = 250.0, "frame sets", "hand-set: ten seconds";
         /// From this standard deviation of its logarithm on a size is unknown, and one camera alone does not determine a position.
         unknown_sigma: f64 = 0.2, "ln of scale", "hand-set";
+    }
+}
+
+tuned! {
+    /// Tuned constants of the agreement of cameras.
+    AgreementTuning {
+        /// The least standard deviation of the error of a camera's pose, focal length and clock.
+        sigma_px: f64 = 0.15, "pixels", "hand-set: as `edge.shared_sigma_px`";
+        /// The number of comparisons after which what they said of it has faded to a third.
+        memory_frames: f64 = 12.0, "comparisons", "hand-set: half a second";
+        /// The greatest factor by which one comparison's variance exceeds the one known before.
+        max_growth: f64 = 10.0, "ratio", "hand-set: a single outlier changes little";
+        /// How far variances tend to those of the other cameras.
+        shared_share: f64 = 0.1, "share", "hand-set: two cameras do not tell whose error it is";
+        /// Outlines are compared with those that other cameras showed up to this long ago.
+        max_age_s: f64 = 0.1, "seconds", "hand-set: motion is predictable for two or three frames";
+        /// Innovations beyond this count less when causes are compared.
+        outlier_sigmas: f64 = 3.0, "standard deviations", "hand-set: as in statistics";
+        /// The number of comparisons after which what they said of the cause has faded to a third.
+        cause_frames: f64 = 1000.0, "comparisons", "hand-set: 40 seconds";
+        /// From this on an error of a camera is systematic.
+        systematic_px: f64 = 0.2, "pixels", "experiment: below 0.1 if all cameras are right";
+        /// It explains at least this share of the squares of what the cameras disagree by.
+        systematic_share: f64 = 0.5, "share", "hand-set";
+        /// Fewer comparisons say nothing.
+        min_comparisons: f64 = 25.0, "comparisons", "hand-set: a second";
+        /// Errors of other cameras that explain this share of what the likeliest one explains are likely, too.
+        ambiguous_share: f64 = 0.8, "share", "hand-set";
     }
 }
 

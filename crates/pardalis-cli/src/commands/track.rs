@@ -8,6 +8,7 @@ use pardalis::TargetId;
 
 use crate::arguments::Threads;
 use crate::output::{note, print};
+use crate::tracking::agreement;
 use crate::tracking::radius::EstimatedRadius;
 use crate::tracking::{self, Annotate, CameraRecord, Limit, Options, Output, Previous, Run};
 use crate::user_error::user_error;
@@ -223,6 +224,9 @@ fn warnings(run: &Run) -> String {
                 );
             }
         }
+    }
+    if let Some(warning) = agreement::warning(&run.open.scene, &run.open.tracker) {
+        let _ = writeln!(text, "{warning}");
     }
     for (number, name) in never_found(run) {
         let frames = run.outcome.frame_sets;

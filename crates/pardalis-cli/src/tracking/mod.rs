@@ -1,5 +1,6 @@
 //! Tracking: frames of all cameras in time order, through the tracker, to the sinks.
 
+pub(crate) mod agreement;
 mod annotate;
 mod candidate_rows;
 mod frame_sets;

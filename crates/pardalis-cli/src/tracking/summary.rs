@@ -6,6 +6,7 @@ use anyhow::Result;
 use pardalis::TargetId;
 use serde_json::{Map, json};
 
+use super::agreement;
 use super::radius::EstimatedRadius;
 use super::{MissedFrames, Outcome, SeriesCollector};
 use crate::files::write_file;
@@ -39,6 +40,7 @@ pub(crate) fn write(
         if let Some(position_m) = camera.position_m() {
             entry["position_m"] = json!(position_m);
         }
+        entry["agreement"] = json!(agreement::entry(&open.tracker, cameras.len()));
         cameras.insert(camera.name.clone(), entry);
     }
     let mut targets = Map::new();

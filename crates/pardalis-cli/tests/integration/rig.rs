@@ -1,6 +1,7 @@
 //! `pardalis track` on the four cameras of data/webcams-four, one of which fails: the target is not lost, and the
 //! summary states the failure.
 
+mod disagreement;
 mod faults;
 mod place;
 mod refusals;

@@ -4,6 +4,7 @@
 //! tracker itself, *initialised* ones are tracked by the published cues from a given start.
 
 mod builder;
+mod camera_agreement;
 mod candidate;
 mod detected;
 mod existence;
@@ -19,6 +20,7 @@ mod target_tracker;
 mod track;
 
 pub use builder::TrackerBuilder;
+pub use camera_agreement::{CameraAgreement, CameraErrorCause, LikelyError};
 pub use candidate::{Candidate, Origin, Verdict};
 use detected::LookAlikes;
 pub use existence::{ExistenceSettings, OcclusionRates, Region};
@@ -37,6 +39,7 @@ use track::Instant;
 
 use crate::frame::check_time;
 use crate::start::{PixelStart, Start};
+use crate::tuning::AgreementTuning;
 use crate::view::View;
 use pardalis_core::Error;
 use pardalis_core::rng::Draws;
@@ -255,6 +258,14 @@ impl Tracker {
     /// Returns the contribution of each camera to a target so far.
     pub fn contributions(&self, target: TargetId) -> Result<&[Contribution], Error> {
         Ok(&self.target(target)?.contributions)
+    }
+
+    /// Returns for each camera how far it agrees with the others on where the detected targets are, and which error of its pose, focal length or clock
+    /// explains it if it does not.
+    pub fn camera_agreement(&self) -> Vec<CameraAgreement> {
+        let sums = self.bodies.iter().filter_map(TargetTracker::detected);
+        let sums = sums.flat_map(|target| target.comparisons().enumerate());
+        camera_agreement::agreements(self.views.len(), sums, &AgreementTuning::DEFAULT)
     }
 
     /// Updates all targets with the frames of one instant. A set without frames only advances the time. A set with

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Matrix4, Vector3};
 use super::Surrounding;
 use super::frame::SECTORS;
 use super::lines::{CorrespondenceLines, NoFit};
+use super::offset::Offset;
 use super::size::SizeEvidence;
 use crate::tuning::AdaptationTuning;
 
@@ -25,6 +26,8 @@ pub(crate) struct Detection {
     /// The lines of each camera that sees it come first; the rest are buffers.
     pub(super) lines: Vec<CorrespondenceLines>,
     pub(super) camera_count: usize,
+    /// By how much each camera shows it beside its projection, by the camera's number.
+    pub(super) offsets: Vec<Offset>,
     /// The number of the candidate from which it was fitted.
     candidate: usize,
 }
@@ -224,6 +227,7 @@ impl Detections {
         };
         let detection = |_| Detection {
             lines: lines(),
+            offsets: vec![Offset::default(); cameras],
             ..Detection::default()
         };
         Self {

@@ -1,10 +1,11 @@
 //! Fits the position at which a target's outlines agree best with the frames: Newton's method on the log-likelihoods of correspondence lines, over all cameras at once.
 
-use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
+use nalgebra::{Matrix3, Matrix4, Vector2, Vector3, Vector4};
 
 use super::detection::Detection;
 use super::frame::{Octave, SECTORS};
 use super::lines::{CorrespondenceLines, NoFit, log_mean_exp};
+use super::offset::{OffsetSlope, shift};
 use super::size::{SizeEvidence, SizePrior};
 use super::{Coordinates, EdgeCue, EdgeFrame, LANES};
 use crate::tuning::EdgeTuning;
@@ -20,6 +21,24 @@ impl SectorSums {
             let sum = &mut sums[lines.sector(k)];
             for lane in 0..LANES {
                 sum[lane] += lines.line_log_ratio(k, lines.shift_px(k, [u[lane], v[lane]]));
+            }
+        }
+        Self(sums)
+    }
+
+    /// The same for outlines moved by offsets, in the frame's pixels.
+    #[inline(always)]
+    pub(super) fn shifted(
+        lines: &CorrespondenceLines,
+        outlines: &[Coordinates],
+        [du, dv]: &[[f32; LANES]; 2],
+    ) -> Self {
+        let mut sums = [[0_f32; LANES]; SECTORS];
+        for (k, [u, v]) in outlines.iter().enumerate() {
+            let sum = &mut sums[lines.sector(k)];
+            for lane in 0..LANES {
+                let point = [u[lane] + du[lane], v[lane] + dv[lane]];
+                sum[lane] += lines.line_log_ratio(k, lines.shift_px(k, point));
             }
         }
         Self(sums)
@@ -102,6 +121,7 @@ impl EdgeCue {
         detection.position_m = start.position_m;
         detection.displacement_m = start.displacement_m;
         detection.log_scale = start.log_scale;
+        detection.reset_offsets(frames);
         let gaussian = start.prior.map(|(mean, information)| {
             let mean = mean.push(start.size.log_scale);
             (mean, information.fixed_resize::<4, 4>(0.0))
@@ -141,6 +161,7 @@ impl EdgeCue {
                 continue;
             };
             self.project(frame.projector(), &position, scale);
+            shift(&mut self.coordinates, detection.offsets[lines.camera].px);
             let of_fit = lines.replace_exponent(exponent);
             let mut sums = [[0_f32; DEVIATIONS]; SECTORS];
             for (k, [u, v]) in self.coordinates.iter().enumerate() {
@@ -173,6 +194,7 @@ impl EdgeCue {
             gaussian: Some((mean, information)),
             ..*known
         };
+        detection.keep_coarse_offsets();
         let fitted = self.fit_octave(frames, &prior, finer, detection);
         let moved = place_of(detection) - mean;
         let agrees = fitted.is_ok()
@@ -183,6 +205,7 @@ impl EdgeCue {
         if !agrees {
             detection.position_m = position_m;
             detection.log_scale = mean[SCALE];
+            detection.restore_coarse_offsets();
             // As before: there were lines.
             let _ = self.place_lines(frames, finer - 1, detection);
             self.note_log_ratios(frames, detection);
@@ -231,6 +254,7 @@ impl EdgeCue {
                 let shrink = (max_shift_px / size_px).min(1.0);
                 let (step, size_px) = (step * shrink, size_px * shrink);
                 let there = here + step;
+                detection.step_offsets(&step, max_shift_px);
                 let new_value = self.value(frames, detection, there, prior);
                 if new_value > value {
                     value = new_value;
@@ -239,6 +263,7 @@ impl EdgeCue {
                     damping *= DAMPING_FACTORS[0];
                     moved_px += size_px;
                 } else {
+                    detection.restore_offsets();
                     damping = (damping * DAMPING_FACTORS[1]).max(LEAST_FAILED_DAMPING);
                 }
                 if size_px < min_shift_px {
@@ -272,8 +297,10 @@ impl EdgeCue {
         let mut count = 0;
         let mut no_fit = NoFit::OutOfView;
         for frame in frames {
+            detection.make_room(frame.camera());
             let position = detection.position_m.map(|v| [v as f32; LANES]);
             self.project(frame.projector(), &position, detection.scale());
+            shift(&mut self.coordinates, detection.offsets[frame.camera()].px);
             if detection.lines.len() == count {
                 detection.lines.push(CorrespondenceLines::default());
             }
@@ -339,31 +366,32 @@ impl EdgeCue {
         place: Vector4<f64>,
         prior: &Prior,
     ) -> f64 {
-        let mut value = prior.size.log_density(place[SCALE]);
+        let mut value = prior.size.log_density(place[SCALE]) + detection.offsets_log_density();
         if let Some((mean, information)) = prior.gaussian {
             let off = place - mean;
             value -= 0.5 * (off.transpose() * information * off)[0];
         }
         let (position, scale) = (place.xyz(), libm::exp(place[SCALE]));
         for lines in detection.lines() {
-            value += f64::from(self.lines_log_ratio(frames, lines, position.into(), scale));
+            let place = (position.into(), scale, detection.offset(lines.camera).px);
+            value += f64::from(self.lines_log_ratio(frames, lines, place));
         }
         value
     }
 
-    /// Returns the log-likelihood ratio of one camera's lines at a position, of the shape at this scale.
+    /// Returns the log-likelihood ratio of one camera's lines at a position, of the shape at this scale, with this offset in pixels.
     fn lines_log_ratio(
         &mut self,
         frames: &[EdgeFrame],
         lines: &CorrespondenceLines,
-        position_m: [f64; 3],
-        scale: f64,
+        (position_m, scale, offset): ([f64; 3], f64, Vector2<f64>),
     ) -> f32 {
         let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
             return 0.0;
         };
         let position = position_m.map(|v| [v as f32; LANES]);
         self.project(frame.projector(), &position, scale);
+        shift(&mut self.coordinates, offset);
         lines.log_likelihood_ratio(&SectorSums::of(lines, &self.coordinates).lane(0))
     }
 
@@ -372,7 +400,9 @@ impl EdgeCue {
         let (position_m, scale) = (detection.position_m, detection.scale());
         let mut sum = 0.0;
         for lines in &mut detection.lines[..detection.camera_count] {
-            lines.fitted_log_ratio = self.lines_log_ratio(frames, lines, position_m, scale);
+            let offset = detection.offsets[lines.camera].px;
+            lines.fitted_log_ratio =
+                self.lines_log_ratio(frames, lines, (position_m, scale, offset));
             sum += f64::from(lines.fitted_log_ratio);
         }
         sum
@@ -382,7 +412,7 @@ impl EdgeCue {
     fn slope(
         &mut self,
         frames: &[EdgeFrame],
-        detection: &Detection,
+        detection: &mut Detection,
         prior: Option<&Prior>,
     ) -> (Slope, [f64; 4]) {
         let mut slope = Slope {
@@ -407,11 +437,16 @@ impl EdgeCue {
         let width_m: [f32; 3] = std::array::from_fn(|axis| {
             positions[axis][1 + 2 * axis] - positions[axis][2 + 2 * axis]
         });
-        for lines in detection.lines() {
+        for lines in &detection.lines[..detection.camera_count] {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
             self.project(frame.projector(), &positions, scale);
+            let offset = &mut detection.offsets[lines.camera];
+            offset.note_middle(&self.coordinates);
+            shift(&mut self.coordinates, offset.px);
+            let has_error = frame.context().offset_sigma_px > 0.0;
+            let mut of_offset = OffsetSlope::default();
             // A ball that grows looks like one that comes nearer.
             let nearer = frame.viewpoint_m() - position;
             let sums = SectorSums::of(lines, &self.coordinates).lane(0);
@@ -447,6 +482,15 @@ impl EdgeCue {
                 slope.gradient += along * (weight * f64::from(gradient));
                 slope.curvature += along * along.transpose() * (weight * f64::from(curvature));
                 slope.of_shift += weight * f64::from(curvature);
+                if has_error {
+                    let normal = Vector2::new(nu, nv) * lines.octave.scale();
+                    let of_line = [gradient, curvature].map(|of_line| weight * f64::from(of_line));
+                    of_offset.add(&along, normal.map(f64::from), of_line);
+                }
+            }
+            if let Some((gradient, curvature)) = offset.note(of_offset) {
+                slope.gradient -= gradient;
+                slope.curvature -= curvature;
             }
         }
         let Some(prior) = prior else {

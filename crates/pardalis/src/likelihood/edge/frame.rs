@@ -98,6 +98,8 @@ pub(crate) struct EdgeFrameContext<'a> {
     pub(crate) surrounding: Option<&'a Surrounding>,
     /// The outlines of look-alikes: an edge between the target and them is invisible.
     pub(crate) look_alikes: &'a Outlines,
+    /// The standard deviation of errors of the camera's pose, focal length and clock, in pixels; 0 for a camera without error.
+    pub(crate) offset_sigma_px: f64,
 }
 
 /// One camera's frame, prepared for the edge cue of one target.

@@ -10,6 +10,10 @@ mod detection;
 mod fit;
 mod frame;
 mod lines;
+mod offset;
+#[cfg(test)]
+mod offset_tests;
+mod offsets;
 mod size;
 mod streak;
 #[cfg(test)]
@@ -32,6 +36,7 @@ use crate::view::View;
 use frame::{Octave, SECTORS};
 pub(crate) use lines::NoFit;
 use lines::{LineBuffers, REACH_PX, SHIFTS, SHIFTS_A_PX};
+pub(crate) use offset::MeasuredOffset;
 use pardalis_camera::LANES;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
@@ -376,13 +381,14 @@ impl EdgeCue {
         missed: f32,
         out: &mut [f32],
     ) {
-        let lines = detections.flat_map(|(detection, offset)| {
+        let lines = detections.flat_map(|(detection, log_ratio)| {
             let lines = detection.lines_of(frame.camera());
             lines.map(move |lines| {
-                let offset = offset + detection.balance(lines);
-                (lines, detection.scale(), (offset, detection.most(lines)))
+                let log_ratio = log_ratio + detection.balance(lines);
+                (lines, detection, (log_ratio, detection.most(lines)))
             })
         });
+        let has_error = frame.context().offset_sigma_px > 0.0;
         let has_lines = lines.clone().next().is_some();
         for start in (0..out.len()).step_by(LANES) {
             let lanes = LANES.min(out.len() - start);
@@ -393,14 +399,23 @@ impl EdgeCue {
             let mut best = [missed; LANES];
             if has_lines {
                 let mut projected = None;
-                for (lines, scale, (offset, most)) in lines.clone() {
+                for (lines, detection, (added, most)) in lines.clone() {
+                    let scale = detection.scale();
                     if projected.replace(scale) != Some(scale) {
                         self.project(frame.projector(), &positions, scale);
                     }
-                    let sums = SectorSums::of(lines, &self.coordinates);
+                    let mut penalties = [0.0; LANES];
+                    let sums = if has_error {
+                        let middles = offset::middles(&self.coordinates);
+                        let offsets;
+                        (offsets, penalties) = detection.offset(lines.camera).of_block(&middles);
+                        SectorSums::shifted(lines, &self.coordinates, &offsets)
+                    } else {
+                        SectorSums::of(lines, &self.coordinates)
+                    };
                     for (lane, best) in best.iter_mut().enumerate().take(lanes) {
-                        let log_ratio =
-                            lines.log_likelihood_ratio(&sums.lane(lane)).min(most) + offset;
+                        let of_lines = lines.log_likelihood_ratio(&sums.lane(lane));
+                        let log_ratio = of_lines.min(most) + added - penalties[lane];
                         if log_ratio > *best {
                             *best = log_ratio;
                         }

@@ -61,14 +61,18 @@ pub(super) fn with_frame<T>(
     surrounding: Option<&Surrounding>,
     look: impl FnOnce(&mut EdgeCue, EdgeFrame) -> T,
 ) -> T {
-    with_frames(1.0, &[(frame, 0.0)], surrounding, |cue, mut frames| {
-        look(cue, frames.remove(0))
-    })
+    with_frames(
+        (1.0, 0.0),
+        &[(frame, 0.0)],
+        surrounding,
+        |cue, mut frames| look(cue, frames.remove(0)),
+    )
 }
 
-/// Calls `look` with the cue of a ball `scale` times as large, and with pictures of cameras at these places along x, prepared for it.
-fn with_frames<T>(
-    scale: f64,
+/// Calls `look` with the cue of a ball `scale` times as large, and with pictures of cameras at these places along x, whose errors have a standard deviation in pixels,
+/// prepared for it.
+pub(super) fn with_frames<T>(
+    (scale, offset_sigma_px): (f64, f64),
     pictures: &[(&Frame, f64)],
     surrounding: Option<&Surrounding>,
     look: impl FnOnce(&mut EdgeCue, Vec<EdgeFrame>) -> T,
@@ -105,6 +109,7 @@ fn with_frames<T>(
             min_posterior: BlobTuning::DEFAULT.min_posterior,
             surrounding,
             look_alikes: &look_alikes,
+            offset_sigma_px,
         };
         EdgeFrame::new(camera, views[camera].prepared(frame), context)
     });
@@ -404,7 +409,7 @@ fn two_cameras_find_position_and_size_of_a_ball_whose_size_is_wrong() {
         [0.0, 0.3].map(|x_m| picture([place_m[0] - x_m, place_m[1], place_m[2]], SIZE.0).0);
     let pictures = [(&pictures[0], 0.0), (&pictures[1], 0.3)];
     for scale in [0.8, 0.95, 1.0, 1.05, 1.2] {
-        let detection = with_frames(scale, &pictures, None, |cue, frames| {
+        let detection = with_frames((scale, 0.0), &pictures, None, |cue, frames| {
             let mut detection = Detection::default();
             let start = start_at([0.03, -0.03, 1.22], 0.02);
             cue.fit(&frames, &start, &mut detection).unwrap();
@@ -438,7 +443,7 @@ fn one_camera_takes_the_size_as_given_and_its_error_moves_the_ball_along_the_ray
     let place_m = [0.05, -0.03, 1.2];
     let (frame, _) = picture(place_m, SIZE.0);
     let fitted_as = |scale: f64, tolerance: f64| {
-        with_frames(scale, &[(&frame, 0.0)], None, |cue, frames| {
+        with_frames((scale, 0.0), &[(&frame, 0.0)], None, |cue, frames| {
             let mut detection = Detection::default();
             let start = start_at([0.05, -0.03, 1.25], tolerance);
             cue.fit(&frames, &start, &mut detection).unwrap();

@@ -4,6 +4,7 @@
 //! Bernoulli [`update`], [`visibility`] and [`adaptation`].
 
 mod adaptation;
+mod agreement;
 mod association;
 mod candidates;
 mod detection;
@@ -20,6 +21,7 @@ pub(super) use look_alikes::LookAlikes;
 
 use nalgebra::Vector3;
 
+use super::camera_agreement::ComparisonSums;
 use super::candidate::{Candidate, Verdict};
 use super::existence::ExistenceSettings;
 use super::settings::DetectedSettings;
@@ -33,6 +35,7 @@ use crate::shape::Shape;
 use crate::tuning::{ExistenceTuning, Tuning};
 use crate::view::View;
 use adaptation::{Adaptation, Certain};
+use agreement::Agreement;
 use association::AssociatedDetection;
 use detection::{Detector, Prediction};
 use exposures::Exposures;
@@ -68,6 +71,7 @@ pub(super) struct DetectedTarget {
     /// The log-likelihood ratio of each camera's latest frame, per particle.
     log_ratios: Vec<Vec<f32>>,
     size: Size,
+    agreement: Agreement,
     /// The covariance of the latest detection of the target (xx, xy, xz, yy, yz, zz in m²).
     detection_m2: Option<[f64; 6]>,
     /// How the position of the latest detection of the target depends on the logarithm of its scale, metres.
@@ -157,6 +161,7 @@ impl DetectedTarget {
             visibilities: vec![None; views.len()],
             log_ratios: vec![Vec::new(); views.len()],
             size: Size::new(size),
+            agreement: Agreement::new(views, &tuning.agreement),
             detection_m2: None,
             drift_m: [0.0; 3],
             since_s: 0.0,
@@ -239,6 +244,7 @@ impl DetectedTarget {
                 correction: adaptation.correction(PixelKind::of(frame)),
                 surrounding: adaptation.surrounding(),
                 look_alikes: &image.look_alikes,
+                offset_sigma_px: self.agreement.sigma_px(*camera),
             };
             EdgeFrame::new(*camera, instant.views[*camera].prepared(frame), context)
         }));
@@ -345,6 +351,7 @@ impl DetectedTarget {
         associated: &[AssociatedDetection],
     ) {
         let mut adaptations = std::mem::take(&mut self.adaptations);
+        let mut agreement = std::mem::take(&mut self.agreement);
         let certain = Certain {
             detection: self.certain_detection(associated),
             colors: &self.colors,
@@ -360,13 +367,23 @@ impl DetectedTarget {
         let unoccluded = certain
             .detection
             .filter(|detection| detection.least_visible_share() >= certain.tuning.unoccluded_share);
+        if let Some(detection) = certain.detection {
+            let detection = (detection, certain.tuning.unoccluded_share);
+            agreement.update(detection, instant.time_s, &self.tuning.agreement);
+        }
         let evidence = unoccluded.and_then(Detection::size).copied();
         self.adaptations = adaptations;
+        self.agreement = agreement;
         if let Some(evidence) = evidence {
             let shared_sigma_px = self.edge.settings().shared_sigma_px;
             self.size
                 .update(&evidence, shared_sigma_px, &self.tuning.size);
         }
+    }
+
+    /// How far the cameras agree on the target, one per camera.
+    pub(super) fn comparisons(&self) -> impl Iterator<Item = &ComparisonSums> {
+        self.agreement.sums()
     }
 
     /// The target's diameter as it is known now, metres.
@@ -466,6 +483,7 @@ impl DetectedTarget {
         self.visibilities.fill(None);
         self.adaptations.fill(Adaptation::default());
         self.size.reset();
+        self.agreement.reset(&self.tuning.agreement);
         self.drift_m = [0.0; 3];
         self.start = None;
         self.detector.exposures = Exposures::default();
@@ -494,6 +512,14 @@ impl DetectedTarget {
             let of_size = [x * x, x * y, x * z, y * y, y * z, z * z];
             for (sum, product) in known.covariance_m2.iter_mut().zip(of_size) {
                 *sum += product;
+            }
+        }
+        if let Some(known) = &mut kinematics {
+            let of_cameras = self.agreement.covariance_m2(&self.tuning.agreement);
+            let of_cameras =
+                [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| of_cameras[at]);
+            for (sum, more) in known.covariance_m2.iter_mut().zip(of_cameras) {
+                *sum += more;
             }
         }
         let confidence = if is_known {
