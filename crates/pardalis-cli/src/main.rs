@@ -31,9 +31,9 @@ use clap::{Parser, Subcommand};
 #[derive(Parser)]
 #[command(name = "pardalis", version, about, arg_required_else_help = true)]
 #[command(after_help = "Start with:
-  pardalis demo                                   tracks the bundled sequence
+  pardalis demo                                   tracks a bundled sequence
   pardalis learn --image a.jpg --rect 10,20,30,40 -o ball.colors.toml
-  pardalis init images --fps 25 --colors ball.colors.toml --pixel 460,88
+  pardalis init images --fps 25 --camera pinhole --colors ball.colors.toml
   pardalis check scene.toml                       problems of the scene, and its first frames
   pardalis track scene.toml --annotate            tracks, plots and annotated frames
   pardalis locate scene.toml --at 460,88          single images, independently

@@ -11,7 +11,7 @@ use crate::tables;
 use crate::tracking::{self, Annotate, Limit, Options, Output, Previous};
 use crate::user_error::user_error;
 
-/// Tracks the bundled sequence
+/// Tracks a bundled sequence
 ///
 /// An orange ball is lowered, thrown, and bounces in front of a fisheye camera. The program detects it without a start
 /// position. Writes tracks, plots with the truth, and annotated frames, and prints the mean error.

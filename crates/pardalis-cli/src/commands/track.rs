@@ -29,11 +29,11 @@ use crate::user_error::user_error;
 /// others; a table at the end and summary.json list the frames of each camera that were used and dropped.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  pardalis track ball.toml                      results into the folder ball-tracks
-  pardalis track ball.toml -o run7 --annotate   also the frames with contours and particles
-  pardalis track ball.toml --annotate --explain why other candidates were ruled out
-  pardalis track live.toml --duration 60        a minute of a live camera
-  pardalis track ball.toml -o - | head          rows to standard output while tracking")]
+  pardalis track ball.toml                       results into the folder ball-tracks
+  pardalis track ball.toml -o run7 --annotate    also the frames with contours and particles
+  pardalis track ball.toml --annotate --explain  why candidates were ruled out
+  pardalis track live.toml --duration 60         a minute of a live camera
+  pardalis track ball.toml -o - | head           rows to standard output while tracking")]
 #[allow(clippy::struct_excessive_bools)] // flags of the command line
 pub(crate) struct Arguments {
     /// The scene file
@@ -57,10 +57,10 @@ pub(crate) struct Arguments {
     /// each verdict (docs/not-found.md).
     #[arg(long)]
     explain: bool,
-    /// Ends after this many frames, with several cameras after this many frame sets
+    /// Stops after this many frames; with several cameras, after this many frame sets (the images of one time)
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     frames: Option<NonZeroUsize>,
-    /// Ends after this much time of the cameras, counted from the first frame
+    /// Stops after this much time by the cameras' time stamps, counted from the first frame
     #[arg(long = "duration", value_name = "SECONDS", value_parser = parse_duration_s, allow_negative_numbers = true)]
     duration_s: Option<f64>,
     /// Exits with code 1 if a target is tracked in no frame; results are written nevertheless
@@ -173,7 +173,7 @@ fn reasons(run: &Run, number: usize) -> Vec<String> {
         {
             "candidates.csv has all candidates; docs/not-found.md explains the verdicts"
         } else {
-            "next: look at `pardalis track SCENE.toml --explain --annotate`, and read docs/not-found.md"
+            "next: run `pardalis track SCENE.toml --explain --annotate`, look at the annotated frames, and read docs/not-found.md"
         };
         lines.push(next.to_owned());
     }

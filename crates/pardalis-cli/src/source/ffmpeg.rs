@@ -120,7 +120,7 @@ impl Programs {
                 return Err(not_allowed(input, lines[0]));
             }
             return Err(user_error!(
-                "{input}: ffprobe cannot open it; check the name and how it is opened. ffprobe's messages:\n{}",
+                "{input}: ffprobe cannot open it; give a video, or for a raw stream input.format and fps. ffprobe's messages:\n{}",
                 lines[lines.len().saturating_sub(QUOTED_LINES)..].join("\n")
             ));
         }

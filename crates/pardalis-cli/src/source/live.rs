@@ -183,7 +183,7 @@ pub(super) fn first_of(
         return Err(not_allowed(input, &messages[0]));
     }
     Err(user_error!(
-        "{input}: ffmpeg cannot open it; check the name and how it is opened. {}",
+        "{input}: ffmpeg cannot open it; check the name (`pardalis devices` lists cameras), and the keys `fps` and `input`. {}",
         quoted(&messages)
     ))
 }

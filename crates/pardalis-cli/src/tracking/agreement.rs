@@ -31,7 +31,7 @@ pub(crate) fn warning(scene: &Scene, tracker: &Tracker) -> Option<String> {
             ""
         };
         format!(
-            "warning: {}: disagree by {px:.1} pixels; {of_two}either may be wrong",
+            "warning: {}: disagree by {px:.1} pixels; {of_two}either may be wrong; correct only one",
             names.join(", ")
         )
     };

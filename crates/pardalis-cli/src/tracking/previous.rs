@@ -32,7 +32,7 @@ pub(super) fn keep_rows(table: &Path) -> Result<bool> {
     }
     rename(table)?;
     note(format_args!(
-        "{} is of an earlier run, and is now {}",
+        "{} of an earlier run is kept as {}",
         table.display(),
         previous(table).display()
     ));

@@ -379,8 +379,8 @@ fn rows_of_an_earlier_run_are_kept() {
     assert_eq!(
         track("3").fine().kept,
         [
-            "out/tracks.csv is of an earlier run, and is now out/tracks.previous.csv",
-            "p.csv is of an earlier run, and is now p.previous.csv"
+            "out/tracks.csv of an earlier run is kept as out/tracks.previous.csv",
+            "p.csv of an earlier run is kept as p.previous.csv"
         ]
     );
     assert_eq!(place.rows().len(), 3);

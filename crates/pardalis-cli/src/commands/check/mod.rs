@@ -17,14 +17,15 @@ use camera::Seen;
 /// Finds all problems of a scene, without tracking
 ///
 /// Reads the scene and all files that it names, opens every camera, takes the first frame of each, and compares its size with
-/// that of the calibration. Reports all problems at once, each with its line, its key and the remedy.
+/// that of the calibration. Reports the problems together, each with its line, its key and the remedy. A camera whose calibration
+/// cannot be read is not opened.
 ///
 /// Says for each camera what it is, and the size, rate and number of its frames; for each target, whether its colours occur
 /// in the first frames and whether it is found there; which values are still guesses; and how long a step of tracking takes
 /// on this computer, measured with the first frames. Writes no files.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  pardalis check scene.toml             before the first run, or when a camera has moved
+  pardalis check scene.toml             before the first run, or when cameras were unplugged
   pardalis check scene.toml && pardalis track scene.toml
 
 Exit codes: 0 if the scene can be tracked, with or without warnings; 2 if it cannot.")]

@@ -23,12 +23,12 @@ const LONGEST_NAME: usize = 40;
 /// Lists the cameras of this computer, with the lines of a scene for each
 ///
 /// For each camera of Linux (/dev/video...) it prints the name, the formats and sizes of its images, and a table to put into a
-/// scene. Formats and sizes come from ffmpeg, which must be installed. Of cameras that cannot be opened it says why.
+/// scene. Formats and sizes come from ffmpeg, which must be installed. It says why a camera cannot be opened.
 /// Network cameras are not found: their addresses are in their settings or manuals.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis devices                      the cameras, and lines for a scene
-  pardalis devices >> scene.toml        adds them to a scene; what is not a setting is a comment
+  pardalis devices >> scene.toml        adds them to a scene, which also needs their calibrations
 
 Exit codes: 0 if there is a camera, even one that cannot be opened; 1 if there is none.")]
 pub(crate) struct Arguments {}

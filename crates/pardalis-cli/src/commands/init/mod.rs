@@ -25,10 +25,12 @@ use text::{Calibration, CameraText, SceneText};
 /// Writes a commented scene file as a starting point
 ///
 /// The input is a folder of images, a sequence folder (frames/ and camera.json or cameras.json), or a video.
-/// Values that cannot be derived from it are guessed and marked CHANGE; `track` warns while they remain.
+/// Values that cannot be derived from it are guessed and marked CHANGE; `track` warns while they remain. For a live camera,
+/// record a clip, and put the device in its place in the scene (docs/cameras-live.md).
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis init images --fps 25 --camera equidistant        a folder of images from a fisheye camera
+  pardalis init images --fps 25 --camera pinhole            images from a webcam or a phone
   pardalis init ride.mp4 --fov 65 -o ride.toml              a video; the angle of view is 65 degrees (needs ffmpeg)
   pardalis init ride.mp4 --camera photo.jpg                 a focal length from the EXIF data of a photo by this camera
   pardalis init images --fps 25 --camera lens/camera.toml   with a calibration by this or another program

@@ -89,7 +89,7 @@ impl CameraText {
             ModelName::Equidistant => {
                 let f = half / 92.5_f64.to_radians();
                 let parameters = format!(
-                    "f_px_per_rad = {f:.1}  # CHANGE: pixels per radian\n{center}\nfield_of_view_deg = 185.0  # CHANGE: the full angle"
+                    "f_px_per_rad = {f:.1}  # CHANGE: pixels per radian of a fisheye; for webcams and phones: init --camera pinhole\n{center}\nfield_of_view_deg = 185.0  # CHANGE: the full angle"
                 );
                 ("equidistant", parameters, LOOKING_DOWN)
             }

@@ -45,7 +45,7 @@ impl Run {
         let stderr = String::from_utf8(output.stderr).unwrap();
         let lines = stderr.split_inclusive('\n');
         let (kept, others): (Vec<_>, Vec<_>) =
-            lines.partition(|line| line.contains(" is of an earlier run, and is now "));
+            lines.partition(|line| line.contains(" of an earlier run is kept as "));
         let run = Self {
             code: output.status.code(),
             stdout: String::from_utf8(output.stdout).unwrap(),
