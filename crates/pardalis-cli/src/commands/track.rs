@@ -58,7 +58,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     explain: bool,
     /// Stops after this many frames; with several cameras, after this many frame sets (the images of one time)
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = parse_frames, allow_negative_numbers = true)]
     frames: Option<NonZeroUsize>,
     /// Stops after this much time by the cameras' time stamps, counted from the first frame
     #[arg(long = "duration", value_name = "SECONDS", value_parser = parse_duration_s, allow_negative_numbers = true)]
@@ -77,6 +77,12 @@ pub(crate) struct Arguments {
     /// Draws no plots
     #[arg(long)]
     no_plots: bool,
+}
+
+/// Parses a number of frames.
+fn parse_frames(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse()
+        .map_err(|_| "allowed: a whole number above 0".to_owned())
 }
 
 /// Parses a duration in seconds.

@@ -83,13 +83,12 @@ fn only_guesses_are_marked() {
     let guesses = [
         "fps",
         "world_from_camera",
-        "f_px_per_rad",
+        "f_px",
         "center_px",
-        "field_of_view_deg",
         "shape.sphere.radius_m",
     ];
     assert_eq!(marked(&scene(&place)), guesses);
-    assert!(run.stdout.contains("marked CHANGE (6)"), "{}", run.stdout);
+    assert!(run.stdout.contains("marked CHANGE (5)"), "{}", run.stdout);
     assert!(run.stdout.contains("learn … -o target.colors.toml"));
 
     let known = [
@@ -103,7 +102,7 @@ fn only_guesses_are_marked() {
         "ball.toml",
     ];
     let run = init(&place, &[&["images", "--force"], &known[..]].concat()).fine();
-    assert_eq!(marked(&scene(&place)), guesses[1..5]);
+    assert_eq!(marked(&scene(&place)), guesses[1..4]);
     assert!(!run.stdout.contains("learn"), "{}", run.stdout);
     let text = scene(&place);
     for line in [
@@ -293,6 +292,8 @@ fn scenes_with_corrected_values_track_the_ball() {
         "images",
         "--fps",
         "25",
+        "--camera",
+        "equidistant",
         "--colors",
         "ball.toml",
         "--pixel",

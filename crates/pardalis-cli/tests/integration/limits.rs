@@ -53,7 +53,8 @@ fn limits_that_allow_no_frame_are_refused() {
         ["--duration", "nan"],
         ["--duration", "inf"],
     ] {
-        place.track_with(SCENE, &arguments).refused(&[arguments[0]]);
+        let run = place.track_with(SCENE, &arguments);
+        run.refused(&[arguments[0], "above 0"]);
     }
 }
 

@@ -45,7 +45,7 @@ pub(crate) struct Arguments {
     /// the image size), or a calibration file of any format, which the scene then refers to; if the file has
     /// several cameras, the input must have a folder named after each; or a JPEG image by the same camera, for
     /// a pinhole camera with the focal length in its EXIF data [default: camera.json or cameras.json
-    /// of a sequence folder, else equidistant]
+    /// of a sequence folder, else pinhole]
     #[arg(long, value_name = "MODEL|FILE")]
     camera: Option<String>,
     /// The angle of view across the longer side of the image; selects a pinhole camera [default for pinhole:
@@ -253,7 +253,7 @@ enum Fov {
     Unknown,
 }
 
-/// Interprets `--camera` and `--fov`; without them, uses the calibration next to the frames, or else an equidistant camera.
+/// Interprets `--camera` and `--fov`; without them, uses the calibration next to the frames, or else a pinhole camera, as webcams and phones are.
 fn known_cameras(arguments: &Arguments) -> Result<KnownCameras> {
     let name = arguments.camera.as_deref();
     let model = name.and_then(|name| Model::from_str(name, false).ok());
@@ -297,7 +297,7 @@ fn known_cameras(arguments: &Arguments) -> Result<KnownCameras> {
         let beside = ["camera.json", "cameras.json"].map(|name| arguments.input.join(name));
         match beside.into_iter().find(|path| path.is_file()) {
             Some(path) => path,
-            None => return Ok(KnownCameras::Model(Model::Equidistant, Fov::Unknown)),
+            None => return Ok(KnownCameras::Model(Model::Pinhole, Fov::Unknown)),
         }
     };
     if !file.exists() {
