@@ -120,7 +120,7 @@ impl Programs {
                 return Err(not_allowed(input, lines[0]));
             }
             return Err(user_error!(
-                "{input}: ffprobe cannot open it; give a video, or for a raw stream input.format and fps. ffprobe's messages:\n{}",
+                "{input}: ffprobe cannot open it; check the file; a raw stream needs input.format and fps. ffprobe's messages:\n{}",
                 lines[lines.len().saturating_sub(QUOTED_LINES)..].join("\n")
             ));
         }
