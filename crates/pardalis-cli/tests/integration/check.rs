@@ -132,6 +132,8 @@ fn problems_of_text_and_files_are_reported_together() {
         &run.stdout,
         &["cameras.cam1: images: 5 images", "cameras.other: "],
     );
+    // There is nothing to say of the targets, whose settings are missing.
+    assert!(!run.stdout.contains("targets."), "{}", run.stdout);
     assert!(!run.stdout.contains("no problems"), "{}", run.stdout);
 }
 

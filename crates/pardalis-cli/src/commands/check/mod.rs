@@ -57,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .chain(targets.iter().flat_map(|target| target.warnings(path)))
         .collect();
     if !parts.problems.is_empty() {
-        for target in targets {
+        for target in targets.iter().filter(|target| target.was_looked_for()) {
             print(target.text());
         }
         warnings.iter().for_each(warn);

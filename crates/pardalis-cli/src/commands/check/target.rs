@@ -76,6 +76,12 @@ fn model_of(settings: &BodySettings) -> Option<&ColorModel> {
 }
 
 impl Seen {
+    /// Whether there was a frame and a colour model to look for it.
+    pub(super) fn was_looked_for(&self) -> bool {
+        let was_compared = |body: &BodyColors| !(body.cameras.is_empty() && body.others.is_empty());
+        self.bodies.iter().any(was_compared)
+    }
+
     /// Says where the target's colours occur, in one line per body.
     pub(super) fn text(&self) -> String {
         let mut lines = vec![format!("targets.{}:", self.name)];
