@@ -47,7 +47,7 @@ macro_rules! tuned {
                 )*
             }
 
-            /// Returns an error unless every constant is above 0 and at most 1000, or 1 for shares.
+            /// Returns an error unless every constant is above 0 and at most 10 000, or 1 for shares.
             pub fn check(&self) -> Result<(), $crate::Error> {
                 let mut result = Ok(());
                 let mut checked = *self;
@@ -55,7 +55,7 @@ macro_rules! tuned {
                     let (most, allowed) = if unit == "share" {
                         (1.0, "above 0 and at most 1")
                     } else {
-                        (1000.0, "above 0 and at most 1000")
+                        (10_000.0, "above 0 and at most 10000")
                     };
                     if !(*value > 0.0 && *value <= most) && result.is_ok() {
                         result = Err($crate::Error::out_of_range(name, *value, allowed));

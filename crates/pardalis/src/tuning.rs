@@ -53,7 +53,7 @@ impl Tuning {
         visit_parts!(existence, adaptation, size, agreement, proposal);
     }
 
-    /// Returns an error unless every constant is above 0 and at most 1000, or 1 for shares.
+    /// Returns an error unless every constant is above 0 and at most 10 000, or 1 for shares.
     pub fn check(&self) -> Result<(), Error> {
         self.blobs.check()?;
         self.edge.check()?;
