@@ -103,7 +103,7 @@ mod tests {
         assert!(ExampleTuning::DEFAULT.check().is_ok());
         for (count, chance, name) in [
             (0, 0.25, "count"),
-            (1001, 0.25, "count"),
+            (10_001, 0.25, "count"),
             (5, 1.5, "chance"),
             (5, f32::NAN, "chance"),
         ] {
