@@ -18,7 +18,12 @@ fn view() -> View {
 
 /// The view from a place along x.
 fn view_from(x_m: f64) -> View {
-    let camera = Camera::Pinhole(Pinhole::new([200.0; 2], [79.5, 59.5], &[]).unwrap());
+    view_with_offset(x_m, [0.0; 2])
+}
+
+/// The same of a camera that shows everything this many pixels beside.
+pub(super) fn view_with_offset(x_m: f64, [du, dv]: [f64; 2]) -> View {
+    let camera = Camera::Pinhole(Pinhole::new([200.0; 2], [79.5 + du, 59.5 + dv], &[]).unwrap());
     View::new(camera, Pose::translation(x_m, 0.0, 0.0), SIZE, None).unwrap()
 }
 
@@ -46,7 +51,7 @@ pub(super) fn picture([x, y, z]: [f64; 3], hidden_from: usize) -> (Frame, Vec<bo
     (frame, labels)
 }
 
-fn colors() -> ColorModel {
+pub(super) fn colors() -> ColorModel {
     let mut learner = ColorLearner::new(Palette::HSI).unwrap();
     for x in [-0.1, 0.0, 0.13] {
         let (frame, labels) = picture([x, 0.02, 1.3 + x], SIZE.0);
@@ -117,7 +122,7 @@ pub(super) fn with_frames<T>(
     look(&mut cue, frames)
 }
 
-fn ball() -> Shape {
+pub(super) fn ball() -> Shape {
     ball_of(1.0)
 }
 
@@ -165,7 +170,7 @@ fn the_color_posterior_is_the_oracles() {
 }
 
 /// The picture with noise: in plain colours every membership would lie on the border of two bins.
-fn grained(frame: &Frame) -> Frame {
+pub(super) fn grained(frame: &Frame) -> Frame {
     let grain = |(i, &byte): (usize, &u8)| {
         let (column, row) = (i / 3 % SIZE.0, i / 3 / SIZE.0);
         let noise = ((column * 7 + row * 13 + i % 3 * 5) % 11) as u8;
