@@ -473,12 +473,12 @@ fn jacobians_agree_with_finite_differences() {
 }
 
 #[test]
-#[ignore = "exhaustive"]
+#[ignore = "exhaustive: the gate runs it with --ignored"]
 fn jacobians_agree_with_finite_differences_in_many_directions() {
     check_jacobians(directions().step_by(37), 300);
 }
 
-/// Checks the Jacobians of every camera in these directions, and at least so many derivatives of each.
+/// Checks the Jacobians of every camera in these directions, with at least `least` derivatives for each camera.
 fn check_jacobians(directions: impl Iterator<Item = (f64, [f64; 3])> + Clone, least: usize) {
     for example in examples() {
         let camera = &example.camera;

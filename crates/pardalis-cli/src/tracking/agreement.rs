@@ -25,13 +25,13 @@ pub(crate) fn warning(scene: &Scene, tracker: &Tracker) -> Option<String> {
             .iter()
             .map(|(name, _)| format!("cameras.{name}"))
             .collect();
-        let of_two = if compared == 2 {
-            "with two cameras "
+        let which = if compared == 2 {
+            "with two cameras either may be wrong"
         } else {
-            ""
+            "any of them may be wrong"
         };
         format!(
-            "warning: {}: disagree by {px:.1} pixels; {of_two}either may be wrong; correct only one",
+            "warning: {}: disagree by {px:.1} pixels; {which}; correct only one",
             names.join(", ")
         )
     };

@@ -117,7 +117,7 @@ fn remedy(verdict: Verdict) -> &'static str {
         Verdict::NoColors | Verdict::OtherColor => {
             "learn the colours from images of this camera in this light"
         }
-        Verdict::Surplus => "mask what is not the target, or learn finer colours (learn --bins)",
+        Verdict::Surplus => "mask the other objects, or learn finer colours (learn --bins)",
         Verdict::OutOfView => "check size_px, the mask and the camera's model",
         Verdict::OffGround => "check the camera's pose and existence.ground_z_m",
         Verdict::TooNear | Verdict::TooFar => {

@@ -340,7 +340,7 @@ fn the_particle_filter_agrees_with_the_kalman_filter() {
 }
 
 #[test]
-#[ignore = "exhaustive"]
+#[ignore = "exhaustive: the gate runs it with --ignored"]
 fn the_particle_filter_agrees_with_the_kalman_filter_for_every_resampling_scheme() {
     check_against_kalman_filter(&SCHEMES);
 }

@@ -167,7 +167,7 @@ fn flipped(text: &str, seed: u64) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// Reads texts with random bytes, so many of each kind.
+/// Reads `count` texts of each kind with random bytes.
 fn check_texts_with_random_bytes(count: u64) {
     let mut sound = [0_u64; 3];
     for seed in 0..count {
@@ -188,7 +188,7 @@ fn texts_with_random_bytes_are_read_or_rejected() {
 }
 
 #[test]
-#[ignore = "exhaustive"]
+#[ignore = "exhaustive: the gate runs it with --ignored"]
 fn many_texts_with_random_bytes_are_read_or_rejected() {
     check_texts_with_random_bytes(2000);
 }

@@ -280,7 +280,7 @@ fn a_single_ball_is_assigned_to_one_of_two_targets() {
 }
 
 #[test]
-#[ignore = "exhaustive"]
+#[ignore = "exhaustive: the gate runs it with --ignored"]
 fn a_single_ball_is_assigned_to_one_of_two_targets_with_more_seeds() {
     check_single_ball(3..6);
 }
@@ -336,7 +336,7 @@ fn two_equal_balls_that_pass_each_other_keep_their_identities() {
 }
 
 #[test]
-#[ignore = "exhaustive"]
+#[ignore = "exhaustive: the gate runs it with --ignored"]
 fn two_equal_balls_that_pass_each_other_keep_their_identities_with_more_seeds() {
     check_passing_balls(3..6);
 }
@@ -421,7 +421,7 @@ fn darker_and_colder_illumination_requires_illumination_adaptation() {
 }
 
 #[test]
-#[ignore = "exhaustive"]
+#[ignore = "exhaustive: the gate runs it with --ignored"]
 fn darker_illumination_requires_illumination_adaptation() {
     check_changing_illumination(DARK);
 }
@@ -450,7 +450,7 @@ fn a_ball_that_slowly_changes_its_colour_is_not_tracked() {
 }
 
 #[test]
-#[ignore = "exhaustive"]
+#[ignore = "exhaustive: the gate runs it with --ignored"]
 fn a_ball_that_slowly_turns_brown_or_olive_is_not_tracked() {
     check_slow_change_of_colour(&[[60.0, 30.0, 15.0], [90.0, 110.0, 40.0]]);
 }

@@ -22,7 +22,7 @@ pub(super) struct Agreement {
     time_s: f64,
 }
 
-/// What is known of one camera.
+/// The state of one camera.
 #[derive(Debug, Clone)]
 struct CameraState {
     /// The variance of its error, px².

@@ -450,7 +450,7 @@ fn kernels_agree_with_the_reference_for_every_camera_format_and_mask() {
 }
 
 #[test]
-#[ignore = "exhaustive"]
+#[ignore = "exhaustive: the gate runs it with --ignored"]
 fn kernels_agree_with_the_reference_for_every_camera_outline_format_palette_and_mask() {
     compare_combinations(palettes().len(), 3);
 }
