@@ -263,9 +263,17 @@ impl Tracker {
     /// Returns for each camera how far it agrees with the others on where the detected targets are, and which error of its pose, focal length or clock
     /// explains it if it does not.
     pub fn camera_agreement(&self) -> Vec<CameraAgreement> {
-        let sums = self.bodies.iter().filter_map(TargetTracker::detected);
-        let sums = sums.flat_map(|target| target.comparisons().enumerate());
-        camera_agreement::agreements(self.views.len(), sums, &AgreementTuning::DEFAULT)
+        let detected = || self.bodies.iter().filter_map(TargetTracker::detected);
+        // What the cameras say is about them, whichever the target: the first one's constants hold.
+        let tuning = detected()
+            .next()
+            .map(detected::DetectedTarget::agreement_tuning);
+        let sums = detected().flat_map(|target| target.comparisons().enumerate());
+        camera_agreement::agreements(
+            self.views.len(),
+            sums,
+            tuning.unwrap_or(&AgreementTuning::DEFAULT),
+        )
     }
 
     /// Updates all targets with the frames of one instant. A set without frames only advances the time. A set with

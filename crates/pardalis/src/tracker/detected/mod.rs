@@ -32,7 +32,7 @@ use crate::Frame;
 use crate::color::{ColorModel, PixelKind};
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, EdgeFrameContext, Outlines};
 use crate::shape::Shape;
-use crate::tuning::{ExistenceTuning, Tuning};
+use crate::tuning::{AgreementTuning, ExistenceTuning, Tuning};
 use crate::view::View;
 use adaptation::{Adaptation, Certain};
 use agreement::Agreement;
@@ -379,6 +379,11 @@ impl DetectedTarget {
             self.size
                 .update(&evidence, shared_sigma_px, &self.tuning.size);
         }
+    }
+
+    /// The tuned constants of the agreement of cameras.
+    pub(super) fn agreement_tuning(&self) -> &AgreementTuning {
+        &self.tuning.agreement
     }
 
     /// How far the cameras agree on the target, one per camera.
