@@ -123,6 +123,8 @@ tuned! {
         min_shift_px: f64 = 0.01, "pixels", "hand-set: far below the noise of edges";
         /// When an outline is judged, each sector may deviate from it by up to this.
         judged_tolerance_px: f32 = 0.5, "pixels", "hand-set: larger ones excuse the corners of boxes";
+        /// By how much it is less likely that an outline is a rectangle than that it is anything else but the ball.
+        rectangle_rarity_nats: f64 = 5.0, "nats", "experiment: judges real balls as without rectangles";
         /// The scale of the logistic curve that the edge of a body at rest is, in the octave of a streak.
         streak_edge_px: f32 = 0.55, "pixels", "experiment: learnt edge profiles";
         /// Displacements shorter than this, in the octave, make no streak.
@@ -185,6 +187,12 @@ tuned! {
         max_log_ratio: f64 = 8.0, "nats", "experiment: more would let a perfect outline outweigh any colour";
         /// By how much a detection is less likely the target if none of its outline shows the target's colours, in proportion for parts.
         occluded_color_nats: f64 = 12.0, "nats", "hand-set: as for `clutter_nats`";
+        /// By how much a detection is less likely the target if the colours on both sides of its outline hardly differ: a patch of something larger ...
+        faint_nats: f64 = 7.0, "nats", "hand-set: as for `existence.missed_nats`";
+        /// ... by up to this, ...
+        faint_contrast: f64 = 15.0, "grey levels, weighted Y, U and V", "experiment: patches of skin and walls";
+        /// ... and no less likely from this on.
+        clear_contrast: f64 = 30.0, "grey levels, weighted Y, U and V", "experiment: balls on real clips have 40 and more";
         /// By how much a streak that was not predicted is less likely the target: long things at rest look like it.
         new_streak_nats: f64 = 1.5, "nats", "hand-set: there are several times as many as round ones";
         /// The greatest log-ratio by which such a streak speaks for the target's existence in one frame.

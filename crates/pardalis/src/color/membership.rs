@@ -91,6 +91,16 @@ impl Surroundings {
         Some(Self { sectors, sides })
     }
 
+    /// Returns how far the colours on both sides differ, in grey levels: the median around the turn of the weighted distance.
+    pub(crate) fn contrast(&self) -> f32 {
+        let mut contrasts = self.sectors.map(|(_, difference)| {
+            let weighted = (0..3).map(|i| CHANNEL_WEIGHTS[i] * difference[i].powi(2));
+            weighted.sum::<f32>().sqrt()
+        });
+        contrasts.sort_unstable_by(f32::total_cmp);
+        contrasts[SECTORS / 2]
+    }
+
     /// Returns the side of the body on which a pixel lies.
     pub fn side(&self, pixel: &EdgePixel) -> Side {
         self.sides[sector_of(pixel.turn)]

@@ -236,6 +236,70 @@ impl EdgeLines {
         (0..SECTORS).map(of_sector).sum()
     }
 
+    /// Returns the log-likelihood ratio of rectangles around the middle of the outline around which the lines were placed: the mean likelihood of 36, whose sectors may
+    /// deviate by up to a tolerance. Each line of a sector stands for its share of the sector's likelihood.
+    pub fn rectangle_log_ratio(&self, tolerance_px: f64) -> f64 {
+        let count = self.points.len();
+        let points: Vec<_> = self.points.iter().flatten().collect();
+        let middle = points.iter().copied().sum::<Vector2<f64>>() / points.len() as f64;
+        // A sector's log-likelihood if all of its lines are shifted by as much, at the shifts of lines.
+        let tolerant = |sector: usize, i: usize| {
+            let lines = || (0..count).filter(|k| k * SECTORS / count == sector);
+            let at =
+                |i: usize| -> f64 { lines().map(|k| self.exponent * self.log_ratios[k][i]).sum() };
+            let deviations = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|share| {
+                let step =
+                    (i as f64 + 4.0 * share * tolerance_px).clamp(0.0, SHIFTS as f64 - 1.001);
+                let low = step.floor() as usize;
+                let [near, far] = [at(low), at(low + 1)].map(f64::exp);
+                near + (step - low as f64) * (far - near)
+            });
+            (deviations.iter().sum::<f64>() / 5.0).ln()
+        };
+        let tables: Vec<Vec<f64>> = (0..SECTORS)
+            .map(|sector| (0..SHIFTS).map(|i| tolerant(sector, i)).collect())
+            .collect();
+        let mut likelihoods = Vec::new();
+        for (ratio, directions, whole) in [(1.0, 4, 90.0_f64), (1.25, 8, 180.0)] {
+            for direction in 0..directions {
+                for size in [0.95, 1.0, 1.05] {
+                    let turned =
+                        (whole * f64::from(direction) / f64::from(directions)).to_radians();
+                    // Half the sides of a rectangle with the area of a circle of this radius.
+                    let short = size * (std::f64::consts::PI / 4.0 / ratio).sqrt();
+                    let half = [ratio * short, short];
+                    let mut total = 0.0;
+                    for sector in 0..SECTORS {
+                        let lines: Vec<usize> = (0..count)
+                            .filter(|k| k * SECTORS / count == sector && self.points[*k].is_some())
+                            .collect();
+                        let mut sum = 0.0;
+                        for &k in &lines {
+                            let angle = std::f64::consts::TAU * k as f64 / count as f64 - turned;
+                            let radius =
+                                (half[0] / angle.cos().abs()).min(half[1] / angle.sin().abs());
+                            let point = self.points[k].expect("filtered");
+                            let radius_px = self.scale * (point - middle).dot(&self.normals[k]);
+                            let shift_px = (radius - 1.0) * radius_px;
+                            let step =
+                                (4.0 * (shift_px + REACH_PX)).clamp(0.0, SHIFTS as f64 - 1.001);
+                            let low = step.floor() as usize;
+                            let table = &tables[sector];
+                            let value =
+                                table[low] + (step - low as f64) * (table[low + 1] - table[low]);
+                            sum += value / lines.len() as f64;
+                        }
+                        let visible = self.visible[sector];
+                        total +=
+                            (visible * (sum - self.anywhere[sector]).exp() + 1.0 - visible).ln();
+                    }
+                    likelihoods.push(total.exp());
+                }
+            }
+        }
+        (likelihoods.iter().sum::<f64>() / likelihoods.len() as f64).ln()
+    }
+
     /// Returns the log-likelihood ratio of a body at a position in the world (metres) against an edge at any shift
     /// from the outline around which the lines were placed.
     pub fn log_likelihood_ratio(&self, shape: &Shape, view: &View, position_m: [f64; 3]) -> f64 {

@@ -23,6 +23,7 @@ pub(crate) struct Detection {
     pub(super) log_likelihood_ratio: f64,
     pub(super) coarse_log_ratio: f64,
     pub(super) judged_log_ratio: f64,
+    pub(super) rectangle_nats: f64,
     /// The lines of each camera that sees it come first; the rest are buffers.
     pub(super) lines: Vec<CorrespondenceLines>,
     pub(super) camera_count: usize,
@@ -100,9 +101,21 @@ impl Detection {
     }
 
     /// How far its outline as a whole is the target's: the same in the octave in which it is judged, where each sector may deviate from the outline by a
-    /// fraction of a pixel. Errors that the whole outline shares, as the fit has them, would excuse any contradiction, such as the corners of a book.
+    /// fraction of a pixel, against an edge anywhere or, if it is a ball's, a rectangle. Errors that the whole outline shares, as the fit has them, would excuse any
+    /// contradiction, such as the corners of a book.
     pub(crate) fn judged_log_ratio(&self) -> f64 {
-        self.judged_log_ratio
+        self.judged_log_ratio - self.rectangle_nats
+    }
+
+    /// By how many nats its outline is likelier a rectangle than the target's, if the target itself may be covered: 0 at least.
+    pub(crate) fn contradiction_nats(&self) -> f64 {
+        (self.rectangle_nats - self.judged_log_ratio.max(0.0)).max(0.0)
+    }
+
+    /// How far the colours on both sides of its outline differ, grey levels: in the camera in which they differ most.
+    pub(crate) fn contrast(&self) -> f64 {
+        let contrasts = self.lines().iter().map(|lines| lines.contrast);
+        contrasts.fold(0.0, f32::max).into()
     }
 
     /// The number of the candidate from which it was fitted.

@@ -62,7 +62,12 @@ const STEP_DIAMETERS: f64 = 0.02;
 const LEAST_SIZE_SHARE: f64 = 1e-4;
 
 /// The number of deviations of a sector that are tried when an outline is judged. Hand-set: a quarter of a pixel apart, as lines' shifts.
-const DEVIATIONS: usize = 5;
+pub(super) const DEVIATIONS: usize = 5;
+
+/// These deviations, up to a tolerance either way.
+pub(super) fn deviations_px(tolerance_px: f32) -> [f32; DEVIATIONS] {
+    std::array::from_fn(|i| (2.0 * i as f32 / (DEVIATIONS - 1) as f32 - 1.0) * tolerance_px)
+}
 
 /// A Gaussian of positions, if there is one: mean and inverse covariance.
 pub(crate) type PositionPrior<'a> = Option<(&'a Vector3<f64>, &'a Matrix3<f64>)>;
@@ -153,9 +158,11 @@ impl EdgeCue {
             detection.position_m.map(|v| [v as f32; LANES]),
             detection.scale(),
         );
+        let is_streak = detection.is_streak();
         let exponent = self.settings.likelihood_exponent as f32;
         let tolerance_px = self.tuning.judged_tolerance_px;
         detection.judged_log_ratio = 0.0;
+        detection.rectangle_nats = 0.0;
         for lines in &mut detection.lines[..detection.camera_count] {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
@@ -164,15 +171,22 @@ impl EdgeCue {
             shift(&mut self.coordinates, detection.offsets[lines.camera].px);
             let of_fit = lines.replace_exponent(exponent);
             let mut sums = [[0_f32; DEVIATIONS]; SECTORS];
+            let deviations_px = deviations_px(tolerance_px);
             for (k, [u, v]) in self.coordinates.iter().enumerate() {
                 let shift_px = lines.shift_px(k, [u[0], v[0]]);
-                for (deviation, sum) in sums[lines.sector(k)].iter_mut().enumerate() {
-                    let share = 2.0 * deviation as f32 / (DEVIATIONS - 1) as f32 - 1.0;
-                    *sum += lines.line_log_ratio(k, shift_px + share * tolerance_px);
+                let sums = &mut sums[lines.sector(k)];
+                for (sum, deviation_px) in sums.iter_mut().zip(deviations_px) {
+                    *sum += lines.line_log_ratio(k, shift_px + deviation_px);
                 }
             }
             let sums = sums.map(|sums| log_mean_exp(&sums));
             detection.judged_log_ratio += f64::from(lines.log_likelihood_ratio(&sums));
+            if let Some(rectangles) = self.rectangles.as_ref().filter(|_| !is_streak) {
+                let of_rectangle = rectangles.log_ratio(lines, &self.coordinates, tolerance_px);
+                let rarity = self.tuning.rectangle_rarity_nats;
+                detection.rectangle_nats +=
+                    libm::log1p(libm::exp(f64::from(of_rectangle) - rarity));
+            }
             lines.replace_exponent(of_fit);
         }
     }

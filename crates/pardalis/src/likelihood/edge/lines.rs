@@ -58,6 +58,8 @@ pub(super) struct CorrespondenceLines {
     pub(super) visible_share: f32,
     /// The mean Y, U and V of its pixels there; NaN if there are none.
     pub(super) body_color: [f32; 3],
+    /// How far the colours on both sides differ, grey levels.
+    pub(super) contrast: f32,
     /// The log-likelihood ratio of the fitted outline, nats.
     pub(super) fitted_log_ratio: f32,
 }
@@ -211,6 +213,7 @@ impl CorrespondenceLines {
         let Some(surroundings) = Surroundings::of(pixels) else {
             return Err(NoFit::NoEdges);
         };
+        self.contrast = surroundings.contrast();
         self.log_ratios.clear();
         self.log_ratios.resize(count, [0.0; SHIFTS]);
         let colors = self.sum_pixels(frame, (&surroundings, table), buffers, (weight, tuning));
@@ -341,6 +344,11 @@ impl CorrespondenceLines {
     }
 
     fn find_anywhere(&mut self) {
+        self.anywhere = self.sector_sums().map(|sums| log_mean_exp(&sums));
+    }
+
+    /// The sums over each sector of its lines' log-likelihood ratios, with the likelihood exponent, for the shifts of lines.
+    pub(super) fn sector_sums(&self) -> [[f32; SHIFTS]; SECTORS] {
         let count = self.log_ratios.len();
         let mut sums = [[0_f32; SHIFTS]; SECTORS];
         for (line, log_ratios) in self.log_ratios.iter().enumerate() {
@@ -348,9 +356,7 @@ impl CorrespondenceLines {
                 *sum += self.likelihood_exponent * log_ratio;
             }
         }
-        for (anywhere, sums) in self.anywhere.iter_mut().zip(&sums) {
-            *anywhere = log_mean_exp(sums);
-        }
+        sums
     }
 
     /// The shift of a point of the outline along line `k`, in the octave's pixels outwards.

@@ -14,6 +14,7 @@ mod offset;
 #[cfg(test)]
 mod offset_tests;
 mod offsets;
+mod rectangles;
 mod size;
 mod streak;
 #[cfg(test)]
@@ -40,6 +41,7 @@ pub(crate) use offset::MeasuredOffset;
 use pardalis_camera::LANES;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
+use rectangles::Rectangles;
 pub(crate) use size::{SizeEvidence, SizePrior};
 
 /// Parameters of the edge cue.
@@ -231,6 +233,8 @@ pub(crate) struct EdgeCue {
     diameter_m: f64,
     /// Whether sizes of the shape can be compared: those of balls.
     is_ball: bool,
+    /// What else an outline may be: that of a ball.
+    rectangles: Option<Rectangles>,
     /// One per octave; those coarser than the learnt profiles have the last one's.
     tables: Vec<Table>,
     palette: Palette,
@@ -268,13 +272,15 @@ impl EdgeCue {
             Table::new(&log_ratios, Octave(octave), &tuning)
         };
         let tables = (0..=Octave::COARSEST.0).map(table).collect();
+        let is_ball = matches!(shape, Shape::Sphere(_));
         Ok(Self {
             settings,
             tuning,
             outline: OutlineKernel::new(shape, settings.correspondence_lines),
             middle_height_m: shape.middle_height_m() as f32,
             diameter_m: shape.diameter_m(),
-            is_ball: matches!(shape, Shape::Sphere(_)),
+            is_ball,
+            rectangles: is_ball.then(|| Rectangles::new(settings.correspondence_lines)),
             tables,
             palette: colors.palette(),
             ranges: colors.ranges().map(|ranges| ranges.widened()),

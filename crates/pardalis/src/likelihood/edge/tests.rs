@@ -275,10 +275,11 @@ fn judgements_are_the_oracles() {
                 .unwrap();
             cue.judge(&[frame], &mut detection);
             (
-                detection.judged_log_ratio(),
+                (detection.judged_log_ratio, detection.rectangle_nats),
                 detection.lines()[0].octave.0.into(),
             )
         });
+        let (judged, of_rectangle) = judged;
         let settings = EdgeSettings {
             shared_sigma_px: 0.0,
             ..EdgeSettings::default()
@@ -287,10 +288,19 @@ fn judgements_are_the_oracles() {
         let frame = (&frame, octave);
         let naive = reference::EdgeLines::place(&settings, &ball, &colors(), &view, frame, place_m);
         let tolerance_px = EdgeTuning::DEFAULT.judged_tolerance_px.into();
-        let expected = naive.unwrap().judged_log_ratio(tolerance_px);
+        let naive = naive.unwrap();
+        let expected = naive.judged_log_ratio(tolerance_px);
         assert!(
             (judged - expected).abs() < 0.01 * expected.abs().max(1.0),
             "{place_m:?}: {judged} {expected}"
+        );
+        let rarity = EdgeTuning::DEFAULT.rectangle_rarity_nats;
+        let expected = (naive.rectangle_log_ratio(tolerance_px) - rarity)
+            .exp()
+            .ln_1p();
+        assert!(
+            (of_rectangle - expected).abs() < 0.01 * expected.max(1e-3),
+            "{place_m:?}: {of_rectangle} {expected}"
         );
     }
 }

@@ -140,13 +140,17 @@ impl DetectedTarget {
             0.0
         };
         let by_size = self.size.known().log_density(detection.log_scale());
-        let likeness = by_outline - covered + by_color + by_size - outside - streak;
+        let faint = (tuning.clear_contrast - detection.contrast())
+            / (tuning.clear_contrast - tuning.faint_contrast);
+        let faint = tuning.faint_nats * faint.clamp(0.0, 1.0);
+        let likeness = by_outline - covered + by_color + by_size - outside - streak - faint;
+        let contradiction = detection.contradiction_nats() / cameras / tuning.log_ratio_scale;
         let clutter_density = self.clutter_density();
         let place = (position_m, &covariance_m2);
         let assigned = self.assigned_nats(look_alikes, place, likeness, clutter_density);
         let log_weight = likeness - libm::log(clutter_density) - assigned;
         let mut existence_log_ratio =
-            self.existence_log_ratio(place, likeness, by_color) - assigned;
+            self.existence_log_ratio(place, likeness, by_color.min(0.0) - contradiction) - assigned;
         if is_new_streak {
             existence_log_ratio = existence_log_ratio.min(tuning.max_new_streak_nats);
         }
@@ -157,6 +161,7 @@ impl DetectedTarget {
             let against = [
                 (by_outline - streak, Verdict::OtherOutline),
                 (-covered, Verdict::Covered),
+                (-faint, Verdict::NoEdges),
                 (of_color, Verdict::OtherColor),
                 (-outside, Verdict::OutsideRegion),
                 (by_size, Verdict::OtherOutline),
@@ -213,20 +218,19 @@ impl DetectedTarget {
         assigned_nats(likeness, clutter_density, own, look_alikes)
     }
 
-    /// The log-ratio by which a detection speaks for the target's existence. What has been tracked may be clutter and then is there again: that it stayed
-    /// where it was does not make it the target, nor is it clutter because part of it is occluded.
+    /// The log-ratio by which a detection speaks for the target's existence, given its likeness and the same if the target is covered, both in nats. What has been tracked
+    /// may be clutter and then is there again: that it stayed where it was does not make it the target, nor is it clutter because part of it is occluded.
     fn existence_log_ratio(
         &self,
         (position_m, covariance_m2): ([f64; 3], &Matrix3<f64>),
         likeness: f64,
-        by_color: f64,
+        covered: f64,
     ) -> f64 {
         let clutter_density = self.clutter_density();
         let tracked_density = self.filter.predicted_density(position_m, covariance_m2);
         let other_density = clutter_density + tracked_density;
         let as_new = likeness + libm::log(self.birth_density / other_density);
-        let as_tracked =
-            likeness.max(by_color.min(0.0)) + libm::log(tracked_density / other_density);
+        let as_tracked = likeness.max(covered) + libm::log(tracked_density / other_density);
         as_new.max(as_tracked)
     }
 
