@@ -67,7 +67,12 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
             metadata.len()
         ));
     }
-    let bytes = fs::read(path).map_err(unreadable)?;
+    text_in(path, fs::read(path).map_err(unreadable)?)
+}
+
+/// Returns the text of a file with these bytes. Errors name `path` and the line.
+pub(crate) fn text_in(path: &Path, bytes: Vec<u8>) -> Result<String> {
+    let name = path.display();
     String::from_utf8(bytes).map_err(|error| {
         let line = error.as_bytes()[..error.utf8_error().valid_up_to()]
             .split(|&byte| byte == b'\n')

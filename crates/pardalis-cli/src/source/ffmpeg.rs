@@ -2,9 +2,9 @@
 
 use std::collections::VecDeque;
 use std::ffi::OsStr;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -124,11 +124,7 @@ impl Programs {
                 lines[lines.len().saturating_sub(QUOTED_LINES)..].join("\n")
             ));
         }
-        let probed: Probed = serde_json::from_slice(&output.stdout)
-            .with_context(|| format!("{input}: ffprobe's output cannot be parsed"))?;
-        probed.streams.into_iter().next().ok_or_else(|| {
-            user_error!("{input}: there is no video stream in it; give a file or device with video")
-        })
+        probed_in(input, &output.stdout)
     }
 
     /// Starts to decode the first video stream of a file with these filters. Every frame of the stream is written once,
@@ -216,7 +212,7 @@ impl Programs {
             },
             colors,
             log: Some(std::thread::spawn(move || {
-                read_log(messages, sender, &reader)
+                read_log(messages, sender, &reader.error_count)
             })),
             process,
         })
@@ -379,6 +375,15 @@ pub(super) fn is_live(video: &VideoInput) -> bool {
     video.settings.real_time || !is_file(&video.place)
 }
 
+/// Parses the first stream in ffprobe's output. Errors name `input`.
+pub(super) fn probed_in(input: &str, output: &[u8]) -> Result<ProbedStream> {
+    let probed: Probed = serde_json::from_slice(output)
+        .with_context(|| format!("{input}: ffprobe's output cannot be parsed"))?;
+    probed.streams.into_iter().next().ok_or_else(|| {
+        user_error!("{input}: there is no video stream in it; give a file or device with video")
+    })
+}
+
 #[derive(Deserialize)]
 struct Probed {
     #[serde(default)]
@@ -514,7 +519,7 @@ impl Frames {
 }
 
 /// Returns the time in seconds of a stamp to which ffmpeg has added [`NUT_OFFSET_S`], rounded to ticks as ffmpeg does.
-fn seconds(ticks: i64, (numerator, denominator): (u64, u64)) -> f64 {
+pub(super) fn seconds(ticks: i64, (numerator, denominator): (u64, u64)) -> f64 {
     let (numerator, denominator) = (numerator as f64, denominator as f64);
     let offset = (NUT_OFFSET_S as f64 * denominator / numerator).round();
     (ticks.wrapping_sub(offset as i64) as f64 * numerator) / denominator
@@ -549,7 +554,11 @@ impl Process {
 }
 
 /// Drains ffmpeg's messages until it ends: forwards the colours, counts errors, and returns the last other messages.
-fn read_log(messages: ChildStderr, colors: Sender<ProbedStream>, process: &Process) -> Vec<String> {
+pub(super) fn read_log(
+    messages: impl Read,
+    colors: Sender<ProbedStream>,
+    error_count: &AtomicUsize,
+) -> Vec<String> {
     let mut last = VecDeque::new();
     let mut colors = Some(colors);
     let mut stream = ProbedStream::default();
@@ -577,7 +586,7 @@ fn read_log(messages: ChildStderr, colors: Sender<ProbedStream>, process: &Proce
             codec.clone_into(&mut stream.codec_name);
         }
         if line.contains("[error]") || line.contains("[fatal]") || line.contains("[panic]") {
-            process.error_count.fetch_add(1, Ordering::Relaxed);
+            error_count.fetch_add(1, Ordering::Relaxed);
         } else if !line.contains("[warning]") {
             continue;
         }

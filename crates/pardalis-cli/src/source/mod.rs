@@ -2,6 +2,8 @@
 
 pub(crate) mod decode;
 mod ffmpeg;
+#[cfg(any(test, feature = "fuzz"))]
+pub(crate) mod fuzzing;
 mod images;
 mod live;
 mod nut;

@@ -31,15 +31,26 @@ impl ImageTimes {
 /// Times may decrease. Frames are delivered in order of arrival, or of their numbers without arrivals. Other columns
 /// are ignored; equal times mark repeated frames.
 pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
-    let name = path.display();
-    let text = std::fs::read(path).map_err(|error| {
+    let failed = |why: &dyn std::fmt::Display| {
         user_error!(
-            "{name}: cannot be read: {error}; write one with the header frame,time_s, or give fps"
+            "{}: cannot be read: {why}; write one with the header frame,time_s, or give fps",
+            path.display()
         )
-    })?;
+    };
+    // A link may lead to a device, which has no end, or to a pipe, for which the program would wait.
+    if std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
+        return Err(failed(&"it is no file"));
+    }
+    let text = std::fs::read(path).map_err(|error| failed(&error))?;
+    times_in(path, &text)
+}
+
+/// Parses what [`read_times`] reads. Errors name `path`.
+pub(super) fn times_in(path: &Path, text: &[u8]) -> Result<BTreeMap<u64, ImageTimes>> {
+    let name = path.display();
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
-        .from_reader(text.as_slice());
+        .from_reader(text);
     let header = reader
         .headers()
         .map_err(|error| user_error!("{name}: the header cannot be read: {error}"))?;

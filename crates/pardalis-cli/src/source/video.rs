@@ -250,7 +250,7 @@ impl VideoFrames {
 }
 
 /// Fails if images of this size cannot be tracked.
-fn check_size(input: &str, (width, height): (usize, usize)) -> Result<()> {
+pub(super) fn check_size(input: &str, (width, height): (usize, usize)) -> Result<()> {
     // ffmpeg reports no size for videos that are larger than it may decode.
     if width == 0 || height == 0 {
         return Err(user_error!(
@@ -305,7 +305,7 @@ impl Drop for VideoFrames {
 }
 
 /// Returns the size at which ffmpeg delivers the frames, after rotating them upright.
-fn upright_size_px(stream: &ProbedStream) -> (usize, usize) {
+pub(super) fn upright_size_px(stream: &ProbedStream) -> (usize, usize) {
     if stream.rotation_deg().rem_euclid(180) == 90 {
         (stream.height, stream.width)
     } else {
@@ -314,7 +314,7 @@ fn upright_size_px(stream: &ProbedStream) -> (usize, usize) {
 }
 
 /// Returns a description of the stream and its conversion.
-fn content(stream: &ProbedStream, layout: &Layout) -> String {
+pub(super) fn content(stream: &ProbedStream, layout: &Layout) -> String {
     let conversion = if layout.pix_fmt == stream.pix_fmt {
         String::new()
     } else {
@@ -332,7 +332,7 @@ fn content(stream: &ProbedStream, layout: &Layout) -> String {
 
 /// The pixel format of the frames, and ffmpeg's conversion to it.
 #[derive(Debug, PartialEq)]
-struct Layout {
+pub(super) struct Layout {
     format: PixelFormat,
     /// The same as ffmpeg's name.
     pix_fmt: String,
@@ -346,7 +346,7 @@ struct Layout {
 
 impl Layout {
     /// Chooses the stream's own format if it is supported, otherwise the nearest one.
-    fn of(stream: &ProbedStream, given: Option<YuvEncoding>) -> Self {
+    pub(super) fn of(stream: &ProbedStream, given: Option<YuvEncoding>) -> Self {
         let encoding = given.or_else(|| encoding_of(stream));
         let source = stream.pix_fmt.as_str();
         let (format, pix_fmt) = nearest_format(source);
@@ -390,7 +390,11 @@ impl Layout {
     }
 
     /// Returns the layout of a stream whose format ffmpeg has chosen.
-    fn of_live(input: &str, stream: &ProbedStream, given: Option<YuvEncoding>) -> Result<Self> {
+    pub(super) fn of_live(
+        input: &str,
+        stream: &ProbedStream,
+        given: Option<YuvEncoding>,
+    ) -> Result<Self> {
         let (format, pix_fmt) = nearest_format(&stream.pix_fmt);
         let encoding = given.or_else(|| encoding_of(stream));
         let encoding = match format {

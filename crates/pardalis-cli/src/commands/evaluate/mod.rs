@@ -323,9 +323,12 @@ fn true_path(rows: &[Option<&TrueState>]) -> Vec<Option<[f64; 3]>> {
     rows.iter().map(|row| Some((*row)?.position_m)).collect()
 }
 
+/// What to do about a summary.json that cannot be read.
+const SUMMARY_REMEDY: &str = "give another file, or remove it and give --around X,Y,Z";
+
 /// The relevant part of summary.json.
 #[derive(Default, serde::Deserialize)]
-struct RunSummary {
+pub(crate) struct RunSummary {
     #[serde(default)]
     cameras: BTreeMap<String, Value>,
     #[serde(default)]
@@ -342,17 +345,21 @@ struct TargetSummary {
 impl RunSummary {
     /// Reads the file; a missing file yields an empty summary.
     fn read(path: &Path) -> Result<Self> {
-        let remedy = "give another file, or remove it and give --around X,Y,Z";
         match fs::read_to_string(path) {
-            Ok(text) => serde_json::from_str(&text)
-                .map_err(|error| user_error!("{}: {error}; {remedy}", path.display())),
+            Ok(text) => Self::parse(path, &text),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
-            Err(error) => Err(user_error!("{}: {error}; {remedy}", path.display())),
+            Err(error) => Err(user_error!("{}: {error}; {SUMMARY_REMEDY}", path.display())),
         }
     }
 
+    /// Parses the file's text. Errors name `path`.
+    pub(crate) fn parse(path: &Path, text: &str) -> Result<Self> {
+        serde_json::from_str(text)
+            .map_err(|error| user_error!("{}: {error}; {SUMMARY_REMEDY}", path.display()))
+    }
+
     /// Returns the position of the first camera that has one, or the world's origin.
-    fn first_camera(&self, path: &Path) -> Result<Point> {
+    pub(crate) fn first_camera(&self, path: &Path) -> Result<Point> {
         let mut cameras = self.cameras.iter();
         let Some((name, position)) =
             cameras.find_map(|(name, camera)| Some((name, camera.get("position_m")?)))

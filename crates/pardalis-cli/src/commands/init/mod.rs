@@ -1,6 +1,6 @@
 //! `pardalis init`: writes a commented scene file as a starting point.
 
-mod sequence;
+pub(crate) mod sequence;
 mod text;
 
 use std::fs;
