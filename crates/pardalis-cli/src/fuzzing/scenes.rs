@@ -6,7 +6,7 @@ use pardalis::color::ColorModel;
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::formats::Lens;
 use pardalis_core::Error;
-use pardalis_scene::experiment::Experiment;
+use pardalis_scene::experiment::{Experiment, Run};
 use pardalis_scene::{Scene, WorldConfig};
 
 use super::{FILE, check_error, check_finite, check_message, check_problems, text_of};
@@ -68,7 +68,7 @@ pub(super) fn experiment(bytes: &[u8]) -> bool {
     };
     match Experiment::parse(&text) {
         Ok(experiment) => {
-            let slugs: Vec<_> = experiment.runs.iter().map(|run| run.slug()).collect();
+            let slugs: Vec<_> = experiment.runs.iter().map(Run::slug).collect();
             for (index, slug) in slugs.iter().enumerate() {
                 assert!(!slugs[..index].contains(slug), "{slug} twice");
                 // Runs write into folders of these names.

@@ -128,5 +128,5 @@ fn damaged_samples_are_read_or_rejected() {
 #[test]
 #[ignore = "exhaustive: the gate runs it with --ignored"]
 fn many_damaged_samples_are_read_or_rejected() {
-    try_damaged(4_000_000);
+    try_damaged(7_000_000);
 }

@@ -441,7 +441,8 @@ impl ProbedStream {
             .max(0.0);
         let (frames, seconds) = self.avg_frame_rate.split_once('/')?;
         let step_s = seconds.parse::<f64>().ok()? / frames.parse::<f64>().ok()?;
-        let is_sound = first_s.is_finite() && duration_s.is_finite() && step_s.is_finite();
+        let is_step = step_s.is_finite() && step_s > 0.0;
+        let is_sound = first_s.is_finite() && duration_s.is_finite() && is_step;
         is_sound.then_some(TimeSpan {
             first_s,
             last_s: first_s + duration_s,
