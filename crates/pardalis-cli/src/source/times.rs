@@ -31,17 +31,12 @@ impl ImageTimes {
 /// Times may decrease. Frames are delivered in order of arrival, or of their numbers without arrivals. Other columns
 /// are ignored; equal times mark repeated frames.
 pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
-    let failed = |why: &dyn std::fmt::Display| {
+    let text = std::fs::read(path).map_err(|error| {
         user_error!(
-            "{}: cannot be read: {why}; write one with the header frame,time_s, or give fps",
+            "{}: cannot be read: {error}; write one with the header frame,time_s, or give fps",
             path.display()
         )
-    };
-    // A link may lead to a device, which has no end, or to a pipe, for which the program would wait.
-    if std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
-        return Err(failed(&"it is no file"));
-    }
-    let text = std::fs::read(path).map_err(|error| failed(&error))?;
+    })?;
     times_in(path, &text)
 }
 
