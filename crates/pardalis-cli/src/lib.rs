@@ -9,6 +9,8 @@ mod files;
 mod focal_length;
 mod folder;
 #[cfg(any(test, feature = "fuzz"))]
+mod fuzzed_file;
+#[cfg(any(test, feature = "fuzz"))]
 pub mod fuzzing;
 mod interrupt;
 mod numbers;

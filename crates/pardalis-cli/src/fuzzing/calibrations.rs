@@ -5,8 +5,9 @@ use pardalis_camera::formats::{Format, Lens};
 use pardalis_core::Error;
 use pardalis_scene::calibration::{CalibrationFormat, read, read_toml, write};
 
-use super::{check_message, text_of};
+use super::text_of;
 use crate::commands::init::sequence::Recording;
+use crate::fuzzed_file::check_message;
 
 pub(super) fn calibration(bytes: &[u8]) -> bool {
     let Some(text) = text_of(bytes) else {

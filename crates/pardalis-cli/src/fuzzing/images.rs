@@ -2,7 +2,7 @@
 
 use pardalis_images::{DecodeError, decode, decode_grey, encode_png, exif_focal_length_px, size};
 
-use super::check_message;
+use crate::fuzzed_file::check_message;
 
 /// Larger images are not decoded, because that takes long. Their sizes are checked before.
 const DECODED_PX: usize = 1 << 18;

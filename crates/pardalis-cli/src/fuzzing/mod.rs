@@ -16,8 +16,8 @@ use std::path::Path;
 
 use pardalis_scene::Problem;
 
+use crate::fuzzed_file::{FILE, check_error, check_message};
 use crate::source::fuzzing as source;
-use crate::user_error::UserError;
 
 /// A reader of files.
 #[derive(Debug)]
@@ -78,9 +78,6 @@ pub const READERS: [Reader; 25] = {
     ]
 };
 
-/// The name of the file in all errors.
-pub(crate) const FILE: &str = "fuzzed-file";
-
 /// Returns the bytes as text, if they are UTF-8.
 fn text_of(bytes: &[u8]) -> Option<String> {
     match crate::scene::text_in(Path::new(FILE), bytes.to_vec()) {
@@ -90,20 +87,6 @@ fn text_of(bytes: &[u8]) -> Option<String> {
             None
         }
     }
-}
-
-/// Checks that an error is the user's, names the file and is short enough to be read.
-pub(crate) fn check_error(error: &anyhow::Error) {
-    assert!(error.is::<UserError>(), "not a user's error: {error:?}");
-    let message = error.to_string();
-    assert!(message.contains(FILE), "names no file: {message}");
-    check_message(&message);
-}
-
-/// Checks that a message is short enough to be read.
-fn check_message(message: &str) {
-    assert!(!message.is_empty());
-    assert!(message.len() < 20_000, "{} bytes: {message}", message.len());
 }
 
 /// Checks that problems are in lines of the text.

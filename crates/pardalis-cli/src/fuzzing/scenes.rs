@@ -9,9 +9,10 @@ use pardalis_core::Error;
 use pardalis_scene::experiment::{Experiment, Run};
 use pardalis_scene::{Scene, WorldConfig};
 
-use super::{FILE, check_error, check_finite, check_message, check_problems, text_of};
+use super::{check_finite, check_problems, text_of};
 use crate::board;
 use crate::commands::evaluate::RunSummary;
+use crate::fuzzed_file::{FILE, check_error, check_message};
 
 /// Stands for the calibration files that scenes and worlds name, whatever the lens.
 const CALIBRATION: &str = "[cameras.left]\nsize_px = [640, 480]\nmodel.pinhole = { f_px = [500, 500], center_px = [320, 240] }\n\

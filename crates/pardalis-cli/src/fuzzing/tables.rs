@@ -4,9 +4,9 @@ use std::path::Path;
 
 use anyhow::Result;
 
-use super::{FILE, check_error};
 use crate::commands::calibrate::observations::{Columns, read_table};
 use crate::commands::devices::formats::{best, formats_in};
+use crate::fuzzed_file::{FILE, check_error};
 use crate::tables::{Series, Table, tracks_of, truth_of};
 
 /// Returns what a reader reads from a table, if it accepts it.

@@ -12,7 +12,7 @@ use super::ffmpeg::{probed_in, read_log, seconds};
 use super::nut::Nut;
 use super::times::times_in;
 use super::video::{Layout, check_size, content, upright_size_px};
-use crate::fuzzing::{FILE, check_error};
+use crate::fuzzed_file::{FILE, check_error};
 
 pub(crate) fn times(bytes: &[u8]) -> bool {
     match times_in(Path::new(FILE), bytes) {
