@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::ffi::OsStr;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,12 +15,15 @@ use pardalis_images::MAX_PIXELS;
 use pardalis_scene::{Protocol, VideoFormat, VideoInput, VideoPlace, VideoSettings};
 use serde::Deserialize;
 
-use super::TimeSpan;
 use super::nut::Nut;
+use super::{TimeSpan, start_thread};
 use crate::user_error::user_error;
 
 /// Number of ffmpeg's last messages that an error quotes.
 const QUOTED_LINES: usize = 5;
+
+/// Longer messages of ffmpeg are read in parts, in bytes.
+const MAX_MESSAGE_BYTES: u64 = 1 << 16;
 
 /// Name of the filter that reports the colours of a stream; it distinguishes these lines from all other messages.
 const COLOR_FILTER: &str = "showinfo@pardalis";
@@ -210,14 +213,15 @@ impl Programs {
         });
         let (sender, colors) = channel();
         let reader = Arc::clone(&process);
+        let log = start_thread(move || read_log(messages, sender, &reader));
+        // Otherwise nothing would end it.
+        let log = log.inspect_err(|_| process.kill())?;
         Ok(Decode {
             frames: Frames {
                 nut: Nut::new(BufReader::with_capacity(PIPE_BYTES, frames)),
             },
             colors,
-            log: Some(std::thread::spawn(move || {
-                read_log(messages, sender, &reader)
-            })),
+            log: Some(log),
             process,
         })
     }
@@ -558,7 +562,8 @@ fn read_log(messages: ChildStderr, colors: Sender<ProbedStream>, process: &Proce
     loop {
         line.clear();
         // Bytes instead of text: file names in messages may have any encoding.
-        match messages.read_until(b'\n', &mut line) {
+        let mut part = messages.by_ref().take(MAX_MESSAGE_BYTES);
+        match part.read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => break,
             Ok(_) => {}
         }

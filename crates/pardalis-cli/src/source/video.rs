@@ -95,7 +95,8 @@ impl VideoFrames {
         let again = Again::of(programs, video);
         let watchdog = again
             .as_ref()
-            .map(|_| Watchdog::start(Arc::clone(&running), timeout(video)));
+            .map(|_| Watchdog::start(Arc::clone(&running), timeout(video)))
+            .transpose()?;
         let frames = Self {
             input: input.to_owned(),
             span: stream.span(&video.settings),
@@ -199,7 +200,7 @@ impl VideoFrames {
         Ok(Some(TimedBytes {
             bytes,
             time_s: match &mut self.again {
-                Some(again) => again.time_s(time_s),
+                Some(again) => again.time_s(&self.running, time_s),
                 None => time_s,
             },
             arrival_s: None,

@@ -1,0 +1,15 @@
+//! What the system says about a running program.
+
+use std::fs;
+
+/// Returns the peak of the memory of a process in MiB; `None` if it has ended.
+pub(super) fn peak_mib(process: u32) -> Option<u64> {
+    Some(status(process, "VmHWM:")? >> 10)
+}
+
+/// Returns a number from /proc/PROCESS/status; `None` if the process has ended.
+fn status(process: u32, key: &str) -> Option<u64> {
+    let text = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix(key))?;
+    line.split_whitespace().next()?.parse().ok()
+}
