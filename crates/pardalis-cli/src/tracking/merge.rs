@@ -7,6 +7,10 @@ use serde::Serialize;
 /// Frames closer in time than this form one set, in seconds: triggered cameras whose time stamps were rounded.
 const SAME_INSTANT_S: f64 = 1e-6;
 
+/// Number of frames of a live camera that may wait for tracking. Further ones stay in ffmpeg and in the camera, which drop
+/// frames rather than fill the memory.
+const MAX_BACKLOG: usize = 8;
+
 /// The most memory of frames that wait for earlier ones, in bytes. A recording in which a single time stamp is far too late
 /// would otherwise be held in memory from there to its end.
 const MAX_HELD_BYTES: usize = 1 << 30;
@@ -211,6 +215,13 @@ impl Merge {
             frozen,
             late: time_s <= self.passed_s,
         });
+    }
+
+    /// Reports whether so many frames of a camera wait only for tracking at `now_s`, on the clock of arrivals, that no more
+    /// should be taken from it.
+    pub(crate) fn has_backlog(&self, camera: usize, now_s: f64) -> bool {
+        let waits = |held: &&Held| held.camera == camera && held.arrival_s + self.hold_s < now_s;
+        self.held.iter().filter(waits).count() >= MAX_BACKLOG
     }
 
     /// Counts an image that could not be used.

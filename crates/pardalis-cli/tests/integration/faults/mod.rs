@@ -8,3 +8,5 @@ mod clocks;
 mod ffmpeg;
 #[cfg(target_os = "linux")]
 mod process;
+#[cfg(target_os = "linux")]
+mod soak;
