@@ -8,6 +8,7 @@ use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use pardalis::tracker::TrackState;
 use pardalis_evaluate::{EstimatedState, TrueState};
 
+use crate::files::Lines;
 use crate::user_error::user_error;
 
 /// The rows of one target or object over time.
@@ -215,7 +216,8 @@ impl Table {
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let failed = |error: csv::Error| csv_error(path, &error);
         let mut builder = ReaderBuilder::new();
-        let mut reader = builder.trim(Trim::All).from_path(path).map_err(failed)?;
+        let file = Lines::open(path).map_err(|error| failed(error.into()))?;
+        let mut reader = builder.trim(Trim::All).from_reader(file);
         let header = reader.headers().map_err(failed)?.clone();
         let separators = [(';', "semicolons"), ('\t', "tabs")];
         if header.len() == 1

@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis::frame::MAX_TIME_S;
 
+use crate::files::Lines;
 use crate::user_error::user_error;
 
 /// The times of one image.
@@ -32,14 +33,14 @@ impl ImageTimes {
 /// are ignored; equal times mark repeated frames.
 pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
     let name = path.display();
-    let text = std::fs::read(path).map_err(|error| {
+    let file = Lines::open(path).map_err(|error| {
         user_error!(
             "{name}: cannot be read: {error}; write one with the header frame,time_s, or give fps"
         )
     })?;
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
-        .from_reader(text.as_slice());
+        .from_reader(file);
     let header = reader
         .headers()
         .map_err(|error| user_error!("{name}: the header cannot be read: {error}"))?;
@@ -54,7 +55,9 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
 
     let mut times: BTreeMap<u64, ImageTimes> = BTreeMap::new();
     for record in reader.records() {
-        let record = record.map_err(|error| user_error!("{name}: {error}"))?;
+        let record = record.map_err(|error| {
+            user_error!("{name}: {error}; write a header and one row for each image")
+        })?;
         let line = record.position().map_or(0, csv::Position::line);
         let field = |column: usize| record.get(column).unwrap_or_default();
         let frame: u64 = field(frame_column).parse().map_err(|_| {

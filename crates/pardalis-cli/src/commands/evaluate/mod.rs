@@ -7,7 +7,6 @@ mod pairing;
 mod report;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +17,7 @@ use serde_json::Value;
 
 use crate::files::write_file;
 use crate::output::{print, warn};
+use crate::scene::read_text;
 use crate::tables::{self, Series, TrackRow};
 use crate::user_error::user_error;
 use confidence::Confidence;
@@ -343,12 +343,12 @@ impl RunSummary {
     /// Reads the file; a missing file yields an empty summary.
     fn read(path: &Path) -> Result<Self> {
         let remedy = "give another file, or remove it and give --around X,Y,Z";
-        match fs::read_to_string(path) {
-            Ok(text) => serde_json::from_str(&text)
-                .map_err(|error| user_error!("{}: {error}; {remedy}", path.display())),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
-            Err(error) => Err(user_error!("{}: {error}; {remedy}", path.display())),
+        if !path.exists() {
+            return Ok(Self::default());
         }
+        let text = read_text(path).map_err(|error| error.context(remedy))?;
+        serde_json::from_str(&text)
+            .map_err(|error| user_error!("{}: {error}; {remedy}", path.display()))
     }
 
     /// Returns the position of the first camera that has one, or the world's origin.

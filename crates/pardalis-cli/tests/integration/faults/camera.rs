@@ -182,7 +182,9 @@ impl Cameras {
         let rest = scene.find("model.").unwrap();
         let targets = scene.find("[targets").unwrap();
         let camera = scene[rest..targets].to_owned();
-        for number in 2..=self.count {
+        for number in (2..=self.count).rev() {
+            // A millimetre beside the one before.
+            let camera = camera.replacen("-1, 0, 0]", &format!("-1, 0, 0.{number:03}]"), 1);
             let table = format!("[cameras.cam{number}]\n{}\n{camera}", source(number));
             scene.insert_str(targets, &table);
         }

@@ -5,7 +5,10 @@
 mod camera;
 mod cameras;
 mod clocks;
+mod disks;
 mod ffmpeg;
+mod files;
+mod limits;
 #[cfg(target_os = "linux")]
 mod process;
 #[cfg(target_os = "linux")]
