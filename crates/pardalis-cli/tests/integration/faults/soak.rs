@@ -1,5 +1,9 @@
 //! The soak: two cameras far faster than real time through the whole program, with faults at random, while memory, handles and
 //! threads are watched. `scripts/soak` runs it for long.
+#![expect(
+    clippy::disallowed_methods,
+    reason = "cameras have the clock of this computer, and a soak lasts for a time"
+)]
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -26,7 +30,7 @@ const IMAGES: usize = 100;
 const PERIOD_S: f64 = 2.0;
 
 /// A ball that goes round in two seconds, seen by two cameras.
-const WORLD: &str = r#"seed = 5
+const WORLD: &str = r"seed = 5
 duration_s = 2.0
 training_stills = 6
 [ring]
@@ -49,7 +53,7 @@ target = true
 shape.sphere.radius_m = 0.035
 color_srgb = [225, 70, 130]
 path.circle = { center_m = [0.5, 0.5, 0.15], radius_m = 0.12, period_s = 2 }
-"#;
+";
 
 /// How long the cameras wait for a row before they take the next images. Faults cost rows.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -173,15 +177,14 @@ impl Camera {
         }
         let mut ends = false;
         match fault {
-            Some(Fault::Stops) => ends = true,
-            Some(Fault::StopsWithinAFrame) => ends = true,
+            Some(Fault::Stops | Fault::StopsWithinAFrame) => ends = true,
             Some(Fault::StaysAway) => {
                 ends = true;
                 self.away_until = Some(now + Duration::from_secs(3));
             }
             Some(Fault::FallsSilent) => self.silent_until = Some(now + Duration::from_secs(3)),
             Some(Fault::SendsGarbage) => {
-                bytes.extend((0..50_000).map(|_| self.random.next() as u8))
+                bytes.extend((0..50_000).map(|_| self.random.next() as u8));
             }
             Some(Fault::ChangesSize) => image.truncate(1000),
             Some(Fault::JumpsInTime) => {
@@ -384,7 +387,9 @@ fn soak(settings: &Settings) -> Report {
         .map(|mut camera| {
             let (sender, times_s) = sync_channel(4);
             let thread = std::thread::spawn(move || {
-                times_s.iter().for_each(|time_s| camera.send(time_s));
+                for time_s in times_s {
+                    camera.send(time_s);
+                }
                 camera.faults
             });
             (sender, thread)
@@ -480,10 +485,7 @@ impl Rows {
             return false;
         };
         let length = file.read(&mut self.bytes).unwrap();
-        let added = self.bytes[..length]
-            .iter()
-            .filter(|byte| **byte == b'\n')
-            .count();
+        let added = self.bytes[..length].split(|byte| *byte == b'\n').count() - 1;
         self.count += added;
         added > 0
     }
