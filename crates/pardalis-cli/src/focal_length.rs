@@ -30,6 +30,7 @@ pub(crate) fn middle_px((width, height): (usize, usize)) -> [f64; 2] {
 pub(crate) fn exif_fov_deg(path: &Path) -> Result<Option<f64>> {
     check_file(path)?;
     let name = path.display();
+    check_file(path)?;
     let file =
         std::fs::read(path).map_err(|error| user_error!("{name}: cannot be read: {error}"))?;
     let stated = size(&file).and_then(|size| Ok((size, exif_focal_length_px(&file)?)));

@@ -1,7 +1,7 @@
 //! CSV tables: `tracks.csv` and `truth.csv`. Every error names file, line and column.
 
 use std::collections::HashMap;
-use std::fs::{File, FileType};
+use std::fs::FileType;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +10,7 @@ use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use pardalis::tracker::TrackState;
 use pardalis_evaluate::{EstimatedState, TrueState};
 
+use crate::files::Lines;
 use crate::user_error::user_error;
 
 /// The rows of one target or object over time.
@@ -224,15 +225,14 @@ impl Table {
     /// Reads a file with a header and at least one row.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let unreadable = |error: std::io::Error| csv_error(path, &error.into());
-        let file = File::open(path).map_err(unreadable)?;
-        let kind = file.metadata().map_err(unreadable)?.file_type();
+        let kind = std::fs::metadata(path).map_err(unreadable)?.file_type();
         if is_device(kind) {
             return Err(user_error!(
                 "{}: is a device, which may have no end; give a CSV file",
                 path.display()
             ));
         }
-        Self::from_reader(path, file)
+        Self::from_reader(path, Lines::open(path).map_err(unreadable)?)
     }
 
     /// Reads a table from `input`. Errors name `path`.

@@ -205,7 +205,7 @@ fn warnings(run: &Run) -> String {
         if record.frames.dropped_late > 0 {
             let _ = writeln!(
                 text,
-                "warning: cameras.{name}: {} frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is {} s",
+                "warning: cameras.{name}: {} of its frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is {} s",
                 record.frames.dropped_late, run.open.scene.max_delay_s
             );
         }

@@ -15,12 +15,15 @@ use pardalis_images::MAX_PIXELS;
 use pardalis_scene::{Protocol, VideoFormat, VideoInput, VideoPlace, VideoSettings};
 use serde::Deserialize;
 
-use super::TimeSpan;
 use super::nut::Nut;
+use super::{TimeSpan, start_thread};
 use crate::user_error::user_error;
 
 /// Number of ffmpeg's last messages that an error quotes.
 const QUOTED_LINES: usize = 5;
+
+/// Longer messages of ffmpeg are read in parts, in bytes.
+const MAX_MESSAGE_BYTES: u64 = 1 << 16;
 
 /// Name of the filter that reports the colours of a stream; it distinguishes these lines from all other messages.
 const COLOR_FILTER: &str = "showinfo@pardalis";
@@ -106,6 +109,7 @@ impl Programs {
                 "-print_format",
                 "json",
                 "-show_streams",
+                "-show_format",
                 "-select_streams",
                 "V:0",
             ])
@@ -206,14 +210,15 @@ impl Programs {
         });
         let (sender, colors) = channel();
         let reader = Arc::clone(&process);
+        let log = start_thread(move || read_log(messages, sender, &reader.error_count));
+        // Otherwise nothing would end it.
+        let log = log.inspect_err(|_| process.kill())?;
         Ok(Decode {
             frames: Frames {
                 nut: Nut::new(BufReader::with_capacity(PIPE_BYTES, frames)),
             },
             colors,
-            log: Some(std::thread::spawn(move || {
-                read_log(messages, sender, &reader.error_count)
-            })),
+            log: Some(log),
             process,
         })
     }
@@ -250,9 +255,20 @@ fn can_end_with_parent(setpriv: &Path) -> bool {
 
 /// Returns the error of a video whose format is not in the list of those that are allowed, with ffmpeg's message.
 pub(super) fn not_allowed(input: &str, message: &str) -> anyhow::Error {
+    if message.contains("[jpeg_pipe") {
+        return without_stamps(input, "mjpeg");
+    }
     user_error!(
         "{input}: its content names other files or addresses, or has a format that is not allowed; \
          convert it into a video file, such as MP4. ffmpeg's message:\n{message}"
+    )
+}
+
+/// Returns the error of a raw stream of a format that the scene does not name: ffmpeg would take it for 25 frames a second.
+pub(super) fn without_stamps(input: &str, format: &str) -> anyhow::Error {
+    user_error!(
+        "{input}: is a raw stream without time stamps; give input.format = \"{format}\" and fps, or put it into a container: \
+         ffmpeg -f {format} -framerate FPS -i STREAM -c copy clip.mkv"
     )
 }
 
@@ -335,7 +351,11 @@ fn opening(video: &VideoInput) -> Vec<String> {
 
 /// Returns the options before `-i` that only ffmpeg has.
 fn reading(settings: &VideoSettings) -> Vec<String> {
+    // Such a stream may state another rate, which ffmpeg prefers to `-framerate`.
+    let may_state_rate = matches!(settings.format, Some(VideoFormat::H264 | VideoFormat::Hevc));
+    let fps = settings.fps.filter(|_| may_state_rate);
     let mut arguments = given([
+        ("-r", fps.map(|fps| fps.to_string())),
         (
             "-hwaccel",
             settings.hardware.map(|hardware| hardware.name().to_owned()),
@@ -379,8 +399,12 @@ pub(super) fn is_live(video: &VideoInput) -> bool {
 pub(super) fn probed_in(input: &str, output: &[u8]) -> Result<ProbedStream> {
     let probed: Probed = serde_json::from_slice(output)
         .with_context(|| format!("{input}: ffprobe's output cannot be parsed"))?;
-    probed.streams.into_iter().next().ok_or_else(|| {
+    let stream = probed.streams.into_iter().next().ok_or_else(|| {
         user_error!("{input}: there is no video stream in it; give a file or device with video")
+    })?;
+    Ok(ProbedStream {
+        format_name: probed.format.format_name,
+        ..stream
     })
 }
 
@@ -388,13 +412,21 @@ pub(super) fn probed_in(input: &str, output: &[u8]) -> Result<ProbedStream> {
 struct Probed {
     #[serde(default)]
     streams: Vec<ProbedStream>,
+    #[serde(default)]
+    format: ProbedFormat,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct ProbedFormat {
+    format_name: String,
 }
 
 /// ffprobe's description of a video stream, with its own field names.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct ProbedStream {
-    /// The format of a live stream, which is in its first message; empty for files.
+    /// ffmpeg's name of the format, or several names, separated by commas.
     pub(super) format_name: String,
     pub(super) codec_name: String,
     /// Width in pixels before any rotation.
@@ -568,7 +600,8 @@ pub(super) fn read_log(
     loop {
         line.clear();
         // Bytes instead of text: file names in messages may have any encoding.
-        match messages.read_until(b'\n', &mut line) {
+        let mut part = messages.by_ref().take(MAX_MESSAGE_BYTES);
+        match part.read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => break,
             Ok(_) => {}
         }

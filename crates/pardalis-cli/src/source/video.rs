@@ -11,11 +11,14 @@ use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 use pardalis_images::MAX_PIXELS;
 use pardalis_scene::{FrameRange, VideoInput};
 
-use super::ffmpeg::{Decode, ProbedStream, Programs, is_file, name_of};
+use super::ffmpeg::{Decode, ProbedStream, Programs, is_file, name_of, without_stamps};
 use super::live::{Again, Announce, first_of, quoted, timeout};
 use super::running::{Running, Watchdog};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
 use crate::user_error::user_error;
+
+/// Formats without time stamps that ffmpeg recognises, and for which it assumes a frame rate.
+const RAW_FORMATS: [&str; 3] = ["h264", "hevc", "mjpeg"];
 
 /// A picture with at least this number of lines counts as high definition if it does not state its matrix.
 const HIGH_DEFINITION_LINES: usize = 720;
@@ -80,6 +83,9 @@ impl VideoFrames {
             let layout = Layout::of_live(input, &stream, encoding)?;
             (stream, layout, size_px, decode)
         };
+        if video.settings.format.is_none() && RAW_FORMATS.contains(&&*stream.format_name) {
+            return Err(without_stamps(input, &stream.format_name));
+        }
         let (width, height) = size_px;
         let description = Description {
             input: input.to_owned(),
@@ -95,7 +101,8 @@ impl VideoFrames {
         let again = Again::of(programs, video);
         let watchdog = again
             .as_ref()
-            .map(|_| Watchdog::start(Arc::clone(&running), timeout(video)));
+            .map(|_| Watchdog::start(Arc::clone(&running), timeout(video)))
+            .transpose()?;
         let frames = Self {
             input: input.to_owned(),
             span: stream.span(&video.settings),
@@ -199,7 +206,7 @@ impl VideoFrames {
         Ok(Some(TimedBytes {
             bytes,
             time_s: match &mut self.again {
-                Some(again) => again.time_s(time_s),
+                Some(again) => again.time_s(&self.running, time_s),
                 None => time_s,
             },
             arrival_s: None,

@@ -548,7 +548,7 @@ fn invalid_input_is_named_and_nothing_is_written() {
         "no-f.json",
         calibration(|c| c["f_px_per_rad"] = serde_json::Value::Null),
     );
-    let cases: [(&[&str], &[&str]); 16] = [
+    let cases: [(&[&str], &[&str]); 18] = [
         (&["nowhere"], &["nowhere", "no such file or folder"]),
         (&["empty"], &["empty", "no images"]),
         (
@@ -590,6 +590,17 @@ fn invalid_input_is_named_and_nothing_is_written() {
         (
             &["images", "--target", "my ball"],
             &["--target", "A-Z a-z 0-9"],
+        ),
+        (
+            &["rtsp://192.168.0.64/stream1"],
+            &[
+                "rtsp://192.168.0.64/stream1: init needs recorded images",
+                "ffmpeg -i rtsp://192.168.0.64/stream1 -t 20 -c copy clip.mkv",
+            ],
+        ),
+        (
+            &["-"],
+            &["-: init needs recorded images", "ffmpeg -i pipe:0"],
         ),
         (
             &["images", "-o", "none/scene.toml"],

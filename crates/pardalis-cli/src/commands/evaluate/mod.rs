@@ -7,7 +7,6 @@ mod pairing;
 mod report;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +17,7 @@ use serde_json::Value;
 
 use crate::files::write_file;
 use crate::output::{print, warn};
+use crate::scene::read_text;
 use crate::tables::{self, Series, TrackRow};
 use crate::user_error::user_error;
 use confidence::Confidence;
@@ -345,11 +345,11 @@ struct TargetSummary {
 impl RunSummary {
     /// Reads the file; a missing file yields an empty summary.
     fn read(path: &Path) -> Result<Self> {
-        match fs::read_to_string(path) {
-            Ok(text) => Self::parse(path, &text),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
-            Err(error) => Err(user_error!("{}: {error}; {SUMMARY_REMEDY}", path.display())),
+        if !path.exists() {
+            return Ok(Self::default());
         }
+        let text = read_text(path).map_err(|error| error.context(SUMMARY_REMEDY))?;
+        Self::parse(path, &text)
     }
 
     /// Parses the file's text. Errors name `path`.

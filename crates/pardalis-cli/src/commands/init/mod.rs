@@ -187,8 +187,18 @@ pub(super) struct Opened {
 fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     let is_video = !input.is_dir();
     let has_times = input.join("times.csv").is_file();
+    let name = input.display().to_string();
+    if name == "-" || name.contains("://") {
+        let source = if name == "-" { "pipe:0" } else { &name };
+        return Err(user_error!(
+            "{name}: init needs recorded images; record a clip, for example with `ffmpeg -i {source} -t 20 -c copy clip.mkv`, run \
+             pardalis init clip.mkv, and then give video = \"{name}\" in the scene (docs/cameras-live.md)"
+        ));
+    }
     if !input.exists() {
-        return Err(user_error!("{}: no such file or folder", input.display()));
+        return Err(user_error!(
+            "{name}: no such file or folder; check the name"
+        ));
     }
     if is_video && is_image(input) {
         return Err(user_error!(
