@@ -8,6 +8,7 @@ mod files;
 mod focal_length;
 mod folder;
 mod interrupt;
+mod named_files;
 mod numbers;
 mod output;
 #[cfg(feature = "package")]
