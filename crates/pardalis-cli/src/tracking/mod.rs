@@ -147,6 +147,8 @@ pub(crate) struct Outcome {
 
 /// A finished run.
 pub(crate) struct Run {
+    /// The file of the scene.
+    pub(crate) scene_path: PathBuf,
     /// The scene as it was run.
     pub(crate) open: OpenScene,
     /// Its outcome.
@@ -266,6 +268,7 @@ pub(crate) fn run_steps(
     // What ended the run is the cause of what follows, such as of a summary that a full disk does not take either.
     ended_by.map_or(finished, Err)?;
     Ok(Run {
+        scene_path: scene_path.to_owned(),
         open,
         outcome,
         series,
