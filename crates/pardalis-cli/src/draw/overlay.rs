@@ -72,6 +72,9 @@ pub(crate) struct Zoomed {
 const MIN_ZOOMED_SIDE_PX: f64 = 40.0;
 /// Side of the square that is enlarged, as a multiple of the diameter of what is shown.
 const ZOOMED_DIAMETERS: f64 = 1.3;
+/// The least such multiple, if otherwise it would not be enlarged at all.
+const LEAST_ZOOMED_DIAMETERS: f64 = 1.1;
+const MIN_ZOOM: u32 = 2;
 const MAX_ZOOM: u32 = 8;
 /// Side of the enlarged square, as a share of the image's shorter side.
 const MAX_INSET_SHARE: f64 = 0.45;
@@ -272,12 +275,16 @@ impl Inset {
         let inside = (-0.5..f64::from(width) - 0.5).contains(&u)
             && (-0.5..f64::from(height) - 0.5).contains(&v);
         let largest_px = MAX_INSET_SHARE * f64::from(width.min(height));
-        let zoomed_side_px = (2.0 * ZOOMED_DIAMETERS * radius_px).max(MIN_ZOOMED_SIDE_PX);
-        let zoom = ((largest_px / zoomed_side_px.ceil()) as u32).min(MAX_ZOOM);
-        if !inside || zoom < 2 {
+        let least_px = (2.0 * LEAST_ZOOMED_DIAMETERS * radius_px).max(MIN_ZOOMED_SIDE_PX);
+        let zoomed_side_px = (2.0 * ZOOMED_DIAMETERS * radius_px)
+            .max(MIN_ZOOMED_SIDE_PX)
+            .ceil()
+            .min((largest_px / f64::from(MIN_ZOOM)).floor());
+        if !inside || zoomed_side_px < least_px {
             return None;
         }
-        let zoomed_side_px = zoomed_side_px.ceil() as u32;
+        let zoom = ((largest_px / zoomed_side_px) as u32).min(MAX_ZOOM);
+        let zoomed_side_px = zoomed_side_px as u32;
         let side_px = zoom * zoomed_side_px;
         let first = |centre: f64, size: u32| {
             let half = f64::from(zoomed_side_px / 2);

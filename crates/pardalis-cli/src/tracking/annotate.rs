@@ -42,6 +42,9 @@ fn remove_frames(folder: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
+/// The last positions of a target, each with whether it was seen there; `None` where there was no estimate.
+type Trail = VecDeque<Option<([f64; 3], bool)>>;
+
 /// Writes one JPEG per frame.
 pub(crate) struct Annotator {
     folder: PathBuf,
@@ -50,8 +53,8 @@ pub(crate) struct Annotator {
     targets: Vec<TargetConfig>,
     has_trails: bool,
     has_candidates: bool,
-    /// The last positions of each target, and whether it was seen there; `None` where there was no estimate.
-    trails: Vec<VecDeque<Option<([f64; 3], bool)>>>,
+    /// The trail of each target.
+    trails: Vec<Trail>,
 }
 
 impl Annotator {
@@ -173,12 +176,7 @@ impl Annotator {
 }
 
 /// Adds the line through a target's past positions: dashed from and to those where it was not seen.
-fn push_trail(
-    marks: &mut Vec<Mark>,
-    trail: &VecDeque<Option<([f64; 3], bool)>>,
-    view: &View,
-    color: [u8; 3],
-) {
+fn push_trail(marks: &mut Vec<Mark>, trail: &Trail, view: &View, color: [u8; 3]) {
     let points: Vec<_> = trail.iter().copied().collect();
     for (shape, wanted) in [(Shape::Line, true), (Shape::Dashes, false)] {
         let mut points_px = Vec::new();
