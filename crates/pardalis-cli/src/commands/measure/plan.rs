@@ -167,7 +167,7 @@ impl<'a> Plan<'a> {
         evaluate::Options {
             around: self.run.origin_m,
             visible_over: self.run.visible_over,
-            lost_beyond_m: self.run.lost_beyond_m,
+            lost_beyond_m: Some(self.run.lost_beyond_m),
             interpolate: self.run.interpolate,
             ..evaluate::Options::default()
         }
