@@ -13,6 +13,7 @@ mod fuzzed_file;
 #[cfg(any(test, feature = "fuzz"))]
 pub mod fuzzing;
 mod interrupt;
+mod named_files;
 mod numbers;
 mod output;
 #[cfg(feature = "package")]

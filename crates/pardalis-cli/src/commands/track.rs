@@ -172,16 +172,18 @@ fn reasons(run: &Run, number: usize) -> Vec<String> {
     let states = &run.series.states()[number];
     let mut lines = (run.missed).lines(number, name, states.searching + states.lost);
     if !lines.is_empty() {
-        let next = if run
+        let explained = run
             .files
             .iter()
-            .any(|file| file.ends_with("candidates.csv"))
-        {
-            "candidates.csv has all candidates; docs/not-found.md explains the verdicts"
+            .any(|file| file.ends_with("candidates.csv"));
+        lines.push(if explained {
+            "candidates.csv has all candidates; docs/not-found.md explains the verdicts".to_owned()
         } else {
-            "next: run `pardalis track SCENE.toml --explain --annotate`, look at the annotated frames, and read docs/not-found.md"
-        };
-        lines.push(next.to_owned());
+            format!(
+                "next: run `pardalis track {} --explain --annotate`, look at the annotated frames, and read docs/not-found.md",
+                run.scene_path.display()
+            )
+        });
     }
     lines
 }

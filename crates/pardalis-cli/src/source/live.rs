@@ -222,9 +222,21 @@ pub(super) fn first_of(
         return Err(not_allowed(input, &messages[0]));
     }
     Err(user_error!(
-        "{input}: ffmpeg cannot open it; check the name (`pardalis devices` lists cameras), and the keys `fps` and `input`. {}",
+        "{input}: ffmpeg cannot open it; {}, and the keys `fps` and `input`. {}",
+        what_to_check(input),
         quoted(&messages)
     ))
+}
+
+/// Returns what is probably wrong with a source that cannot be opened.
+fn what_to_check(input: &str) -> &'static str {
+    if input == name_of(&pardalis_scene::VideoPlace::StandardInput) {
+        "it is empty, or an MP4, which cannot be read from a pipe (give the name of the file, or pipe Matroska or MPEG-TS); else check its format"
+    } else if input.contains("://") {
+        "check the address and the network"
+    } else {
+        "check the name (`pardalis devices` lists cameras)"
+    }
 }
 
 /// Tells the user that a source keeps them waiting, and ends ffmpeg after a time.

@@ -142,6 +142,7 @@ impl Sink for SeriesCollector {
                 time_s: instant.time_s,
                 position_m: estimate.kinematics.map(|k| k.position_m),
                 covariance_m2: estimate.kinematics.map(|k| k.covariance_m2),
+                is_seen: estimate.state == TrackState::Tracking,
             });
         }
         Ok(())

@@ -149,3 +149,21 @@ fn a_source_that_keeps_silent_is_announced_and_given_up() {
     let given_up = format!("line 3: cameras.cam1.video: {address}: no frame came within 3 s");
     assert!(run.stderr.contains(&given_up), "{}", run.stderr);
 }
+
+#[test]
+fn sources_that_cannot_be_opened_say_what_to_check() {
+    if with_stream(1).is_none() {
+        return;
+    }
+    let place = Workplace::with_frames(1);
+    // Its port is free again.
+    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr();
+    let address = format!("tcp://{}", address.unwrap());
+    let of_address = place.track(video(&address));
+    of_address.refused(&["ffmpeg cannot open it; check the address and the network, and"]);
+    assert!(!of_address.stderr.contains("pardalis devices"));
+    let mut command = place.command(video("-"), &["-o", "-"]);
+    Run::of(command.stdin(Stdio::null())).refused(&[
+        "standard input: ffmpeg cannot open it; it is empty, or an MP4, which cannot be read from a pipe",
+    ]);
+}
