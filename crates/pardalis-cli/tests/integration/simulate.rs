@@ -301,6 +301,46 @@ fn invalid_worlds_are_rejected_with_every_key_and_line() {
             "line 30: objects.ball.path.attached.to: is the text \"robot\"",
         ),
         ("path.circle", "path.spiral", "objects.ball.path"),
+        (
+            "samples = 2",
+            "line_delay_s = 2",
+            "line 22: image.line_delay_s: is 2; allowed: -1 to 1",
+        ),
+        (
+            "color_srgb = [230, 60, 30]",
+            "color_srgb = [230, 60, 30]\ntexture.plain.color_srgb = [9, 9, 9]",
+            "line 29: objects.ball.color_srgb: cannot be combined with texture",
+        ),
+        (
+            "color_srgb = [230, 60, 30]",
+            "color_srgb = [230, 60, 30]\nseams = { color_srgb = [9, 9, 9], width_m = 0.01, count = 4 }",
+            "line 30: objects.ball.seams.count: is 4; allowed: 1 to 3",
+        ),
+        (
+            "color_srgb = [230, 60, 30]",
+            "color_srgb = [230, 60, 30]\nlogo = { color_srgb = [9, 9, 9], radius_m = 0.01, direction = [0, 0, 0] }",
+            "line 30: objects.ball.logo.direction: is [0, 0, 0]; allowed: a direction",
+        ),
+        (
+            "shape.sphere.radius_m = 0.1",
+            "shape.cylinder = { radius_m = 0.1, height_m = 0.1 }\ntilt_deg = 10",
+            "line 29: objects.ball.tilt_deg: tilts a target that is a cylinder",
+        ),
+        (
+            "shape.sphere.radius_m = 0.1",
+            "shape.cylinder = { radius_m = 0.1, height_m = 0.1 }\nlogo = { color_srgb = [9, 9, 9], radius_m = 0.01 }",
+            "line 29: objects.ball.logo: is given for another shape; allowed: on spheres",
+        ),
+        (
+            "shape.sphere.radius_m = 0.1",
+            "shape.cone = { radius_m = 0.1, height_m = 0.1 }",
+            "line 27: objects.ball.target: is true of another shape",
+        ),
+        (
+            "shape.sphere.radius_m = 0.1",
+            "shape.capsule = { radius_m = 0.1, to_m = [0, 0, 0] }",
+            "line 28: objects.ball.shape.capsule.to_m: is [0, 0, 0]; allowed: a point other than",
+        ),
     ];
     for (piece, other, wanted) in bad {
         assert!(WORLD.contains(piece), "{piece}");
