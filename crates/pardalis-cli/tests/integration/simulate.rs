@@ -301,6 +301,18 @@ fn invalid_worlds_are_rejected_with_every_key_and_line() {
             "line 30: objects.ball.path.attached.to: is the text \"robot\"",
         ),
         ("path.circle", "path.spiral", "objects.ball.path"),
+    ];
+    for (piece, other, wanted) in bad {
+        assert_rejected(piece, other, wanted);
+    }
+    let place = Place::with(&WORLD.replace("clock_offset_s", "phase_s = 9\n#"));
+    let run = place.run(&["simulate", "world.toml", "-o", "out"]);
+    run.refused(&["world.toml: camera right delivers no image"]);
+}
+
+#[test]
+fn invalid_details_of_balls_and_shutters_are_rejected_with_key_and_line() {
+    let bad = [
         (
             "samples = 2",
             "line_delay_s = 2",
@@ -343,15 +355,18 @@ fn invalid_worlds_are_rejected_with_every_key_and_line() {
         ),
     ];
     for (piece, other, wanted) in bad {
-        assert!(WORLD.contains(piece), "{piece}");
-        let place = Place::with(&WORLD.replacen(piece, other, 1));
-        let run = place.run(&["simulate", "world.toml", "-o", "out"]);
-        run.refused(&["world.toml: ", "in the world", wanted]);
-        assert!(!place.path("out").exists());
+        assert_rejected(piece, other, wanted);
     }
-    let place = Place::with(&WORLD.replace("clock_offset_s", "phase_s = 9\n#"));
+}
+
+/// Asserts that [`WORLD`] with a piece replaced is rejected with this message, and leaves no output.
+#[track_caller]
+fn assert_rejected(piece: &str, other: &str, wanted: &str) {
+    assert!(WORLD.contains(piece), "{piece}");
+    let place = Place::with(&WORLD.replacen(piece, other, 1));
     let run = place.run(&["simulate", "world.toml", "-o", "out"]);
-    run.refused(&["world.toml: camera right delivers no image"]);
+    run.refused(&["world.toml: ", "in the world", wanted]);
+    assert!(!place.path("out").exists());
 }
 
 /// The chroma of JPEG files, which has half the resolution, is aligned with the body.
