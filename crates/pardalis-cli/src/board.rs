@@ -81,6 +81,14 @@ enum KalibrFile {
 ///
 /// Error messages name the argument or the file and its key, and state what is allowed.
 pub(crate) fn parse_board(argument: &str) -> Result<Board> {
+    parse_with(argument, read_text)
+}
+
+/// Like [`parse_board`]; `read_text` returns the text of the file at a path.
+pub(crate) fn parse_with(
+    argument: &str,
+    read_text: impl Fn(&Path) -> Result<String>,
+) -> Result<Board> {
     let path = Path::new(argument);
     let file = match path.extension().and_then(|extension| extension.to_str()) {
         Some("toml") => from_toml(argument, &read_text(path)?)?,

@@ -1,12 +1,15 @@
 //! Atomic replacement of files, and files of rows that stay whole.
 
 use std::fs::{self, File};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
 
 use anyhow::{Error, Result};
 
 use crate::user_error::user_error;
+
+/// Longer lines than this have no place in a table, in bytes.
+const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// Writes a file via a temporary file next to it, so that a failure leaves the previous content intact. A device or a pipe
 /// receives the bytes directly, and a link stays one.
@@ -98,7 +101,17 @@ impl RowFile {
 
     /// Adds rows at once, so that neither a reader nor a crash sees half a row. If they cannot be written, the file ends
     /// with the rows before them.
+    ///
+    /// Errors: they cannot be written, or the file has been removed.
     pub(crate) fn write(&mut self, rows: &str) -> Result<()> {
+        if let Out::File(file) = &self.out
+            && is_removed(file)
+        {
+            return Err(anyhow::anyhow!(
+                "{}: was removed while it was written, and its rows are lost; choose a folder that nothing clears",
+                self.place
+            ));
+        }
         let written = match &mut self.out {
             Out::File(file) => file.write_all(rows.as_bytes()),
             Out::Stdout(stdout) => stdout
@@ -112,6 +125,55 @@ impl RowFile {
         written.map_err(|error| unwritable(Path::new(&self.place), error))?;
         self.whole_bytes += rows.len() as u64;
         Ok(())
+    }
+}
+
+/// Reports whether an open file has no name any more, so that nobody can read what is written into it. Writing succeeds
+/// nevertheless.
+#[cfg(unix)]
+fn is_removed(file: &File) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    file.metadata().is_ok_and(|metadata| metadata.nlink() == 0)
+}
+
+/// Other systems do not remove open files.
+#[cfg(not(unix))]
+fn is_removed(_: &File) -> bool {
+    false
+}
+
+/// A reader that fails at lines too long for a table, before they fill the memory.
+pub(crate) struct Lines<R> {
+    input: R,
+    /// Length so far of the line that is read, in bytes.
+    line_bytes: usize,
+}
+
+impl Lines<File> {
+    /// Opens a file.
+    pub(crate) fn open(path: &Path) -> io::Result<Self> {
+        Ok(Self {
+            input: File::open(path)?,
+            line_bytes: 0,
+        })
+    }
+}
+
+impl<R: Read> Read for Lines<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let length = self.input.read(buffer)?;
+        for part in buffer[..length].split_inclusive(|byte| *byte == b'\n') {
+            self.line_bytes += part.len();
+            if self.line_bytes > MAX_LINE_BYTES {
+                let what =
+                    format!("a line has more than {MAX_LINE_BYTES} bytes, so it is not a table");
+                return Err(io::Error::new(ErrorKind::InvalidData, what));
+            }
+            if part.ends_with(b"\n") {
+                self.line_bytes = 0;
+            }
+        }
+        Ok(length)
     }
 }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis_images::{exif_focal_length_px, size};
 
+use crate::source::decode::check_file;
 use crate::user_error::user_error;
 
 /// The angle across the longer side of an image that is assumed for unknown cameras, degrees. Webcams and phones have 50 to 75.
@@ -27,7 +28,9 @@ pub(crate) fn middle_px((width, height): (usize, usize)) -> [f64; 2] {
 ///
 /// Errors: the file is no image that can be read.
 pub(crate) fn exif_fov_deg(path: &Path) -> Result<Option<f64>> {
+    check_file(path)?;
     let name = path.display();
+    check_file(path)?;
     let file =
         std::fs::read(path).map_err(|error| user_error!("{name}: cannot be read: {error}"))?;
     let stated = size(&file).and_then(|size| Ok((size, exif_focal_length_px(&file)?)));

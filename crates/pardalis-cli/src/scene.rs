@@ -21,10 +21,11 @@ use pardalis_scene::{
     VideoInput, VideoPlace,
 };
 
+use crate::named_files;
 use crate::output::warn;
 use crate::rectangle::{find_in_images, find_in_source};
 use crate::rig;
-use crate::source::decode::decode_mask;
+use crate::source::decode::{decode_mask, media_kind};
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use crate::track_start;
 use crate::user_error::{UserError, user_error};
@@ -67,13 +68,32 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
             metadata.len()
         ));
     }
-    let bytes = fs::read(path).map_err(unreadable)?;
+    text_in(path, fs::read(path).map_err(unreadable)?)
+}
+
+/// Returns the text of a file with these bytes. Errors name `path` and the line.
+pub(crate) fn text_in(path: &Path, bytes: Vec<u8>) -> Result<String> {
+    let name = path.display();
     String::from_utf8(bytes).map_err(|error| {
         let line = error.as_bytes()[..error.utf8_error().valid_up_to()]
             .split(|&byte| byte == b'\n')
             .count();
         user_error!("{name}: line {line}: is not UTF-8 text; save the file as UTF-8")
     })
+}
+
+/// Reads the text of a scene file.
+fn read_scene_text(path: &Path) -> Result<String> {
+    let name = path.display();
+    match media_kind(path) {
+        Some("image") => Err(user_error!(
+            "{name}: is an image, not a scene; `pardalis init FOLDER` writes a scene of a folder of images"
+        )),
+        Some(kind) => Err(user_error!(
+            "{name}: is a {kind}, not a scene; `pardalis init {name}` writes a scene of it"
+        )),
+        None => read_text(path),
+    }
 }
 
 /// Reads and checks a scene file; of the files it names, only calibrations are opened, and recordings in which a rectangle
@@ -85,7 +105,7 @@ pub(crate) fn read(path: &Path) -> Result<Scene> {
 /// Reads and checks a scene file like [`read`], with some settings replaced: full keys, such as
 /// `targets.ball.filter.particles`, with their values.
 pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
-    let text = read_text(path)?;
+    let text = read_scene_text(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut scene = Scene::parse_with(&text, replaced, &|file, lens| {
         read_calibration(folder, file, lens)
@@ -180,11 +200,13 @@ pub(crate) fn open(
 ///
 /// Errors: the file cannot be read.
 pub(crate) fn open_parts(path: &Path) -> Result<Parts> {
-    let text = read_text(path)?;
+    let text = read_scene_text(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let (scene, problems) =
         Scene::parse_parts(&text, &|file, lens| read_calibration(folder, file, lens));
+    let missing = named_files::missing(&text, folder, &scene);
     let mut parts = Parts::with(scene, problems);
+    parts.problems.extend(missing);
     parts.open_cameras(folder, &[])?;
     parts.find_recorded_rectangles(folder);
     parts.open_targets(folder);

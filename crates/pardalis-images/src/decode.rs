@@ -257,7 +257,9 @@ fn jpeg_structure(bytes: &[u8]) -> Structure {
                 // Frame headers: C0 to CF except tables (C4), extensions (C8) and arithmetic conditioning (CC).
                 let is_frame =
                     matches!(marker, 0xC0..=0xCF) && !matches!(marker, 0xC4 | 0xC8 | 0xCC);
-                if let (true, [_, _, _, _, h1, h0, w1, w0, ..]) = (is_frame, rest) {
+                // The decoder takes the first of several, too.
+                let is_first = is_frame && structure.size.is_none();
+                if let (true, [_, _, _, _, h1, h0, w1, w0, ..]) = (is_first, rest) {
                     let size = [[w1, w0], [h1, h0]].map(|[a, b]| u16::from_be_bytes([*a, *b]));
                     structure.size = Some((usize::from(size[0]), usize::from(size[1])));
                 }
@@ -289,7 +291,8 @@ fn png_structure(bytes: &[u8]) -> Structure {
     while let Some((&[l3, l2, l1, l0, k0, k1, k2, k3], body)) = rest.split_first_chunk::<8>() {
         let length = u32::from_be_bytes([l3, l2, l1, l0]) as usize;
         match (&[k0, k1, k2, k3], body) {
-            (b"IHDR", &[w3, w2, w1, w0, h3, h2, h1, h0, ..]) => {
+            // The decoder takes the first of several, too.
+            (b"IHDR", &[w3, w2, w1, w0, h3, h2, h1, h0, ..]) if structure.size.is_none() => {
                 let [width, height] = [[w3, w2, w1, w0], [h3, h2, h1, h0]].map(u32::from_be_bytes);
                 structure.size = Some((width as usize, height as usize));
             }

@@ -215,8 +215,9 @@ impl fmt::Display for Range {
 
 /// Returns the unit that the suffix of a key's name states; empty if it states none.
 pub(super) fn unit_of(name: &str) -> &'static str {
-    const UNITS: [(&str, &str); 19] = [
+    const UNITS: [(&str, &str); 20] = [
         ("_px_per_rad", "px/rad"),
+        ("_deg_per_s", "degrees/s"),
         ("_per_m", "1/m"),
         ("_m2ps5", "m²/s⁵"),
         ("_m2ps3", "m²/s³"),

@@ -115,7 +115,10 @@ impl Journal {
                     journal.syntax = Some(problem);
                 }
                 message => {
-                    let message = message.replace('\n', ", ");
+                    let mut message = message.replace('\n', ", ");
+                    if is_decimal_comma(text, offset) {
+                        message += "; use a decimal point instead of the comma";
+                    }
                     let problem = journal.problem_at(offset, String::new(), message);
                     journal.syntax.get_or_insert(problem);
                 }
@@ -175,6 +178,13 @@ impl Journal {
     pub(super) fn add(&self, offset: usize, key: String, message: String) {
         let problem = self.problem_at(offset, key, message);
         self.problems.borrow_mut().push(problem);
+    }
+
+    /// Removes the problem that a key is missing, because it is given under a similar name.
+    pub(super) fn is_misspelt(&self, key: &str) {
+        let is_missing =
+            |problem: &Problem| problem.key == key && problem.message.starts_with("is missing");
+        self.problems.borrow_mut().retain(|p| !is_missing(p));
     }
 
     pub(super) fn warn(&self, offset: usize, key: String, message: String) {
@@ -241,6 +251,17 @@ fn first_of_name(text: &str, offset: usize, key: &str) -> Option<(&'static str, 
     };
     let line = text.lines().position(is_its)?;
     Some((kind, line + 1))
+}
+
+/// Reports whether the text around an offset is a number with a comma, such as `0,035`.
+fn is_decimal_comma(text: &str, offset: usize) -> bool {
+    let bytes = text.as_bytes();
+    let is_digit = |at: usize| bytes.get(at).is_some_and(u8::is_ascii_digit);
+    let is_comma = |at: usize| at > 0 && bytes.get(at) == Some(&b',');
+    let places = [Some(offset), offset.checked_sub(1)].into_iter().flatten();
+    places
+        .filter(|&at| is_comma(at))
+        .any(|at| is_digit(at - 1) && is_digit(at + 1))
 }
 
 fn shortened(text: String) -> String {

@@ -380,6 +380,9 @@ impl<'a, 't> Table<'a, 't> {
                 .min()
                 .filter(|&(d, k)| d <= 1 + k.len() / 4);
             let hint = if let Some((_, near)) = near {
+                if !self.has(near) {
+                    self.journal.is_misspelt(&self.path_of(near));
+                }
                 format!("did you mean {near}?")
             } else {
                 let mut sorted: Vec<_> = known.clone();

@@ -31,7 +31,8 @@
 //!     objects: vec![Object {
 //!         name: "ball".to_owned(),
 //!         body: Body::Sphere { radius_m: 0.1 },
-//!         color: [0.8, 0.1, 0.1],
+//!         texture: Texture { pattern: Pattern::Plain, colors: [[0.8, 0.1, 0.1]; 2] },
+//!         marks: vec![],
 //!         highlight: 0.0,
 //!         course: Course::Path(Path::Circle {
 //!             center_m: Vector3::new(0.0, 0.0, 2.0),
@@ -40,6 +41,8 @@
 //!             phase_rad: 0.0,
 //!         }),
 //!         heading_rad: None,
+//!         tilt_rad: 0.0,
+//!         spin_rad_per_s: 0.0,
 //!         is_target: true,
 //!     }],
 //!     cameras: vec![WorldCamera {
@@ -72,6 +75,7 @@
 //! rendered images are sRGB with three bytes per pixel, row by row.
 
 mod body;
+mod mark;
 mod path;
 mod render;
 mod sensor;
@@ -81,6 +85,7 @@ mod trace;
 mod truth;
 
 pub use body::Body;
+pub use mark::Mark;
 pub use path::{Path, Sine, Throw, Waypoints};
 pub use render::Renderer;
 pub use sensor::ImageSettings;
@@ -163,14 +168,20 @@ pub struct Object {
     pub name: String,
     /// Shape and size.
     pub body: Body,
-    /// Linear red, green and blue, 0 to 1.
-    pub color: [f64; 3],
+    /// Colours, fixed to the body.
+    pub texture: Texture,
+    /// What is painted over the texture; later marks cover earlier ones.
+    pub marks: Vec<Mark>,
     /// Strength of the highlight, from 0 (none) to 1 (white).
     pub highlight: f64,
     /// Motion.
     pub course: Course,
     /// Constant heading in radians; if `None`, the object faces its direction of motion.
     pub heading_rad: Option<f64>,
+    /// Forward tilt at time 0 about the object's y axis through its position, in radians.
+    pub tilt_rad: f64,
+    /// Rate of the tilt in rad/s, as of a ball that rolls.
+    pub spin_rad_per_s: f64,
     /// Whether the object is a target: the scene tracks it, and its colours are learnt.
     pub is_target: bool,
 }
@@ -215,6 +226,8 @@ pub struct Placed {
     pub velocity_mps: Vector3<f64>,
     /// Heading about the world's vertical, in radians; 0 along x.
     pub heading_rad: f64,
+    /// Forward tilt, in radians; objects attached to this one do not follow it.
+    pub tilt_rad: f64,
 }
 
 impl Default for Room {
@@ -268,6 +281,7 @@ impl World {
                     // Rotation moves it as well; finite differences are accurate to a micrometre per second.
                     velocity_mps: (at(time_s + STEP_S).0 - at(time_s - STEP_S).0) / (2.0 * STEP_S),
                     heading_rad: object.heading_rad.unwrap_or(heading_rad),
+                    tilt_rad: object.tilt_at(time_s),
                 }
             }
         };
@@ -283,7 +297,13 @@ impl World {
                 Course::Attached { .. } => unreachable!("carriers have their own paths"),
             },
         };
-        !matches!(path_of, Path::Still { .. })
+        !matches!(path_of, Path::Still { .. }) || self.objects[object].spin_rad_per_s != 0.0
+    }
+}
+
+impl Object {
+    fn tilt_at(&self, time_s: f64) -> f64 {
+        self.tilt_rad + self.spin_rad_per_s * time_s
     }
 }
 
@@ -298,6 +318,7 @@ fn on_path(object: &Object, path: &Path, time_s: f64) -> Placed {
         heading_rad: object
             .heading_rad
             .unwrap_or_else(|| path.course_rad(time_s)),
+        tilt_rad: object.tilt_at(time_s),
     }
 }
 

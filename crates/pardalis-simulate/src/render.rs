@@ -81,39 +81,59 @@ impl<'a> Renderer<'a> {
     /// Renders the image of an exposure: three bytes per pixel, row by row. Its number selects the noise, its
     /// time in seconds the scene.
     pub fn image(&self, exposure: u32, time_s: f64) -> Vec<u8> {
-        let instants = self.camera.image.instants_around(time_s);
-        let snapshots: Vec<_> = instants
-            .iter()
-            .map(|&time_s| Snapshot::new(self.world, time_s))
-            .collect();
+        let image = &self.camera.image;
         let (mut sharp, mut soft) = (self.sharp.clone(), self.soft.clone());
-        let boxes: Vec<_> = self
-            .moving
-            .iter()
-            .filter_map(|&object| self.visible_bounds(object, &snapshots))
-            .collect();
-        let width = self.camera.size_px.0;
-        for bounds in &boxes {
-            for y in bounds.y[0]..bounds.y[1] {
-                for x in bounds.x[0]..bounds.x[1] {
-                    let rays = rays_of(self.camera, x, y);
-                    let is_met = |ray: &WorldRay| {
-                        let meets =
-                            |s: &Snapshot| self.moving.iter().any(|&o| s.hit(o, ray).is_some());
-                        snapshots.iter().any(meets)
-                    };
-                    if rays.iter().flatten().any(is_met) {
-                        sharp[y * width + x] = light_along(&rays, &snapshots);
-                    }
-                }
+        let mut rendered = vec![None; self.moving.len()];
+        for (rows, time_s) in self.exposures(time_s) {
+            let instants = image.instants_around(time_s);
+            let snapshots: Vec<_> = instants
+                .iter()
+                .map(|&time_s| Snapshot::new(self.world, time_s))
+                .collect();
+            for (&object, rendered) in self.moving.iter().zip(&mut rendered) {
+                let bounds = self.visible_bounds(object, &snapshots);
+                let Some(bounds) = bounds.and_then(|bounds| bounds.within_rows(rows)) else {
+                    continue;
+                };
+                self.render(bounds, &snapshots, &mut sharp);
+                *rendered = Some(rendered.map_or(bounds, |all: Rectangle| all.with(bounds)));
             }
         }
-        for bounds in boxes {
+        for bounds in rendered.into_iter().flatten() {
             let around = bounds.grown(self.kernel.len() - 1, self.camera.size_px);
             blur(&sharp, &mut soft, self.camera.size_px, &self.kernel, around);
         }
-        let image = &self.camera.image;
         image.develop(&soft, self.draws, exposure, time_s)
+    }
+
+    /// Returns ranges of rows with the middle of their exposure in seconds: all rows at once, or each by itself with a
+    /// rolling shutter.
+    fn exposures(&self, time_s: f64) -> Vec<([usize; 2], f64)> {
+        let (height, line_delay_s) = (self.camera.size_px.1, self.camera.image.line_delay_s);
+        if line_delay_s == 0.0 {
+            return vec![([0, height], time_s)];
+        }
+        let below_middle = |y: usize| y as f64 - 0.5 * (height as f64 - 1.0);
+        (0..height)
+            .map(|y| ([y, y + 1], time_s + line_delay_s * below_middle(y)))
+            .collect()
+    }
+
+    /// Renders the moving objects within a part of the image.
+    fn render(&self, part: Rectangle, snapshots: &[Snapshot], sharp: &mut Light) {
+        let width = self.camera.size_px.0;
+        for y in part.y[0]..part.y[1] {
+            for x in part.x[0]..part.x[1] {
+                let rays = rays_of(self.camera, x, y);
+                let is_met = |ray: &WorldRay| {
+                    let meets = |s: &Snapshot| self.moving.iter().any(|&o| s.hit(o, ray).is_some());
+                    snapshots.iter().any(meets)
+                };
+                if rays.iter().flatten().any(is_met) {
+                    sharp[y * width + x] = light_along(&rays, snapshots);
+                }
+            }
+        }
     }
 
     /// Returns the share of each pixel, row by row, that an object covers at a time in seconds, without blur.
@@ -273,6 +293,21 @@ fn blur(
 }
 
 impl Rectangle {
+    /// Returns the part within a range of rows; `None` if it is empty.
+    fn within_rows(self, [from, to]: [usize; 2]) -> Option<Self> {
+        let y = [self.y[0].max(from), self.y[1].min(to)];
+        (y[0] < y[1]).then_some(Self { x: self.x, y })
+    }
+
+    /// Returns the smallest rectangle around both.
+    fn with(self, other: Self) -> Self {
+        let hull = |[a, b]: [usize; 2], [c, d]: [usize; 2]| [a.min(c), b.max(d)];
+        Self {
+            x: hull(self.x, other.x),
+            y: hull(self.y, other.y),
+        }
+    }
+
     /// Grows the rectangle by this number of pixels on each side, within the image.
     fn grown(self, by: usize, (width, height): (usize, usize)) -> Self {
         let grow =

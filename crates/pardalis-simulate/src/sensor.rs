@@ -15,7 +15,10 @@ pub struct ImageSettings {
     pub shutter_s: f64,
     /// Number of instants within the exposure whose images are averaged.
     pub instants: usize,
-    /// Standard deviation of the lens blur in pixels.
+    /// Time from the exposure of one row to that of the next, in seconds, as of a rolling shutter: the middle row is
+    /// exposed around the stated time. Negative if the lowest row is exposed first.
+    pub line_delay_s: f64,
+    /// Standard deviation of the lens blur in pixels; large out of focus.
     pub blur_px: f64,
     /// Standard deviation of the shot noise of white, as a share of white; it is proportional to the square
     /// root of the light.
@@ -39,6 +42,7 @@ impl Default for ImageSettings {
             samples: 3,
             shutter_s: 0.0,
             instants: 5,
+            line_delay_s: 0.0,
             blur_px: 0.0,
             shot_noise: 0.0,
             read_noise: 0.0,

@@ -11,8 +11,8 @@ use pardalis_camera::{Camera, Ray};
 pub(super) struct Snapshot<'a> {
     world: &'a World,
     placed: Vec<Placed>,
-    /// Sine and cosine of each object's heading.
-    turns: Vec<(f64, f64)>,
+    /// Orientation of each object.
+    turns: Vec<Turn>,
     /// Indices of the objects present.
     present: Vec<usize>,
 }
@@ -25,7 +25,7 @@ impl<'a> Snapshot<'a> {
         let placed = world.placed(time_s);
         Self {
             world,
-            turns: placed.iter().map(|p| libm::sincos(p.heading_rad)).collect(),
+            turns: placed.iter().map(Turn::of).collect(),
             placed,
             present: (0..world.objects.len()).collect(),
         }
@@ -46,18 +46,19 @@ impl<'a> Snapshot<'a> {
     /// Returns centre and radius of a sphere around an object, world frame, metres.
     pub(super) fn bounds(&self, object: usize) -> (Vector3<f64>, f64) {
         let (middle, radius_m) = self.world.objects[object].body.bounds();
+        let middle = self.turns[object].world_from_body(&middle);
         (self.placed[object].position_m + middle, radius_m)
     }
 
     /// Returns the intersection of a world ray with one object.
     pub(super) fn hit(&self, object: usize, ray: &WorldRay) -> Option<Hit> {
         let placed = &self.placed[object];
-        let (sin, cos) = self.turns[object];
-        let origin = turned(&(ray.origin - placed.position_m), (-sin, cos));
-        let direction = turned(&ray.direction, (-sin, cos));
+        let turn = &self.turns[object];
+        let origin = turn.body_from_world(&(ray.origin - placed.position_m));
+        let direction = turn.body_from_world(&ray.direction);
         let hit = self.world.objects[object].body.hit(&origin, &direction)?;
         Some(Hit {
-            normal: turned(&hit.normal, (sin, cos)),
+            normal: turn.world_from_body(&hit.normal),
             ..hit
         })
     }
@@ -90,8 +91,6 @@ impl<'a> Snapshot<'a> {
         let room = &self.world.room;
         let room_m = ray.leaves_sphere_m(room.radius_m);
         let ground_m = self.ground_distance_m(ray);
-        // Each surface has its own noise; no other random draw uses these keys.
-        let key = |surface: u32| [self.world.seed, u32::MAX - surface];
         match &self.world.ground {
             Some(ground) if ground_m < room_m => {
                 let mut point = ray.at(ground_m);
@@ -99,21 +98,71 @@ impl<'a> Snapshot<'a> {
                     return tape.color.into();
                 }
                 point.z = 0.0;
-                ground.texture.color_at(&point, key(0))
+                ground.texture.color_at(&point, self.key(0))
             }
-            _ => room.texture.color_at(&ray.at(room_m), key(1)),
+            _ => room.texture.color_at(&ray.at(room_m), self.key(1)),
+        }
+    }
+
+    /// Returns the key of a surface's noise. Each has its own, which no other random draw uses.
+    fn key(&self, surface: u32) -> [u32; 2] {
+        [self.world.seed, u32::MAX - surface]
+    }
+
+    /// Returns the colour of an object's surface in full light.
+    fn painted(&self, number: usize, hit: &Hit, ray: &WorldRay) -> Vector3<f64> {
+        /// Depth below the surface, in metres, at which the pattern is read: rounding does not decide on a face that
+        /// coincides with the border of two cells.
+        const DEPTH_M: f64 = 1e-6;
+        let object = &self.world.objects[number];
+        let point = ray.at(hit.distance_m) - hit.normal * DEPTH_M;
+        let point = self.turns[number].body_from_world(&(point - self.placed[number].position_m));
+        let mut marks = object.marks.iter().rev();
+        match marks.find_map(|mark| mark.color_at(&point)) {
+            Some(color) => color.into(),
+            None => object.texture.color_at(&point, self.key(2 + number as u32)),
         }
     }
 
     /// Applies Lambert's law and Phong's highlight.
-    fn shaded(&self, object: usize, hit: &Hit, ray: &WorldRay) -> Vector3<f64> {
-        let (object, light) = (&self.world.objects[object], &self.world.light);
+    fn shaded(&self, number: usize, hit: &Hit, ray: &WorldRay) -> Vector3<f64> {
+        let (object, light) = (&self.world.objects[number], &self.world.light);
         let facing = hit.normal.dot(&light.direction).max(0.0);
-        let color = Vector3::from(object.color) * (light.ambient + (1.0 - light.ambient) * facing);
+        let painted = self.painted(number, hit, ray);
+        let color = painted * (light.ambient + (1.0 - light.ambient) * facing);
         let mirrored = ray.direction - hit.normal * (2.0 * hit.normal.dot(&ray.direction));
         let glance = mirrored.dot(&light.direction).max(0.0);
         color.add_scalar(object.highlight * glance.powi(SHININESS))
     }
+}
+
+/// Orientation of an object: sines and cosines of its angles.
+struct Turn {
+    heading: (f64, f64),
+    tilt: (f64, f64),
+}
+
+impl Turn {
+    fn of(placed: &Placed) -> Self {
+        Self {
+            heading: libm::sincos(placed.heading_rad),
+            tilt: libm::sincos(placed.tilt_rad),
+        }
+    }
+
+    fn world_from_body(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        turned(&tilted(v, self.tilt), self.heading)
+    }
+
+    fn body_from_world(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        let back = |(sin, cos): (f64, f64)| (-sin, cos);
+        tilted(&turned(v, back(self.heading)), back(self.tilt))
+    }
+}
+
+/// Rotates a vector forward about the y axis by the angle with this sine and cosine.
+fn tilted(v: &Vector3<f64>, (sin, cos): (f64, f64)) -> Vector3<f64> {
+    Vector3::new(cos * v.x + sin * v.z, v.y, cos * v.z - sin * v.x)
 }
 
 /// A ray in the world frame.

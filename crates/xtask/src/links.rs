@@ -1,10 +1,13 @@
 //! Checks that relative links in Markdown pages lead to files, links to headings to headings, and that the files and tests that
-//! ARCHITECTURE.md names exist.
+//! [`NAMING_PAGES`] name exist.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
+
+/// The pages that name files and tests of the repository.
+const NAMING_PAGES: [&str; 2] = ["ARCHITECTURE.md", "docs/faults.md"];
 
 /// Runs the check on every page of the repository.
 pub(crate) fn run(root: &Path) -> Result<()> {
@@ -48,10 +51,8 @@ fn reason_broken(page: &Path, link: &str) -> Option<String> {
     (!anchors(&text).contains(heading)).then(|| "there is no such heading".to_owned())
 }
 
-/// Returns the paths `crates/...` and the tests that ARCHITECTURE.md names and that do not exist.
+/// Returns the paths `crates/...` and the tests that [`NAMING_PAGES`] name and that do not exist.
 fn missing_names(root: &Path) -> Result<Vec<String>> {
-    let page = root.join("ARCHITECTURE.md");
-    let text = std::fs::read_to_string(&page).unwrap_or_default();
     let mut sources = String::new();
     for file in crate::files(&root.join("crates"), "rs").unwrap_or_default() {
         sources.push_str(&std::fs::read_to_string(file)?);
@@ -63,11 +64,17 @@ fn missing_names(root: &Path) -> Result<Vec<String>> {
         let is_path = name.starts_with("crates/") && !name.contains(' ');
         is_test && !sources.contains(&format!("fn {name}(")) || is_path && !root.join(name).exists()
     };
-    let names = prose(&text).flat_map(|line| line.split('`').skip(1).step_by(2));
-    let missing = names.filter(is_missing);
-    Ok(missing
-        .map(|name| format!("ARCHITECTURE.md: `{name}` does not exist"))
-        .collect())
+    let mut missing = Vec::new();
+    for page in NAMING_PAGES {
+        let text = std::fs::read_to_string(root.join(page)).unwrap_or_default();
+        let names = prose(&text).flat_map(|line| line.split('`').skip(1).step_by(2));
+        missing.extend(
+            names
+                .filter(is_missing)
+                .map(|name| format!("{page}: `{name}` does not exist")),
+        );
+    }
+    Ok(missing)
 }
 
 /// Returns the lines of a page outside of code blocks.

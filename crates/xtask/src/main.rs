@@ -18,8 +18,8 @@ const USAGE: &str = "\
 Usage: cargo xtask COMMAND
 
   cycles               fail if modules of a crate import each other in a circle
-  links                fail if a link in a Markdown page leads nowhere, or ARCHITECTURE.md names a file or test
-                       that does not exist
+  links                fail if a link in a Markdown page leads nowhere, or ARCHITECTURE.md or docs/faults.md
+                       names a file or test that does not exist
   tables [--check]     put the newest record of each experiment into the tables of the pages, and the
                        examples into their places; with --check, change nothing and fail if a
                        page is out of date

@@ -2,8 +2,8 @@
 //!
 //! A page marks the place of a table with the lines `<!-- table NAME: COLUMN, COLUMN -->` and `<!-- end -->`, where
 //! NAME is a record `experiments/record/DATE/NAME.csv`. Without columns the table shows all of them; `<!-- table NAME
-//! of RUN*: ... -->` shows only the runs whose names begin with RUN, `<!-- table NAME in all frames: ... -->` only
-//! the rows without a window. A cell holds the median over the seeds of a run (in `real-balls`, over the factors of the
+//! of RUN*: ... -->` shows only the runs whose names begin with RUN, `<!-- table NAME in WINDOW: ... -->` only the rows
+//! of that window, `in all frames` those without one. A cell holds the median over the seeds of a run (in `real-balls`, over the factors of the
 //! ball's radius) with the lowest and the highest value.
 //! Lengths are in mm, angles in mrad, headings and courses in degrees, pixels and ratios of radii to 0.001.
 
@@ -71,8 +71,8 @@ fn newest_record(root: &Path, name: &str) -> Result<PathBuf> {
 struct Mark<'t> {
     /// The beginning of the names of the runs to show.
     runs: &'t str,
-    /// Whether to show only the rows without a window.
-    all_frames: bool,
+    /// The window whose rows to show, empty for all frames; `None`: all rows.
+    window: Option<&'t str>,
     /// The figures to show; none: all.
     columns: Vec<String>,
 }
@@ -82,9 +82,13 @@ impl<'t> Mark<'t> {
     fn of(line: &'t str, name: &str) -> Option<Self> {
         let inside = line.strip_prefix("<!-- table ")?.strip_suffix(" -->")?;
         let rest = inside.strip_prefix(name)?;
-        let (all_frames, rest) = match rest.strip_prefix(" in all frames") {
-            Some(rest) => (true, rest),
-            None => (false, rest),
+        let (window, rest) = match rest.strip_prefix(" in ") {
+            Some(rest) => {
+                let end = [" of ", ":"].iter().filter_map(|end| rest.find(end)).min();
+                let (window, rest) = rest.split_at(end.unwrap_or(rest.len()));
+                (Some(if window == "all frames" { "" } else { window }), rest)
+            }
+            None => (None, rest),
         };
         let (runs, columns) = match rest.strip_prefix(" of ") {
             Some(rest) => rest.split_once('*')?,
@@ -97,7 +101,7 @@ impl<'t> Mark<'t> {
         };
         Some(Self {
             runs,
-            all_frames,
+            window,
             columns,
         })
     }
@@ -152,9 +156,12 @@ fn table_of(path: &Path, mark: &Mark) -> Result<String> {
             return Err(anyhow!("{}: has no run {runs}*", path.display()));
         }
     }
-    if mark.all_frames {
+    if let Some(name) = mark.window {
         let window = headers.iter().position(|h| h == "window");
-        rows.retain(|row| window.is_none_or(|i| row[i].is_empty()));
+        rows.retain(|row| window.map_or(name.is_empty(), |i| row[i] == name));
+        if rows.is_empty() {
+            return Err(anyhow!("{}: has no window {name}", path.display()));
+        }
     }
     // A column of windows says something only where there are any.
     let keys: Vec<usize> = (0..headers.len())
@@ -322,7 +329,7 @@ mod tests {
     fn all(runs: &str) -> Mark<'_> {
         Mark {
             runs,
-            all_frames: false,
+            window: None,
             columns: Vec::new(),
         }
     }
@@ -423,7 +430,7 @@ mod tests {
         let expected = "| a | ball | all frames | 3 |\n| a | ball | at first | 2 |\n";
         assert!(table.ends_with(expected), "{table}");
         let whole = Mark {
-            all_frames: true,
+            window: Some(""),
             ..all("")
         };
         let table = table_of(&record, &whole).unwrap();
@@ -431,6 +438,14 @@ mod tests {
             table.ends_with("|---|---|---:|\n| a | ball | 3 |\n"),
             "{table}"
         );
+        let text = "<!-- table small in at first of a*: estimates -->";
+        let first = table_of(&record, &Mark::of(text, "small").unwrap()).unwrap();
+        assert!(
+            first.ends_with("|---|---|---|---:|\n| a | ball | at first | 2 |\n"),
+            "{first}"
+        );
+        let none = Mark::of("<!-- table small in no: estimates -->", "small").unwrap();
+        assert!(table_of(&record, &none).is_err());
     }
 
     #[test]

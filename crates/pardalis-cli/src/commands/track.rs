@@ -172,16 +172,18 @@ fn reasons(run: &Run, number: usize) -> Vec<String> {
     let states = &run.series.states()[number];
     let mut lines = (run.missed).lines(number, name, states.searching + states.lost);
     if !lines.is_empty() {
-        let next = if run
+        let explained = run
             .files
             .iter()
-            .any(|file| file.ends_with("candidates.csv"))
-        {
-            "candidates.csv has all candidates; docs/not-found.md explains the verdicts"
+            .any(|file| file.ends_with("candidates.csv"));
+        lines.push(if explained {
+            "candidates.csv has all candidates; docs/not-found.md explains the verdicts".to_owned()
         } else {
-            "next: run `pardalis track SCENE.toml --explain --annotate`, look at the annotated frames, and read docs/not-found.md"
-        };
-        lines.push(next.to_owned());
+            format!(
+                "next: run `pardalis track {} --explain --annotate`, look at the annotated frames, and read docs/not-found.md",
+                run.scene_path.display()
+            )
+        });
     }
     lines
 }
@@ -205,7 +207,7 @@ fn warnings(run: &Run) -> String {
         if record.frames.dropped_late > 0 {
             let _ = writeln!(
                 text,
-                "warning: cameras.{name}: {} frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is {} s",
+                "warning: cameras.{name}: {} of its frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is {} s",
                 record.frames.dropped_late, run.open.scene.max_delay_s
             );
         }

@@ -45,7 +45,7 @@ pub(crate) fn drawn_over(image: &RgbImage, marks: Vec<Mark>, labels: &[Label]) -
         marks: marks.collect(),
         notes: Vec::new(),
         label: String::new(),
-        zoom_at_px: None,
+        zoom: None,
     };
     let drawn = annotated(&enlarged, &overlay);
     let Some(mut canvas) = canvas_of(&drawn) else {

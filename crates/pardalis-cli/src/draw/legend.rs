@@ -21,6 +21,8 @@ const TOP_PX: f64 = 22.0;
 pub(super) enum Key {
     /// A thick coloured line: a target's track.
     Track(Rgb),
+    /// A thick grey line of this opacity: tracks where the target was not seen.
+    Unseen(f64),
     /// A thin dark line.
     Truth,
     /// A pale stripe with a line in it.
@@ -85,6 +87,7 @@ fn draw_key(area: &Area<'_>, key: Key, y_px: f64) -> anyhow::Result<()> {
     let stroke = |style| PathElement::new(vec![(left, y), (right, y)], style);
     match key {
         Key::Track(color) => area.draw(&stroke(line(color, 1.0, 2.5)))?,
+        Key::Unseen(opacity) => area.draw(&stroke(line([0; 3], opacity, 2.5)))?,
         Key::Truth => area.draw(&stroke(line(INK, 1.0, 1.0)))?,
         Key::Band => {
             let corners = [(left, y - units(6.0)), (right, y + units(6.0))];

@@ -363,13 +363,15 @@ impl Stage {
         Ok(())
     }
 
-    /// Returns the pieces of a path that are inside the room.
-    fn pieces_m(&self, path: &Trace) -> Vec<Vec<[f64; 3]>> {
-        let runs = path.runs.iter().flat_map(|run| {
-            let places_m: Vec<_> = run.iter().map(|point| point.position_m).collect();
-            clipped(&places_m, &self.ranges_m)
+    /// Returns the pieces of a path that are inside the room, each with whether the target was seen there.
+    fn pieces_m(&self, path: &Trace) -> Vec<(Vec<[f64; 3]>, bool)> {
+        let stretches = path.runs.iter().flat_map(|run| Trace::stretches(run));
+        let pieces = stretches.flat_map(|(stretch, is_seen)| {
+            let places_m: Vec<_> = stretch.iter().map(|point| point.position_m).collect();
+            let pieces = clipped(&places_m, &self.ranges_m);
+            pieces.into_iter().map(move |piece| (piece, is_seen))
         });
-        runs.collect()
+        pieces.collect()
     }
 }
 
@@ -395,8 +397,9 @@ impl Figures<'_> {
             }
             for (paths, stroke) in [(&self.tracks, self.stroke), (&self.truth, (1.0, 1.2))] {
                 for path in paths {
-                    for piece in stage.pieces_m(path) {
-                        let style = line(path.color, stroke.0, stroke.1);
+                    for (piece, is_seen) in stage.pieces_m(path) {
+                        let opacity = stroke.0 * self.opacity(is_seen);
+                        let style = line(path.color, opacity, stroke.1);
                         stage.draw_line(&picture, piece.into_iter(), style)?;
                     }
                 }
@@ -413,7 +416,7 @@ impl Figures<'_> {
     fn draw_shadows(&self, area: &Area<'_>, stage: &Stage) -> anyhow::Result<()> {
         for path in self.tracks.iter().chain(&self.truth) {
             let style = line(path.color, 0.3 * self.stroke.0, 1.2);
-            for piece in stage.pieces_m(path) {
+            for (piece, _) in stage.pieces_m(path) {
                 let floor = piece.iter().map(|place_m| stage.on_floor(*place_m));
                 stage.draw_line(area, floor, style)?;
                 let wall = piece.iter().map(|place_m| stage.on_wall(*place_m));

@@ -2,7 +2,8 @@
 
 use pardalis_images::RgbImage;
 use tiny_skia::{
-    FillRule, LineCap, LineJoin, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, Transform,
+    FillRule, LineCap, LineJoin, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, StrokeDash,
+    Transform,
 };
 
 use super::Rgb;
@@ -16,8 +17,12 @@ pub(crate) enum Shape {
     Dots,
     /// A line through the points.
     Line,
+    /// A dashed line through the points.
+    Dashes,
     /// A closed line through the points.
     Contour,
+    /// A closed line so wide that it shows on both sides of a [`Shape::Contour`] on top of it.
+    WideContour,
 }
 
 /// Points that are drawn in one colour.
@@ -48,16 +53,28 @@ pub(crate) struct Note {
 pub(crate) struct Overlay {
     /// Drawn in this order.
     pub(crate) marks: Vec<Mark>,
-    /// Drawn over the marks.
+    /// Drawn over the marks, the most important last. The text of a note that a later one would cover is left out.
     pub(crate) notes: Vec<Note>,
     /// A line of text at the top; not drawn if it is empty.
     pub(crate) label: String,
-    /// The image point whose neighbourhood is shown enlarged in a lower corner, with the marks around it.
-    pub(crate) zoom_at_px: Option<[f64; 2]>,
+    /// What is shown enlarged in a lower corner, with the marks around it.
+    pub(crate) zoom: Option<Zoomed>,
 }
 
-/// Side of the square that is enlarged, in pixels of the image.
-const ZOOMED_SIDE_PX: u32 = 40;
+/// A round part of an image, as for [`Mark`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Zoomed {
+    pub(crate) center_px: [f64; 2],
+    pub(crate) radius_px: f64,
+}
+
+/// Side of the smallest square that is enlarged, in pixels of the image.
+const MIN_ZOOMED_SIDE_PX: f64 = 40.0;
+/// Side of the square that is enlarged, as a multiple of the diameter of what is shown.
+const ZOOMED_DIAMETERS: f64 = 1.3;
+/// The least such multiple, if otherwise it would not be enlarged at all.
+const LEAST_ZOOMED_DIAMETERS: f64 = 1.1;
+const MIN_ZOOM: u32 = 2;
 const MAX_ZOOM: u32 = 8;
 /// Side of the enlarged square, as a share of the image's shorter side.
 const MAX_INSET_SHARE: f64 = 0.45;
@@ -73,12 +90,10 @@ pub(crate) fn annotated(image: &RgbImage, overlay: &Overlay) -> RgbImage {
         return image.clone();
     };
     View::WHOLE.draw_marks(&mut canvas, &overlay.marks);
-    if let Some(inset) = Inset::at(image, overlay.zoom_at_px) {
+    if let Some(inset) = Inset::at(image, overlay.zoom) {
         inset.draw(&mut canvas, image, &overlay.marks);
     }
-    for note in &overlay.notes {
-        draw_note(&mut canvas, note);
-    }
+    draw_notes(&mut canvas, &overlay.notes);
     if !overlay.label.is_empty() {
         draw_label(&mut canvas, &overlay.label);
     }
@@ -117,10 +132,12 @@ impl View {
                 .collect();
             match mark.shape {
                 Shape::Dots => self.draw_dots(canvas, &points, mark.color),
-                Shape::Line => self.draw_line(canvas, &points, mark.color),
-                Shape::Contour => {
+                Shape::Line | Shape::Dashes => {
+                    self.draw_line(canvas, &points, mark.color, mark.shape);
+                }
+                Shape::Contour | Shape::WideContour => {
                     let closed: Vec<_> = points.iter().chain(points.first()).copied().collect();
-                    self.draw_line(canvas, &closed, mark.color);
+                    self.draw_line(canvas, &closed, mark.color, mark.shape);
                 }
             }
         }
@@ -146,7 +163,13 @@ impl View {
         }
     }
 
-    fn draw_line(&self, canvas: &mut Pixmap, points: &[Option<[f64; 2]>], color: Rgb) {
+    fn draw_line(
+        &self,
+        canvas: &mut Pixmap,
+        points: &[Option<[f64; 2]>],
+        color: Rgb,
+        shape: Shape,
+    ) {
         let size = [f64::from(canvas.width()), f64::from(canvas.height())];
         let mut path = PathBuilder::new();
         let mut drawn_to = None;
@@ -165,12 +188,21 @@ impl View {
             path.line_to(to[0] as f32, to[1] as f32);
             drawn_to = Some(to);
         }
+        let mut width = if self.zoom == 1 {
+            LINE_WIDTH_PX
+        } else {
+            1.5 * LINE_WIDTH_PX
+        };
+        if shape == Shape::WideContour {
+            width *= 3.0;
+        }
+        let dash = match shape {
+            Shape::Dashes => StrokeDash::new(vec![4.0, 6.0], 0.0),
+            _ => None,
+        };
         let stroke = Stroke {
-            width: if self.zoom == 1 {
-                LINE_WIDTH_PX
-            } else {
-                1.5 * LINE_WIDTH_PX
-            },
+            width,
+            dash,
             line_cap: LineCap::Round,
             line_join: LineJoin::Round,
             ..Stroke::default()
@@ -222,6 +254,8 @@ fn clipped(from: [f64; 2], to: [f64; 2], size: [f64; 2]) -> Option<[[f64; 2]; 2]
 /// The enlarged neighbourhood of a point, in a lower corner of the image.
 struct Inset {
     view: View,
+    /// Side of the square that is enlarged, in pixels of the image.
+    zoomed_side_px: u32,
     corner_px: [u32; 2],
     side_px: u32,
 }
@@ -230,21 +264,31 @@ impl Inset {
     /// Gap between the inset and the image's border.
     const GAP_PX: u32 = 6;
 
-    /// Places the inset; `None` without a point inside the image and in images that are too small for it.
-    fn at(image: &RgbImage, place_px: Option<[f64; 2]>) -> Option<Self> {
-        let [u, v] = place_px?;
+    /// Places the inset; `None` without a point inside the image, in images that are too small for it, and if what it would
+    /// show is too large to be enlarged.
+    fn at(image: &RgbImage, zoomed: Option<Zoomed>) -> Option<Self> {
+        let Zoomed {
+            center_px: [u, v],
+            radius_px,
+        } = zoomed?;
         let (width, height) = image.dimensions();
         let inside = (-0.5..f64::from(width) - 0.5).contains(&u)
             && (-0.5..f64::from(height) - 0.5).contains(&v);
         let largest_px = MAX_INSET_SHARE * f64::from(width.min(height));
-        let zoom = ((largest_px / f64::from(ZOOMED_SIDE_PX)) as u32).min(MAX_ZOOM);
-        if !inside || zoom < 2 {
+        let least_px = (2.0 * LEAST_ZOOMED_DIAMETERS * radius_px).max(MIN_ZOOMED_SIDE_PX);
+        let zoomed_side_px = (2.0 * ZOOMED_DIAMETERS * radius_px)
+            .max(MIN_ZOOMED_SIDE_PX)
+            .ceil()
+            .min((largest_px / f64::from(MIN_ZOOM)).floor());
+        if !inside || zoomed_side_px < least_px {
             return None;
         }
-        let side_px = zoom * ZOOMED_SIDE_PX;
+        let zoom = ((largest_px / zoomed_side_px) as u32).min(MAX_ZOOM);
+        let zoomed_side_px = zoomed_side_px as u32;
+        let side_px = zoom * zoomed_side_px;
         let first = |centre: f64, size: u32| {
-            let half = f64::from(ZOOMED_SIDE_PX / 2);
-            ((centre - half).round().max(0.0) as u32).min(size - ZOOMED_SIDE_PX)
+            let half = f64::from(zoomed_side_px / 2);
+            ((centre - half).round().max(0.0) as u32).min(size - zoomed_side_px)
         };
         let left = if u > 0.5 * f64::from(width) {
             Self::GAP_PX
@@ -256,6 +300,7 @@ impl Inset {
                 origin_px: [first(u, width), first(v, height)],
                 zoom,
             },
+            zoomed_side_px,
             corner_px: [left, height - side_px - Self::GAP_PX],
             side_px,
         })
@@ -264,13 +309,13 @@ impl Inset {
     fn draw(&self, canvas: &mut Pixmap, image: &RgbImage, marks: &[Mark]) {
         let [u, v] = self.view.origin_px;
         let side = self.side_px;
-        let part = image.crop(u, v, ZOOMED_SIDE_PX, ZOOMED_SIDE_PX);
+        let part = image.crop(u, v, self.zoomed_side_px, self.zoomed_side_px);
         let enlarged = part.repeat(self.view.zoom);
         let Some(mut inset) = canvas_of(&enlarged) else {
             return;
         };
         self.view.draw_marks(&mut inset, marks);
-        draw_frame(canvas, self.view.origin_px, ZOOMED_SIDE_PX, 1.0);
+        draw_frame(canvas, self.view.origin_px, self.zoomed_side_px, 1.0);
         let [x, y] = self.corner_px;
         canvas.draw_pixmap(
             x as i32,
@@ -304,35 +349,72 @@ fn draw_frame(canvas: &mut Pixmap, corner_px: [u32; 2], side_px: u32, width_px: 
     }
 }
 
-/// Draws a cross, and its text in white on a dark strip to the right; to the left if only there is room.
-fn draw_note(canvas: &mut Pixmap, note: &Note) {
-    let height_px = (canvas.width() as f32 / 60.0).clamp(9.0, 18.0);
-    let [x, y] = View::WHOLE.canvas_from_image(note.at_px);
-    let arm = 0.5 * f64::from(height_px);
-    for [dx, dy] in [[arm, 0.0], [0.0, arm]] {
-        let ends = [Some([x - dx, y - dy]), Some([x + dx, y + dy])];
-        View::WHOLE.draw_line(canvas, &ends, note.color);
+/// Draws a cross at each note, and its text in white on a dark strip beside it unless a later note's text is there.
+fn draw_notes(canvas: &mut Pixmap, notes: &[Note]) {
+    let strips: Vec<_> = notes
+        .iter()
+        .map(|note| NoteStrip::of(canvas, note))
+        .collect();
+    for (number, (note, strip)) in notes.iter().zip(&strips).enumerate() {
+        let [x, y] = View::WHOLE.canvas_from_image(note.at_px);
+        let arm = f64::from(0.5 * strip.text_px);
+        for [dx, dy] in [[arm, 0.0], [0.0, arm]] {
+            let ends = [Some([x - dx, y - dy]), Some([x + dx, y + dy])];
+            View::WHOLE.draw_line(canvas, &ends, note.color, Shape::Line);
+        }
+        let later = &strips[number + 1..];
+        if !later.iter().any(|other| other.covers(strip)) {
+            strip.draw(canvas, note.text);
+        }
     }
-    let width_px = height_px * width_em(note.text);
-    let right = x as f32 + 0.8 * height_px;
-    let left = x as f32 - 0.8 * height_px - width_px;
-    let fits = right + width_px < canvas.width() as f32 || left < 0.0;
-    let at_px = [if fits { right } else { left }, y as f32 + 0.35 * height_px];
-    let mut strip = paint([0; 3]);
-    strip.set_color_rgba8(0, 0, 0, 150);
-    let [left, bottom] = [at_px[0] - 0.2 * height_px, at_px[1] + 0.3 * height_px];
-    let (width, height) = (width_px + 0.4 * height_px, 1.3 * height_px);
-    if let Some(rect) = Rect::from_xywh(left, bottom - height, width, height) {
-        canvas.fill_rect(rect, &strip, Transform::identity(), None);
+}
+
+/// The place of a note's text.
+struct NoteStrip {
+    text_px: f32,
+    corner_px: [f32; 2],
+    size_px: [f32; 2],
+}
+
+impl NoteStrip {
+    /// Places it to the right of the cross; to the left if there is room only there.
+    fn of(canvas: &Pixmap, note: &Note) -> Self {
+        let text_px = (canvas.width() as f32 / 60.0).clamp(9.0, 18.0);
+        let [x, y] = View::WHOLE.canvas_from_image(note.at_px).map(|c| c as f32);
+        let width = text_px * (width_em(note.text) + 0.4);
+        let right = x + 0.6 * text_px;
+        let left = x - 0.6 * text_px - width;
+        let fits = right + width < canvas.width() as f32 || left < 0.0;
+        Self {
+            text_px,
+            corner_px: [if fits { right } else { left }, y - 0.65 * text_px],
+            size_px: [width, 1.3 * text_px],
+        }
     }
-    let caption = Caption {
-        text: note.text,
-        at_px,
-        height_px,
-        max_width_px: width_px,
-        color: [255; 3],
-    };
-    write_caption(canvas, &caption);
+
+    fn covers(&self, other: &Self) -> bool {
+        (0..2).all(|axis| {
+            self.corner_px[axis] < other.corner_px[axis] + other.size_px[axis]
+                && other.corner_px[axis] < self.corner_px[axis] + self.size_px[axis]
+        })
+    }
+
+    fn draw(&self, canvas: &mut Pixmap, text: &str) {
+        let ([left, top], [width, height]) = (self.corner_px, self.size_px);
+        let mut strip = paint([0; 3]);
+        strip.set_color_rgba8(0, 0, 0, 150);
+        if let Some(rect) = Rect::from_xywh(left, top, width, height) {
+            canvas.fill_rect(rect, &strip, Transform::identity(), None);
+        }
+        let caption = Caption {
+            text,
+            at_px: [left + 0.2 * self.text_px, top + self.text_px],
+            height_px: self.text_px,
+            max_width_px: width - 0.4 * self.text_px,
+            color: [255; 3],
+        };
+        write_caption(canvas, &caption);
+    }
 }
 
 /// Writes the label in white on a dark strip along the top.

@@ -18,6 +18,13 @@ fn circle(centre_px: [f64; 2], radius_px: f64) -> Vec<Option<[f64; 2]>> {
     (0..32).map(point).collect()
 }
 
+fn zoomed(center_px: [f64; 2], radius_px: f64) -> Zoomed {
+    Zoomed {
+        center_px,
+        radius_px,
+    }
+}
+
 fn mark(shape: Shape, points_px: Vec<Option<[f64; 2]>>, color: Rgb) -> Overlay {
     Overlay {
         marks: vec![Mark {
@@ -27,7 +34,7 @@ fn mark(shape: Shape, points_px: Vec<Option<[f64; 2]>>, color: Rgb) -> Overlay {
         }],
         notes: Vec::new(),
         label: String::new(),
-        zoom_at_px: None,
+        zoom: None,
     }
 }
 
@@ -81,14 +88,14 @@ fn points_far_outside_or_not_finite_are_harmless() {
         .flat_map(|&u| wild.map(|v| Some([u, v])))
         .collect();
     for shape in [Shape::Dots, Shape::Line, Shape::Contour] {
-        for zoom_at_px in wild.map(|u| Some([u, 5.0])) {
+        for u in wild {
             let note = |at_px| Note {
                 at_px,
                 text: "wild",
                 color: [255; 3],
             };
             let overlay = Overlay {
-                zoom_at_px,
+                zoom: Some(zoomed([u, 5.0], u.abs())),
                 label: "wild".to_owned(),
                 notes: points.iter().copied().flatten().map(note).collect(),
                 ..mark(shape, points.clone(), [255; 3])
@@ -132,7 +139,7 @@ fn the_inset_shows_the_neighbourhood_enlarged_away_from_it() {
     let mut image = grey(640, 480);
     image.put_pixel(600, 440, [0, 255, 0]);
     let overlay = Overlay {
-        zoom_at_px: Some([600.0, 440.0]),
+        zoom: Some(zoomed([600.0, 440.0], 8.0)),
         ..mark(Shape::Contour, circle([600.0, 440.0], 8.0), [255; 3])
     };
     let picture = annotated(&image, &overlay);
@@ -144,6 +151,108 @@ fn the_inset_shows_the_neighbourhood_enlarged_away_from_it() {
     assert_eq!(green.len(), 1 + 25);
     let enlarged = green.iter().filter(|(x, y, _)| *x < 320 && *y > 240);
     assert_eq!(enlarged.count(), 25);
+}
+
+#[test]
+fn the_inset_shows_the_whole_outline_or_there_is_none() {
+    let image = RgbImage::from_pixel(640, 480, [100; 3]);
+    // Columns of the inset at half its height where the outline, in red, is left and right of the middle.
+    for radius_px in [8.0, 22.0, 40.0, 48.0] {
+        let overlay = Overlay {
+            zoom: Some(zoomed([500.0, 240.0], radius_px)),
+            ..mark(
+                Shape::Contour,
+                circle([500.0, 240.0], radius_px),
+                [255, 0, 0],
+            )
+        };
+        let picture = annotated(&image, &overlay);
+        let is_red = |p: [u8; 3]| i32::from(p[0]) > i32::from(p[1]) + 100;
+        let in_inset: Vec<u32> = picture
+            .enumerate_pixels()
+            .filter(|(x, _, p)| *x < 320 && is_red(*p))
+            .map(|(x, _, _)| x)
+            .collect();
+        let [left, right] = [in_inset.iter().min(), in_inset.iter().max()].map(|x| *x.unwrap());
+        assert!(
+            left > 8 && right - left > 3 * radius_px as u32,
+            "{left} {right}"
+        );
+        let largest_px = 216.0;
+        let side_px = (2.6 * radius_px).max(40.0).min(largest_px / 2.0);
+        let zoom = (largest_px / side_px).floor().min(8.0);
+        let expected = 2.0 * radius_px * zoom;
+        assert!(
+            (f64::from(right - left) - expected).abs() < 4.0,
+            "{radius_px}: {left} {right}"
+        );
+    }
+    let large = Overlay {
+        zoom: Some(zoomed([500.0, 240.0], 60.0)),
+        ..mark(Shape::Contour, circle([500.0, 240.0], 60.0), [255, 0, 0])
+    };
+    let picture = annotated(&image, &large);
+    let corner = picture.enumerate_pixels().filter(|(x, ..)| *x < 320);
+    assert!(corner.into_iter().all(|(.., p)| p == [100; 3]));
+}
+
+#[test]
+fn a_wide_contour_shows_on_both_sides_of_another() {
+    let points = circle([50.0, 40.0], 20.0);
+    let mut overlay = mark(Shape::WideContour, points.clone(), [0; 3]);
+    overlay.marks.push(Mark {
+        shape: Shape::Contour,
+        points_px: points,
+        color: [255; 3],
+    });
+    let picture = annotated(&grey(100, 80), &overlay);
+    let row: Vec<u8> = (66..75).map(|x| picture.get_pixel(x, 40)[0]).collect();
+    let brightest = row.iter().position(|&c| c > 200).unwrap();
+    assert!(row[..brightest].iter().any(|&c| c < 80), "{row:?}");
+    assert!(row[brightest..].iter().any(|&c| c < 80), "{row:?}");
+}
+
+#[test]
+fn dashes_have_gaps() {
+    let points = vec![Some([5.0, 5.0]), Some([45.0, 5.0]), Some([95.0, 5.0])];
+    let picture = annotated(&grey(100, 10), &mark(Shape::Dashes, points, [255; 3]));
+    let drawn = (5..95).filter(|&x| picture.get_pixel(x, 5)[0] > 200);
+    let share = drawn.count();
+    assert!((20..60).contains(&share), "{share}");
+}
+
+#[test]
+fn of_notes_that_overlap_the_last_keeps_its_text() {
+    let note = |at_px, text| Note {
+        at_px,
+        text,
+        color: [255, 0, 0],
+    };
+    let drawn = |notes| {
+        let overlay = Overlay {
+            notes,
+            ..mark(Shape::Line, vec![], [0; 3])
+        };
+        annotated(&grey(300, 80), &overlay)
+    };
+    let bright = |picture: &RgbImage, columns: std::ops::Range<u32>| {
+        let text = picture
+            .enumerate_pixels()
+            .filter(|(x, _, p)| columns.contains(x) && p.iter().all(|&c| c > 200));
+        text.count()
+    };
+    let target = note([40.0, 40.0], "target");
+    let alone = drawn(vec![target.clone()]);
+    let both = drawn(vec![
+        note([36.0, 38.0], "other-outline"),
+        target.clone(),
+        note([200.0, 40.0], "covered"),
+    ]);
+    assert!(bright(&alone, 0..150) > 5);
+    assert_eq!(bright(&both, 0..150), bright(&alone, 0..150));
+    assert!(bright(&both, 200..300) > 5);
+    // The cross of the other note is there.
+    assert!(both.get_pixel(36, 36)[0] > 200 && both.get_pixel(36, 36)[1] < 100);
 }
 
 #[test]
@@ -182,9 +291,12 @@ fn a_frame_is_annotated_with_particles_contours_label_and_zoom() {
         ])
     });
     let mut overlay = mark(Shape::Dots, cloud.collect(), crate::draw::PALETTE[4]);
-    for (radius_px, color) in [(6.0, [255; 3]), (9.0, [0; 3])] {
+    for (radius_px, shape, color) in [
+        (9.0, Shape::WideContour, [0; 3]),
+        (6.0, Shape::Contour, [255; 3]),
+    ] {
         overlay.marks.push(Mark {
-            shape: Shape::Contour,
+            shape,
             points_px: circle(centre_px, radius_px),
             color,
         });
@@ -192,7 +304,7 @@ fn a_frame_is_annotated_with_particles_contours_label_and_zoom() {
     overlay.label =
         "frame 0   0.000 s   ball: tracking   x 1.350  y −1.250  z 0.620 m   confidence 0.98"
             .to_owned();
-    overlay.zoom_at_px = Some(centre_px);
+    overlay.zoom = Some(zoomed(centre_px, 9.0));
     let picture = annotated(&image, &overlay);
     let folder = test_folder("overlay-all");
     write_picture(&folder.join("frame.png"), &picture).unwrap();

@@ -30,6 +30,7 @@ fn run(seed: u32, flies_off: bool) -> TrackSeries {
             time_s: 0.04 * f64::from(i),
             position_m: Some([x + stray_m + away_m, y + stray_m, z - 0.5 * stray_m]),
             covariance_m2: None,
+            is_seen: true,
         }
     });
     TrackSeries {

@@ -25,6 +25,8 @@ pub(crate) struct Sample {
     pub(crate) position_m: Option<[f64; 3]>,
     /// Its covariance in m²: xx, xy, xz, yy, yz, zz.
     pub(crate) covariance_m2: Option<[f64; 6]>,
+    /// Whether the target was seen, and its position not only predicted.
+    pub(crate) is_seen: bool,
 }
 
 /// One target's estimates from one run. Series of the same name share their colour and legend entry.
@@ -91,6 +93,7 @@ pub(super) struct Point {
     pub(super) position_m: [f64; 3],
     /// Twice the standard deviation of each coordinate.
     two_sigma_m: Option<[f64; 3]>,
+    is_seen: bool,
 }
 
 /// The runs without gaps of one track or of one target's truth.
@@ -106,6 +109,24 @@ impl Trace {
         let (first, last) = (self.runs.first(), self.runs.last());
         (first.and_then(|r| r.first()), last.and_then(|r| r.last()))
     }
+
+    /// Returns the stretches of a run in which the target was seen at every point, and those between them, each with
+    /// whether it was seen. Neighbours share a point.
+    pub(super) fn stretches(run: &[Point]) -> Vec<(&[Point], bool)> {
+        let is_seen = |last: usize| run[last - 1].is_seen && run[last].is_seen;
+        let mut stretches = Vec::new();
+        let mut first = 0;
+        for last in 1..run.len() {
+            if last + 1 == run.len() || is_seen(last + 1) != is_seen(last) {
+                stretches.push((&run[first..=last], is_seen(last)));
+                first = last;
+            }
+        }
+        if let [point] = run {
+            stretches.push((run, point.is_seen));
+        }
+        stretches
+    }
 }
 
 /// The contents of figures of paths.
@@ -117,6 +138,8 @@ pub(super) struct Figures<'a> {
     names: Vec<&'a str>,
     /// Opacity and width in pixels of tracks; translucent and thin if there are many.
     pub(super) stroke: (f64, f64),
+    /// Opacity of tracks where the target was not seen, relative to that elsewhere.
+    unseen_opacity: f64,
     /// Size of the marks at the ends of tracks, relative to that in the legend.
     pub(super) mark_size: f64,
     /// The shown extents of x, y and z.
@@ -141,6 +164,7 @@ fn point(sample: &Sample) -> Option<Point> {
         time_s: sample.time_s,
         position_m,
         two_sigma_m,
+        is_seen: sample.is_seen,
     })
 }
 
@@ -188,6 +212,7 @@ impl<'a> Figures<'a> {
                 time_s,
                 position_m: Some(position_m),
                 covariance_m2: None,
+                is_seen: true,
             })
         };
         let truth = truth.iter().map(|one| Trace {
@@ -200,6 +225,7 @@ impl<'a> Figures<'a> {
         let are_many = tracks.len() > 2 * names.len();
         let mut figures = Self {
             stroke: if are_many { (0.5, 1.5) } else { (1.0, 2.5) },
+            unseen_opacity: if are_many { 1.0 } else { 0.35 },
             mark_size: if are_many { 0.6 } else { 1.0 },
             truth: truth.collect(),
             cameras: cameras.collect(),
@@ -251,6 +277,11 @@ impl<'a> Figures<'a> {
             return Some("no estimate".to_owned());
         }
         outside_note(outside, all)
+    }
+
+    /// Returns the opacity of a stretch of a track, relative to that of the track.
+    pub(super) fn opacity(&self, is_seen: bool) -> f64 {
+        if is_seen { 1.0 } else { self.unseen_opacity }
     }
 
     fn has_estimate(&self) -> bool {
@@ -378,7 +409,7 @@ impl<'a> Figures<'a> {
         Ok(())
     }
 
-    /// Draws tracks, and the truth as a thin line on top so that both are visible. Parts outside the panel are cut
+    /// Draws tracks, pale where the target was not seen, and the truth as a thin line on top so that both are visible. Parts outside the panel are cut
     /// off; a note states how many estimates they contain.
     fn draw_paths(
         &self,
@@ -390,11 +421,13 @@ impl<'a> Figures<'a> {
         for (paths, (opacity, width_px)) in [(&self.tracks, self.stroke), (&self.truth, (1.0, 1.0))]
         {
             for path in paths {
-                for run in &path.runs {
-                    let points: Vec<_> = run.iter().map(&place).collect();
+                let stretches = path.runs.iter().flat_map(|run| Trace::stretches(run));
+                for (stretch, is_seen) in stretches {
+                    let points: Vec<_> = stretch.iter().map(&place).collect();
+                    let style = line(path.color, opacity * self.opacity(is_seen), width_px);
                     for piece in clipped(&points, ranges) {
                         let piece: Vec<_> = piece.into_iter().map(|[x, y]| (x, y)).collect();
-                        draw_path(panel, &piece, line(path.color, opacity, width_px))?;
+                        draw_path(panel, &piece, style)?;
                     }
                 }
             }
@@ -477,6 +510,9 @@ impl<'a> Figures<'a> {
             .enumerate()
             .map(|(i, name)| (Key::Track(PALETTE[i % PALETTE.len()]), (*name).to_owned()))
             .collect();
+        if self.unseen_opacity < 1.0 && self.estimates().any(|p| !p.is_seen) {
+            entries.push((Key::Unseen(self.unseen_opacity), "occluded".to_owned()));
+        }
         if against_time && self.points().any(|p| p.two_sigma_m.is_some()) {
             entries.push((Key::Band, "± 2 σ".to_owned()));
         }

@@ -19,6 +19,7 @@ fn helix(name: &str, phase: f64) -> TrackSeries {
                 ]
             }),
             covariance_m2: Some([sigma_m * sigma_m, 0.0, 0.0, sigma_m * sigma_m, 0.0, 1e-4]),
+            is_seen: true,
         }
     };
     TrackSeries {
@@ -42,6 +43,7 @@ fn one_row(position_m: Option<[f64; 3]>, covariance_m2: Option<[f64; 6]>) -> Tra
         time_s: 0.0,
         position_m,
         covariance_m2,
+        is_seen: true,
     };
     TrackSeries {
         name: "ball".to_owned(),
@@ -139,6 +141,7 @@ fn degenerate_tracks_make_plots_nevertheless() {
                     time_s: 1.7e9 + f64::from(i) * 1e-7,
                     position_m: Some([5.0, 5.0 + f64::from(i) * 1e-12, -0.0]),
                     covariance_m2: Some([0.0; 6]),
+                    is_seen: true,
                 })
                 .collect(),
         }],
@@ -226,6 +229,7 @@ fn the_true_path_of_a_thrown_ball_is_drawn() {
                     z + 0.02 * (9.0 * time_s).cos(),
                 ]),
                 covariance_m2: Some([4e-4, 0.0, 0.0, 9e-4, 0.0, 4e-4]),
+                is_seen: true,
             })
             .collect(),
     };
@@ -262,4 +266,64 @@ fn bands_need_variances() {
         Some([4.0, 2.0, 0.0])
     );
     assert_eq!(band(Some([4.0, 0.0, 0.0, 1.0, 0.0, f64::NAN])), None);
+}
+
+#[test]
+fn positions_of_occluded_targets_are_pale() {
+    let mut track = helix("ball", 0.0);
+    let svgs = |track: &TrackSeries, folder: &str| {
+        let folder = test_folder(folder);
+        let paths = write_track_plots(&folder, std::slice::from_ref(track), &[], &[]).unwrap();
+        let paths = paths
+            .iter()
+            .filter(|path| path.extension() == Some("svg".as_ref()));
+        paths
+            .map(|path| std::fs::read_to_string(path).unwrap())
+            .collect::<Vec<_>>()
+    };
+    for svg in svgs(&track, "plots-seen") {
+        assert!(
+            !svg.contains("occluded") && !svg.contains("opacity=\"0.35\""),
+            "{svg}"
+        );
+    }
+    for row in &mut track.rows[50..60] {
+        row.is_seen = false;
+    }
+    for svg in svgs(&track, "plots-occluded") {
+        assert!(
+            svg.contains("occluded") && svg.contains("opacity=\"0.35\""),
+            "{svg}"
+        );
+    }
+}
+
+#[test]
+fn stretches_share_their_ends() {
+    let run: Vec<Point> = [true, true, false, true, true, true]
+        .into_iter()
+        .zip(0..)
+        .map(|(is_seen, time)| Point {
+            time_s: f64::from(time),
+            position_m: [0.0; 3],
+            two_sigma_m: None,
+            is_seen,
+        })
+        .collect();
+    let times = |run: &[Point]| -> Vec<(Vec<f64>, bool)> {
+        let stretches = Trace::stretches(run).into_iter();
+        let times =
+            stretches.map(|(points, seen)| (points.iter().map(|p| p.time_s).collect(), seen));
+        times.collect()
+    };
+    assert_eq!(
+        times(&run),
+        [
+            (vec![0.0, 1.0], true),
+            (vec![1.0, 2.0, 3.0], false),
+            (vec![3.0, 4.0, 5.0], true)
+        ]
+    );
+    assert_eq!(times(&run[2..3]), [(vec![2.0], false)]);
+    assert_eq!(times(&[]), []);
 }

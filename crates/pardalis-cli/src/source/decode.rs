@@ -1,7 +1,7 @@
 //! Decoding of JPEG and PNG files; errors name the file.
 
 use std::fs;
-use std::io;
+use std::io::{self, Read as _};
 use std::path::Path;
 
 use anyhow::Result;
@@ -40,6 +40,25 @@ pub(crate) fn decode_mask(path: &Path) -> Result<GrayImage> {
 /// As [`decode_image`], except for damage inside the compressed data.
 pub(crate) fn image_size(path: &Path) -> Result<(usize, usize)> {
     decoded(path, size)
+}
+
+/// Returns "image" or "video" if a file is one by its first bytes, to tell users that it is at the wrong place.
+pub(crate) fn media_kind(path: &Path) -> Option<&'static str> {
+    // No pipe, which would keep the program waiting.
+    if !path.is_file() {
+        return None;
+    }
+    let mut head = Vec::new();
+    let mut file = fs::File::open(path).ok()?.take(12);
+    file.read_to_end(&mut head).ok()?;
+    match &head[..] {
+        [0xFF, 0xD8, 0xFF, ..] | [0x89, b'P', b'N', b'G', ..] => Some("image"),
+        // MP4 and MOV, Matroska and WebM, AVI.
+        [_, _, _, _, b'f', b't', b'y', b'p', ..]
+        | [0x1A, 0x45, 0xDF, 0xA3, ..]
+        | [b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', ..] => Some("video"),
+        _ => None,
+    }
 }
 
 /// Fails with the reason if an image cannot be a file of a possible length.

@@ -2,9 +2,9 @@
 
 use std::collections::VecDeque;
 use std::ffi::OsStr;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,12 +15,15 @@ use pardalis_images::MAX_PIXELS;
 use pardalis_scene::{Protocol, VideoFormat, VideoInput, VideoPlace, VideoSettings};
 use serde::Deserialize;
 
-use super::TimeSpan;
 use super::nut::Nut;
+use super::{TimeSpan, start_thread};
 use crate::user_error::user_error;
 
 /// Number of ffmpeg's last messages that an error quotes.
 const QUOTED_LINES: usize = 5;
+
+/// Longer messages of ffmpeg are read in parts, in bytes.
+const MAX_MESSAGE_BYTES: u64 = 1 << 16;
 
 /// Name of the filter that reports the colours of a stream; it distinguishes these lines from all other messages.
 const COLOR_FILTER: &str = "showinfo@pardalis";
@@ -106,6 +109,7 @@ impl Programs {
                 "-print_format",
                 "json",
                 "-show_streams",
+                "-show_format",
                 "-select_streams",
                 "V:0",
             ])
@@ -124,11 +128,7 @@ impl Programs {
                 lines[lines.len().saturating_sub(QUOTED_LINES)..].join("\n")
             ));
         }
-        let probed: Probed = serde_json::from_slice(&output.stdout)
-            .with_context(|| format!("{input}: ffprobe's output cannot be parsed"))?;
-        probed.streams.into_iter().next().ok_or_else(|| {
-            user_error!("{input}: there is no video stream in it; give a file or device with video")
-        })
+        probed_in(input, &output.stdout)
     }
 
     /// Starts to decode the first video stream of a file with these filters. Every frame of the stream is written once,
@@ -210,14 +210,15 @@ impl Programs {
         });
         let (sender, colors) = channel();
         let reader = Arc::clone(&process);
+        let log = start_thread(move || read_log(messages, sender, &reader.error_count));
+        // Otherwise nothing would end it.
+        let log = log.inspect_err(|_| process.kill())?;
         Ok(Decode {
             frames: Frames {
                 nut: Nut::new(BufReader::with_capacity(PIPE_BYTES, frames)),
             },
             colors,
-            log: Some(std::thread::spawn(move || {
-                read_log(messages, sender, &reader)
-            })),
+            log: Some(log),
             process,
         })
     }
@@ -254,9 +255,20 @@ fn can_end_with_parent(setpriv: &Path) -> bool {
 
 /// Returns the error of a video whose format is not in the list of those that are allowed, with ffmpeg's message.
 pub(super) fn not_allowed(input: &str, message: &str) -> anyhow::Error {
+    if message.contains("[jpeg_pipe") {
+        return without_stamps(input, "mjpeg");
+    }
     user_error!(
         "{input}: its content names other files or addresses, or has a format that is not allowed; \
          convert it into a video file, such as MP4. ffmpeg's message:\n{message}"
+    )
+}
+
+/// Returns the error of a raw stream of a format that the scene does not name: ffmpeg would take it for 25 frames a second.
+pub(super) fn without_stamps(input: &str, format: &str) -> anyhow::Error {
+    user_error!(
+        "{input}: is a raw stream without time stamps; give input.format = \"{format}\" and fps, or put it into a container: \
+         ffmpeg -f {format} -framerate FPS -i STREAM -c copy clip.mkv"
     )
 }
 
@@ -339,7 +351,11 @@ fn opening(video: &VideoInput) -> Vec<String> {
 
 /// Returns the options before `-i` that only ffmpeg has.
 fn reading(settings: &VideoSettings) -> Vec<String> {
+    // Such a stream may state another rate, which ffmpeg prefers to `-framerate`.
+    let may_state_rate = matches!(settings.format, Some(VideoFormat::H264 | VideoFormat::Hevc));
+    let fps = settings.fps.filter(|_| may_state_rate);
     let mut arguments = given([
+        ("-r", fps.map(|fps| fps.to_string())),
         (
             "-hwaccel",
             settings.hardware.map(|hardware| hardware.name().to_owned()),
@@ -379,17 +395,38 @@ pub(super) fn is_live(video: &VideoInput) -> bool {
     video.settings.real_time || !is_file(&video.place)
 }
 
+/// Parses the first stream in ffprobe's output. Errors name `input`.
+pub(super) fn probed_in(input: &str, output: &[u8]) -> Result<ProbedStream> {
+    let probed: Probed = serde_json::from_slice(output)
+        .with_context(|| format!("{input}: ffprobe's output cannot be parsed"))?;
+    let stream = probed.streams.into_iter().next().ok_or_else(|| {
+        user_error!("{input}: there is no video stream in it; give a file or device with video")
+    })?;
+    Ok(ProbedStream {
+        format_name: probed.format.format_name,
+        ..stream
+    })
+}
+
 #[derive(Deserialize)]
 struct Probed {
     #[serde(default)]
     streams: Vec<ProbedStream>,
+    #[serde(default)]
+    format: ProbedFormat,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct ProbedFormat {
+    format_name: String,
 }
 
 /// ffprobe's description of a video stream, with its own field names.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct ProbedStream {
-    /// The format of a live stream, which is in its first message; empty for files.
+    /// ffmpeg's name of the format, or several names, separated by commas.
     pub(super) format_name: String,
     pub(super) codec_name: String,
     /// Width in pixels before any rotation.
@@ -436,7 +473,8 @@ impl ProbedStream {
             .max(0.0);
         let (frames, seconds) = self.avg_frame_rate.split_once('/')?;
         let step_s = seconds.parse::<f64>().ok()? / frames.parse::<f64>().ok()?;
-        let is_sound = first_s.is_finite() && duration_s.is_finite() && step_s.is_finite();
+        let is_step = step_s.is_finite() && step_s > 0.0;
+        let is_sound = first_s.is_finite() && duration_s.is_finite() && is_step;
         is_sound.then_some(TimeSpan {
             first_s,
             last_s: first_s + duration_s,
@@ -514,7 +552,7 @@ impl Frames {
 }
 
 /// Returns the time in seconds of a stamp to which ffmpeg has added [`NUT_OFFSET_S`], rounded to ticks as ffmpeg does.
-fn seconds(ticks: i64, (numerator, denominator): (u64, u64)) -> f64 {
+pub(super) fn seconds(ticks: i64, (numerator, denominator): (u64, u64)) -> f64 {
     let (numerator, denominator) = (numerator as f64, denominator as f64);
     let offset = (NUT_OFFSET_S as f64 * denominator / numerator).round();
     (ticks.wrapping_sub(offset as i64) as f64 * numerator) / denominator
@@ -549,7 +587,11 @@ impl Process {
 }
 
 /// Drains ffmpeg's messages until it ends: forwards the colours, counts errors, and returns the last other messages.
-fn read_log(messages: ChildStderr, colors: Sender<ProbedStream>, process: &Process) -> Vec<String> {
+pub(super) fn read_log(
+    messages: impl Read,
+    colors: Sender<ProbedStream>,
+    error_count: &AtomicUsize,
+) -> Vec<String> {
     let mut last = VecDeque::new();
     let mut colors = Some(colors);
     let mut stream = ProbedStream::default();
@@ -558,7 +600,8 @@ fn read_log(messages: ChildStderr, colors: Sender<ProbedStream>, process: &Proce
     loop {
         line.clear();
         // Bytes instead of text: file names in messages may have any encoding.
-        match messages.read_until(b'\n', &mut line) {
+        let mut part = messages.by_ref().take(MAX_MESSAGE_BYTES);
+        match part.read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => break,
             Ok(_) => {}
         }
@@ -577,7 +620,7 @@ fn read_log(messages: ChildStderr, colors: Sender<ProbedStream>, process: &Proce
             codec.clone_into(&mut stream.codec_name);
         }
         if line.contains("[error]") || line.contains("[fatal]") || line.contains("[panic]") {
-            process.error_count.fetch_add(1, Ordering::Relaxed);
+            error_count.fetch_add(1, Ordering::Relaxed);
         } else if !line.contains("[warning]") {
             continue;
         }

@@ -10,6 +10,7 @@ use pardalis_scene::VideoInput;
 
 use super::ffmpeg::{Decode, ProbedStream, Process, Programs, name_of, not_allowed};
 use super::running::Running;
+use super::start_thread;
 use crate::output::{note, warn};
 use crate::timing::{Stopwatch, now_s};
 use crate::user_error::user_error;
@@ -19,6 +20,17 @@ const FIRST_FRAME_TIMEOUT_S: f64 = 20.0;
 
 /// How long to wait for a live source before a message appears.
 const SILENT_WAIT: Duration = Duration::from_secs(2);
+
+/// A camera's clock has been set if it goes back by more than this, in seconds. Frames that are delivered in another order do
+/// not differ by so much.
+const SET_BACK_S: f64 = 1.0;
+
+/// A camera's clock has been set if a frame is further ahead of this computer's clock than any before by more than this, in
+/// seconds. Frames that a slow camera lost while a network held back the others do not look so far ahead.
+const SET_FORWARD_S: f64 = 5.0;
+
+/// Number of jumps of a camera's clock that are reported; all are counted.
+const NAMED_JUMPS: usize = 3;
 
 /// How long to wait before each attempt to open a source again: long enough for a device to be released.
 const PAUSE: Duration = Duration::from_millis(500);
@@ -54,9 +66,23 @@ impl Again {
         })
     }
 
-    /// Returns the time of a frame with this time stamp that arrives now, in seconds.
-    pub(super) fn time_s(&mut self, stamp_s: f64) -> f64 {
-        self.clock.time_at_s(stamp_s, now_s())
+    /// Returns the time of a frame with this time stamp that arrives now, in seconds. Says so if the camera's clock has been
+    /// set.
+    pub(super) fn time_s(&mut self, running: &Running, stamp_s: f64) -> f64 {
+        let (time_s, jump_s) = self.clock.time_at_s(stamp_s, now_s());
+        if let Some(jump_s) = jump_s {
+            let input = name_of(&self.video.place);
+            let jumps = running.count_clock_jump();
+            if jumps <= NAMED_JUMPS {
+                warn(format!(
+                    "{input}: its time stamps jumped by {jump_s:.1} s; the times go on without the jump"
+                ));
+            }
+            if jumps == NAMED_JUMPS {
+                warn(format!("{input}: further jumps are counted, but not named"));
+            }
+        }
+        time_s
     }
 
     /// Tries to open the source until it succeeds, `check` accepts its stream and its size in pixels, the time is over or
@@ -104,29 +130,42 @@ impl Again {
     }
 }
 
-/// The clock of a live source that continues when the source is opened again.
+/// The clock of a live source that continues when the source is opened again or the clock is set.
 #[derive(Default)]
 struct SteadyClock {
     offset_s: f64,
     /// The last time, and when its frame arrived, in seconds.
     last: Option<(f64, f64)>,
+    /// How far the time of the frame that arrived soonest was ahead of its arrival, in seconds.
+    lead_s: Option<f64>,
     /// Whether the next frame is the first after a failure.
     is_reopened: bool,
 }
 
 impl SteadyClock {
-    /// Returns the time of a frame with this time stamp that arrives at this time, in seconds.
-    fn time_at_s(&mut self, stamp_s: f64, arrival_s: f64) -> f64 {
-        if let (true, Some((last_s, last_arrival_s))) = (self.is_reopened, self.last) {
+    /// Returns the time of a frame with this time stamp that arrives at this time, in seconds, and the jump of the time stamps
+    /// if they jumped while the source was open.
+    fn time_at_s(&mut self, stamp_s: f64, arrival_s: f64) -> (f64, Option<f64>) {
+        let mut time_s = stamp_s + self.offset_s;
+        let mut jump_s = None;
+        if let (Some((last_s, last_arrival_s)), Some(lead_s)) = (self.last, self.lead_s) {
             let expected_s = last_s + arrival_s - last_arrival_s;
-            if (stamp_s + self.offset_s - expected_s).abs() > SAME_CLOCK_S {
+            let has_jumped = if self.is_reopened {
+                (time_s - expected_s).abs() > SAME_CLOCK_S
+            } else {
+                time_s < last_s - SET_BACK_S || time_s - arrival_s > lead_s + SET_FORWARD_S
+            };
+            if has_jumped {
+                jump_s = (!self.is_reopened).then_some(time_s - expected_s);
                 self.offset_s = expected_s - stamp_s;
+                time_s = expected_s;
             }
-            self.is_reopened = false;
         }
-        let time_s = stamp_s + self.offset_s;
+        self.is_reopened = false;
         self.last = Some((time_s, arrival_s));
-        time_s
+        let lead_s = time_s - arrival_s;
+        self.lead_s = Some(self.lead_s.map_or(lead_s, |known_s| known_s.max(lead_s)));
+        (time_s, jump_s)
     }
 }
 
@@ -156,7 +195,7 @@ pub(super) fn first_of(
     limit: Duration,
     announce: Announce,
 ) -> Result<(ProbedStream, (usize, usize))> {
-    let watch = Watch::start(input, &decode.process, limit, announce);
+    let watch = Watch::start(input, &decode.process, limit, announce)?;
     let size_px = decode.frames.size_px();
     let stream = decode.colors.recv();
     if watch.has_expired() {
@@ -183,9 +222,21 @@ pub(super) fn first_of(
         return Err(not_allowed(input, &messages[0]));
     }
     Err(user_error!(
-        "{input}: ffmpeg cannot open it; check the name (`pardalis devices` lists cameras), and the keys `fps` and `input`. {}",
+        "{input}: ffmpeg cannot open it; {}, and the keys `fps` and `input`. {}",
+        what_to_check(input),
         quoted(&messages)
     ))
+}
+
+/// Returns what is probably wrong with a source that cannot be opened.
+fn what_to_check(input: &str) -> &'static str {
+    if input == name_of(&pardalis_scene::VideoPlace::StandardInput) {
+        "it is empty, or an MP4, which cannot be read from a pipe (give the name of the file, or pipe Matroska or MPEG-TS); else check its format"
+    } else if input.contains("://") {
+        "check the address and the network"
+    } else {
+        "check the name (`pardalis devices` lists cameras)"
+    }
 }
 
 /// Tells the user that a source keeps them waiting, and ends ffmpeg after a time.
@@ -196,10 +247,15 @@ struct Watch {
 }
 
 impl Watch {
-    fn start(input: &str, process: &Arc<Process>, limit: Duration, announce: Announce) -> Self {
+    fn start(
+        input: &str,
+        process: &Arc<Process>,
+        limit: Duration,
+        announce: Announce,
+    ) -> Result<Self> {
         let (open, is_open) = channel();
         let (input, process) = (input.to_owned(), Arc::clone(process));
-        let thread = std::thread::spawn(move || {
+        let thread = start_thread(move || {
             let waits = |time| is_open.recv_timeout(time) == Err(RecvTimeoutError::Timeout);
             let silent = SILENT_WAIT.min(limit);
             if waits(silent) {
@@ -215,11 +271,11 @@ impl Watch {
                 }
             }
             false
-        });
-        Self {
+        })?;
+        Ok(Self {
             open: Some(open),
             thread: Some(thread),
-        }
+        })
     }
 
     /// Ends the watch. Reports whether it has ended ffmpeg.
@@ -243,13 +299,53 @@ mod tests {
             ([9000.0, 9000.1], [107.25, 107.35]),
         ] {
             let mut clock = SteadyClock::default();
-            assert_eq!(clock.time_at_s(104.0, 50.0), 104.0);
+            assert_eq!(clock.time_at_s(104.0, 50.0), (104.0, None));
             clock.is_reopened = true;
             let times_s = [(after_s[0], 53.25), (after_s[1], 53.25)];
             for ((stamp_s, arrival_s), wanted_s) in times_s.into_iter().zip(wanted_s) {
-                let found_s = clock.time_at_s(stamp_s, arrival_s);
+                let (found_s, jump_s) = clock.time_at_s(stamp_s, arrival_s);
                 assert!((found_s - wanted_s).abs() < 1e-9, "{found_s} {wanted_s}");
+                assert_eq!(jump_s, None);
             }
+        }
+    }
+
+    #[test]
+    fn only_stamps_that_a_steady_clock_cannot_have_are_jumps() {
+        // Stamps and arrivals after a frame at 100 s that arrived at 50 s, and the times that are wanted.
+        for (name, frames, wanted_s, jumps) in [
+            ("late", [(100.1, 53.0), (100.2, 53.0)], [100.1, 100.2], 0),
+            (
+                "caught up",
+                [(100.1, 53.0), (103.1, 53.1)],
+                [100.1, 103.1],
+                0,
+            ),
+            ("lost", [(700.0, 650.0), (700.1, 650.1)], [700.0, 700.1], 0),
+            ("reordered", [(99.9, 50.1), (100.2, 50.2)], [99.9, 100.2], 0),
+            ("set back", [(40.0, 50.1), (40.2, 50.3)], [100.1, 100.3], 1),
+            (
+                "set forward",
+                [(3700.0, 50.1), (3700.2, 50.3)],
+                [100.1, 100.3],
+                1,
+            ),
+            (
+                "one stamp",
+                [(3700.0, 50.1), (100.2, 50.2)],
+                [100.1, 100.2],
+                2,
+            ),
+        ] {
+            let mut clock = SteadyClock::default();
+            clock.time_at_s(100.0, 50.0);
+            let mut found_jumps = 0;
+            for ((stamp_s, arrival_s), wanted_s) in frames.into_iter().zip(wanted_s) {
+                let (found_s, jump_s) = clock.time_at_s(stamp_s, arrival_s);
+                assert!((found_s - wanted_s).abs() < 1e-9, "{name}: {found_s}");
+                found_jumps += usize::from(jump_s.is_some());
+            }
+            assert_eq!(found_jumps, jumps, "{name}");
         }
     }
 }

@@ -2,6 +2,8 @@
 
 pub(crate) mod decode;
 mod ffmpeg;
+#[cfg(any(test, feature = "fuzz"))]
+pub(crate) mod fuzzing;
 mod images;
 mod live;
 mod nut;
@@ -12,17 +14,18 @@ mod video;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError, sync_channel};
 use std::task::Poll;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use pardalis::color::YuvEncoding;
 use pardalis::{Frame, PixelFormat};
 use pardalis_scene::{FrameRange, VideoInput};
 use serde::Serialize;
 
+use crate::interrupt;
 use crate::timing::{Stopwatch, now_s};
 use crate::user_error::user_error;
 use ffmpeg::Programs;
@@ -38,6 +41,18 @@ const BYTES_AHEAD: usize = 64 << 20;
 
 /// How long to wait for each of the first frames of a live camera if they are needed at once.
 const FIRST_FRAME_WAIT: Duration = Duration::from_secs(5);
+
+/// How often a wait for a frame looks for an interrupt.
+const INTERRUPT_POLL: Duration = Duration::from_millis(100);
+
+/// Starts a thread. Fails if the system allows no further one.
+fn start_thread<T: Send + 'static>(
+    run: impl FnOnce() -> T + Send + 'static,
+) -> Result<JoinHandle<T>> {
+    std::thread::Builder::new().spawn(run).context(
+        "no further thread can be started; use fewer cameras, or allow more memory or threads (ulimit -v, ulimit -u)",
+    )
+}
 
 /// An ffmpeg that lists the formats of cameras.
 pub(crate) struct CameraFormats(Programs);
@@ -118,6 +133,8 @@ pub(crate) struct Counters {
     pub(crate) ffmpeg_errors: usize,
     /// How often a live source was opened again after it had failed.
     pub(crate) reopened: usize,
+    /// How often the clock of a live source was set while it was open.
+    pub(crate) clock_jumps: usize,
     /// Time spent decoding, in parallel with tracking, in seconds. For videos: time waiting for ffmpeg.
     pub(crate) decode_s: f64,
 }
@@ -200,7 +217,7 @@ impl Source {
             SourceKind::Images { folder, timing } => {
                 let frames = ImageFrames::open(folder, timing, config.frames)?;
                 let input = folder.display().to_string();
-                Ok(Self::of_images(input, frames, config.time_offset_s))
+                Self::of_images(input, frames, config.time_offset_s)
             }
             SourceKind::Video { video, encoding } => {
                 let search_path = std::env::var_os("PATH").unwrap_or_default();
@@ -216,7 +233,7 @@ impl Source {
                 } else {
                     Clock::Recorded
                 };
-                let mut source = Self::start(description, clock, config.time_offset_s, frames);
+                let mut source = Self::start(description, clock, config.time_offset_s, frames)?;
                 source.is_live = is_live;
                 source.process = Some(process);
                 source.span = span.map(|span| span.moved(config.time_offset_s));
@@ -228,10 +245,10 @@ impl Source {
     /// Opens one or more unrelated JPEG and PNG images of one size; their times are one second apart.
     pub(crate) fn stills(files: &[PathBuf]) -> Result<Self> {
         let input = "images of the command line".to_owned();
-        Ok(Self::of_images(input, ImageFrames::stills(files)?, 0.0))
+        Self::of_images(input, ImageFrames::stills(files)?, 0.0)
     }
 
-    fn of_images(input: String, frames: ImageFrames, time_offset_s: f64) -> Self {
+    fn of_images(input: String, frames: ImageFrames, time_offset_s: f64) -> Result<Self> {
         let description = Description {
             input,
             content: frames.content(),
@@ -241,9 +258,9 @@ impl Source {
             frame_count: Some(frames.frame_count()),
         };
         let span = frames.span().moved(time_offset_s);
-        let mut source = Self::start(description, Clock::Recorded, time_offset_s, frames);
+        let mut source = Self::start(description, Clock::Recorded, time_offset_s, frames)?;
         source.span = Some(span);
-        source
+        Ok(source)
     }
 
     fn start(
@@ -251,14 +268,14 @@ impl Source {
         clock: Clock,
         time_offset_s: f64,
         mut pixels: impl Iterator<Item = Result<Pixels>> + Send + 'static,
-    ) -> Self {
+    ) -> Result<Self> {
         let (width, height) = description.size_px;
         let format = description.pixel_format;
         let ahead = BYTES_AHEAD / format.byte_count(width, height).max(1);
         let (sender, receiver) = sync_channel(ahead.clamp(1, FRAMES_AHEAD));
         let encoding = description.encoding.unwrap_or_default();
         let input = description.input.clone();
-        let thread = std::thread::spawn(move || {
+        let thread = start_thread(move || {
             let mut arrived_s = f64::NEG_INFINITY;
             loop {
                 let watch = Stopwatch::start();
@@ -290,8 +307,8 @@ impl Source {
                     break;
                 }
             }
-        });
-        Self {
+        })?;
+        Ok(Self {
             description,
             span: None,
             is_live: false,
@@ -299,7 +316,7 @@ impl Source {
             peeked: VecDeque::new(),
             decoding: Some((receiver, thread)),
             process: None,
-        }
+        })
     }
 
     /// Returns the width and height of every frame in pixels.
@@ -400,6 +417,7 @@ impl Source {
         Counters {
             ffmpeg_errors: running.map_or(0, |running| running.error_count()),
             reopened: running.map_or(0, |running| running.reopened()),
+            clock_jumps: running.map_or(0, |running| running.clock_jumps()),
             ..self.counters
         }
     }
@@ -419,13 +437,17 @@ impl Source {
         }
     }
 
-    /// Waits for the next delivery.
+    /// Waits for the next delivery. An interrupt ends the wait, in case that nothing ever comes.
     fn receive(&mut self) -> Option<Result<Delivery>> {
-        let (receiver, _) = self.decoding.as_ref()?;
-        match receiver.recv() {
-            Ok(decoded) => Some(self.counted(decoded)),
-            Err(_) => self.end(),
+        while !interrupt::requested() {
+            let (receiver, _) = self.decoding.as_ref()?;
+            match receiver.recv_timeout(INTERRUPT_POLL) {
+                Ok(decoded) => return Some(self.counted(decoded)),
+                Err(RecvTimeoutError::Disconnected) => return self.end(),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
         }
+        None
     }
 
     /// Waits for the next delivery, but not for long if the source is live.

@@ -4,7 +4,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use anyhow::Result;
+
 use super::ffmpeg::Process;
+use super::start_thread;
 use crate::timing::Stopwatch;
 
 /// How often a [`Watchdog`] looks.
@@ -24,6 +27,7 @@ struct State {
     /// Errors that earlier processes reported.
     earlier_errors: usize,
     reopened: usize,
+    clock_jumps: usize,
     is_stopped: bool,
     /// Runs while a frame is waited for.
     wait: Option<Stopwatch>,
@@ -50,6 +54,7 @@ impl Running {
                 is_attempt: false,
                 earlier_errors: 0,
                 reopened: 0,
+                clock_jumps: 0,
                 is_stopped: false,
                 wait: None,
                 was_silent: false,
@@ -112,6 +117,18 @@ impl Running {
         self.state().reopened
     }
 
+    /// Notes that the time stamps of the source have jumped, and returns how often they have so far.
+    pub(super) fn count_clock_jump(&self) -> usize {
+        let mut state = self.state();
+        state.clock_jumps += 1;
+        state.clock_jumps
+    }
+
+    /// Returns how often the time stamps of the source have jumped.
+    pub(super) fn clock_jumps(&self) -> usize {
+        self.state().clock_jumps
+    }
+
     /// Returns the number of errors that ffmpeg has reported so far.
     pub(super) fn error_count(&self) -> usize {
         self.state().error_count()
@@ -126,8 +143,8 @@ impl Running {
 pub(super) struct Watchdog(Option<JoinHandle<()>>);
 
 impl Watchdog {
-    pub(super) fn start(running: Arc<Running>, limit: Duration) -> Self {
-        Self(Some(std::thread::spawn(move || {
+    pub(super) fn start(running: Arc<Running>, limit: Duration) -> Result<Self> {
+        let thread = start_thread(move || {
             while !running.is_stopped_after(LOOK) {
                 let mut state = running.state();
                 let is_silent = |wait: &Stopwatch| wait.elapsed_s() > limit.as_secs_f64();
@@ -136,7 +153,8 @@ impl Watchdog {
                     state.process.kill();
                 }
             }
-        })))
+        })?;
+        Ok(Self(Some(thread)))
     }
 }
 

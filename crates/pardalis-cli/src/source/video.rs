@@ -11,11 +11,14 @@ use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 use pardalis_images::MAX_PIXELS;
 use pardalis_scene::{FrameRange, VideoInput};
 
-use super::ffmpeg::{Decode, ProbedStream, Programs, is_file, name_of};
+use super::ffmpeg::{Decode, ProbedStream, Programs, is_file, name_of, without_stamps};
 use super::live::{Again, Announce, first_of, quoted, timeout};
 use super::running::{Running, Watchdog};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
 use crate::user_error::user_error;
+
+/// Formats without time stamps that ffmpeg recognises, and for which it assumes a frame rate.
+const RAW_FORMATS: [&str; 3] = ["h264", "hevc", "mjpeg"];
 
 /// A picture with at least this number of lines counts as high definition if it does not state its matrix.
 const HIGH_DEFINITION_LINES: usize = 720;
@@ -80,6 +83,9 @@ impl VideoFrames {
             let layout = Layout::of_live(input, &stream, encoding)?;
             (stream, layout, size_px, decode)
         };
+        if video.settings.format.is_none() && RAW_FORMATS.contains(&&*stream.format_name) {
+            return Err(without_stamps(input, &stream.format_name));
+        }
         let (width, height) = size_px;
         let description = Description {
             input: input.to_owned(),
@@ -95,7 +101,8 @@ impl VideoFrames {
         let again = Again::of(programs, video);
         let watchdog = again
             .as_ref()
-            .map(|_| Watchdog::start(Arc::clone(&running), timeout(video)));
+            .map(|_| Watchdog::start(Arc::clone(&running), timeout(video)))
+            .transpose()?;
         let frames = Self {
             input: input.to_owned(),
             span: stream.span(&video.settings),
@@ -199,7 +206,7 @@ impl VideoFrames {
         Ok(Some(TimedBytes {
             bytes,
             time_s: match &mut self.again {
-                Some(again) => again.time_s(time_s),
+                Some(again) => again.time_s(&self.running, time_s),
                 None => time_s,
             },
             arrival_s: None,
@@ -250,7 +257,7 @@ impl VideoFrames {
 }
 
 /// Fails if images of this size cannot be tracked.
-fn check_size(input: &str, (width, height): (usize, usize)) -> Result<()> {
+pub(super) fn check_size(input: &str, (width, height): (usize, usize)) -> Result<()> {
     // ffmpeg reports no size for videos that are larger than it may decode.
     if width == 0 || height == 0 {
         return Err(user_error!(
@@ -305,7 +312,7 @@ impl Drop for VideoFrames {
 }
 
 /// Returns the size at which ffmpeg delivers the frames, after rotating them upright.
-fn upright_size_px(stream: &ProbedStream) -> (usize, usize) {
+pub(super) fn upright_size_px(stream: &ProbedStream) -> (usize, usize) {
     if stream.rotation_deg().rem_euclid(180) == 90 {
         (stream.height, stream.width)
     } else {
@@ -314,7 +321,7 @@ fn upright_size_px(stream: &ProbedStream) -> (usize, usize) {
 }
 
 /// Returns a description of the stream and its conversion.
-fn content(stream: &ProbedStream, layout: &Layout) -> String {
+pub(super) fn content(stream: &ProbedStream, layout: &Layout) -> String {
     let conversion = if layout.pix_fmt == stream.pix_fmt {
         String::new()
     } else {
@@ -332,7 +339,7 @@ fn content(stream: &ProbedStream, layout: &Layout) -> String {
 
 /// The pixel format of the frames, and ffmpeg's conversion to it.
 #[derive(Debug, PartialEq)]
-struct Layout {
+pub(super) struct Layout {
     format: PixelFormat,
     /// The same as ffmpeg's name.
     pix_fmt: String,
@@ -346,7 +353,7 @@ struct Layout {
 
 impl Layout {
     /// Chooses the stream's own format if it is supported, otherwise the nearest one.
-    fn of(stream: &ProbedStream, given: Option<YuvEncoding>) -> Self {
+    pub(super) fn of(stream: &ProbedStream, given: Option<YuvEncoding>) -> Self {
         let encoding = given.or_else(|| encoding_of(stream));
         let source = stream.pix_fmt.as_str();
         let (format, pix_fmt) = nearest_format(source);
@@ -390,7 +397,11 @@ impl Layout {
     }
 
     /// Returns the layout of a stream whose format ffmpeg has chosen.
-    fn of_live(input: &str, stream: &ProbedStream, given: Option<YuvEncoding>) -> Result<Self> {
+    pub(super) fn of_live(
+        input: &str,
+        stream: &ProbedStream,
+        given: Option<YuvEncoding>,
+    ) -> Result<Self> {
         let (format, pix_fmt) = nearest_format(&stream.pix_fmt);
         let encoding = given.or_else(|| encoding_of(stream));
         let encoding = match format {

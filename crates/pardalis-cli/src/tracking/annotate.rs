@@ -5,16 +5,17 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::tracker::Verdict;
+use libm::hypot;
+use pardalis::tracker::{TrackState, Verdict};
 use pardalis::view::View;
-use pardalis::{CameraId, TargetId};
+use pardalis::{CameraId, Estimate, TargetId};
 use pardalis_filter::Particles;
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_scene::{BodyConfig, Scene, TargetConfig};
 
 use super::{Annotate, Instant, Options, Sink};
 use crate::draw::PALETTE;
-use crate::draw::overlay::{Mark, Note, Overlay, Shape, annotated};
+use crate::draw::overlay::{Mark, Note, Overlay, Shape, Zoomed, annotated};
 use crate::draw::picture::{picture_of, write_picture};
 use crate::user_error::user_error;
 
@@ -41,6 +42,9 @@ fn remove_frames(folder: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
+/// The last positions of a target, each with whether it was seen there; `None` where there was no estimate.
+type Trail = VecDeque<Option<([f64; 3], bool)>>;
+
 /// Writes one JPEG per frame.
 pub(crate) struct Annotator {
     folder: PathBuf,
@@ -49,8 +53,8 @@ pub(crate) struct Annotator {
     targets: Vec<TargetConfig>,
     has_trails: bool,
     has_candidates: bool,
-    /// The last positions of each target; `None` where there was no estimate.
-    trails: Vec<VecDeque<Option<[f64; 3]>>>,
+    /// The trail of each target.
+    trails: Vec<Trail>,
 }
 
 impl Annotator {
@@ -89,21 +93,13 @@ impl Annotator {
         &self.folder
     }
 
-    /// Returns the trail and the particles of each target, the contours of the best particle in white and those of
-    /// the mean in black, as in the paper.
+    /// Returns the trail of each target, dashed where it was occluded, its particles, the contours of the best particle in
+    /// white and those of the mean in black, as in the paper; the black ones wider, so that they show where both agree.
     fn marks(&self, instant: &Instant, view: &View) -> Result<Vec<Mark>> {
         let mut marks = Vec::new();
         for (number, estimate) in instant.estimates.iter().enumerate() {
-            let points_px = self.trails[number]
-                .iter()
-                .map(|p| p.and_then(|p| pixel_of(view, p)))
-                .collect();
-            marks.push(Mark {
-                shape: Shape::Line,
-                points_px,
-                color: PALETTE[number % PALETTE.len()],
-            });
             let color = PALETTE[number % PALETTE.len()];
+            push_trail(&mut marks, &self.trails[number], view, color);
             let target = TargetId::new(number);
             let tracked = instant.tracker.bodies_at(target, instant.time_s)?;
             let clouds = instant.tracker.particles(target)?;
@@ -113,10 +109,7 @@ impl Annotator {
                     continue;
                 };
                 marks.push(cloud(body, particles, view, color));
-                let scale = now.radius.map_or(1.0, |radius| {
-                    2.0 * radius.radius_m / body.shape.diameter_m()
-                });
-                push_outlines(&mut marks, body, (kinematics, scale), view);
+                push_outlines(&mut marks, body, (kinematics, scale_of(body, now)), view);
             }
             if let (Some([front, _]), Some(known)) = (target.heading, &estimate.kinematics)
                 && let Some(front) = &tracked[front].kinematics
@@ -129,10 +122,10 @@ impl Annotator {
 
     /// Returns what was examined in a camera's image, or for all cameras, each with what became of it.
     fn notes(&self, instant: &Instant, camera: CameraId) -> Result<Vec<Note>> {
-        let mut notes = Vec::new();
         if !self.has_candidates {
-            return Ok(notes);
+            return Ok(Vec::new());
         }
+        let mut notes = Vec::new();
         let view = &instant.tracker.views()[camera.index()];
         for (number, target) in self.targets.iter().enumerate() {
             let of_bodies = instant.tracker.candidates(TargetId::new(number))?;
@@ -146,15 +139,18 @@ impl Annotator {
                         Some(blob) => Some(blob.centroid_px),
                         None => pixel_of(view, shown_m(body, candidate.position_m?)),
                     };
-                    Some(Note {
+                    let note = Note {
                         at_px: at_px?,
                         text: candidate.verdict.name(),
                         color: PALETTE[number % PALETTE.len()],
-                    })
+                    };
+                    Some((candidate.verdict, note))
                 }));
             }
         }
-        Ok(notes)
+        // Verdicts are in the order of the tests. The target's own label is on top.
+        notes.sort_by_key(|(verdict, _)| *verdict);
+        Ok(notes.into_iter().map(|(_, note)| note).collect())
     }
 
     fn label(&self, instant: &Instant) -> String {
@@ -179,6 +175,33 @@ impl Annotator {
     }
 }
 
+/// Adds the line through a target's past positions: dashed from and to those where it was not seen.
+fn push_trail(marks: &mut Vec<Mark>, trail: &Trail, view: &View, color: [u8; 3]) {
+    let points: Vec<_> = trail.iter().copied().collect();
+    for (shape, wanted) in [(Shape::Line, true), (Shape::Dashes, false)] {
+        let mut points_px = Vec::new();
+        for pair in points.windows(2) {
+            let ends = match pair {
+                [Some((from, seen)), Some((to, still_seen))]
+                    if (*seen && *still_seen) == wanted =>
+                {
+                    [pixel_of(view, *from), pixel_of(view, *to)]
+                }
+                _ => [None; 2],
+            };
+            if points_px.last() != Some(&ends[0]) {
+                points_px.extend([None, ends[0]]);
+            }
+            points_px.push(ends[1]);
+        }
+        marks.push(Mark {
+            shape,
+            points_px,
+            color,
+        });
+    }
+}
+
 /// Adds the contours of the best particle in white and those of the mean in black.
 fn push_outlines(
     marks: &mut Vec<Mark>,
@@ -191,9 +214,9 @@ fn push_outlines(
         || vec![estimated],
         |contour| contour.sampling.shown_scales(),
     );
-    for (position_m, color) in [
-        (known.position_m, [0; 3]),
-        (known.best_position_m, [255; 3]),
+    for (position_m, shape, color) in [
+        (known.position_m, Shape::WideContour, [0; 3]),
+        (known.best_position_m, Shape::Contour, [255; 3]),
     ] {
         for &scale in &scales {
             let points_px = body.shape.outline_px(
@@ -204,7 +227,7 @@ fn push_outlines(
                 CONTOUR_POINTS,
             );
             marks.push(Mark {
-                shape: Shape::Contour,
+                shape,
                 points_px,
                 color,
             });
@@ -224,6 +247,34 @@ fn cloud(body: &BodyConfig, particles: &Particles, view: &View, color: [u8; 3]) 
         points_px,
         color,
     }
+}
+
+/// Returns the size of a body that is estimated, relative to its shape's.
+fn scale_of(body: &BodyConfig, now: &Estimate) -> f64 {
+    now.radius.map_or(1.0, |radius| {
+        2.0 * radius.radius_m / body.shape.diameter_m()
+    })
+}
+
+/// Returns the part of the image that shows a body; `None` if it is out of view.
+fn zoomed(body: &BodyConfig, now: &Estimate, position_m: [f64; 3], view: &View) -> Option<Zoomed> {
+    let center_px = pixel_of(view, shown_m(body, position_m))?;
+    let outline_px = body.shape.outline_px(
+        view.camera(),
+        view.camera_from_world(),
+        position_m,
+        scale_of(body, now),
+        CONTOUR_POINTS,
+    );
+    let [u, v] = center_px;
+    let distances_px = outline_px
+        .iter()
+        .flatten()
+        .map(|[x, y]| hypot(x - u, y - v));
+    Some(Zoomed {
+        center_px,
+        radius_px: distances_px.fold(0.0, f64::max),
+    })
 }
 
 /// Returns the drawn position of a body at this position: the middle of a flat shape, which lies above its position;
@@ -268,14 +319,15 @@ impl Sink for Annotator {
     fn take(&mut self, instant: &Instant) -> Result<()> {
         for (trail, estimate) in self.trails.iter_mut().zip(instant.estimates) {
             let shown = estimate.kinematics.filter(|_| self.has_trails);
-            trail.push_back(shown.map(|k| k.position_m));
+            let is_seen = estimate.state == TrackState::Tracking;
+            trail.push_back(shown.map(|k| (k.position_m, is_seen)));
             if trail.len() > TRAIL {
                 trail.pop_front();
             }
         }
         for (camera, frame) in instant.frames {
             let view = &instant.tracker.views()[*camera];
-            let first_shown_m = self
+            let zoom = self
                 .targets
                 .iter()
                 .enumerate()
@@ -284,14 +336,15 @@ impl Sink for Annotator {
                         .tracker
                         .bodies_at(TargetId::new(number), instant.time_s);
                     let bodies = bodies.ok()?;
-                    let known = bodies.first()?.kinematics.as_ref()?;
-                    Some(shown_m(&target.bodies[0], known.position_m))
+                    let now = bodies.first()?;
+                    let known = now.kinematics.as_ref()?;
+                    Some(zoomed(&target.bodies[0], now, known.position_m, view))
                 });
             let overlay = Overlay {
                 marks: self.marks(instant, view)?,
                 notes: self.notes(instant, CameraId::new(*camera))?,
                 label: self.label(instant),
-                zoom_at_px: first_shown_m.and_then(|place_m| pixel_of(view, place_m)),
+                zoom: zoom.flatten(),
             };
             let picture = annotated(&picture_of(frame), &overlay);
             write_picture(

@@ -14,6 +14,9 @@ use crate::timing::now_s;
 /// Polling interval of live cameras.
 const POLL: Duration = Duration::from_millis(1);
 
+/// Number of frames that are taken from a live camera before others get their turn.
+const TAKEN_AT_ONCE: usize = 4;
+
 /// Number of broken images per camera that are reported by name; all are counted.
 const NAMED_BROKEN: usize = 3;
 
@@ -177,7 +180,10 @@ impl<'a> FrameSets<'a> {
             let mut arrived = Vec::new();
             let mut ended = 0;
             for camera in 0..self.sources.len() {
-                loop {
+                if self.merge.has_backlog(camera, now_s) {
+                    continue;
+                }
+                for _ in 0..TAKEN_AT_ONCE {
                     match self.sources[camera].poll_next() {
                         Poll::Ready(Some(delivery)) => arrived.extend(self.sort(camera, delivery)),
                         Poll::Ready(None) => {

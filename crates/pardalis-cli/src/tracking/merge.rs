@@ -7,6 +7,14 @@ use serde::Serialize;
 /// Frames closer in time than this form one set, in seconds: triggered cameras whose time stamps were rounded.
 const SAME_INSTANT_S: f64 = 1e-6;
 
+/// Number of frames of a live camera that may wait for tracking. Further ones stay in ffmpeg and in the camera, which drop
+/// frames rather than fill the memory.
+const MAX_BACKLOG: usize = 8;
+
+/// The most memory of frames that wait for earlier ones, in bytes. A recording in which a single time stamp is far too late
+/// would otherwise be held in memory from there to its end.
+const MAX_HELD_BYTES: usize = 1 << 30;
+
 /// When a run ends although there may be further frames.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Limit {
@@ -108,6 +116,8 @@ pub(crate) struct Merge {
     /// How long frames are held after their arrival, in seconds.
     hold_s: f64,
     held: Vec<Held>,
+    /// The most bytes of frames that are held.
+    held_bytes_limit: usize,
     cameras: Vec<Seen>,
     last_set: Option<LastSet>,
     /// Number of emitted sets.
@@ -129,6 +139,7 @@ impl Merge {
         Self {
             hold_s: max_delay_s.max(SAME_INSTANT_S),
             held: Vec::new(),
+            held_bytes_limit: MAX_HELD_BYTES,
             cameras: (0..camera_count).map(|_| Seen::default()).collect(),
             last_set: None,
             set_count: 0,
@@ -206,6 +217,13 @@ impl Merge {
         });
     }
 
+    /// Reports whether so many frames of a camera wait only for tracking at `now_s`, on the clock of arrivals, that no more
+    /// should be taken from it.
+    pub(crate) fn has_backlog(&self, camera: usize, now_s: f64) -> bool {
+        let waits = |held: &&Held| held.camera == camera && held.arrival_s + self.hold_s < now_s;
+        self.held.iter().filter(waits).count() >= MAX_BACKLOG
+    }
+
     /// Counts an image that could not be used.
     pub(crate) fn count_broken(&mut self, camera: usize) {
         let counts = &mut self.cameras[camera].counts;
@@ -214,10 +232,11 @@ impl Merge {
     }
 
     /// Returns the earliest set if one of its frames or of a later set has waited long enough at `now_s`, on the
-    /// clock of arrivals.
+    /// clock of arrivals, or if too much waits.
     pub(crate) fn next_set(&mut self, now_s: f64) -> Option<FrameSet> {
         let is_due = |held: &Held| held.arrival_s + self.hold_s < now_s;
-        if !self.held.iter().any(is_due) {
+        let held_bytes: usize = self.held.iter().map(|held| held.frame.bytes().len()).sum();
+        if !self.held.iter().any(is_due) && held_bytes <= self.held_bytes_limit {
             return None;
         }
         let times_s = self.held.iter().map(|held| held.frame.time_s());

@@ -214,3 +214,24 @@ fn a_limit_ends_the_sets_and_only_frames_in_them_count() {
         }
     }
 }
+
+#[test]
+fn a_stamp_from_the_future_does_not_fill_the_memory() {
+    // All later frames arrive after the frame from the future, and therefore together with it.
+    let stamps_s = [0.0, 0.1, 3600.0, 0.3, 0.4, 0.5, 0.6, 0.7];
+    let arrival_s = |number: usize| if number < 2 { stamps_s[number] } else { 3600.0 };
+    let frames: Vec<_> = (0..8).map(|n| (0, stamps_s[n], arrival_s(n))).collect();
+    let mut merge = Merge::new(1, 0.0, Limit::default());
+    // Each has 12 bytes.
+    merge.held_bytes_limit = 40;
+    let mut most_held = 0;
+    let mut times_s = Vec::new();
+    for (camera, time_s, arrival_s) in frames {
+        times_s.extend(std::iter::from_fn(|| merge.next_set(arrival_s)).map(|set| set.time_s));
+        merge.take(camera, frame(time_s), arrival_s);
+        most_held = most_held.max(merge.held.len());
+    }
+    times_s.extend(std::iter::from_fn(|| merge.next_set(f64::INFINITY)).map(|set| set.time_s));
+    assert_eq!(times_s, [0.0, 0.1, 0.3, 0.4, 0.5, 0.6, 0.7, 3600.0]);
+    assert_eq!(most_held, 4);
+}

@@ -147,6 +147,8 @@ pub(crate) struct Outcome {
 
 /// A finished run.
 pub(crate) struct Run {
+    /// The file of the scene.
+    pub(crate) scene_path: PathBuf,
     /// The scene as it was run.
     pub(crate) open: OpenScene,
     /// Its outcome.
@@ -171,7 +173,8 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
 
 /// Tracks like [`run`] a scene that has been read from the file of that name.
 pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> Result<Run> {
-    run_steps(scene_path, scene, &[], options, &mut observe)
+    let open = scene::open(scene_path, scene, options.seed, &[])?;
+    run_steps(scene_path, open, options, &mut observe)
 }
 
 /// Runs one step of tracking. If every image is frozen, the state is only predicted.
@@ -184,16 +187,14 @@ fn observe(tracker: &mut Tracker, set: &FrameSet) -> Result<Vec<Estimate>> {
     observe().map_err(|error| user_error!("frame {}: {error}", set.index))
 }
 
-/// Runs these steps over all frames of a scene that has been read from the file of that name, or over `stills` instead.
-/// Results and errors are those of [`run`].
+/// Runs these steps over all frames of a scene that has been read from the file of that name and opened. Results and errors
+/// are those of [`run`].
 pub(crate) fn run_steps(
     scene_path: &Path,
-    scene: Scene,
-    stills: &[PathBuf],
+    mut open: OpenScene,
     options: &Options,
     step: Step,
 ) -> Result<Run> {
-    let mut open = scene::open(scene_path, scene, options.seed, stills)?;
     interrupt::listen();
     let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
     if options.previous == Previous::Keep {
@@ -267,6 +268,7 @@ pub(crate) fn run_steps(
     // What ended the run is the cause of what follows, such as of a summary that a full disk does not take either.
     ended_by.map_or(finished, Err)?;
     Ok(Run {
+        scene_path: scene_path.to_owned(),
         open,
         outcome,
         series,

@@ -12,10 +12,52 @@ use crate::draw::camera_symbol::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
 use crate::tables::Series;
 
+/// The most samples of a track that are kept: several a pixel of the plots. Runs may last for weeks.
+const MAX_SAMPLES: usize = 1 << 15;
+
 /// Collects the tracks.
 pub(crate) struct SeriesCollector {
-    tracks: Vec<TrackSeries>,
+    names: Vec<String>,
+    tracks: Vec<Thinned<Sample>>,
     states: Vec<StateCounts>,
+}
+
+/// The first of all samples, and every second, fourth and so on if there are many.
+#[derive(Debug, Clone)]
+struct Thinned<T> {
+    samples: Vec<T>,
+    /// The most samples, an even number.
+    limit: usize,
+    /// Number of samples that were given.
+    given: usize,
+    /// Samples are kept whose number is a multiple of this.
+    step: usize,
+}
+
+impl<T> Thinned<T> {
+    fn new(limit: usize) -> Self {
+        Self {
+            samples: Vec::new(),
+            limit,
+            given: 0,
+            step: 1,
+        }
+    }
+
+    fn push(&mut self, sample: T) {
+        if self.given.is_multiple_of(self.step) {
+            if self.samples.len() == self.limit {
+                let mut number = 0;
+                self.samples.retain(|_| {
+                    number += 1;
+                    number % 2 == 1
+                });
+                self.step *= 2;
+            }
+            self.samples.push(sample);
+        }
+        self.given += 1;
+    }
 }
 
 /// Number of rows of a target in each state.
@@ -37,15 +79,9 @@ impl StateCounts {
 impl SeriesCollector {
     /// Creates a collector for targets of these names.
     pub(crate) fn new(names: &[String]) -> Self {
-        let tracks = names
-            .iter()
-            .map(|name| TrackSeries {
-                name: name.clone(),
-                rows: Vec::new(),
-            })
-            .collect();
         Self {
-            tracks,
+            names: names.to_owned(),
+            tracks: vec![Thinned::new(MAX_SAMPLES); names.len()],
             states: vec![StateCounts::default(); names.len()],
         }
     }
@@ -63,7 +99,16 @@ impl SeriesCollector {
         truth: &[Series<TrueState>],
     ) -> Result<Vec<PathBuf>> {
         let truth = truth_series(truth);
-        write_track_plots(folder, &self.tracks, &truth, &CameraSymbol::of_scene(scene))
+        let tracks: Vec<_> = self
+            .names
+            .iter()
+            .zip(&self.tracks)
+            .map(|(name, track)| TrackSeries {
+                name: name.clone(),
+                rows: track.samples.clone(),
+            })
+            .collect();
+        write_track_plots(folder, &tracks, &truth, &CameraSymbol::of_scene(scene))
     }
 }
 
@@ -93,12 +138,32 @@ impl Sink for SeriesCollector {
                 TrackState::Occluded => &mut states.occluded,
                 TrackState::Lost => &mut states.lost,
             } += 1;
-            track.rows.push(Sample {
+            track.push(Sample {
                 time_s: instant.time_s,
                 position_m: estimate.kinematics.map(|k| k.position_m),
                 covariance_m2: estimate.kinematics.map(|k| k.covariance_m2),
+                is_seen: estimate.state == TrackState::Tracking,
             });
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_tracks_are_thinned_evenly() {
+        let mut thinned = Thinned::new(4);
+        let mut kept = Vec::new();
+        for number in 0..18 {
+            thinned.push(number);
+            kept.push(thinned.samples.clone());
+        }
+        assert_eq!(kept[3], [0, 1, 2, 3]);
+        assert_eq!(kept[4], [0, 2, 4]);
+        assert_eq!(kept[8], [0, 4, 8]);
+        assert_eq!(kept[17], [0, 8, 16]);
     }
 }

@@ -36,6 +36,7 @@ pub(crate) fn write(
             "stopped": record.stopped,
             "ffmpeg_errors": counters.ffmpeg_errors,
             "reopened": counters.reopened,
+            "clock_jumps": counters.clock_jumps,
         });
         if let Some(position_m) = camera.position_m() {
             entry["position_m"] = json!(position_m);

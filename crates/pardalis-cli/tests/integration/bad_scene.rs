@@ -322,7 +322,20 @@ fn files_that_are_not_scenes_are_rejected() {
         .refused(&["scene.toml: has 20971520 bytes; allowed: at most"]);
     place
         .track(fs::read(frame_file(0)).unwrap())
-        .refused(&["scene.toml: line 1: is not UTF-8"]);
+        .refused(&["scene.toml: is an image, not a scene; `pardalis init FOLDER` writes"]);
+    place.track(b"\0\0\0\x20ftypisom\0\0\x02\0\xff").refused(&[
+        "scene.toml: is a video, not a scene; `pardalis init scene.toml` writes a scene of it",
+    ]);
+    for (number, has_remedy) in [("0,11", true), ("0.11 1", false)] {
+        let run = place.track(scene_with("0.11\n", &format!("{number}\n")));
+        run.refused(&["scene.toml: a problem in the scene:\n  line 8: "]);
+        let remedy = "; use a decimal point instead of the comma\n";
+        assert_eq!(run.stderr.ends_with(remedy), has_remedy, "{}", run.stderr);
+    }
+    // Only the name is wrong: nothing is missing.
+    place.track(scene_with("radius_m", "raduis_m")).refused(&[
+        "scene.toml: a problem in the scene:\n  line 8: targets.ball.shape.sphere.raduis_m: is not a key; did you mean radius_m?\n",
+    ]);
     let both = scene_with(
         "shape.sphere.radius_m",
         "shape.cube.side_m = 1\nshape.sphere.radius_m",

@@ -105,11 +105,12 @@ fn problems_of_text_and_files_are_reported_together() {
     let image = fs::read(place.image(0)).unwrap();
     place.write("broken/0.jpg", &image[..image.len() / 4]);
     let model = "model.pinhole = { f_px = [300, 300], center_px = [319.5, 239.5] }\nworld_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]]";
+    let unread = DETECTED.replace("ball.toml", "nowhere.toml");
     let scene = with_targets(&format!(
         "[cameras.gone]\nimages = \"gone\"\nfps = 25\n{model}\n\
          [cameras.other]\nimages = \"images/../images\"\nfps = 25\nsize_px = [320, 240]\n{model}\n\
          [cameras.torn]\nimages = \"broken\"\nfps = 0.5\n{model}\n\
-         {DETECTED}filter = {{ particles = 0 }}\n\
+         {unread}filter = {{ particles = 0 }}\n\
          [targets.robot]\nshape.cylinder = {{ radius_m = 0.1, height_m = 0.4 }}\ncolors = \"missing.toml\"\n[rest]\nhue = 3\n"
     ));
     let run = checked(&place, &scene);
@@ -117,11 +118,12 @@ fn problems_of_text_and_files_are_reported_together() {
     assert_lines(
         &run.stderr,
         &[
-            "error: scene.toml: 7 problems in the scene:",
+            "error: scene.toml: 8 problems in the scene:",
             "  line 8: cameras.gone.images: ",
             "  line 13: cameras.other.images: cameras cam1 and other read the same frames",
             "  line 15: cameras.other.size_px: is 320 x 240, but the images are 640 x 480",
             "  line 19: cameras.torn.images: broken/0.jpg: ",
+            "  line 25: targets.ball.colors: nowhere.toml: cannot be read: there is no such file or folder; `pardalis learn` writes such files",
             "  line 26: targets.ball.filter.particles: is 0",
             "  line 29: targets.robot.colors: missing.toml: cannot be read",
             "  line 30: rest: is not a key",
@@ -135,6 +137,38 @@ fn problems_of_text_and_files_are_reported_together() {
     // There is nothing to say of the targets, whose settings are missing.
     assert!(!run.stdout.contains("targets."), "{}", run.stdout);
     assert!(!run.stdout.contains("no problems"), "{}", run.stdout);
+}
+
+#[test]
+fn missing_files_of_tables_with_problems_are_reported() {
+    let place = Workplace::with_frames(1);
+    let unsound = "colors = \"gone.toml\"\nparticles = 1";
+    let scene = scene_with(
+        "fps = 25",
+        "fps = 25\nmask = \"gone.png\"\nfirst_frame = -1",
+    )
+    .replace("\"images\"", "\"gone\"")
+    .replace("colors = \"ball.toml\"", unsound);
+    checked(&place, &scene).refused(&[
+        "5 problems in the scene:",
+        "line 3: cameras.cam1.images: gone: cannot be read: there is no such file or folder\n",
+        "line 5: cameras.cam1.mask: gone.png: cannot be read: there is no such file or folder\n",
+        "line 6: cameras.cam1.first_frame: is -1",
+        "line 11: targets.ball.colors: gone.toml: cannot be read",
+        "line 12: targets.ball.particles: is not a key",
+    ]);
+    // Videos may also be addresses.
+    for (video, has_problem) in [("gone.mp4", true), ("rtsp://127.0.0.1/gone", false)] {
+        let video = format!("video = \"{video}\"\nfirst_frame = -1");
+        let run = checked(&place, &scene_with("images = \"images\"\nfps = 25", &video));
+        run.refused(&["line 4: cameras.cam1.first_frame: is -1"]);
+        assert_eq!(
+            run.stderr.contains("no such file"),
+            has_problem,
+            "{}",
+            run.stderr
+        );
+    }
 }
 
 #[test]

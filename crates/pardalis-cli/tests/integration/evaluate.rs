@@ -248,6 +248,22 @@ fn occluded_frames_are_evaluated_separately() {
     let lost = |options| figures(&file, &truth, options)["targets"][0]["lost_frames"].clone();
     assert_eq!(lost(&["--lost-beyond-m", "0.09"]), 90 - 11);
     assert_eq!(lost(&["--lost-beyond-m", "0.11"]), 0);
+    // Three diameters of the largest target.
+    assert_eq!(lost(&[]), 0);
+    let limit = || {
+        figures(&file, &truth, &[])["lost_beyond_m"]
+            .as_f64()
+            .unwrap()
+    };
+    assert!((limit() - 0.66).abs() < 1e-9);
+    for (diameters_m, expected_m, expected) in [("0.02", 0.06, 90 - 11), ("0.07", 0.21, 0)] {
+        let targets =
+            format!(r#"{{"targets": {{"ball": {{"diameter_m": {diameters_m}}}, "cup": {{}}}}}}"#);
+        folder.write("summary.json", targets);
+        assert!((limit() - expected_m).abs() < 1e-9, "{}", limit());
+        assert_eq!(lost(&[]), expected, "{diameters_m}");
+    }
+    folder.write("summary.json", "{}");
     let all = figures(&file, &truth, &[]);
     assert_eq!(
         all["objects_without_target"],

@@ -64,6 +64,10 @@ fn without_its_colours_a_target_is_never_found_and_the_run_says_why() {
     ] {
         assert!(run.stderr.contains(part), "{part:?} in {}", run.stderr);
     }
+    let unexplained = place.track(&scene);
+    let next = "next: run `pardalis track scene.toml --explain --annotate`, look";
+    assert!(unexplained.stderr.contains(next), "{}", unexplained.stderr);
+    explained(&place, &scene, &[]);
     let states = "ball: 0 frames tracked, 0 occluded, 0 lost, 6 searching\n";
     assert!(run.stdout.contains(states), "{}", run.stdout);
     let rows = candidates(&place, "out");

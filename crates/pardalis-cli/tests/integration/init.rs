@@ -89,7 +89,10 @@ fn only_guesses_are_marked() {
     ];
     assert_eq!(marked(&scene(&place)), guesses);
     assert!(run.stdout.contains("marked CHANGE (5)"), "{}", run.stdout);
-    assert!(run.stdout.contains("learn … -o target.colors.toml"));
+    assert!(run.stdout.contains("learn … -o ball.colors.toml"));
+    assert!(scene(&place).contains("\ncolors = \"ball.colors.toml\""));
+    init(&place, &["images", "--force", "--target", "robot"]).fine();
+    assert!(scene(&place).contains("\ncolors = \"robot.colors.toml\""));
 
     let known = [
         "--fps",
@@ -263,6 +266,43 @@ fn angles_of_view_that_do_not_apply_are_refused() {
     ] {
         init(&place, &[&["images"], arguments].concat()).refused(&[expected]);
     }
+}
+
+#[test]
+fn unlikely_sizes_and_angles_are_warned_of() {
+    let place = Workplace::with_frames(1);
+    for (arguments, wanted) in [
+        (
+            ["--radius-m", "35"],
+            "a radius of 35 m? --radius-m is in metres",
+        ),
+        (["--radius-m", "0.00035"], "a radius of 0.00035 m?"),
+        (
+            ["--fov", "165"],
+            "--fov: 165 degrees are hardly those of a pinhole camera; for a fisheye lens use --camera equidistant",
+        ),
+    ] {
+        let run = init(&place, &[&["images", "--force"], &arguments[..]].concat());
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert!(run.stderr.starts_with("warning: --"), "{}", run.stderr);
+        assert!(run.stderr.contains(wanted), "{}", run.stderr);
+    }
+    for arguments in [
+        ["--radius-m", "2"],
+        ["--radius-m", "0.002"],
+        ["--fov", "120"],
+    ] {
+        init(&place, &[&["images", "--force"], &arguments[..]].concat()).fine();
+    }
+}
+
+#[test]
+fn a_missing_input_is_reported_before_an_existing_scene() {
+    let place = Workplace::with_frames(1);
+    place.write("scene.toml", "");
+    init(&place, &["nothere.mp4"]).refused(&["nothere.mp4: no such file or folder"]);
+    init(&place, &["images"]).refused(&["scene.toml: already exists"]);
+    init(&place, &["images", "--pixel", "-5,270"]).refused(&["--pixel -5,270: outside the image"]);
 }
 
 #[test]
@@ -548,7 +588,7 @@ fn invalid_input_is_named_and_nothing_is_written() {
         "no-f.json",
         calibration(|c| c["f_px_per_rad"] = serde_json::Value::Null),
     );
-    let cases: [(&[&str], &[&str]); 16] = [
+    let cases: [(&[&str], &[&str]); 18] = [
         (&["nowhere"], &["nowhere", "no such file or folder"]),
         (&["empty"], &["empty", "no images"]),
         (
@@ -590,6 +630,17 @@ fn invalid_input_is_named_and_nothing_is_written() {
         (
             &["images", "--target", "my ball"],
             &["--target", "A-Z a-z 0-9"],
+        ),
+        (
+            &["rtsp://192.168.0.64/stream1"],
+            &[
+                "rtsp://192.168.0.64/stream1: init needs recorded images",
+                "ffmpeg -i rtsp://192.168.0.64/stream1 -t 20 -c copy clip.mkv",
+            ],
+        ),
+        (
+            &["-"],
+            &["-: init needs recorded images", "ffmpeg -i pipe:0"],
         ),
         (
             &["images", "-o", "none/scene.toml"],

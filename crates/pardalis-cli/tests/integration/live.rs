@@ -47,6 +47,39 @@ fn standard_input_is_a_source_like_the_file() {
     empty.refused(&["line 3: cameras.cam1.video: standard input: ffmpeg cannot open it"]);
 }
 
+#[test]
+fn raw_streams_need_their_format_and_frame_rate() {
+    let Some(place) = with_stream(12) else {
+        return;
+    };
+    for (name, codec, format) in [
+        ("raw.h264", "copy", "h264"),
+        ("raw.mjpeg", "mjpeg", "mjpeg"),
+    ] {
+        let converted = Command::new("ffmpeg")
+            .current_dir(place.path(""))
+            .args(["-v", "error", "-i", "ride.ts", "-c:v", codec, name])
+            .status();
+        assert!(converted.unwrap().success());
+        let wanted = format!(
+            "is a raw stream without time stamps; give input.format = \"{format}\" and fps, or put it into a container"
+        );
+        place
+            .track(video(name))
+            .refused(&["line 3: cameras.cam1.video: raw", &wanted]);
+        let from_pipe = |scene: String| {
+            let mut command = place.command(scene, &["-o", "out", "--no-plots"]);
+            Run::of(command.stdin(File::open(place.path(name)).unwrap()))
+        };
+        from_pipe(video("-")).refused(&["line 3: cameras.cam1.video: standard input: ", &wanted]);
+        let lines = format!("video = \"-\"\ninput.format = \"{format}\"\nfps = 50");
+        from_pipe(scene_with("images = \"images\"\nfps = 25", &lines)).fine();
+        let rows = place.rows();
+        assert_eq!(rows.len(), 12);
+        assert_eq!(rows[11][1].parse::<f64>().unwrap(), 0.22);
+    }
+}
+
 /// Returns the identifiers of the processes that a process has started.
 #[cfg(target_os = "linux")]
 fn children_of(process: u32) -> Vec<String> {
@@ -115,4 +148,22 @@ fn a_source_that_keeps_silent_is_announced_and_given_up() {
     assert!(run.stderr.starts_with(&waiting), "{}", run.stderr);
     let given_up = format!("line 3: cameras.cam1.video: {address}: no frame came within 3 s");
     assert!(run.stderr.contains(&given_up), "{}", run.stderr);
+}
+
+#[test]
+fn sources_that_cannot_be_opened_say_what_to_check() {
+    if with_stream(1).is_none() {
+        return;
+    }
+    let place = Workplace::with_frames(1);
+    // Its port is free again.
+    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr();
+    let address = format!("tcp://{}", address.unwrap());
+    let of_address = place.track(video(&address));
+    of_address.refused(&["ffmpeg cannot open it; check the address and the network, and"]);
+    assert!(!of_address.stderr.contains("pardalis devices"));
+    let mut command = place.command(video("-"), &["-o", "-"]);
+    Run::of(command.stdin(Stdio::null())).refused(&[
+        "standard input: ffmpeg cannot open it; it is empty, or an MP4, which cannot be read from a pipe",
+    ]);
 }

@@ -195,6 +195,8 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
     );
     let run = locate(&place, &scene, &["--starts", "starts.csv", "-o", "-"]).fine();
     assert!(error_m(&rows_in(&run.stdout)[0], [2.2, 0.0, 0.11]) < 0.25);
+    locate(&place, &scene, &["--starts", "starts.csv", "-o", "out"]).fine();
+    let results = fs::read_to_string(place.path("out/tracks.csv")).unwrap();
     for (arguments, wanted) in [
         (
             "--starts starts.csv --object cat",
@@ -234,12 +236,18 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
             "rim.csv, frame 2: pixel_px is [2.0, 3.0]; allowed: a pixel of the 640 x 480 image",
         ),
         ("--at 2,3", "--at: pixel_px is [2.0, 3.0]; allowed"),
+        ("--at -5,270", "--at: pixel_px is [-5.0, 270.0]; allowed"),
         (
             "--passes-m 0.1,-1",
             "--passes-m: passes_sigma_m is [0.1, -1.0]; allowed: one or more",
         ),
         ("nothing.jpg", "nothing.jpg: "),
+        (
+            "clip.mp4",
+            "clip.mp4: is a video, not an image; leave it out if the scene names it, or",
+        ),
     ] {
+        place.write("clip.mp4", b"\0\0\0\x20ftypisom");
         place.write(
             "twice.csv",
             "frame,x_m,y_m,z_m\n2,2.2,0,0.11\n2,2.1,0,0.11\n",
@@ -252,13 +260,48 @@ fn tables_of_starts_are_matched_by_frame_and_object() {
         let arguments: Vec<&str> = arguments.split(' ').chain(["-o", "out"]).collect();
         locate(&place, &scene, &arguments).refused(&[wanted]);
     }
-    let usage = locate(&place, &scene, &["--at", "2"]);
+    // None of them has cost the results of the first run.
+    let kept = fs::read_to_string(place.path("out/tracks.csv")).unwrap();
+    assert_eq!(kept, results);
+    assert!(!place.path("out/tracks.previous.csv").exists());
+    let usage = locate(&place, &scene, &["--at", "2", "3"]);
     assert_eq!(usage.code, Some(2));
-    assert!(
-        usage.stderr.contains("two numbers in pixels"),
-        "{}",
-        usage.stderr
-    );
+    let wanted = "two numbers in pixels, U,V without a space, inside the image";
+    assert!(usage.stderr.contains(wanted), "{}", usage.stderr);
+}
+
+#[test]
+fn a_start_far_from_a_detected_target_is_reported() {
+    let place = Workplace::with_frames(1);
+    let (scene, _) = SCENE.split_once("contour").unwrap();
+    let colors = data("colors/orange-ball.hsi.colors.toml");
+    let scene = scene.replace("ball.toml", colors.to_str().unwrap());
+    place.write("near.csv", "frame,x_m,y_m,z_m\n0,1.35,-1.25,0.62\n");
+    place.write("far.csv", "frame,x_m,y_m,z_m\n0,1.35,0.75,0.62\n");
+    place.write("clicks.csv", "frame,u_px,v_px\n0,320,88\n");
+    for (start, wanted) in [
+        (["--at", "462,90"], None),
+        (["--at", "320,88"], Some((" px from the click", 140.0, 4.0))),
+        (
+            ["--clicks", "clicks.csv"],
+            Some((" px from the click", 140.0, 4.0)),
+        ),
+        (["--starts", "near.csv"], None),
+        (
+            ["--starts", "far.csv"],
+            Some((" m from the given start", 2.0, 0.1)),
+        ),
+    ] {
+        let run = locate(&place, &scene, &[&start[..], &["-o", "out"]].concat()).fine();
+        let line = run.stdout.lines().next().unwrap();
+        assert!(line.starts_with("frame 0: ball at 1.3"), "{line}");
+        let far = line.split_once("; found ").map(|(_, far)| far);
+        assert_eq!(far.is_some(), wanted.is_some(), "{start:?}: {line}");
+        if let (Some(far), Some((unit, away, allowed))) = (far, wanted) {
+            let number: f64 = far.strip_suffix(unit).unwrap().parse().unwrap();
+            assert!((number - away).abs() < allowed, "{start:?}: {line}");
+        }
+    }
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod demo;
 mod devices;
 mod evaluate;
 mod explain;
+mod faults;
 mod foreign_scenes;
 mod full_disk;
 mod init;

@@ -48,6 +48,15 @@ fn links_folders_and_pipes_among_images_are_named() {
     assert!(!place.path("located").exists());
 }
 
+#[cfg(unix)]
+#[test]
+fn tables_without_an_end_are_refused() {
+    let place = Workplace::with_frames(1);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+    command.args(["evaluate", "/dev/zero", "/dev/zero"]);
+    Run::of(command.current_dir(place.path(""))).refused(&["/dev/zero: is a device"]);
+}
+
 #[test]
 fn a_missing_image_is_an_error() {
     let place = Workplace::with_frames(1);

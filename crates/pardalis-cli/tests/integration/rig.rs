@@ -140,7 +140,7 @@ fn one_camera_arrives_late() {
 
     let run = rig.track("[timing]\nmax_delay_s = 0\n");
     assert_eq!(run.code, Some(0));
-    let message = "warning: cameras.cam2: 120 frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is 0 s";
+    let message = "warning: cameras.cam2: 120 of its frames arrived too late and were dropped; timing.max_delay_s, the longest wait for late frames, is 0 s";
     assert!(run.stderr.starts_with(message), "{}", run.stderr);
     rig.assert_followed();
     let frames = rig.frames("cam2");

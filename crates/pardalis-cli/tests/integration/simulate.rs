@@ -303,15 +303,70 @@ fn invalid_worlds_are_rejected_with_every_key_and_line() {
         ("path.circle", "path.spiral", "objects.ball.path"),
     ];
     for (piece, other, wanted) in bad {
-        assert!(WORLD.contains(piece), "{piece}");
-        let place = Place::with(&WORLD.replacen(piece, other, 1));
-        let run = place.run(&["simulate", "world.toml", "-o", "out"]);
-        run.refused(&["world.toml: ", "in the world", wanted]);
-        assert!(!place.path("out").exists());
+        assert_rejected(piece, other, wanted);
     }
     let place = Place::with(&WORLD.replace("clock_offset_s", "phase_s = 9\n#"));
     let run = place.run(&["simulate", "world.toml", "-o", "out"]);
     run.refused(&["world.toml: camera right delivers no image"]);
+}
+
+#[test]
+fn invalid_details_of_balls_and_shutters_are_rejected_with_key_and_line() {
+    let bad = [
+        (
+            "samples = 2",
+            "line_delay_s = 2",
+            "line 22: image.line_delay_s: is 2; allowed: -1 to 1",
+        ),
+        (
+            "color_srgb = [230, 60, 30]",
+            "color_srgb = [230, 60, 30]\ntexture.plain.color_srgb = [9, 9, 9]",
+            "line 29: objects.ball.color_srgb: cannot be combined with texture",
+        ),
+        (
+            "color_srgb = [230, 60, 30]",
+            "color_srgb = [230, 60, 30]\nseams = { color_srgb = [9, 9, 9], width_m = 0.01, count = 4 }",
+            "line 30: objects.ball.seams.count: is 4; allowed: 1 to 3",
+        ),
+        (
+            "color_srgb = [230, 60, 30]",
+            "color_srgb = [230, 60, 30]\nlogo = { color_srgb = [9, 9, 9], radius_m = 0.01, direction = [0, 0, 0] }",
+            "line 30: objects.ball.logo.direction: is [0, 0, 0]; allowed: a direction",
+        ),
+        (
+            "shape.sphere.radius_m = 0.1",
+            "shape.cylinder = { radius_m = 0.1, height_m = 0.1 }\ntilt_deg = 10",
+            "line 29: objects.ball.tilt_deg: tilts a target that is a cylinder",
+        ),
+        (
+            "shape.sphere.radius_m = 0.1",
+            "shape.cylinder = { radius_m = 0.1, height_m = 0.1 }\nlogo = { color_srgb = [9, 9, 9], radius_m = 0.01 }",
+            "line 29: objects.ball.logo: is given for another shape; allowed: on spheres",
+        ),
+        (
+            "shape.sphere.radius_m = 0.1",
+            "shape.cone = { radius_m = 0.1, height_m = 0.1 }",
+            "line 27: objects.ball.target: is true of another shape",
+        ),
+        (
+            "shape.sphere.radius_m = 0.1",
+            "shape.capsule = { radius_m = 0.1, to_m = [0, 0, 0] }",
+            "line 28: objects.ball.shape.capsule.to_m: is [0, 0, 0]; allowed: a point other than",
+        ),
+    ];
+    for (piece, other, wanted) in bad {
+        assert_rejected(piece, other, wanted);
+    }
+}
+
+/// Asserts that [`WORLD`] with a piece replaced is rejected with this message, and leaves no output.
+#[track_caller]
+fn assert_rejected(piece: &str, other: &str, wanted: &str) {
+    assert!(WORLD.contains(piece), "{piece}");
+    let place = Place::with(&WORLD.replacen(piece, other, 1));
+    let run = place.run(&["simulate", "world.toml", "-o", "out"]);
+    run.refused(&["world.toml: ", "in the world", wanted]);
+    assert!(!place.path("out").exists());
 }
 
 /// The chroma of JPEG files, which has half the resolution, is aligned with the body.

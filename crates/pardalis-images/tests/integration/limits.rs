@@ -1,6 +1,8 @@
 //! Files that are large, or claim to be, and the order of rows in interlaced ones.
 
-use pardalis_images::{MAX_PIXELS, RgbImage, decode, encode_png, size};
+use pardalis_images::{
+    DecodeError, JpegSampling, MAX_PIXELS, RgbImage, decode, encode_jpeg, encode_png, size,
+};
 
 /// Adds a chunk with its length and its checksum.
 fn push_chunk(file: &mut Vec<u8>, name: [u8; 4], data: &[u8]) {
@@ -92,4 +94,31 @@ fn images_with_too_many_pixels_are_refused_by_their_headers() {
             "{error}"
         );
     }
+}
+
+/// A later header neither frees a file from the limits of size nor contradicts the pixels.
+#[test]
+fn the_first_of_several_headers_holds() {
+    let image = |width, height| RgbImage::from_fn(width, height, |x, y| [x as u8, y as u8, 7]);
+    let [small, large] = [image(2, 2), image(40, 30)];
+    let [first, second] = [&small, &large].map(|image| encode_png(image).unwrap());
+    // Without its last chunk, and without the signature.
+    let two = [&first[..first.len() - 12], &second[8..]].concat();
+    assert_eq!(size(&two), Ok((2, 2)));
+    assert!(!matches!(decode(&two), Ok(image) if image != small));
+
+    let mut jpeg = encode_jpeg(&small, 90, JpegSampling::Automatic).unwrap();
+    let frame = jpeg
+        .windows(2)
+        .position(|marker| marker == [0xFF, 0xC0])
+        .unwrap();
+    let length = 2 + usize::from(jpeg[frame + 3]);
+    let header = jpeg[frame..frame + length].to_vec();
+    let end = jpeg.len() - 2;
+    jpeg.splice(end..end, header);
+    jpeg[frame + 5..frame + 9].copy_from_slice(&[0x40, 0, 0x40, 0]);
+    assert_eq!(
+        decode(&jpeg),
+        Err(DecodeError::TooManyPixels(16_384, 16_384))
+    );
 }

@@ -2,10 +2,14 @@
 
 /// Each figure of merit with its meaning, in the order of the columns of `results.csv`. Errors are over all evaluated
 /// frames with an estimate.
-pub const FIGURES_OF_MERIT: [(&str, &str); 40] = [
+pub const FIGURES_OF_MERIT: [(&str, &str); 42] = [
     (
         "coverage",
         "Share of the frames with the object visible that have an estimate.",
+    ),
+    (
+        "on_target_share",
+        "Share of the frames with the object visible that have an estimate no farther than `lost_beyond_m` from the truth.",
     ),
     (
         "lost_frames",
@@ -30,6 +34,10 @@ pub const FIGURES_OF_MERIT: [(&str, &str); 40] = [
     (
         "elsewhere_frames",
         "Frames in the state `tracking` with a position more than a diameter from the truth.",
+    ),
+    (
+        "overconfident_frames",
+        "Frames with a confidence above one half whose row is wrong.",
     ),
     ("mean_m", "Mean error of the position."),
     ("sd_m", "Standard deviation of the error of the position."),

@@ -267,9 +267,16 @@ fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
             )
             .within(1.0..=64.0)
             .or(default.instants);
+        let line_delay_s = table
+            .key(
+                "line_delay_s",
+                "Time from the exposure of one row to that of the next, of a rolling shutter. The middle row is exposed around the frame's time.",
+            )
+            .within(-1.0..=1.0)
+            .or(default.line_delay_s);
         let blur_px = non_negative(
             "blur_px",
-            "Standard deviation of the lens blur.",
+            "Standard deviation of the blur of the lens; large out of focus.",
             default.blur_px,
             20.0,
         );
@@ -308,6 +315,7 @@ fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
         settings.samples = samples;
         settings.shutter_s = shutter_s;
         settings.instants = instants;
+        settings.line_delay_s = line_delay_s;
         settings.blur_px = blur_px;
         settings.shot_noise = shot_noise;
         settings.read_noise = read_noise;

@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 
 use super::camera::ReadCalibration;
 use super::description::{KeyDescription, Presence, above};
+use super::key::Key;
 use super::keys::keys_of;
 use super::reader::{Journal, Kind, Problem, Table};
 use super::replaced::read_with;
@@ -118,7 +119,7 @@ fn read_ground(table: &Table) -> Option<Ground> {
         .key("z_m", "Height of the floor.")
         .within(-MAX_DISTANCE_M..=MAX_DISTANCE_M)
         .or(0.0);
-    let texture = read_texture(table);
+    let texture = read_texture(table, Presence::Required);
     let tape = table.section(
         "tape",
         "A rectangle of tape on the floor, along the world's axes.",
@@ -157,7 +158,7 @@ fn read_room(table: &Table) -> Option<Room> {
         .key("radius_m", "Radius of the sphere.")
         .within(0.1..=MAX_DISTANCE_M)
         .or(Room::default().radius_m);
-    let texture = read_texture(table);
+    let texture = read_texture(table, Presence::Required);
     Some(Room {
         radius_m,
         texture: texture?,
@@ -197,82 +198,77 @@ const TEXTURES: [Kind; 4] = [
 ];
 
 /// Reads a pattern of two colours.
-fn read_texture(table: &Table) -> Option<Texture> {
+fn read_texture(table: &Table, presence: Presence) -> Option<Texture> {
     let about = "Colours and their pattern.";
-    table.choice(
-        "texture",
-        about,
-        &TEXTURES,
-        Presence::Required,
-        |kind, texture| {
-            if kind == "plain" {
-                let color = read_color(texture);
-                return Some(Texture {
-                    pattern: Pattern::Plain,
-                    colors: [color?; 2],
-                });
-            }
-            let rows = texture
-                .key(
-                    "colors_srgb",
-                    "Two colours, [[red, green, blue], [red, green, blue]].",
-                )
-                .within(COLOR_RANGE)
-                .required::<Vec<Vec<f64>>>();
-            let colors = rows.and_then(|rows| {
-                let colors = match &rows[..] {
-                    [first, second] => linear(first).zip(linear(second)),
-                    _ => None,
-                };
-                if colors.is_none() {
-                    let allowed = "two colours, [[red, green, blue], [red, green, blue]], 0 to 255";
-                    texture.reject("colors_srgb", allowed);
-                }
-                colors.map(<[_; 2]>::from)
+    table.choice("texture", about, &TEXTURES, presence, |kind, texture| {
+        if kind == "plain" {
+            let color = read_color(texture);
+            return Some(Texture {
+                pattern: Pattern::Plain,
+                colors: [color?; 2],
             });
-            let pattern = match kind {
-                "checker" => length(texture, "size_m", "Side of a square.")
-                    .map(|size_m| Pattern::Checker { size_m }),
-                "stripes" => {
-                    let rotation_deg: f64 = texture
-                        .key(
-                            "rotation_deg",
-                            "Angle of the direction across the stripes from the x axis.",
-                        )
-                        .or(0.0);
-                    length(texture, "width_m", "Width of a stripe.").map(|width_m| {
-                        Pattern::Stripes {
-                            width_m,
-                            turn_rad: rotation_deg.to_radians(),
-                        }
-                    })
-                }
-                _ => {
-                    let octaves = texture
-                        .key("octaves", "Number of octaves of finer and finer clouds.")
-                        .within(1.0..=12.0)
-                        .or(Pattern::DEFAULT_OCTAVES);
-                    length(texture, "size_m", "Size of the largest clouds.")
-                        .map(|size_m| Pattern::Noise { size_m, octaves })
-                }
+        }
+        let rows = texture
+            .key(
+                "colors_srgb",
+                "Two colours, [[red, green, blue], [red, green, blue]].",
+            )
+            .within(COLOR_RANGE)
+            .required::<Vec<Vec<f64>>>();
+        let colors = rows.and_then(|rows| {
+            let colors = match &rows[..] {
+                [first, second] => linear(first).zip(linear(second)),
+                _ => None,
             };
-            Some(Texture {
-                pattern: pattern?,
-                colors: colors?,
-            })
-        },
-    )
+            if colors.is_none() {
+                let allowed = "two colours, [[red, green, blue], [red, green, blue]], 0 to 255";
+                texture.reject("colors_srgb", allowed);
+            }
+            colors.map(<[_; 2]>::from)
+        });
+        let pattern = match kind {
+            "checker" => length(texture, "size_m", "Side of a square.")
+                .map(|size_m| Pattern::Checker { size_m }),
+            "stripes" => {
+                let rotation_deg: f64 = texture
+                    .key(
+                        "rotation_deg",
+                        "Angle of the direction across the stripes from the x axis.",
+                    )
+                    .or(0.0);
+                length(texture, "width_m", "Width of a stripe.").map(|width_m| Pattern::Stripes {
+                    width_m,
+                    turn_rad: rotation_deg.to_radians(),
+                })
+            }
+            _ => {
+                let octaves = texture
+                    .key("octaves", "Number of octaves of finer and finer clouds.")
+                    .within(1.0..=12.0)
+                    .or(Pattern::DEFAULT_OCTAVES);
+                length(texture, "size_m", "Size of the largest clouds.")
+                    .map(|size_m| Pattern::Noise { size_m, octaves })
+            }
+        };
+        Some(Texture {
+            pattern: pattern?,
+            colors: colors?,
+        })
+    })
 }
 
 const COLOR_RANGE: RangeInclusive<f64> = 0.0..=255.0;
 
 /// Reads a colour and converts it to linear light.
 fn read_color(table: &Table) -> Option<[f64; 3]> {
-    let srgb = table
+    let srgb = color_key(table).required::<[f64; 3]>()?;
+    Some(linear_from_srgb(srgb))
+}
+
+fn color_key<'k, 'a, 't>(table: &'k Table<'a, 't>) -> Key<'k, 'a, 't> {
+    table
         .key("color_srgb", "Colour, [red, green, blue].")
         .within(COLOR_RANGE)
-        .required::<[f64; 3]>()?;
-    Some(linear_from_srgb(srgb))
 }
 
 fn linear(srgb: &[f64]) -> Option<[f64; 3]> {

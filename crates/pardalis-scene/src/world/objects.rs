@@ -4,8 +4,12 @@ use nalgebra::Vector3;
 
 use super::super::description::Presence;
 use super::super::reader::{Journal, Kind, Located, Table};
-use super::{MAX_DISTANCE_M, MIN_LENGTH_M, length, read_color, read_point};
-use pardalis_simulate::{Body, Course, Object, Path, Sine, Throw, Waypoints};
+use super::{
+    MAX_DISTANCE_M, MIN_LENGTH_M, color_key, length, read_color, read_point, read_texture,
+};
+use pardalis_simulate::{
+    Body, Course, Mark, Object, Path, Pattern, Sine, Texture, Throw, Waypoints, linear_from_srgb,
+};
 
 /// Maximum number of objects of one world.
 const MAX_OBJECTS: usize = 100;
@@ -57,7 +61,8 @@ fn read_object(
     carriers: &mut Vec<(usize, Located<()>)>,
 ) -> Option<Object> {
     let body = read_body(&table);
-    let color = read_color(&table);
+    let texture = read_colors(&table);
+    let marks = read_marks(&table, body.as_ref());
     let highlight = table
         .key(
             "highlight",
@@ -72,32 +77,130 @@ fn read_object(
         )
         .depends("the direction in which it moves")
         .optional();
+    let tilt_deg: f64 = table
+        .key(
+            "tilt_deg",
+            "Forward tilt about its position, at 0 s: at 90 an upright cylinder lies.",
+        )
+        .or(0.0);
+    let spin_deg_per_s: f64 = table
+        .key(
+            "spin_deg_per_s",
+            "Rate of that tilt: a ball that rolls forward spins at its speed divided by its radius.",
+        )
+        .within(-MAX_SPIN_DEG_PER_S..=MAX_SPIN_DEG_PER_S)
+        .or(0.0);
     let is_target = table
         .key(
             "target",
             "Whether the object is to be tracked: it is a target of the scene, and its colours are learned.",
         )
         .or(false);
-    if is_target && let Some(Body::Box { .. }) = body {
-        table.problem("target", "is true of a box; allowed: spheres and cylinders");
+    let is_sphere = matches!(body, Some(Body::Sphere { .. }));
+    let is_cylinder = matches!(body, Some(Body::Cylinder { .. }));
+    if is_target && body.is_some() && !is_sphere && !is_cylinder {
+        let message = "is true of another shape; allowed: spheres and cylinders";
+        table.problem("target", message);
+    }
+    for (key, angle) in [("tilt_deg", tilt_deg), ("spin_deg_per_s", spin_deg_per_s)] {
+        if is_target && is_cylinder && angle != 0.0 {
+            let message = "tilts a target that is a cylinder, which must be upright; remove it";
+            table.problem(key, message);
+        }
     }
     let course = read_course(&table, &name, names, carriers);
     table.finish();
     Some(Object {
         name,
         body: body?,
-        color: color?,
+        texture: texture?,
+        marks,
         highlight,
         course: course?,
         heading_rad: heading_deg.map(f64::to_radians),
+        tilt_rad: tilt_deg.to_radians(),
+        spin_rad_per_s: spin_deg_per_s.to_radians(),
         is_target,
     })
 }
 
-const BODIES: [Kind; 3] = [
+/// Maximum rate of a tilt, in degrees per second.
+const MAX_SPIN_DEG_PER_S: f64 = 36_000.0;
+
+/// Reads one colour, or a pattern of two.
+fn read_colors(table: &Table) -> Option<Texture> {
+    let texture = read_texture(table, Presence::Optional(""));
+    let color = color_key(table).depends("unless `texture` is given");
+    if table.has("texture") {
+        if color.conditional::<[f64; 3]>().is_some() {
+            table.conflict("color_srgb", "texture");
+        }
+        return texture;
+    }
+    let color = linear_from_srgb(color.required()?);
+    Some(Texture {
+        pattern: Pattern::Plain,
+        colors: [color; 2],
+    })
+}
+
+/// Reads what is painted on a ball; invalid marks are left out and reported.
+fn read_marks(table: &Table, body: Option<&Body>) -> Vec<Mark> {
+    let about = "Seams of a ball, along great circles at right angles to each other.";
+    let seams = table.section("seams", about, |seams| {
+        let color = read_color(seams);
+        let width_m = length(seams, "width_m", "Width.");
+        let about = "Number of seams: one is horizontal, the second runs ahead, the third across.";
+        let count = seams
+            .key("count", about)
+            .within(1.0..=Mark::MAX_SEAMS as f64)
+            .or(Mark::MAX_SEAMS);
+        Some(Mark::Seams {
+            count,
+            width_m: width_m?,
+            color: color?,
+        })
+    });
+    let logo = table.section("logo", "A round logo on a ball.", |logo| {
+        let color = read_color(logo);
+        let radius_m = length(logo, "radius_m", "Radius.");
+        let about =
+            "Direction in which it faces: x ahead, y to the left, z up; any length except 0.";
+        let direction = logo.key("direction", about).or([1.0, 0.0, 0.0]);
+        let direction = Vector3::from(direction).try_normalize(1e-9);
+        if direction.is_none() {
+            logo.reject(
+                "direction",
+                "a direction from the ball's centre, not all zero",
+            );
+        }
+        Some(Mark::Logo {
+            direction: direction?,
+            radius_m: radius_m?,
+            color: color?,
+        })
+    });
+    for key in ["seams", "logo"] {
+        if table.has(key) && !matches!(body, None | Some(Body::Sphere { .. })) {
+            table.problem(key, "is given for another shape; allowed: on spheres");
+        }
+    }
+    seams.into_iter().chain(logo).collect()
+}
+
+const BODIES: [Kind; 6] = [
     ("sphere", "A ball."),
     ("cylinder", "An upright cylinder that stands on its base."),
     ("box", "An upright box that stands on its base."),
+    ("cone", "An upright cone that stands on its base."),
+    (
+        "capsule",
+        "A cylinder with round ends, such as a finger. Its position is the centre of one end.",
+    ),
+    (
+        "cloth",
+        "A hanging piece of cloth with folds and an irregular outline, which faces ahead. Its position is the middle of its lower edge.",
+    ),
 ];
 
 fn read_body(table: &Table) -> Option<Body> {
@@ -118,7 +221,7 @@ fn read_body(table: &Table) -> Option<Body> {
                     .zip(height_m)
                     .map(|(radius_m, height_m)| Body::Cylinder { radius_m, height_m })
             }
-            _ => {
+            "box" => {
                 let size_m = shape
                     .key("size_m", "Length ahead, width and height.")
                     .within(MIN_LENGTH_M..=MAX_DISTANCE_M)
@@ -126,6 +229,31 @@ fn read_body(table: &Table) -> Option<Body> {
                 size_m.map(|size_m| Body::Box {
                     size_m: size_m.into(),
                 })
+            }
+            "cone" => {
+                let radius_m = length(shape, "radius_m", "Radius of the base.");
+                let height_m = length(shape, "height_m", "Height.");
+                radius_m
+                    .zip(height_m)
+                    .map(|(radius_m, height_m)| Body::Cone { radius_m, height_m })
+            }
+            "capsule" => {
+                let radius_m = length(shape, "radius_m", "Radius.");
+                let about =
+                    "Centre of the other end in the object's frame: x ahead, y to its left, z up.";
+                let to_m = read_point(shape, "to_m", about)?;
+                if to_m.norm() < MIN_LENGTH_M {
+                    shape.reject("to_m", "a point other than the first end; give a sphere");
+                    return None;
+                }
+                radius_m.map(|radius_m| Body::Capsule { radius_m, to_m })
+            }
+            _ => {
+                let size_m = shape
+                    .key("size_m", "Width and height.")
+                    .within(MIN_LENGTH_M..=MAX_DISTANCE_M)
+                    .required::<[f64; 2]>();
+                size_m.map(|size_m| Body::Cloth { size_m })
             }
         },
     )

@@ -1,11 +1,10 @@
-//! Damaged, unsupported and contradictory calibration files yield errors with a line and a name, never a panic or a
-//! wrong camera.
+//! Unsupported and contradictory calibration files yield errors with a line and a name, never a panic or a wrong camera.
+//! Damaged ones are tried in `pardalis-cli`, with those of all other readers.
 
 use pardalis_camera::formats::{Lens, MAX_TEXT_BYTES};
 use pardalis_scene::calibration::read;
-use rayon::prelude::*;
 
-use crate::samples::{SAMPLES, sample};
+use crate::samples::sample;
 
 /// Checks each line of refusals.txt: a sample with pieces of it replaced, and parts of the expected message.
 #[test]
@@ -90,87 +89,5 @@ fn texts_that_are_not_calibrations_or_too_large_are_rejected() {
         let start: String = text.chars().take(60).collect();
         assert!(message.contains(wanted), "{start}: {message}");
         assert!(message.len() < 2000, "{start}: {message}");
-    }
-}
-
-/// Checks that reading returns cameras or an error with a line of the text; reports whether it returned cameras.
-fn check(text: &str, lens: Option<Lens>) -> bool {
-    match read(text, lens) {
-        Ok(cameras) => {
-            assert!(!cameras.is_empty());
-            true
-        }
-        Err(error) => {
-            let message = error.to_string();
-            assert!(message.starts_with("line "), "{message}");
-            let line: usize = message[5..].split(':').next().unwrap().parse().unwrap();
-            // In YAML, a lone carriage return also ends a line.
-            let last = text.matches(['\n', '\r']).count() + 1;
-            assert!((1..=last).contains(&line), "{message}");
-            false
-        }
-    }
-}
-
-/// Returns the sample with a few bits flipped, or bytes removed, duplicated, swapped or replaced, depending on the
-/// seed.
-fn mutated(text: &str, seed: u64) -> String {
-    // The generator of Numerical Recipes; any other would do.
-    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    let mut below = |bound: usize| {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as usize % bound
-    };
-    let mut bytes = text.as_bytes().to_vec();
-    for _ in 0..=below(4) {
-        if bytes.is_empty() {
-            break;
-        }
-        let at = below(bytes.len());
-        match below(6) {
-            0..3 => bytes[at] ^= 1 << below(8),
-            3 => {
-                let end = (at + 1 + below(20)).min(bytes.len());
-                bytes.drain(at..end);
-            }
-            4 => {
-                let end = (at + 1 + below(20)).min(bytes.len());
-                let piece = bytes[at..end].to_vec();
-                let to = below(bytes.len());
-                bytes.splice(to..to, piece);
-            }
-            _ => bytes[at] = b"0123456789-+.eE:[]{}<>/\"'#&*!,\n \t"[below(33)],
-        }
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
-}
-
-/// Reads every truncation of the sample and a number of mutations; returns how many mutations were read as cameras.
-fn damage(name: &str, lens: Option<Lens>, mutations: u64) -> usize {
-    let text = sample(name);
-    (0..text.len()).into_par_iter().for_each(|end| {
-        if let Some(start) = text.get(..end) {
-            check(start, lens);
-        }
-    });
-    (0..mutations)
-        .into_par_iter()
-        .filter(|&seed| check(&mutated(&text, seed), lens))
-        .count()
-}
-
-/// Reads a thousand mutations of each sample. `MUTATIONS=1000000 cargo test --release -p pardalis-scene --test
-/// integration mutated -- --nocapture` reads more and prints the counts.
-#[test]
-fn truncated_and_mutated_samples_are_read_or_rejected() {
-    let count = std::env::var("MUTATIONS").map_or(1000, |v| v.parse().unwrap());
-    for (name, lens) in SAMPLES {
-        let fine = damage(name, lens, count);
-        let truncations = sample(name).len();
-        println!("{name}: {truncations} truncations, {count} mutations, {fine} of them read");
-        // Some mutations change only ignored text or digits, others do not.
-        assert!(fine > 0 && (fine as u64) < count, "{name}: {fine}");
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use pardalis_camera::formats::Lens;
 use pardalis_camera::{CalibratedCamera, Pinhole, Pose};
-use pardalis_scene::{Input, Scene};
+use pardalis_scene::{Input, Scene, WorldConfig};
 
 /// What the pages leave to the user.
 const TARGET: &str = "[targets.ball]\nshape.sphere.radius_m = 0.1\ncolors = \"ball.colors.toml\"\n";
@@ -60,4 +60,18 @@ fn cameras_of_the_guide_are_accepted() {
             }
         }
     }
+}
+
+#[test]
+fn objects_and_image_of_the_guide_to_simulation_are_accepted() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/simulation.md");
+    let blocks = blocks(&fs::read_to_string(page).unwrap());
+    let [(line, block)] = &blocks[..] else {
+        panic!("expected one block, found {}", blocks.len());
+    };
+    let before = "duration_s = 1\n[cameras.eye]\nsize_px = [64, 48]\nlook_from_m = [0, 0, 1]\nlook_at_m = [2, 0, 0]\n\
+                  model.pinhole = { f_px = [60, 60], center_px = [31.5, 23.5] }\n";
+    let config = WorldConfig::parse(&format!("{before}{block}"), &calibration);
+    let config = config.unwrap_or_else(|problems| panic!("line {line}: {problems:?}"));
+    assert_eq!(config.world.objects.len(), 3);
 }

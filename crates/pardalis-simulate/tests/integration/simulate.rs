@@ -1,17 +1,9 @@
 //! Rendered images against the exact outlines of the camera models, and ground truth against its specification.
 
 use pardalis::shape::{Shape, Sphere, SphereOutline};
-use pardalis_scene::WorldConfig;
 use pardalis_simulate::{Body, Course, Path, Renderer, World, truth};
 
-/// Parses a world that refers to no calibration files.
-#[track_caller]
-fn world(text: &str) -> World {
-    let config = WorldConfig::parse(text, &|_, _| Err("no files in this test".to_owned()));
-    config
-        .unwrap_or_else(|problems| panic!("{problems:#?}"))
-        .world
-}
+use crate::world;
 
 /// All camera models, each with a ball position in the camera's frame.
 const MODELS: [(&str, [f64; 3]); 10] = [
@@ -153,7 +145,21 @@ fn incremental_rendering_equals_complete_rendering() {
         [objects.crate]
         shape.box.size_m = [0.3, 0.2, 0.2]
         color_srgb = [20, 90, 130]
-        path.still.position_m = [0.4, 0.1, 0.7]";
+        path.still.position_m = [0.4, 0.1, 0.7]
+        [objects.flag]
+        shape.cloth.size_m = [0.3, 0.4]
+        texture.noise = { size_m = 0.1, octaves = 2, colors_srgb = [[150, 20, 30], [220, 200, 30]] }
+        path.circle = { center_m = [0.2, 0, 0.4], radius_m = 0.5, period_s = 2.3 }
+        [objects.rod]
+        shape.capsule = { radius_m = 0.03, to_m = [0.2, 0.1, 0.1] }
+        color_srgb = [220, 170, 150]
+        path.attached = { to = \"ball\", offset_m = [0, 0.1, 0] }
+        [objects.wheel]
+        shape.cylinder = { radius_m = 0.15, height_m = 0.05 }
+        texture.checker = { size_m = 0.1, colors_srgb = [[20, 20, 30], [220, 200, 230]] }
+        tilt_deg = 30
+        spin_deg_per_s = 200
+        path.still.position_m = [0.3, -0.3, 0.5]";
     for (model, position_m) in MODELS {
         let moving = world_of(model, position_m, more);
         let renderer = Renderer::new(&moving, 0);
@@ -161,6 +167,7 @@ fn incremental_rendering_equals_complete_rendering() {
             let mut still = moving.clone();
             for (object, placed) in still.objects.iter_mut().zip(moving.placed(time_s)) {
                 object.heading_rad = Some(placed.heading_rad);
+                (object.tilt_rad, object.spin_rad_per_s) = (placed.tilt_rad, 0.0);
                 object.course = Course::Path(Path::Still {
                     position_m: placed.position_m,
                 });

@@ -5,7 +5,7 @@ mod board_checks;
 mod fit;
 mod images;
 mod model;
-mod observations;
+pub(crate) mod observations;
 mod output;
 mod page;
 mod plane;

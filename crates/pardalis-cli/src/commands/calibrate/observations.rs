@@ -16,11 +16,11 @@ const MAX_LISTED: usize = 10;
 const MAX_COORDINATE_M: f64 = 1e6;
 
 /// Observations with the numbers that identify their points.
-pub(super) struct Observations {
+pub(crate) struct Observations {
     /// Points of each view.
-    pub(super) views: Vec<CalibrationView>,
+    pub(crate) views: Vec<CalibrationView>,
     /// Numbers of the points of each view.
-    pub(super) numbers: Vec<Vec<usize>>,
+    pub(crate) numbers: Vec<Vec<usize>>,
     /// Meaning of the numbers: `line` or `corner`.
     pub(super) numbered_by: &'static str,
     /// Number of rows dropped as exact repetitions of others. Counted twice, they would make standard
@@ -30,7 +30,7 @@ pub(super) struct Observations {
 
 /// Names of a table's columns.
 #[derive(Debug, Clone)]
-pub(super) struct Columns([String; 6]);
+pub(crate) struct Columns([String; 6]);
 
 /// Keys of the columns on the command line.
 const KEYS: [&str; 6] = ["x", "y", "z", "u", "v", "view"];
@@ -66,8 +66,12 @@ impl Columns {
 ///
 /// Fails if the file cannot be read, lacks a column or has invalid rows, which the message names by line.
 pub(super) fn read(path: &Path, columns: &Columns) -> Result<Observations> {
+    read_table(&Table::read(path)?, columns)
+}
+
+/// Returns the points of a table, like [`read`].
+pub(crate) fn read_table(table: &Table, columns: &Columns) -> Result<Observations> {
     let [x, y, z, u, v, view] = &columns.0;
-    let table = Table::read(path)?;
     let point = table.columns([&**x, &**y, &**z])?;
     let pixel = table
         .columns([&**u, &**v])

@@ -2,18 +2,18 @@
 
 /// A format of a camera's images.
 #[derive(Debug, PartialEq)]
-pub(super) struct Formats {
+pub(crate) struct Formats {
     /// ffmpeg's name of the compression, or of the pixel format.
-    pub(super) name: String,
-    pub(super) is_compressed: bool,
+    pub(crate) name: String,
+    pub(crate) is_compressed: bool,
     /// Widths and heights in pixels; empty for any.
-    pub(super) sizes_px: Vec<[usize; 2]>,
+    pub(crate) sizes_px: Vec<[usize; 2]>,
 }
 
 impl Formats {
     /// Returns the largest size with at most this number of pixels, or else the smallest.
-    pub(super) fn size_px(&self, most_px: usize) -> Option<[usize; 2]> {
-        let area = |&[width, height]: &[usize; 2]| width * height;
+    pub(crate) fn size_px(&self, most_px: usize) -> Option<[usize; 2]> {
+        let area = |&[width, height]: &[usize; 2]| width.saturating_mul(height);
         let sizes = || self.sizes_px.iter().copied();
         let fitting = sizes().filter(|size| area(size) <= most_px);
         fitting
@@ -23,7 +23,7 @@ impl Formats {
 }
 
 /// Returns the format that a scene had best ask for: most cameras reach their full rate only with single compressed images.
-pub(super) fn best(formats: &[Formats]) -> Option<&Formats> {
+pub(crate) fn best(formats: &[Formats]) -> Option<&Formats> {
     let rank = |format: &&Formats| match (&*format.name, format.is_compressed) {
         ("mjpeg", true) => 0,
         (_, false) => 1,
@@ -42,7 +42,7 @@ pub(super) fn best(formats: &[Formats]) -> Option<&Formats> {
 ///
 /// Formats that ffmpeg does not support are left out. Nothing at all gives no formats. Fails with ffmpeg's reason if there is
 /// another message instead.
-pub(super) fn formats_in(messages: &str) -> Result<Vec<Formats>, String> {
+pub(crate) fn formats_in(messages: &str) -> Result<Vec<Formats>, String> {
     let formats: Vec<_> = messages.lines().filter_map(format_in).collect();
     let last = messages.lines().rfind(|line| !line.trim().is_empty());
     match last {

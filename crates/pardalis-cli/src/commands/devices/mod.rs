@@ -1,6 +1,6 @@
 //! `pardalis devices`: lists the cameras of this computer, and how a scene names them.
 
-mod formats;
+pub(crate) mod formats;
 mod nodes;
 
 use std::fmt::Write as _;

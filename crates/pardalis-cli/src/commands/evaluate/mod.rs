@@ -7,7 +7,6 @@ mod pairing;
 mod report;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +17,7 @@ use serde_json::Value;
 
 use crate::files::write_file;
 use crate::output::{print, warn};
+use crate::scene::read_text;
 use crate::tables::{self, Series, TrackRow};
 use crate::user_error::user_error;
 use confidence::Confidence;
@@ -52,9 +52,10 @@ pub(crate) struct Options {
     /// An object counts as visible if more than this share of it is visible
     #[arg(long, value_name = "SHARE", value_parser = share, default_value_t = Settings::VISIBLE_OVER)]
     pub(crate) visible_over: f64,
-    /// An estimate farther than this from the truth counts as lost
-    #[arg(long, value_name = "METRES", value_parser = length, default_value_t = Settings::LOST_BEYOND_M)]
-    pub(crate) lost_beyond_m: f64,
+    /// An estimate farther than this from the truth counts as lost [default: three diameters of the largest target, from the
+    /// summary.json next to the tracks, else 0.66]
+    #[arg(long, value_name = "METRES", value_parser = length)]
+    pub(crate) lost_beyond_m: Option<f64>,
     /// The diameter of targets: a confidence or state is right if the object is within this distance [default: the
     /// targets' own diameters, from the summary.json next to the tracks]
     #[arg(long, value_name = "METRES", value_parser = length)]
@@ -81,7 +82,7 @@ impl Default for Options {
             map: Vec::new(),
             around: None,
             visible_over: Settings::VISIBLE_OVER,
-            lost_beyond_m: Settings::LOST_BEYOND_M,
+            lost_beyond_m: None,
             diameter_m: None,
             from_s: None,
             to_s: None,
@@ -126,7 +127,9 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     let mut settings = Settings::default();
     settings.around_m = around.position_m;
     settings.visible_over = options.visible_over;
-    settings.lost_beyond_m = options.lost_beyond_m;
+    let lost_beyond_m = options.lost_beyond_m.or(summary.lost_beyond_m());
+    let lost_beyond_m = lost_beyond_m.unwrap_or(Settings::LOST_BEYOND_M);
+    settings.lost_beyond_m = lost_beyond_m;
 
     let frames = Frames::of(&objects);
     let track_rows: Vec<_> = tracks.iter().map(|t| frames.place(t)).collect();
@@ -142,7 +145,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         (&tracks_path, &names(&tracks), &track_paths),
         (&truth_path, &names(&objects), &object_paths),
         &options.map,
-        options.lost_beyond_m,
+        lost_beyond_m,
     )?;
 
     let window = window(options, &frames).ok_or_else(|| {
@@ -162,7 +165,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
             .iter()
             .map(|p| &object_paths[p.object][window.clone()])
             .collect();
-        pardalis_evaluate::identities(&of_tracks, &of_objects, options.lost_beyond_m)
+        pardalis_evaluate::identities(&of_tracks, &of_objects, lost_beyond_m)
     });
     let targets = pairs.iter().map(|pair| {
         let rows = || {
@@ -204,7 +207,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         truth: truth_path,
         around,
         visible_over: options.visible_over,
-        lost_beyond_m: options.lost_beyond_m,
+        lost_beyond_m,
         from_s: options.from_s,
         to_s: options.to_s,
         seen_by: options.seen_by,
@@ -323,9 +326,12 @@ fn true_path(rows: &[Option<&TrueState>]) -> Vec<Option<[f64; 3]>> {
     rows.iter().map(|row| Some((*row)?.position_m)).collect()
 }
 
+/// What to do about a summary.json that cannot be read.
+const SUMMARY_REMEDY: &str = "give another file, or remove it and give --around X,Y,Z";
+
 /// The relevant part of summary.json.
 #[derive(Default, serde::Deserialize)]
-struct RunSummary {
+pub(crate) struct RunSummary {
     #[serde(default)]
     cameras: BTreeMap<String, Value>,
     #[serde(default)]
@@ -342,17 +348,29 @@ struct TargetSummary {
 impl RunSummary {
     /// Reads the file; a missing file yields an empty summary.
     fn read(path: &Path) -> Result<Self> {
-        let remedy = "give another file, or remove it and give --around X,Y,Z";
-        match fs::read_to_string(path) {
-            Ok(text) => serde_json::from_str(&text)
-                .map_err(|error| user_error!("{}: {error}; {remedy}", path.display())),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
-            Err(error) => Err(user_error!("{}: {error}; {remedy}", path.display())),
+        if !path.exists() {
+            return Ok(Self::default());
         }
+        let text = read_text(path).map_err(|error| error.context(SUMMARY_REMEDY))?;
+        Self::parse(path, &text)
+    }
+
+    /// Parses the file's text. Errors name `path`.
+    pub(crate) fn parse(path: &Path, text: &str) -> Result<Self> {
+        serde_json::from_str(text)
+            .map_err(|error| user_error!("{}: {error}; {SUMMARY_REMEDY}", path.display()))
+    }
+
+    /// Returns three diameters of the largest target, if the diameter of one is known.
+    fn lost_beyond_m(&self) -> Option<f64> {
+        let diameters_m = self.targets.values().filter_map(|target| target.diameter_m);
+        diameters_m
+            .reduce(f64::max)
+            .map(|diameter_m| 3.0 * diameter_m)
     }
 
     /// Returns the position of the first camera that has one, or the world's origin.
-    fn first_camera(&self, path: &Path) -> Result<Point> {
+    pub(crate) fn first_camera(&self, path: &Path) -> Result<Point> {
         let mut cameras = self.cameras.iter();
         let Some((name, position)) =
             cameras.find_map(|(name, camera)| Some((name, camera.get("position_m")?)))

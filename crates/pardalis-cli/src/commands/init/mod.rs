@@ -1,6 +1,6 @@
 //! `pardalis init`: writes a commented scene file as a starting point.
 
-mod sequence;
+pub(crate) mod sequence;
 mod text;
 
 use std::fs;
@@ -15,7 +15,7 @@ use pardalis_scene::{FrameRange, NAMES_ALLOWED, Scene, VideoInput, is_name};
 use crate::commands::camera::load::lens;
 use crate::files::write_file;
 use crate::focal_length::{exif_fov_deg, parse_fov_deg};
-use crate::output::print;
+use crate::output::{print, warn};
 use crate::scene::{read_calibration, read_text};
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use crate::user_error::user_error;
@@ -58,9 +58,9 @@ pub(crate) struct Arguments {
     /// Frames per second of a folder of images without times.csv
     #[arg(long, value_parser = frames_per_second, allow_negative_numbers = true)]
     fps: Option<f64>,
-    /// The target's colour model, as written by `pardalis learn`
-    #[arg(long, value_name = "FILE", default_value = "target.colors.toml")]
-    colors: PathBuf,
+    /// The target's colour model, as written by `pardalis learn` [default: the target's name with .colors.toml]
+    #[arg(long, value_name = "FILE")]
+    colors: Option<PathBuf>,
     /// The target's name
     #[arg(long, value_parser = target_name, default_value = "ball")]
     target: String,
@@ -69,11 +69,38 @@ pub(crate) struct Arguments {
     radius_m: Option<f64>,
     /// Starts the target from a pixel near its centre in the first frame (of the first camera, if there are
     /// several) and tracks it with the published contour cue [default: the target is detected automatically]
-    #[arg(long, value_name = "X,Y", value_parser = pixel, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X,Y", value_parser = pixel, allow_hyphen_values = true)]
     pixel: Option<[f64; 2]>,
     /// Replaces an existing scene file
     #[arg(long)]
     force: bool,
+}
+
+/// Larger and smaller balls, in metres, are probably given in another unit.
+const LIKELY_RADIUS_M: std::ops::RangeInclusive<f64> = 0.002..=2.0;
+/// Wider images, in degrees, are hardly those of a pinhole camera.
+const WIDEST_PINHOLE_DEG: f64 = 120.0;
+
+impl Arguments {
+    /// Returns warnings of values that are possible but probably mistaken.
+    fn unlikely(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if let Some(radius_m) = self.radius_m
+            && !LIKELY_RADIUS_M.contains(&radius_m)
+        {
+            warnings.push(format!(
+                "--radius-m: a ball with a radius of {radius_m} m? --radius-m is in metres: 0.035 for 35 mm"
+            ));
+        }
+        if let Some(fov_deg) = self.fov_deg
+            && fov_deg > WIDEST_PINHOLE_DEG
+        {
+            warnings.push(format!(
+                "--fov: {fov_deg} degrees are hardly those of a pinhole camera; for a fisheye lens use --camera equidistant"
+            ));
+        }
+        warnings
+    }
 }
 
 /// Camera models that `--camera` accepts by name.
@@ -89,12 +116,8 @@ enum Model {
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let output = &arguments.output;
-    if output.exists() && !arguments.force {
-        return Err(user_error!(
-            "{}: already exists; choose another file with -o, or replace it with --force",
-            output.display()
-        ));
-    }
+    let default_colors = || PathBuf::from(format!("{}.colors.toml", arguments.target));
+    let colors = arguments.colors.clone().unwrap_or_else(default_colors);
     let mut cameras = Vec::new();
     let mut radius_m = arguments.radius_m;
     match known_cameras(arguments)? {
@@ -141,11 +164,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let scene = SceneText {
         cameras,
         target: &arguments.target,
-        colors: shown_path(&arguments.colors, output),
+        colors: shown_path(&colors, output),
         radius_m,
         pixel: arguments.pixel,
     };
     scene.check_pixel()?;
+    // After the input, which no other name of the scene mends.
+    if output.exists() && !arguments.force {
+        return Err(user_error!(
+            "{}: already exists; choose another file with -o, or replace it with --force",
+            output.display()
+        ));
+    }
     let text = scene.text();
     let folder = output.parent().unwrap_or(Path::new(""));
     let checked = Scene::parse(&text, &|file, lens| read_calibration(folder, file, lens));
@@ -157,6 +187,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     write_file(output, text.as_bytes())?;
+    arguments.unlikely().into_iter().for_each(warn);
     print(output.display());
     let to_change = text::guesses(&text).len();
     if to_change > 0 {
@@ -165,10 +196,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     print("next:");
-    if !arguments.colors.exists() {
+    if !colors.exists() {
         print(format!(
             "  pardalis learn … -o {}    (how: pardalis learn --help)",
-            arguments.colors.display()
+            colors.display()
         ));
     }
     print(format!("  pardalis check {}", output.display()));
@@ -187,8 +218,18 @@ pub(super) struct Opened {
 fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     let is_video = !input.is_dir();
     let has_times = input.join("times.csv").is_file();
+    let name = input.display().to_string();
+    if name == "-" || name.contains("://") {
+        let source = if name == "-" { "pipe:0" } else { &name };
+        return Err(user_error!(
+            "{name}: init needs recorded images; record a clip, for example with `ffmpeg -i {source} -t 20 -c copy clip.mkv`, run \
+             pardalis init clip.mkv, and then give video = \"{name}\" in the scene (docs/cameras-live.md)"
+        ));
+    }
     if !input.exists() {
-        return Err(user_error!("{}: no such file or folder", input.display()));
+        return Err(user_error!(
+            "{name}: no such file or folder; check the name"
+        ));
     }
     if is_video && is_image(input) {
         return Err(user_error!(
@@ -420,10 +461,11 @@ fn positive_m(text: &str) -> Result<f64, String> {
 }
 
 fn pixel(text: &str) -> Result<[f64; 2], String> {
-    let (x, y) = text.split_once(',').ok_or("expected two numbers, X,Y")?;
+    let allowed = "allowed: two numbers, X,Y without a space, inside the image, such as 412,96";
+    let (x, y) = text.split_once(',').ok_or(allowed)?;
     let number = |part: &str| part.trim().parse().ok().filter(|v: &f64| v.is_finite());
     match (number(x), number(y)) {
         (Some(x), Some(y)) => Ok([x, y]),
-        _ => Err("expected two numbers, X,Y".to_owned()),
+        _ => Err(allowed.to_owned()),
     }
 }

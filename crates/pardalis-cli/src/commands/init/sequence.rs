@@ -4,11 +4,11 @@ use serde::Deserialize;
 
 /// How a sequence was recorded. Empty if the calibration was written by another program.
 #[derive(Debug, Default, Deserialize)]
-pub(super) struct Recording {
+pub(crate) struct Recording {
     /// Frames per second, if given.
-    pub(super) fps: Option<f64>,
+    pub(crate) fps: Option<f64>,
     /// Radius of the ball in metres, if given.
-    pub(super) ball_radius_m: Option<f64>,
+    pub(crate) ball_radius_m: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -18,7 +18,7 @@ struct CameraFile {
 
 impl Recording {
     /// Reads the recording data from the text of a calibration in any format.
-    pub(super) fn of(text: &str) -> Self {
+    pub(crate) fn of(text: &str) -> Self {
         serde_json::from_str(text)
             .map_or_else(|_| Self::default(), |file: CameraFile| file.sequence)
     }

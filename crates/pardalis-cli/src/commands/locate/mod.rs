@@ -15,6 +15,7 @@ use crate::arguments::Threads;
 use crate::numbers::fixed;
 use crate::output::print;
 use crate::scene;
+use crate::source::decode::media_kind;
 use crate::tracking::{self, Annotate, FrameSet, Limit, Options, Output, Previous, Run, missed};
 use crate::user_error::user_error;
 use starts::Starts;
@@ -28,6 +29,9 @@ pub(crate) use starts::parse_pixel;
 /// the previous pass; the mean of the last pass is the result. If the start is a pixel, its ray is searched
 /// first, down to the ground. Writes into a folder: tracks.csv (one row per image and target, without
 /// velocities) and summary.json.
+///
+/// Targets that are detected need no start, and a start does not guide their detection: if one is given, the line about
+/// the image says if the target was found farther from it than its diameter.
 ///
 /// For each image it prints the position with its standard deviations and the confidence, or why a target was not found
 /// (docs/not-found.md).
@@ -67,7 +71,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, clap::Args)]
 struct StartOptions {
     /// A pixel near the centre of the target, the same in all images
-    #[arg(long, value_name = "U,V", value_parser = parse_pixel, conflicts_with_all = ["starts", "clicks"])]
+    #[arg(long, value_name = "U,V", value_parser = parse_pixel, allow_hyphen_values = true, conflicts_with_all = ["starts", "clicks"])]
     at: Option<[f64; 2]>,
     /// A table with a rough position for each image: columns frame,x_m,y_m,z_m, as in truth.csv
     ///
@@ -145,6 +149,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         starts: arguments.starts.from()?,
         passes_m: arguments.passes_m.clone(),
     };
+    let is_video = |path: &&PathBuf| media_kind(path) == Some("video");
+    if let Some(video) = arguments.images.iter().find(is_video) {
+        let name = video.display();
+        return Err(user_error!(
+            "{name}: is a video, not an image; leave it out if the scene names it, or write its frames to images: ffmpeg -i {name} %06d.png"
+        ));
+    }
     let scene = scene::read(&arguments.scene)?;
     let (run, report) = locate(&arguments.scene, scene, &options, &settings)?;
     if !to_stdout {
@@ -169,13 +180,18 @@ pub(crate) fn locate(
     scene
         .resolved
         .insert("locate".to_owned(), settings.written().into());
-    let names: Vec<String> = scene.targets.iter().map(|t| t.name.clone()).collect();
+    let targets = scene.targets.clone();
     // The tables of starts index all images of the folder.
     let range = if settings.stills.is_empty() {
         scene.cameras[0].frames
     } else {
         FrameRange::ALL
     };
+    let open = scene::open(scene_path, scene, options.seed, &settings.stills)?;
+    // Before results of an earlier run are touched.
+    for frame in starts.frames(&open, range, !settings.stills.is_empty()) {
+        starts.check(&open.tracker, frame)?;
+    }
     let mut report = String::new();
     let mut step = |tracker: &mut pardalis::Tracker, set: &FrameSet| {
         let frame = range.first + range.step * set.index;
@@ -185,46 +201,41 @@ pub(crate) fn locate(
             .and_then(|set| tracker.locate(&set, &starts_here, &settings.passes_m));
         let estimates =
             located.map_err(|error| user_error!("{}: {error}", starts.source_of_frame(frame)))?;
-        for (number, (name, estimate)) in names.iter().zip(&estimates).enumerate() {
+        for (number, (target, estimate)) in targets.iter().zip(&estimates).enumerate() {
             let reasons = missed::reasons(tracker, TargetId::new(number))?;
             let reason = reasons.first().copied();
-            push_line(&mut report, set.index, name, (estimate, reason));
+            let far = estimate.kinematics.and_then(|found| {
+                starts.far_from(tracker, (number, target), frame, found.position_m)
+            });
+            let line = line(estimate, reason);
+            let far = far.map(|far| format!("; {far}")).unwrap_or_default();
+            let _ = writeln!(report, "frame {}: {} {line}{far}", set.index, target.name);
         }
         Ok(estimates)
     };
-    let run = tracking::run_steps(scene_path, scene, &settings.stills, options, &mut step)?;
+    let run = tracking::run_steps(scene_path, open, options, &mut step)?;
     Ok((run, report))
 }
 
-/// Appends a line about one target in one image, with what ruled out the candidate that came nearest to it if there is one.
-fn push_line(
-    text: &mut String,
-    index: usize,
-    name: &str,
-    (estimate, reason): (&Estimate, Option<Verdict>),
-) {
-    let _ = match (&estimate.kinematics, reason) {
+/// Says where a target is in one image, or what ruled out the candidate that came nearest to it if there is one.
+fn line(estimate: &Estimate, reason: Option<Verdict>) -> String {
+    match (&estimate.kinematics, reason) {
         (Some(found), _) => {
             let [x, y, z] = found.position_m.map(|c| fixed(c, 3));
             let sigma_mm = [0, 3, 5].map(|i| 1e3 * found.covariance_m2[i].sqrt());
-            writeln!(
-                text,
-                "frame {index}: {name} at {x}, {y}, {z} m ± {:.0}, {:.0}, {:.0} mm, confidence {:.2}",
+            format!(
+                "at {x}, {y}, {z} m ± {:.0}, {:.0}, {:.0} mm, confidence {:.2}",
                 sigma_mm[0], sigma_mm[1], sigma_mm[2], estimate.confidence
             )
         }
-        (None, Some(reason)) => writeln!(
-            text,
-            "frame {index}: {name} not found: {} ({})",
-            missed::what(reason),
-            reason.name()
-        ),
-        (None, None) => writeln!(
-            text,
-            "frame {index}: {name} not visible around the start ({})",
-            estimate.state.name()
-        ),
-    };
+        (None, Some(reason)) => {
+            format!("not found: {} ({})", missed::what(reason), reason.name())
+        }
+        (None, None) => {
+            let state = estimate.state.name();
+            format!("not visible around the start ({state})")
+        }
+    }
 }
 
 impl Settings {

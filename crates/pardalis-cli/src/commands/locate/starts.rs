@@ -1,16 +1,22 @@
 //! Start positions of the targets in each image.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use libm::hypot;
 use pardalis::start::{PixelStart, Start};
 use pardalis::{TargetId, Tracker};
 use pardalis_filter::gaussian::GaussianStart;
-use pardalis_scene::Scene;
+use pardalis_scene::{FrameRange, Input, Scene, TargetConfig, TrackingConfig};
 
+use crate::scene::OpenScene;
+use crate::source::Source;
 use crate::tables::{Column, Row, Table};
 use crate::user_error::user_error;
+
+/// Points of an outline whose radius is measured.
+const OUTLINE_POINTS: usize = 16;
 
 /// The source of start positions.
 #[derive(Debug, Clone)]
@@ -43,7 +49,9 @@ pub(crate) fn parse_pixel(text: &str) -> Result<[f64; 2], String> {
     numbers
         .and_then(|numbers| <[f64; 2]>::try_from(numbers).ok())
         .filter(|pixel| pixel.iter().all(|v| v.is_finite()))
-        .ok_or_else(|| "allowed: two numbers in pixels, such as 412,96.5".to_owned())
+        .ok_or_else(|| {
+            "allowed: two numbers in pixels, U,V without a space, inside the image, such as 412,96.5".to_owned()
+        })
 }
 
 /// A rough start of one target in one image.
@@ -205,6 +213,95 @@ impl Starts {
             }
         }
         Ok(starts)
+    }
+
+    /// Returns the frames whose starts can be checked before the images are read: all of a folder or of `stills`; of a
+    /// video, whose length is not certain, those that the table lists.
+    pub(super) fn frames(&self, open: &OpenScene, range: FrameRange, stills: bool) -> Vec<usize> {
+        let cameras = &open.scene.cameras;
+        let are_images = stills
+            || cameras
+                .iter()
+                .all(|c| matches!(c.input, Input::Images { .. }));
+        if are_images {
+            let counts = open.sources.iter().filter_map(Source::frame_count);
+            let count = counts.max().unwrap_or(0);
+            return (0..count).map(|i| range.first + range.step * i).collect();
+        }
+        let Self::Listed { targets, .. } = self else {
+            return vec![range.first];
+        };
+        let mut frames = targets.iter().map(|(_, listed)| {
+            let taken = listed.keys().copied().filter(|&frame| range.takes(frame));
+            taken.take(range.limit.unwrap_or(usize::MAX)).collect()
+        });
+        let first: BTreeSet<usize> = frames.next().unwrap_or_default();
+        // A frame that another target lacks is reported when it is reached.
+        let common = frames.fold(first, |common, listed: BTreeSet<usize>| &common & &listed);
+        common.into_iter().collect()
+    }
+
+    /// Errors: a start of this frame is missing or out of range.
+    pub(super) fn check(&self, tracker: &Tracker, frame: usize) -> Result<()> {
+        for start in self.of_frame(tracker, frame)?.iter().flatten() {
+            let checked = match start {
+                Start::Gaussian(start) => start.check(),
+                Start::Pixel(start) => start
+                    .check()
+                    .and_then(|()| start.check_in(&tracker.views()[start.camera])),
+            };
+            checked.map_err(|error| user_error!("{}: {error}", self.source_of_frame(frame)))?;
+        }
+        Ok(())
+    }
+
+    /// Says how far a detected target was found from the start given for it, which does not guide its detection; `None` if
+    /// it is not farther away than its diameter.
+    pub(super) fn far_from(
+        &self,
+        tracker: &Tracker,
+        (number, target): (usize, &TargetConfig),
+        frame: usize,
+        found_m: [f64; 3],
+    ) -> Option<String> {
+        let [body] = &target.bodies[..] else {
+            return None;
+        };
+        if !matches!(body.tracking, TrackingConfig::Detected { .. }) {
+            return None;
+        }
+        let rough_start = match self {
+            Self::Scene => return None,
+            Self::Same(rough_start) => *rough_start,
+            Self::Listed { targets, .. } => targets[number].1.get(&frame)?.0,
+        };
+        match rough_start {
+            RoughStart::Position(position_m) => {
+                let [x, y, z] = [0, 1, 2].map(|i| found_m[i] - position_m[i]);
+                let away_m = hypot(hypot(x, y), z);
+                (away_m > body.shape.diameter_m())
+                    .then(|| format!("found {away_m:.2} m from the given start"))
+            }
+            RoughStart::Pixel(camera, click_px) => {
+                let view = &tracker.views()[camera];
+                let position = view.camera_from_world() * nalgebra::Point3::from(found_m);
+                let Some([u, v]) = view.camera().project(position.into()) else {
+                    return Some("found out of view of the camera of the click".to_owned());
+                };
+                let away_px = |[x, y]: [f64; 2]| hypot(x - u, y - v);
+                let outline_px = body.shape.outline_px(
+                    view.camera(),
+                    view.camera_from_world(),
+                    found_m,
+                    1.0,
+                    OUTLINE_POINTS,
+                );
+                let radius_px = outline_px.into_iter().flatten().map(away_px);
+                let radius_px = radius_px.fold(0.0, f64::max);
+                let away_px = away_px(click_px);
+                (away_px > 2.0 * radius_px).then(|| format!("found {away_px:.0} px from the click"))
+            }
+        }
     }
 
     /// Returns what an error message about a start of this frame refers to.

@@ -17,6 +17,10 @@ pub(super) type Metric = (&'static str, fn(&Measured) -> Option<f64>);
 /// The figures, in the order of the columns; their meanings are in [`FIGURES_OF_MERIT`].
 pub(super) const METRICS: [Metric; FIGURES_OF_MERIT.len()] = [
     ("coverage", |m| m.report.scores.coverage),
+    ("on_target_share", |m| {
+        let (frames, lost) = (m.report.scores.visible.frames, m.report.scores.lost_frames);
+        (frames > 0).then(|| 1.0 - lost as f64 / frames as f64)
+    }),
     ("lost_frames", |m| Some(m.report.scores.lost_frames as f64)),
     ("ends_on_target", |m| {
         m.report.scores.ends_on_target.map(one_or_zero)
@@ -32,6 +36,12 @@ pub(super) const METRICS: [Metric; FIGURES_OF_MERIT.len()] = [
     }),
     ("elsewhere_frames", |m| {
         Some(m.report.states?.elsewhere_frames as f64)
+    }),
+    ("overconfident_frames", |m| {
+        let confidence = &m.report.confidence;
+        let wrong = confidence.checks.iter().filter(|c| !c.is_right);
+        let sure = wrong.filter(|c| c.confidence > 0.5).count();
+        confidence.reliability.is_some().then_some(sure as f64)
     }),
     ("mean_m", |m| errors(m).map(|e| e.position_m.mean)),
     ("sd_m", |m| errors(m).map(|e| e.position_m.sd)),

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use pardalis::tracker::PASSES_SIGMA_M;
+use pardalis::tracker::{PASSES_SIGMA_M, TrackState};
 use pardalis_evaluate::CheckedConfidence;
 use pardalis_scene::Scene;
 use pardalis_scene::experiment::{Method, Run};
@@ -167,7 +167,7 @@ impl<'a> Plan<'a> {
         evaluate::Options {
             around: self.run.origin_m,
             visible_over: self.run.visible_over,
-            lost_beyond_m: self.run.lost_beyond_m,
+            lost_beyond_m: Some(self.run.lost_beyond_m),
             interpolate: self.run.interpolate,
             ..evaluate::Options::default()
         }
@@ -198,6 +198,7 @@ impl<'a> Plan<'a> {
                             time_s,
                             position_m: row.estimate.map(|e| e.position_m),
                             covariance_m2: row.estimate.and_then(|e| e.covariance_m2),
+                            is_seen: row.state != Some(TrackState::Occluded),
                         })
                         .collect(),
                 }

@@ -20,9 +20,10 @@ pub(super) fn reliability_of(runs: &[&Measured]) -> Option<Reliability> {
 
 /// Returns one row per run or sweep, target and window: `recordings` (number of distinct recordings), their mean NEES
 /// with the 99 % band of that mean from the scatter of recordings, rows with a confidence, the calibration error over
-/// them and their largest confidence.
+/// them, their largest confidence, and the numbers of frames in which the target is tracked elsewhere and in which a
+/// confidence above one half is wrong.
 pub(super) fn to_csv(measured: &[Measured]) -> String {
-    let mut text = "run,target,window,recordings,mean_nees,nees_99_low,nees_99_high,rows,calibration_error,confidence_max\n".to_owned();
+    let mut text = "run,target,window,recordings,mean_nees,nees_99_low,nees_99_high,rows,calibration_error,confidence_max,elsewhere_frames,overconfident_frames\n".to_owned();
     let mut names: Vec<&str> = measured.iter().map(Measured::name).collect();
     names.dedup();
     for name in names {
@@ -54,6 +55,10 @@ fn push_row(text: &mut String, name: &str, target: &str, window: &str, runs: &[&
     let band = mean.zip(half_band_99(&nees));
     let reliability = reliability(&checks);
     let error = reliability.as_ref().map(|r| r.calibration_error);
+    let figures = || {
+        (runs.iter().flat_map(|m| &m.figures)).filter(|f| f.target == target && f.window == window)
+    };
+    let sum = |name: &str| figures().filter_map(|f| f.value(name)).reduce(|a, b| a + b);
     let confidence_max = checks.iter().map(|c| c.confidence).reduce(f64::max);
     // Writing to a String cannot fail.
     let _ = write!(text, "{},{target},", quoted(name));
@@ -68,6 +73,8 @@ fn push_row(text: &mut String, name: &str, target: &str, window: &str, runs: &[&
         reliability.as_ref().map(|r| r.rows as f64),
         error,
         confidence_max,
+        sum("elsewhere_frames"),
+        sum("overconfident_frames"),
     ] {
         text.push(',');
         if let Some(value) = value {

@@ -76,7 +76,7 @@ fn push_target(text: &mut String, object: &Object, placed: &Placed, sigma_m: f64
         Body::Cylinder { radius_m, height_m } => {
             format!("cylinder = {{ radius_m = {radius_m:?}, height_m = {height_m:?} }}")
         }
-        Body::Box { .. } => unreachable!("world files do not allow boxes as targets"),
+        _ => unreachable!("world files allow only spheres and cylinders as targets"),
     };
     let motion = match object.body {
         Body::Sphere { .. } => "constant_velocity",

@@ -98,6 +98,7 @@ fn staged(world: &World, target: usize, still: u32) -> Option<(World, usize)> {
                 position_m.y += around(2, width_m);
             }
             object.heading_rad = Some(placed.heading_rad);
+            (object.tilt_rad, object.spin_rad_per_s) = (placed.tilt_rad, 0.0);
             object.course = Course::Path(Path::Still { position_m });
         }
         let light = &mut staged.light;
@@ -111,10 +112,10 @@ fn staged(world: &World, target: usize, still: u32) -> Option<(World, usize)> {
     })
 }
 
-/// Returns the width of an object.
-fn width_m(object: &Object) -> f64 {
-    match object.body {
+/// Returns the width of a target.
+fn width_m(target: &Object) -> f64 {
+    match target.body {
         Body::Sphere { radius_m } | Body::Cylinder { radius_m, .. } => 2.0 * radius_m,
-        Body::Box { size_m } => size_m.x,
+        _ => unreachable!("world files allow only spheres and cylinders as targets"),
     }
 }

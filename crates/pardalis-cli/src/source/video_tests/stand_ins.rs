@@ -53,7 +53,7 @@ fn read_with(script: &str) -> Option<(Vec<f64>, Option<String>, Counters)> {
     )
     .expect("opens");
     let process = frames.process();
-    let mut source = Source::start(description, Clock::Recorded, 0.0, frames);
+    let mut source = Source::start(description, Clock::Recorded, 0.0, frames).expect("a thread");
     source.process = Some(process);
     let (mut times, mut error) = (Vec::new(), None);
     for frame in source.by_ref() {

@@ -65,7 +65,7 @@ fn each_seed_has_its_own_world_and_all_are_pooled() {
     let mut rows = pooled.lines();
     assert_eq!(
         rows.next().unwrap(),
-        "run,target,window,recordings,mean_nees,nees_99_low,nees_99_high,rows,calibration_error,confidence_max"
+        "run,target,window,recordings,mean_nees,nees_99_low,nees_99_high,rows,calibration_error,confidence_max,elsewhere_frames,overconfident_frames"
     );
     let rows: Vec<Vec<&str>> = rows.map(|row| row.split(',').collect()).collect();
     let of = |column: usize| rows.iter().map(|row| row[column]).collect::<Vec<_>>();

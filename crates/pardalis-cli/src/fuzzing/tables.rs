@@ -1,0 +1,133 @@
+//! Tables.
+
+use std::path::Path;
+
+use anyhow::Result;
+
+use crate::commands::calibrate::observations::{Columns, read_table};
+use crate::commands::devices::formats::{best, formats_in};
+use crate::fuzzed_file::{FILE, check_error};
+use crate::tables::{Series, Table, tracks_of, truth_of};
+
+/// Returns what a reader reads from a table, if it accepts it.
+fn read<T>(bytes: &[u8], reader: impl Fn(&Table) -> Result<T>) -> Option<T> {
+    let table = Table::from_reader(Path::new(FILE), bytes);
+    match table.and_then(|table| reader(&table)) {
+        Ok(value) => Some(value),
+        Err(error) => {
+            check_error(&error);
+            None
+        }
+    }
+}
+
+/// Checks that each series has a name of its own and ascending times.
+fn check_series<T>(all: &[Series<T>]) {
+    assert!(!all.is_empty());
+    for (index, series) in all.iter().enumerate() {
+        assert!(!series.name.is_empty());
+        assert!(all[..index].iter().all(|other| other.name != series.name));
+        assert!(series.rows.iter().all(|(time_s, _)| time_s.is_finite()));
+        assert!(series.rows.is_sorted_by(|a, b| a.0 < b.0));
+    }
+}
+
+fn are_finite<const N: usize>(numbers: Option<[f64; N]>) -> bool {
+    numbers.iter().flatten().all(|number| number.is_finite())
+}
+
+pub(super) fn tracks(bytes: &[u8]) -> bool {
+    let Some(tracks) = read(bytes, tracks_of) else {
+        return false;
+    };
+    check_series(&tracks);
+    for (_, row) in tracks.iter().flat_map(|track| &track.rows) {
+        assert!(
+            row.confidence
+                .is_none_or(|share| (0.0..=1.0).contains(&share))
+        );
+        let Some(estimate) = row.estimate else {
+            continue;
+        };
+        assert!(are_finite(Some(estimate.position_m)));
+        assert!(are_finite(estimate.best_position_m) && are_finite(estimate.velocity_mps));
+        assert!(are_finite(estimate.covariance_m2));
+        assert!(estimate.heading_rad.is_none_or(f64::is_finite));
+    }
+    true
+}
+
+pub(super) fn truth(bytes: &[u8]) -> bool {
+    let Some(truth) = read(bytes, truth_of) else {
+        return false;
+    };
+    check_series(&truth);
+    for (_, state) in truth.iter().flat_map(|object| &object.rows) {
+        assert!(are_finite(Some(state.position_m)) && are_finite(state.velocity_mps));
+        assert!(
+            state
+                .visible_fraction
+                .is_none_or(|share| (0.0..=1.0).contains(&share))
+        );
+    }
+    true
+}
+
+/// Reads the points of `calibrate points` and `calibrate pose`.
+pub(super) fn points(bytes: &[u8]) -> bool {
+    let read = read(bytes, |table| read_table(table, &Columns::default()));
+    let Some(observations) = read else {
+        return false;
+    };
+    assert_eq!(observations.views.len(), observations.numbers.len());
+    for (view, lines) in observations.views.iter().zip(&observations.numbers) {
+        assert!(!view.correspondences.is_empty());
+        assert_eq!(view.correspondences.len(), lines.len());
+        let are_all = |point: &pardalis_calibrate::Correspondence| {
+            are_finite(Some(point.point_m)) && are_finite(Some(point.pixel))
+        };
+        assert!(view.correspondences.iter().all(are_all));
+    }
+    true
+}
+
+/// Reads the columns of `locate --starts`, of `locate --clicks` and of `calibrate plane --points`.
+pub(super) fn starts(bytes: &[u8]) -> bool {
+    let numbers = read(bytes, |table| {
+        let frame = table.column("frame")?;
+        let columns = table.columns(["x_m", "y_m", "z_m"])?;
+        let object = table.optional_column("object");
+        let mut numbers = Vec::new();
+        for row in table.rows() {
+            row.count(frame)?;
+            object
+                .map(|object| row.text(object).map(str::len))
+                .transpose()?;
+            numbers.push(row.all_or_none(Some(columns))?);
+        }
+        Ok(numbers)
+    });
+    let Some(numbers) = numbers else {
+        return false;
+    };
+    assert!(!numbers.is_empty() && numbers.into_iter().all(are_finite));
+    true
+}
+
+/// Reads ffmpeg's list of the formats of a camera.
+pub(super) fn device_formats(bytes: &[u8]) -> bool {
+    let messages = String::from_utf8_lossy(bytes);
+    match formats_in(&messages) {
+        Ok(formats) => {
+            if let Some(best) = best(&formats) {
+                let size_px = best.size_px(1280 * 720);
+                assert_eq!(size_px.is_some(), !best.sizes_px.is_empty());
+            }
+            !formats.is_empty()
+        }
+        Err(reason) => {
+            assert!(reason.len() <= messages.len() + 100, "{reason}");
+            false
+        }
+    }
+}

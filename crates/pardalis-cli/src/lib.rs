@@ -1,0 +1,114 @@
+//! The `pardalis` program, as a library for its `main.rs` and for fuzzing. It has no stable interface: programs use the crate
+//! `pardalis`.
+
+mod arguments;
+mod board;
+mod commands;
+mod draw;
+mod files;
+mod focal_length;
+mod folder;
+#[cfg(any(test, feature = "fuzz"))]
+mod fuzzed_file;
+#[cfg(any(test, feature = "fuzz"))]
+pub mod fuzzing;
+mod interrupt;
+mod named_files;
+mod numbers;
+mod output;
+#[cfg(feature = "package")]
+mod package;
+mod progress;
+mod rectangle;
+mod rig;
+mod scene;
+mod source;
+mod tables;
+mod timing;
+mod track_start;
+mod tracking;
+mod user_error;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Tracks coloured objects in 3D from images, videos and cameras.
+#[derive(Parser)]
+#[command(name = "pardalis", version, about, arg_required_else_help = true)]
+#[command(after_help = "Start with:
+  pardalis demo                                   tracks a bundled sequence
+  pardalis learn --image a.jpg --rect 10,20,30,40 -o ball.colors.toml
+  pardalis init images --fps 25 --camera pinhole --colors ball.colors.toml
+  pardalis check scene.toml                       problems of the scene, and its first frames
+  pardalis track scene.toml --annotate            tracks, plots and annotated frames
+  pardalis locate scene.toml --at 460,88          single images, independently
+  pardalis rectify scene.toml                     maps of the ground, seen from above
+
+Without cameras:
+  pardalis simulate data/worlds/ring.toml -o ring   images of a synthetic world, with ground truth
+
+Cameras:
+  pardalis devices                                   cameras of this computer, as lines of a scene
+  pardalis camera show calib.yml                     properties of a calibration in any format
+  pardalis init images --fps 25 --camera calib.yml   a scene that uses it
+  pardalis calibrate board images --board checkerboard:9x6:0.025 --model all
+  pardalis calibrate pose points.csv --camera calib.yml
+  pardalis calibrate plane images --size 2.0x1.5     a floor from a rectangle on it, with an unknown camera
+
+Exit codes: 0 success; 2 invalid input or usage; 1 any other error.")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// The commands, each in its own module under `commands/`.
+#[derive(Subcommand)]
+enum Command {
+    Calibrate(commands::calibrate::Arguments),
+    Demo(commands::demo::Arguments),
+    Devices(commands::devices::Arguments),
+    Init(commands::init::Arguments),
+    Learn(commands::learn::Arguments),
+    Camera(commands::camera::Arguments),
+    Check(commands::check::Arguments),
+    Track(commands::track::Arguments),
+    Locate(commands::locate::Arguments),
+    Rectify(commands::rectify::Arguments),
+    Evaluate(commands::evaluate::Arguments),
+    Likelihood(commands::likelihood::Arguments),
+    Measure(commands::measure::Arguments),
+    Simulate(commands::simulate::Arguments),
+}
+
+/// Runs the command of the command line, and returns the exit code of the program.
+pub fn main() -> ExitCode {
+    #[cfg(feature = "package")]
+    return user_error::exit_code_of(&package::write(
+        <Arguments as clap::CommandFactory>::command(),
+    ));
+    #[cfg(not(feature = "package"))]
+    run()
+}
+
+/// Runs the command of the command line.
+#[cfg_attr(feature = "package", expect(dead_code))]
+fn run() -> ExitCode {
+    let outcome = match Arguments::parse().command {
+        Command::Calibrate(arguments) => commands::calibrate::run(&arguments),
+        Command::Demo(arguments) => commands::demo::run(&arguments),
+        Command::Devices(arguments) => commands::devices::run(&arguments),
+        Command::Init(arguments) => commands::init::run(&arguments),
+        Command::Learn(arguments) => commands::learn::run(&arguments),
+        Command::Camera(arguments) => commands::camera::run(&arguments),
+        Command::Check(arguments) => commands::check::run(&arguments),
+        Command::Track(arguments) => commands::track::run(&arguments),
+        Command::Locate(arguments) => commands::locate::run(&arguments),
+        Command::Rectify(arguments) => commands::rectify::run(&arguments),
+        Command::Evaluate(arguments) => commands::evaluate::run(&arguments),
+        Command::Likelihood(arguments) => commands::likelihood::run(&arguments),
+        Command::Measure(arguments) => commands::measure::run(&arguments),
+        Command::Simulate(arguments) => commands::simulate::run(&arguments),
+    };
+    user_error::exit_code_of(&outcome.and_then(|()| output::finish()))
+}

@@ -1,0 +1,92 @@
+//! The files that a scene names in tables with problems, which are not opened: whether they exist.
+
+use std::path::Path;
+
+use pardalis_scene::{Problem, Scene};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Returns a problem for each file or folder that does not exist and that the text of a scene in this folder names in a camera
+/// or target which `sound` lacks. Nothing can be told from a text with syntax errors.
+pub(crate) fn missing(text: &str, folder: &Path, sound: &Scene) -> Vec<Problem> {
+    let (root, errors) = DeTable::parse_recoverable(text);
+    if !errors.is_empty() {
+        return Vec::new();
+    }
+    let mut missing = Missing {
+        text,
+        folder,
+        problems: Vec::new(),
+    };
+    let root = root.get_ref();
+    for (name, camera) in tables(root, "cameras") {
+        if sound.cameras.iter().any(|camera| camera.name == name) {
+            continue;
+        }
+        let of_camera = format!("cameras.{name}");
+        missing.check(&of_camera, camera, "images", "");
+        missing.check(&of_camera, camera, "mask", "");
+        // The keys of `input` tell what else than a file it may be.
+        if !camera.contains_key("input") {
+            missing.check(&of_camera, camera, "video", "");
+        }
+    }
+    for (name, target) in tables(root, "targets") {
+        if sound.targets.iter().any(|target| target.name == name) {
+            continue;
+        }
+        let remedy = "; `pardalis learn` writes such files";
+        let of_target = format!("targets.{name}");
+        missing.check(&of_target, target, "colors", remedy);
+        for (landmark, table) in tables(target, "landmarks") {
+            let of_landmark = format!("{of_target}.landmarks.{landmark}");
+            missing.check(&of_landmark, table, "colors", remedy);
+        }
+    }
+    missing.problems
+}
+
+/// Returns the tables in the table under a key, with their names.
+fn tables<'a, 't>(
+    table: &'a DeTable<'t>,
+    key: &str,
+) -> impl Iterator<Item = (&'a str, &'a DeTable<'t>)> + use<'a, 't> {
+    let named = table.get(key).and_then(|value| value.get_ref().as_table());
+    let entries = named.into_iter().flat_map(|named| named.iter());
+    entries.filter_map(|(name, value)| Some((&**name.get_ref(), value.get_ref().as_table()?)))
+}
+
+struct Missing<'a> {
+    text: &'a str,
+    folder: &'a Path,
+    problems: Vec<Problem>,
+}
+
+impl Missing<'_> {
+    /// Adds a problem if a table names a file that does not exist under this key.
+    fn check(&mut self, of: &str, table: &DeTable<'_>, key: &str, remedy: &str) {
+        let Some(value) = table.get(key) else {
+            return;
+        };
+        let DeValue::String(name) = value.get_ref() else {
+            return;
+        };
+        let is_address = name.contains("://") || name == "-";
+        let path = self.folder.join(&**name);
+        if is_address || path.exists() {
+            return;
+        }
+        self.problems.push(Problem {
+            line: self.line_of(value),
+            key: format!("{of}.{key}"),
+            message: format!(
+                "{}: cannot be read: there is no such file or folder{remedy}",
+                path.display()
+            ),
+        });
+    }
+
+    fn line_of<T>(&self, value: &Spanned<T>) -> usize {
+        self.text[..value.span().start].matches('\n').count() + 1
+    }
+}

@@ -1,0 +1,155 @@
+//! Limits of memory, threads and files, cameras that are too fast, and 64 cameras.
+
+use std::fs;
+use std::os::unix::process::ExitStatusExt;
+use std::process::Command;
+
+use super::camera::{Cameras, SIZE_PX, Stream, ball};
+use crate::common::{Run, SCENE, Workplace, rows_in};
+
+/// Runs a command in a shell that sets a limit before.
+fn limited(limit: &str, command: &Command) -> Command {
+    let mut shell = Command::new("/bin/sh");
+    shell.args(["-c", &format!("ulimit {limit}; exec \"$0\" \"$@\"")]);
+    shell.arg(command.get_program()).args(command.get_args());
+    shell.current_dir(command.get_current_dir().unwrap());
+    for (name, value) in command.get_envs() {
+        shell.env(name, value.unwrap());
+    }
+    shell
+}
+
+/// Checks that a run without enough memory ended with its own message or, in an allocation that fails, with the system's
+/// signal, and that its rows are whole. Reports whether it succeeded.
+fn holds(place: &Workplace, command: &mut Command, limit: &str) -> bool {
+    let _ = fs::remove_dir_all(place.path("out"));
+    let output = command.output().unwrap();
+    let aborted = output.status.signal() == Some(6);
+    // Fails if it panicked.
+    let run = Run::from(output);
+    let has_reason = run.stderr.starts_with("error: ") || run.stderr.contains("error: ");
+    let is_named = aborted && run.stderr.contains("memory allocation of");
+    let is_early = aborted && run.stderr.contains("cannot allocate memory");
+    assert!(
+        run.code == Some(0) || has_reason || is_named || is_early,
+        "{limit}: {:?} {}",
+        run.code,
+        run.stderr
+    );
+    if let Ok(text) = fs::read_to_string(place.path("out/tracks.csv"))
+        && !text.is_empty()
+    {
+        rows_in(&text);
+    }
+    run.code == Some(0)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn too_little_memory_leaves_whole_rows() {
+    let place = Workplace::with_frames(12);
+    // With less than the program itself needs, the system does not start it.
+    let program_mib = fs::metadata(env!("CARGO_BIN_EXE_pardalis")).unwrap().len() >> 20;
+    let sizes_mib = [8, 12, 16, 24, 32, 48, 64, 1024].map(|mib| program_mib + mib);
+    let mut succeeded = Vec::new();
+    for mib in sizes_mib {
+        let limit = format!("-v {}", mib << 10);
+        let command = place.command(SCENE, &["-o", "out", "--threads", "2"]);
+        succeeded.push(holds(&place, &mut limited(&limit, &command), &limit));
+    }
+    assert!(!succeeded[0] && succeeded[7], "{succeeded:?}");
+    let images = ball(6);
+    let cameras = Cameras::new(4, "input.reopen_s = 0");
+    for number in 1..=4 {
+        let camera = format!("cam{number}");
+        for opening in 1..=8 {
+            let stream = Stream::of(SIZE_PX).ball(&images, 0.0);
+            cameras.opening(&camera, opening, stream);
+        }
+    }
+    let mut succeeded = Vec::new();
+    for mib in sizes_mib {
+        let limit = format!("-v {}", mib << 10);
+        let command = cameras.command(cameras.scene());
+        succeeded.push(holds(
+            &cameras.place,
+            &mut limited(&limit, &command),
+            &limit,
+        ));
+    }
+    assert!(!succeeded[0] && succeeded[7], "{succeeded:?}");
+}
+
+#[test]
+fn too_few_files_are_named_with_their_camera() {
+    let script = "cat stream; exec sleep 1000";
+    let cameras = Cameras::with_script(64, "input.reopen_s = 0", script);
+    let stream = Stream::of(SIZE_PX).ball(&ball(2), 0.0);
+    cameras.place.write("stream", stream.bytes);
+    let command = cameras.command(cameras.scene());
+    let run = Run::of(&mut limited("-n 40", &command));
+    assert_ne!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stderr.contains("Too many open files"), "{}", run.stderr);
+    assert!(run.stderr.contains(": cameras.cam"), "{}", run.stderr);
+    assert!(!cameras.place.path("out").exists());
+}
+
+#[test]
+fn sixty_four_cameras_are_tracked_together() {
+    let cameras = Cameras::with_script(64, "input.reopen_s = 0", "exec cat stream");
+    let stream = Stream::of(SIZE_PX).ball(&ball(4), 0.0);
+    cameras.place.write("stream", stream.bytes);
+    // They are opened one after another.
+    let scene = cameras.scene() + "[timing]\nmax_delay_s = 20\n";
+    cameras.track_scene(scene).fine();
+    assert_eq!(cameras.times_s(), [0.0, 0.04, 0.08, 0.12]);
+    for number in 1..=64 {
+        let summary = cameras.summary(&format!("cam{number}"));
+        assert_eq!(summary["frames"]["used"], 4, "{number}: {summary}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_camera_that_is_faster_than_tracking_fills_no_memory() {
+    use std::io::Write as _;
+
+    use super::process::peak_mib;
+    let cameras = Cameras::with_script(1, "input.reopen_s = 0", "exec cat pipe");
+    let made = Command::new("mkfifo")
+        .arg(cameras.place.path("pipe"))
+        .status();
+    assert!(made.unwrap().success());
+    let pipe = cameras.place.path("pipe");
+    let images = ball(2);
+    // 550 MB, in much less time than tracking takes for all.
+    let camera = std::thread::spawn(move || {
+        let mut pipe = fs::OpenOptions::new().write(true).open(pipe).unwrap();
+        let mut sent = 0;
+        let mut stream = Stream::of(SIZE_PX).bytes;
+        while sent < 600 && pipe.write_all(&stream).is_ok() {
+            stream = Stream { bytes: Vec::new() }
+                .frame(0.04 * sent as f64, &images[sent % 2])
+                .bytes;
+            sent += 1;
+        }
+        sent
+    });
+    let scene = cameras
+        .scene()
+        .replace("particles = 100", "particles = 100_000");
+    let mut command = cameras.command(scene);
+    let mut program = command.args(["--frames", "40"]).spawn().unwrap();
+    let mut peak = 0;
+    while program.try_wait().unwrap().is_none() {
+        peak = peak.max(peak_mib(program.id()).unwrap_or(0));
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let sent = camera.join().unwrap();
+    assert_eq!(cameras.times_s().len(), 40);
+    assert!(
+        (40..100).contains(&sent),
+        "{sent} frames were taken for 40 rows"
+    );
+    assert!((10..150).contains(&peak), "{peak} MiB");
+}
