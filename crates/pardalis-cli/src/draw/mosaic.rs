@@ -20,8 +20,6 @@ pub(crate) struct Tile {
     pub(crate) mask: Vec<bool>,
     /// The log odds of each pixel, row by row.
     pub(crate) log_odds: Vec<f32>,
-    /// The outlines that were fitted at the labels, pixel centres at integers.
-    pub(crate) fitted_px: Vec<Vec<[f64; 2]>>,
     /// The outline that the detector found, pixel centres at integers; empty if there is none.
     pub(crate) found_px: Vec<[f64; 2]>,
 }
@@ -36,15 +34,14 @@ const MIN_SHOWN_PX: f64 = 16.0;
 
 const PAPER: Rgb = [255; 3];
 const OUTSIDE: Rgb = [200; 3];
-const FITTED: Rgb = [0, 255, 255];
 const FOUND: Rgb = [255, 0, 255];
 /// Colours of scores far below, at and far above the threshold.
 const COLD: Rgb = [0, 90, 181];
 const NEUTRAL: Rgb = [247; 3];
 const WARM: Rgb = [220, 50, 32];
 
-/// Draws, for each image, the surroundings of the object with the outline of its label in black and white, the fitted
-/// one in cyan and the found one in magenta, and its scores: red above the threshold, blue below. Two pairs lie side by side.
+/// Draws, for each image, the surroundings of the object with the outline of its mask in black and white and the found
+/// one in magenta, and its scores: red above the threshold, blue below. Two pairs lie side by side.
 pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyhow::Result<()> {
     let columns = (tiles.len() as u32).clamp(1, 2);
     let rows = (tiles.len() as u32).div_ceil(columns);
@@ -89,10 +86,7 @@ pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyho
     };
     for (index, (tile, crop)) in tiles.iter().zip(&crops).enumerate() {
         let [left, top] = corner_px(index);
-        for fitted_px in &tile.fitted_px {
-            draw_outline(&mut canvas, fitted_px, FITTED, crop, [left, top]);
-        }
-        draw_outline(&mut canvas, &tile.found_px, FOUND, crop, [left, top]);
+        draw_found(&mut canvas, tile, crop, [left, top]);
         write(&mut canvas, &tile.label, [left, top - 6], pair_px);
     }
     let key = [
@@ -118,29 +112,23 @@ fn write(canvas: &mut Pixmap, text: &str, at_px: [u32; 2], max_px: u32) {
     write_caption(canvas, &caption);
 }
 
-/// Draws the part of an outline that a tile shows, whose image begins at this corner.
-fn draw_outline(
-    canvas: &mut Pixmap,
-    outline_px: &[[f64; 2]],
-    color: Rgb,
-    crop: &Crop,
-    corner_px: [u32; 2],
-) {
+/// Draws the part of the found outline that a tile shows, whose image begins at this corner.
+fn draw_found(canvas: &mut Pixmap, tile: &Tile, crop: &Crop, corner_px: [u32; 2]) {
     let shown = |point: &[f64; 2]| {
         let at = crop.place(*point);
         let is_shown = at.iter().all(|c| (0.0..f64::from(SIDE_PX)).contains(c));
         is_shown.then(|| [0, 1].map(|axis| corner_px[axis] as f32 + at[axis] as f32))
     };
     let mut path = PathBuilder::new();
-    let next = outline_px.iter().cycle().skip(1);
-    for (from, to) in outline_px.iter().zip(next) {
+    let next = tile.found_px.iter().cycle().skip(1);
+    for (from, to) in tile.found_px.iter().zip(next) {
         if let (Some([x, y]), Some([next_x, next_y])) = (shown(from), shown(to)) {
             path.move_to(x, y);
             path.line_to(next_x, next_y);
         }
     }
     let mut paint = Paint::default();
-    paint.set_color(opaque(color));
+    paint.set_color(opaque(FOUND));
     let stroke = Stroke {
         width: 2.0,
         ..Stroke::default()

@@ -20,7 +20,6 @@ fn labelled_images_are_drawn_with_outline_and_scores() {
                 .map(|p| 0.05 * (f32::from(p[0]) - 1.5 * f32::from(p[2])));
             Tile {
                 label: format!("00{i}.jpg"),
-                fitted_px: Vec::new(),
                 found_px: Vec::new(),
                 log_odds: log_odds.collect(),
                 mask: image
@@ -55,7 +54,6 @@ fn found_outlines_are_drawn_where_they_are_seen() {
                 .collect(),
             log_odds: vec![0.0; 8000],
             // The corners are those of pixels, whose centres are at integers.
-            fitted_px: Vec::new(),
             found_px: [[left, 30.0], [right, 30.0], [right, 50.0], [left, 50.0]]
                 .map(|corner| corner.map(|c: f64| c - 0.5))
                 .to_vec(),
@@ -84,7 +82,6 @@ fn degenerate_tiles_are_drawn() {
     let path = folder.join("mosaic.png");
     let tile = |width, height, mask, log_odds| Tile {
         label: String::new(),
-        fitted_px: Vec::new(),
         found_px: Vec::new(),
         image: RgbImage::new(width, height),
         mask,

@@ -4,8 +4,7 @@
 //! inscribed in the box. A rectangle that is the target itself, such as a sign, has the target's colours in its corners
 //! and remains a rectangle.
 
-use super::label_fit::LabelledImage;
-use super::outline_distance::Part;
+use super::outline_distance::parts;
 
 /// Boxes with a shorter side are taken as they are, pixels. Hand-set: their corners have too few pixels to judge.
 const MIN_SIDE_PX: usize = 8;
@@ -20,8 +19,54 @@ const CLEAR_OF_EDGE: f64 = 1.15;
 /// have 0.8 and more, boxes around balls in real images at most 0.55, and 0.65 if they are much too small.
 const MIN_CORNER_SHARE: f64 = 2.0 / 3.0;
 
+/// The labels of an image, row by row, as they are learnt from.
+#[derive(Debug, PartialEq)]
+pub(super) struct PixelLabels {
+    /// The target's pixels.
+    pub(super) is_target: Vec<bool>,
+    /// The pixels of boxes around bodies. Those that are not the target's are not the background's either.
+    pub(super) is_boxed: Vec<bool>,
+}
+
+impl PixelLabels {
+    /// Takes labels as drawn, except that boxes around bodies become ellipses. `bins` are the colours of the pixels, below
+    /// `bin_count`.
+    pub(super) fn of(drawn: &[bool], bins: &[u16], bin_count: usize, width: usize) -> Self {
+        let mut labels = Self {
+            is_target: drawn.to_vec(),
+            is_boxed: vec![false; drawn.len()],
+        };
+        for part in parts(drawn, width) {
+            let Some(drawn_box) = Rect::filled_by(&part) else {
+                continue;
+            };
+            let view = View {
+                drawn,
+                bins,
+                bin_count,
+                width,
+            };
+            if !view.is_around_body(&drawn_box) {
+                continue;
+            }
+            for (x, y) in part {
+                labels.is_target[y * width + x] = drawn_box.ellipse(x, y) < 1.0;
+                labels.is_boxed[y * width + x] = true;
+            }
+        }
+        labels
+    }
+
+    /// Returns the target's pixels in boxes, or those that are labelled along its outline.
+    pub(super) fn of_target(&self, boxed: bool) -> Vec<bool> {
+        let both = self.is_target.iter().zip(&self.is_boxed);
+        both.map(|(&target, &is_boxed)| target && is_boxed == boxed)
+            .collect()
+    }
+}
+
 /// An upright rectangle of pixels.
-pub(super) struct Rect {
+struct Rect {
     left: usize,
     top: usize,
     width: usize,
@@ -30,7 +75,7 @@ pub(super) struct Rect {
 
 impl Rect {
     /// Returns the bounding box of a connected part; `None` if the part does not fill it, or if it is small.
-    pub(super) fn filled_by(part: &Part) -> Option<Self> {
+    fn filled_by(part: &[(usize, usize)]) -> Option<Self> {
         let range = |axis: fn(&(usize, usize)) -> usize| {
             let first = part.iter().map(axis).min()?;
             let last = part.iter().map(axis).max()?;
@@ -48,7 +93,7 @@ impl Rect {
 
     /// Returns the square of the scale at which the inscribed ellipse passes through the centre of a pixel: 1 on its
     /// outline, 2 in the corners of the rectangle.
-    pub(super) fn ellipse(&self, x: usize, y: usize) -> f64 {
+    fn ellipse(&self, x: usize, y: usize) -> f64 {
         let along = |at: usize, first: usize, size: usize| {
             let half = 0.5 * size as f64;
             ((at as f64 + 0.5 - first as f64) / half - 1.0).powi(2)
@@ -60,25 +105,35 @@ impl Rect {
         (self.left..self.left + self.width).contains(&x)
             && (self.top..self.top + self.height).contains(&y)
     }
+}
 
+/// An image with the labels drawn in it.
+struct View<'a> {
+    drawn: &'a [bool],
+    bins: &'a [u16],
+    bin_count: usize,
+    width: usize,
+}
+
+impl View<'_> {
     /// Judges whether a box encloses a body that leaves its corners free: by Bayes' rule from the colours within the
     /// ellipse and around the box. A box that fills the image does not.
-    pub(super) fn is_around_body(&self, image: &LabelledImage) -> bool {
-        let (width, height) = image.size();
-        let shorter = self.width.min(self.height) as f64;
+    fn is_around_body(&self, drawn: &Rect) -> bool {
+        let height = self.drawn.len() / self.width;
+        let shorter = drawn.width.min(drawn.height) as f64;
         let reach = ((SURROUNDINGS * shorter) as usize).max(MIN_SURROUNDINGS_PX);
-        let (mut inside, mut around) = (vec![0_u32; image.bin_count], vec![0_u32; image.bin_count]);
+        let (mut inside, mut around) = (vec![0_u32; self.bin_count], vec![0_u32; self.bin_count]);
         let mut corners = Vec::new();
-        let bottom = (self.top + self.height + reach).min(height);
-        let right = (self.left + self.width + reach).min(width);
-        for y in self.top.saturating_sub(reach)..bottom {
-            for x in self.left.saturating_sub(reach)..right {
-                let index = y * width + x;
-                let bin = usize::from(image.bins[index]);
-                let scale = self.ellipse(x, y);
-                if !self.holds(x, y) {
+        let bottom = (drawn.top + drawn.height + reach).min(height);
+        let right = (drawn.left + drawn.width + reach).min(self.width);
+        for y in drawn.top.saturating_sub(reach)..bottom {
+            for x in drawn.left.saturating_sub(reach)..right {
+                let index = y * self.width + x;
+                let bin = usize::from(self.bins[index]);
+                let scale = drawn.ellipse(x, y);
+                if !drawn.holds(x, y) {
                     // Other labels are no surroundings.
-                    around[bin] += u32::from(!image.drawn[index]);
+                    around[bin] += u32::from(!self.drawn[index]);
                 } else if scale < 1.0 {
                     inside[bin] += 1;
                 } else if scale > CLEAR_OF_EDGE * CLEAR_OF_EDGE {
@@ -107,7 +162,6 @@ impl Rect {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::color::outline_distance::parts;
 
     const WIDTH: usize = 60;
     const HEIGHT: usize = 50;
@@ -132,51 +186,50 @@ mod tests {
         image(|x, y| ((x * 7 + y * 5) % 4) as u16 + if is_body(x, y) { 0 } else { 3 })
     }
 
-    /// For each drawn part, whether it is a box around a body; `None` if it is no box.
-    fn judged(bins: &[u16], drawn: &[bool]) -> Vec<Option<bool>> {
-        let image = LabelledImage {
-            drawn,
-            bins,
-            bin_count: BINS,
-            width: WIDTH,
-            yuv: &|_, _| [0.0; 3],
-            is_exact: false,
-        };
-        let is_around = |part| Some(Rect::filled_by(part)?.is_around_body(&image));
-        parts(drawn, WIDTH).iter().map(is_around).collect()
+    fn labels(bins: &[u16], drawn: &[bool]) -> PixelLabels {
+        PixelLabels::of(drawn, bins, BINS, WIDTH)
     }
 
     #[test]
-    fn a_box_around_an_ellipse_is_recognised() {
+    fn a_box_around_an_ellipse_becomes_the_ellipse_and_its_corners_are_ignored() {
         let is_body = |x: usize, y: usize| BOX.ellipse(x, y) < 1.0;
-        let drawn = image(|x, y| BOX.holds(x, y));
-        assert_eq!(judged(&colors(is_body), &drawn), [Some(true)]);
+        let found = labels(&colors(is_body), &image(|x, y| BOX.holds(x, y)));
+        assert!(found.is_target == image(is_body));
+        assert!(found.is_boxed == image(|x, y| BOX.holds(x, y)));
+        let count = found.is_target.iter().filter(|&&target| target).count() as f64;
+        let area = std::f64::consts::PI * 12.0 * 10.0;
+        assert!((count / area - 1.0).abs() < 0.02, "{count} {area}");
     }
 
     #[test]
-    fn a_rectangular_target_is_no_box_around_a_body() {
+    fn a_rectangular_target_remains_a_rectangle() {
         let drawn = image(|x, y| BOX.holds(x, y));
         for bins in [
             colors(|x, y| BOX.holds(x, y)),
             // Next to something of the same colours.
             colors(|x, y| BOX.holds(x, y) || x > 44),
         ] {
-            assert_eq!(judged(&bins, &drawn), [Some(false)]);
+            let found = labels(&bins, &drawn);
+            assert!(found.is_target == drawn);
+            assert!(!found.is_boxed.contains(&true));
         }
     }
 
     #[test]
-    fn labels_that_are_no_boxes_or_small_or_the_whole_image_are_not_judged() {
+    fn labels_that_are_no_boxes_or_small_or_the_whole_image_remain_as_drawn() {
         let is_body = |x: usize, y: usize| BOX.ellipse(x, y) < 1.0;
         let bins = colors(is_body);
         for drawn in [
             image(|x, y| BOX.holds(x, y) && (x, y) != (20, 15)),
             image(is_body),
             image(|x, y| (28..35).contains(&x) && BOX.holds(x, y)),
+            image(|_, _| true),
+            image(|_, _| false),
         ] {
-            assert_eq!(judged(&bins, &drawn), [None]);
+            let found = labels(&bins, &drawn);
+            assert!(found.is_target == drawn);
+            assert!(!found.is_boxed.contains(&true));
         }
-        assert_eq!(judged(&bins, &image(|_, _| true)), [Some(false)]);
     }
 
     #[test]
@@ -189,6 +242,10 @@ mod tests {
         };
         let drawn = image(|x, y| BOX.holds(x, y) || second.holds(x, y));
         let is_body = |x: usize, y: usize| BOX.holds(x, y) || second.ellipse(x, y) < 1.0;
-        assert_eq!(judged(&colors(is_body), &drawn), [Some(true), Some(false)]);
+        let found = labels(&colors(is_body), &drawn);
+        assert!(found.is_target == image(is_body));
+        assert!(found.is_boxed == image(|x, y| second.holds(x, y)));
+        assert!(found.of_target(true) == image(|x, y| second.ellipse(x, y) < 1.0));
+        assert!(found.of_target(false) == image(|x, y| BOX.holds(x, y)));
     }
 }

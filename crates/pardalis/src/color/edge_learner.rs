@@ -3,7 +3,6 @@
 
 use super::body_colors::BodyColors;
 use super::edge_profile::{Counts, EdgeProfile};
-use super::label_fit::FittedOutline;
 use super::membership::{EdgePixel, Surroundings};
 use super::outline_distance::OutlineDistance;
 
@@ -20,7 +19,7 @@ fn mean(colors: impl Iterator<Item = [f32; 3]>) -> Option<[f32; 3]> {
 }
 
 /// Bodies with fewer pixels than this in a coarser octave teach nothing there. Hand-set: a disc with a radius of 5 px.
-const MIN_COARSE_AREA_PX: f64 = 79.0;
+const MIN_COARSE_AREA_PX: usize = 79;
 /// The tracker judges outlines in the finest octave in which they are no wider than this, half their width in pixels: lines
 /// then reach across most of the body, edges within it count little, and blur is narrow. Hand-set: between 8 and 16 px most of
 /// the balls of real clips are recognised.
@@ -46,7 +45,7 @@ fn center_px(outline: &OutlineDistance, octave: usize) -> [f32; 2] {
 
 /// The radius of a disc of a part's area, in pixels of its octave.
 fn radius_px(outline: &OutlineDistance) -> f64 {
-    (outline.area_px() / std::f64::consts::PI).sqrt()
+    (outline.area_px() as f64 / std::f64::consts::PI).sqrt()
 }
 
 /// What the labels of bodies follow.
@@ -54,7 +53,7 @@ fn radius_px(outline: &OutlineDistance) -> f64 {
 pub(super) enum Follows {
     /// The outline, to a fraction of a pixel.
     Outline,
-    /// A box around the body, or a part of its outline: where the outline lies is known roughly.
+    /// A box around the body: where the outline lies is known roughly.
     Box,
 }
 
@@ -63,9 +62,6 @@ pub(super) enum Follows {
 pub(super) struct EdgeLearner {
     /// For each octave; indexed in the order of [`Side::ALL`].
     counts: Vec<[Counts; 2]>,
-    /// Bodies whose outline is known, and those of which it is known roughly.
-    outlined: u32,
-    boxed: u32,
     /// The mean colour of each body.
     bodies: Vec<[f32; 3]>,
     pixels: Vec<EdgePixel>,
@@ -85,7 +81,7 @@ impl EdgeLearner {
         let octaves = (0..OCTAVES).map(|octave| {
             let labels = coarse_labels(labels, (width, height), 1 << octave);
             let mut outlines = OutlineDistance::of_parts(&labels, width >> octave);
-            let least = if octave > 0 { MIN_COARSE_AREA_PX } else { 0.0 };
+            let least = if octave > 0 { MIN_COARSE_AREA_PX } else { 0 };
             outlines.retain(|outline| outline.area_px() >= least);
             outlines
         });
@@ -105,30 +101,6 @@ impl EdgeLearner {
         }
     }
 
-    /// Adds a fitted outline in an image of the given width and height. `yuv` returns the colour of a pixel.
-    pub(super) fn add_fit(
-        &mut self,
-        fit: &FittedOutline,
-        (width, height): (usize, usize),
-        yuv: impl Fn(usize, usize) -> [f32; 3],
-    ) {
-        let outlines = (0..OCTAVES as usize).map(|octave| {
-            let outline = fit.outline.in_octave(octave);
-            OutlineDistance::of_ellipse(&outline, (width >> octave, height >> octave))
-        });
-        let mut octaves: Vec<_> = outlines.collect();
-        let is_small = |outline: &OutlineDistance| outline.area_px() < MIN_COARSE_AREA_PX;
-        let count = octaves.iter().skip(1).position(is_small);
-        octaves.truncate(count.map_or(octaves.len(), |count| count + 1));
-        let outlines: Vec<_> = octaves.iter().collect();
-        let follows = if fit.is_whole() {
-            Follows::Outline
-        } else {
-            Follows::Box
-        };
-        self.add_part(&outlines, follows, &yuv);
-    }
-
     /// Adds a part, given its outline in each octave.
     fn add_part(
         &mut self,
@@ -136,10 +108,6 @@ impl EdgeLearner {
         follows: Follows,
         yuv: &impl Fn(usize, usize) -> [f32; 3],
     ) {
-        match follows {
-            Follows::Outline => self.outlined += 1,
-            Follows::Box => self.boxed += 1,
-        }
         for (octave, outline) in outlines.iter().enumerate() {
             self.take_pixels(outline, octave, yuv);
             let Some(surroundings) = Surroundings::of(&self.pixels) else {
@@ -210,12 +178,8 @@ impl EdgeLearner {
         BodyColors::new(self.bodies.clone())
     }
 
-    /// Returns the learnt profile of each octave, up to the first in which some distance on some side has no pixels; none if the outline of fewer than half of
-    /// the bodies is known: the few others say little about them.
+    /// Returns the learnt profile of each octave, up to the first in which some distance on some side has no pixels.
     pub(super) fn profiles(&self) -> Vec<EdgeProfile> {
-        if self.outlined < self.boxed {
-            return Vec::new();
-        }
         let is_seen = |row: &[u32; EdgeProfile::MEMBERSHIPS]| row.iter().any(|&count| count > 0);
         let is_whole = |counts: &Counts| counts.iter().all(is_seen);
         let whole = self.counts.iter();

@@ -5,12 +5,11 @@ use std::fmt::Write as _;
 use serde::Deserialize;
 
 use super::body_colors::{BodyColors, BodyText};
+use super::box_labels::PixelLabels;
 use super::channels::{ChannelHistograms, ChannelsText};
 use super::edge_learner::{EdgeLearner, Follows};
 use super::edge_profile::{EdgeProfile, EdgeText};
 use super::histogram::Histogram;
-use super::label_fit::LabelledImage;
-use super::labels::{LabelOutline, PixelLabels};
 use super::palette::{Palette, PixelKind, PixelTable};
 use super::ranges::{ColorRanges, RangeLearner};
 use crate::Frame;
@@ -285,7 +284,6 @@ pub struct ColorLearner {
     channels: ChannelHistograms,
     edge: EdgeLearner,
     image_count: u64,
-    are_labels_exact: bool,
 }
 
 impl ColorLearner {
@@ -306,15 +304,7 @@ impl ColorLearner {
             channels: ChannelHistograms::EMPTY,
             edge: EdgeLearner::default(),
             image_count: 0,
-            are_labels_exact: false,
         })
-    }
-
-    /// Takes all labels as they are drawn: no outline is fitted.
-    #[must_use]
-    pub fn with_exact_labels(mut self) -> Self {
-        self.are_labels_exact = true;
-        self
     }
 
     /// Returns the bin of every pixel of a frame, row by row.
@@ -335,26 +325,19 @@ impl ColorLearner {
 
     /// Adds one image. `is_object` marks the pixels that show the target, row by row, one entry per pixel.
     ///
-    /// The marked pixels follow the target's outline, or fill a box around or within it: an upright rectangle, at least 8 pixels
-    /// wide and high. At every label of a round target that is whole in the image, the outline is fitted to the image, and
-    /// colours and edge are learnt from the fit: the ellipse with the strongest transition all around between the colours inside
-    /// and those around it, centred within 0.8 radii of the label and 0.5 to 1.75 times as large. It must be seen around half of
-    /// the turn, and as clearly as the label's own outline; otherwise, and if the label follows it as well as can be told, the
-    /// label is learnt from. [`Self::outlines`] returns the fits.
-    ///
-    /// Of a box around a round target without a fit, the inscribed ellipse is taken as the target; the corners count neither as
-    /// target nor as background, and nothing is learnt about the edge. Other rectangles, and labels of other shapes, are taken as
-    /// they are. [`Self::target_pixels`] returns the result.
+    /// The marked pixels follow the target's outline, or fill a box around it: an upright rectangle, at least 8 pixels wide
+    /// and high, whose corners have the colours of its surroundings rather than its own. Of such a box the inscribed
+    /// ellipse is taken as the target; the corners count neither as target nor as background, and nothing is learnt about
+    /// the edge, because boxes are seldom exact. Rectangles whose corners have
+    /// the target's colours are taken as they are. [`Self::target_pixels`] returns the result.
     ///
     /// # Errors
     ///
     /// `is_object` has another length than the image has pixels.
     pub fn add(&mut self, frame: &Frame, is_object: &[bool]) -> Result<(), Error> {
         let (bins, labels) = self.labels_of(frame, is_object)?;
-        for (index, &object) in labels.is_target.iter().enumerate() {
-            if !object && !labels.is_background(index) {
-                continue;
-            }
+        let all = labels.is_target.iter().zip(&labels.is_boxed).enumerate();
+        for (index, (&object, _)) in all.filter(|(_, (object, boxed))| **object || !**boxed) {
             let counts = if object {
                 &mut self.object_counts
             } else {
@@ -366,40 +349,24 @@ impl ColorLearner {
             self.channels.add(rgb, object);
         }
         let kind = PixelKind::of(frame);
-        let yuv = |x: usize, y: usize| kind.full_range_yuv(frame.components(x, y));
-        for fit in &labels.fits {
-            self.edge.add_fit(fit, (frame.width(), frame.height()), yuv);
-        }
-        for (pixels, follows) in [
-            (&labels.unfitted, Follows::Outline),
-            (&labels.boxed, Follows::Box),
-        ] {
-            self.edge.add(pixels, frame.width(), follows, yuv);
+        for follows in [Follows::Outline, Follows::Box] {
+            let labels = labels.of_target(follows == Follows::Box);
+            self.edge.add(&labels, frame.width(), follows, |x, y| {
+                kind.full_range_yuv(frame.components(x, y))
+            });
         }
         self.image_count += 1;
         Ok(())
     }
 
-    /// Returns the pixels, row by row, that [`Self::add`] takes as the target's.
+    /// Returns the pixels, row by row, that [`Self::add`] takes as the target's: those marked, except in the corners of
+    /// boxes around bodies.
     ///
     /// # Errors
     ///
     /// As for [`Self::add`].
     pub fn target_pixels(&mut self, frame: &Frame, is_object: &[bool]) -> Result<Vec<bool>, Error> {
         Ok(self.labels_of(frame, is_object)?.1.is_target)
-    }
-
-    /// Returns the labels of round targets that are whole in the image, with the outlines that [`Self::add`] fits to the image.
-    ///
-    /// # Errors
-    ///
-    /// As for [`Self::add`].
-    pub fn outlines(
-        &mut self,
-        frame: &Frame,
-        is_object: &[bool],
-    ) -> Result<Vec<LabelOutline>, Error> {
-        Ok(self.labels_of(frame, is_object)?.1.outlines)
     }
 
     /// Returns the bins of the pixels, and their labels.
@@ -416,25 +383,7 @@ impl ColorLearner {
             });
         }
         let bins = self.bins_of(frame);
-        let kind = PixelKind::of(frame);
-        // Outlines do not depend on the palette of the model.
-        let table = (self.palette != Palette::HSI).then(|| PixelTable::new(Palette::HSI, kind));
-        let of_pixel = |table: &PixelTable, i: usize| {
-            table.bin(frame.components(i % frame.width(), i / frame.width()))
-        };
-        let fit_bins = table.map(|table| {
-            (0..expected)
-                .map(|i| of_pixel(&table, i))
-                .collect::<Vec<u16>>()
-        });
-        let labels = PixelLabels::of(&LabelledImage {
-            drawn: is_object,
-            bins: fit_bins.as_ref().unwrap_or(&bins),
-            bin_count: Palette::HSI.bin_count(),
-            width: frame.width(),
-            yuv: &|x, y| kind.full_range_yuv(frame.components(x, y)),
-            is_exact: self.are_labels_exact,
-        });
+        let labels = PixelLabels::of(is_object, &bins, self.palette.bin_count(), frame.width());
         Ok((bins, labels))
     }
 

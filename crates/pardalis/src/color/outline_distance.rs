@@ -5,8 +5,6 @@
 
 use std::collections::VecDeque;
 
-use super::ellipse::Ellipse;
-
 /// Labelled parts with fewer pixels are ignored. Hand-set.
 const MIN_AREA_PX: usize = 20;
 /// Minimum intersection over union of a fitted ellipse with the labels. Hand-set.
@@ -22,7 +20,7 @@ const TRUSTED: f64 = 2.5;
 /// The outline of one labelled part.
 pub(super) struct OutlineDistance {
     centroid_px: [f64; 2],
-    area_px: f64,
+    area_px: usize,
     /// Pixels near the part: column, row and signed distance.
     near: Vec<(usize, usize, f64)>,
 }
@@ -36,13 +34,21 @@ impl OutlineDistance {
         let height = labels.len() / width.max(1);
         parts(labels, width)
             .into_iter()
-            .filter(|part| is_usable(part, (width, height)))
-            .map(|part| Self::of(&part, labels, (width, height)))
+            .filter(|part| {
+                let inside =
+                    |&(x, y): &(usize, usize)| x > 0 && y > 0 && x + 1 < width && y + 1 < height;
+                part.len() >= MIN_AREA_PX && part.iter().all(inside)
+            })
+            .map(|part| Self::of(&part, labels, width, height))
             .collect()
     }
 
-    /// Finds the outline of a part of an image of this width and height.
-    pub(super) fn of(part: &Part, labels: &[bool], (width, height): (usize, usize)) -> Self {
+    fn of(part: &Part, labels: &[bool], width: usize, height: usize) -> Self {
+        let count = part.len() as f64;
+        let mean = |axis: fn(&(usize, usize)) -> usize| {
+            part.iter().map(|place| axis(place) as f64).sum::<f64>() / count
+        };
+        let centroid_px = [mean(|place| place.0), mean(|place| place.1)];
         let range = |axis: fn(&(usize, usize)) -> usize, size: usize| {
             let along = || part.iter().map(axis);
             let least = along().min().unwrap_or(0).saturating_sub(NEAR_PX as usize);
@@ -50,7 +56,7 @@ impl OutlineDistance {
             least..(most + 1).min(size)
         };
         let (columns, rows) = (range(|p| p.0, width), range(|p| p.1, height));
-        let ellipse = Ellipse::of_part(part);
+        let ellipse = Ellipse::of(part, centroid_px);
         let at = |x: usize, y: usize| labels[y * width + x];
         let (mut both, mut either) = (0_u32, 0_u32);
         for y in rows.clone() {
@@ -80,32 +86,8 @@ impl OutlineDistance {
             }
         }
         Self {
-            centroid_px: ellipse.center_px(),
-            area_px: part.len() as f64,
-            near,
-        }
-    }
-
-    /// Takes an ellipse as the outline of a part of an image of this width and height.
-    pub(super) fn of_ellipse(ellipse: &Ellipse, (width, height): (usize, usize)) -> Self {
-        let [_, reach] = ellipse.semi_axes_px();
-        let range = |center: f64, size: usize| {
-            let first = (center - reach - NEAR_PX).floor().max(0.0) as usize;
-            first..((center + reach + NEAR_PX).ceil().max(0.0) as usize + 1).min(size)
-        };
-        let [u, v] = ellipse.center_px();
-        let mut near = Vec::new();
-        for y in range(v, height) {
-            for x in range(u, width) {
-                let distance_px = ellipse.distance_px([x as f64, y as f64]);
-                if distance_px.abs() <= NEAR_PX {
-                    near.push((x, y, distance_px));
-                }
-            }
-        }
-        Self {
-            centroid_px: [u, v],
-            area_px: std::f64::consts::PI * ellipse.radius_px().powi(2),
+            centroid_px,
+            area_px: part.len(),
             near,
         }
     }
@@ -115,8 +97,8 @@ impl OutlineDistance {
         self.centroid_px
     }
 
-    /// The area of the part, square pixels.
-    pub(super) fn area_px(&self) -> f64 {
+    /// The number of pixels of the part.
+    pub(super) fn area_px(&self) -> usize {
         self.area_px
     }
 
@@ -129,12 +111,6 @@ impl OutlineDistance {
             take(x, y, distance_px as f32, turn.rem_euclid(1.0) as f32);
         }
     }
-}
-
-/// Reports whether a part is sufficiently large and does not touch the image border.
-pub(super) fn is_usable(part: &Part, (width, height): (usize, usize)) -> bool {
-    let inside = |&(x, y): &(usize, usize)| x > 0 && y > 0 && x + 1 < width && y + 1 < height;
-    part.len() >= MIN_AREA_PX && part.iter().all(inside)
 }
 
 /// Finds the connected parts of the labels.
@@ -164,6 +140,56 @@ pub(super) fn parts(labels: &[bool], width: usize) -> Vec<Part> {
         parts.push(part);
     }
     parts
+}
+
+/// The ellipse with the same moments as a part.
+struct Ellipse {
+    center: [f64; 2],
+    /// For x and y relative to the centre, the form a·x² + 2b·xy + c·y² equals 1 on the outline.
+    form: [f64; 3],
+    /// The shorter semi-axis in pixels.
+    min_radius_px: f64,
+}
+
+impl Ellipse {
+    fn of(part: &Part, center: [f64; 2]) -> Self {
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for &(x, y) in part {
+            let [dx, dy] = [x as f64 - center[0], y as f64 - center[1]];
+            xx += dx * dx;
+            xy += dx * dy;
+            yy += dy * dy;
+        }
+        let count = part.len() as f64;
+        // Sums over pixel centres equal those over the area, averaged over the subpixel position.
+        let [xx, xy, yy] = [xx, xy, yy].map(|sum| sum / count);
+        // The variance of an ellipse's area along a semi-axis r is r²/4.
+        let determinant = xx * yy - xy * xy;
+        let form = [yy, -xy, xx].map(|entry| 0.25 * entry / determinant);
+        let middle = 0.5 * (xx + yy);
+        let spread = (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+        Self {
+            center,
+            form,
+            min_radius_px: 2.0 * (middle - spread).max(0.0).sqrt(),
+        }
+    }
+
+    /// Computes the signed distance of a point to first order, which is exact for circles.
+    fn distance_px(&self, point: [f64; 2]) -> f64 {
+        let [x, y] = [0, 1].map(|i| point[i] - self.center[i]);
+        let [a, b, c] = self.form;
+        let [fx, fy] = [a * x + b * y, b * x + c * y];
+        let root = (x * fx + y * fy).sqrt();
+        let slope = fx.hypot(fy);
+        let distance = (root - 1.0) * root / slope;
+        // The distance is undefined at the centre.
+        if distance > -self.min_radius_px {
+            distance
+        } else {
+            -self.min_radius_px
+        }
+    }
 }
 
 /// Labels of any shape, smoothed.

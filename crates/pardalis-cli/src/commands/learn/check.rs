@@ -1,4 +1,5 @@
-//! The detector on the images that a model was learnt from: whether it finds what was labelled.
+//! The detector on the images that a model was learnt from: whether it finds what was labelled, and whether the labels
+//! follow the outlines in the images.
 
 use anyhow::Result;
 use pardalis::color::{ColorLearner, ColorModel};
@@ -7,7 +8,7 @@ use pardalis::view::View;
 use pardalis::{Frame, FrameSet, Tracker};
 use pardalis_camera::{Pinhole, Pose};
 
-use super::balls::{Circle, LabelledBall, Outline};
+use super::balls::{Circle, labelled_balls};
 use super::inputs::LabelledFile;
 use crate::focal_length::{TYPICAL_FOV_DEG, focal_length_px, middle_px};
 
@@ -15,12 +16,11 @@ use crate::focal_length::{TYPICAL_FOV_DEG, focal_length_px, middle_px};
 const RADIUS_M: f64 = 0.1;
 /// Points of the found outline.
 const OUTLINE_POINTS: usize = 72;
-/// The least ratio of the axes of a ball's outline. Hand-set: a ball near the border of a wide image has 0.7.
-const MIN_AXES_RATIO: f64 = 0.6;
-/// What is found is the labelled ball if its centre is at most this far from the ball's, in radii of the ball, and its size within this
-/// range, as a multiple of the ball's. Hand-set: beyond, it is something else, or a part of the ball.
-const SAME_PLACE: f64 = 0.5;
-const SAME_SIZE: std::ops::RangeInclusive<f64> = 0.7..=1.4;
+/// Labels that are larger or smaller than the outlines by more than this share ... Hand-set: labels drawn with care on real
+/// clips deviate by at most 7 %.
+const MAX_LABEL_ERROR: f64 = 0.08;
+/// ... and by more than this many pixels are wrong. Hand-set: whole pixels and blur account for less.
+const MAX_LABEL_ERROR_PX: f64 = 0.8;
 
 /// What the detector found in each image, in the order of the files.
 #[derive(Debug)]
@@ -36,9 +36,20 @@ pub(super) enum ImageCheck {
     /// The detector was run.
     Ball {
         /// The labelled balls, the one nearest to what was found first.
-        labels: Vec<LabelledBall>,
-        found: Option<Outline>,
+        labels: Vec<Circle>,
+        found: Option<Found>,
+        /// The outline in the image near the first label, by its colours alone: the detector without the learnt edge, which
+        /// repeats the labels.
+        outline: Option<Circle>,
     },
+}
+
+/// A ball that the detector found.
+#[derive(Debug)]
+pub(super) struct Found {
+    /// The circle with the centroid and area of the outline.
+    pub(super) circle: Circle,
+    pub(super) outline_px: Vec<[f64; 2]>,
 }
 
 impl Check {
@@ -53,19 +64,21 @@ impl Check {
     ) -> Result<Self> {
         let images = files.iter().map(|file| {
             let (frame, marked) = file.load()?;
-            let outlines = learner.outlines(&frame, &marked)?;
-            let mut labels: Vec<_> = outlines.iter().map(LabelledBall::of).collect();
-            // In images of a mirror, a typical camera finds nothing.
-            if !labels.iter().any(|ball| ball.axes_ratio >= MIN_AXES_RATIO) {
+            let is_target = learner.target_pixels(&frame, &marked)?;
+            let mut labels = labelled_balls(&is_target, frame.width());
+            if labels.is_empty() {
                 return Ok(ImageCheck::NoBall);
             }
-            labels.sort_by(|a, b| b.place().radius_px.total_cmp(&a.place().radius_px));
-            let found = detect(&frame, model)?;
-            if let Some(Outline { circle, .. }) = &found {
-                let off = |ball: &LabelledBall| ball.place().radii_to(circle);
-                labels.sort_by(|a, b| off(a).total_cmp(&off(b)));
+            let found = detect(&frame, model, LearntEdge::Used)?;
+            if let Some(Found { circle, .. }) = &found {
+                labels.sort_by(|a, b| a.radii_to(circle).total_cmp(&b.radii_to(circle)));
             }
-            Ok(ImageCheck::Ball { labels, found })
+            let outline = detect(&frame, model, LearntEdge::Ignored)?.map(|found| found.circle);
+            Ok(ImageCheck::Ball {
+                outline: outline.filter(|outline| labels[0].radii_to(outline) <= 1.0),
+                labels,
+                found,
+            })
         });
         Ok(Self {
             images: images.collect::<Result<_>>()?,
@@ -84,56 +97,78 @@ impl Check {
         failed.count()
     }
 
-    /// Returns the numbers of the images in which no outline is seen at a label.
-    pub(super) fn unfitted(&self) -> impl Iterator<Item = usize> {
-        let images = self.images.iter().enumerate();
-        let unfitted = images.filter(|(_, image)| {
-            let balls = image.balls().iter();
-            balls.clone().any(|ball| ball.outline.is_none())
-        });
-        unfitted.map(|(number, _)| number)
+    /// Returns by which share the labels are too large, the median; negative if they are too small. `None` if most are
+    /// right, or nothing is known.
+    pub(super) fn label_error(&self) -> Option<f64> {
+        let ratios = self.images.iter().filter_map(ImageCheck::size_of_label);
+        let mut ratios: Vec<f64> = ratios.collect();
+        ratios.sort_by(f64::total_cmp);
+        error_of(*ratios.get(ratios.len() / 2)?)
     }
 }
 
 impl ImageCheck {
-    /// Reports whether the labelled ball was not found: nothing was, or something at another place or of another size.
+    /// Reports whether the labelled ball was not found: nothing was, or something centred outside the label.
     pub(super) fn failed(&self) -> bool {
         match self {
             Self::NoBall => false,
-            Self::Ball { labels, found, .. } => found.as_ref().is_none_or(|found| {
-                let ball = labels[0].place();
-                let size = found.circle.radius_px / ball.radius_px;
-                ball.radii_to(&found.circle) > SAME_PLACE || !SAME_SIZE.contains(&size)
-            }),
-        }
-    }
-
-    /// Returns the labelled balls, the one nearest to what was found first.
-    pub(super) fn balls(&self) -> &[LabelledBall] {
-        match self {
-            Self::NoBall => &[],
-            Self::Ball { labels, .. } => labels,
+            Self::Ball { labels, found, .. } => found
+                .as_ref()
+                .is_none_or(|found| labels[0].radii_to(&found.circle) > 1.0),
         }
     }
 
     /// Returns what was found.
-    pub(super) fn found(&self) -> Option<&Outline> {
+    pub(super) fn found(&self) -> Option<&Found> {
         match self {
             Self::NoBall => None,
             Self::Ball { found, .. } => found.as_ref(),
         }
     }
+
+    /// Returns by which share the label is too large; negative if it is too small. `None` if it is right, or nothing is
+    /// known.
+    pub(super) fn label_error(&self) -> Option<f64> {
+        error_of(self.size_of_label()?)
+    }
+
+    /// Returns the radius of the label as a multiple of that of the outline; 1 if they hardly differ.
+    fn size_of_label(&self) -> Option<f64> {
+        let Self::Ball {
+            labels,
+            outline: Some(outline),
+            ..
+        } = self
+        else {
+            return None;
+        };
+        let (label_px, outline_px) = (labels[0].radius_px, outline.radius_px);
+        let differs = (label_px - outline_px).abs() > MAX_LABEL_ERROR_PX;
+        Some(if differs { label_px / outline_px } else { 1.0 })
+    }
+}
+
+fn error_of(size: f64) -> Option<f64> {
+    Some(size - 1.0).filter(|error| error.abs() > MAX_LABEL_ERROR)
+}
+
+/// Whether the detector uses the edge profile of the model, or a general soft edge.
+#[derive(Clone, Copy, PartialEq)]
+enum LearntEdge {
+    Used,
+    Ignored,
 }
 
 /// By how much outlines may deviate from those of the guessed camera, pixels: a fisheye lens changes a ball far off its axis by a tenth.
 const TOLERANCE_PX: f32 = 1.5;
 
 /// Detects a ball as in the first frame of a track, with default settings except that the camera is a guess.
-fn detect(frame: &Frame, model: &ColorModel) -> Result<Option<Outline>> {
+fn detect(frame: &Frame, model: &ColorModel, edge: LearntEdge) -> Result<Option<Found>> {
     let size = (frame.width(), frame.height());
     let focal_px = focal_length_px(size, TYPICAL_FOV_DEG);
     let lens = Pinhole::new([focal_px; 2], middle_px(size), &[])?;
     let mut ball = DetectedSettings::ball(RADIUS_M, model.clone())?;
+    ball.edge.learned_profile = edge == LearntEdge::Used;
     ball.tuning.edge.judged_tolerance_px = TOLERANCE_PX;
     let shape = ball.shape;
     let mut setup = Tracker::builder();
@@ -152,6 +187,6 @@ fn detect(frame: &Frame, model: &ColorModel) -> Result<Option<Outline>> {
         1.0,
         OUTLINE_POINTS,
     );
-    let points_px: Vec<[f64; 2]> = outline.into_iter().flatten().collect();
-    Ok(Circle::of_outline(&points_px).map(|circle| Outline { circle, points_px }))
+    let outline_px: Vec<[f64; 2]> = outline.into_iter().flatten().collect();
+    Ok(Circle::of_outline(&outline_px).map(|circle| Found { circle, outline_px }))
 }

@@ -23,7 +23,7 @@ pub(super) struct ImageEvidence {
     pub(super) name: String,
     /// Number of the target's pixels.
     pub(super) pixels: u64,
-    /// Whether a label is a box around the target at which no outline is seen, so that the inscribed ellipse is learnt.
+    /// Whether a label is a box around the target, of which the inscribed ellipse is learnt.
     pub(super) has_box: bool,
     /// Share of the target's pixels with positive log odds.
     pub(super) found: f64,
@@ -41,18 +41,11 @@ struct Counts {
 }
 
 impl Evidence {
-    /// Counts the pixels of all images; outlines are fitted at the labels unless these are exact.
+    /// Counts the pixels of all images.
     ///
     /// Errors: an image or its labels cannot be used.
-    pub(super) fn gather(
-        files: &[LabelledFile],
-        palette: Palette,
-        are_labels_exact: bool,
-    ) -> Result<Self> {
+    pub(super) fn gather(files: &[LabelledFile], palette: Palette) -> Result<Self> {
         let mut learner = ColorLearner::new(palette)?;
-        if are_labels_exact {
-            learner = learner.with_exact_labels();
-        }
         let mut counts = Vec::with_capacity(files.len());
         let mut has_box = Vec::with_capacity(files.len());
         for file in files {
@@ -60,12 +53,7 @@ impl Evidence {
             let before = Counts::of(&learner);
             learner.add(&frame, &is_object)?;
             counts.push(Counts::of(&learner).without(&before));
-            let outlines = learner.outlines(&frame, &is_object)?;
-            has_box.push(
-                outlines
-                    .iter()
-                    .any(|label| label.is_box && label.outline.is_none()),
-            );
+            has_box.push(learner.target_pixels(&frame, &is_object)? != is_object);
         }
         let separation = learner.separation();
         let all = Counts::of(&learner);

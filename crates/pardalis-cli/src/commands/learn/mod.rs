@@ -40,14 +40,13 @@ const EXAMPLES: &str = "Examples:
 
 /// Learns the colours of a target from labelled images
 ///
-/// Label the whole target: along its outline with a mask or a polygon, or with a box around or inside it. At labels of round
-/// targets that do not follow the outline, it is fitted to the image: the ellipse with the strongest transition, all around,
-/// between the colours inside and outside, centred within 0.8 radii of the label and 0.5 to 1.75 times as large. Colours and edge are learnt from the fit if
-/// it is seen around at least half of the turn; otherwise from the label, and the report says so. A rectangular target that
-/// fills its box is learnt as it is. Labels that touch the image border are not used to learn the edge.
+/// Label the whole target: along its outline with a mask or a polygon of 16 corners or more, or with a box drawn closely
+/// around it. From a box around a round target, the colours of the inscribed ellipse are learnt, but not how the edge
+/// blurs into the surroundings; a rectangular target that fills its box is learnt as it is. Labels that touch the image
+/// border are not used to learn the edge.
 ///
-/// Afterwards the detector of `track` is run on the images. The report says what was done with each label, in which images a labelled ball was
-/// found and where, and what helps if not. `Good` means that all balls were found.
+/// Afterwards the detector of `track` is run on the images. The report says in which of them a labelled ball was found and
+/// where, whether the labels fit the outlines, and what helps if not. `Good` means that all balls were found.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
@@ -58,9 +57,6 @@ pub(crate) struct Arguments {
     output: PathBuf,
     #[command(flatten)]
     palette: PaletteOptions,
-    /// Learns from the labels as they are drawn, and fits no outline: for exact masks, or where a fit is wrong
-    #[arg(long)]
-    exact_labels: bool,
     /// The folder for pictures of the model and of the labels [default: next to the output, orange-learnt for
     /// orange.colors.toml]
     #[arg(long, value_name = "FOLDER", conflicts_with = "no_pictures")]
@@ -76,11 +72,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let inputs = arguments.inputs.inputs()?;
     let output = &arguments.output;
     check_output(output)?;
-    let evidence = Evidence::gather(&inputs.files, palette, arguments.exact_labels)?;
+    let evidence = Evidence::gather(&inputs.files, palette)?;
     let model = evidence.model()?;
     let check = Check::run(&inputs.files, &mut evidence.learner(), &model)?;
     let remedy = if check.failures() > 0 {
-        Remedy::find(&inputs.files, palette, &check, arguments.exact_labels)?
+        Remedy::find(&inputs.files, palette, &check)?
     } else {
         None
     };

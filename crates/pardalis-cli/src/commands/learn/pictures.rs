@@ -1,5 +1,5 @@
-//! Pictures of a learnt model: its histogram, and the labels with the fitted outlines, what the detector found, and the scores
-//! of the pixels around them.
+//! Pictures of a learnt model: its histogram, and the labels with what the detector found and the scores of the pixels
+//! around them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use pardalis::color::{ColorModel, Palette};
 
-use super::balls::LabelledBall;
 use super::check::Check;
 use super::evidence::{Evidence, ImageEvidence};
 use super::inputs::LabelledFile;
@@ -92,34 +91,26 @@ fn tiles(files: &[LabelledFile], evidence: &Evidence, check: &Check) -> Result<V
         .into_iter()
         .map(|(file, (image, found))| {
             let (frame, marked) = file.load()?;
+            let mask = learner.target_pixels(&frame, &marked)?;
             let bins = learner.bins_of(&frame);
             let verdict = if image.is_suspect() {
-                "check this label".to_owned()
+                ": check this label"
             } else if found.failed() {
-                "not found".to_owned()
+                ": not found"
             } else {
-                found
-                    .balls()
-                    .first()
-                    .map_or_else(String::new, LabelledBall::remark)
+                ""
             };
-            let colon = if verdict.is_empty() { "" } else { ": " };
             Ok(Tile {
-                label: format!("{}{colon}{verdict}", image.name),
+                label: format!("{}{verdict}", image.name),
                 image: picture_of(&frame),
-                mask: marked,
-                fitted_px: found
-                    .balls()
-                    .iter()
-                    .filter_map(|ball| Some(ball.outline.as_ref()?.points_px.clone()))
-                    .collect(),
+                mask,
                 log_odds: bins
                     .into_iter()
                     .map(|bin| log_odds[usize::from(bin)] as f32)
                     .collect(),
                 found_px: found
                     .found()
-                    .map_or_else(Vec::new, |found| found.points_px.clone()),
+                    .map_or_else(Vec::new, |found| found.outline_px.clone()),
             })
         })
         .collect()

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use pardalis::color::ColorModel;
 
-use super::balls::Outline;
 use super::check::{Check, ImageCheck};
 use super::evidence::Evidence;
 use super::remedy::Remedy;
@@ -79,8 +78,8 @@ impl Report<'_> {
         }
         writeln!(
             f,
-            "Boxes around the target in {}, at which no outline is seen: the colours of the ellipse inside each box are learnt, but no \
-             edge.",
+            "Boxes around the target in {}: the colours of the ellipse inside each box are learnt, but no edge; \
+             for the most accurate distances, draw masks or polygons along the outline.",
             images(&names)
         )
     }
@@ -144,9 +143,9 @@ impl Report<'_> {
                 f,
                 "Fair: the target stands out by its colours, but is not found in every image; see below."
             ),
-            Verdict::Good if self.check.unfitted().next().is_some() => writeln!(
+            Verdict::Good if self.check.label_error().is_some() => writeln!(
                 f,
-                "Fair: the target stands out by its colours, but its outline is not seen at every label; see below."
+                "Fair: the target stands out by its colours, but the labels do not follow its outline; see below."
             ),
             Verdict::Good => writeln!(
                 f,
@@ -216,8 +215,8 @@ impl Report<'_> {
         let width = self.name_width();
         writeln!(
             f,
-            "{:width$} {:>22}   {:>22}   {:>22}",
-            "", "label: u, v, radius", "fitted outline", "found"
+            "{:width$} {:>22}   {:>22}",
+            "", "label: u, v, radius", "found: u, v, radius"
         )?;
         for (image, check) in self.evidence.images.iter().zip(&self.check.images) {
             writeln!(f, "{:width$} {}", image.name, row(check))?;
@@ -225,27 +224,29 @@ impl Report<'_> {
         self.write_advice(f)
     }
 
-    /// Advises what to do if the ball was not found everywhere, or if its outline is not seen at labels.
+    /// Advises what to do if the ball was not found everywhere, or if labels do not follow its outline.
     fn write_advice(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = |number: usize| self.evidence.images[number].name.as_str();
-        let unfitted: Vec<&str> = self.check.unfitted().map(name).collect();
-        if !unfitted.is_empty() {
+        let balls = self.check.ball_count();
+        let says_more = self.remedy.is_some_and(Remedy::changes_labels);
+        if let Some(error) = self.check.label_error().filter(|_| !says_more) {
+            let size = if error > 0.0 { "large" } else { "small" };
+            let percent = 100.0 * error.abs();
+            let advice = if self.evidence.images.iter().any(|image| image.has_box) {
+                "Draw boxes that touch the ball on all sides."
+            } else {
+                "The edge is learnt where they end, so that distances will be wrong by as much. Correct them, or draw boxes \
+                 closely around the ball (--rect), which need not be as exact."
+            };
             writeln!(
                 f,
-                "At labels in {} no outline is seen around half of the turn: the labels are learnt as they are. Check them; label the \
-                 ball in images in which its colours differ from those around it.",
-                images(&unfitted)
+                "The labels are about {percent:.0} % too {size} for the outlines in the images. {advice}"
             )?;
         }
         match self.remedy {
-            Some(remedy) => writeln!(
-                f,
-                "{remedy} of {}: learn again with this option.",
-                self.check.ball_count()
-            ),
+            Some(remedy) => writeln!(f, "{remedy} of {balls}: {}.", remedy.advice()),
             None if self.check.failures() > 0 => writeln!(
                 f,
-                "Neither finer bins nor other palettes help. Learn from images in which the ball is sharp, whole, and in \
+                "Neither finer bins nor other palettes nor closer labels help. Learn from images in which the ball is sharp, whole, and in \
                  front of other colours; label all balls in view."
             ),
             None => Ok(()),
@@ -340,32 +341,24 @@ impl Verdict {
     }
 }
 
-/// Formats what was labelled, fitted and found in an image.
+/// Formats what was labelled and found in an image.
 fn row(check: &ImageCheck) -> String {
-    let Some(ball) = check.balls().first() else {
+    let ImageCheck::Ball { labels, found, .. } = check else {
         return "  not checked: no label is round and whole".to_owned();
     };
-    let circle = |outline: Option<&Outline>, none: &str| {
-        outline.map_or_else(
-            || format!("{none:>22}"),
-            |outline| outline.circle.to_string(),
-        )
+    let label = labels[0];
+    let Some(found) = found else {
+        return format!("{label}   nothing");
     };
-    let label = ball.label;
-    let outline = circle(ball.outline.as_ref(), "none");
-    let found = circle(check.found(), "nothing");
-    let elsewhere = if check.failed() && check.found().is_some() {
-        "elsewhere".to_owned()
-    } else {
-        String::new()
+    let remark = match check.label_error() {
+        _ if check.failed() => "   elsewhere".to_owned(),
+        Some(error) => {
+            let size = if error > 0.0 { "large" } else { "small" };
+            format!("   label {:.0} % too {size}", 100.0 * error.abs())
+        }
+        None => String::new(),
     };
-    let remarks = [elsewhere, ball.remark()];
-    let remarks: Vec<String> = remarks
-        .into_iter()
-        .filter(|remark| !remark.is_empty())
-        .collect();
-    let row = format!("{label}   {outline}   {found}   {}", remarks.join("; "));
-    row.trim_end().to_owned()
+    format!("{label}   {}{remark}", found.circle)
 }
 
 fn share(counts: &[u64], bin: usize) -> f64 {
