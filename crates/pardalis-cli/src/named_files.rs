@@ -1,4 +1,4 @@
-//! The files that a scene names in tables with problems, which are not opened: whether they exist.
+//! Whether the files exist that a scene names in tables with other problems. Such tables are not opened.
 
 use std::path::Path;
 
@@ -6,8 +6,8 @@ use pardalis_scene::{Problem, Scene};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Returns a problem for each file or folder that does not exist and that the text of a scene in this folder names in a camera
-/// or target which `sound` lacks. Nothing can be told from a text with syntax errors.
+/// Returns a problem for each missing file or folder that a scene's text names in a camera or target with other problems: one that
+/// `sound`, the scene without these, does not contain. Paths are relative to `folder`. Of a text with syntax errors nothing is checked.
 pub(crate) fn missing(text: &str, folder: &Path, sound: &Scene) -> Vec<Problem> {
     let (root, errors) = DeTable::parse_recoverable(text);
     if !errors.is_empty() {
@@ -26,7 +26,7 @@ pub(crate) fn missing(text: &str, folder: &Path, sound: &Scene) -> Vec<Problem> 
         let of_camera = format!("cameras.{name}");
         missing.check(&of_camera, camera, "images", "");
         missing.check(&of_camera, camera, "mask", "");
-        // The keys of `input` tell what else than a file it may be.
+        // With `input`, it may be a device or an address.
         if !camera.contains_key("input") {
             missing.check(&of_camera, camera, "video", "");
         }

@@ -217,8 +217,8 @@ impl Merge {
         });
     }
 
-    /// Reports whether so many frames of a camera wait only for tracking at `now_s`, on the clock of arrivals, that no more
-    /// should be taken from it.
+    /// Returns whether tracking is too slow for a camera: at `now_s`, on the clock of arrivals, [`MAX_BACKLOG`] of its frames
+    /// are due. Until some are tracked, no more should be read.
     pub(crate) fn has_backlog(&self, camera: usize, now_s: f64) -> bool {
         let waits = |held: &&Held| held.camera == camera && held.arrival_s + self.hold_s < now_s;
         self.held.iter().filter(waits).count() >= MAX_BACKLOG

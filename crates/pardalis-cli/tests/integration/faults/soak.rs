@@ -248,8 +248,9 @@ impl Random {
 /// How long and how hard.
 struct Settings {
     seed: u64,
-    /// It ends after so many rows or so many seconds, whichever comes first.
+    /// The soak ends after this many rows, ...
     rows: usize,
+    /// ... or after this many seconds, if that is sooner.
     seconds: u64,
     mean_frames_between_faults: usize,
     /// Whether the installed ffmpeg reads the cameras, and not a stand-in.
@@ -492,8 +493,8 @@ impl Rows {
 }
 
 impl Report {
-    /// Checks what holds however long it runs: the end is regular, rows are whole and in order, and memory, handles and threads
-    /// are what they were after the first part of the time, which takes so many seconds.
+    /// Checks what holds for a soak of any length: it ends regularly, rows are whole and in order, and memory, handles and threads do not
+    /// grow after the first `first_s` seconds.
     fn check(&self, first_s: f64) {
         assert!(!self.all.is_empty(), "{}", self.errors);
         assert_eq!(self.run.code, Some(0), "{}", self.errors);
