@@ -231,6 +231,24 @@ mod tests {
     }
 
     #[test]
+    fn contrast_is_the_weighted_distance_of_the_colours_on_both_sides() {
+        let [y, u, v] = [0, 1, 2].map(|i| (ORANGE[i] - GREEN[i]).powi(2));
+        let expected = (y + 15.0 * u + 15.0 * v).sqrt();
+        let contrast = |pixels: &[EdgePixel]| Surroundings::of(pixels).unwrap().contrast();
+        let mut pixels = edge();
+        assert!((contrast(&pixels) - expected).abs() < 1e-2 * expected);
+        // The median hardly depends on the surroundings along a sixth of the turn, but for the smoothing along it.
+        for pixel in pixels.iter_mut().filter(|pixel| pixel.turn < 0.16) {
+            pixel.yuv = ORANGE;
+        }
+        assert!((contrast(&pixels) - expected).abs() < 5e-2 * expected);
+        for pixel in &mut pixels {
+            pixel.yuv = ORANGE;
+        }
+        assert!(contrast(&pixels) < 1e-3);
+    }
+
+    #[test]
     fn membership_falls_from_one_inside_to_zero_outside() {
         let pixels = edge();
         let surroundings = Surroundings::of(&pixels).unwrap();

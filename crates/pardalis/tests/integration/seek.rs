@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::common::{FPS, SIZE, data, detected_ball, fisheye_view, frame, jump_picture, set_of};
 use pardalis::color::YuvEncoding;
 use pardalis::likelihood::EdgeSettings;
-use pardalis::tracker::{DetectedSettings, PASSES_SIGMA_M, Region, TrackState};
+use pardalis::tracker::{DetectedSettings, PASSES_SIGMA_M, Region, TrackState, Verdict};
 use pardalis::{Estimate, Frame, PixelFormat, TargetId, Tracker};
 use pardalis_core::simd::Level;
 use pardalis_images::RgbImage;
@@ -81,6 +81,29 @@ fn a_thrown_ball_is_detected_and_tracked_in_any_format() {
             assert!(estimate.confidence > 0.9, "frame {index}");
         }
     }
+}
+
+#[test]
+fn an_outline_fainter_than_those_of_targets_is_a_patch_of_something_larger() {
+    let verdicts = |clear_contrast: f64| {
+        let mut ball = detected_ball();
+        // The perfect outline of a rendered ball outweighs the default.
+        ball.tuning.association.faint_nats = 20.0;
+        ball.tuning.association.faint_contrast = 0.5 * clear_contrast;
+        ball.tuning.association.clear_contrast = clear_contrast;
+        let mut tracker = Tracker::new(vec![fisheye_view()], vec![ball], 1, Level::best()).unwrap();
+        let picture = |index| as_frame(&jump_picture(index), index, PixelFormat::Rgb8);
+        let states = track(&mut tracker, (0..5).map(picture)).into_iter();
+        let candidates = tracker.candidates(TargetId::new(0)).unwrap().flatten();
+        let verdicts: Vec<_> = candidates.map(|candidate| candidate.verdict).collect();
+        (states.last().unwrap().state, verdicts)
+    };
+    let (state, _) = verdicts(30.0);
+    assert_eq!(state, TrackState::Tracking);
+    // As if the ball stood out no more than a patch of skin does.
+    let (state, found) = verdicts(5000.0);
+    assert_eq!(state, TrackState::Searching);
+    assert!(found.contains(&Verdict::NoEdges), "{found:?}");
 }
 
 #[test]

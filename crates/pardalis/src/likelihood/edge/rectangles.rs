@@ -16,6 +16,7 @@ const FORMS: [(f64, usize, f64); 2] = [
 ];
 /// Their sizes: the radius of a circle of the same area, relative to the outline's. Hand-set: fits of a circle are off by as much.
 const SIZES: [f64; 3] = [0.95, 1.0, 1.05];
+/// The number of rectangles.
 const RECTANGLES: usize = (FORMS[0].1 + FORMS[1].1) * SIZES.len();
 
 /// The least likelihood of a shift, relative to a sector's likeliest one. Derivation: its logarithm is finite, and below all that makes a difference.
