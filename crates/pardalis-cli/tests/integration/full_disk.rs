@@ -186,6 +186,26 @@ fn reports_that_do_not_fit_leave_the_previous_ones() {
 }
 
 #[test]
+fn colours_are_written_before_their_pictures() {
+    let place = Workplace::with_frames(1);
+    let arguments = [
+        "learn",
+        "--image",
+        "images/000000.jpg",
+        "--rect",
+        "430,60,60,60",
+        "-o",
+        "new.toml",
+    ];
+    let run = limited(&place, 16, &arguments);
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    let cause = "error: new-learnt/histogram.svg: cannot be written: the disk is full";
+    assert!(run.stderr.contains(cause), "{}", run.stderr);
+    let scene = SCENE.replace("ball.toml", "new.toml");
+    place.track(scene).fine();
+}
+
+#[test]
 fn results_that_cannot_be_printed_are_an_error() {
     if !cfg!(target_os = "linux") {
         return;

@@ -66,7 +66,7 @@ pub(crate) struct Arguments {
     no_pictures: bool,
 }
 
-/// Runs the command. The model is written last, so that earlier failures leave an older one intact.
+/// Runs the command. The model is written before the pictures, which must not cost it if they do not fit on the disk.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let palette = arguments.palette.palette()?;
     let inputs = arguments.inputs.inputs()?;
@@ -80,14 +80,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     } else {
         None
     };
-    let mut written = Vec::new();
+    let folder = arguments.pictures.clone();
+    let folder = folder.unwrap_or_else(|| pictures_folder(output));
     if !arguments.no_pictures {
-        let folder = arguments.pictures.clone();
-        let folder = folder.unwrap_or_else(|| pictures_folder(output));
-        written = pictures::write(&folder, &inputs.files, &evidence, &model, &check)?;
+        pictures::make_folder(&folder)?;
     }
     write_file(output, model.to_text().as_bytes())?;
-    written.insert(0, output.clone());
+    let mut written = vec![output.clone()];
+    if !arguments.no_pictures {
+        let pictures = pictures::write(&folder, &inputs.files, &evidence, &model, &check)?;
+        written.extend(pictures);
+    }
     let report = Report {
         evidence: &evidence,
         model: &model,

@@ -18,9 +18,21 @@ use crate::user_error::user_error;
 /// Maximum number of images shown; of more, those that fit worst.
 const MAX_TILES: usize = 12;
 
-/// Draws `histogram.svg`, `histogram.png` and `mosaic.png` into a folder, which is created if missing.
+/// Creates the folder for pictures if it is missing.
 ///
-/// Errors: the folder cannot be created or written to.
+/// Errors: it cannot be created.
+pub(super) fn make_folder(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|error| {
+        user_error!(
+            "--pictures {}: the folder cannot be created: {error}; choose another, or give --no-pictures",
+            folder.display()
+        )
+    })
+}
+
+/// Draws `histogram.svg`, `histogram.png` and `mosaic.png` into a folder.
+///
+/// Errors: they cannot be written.
 pub(super) fn write(
     folder: &Path,
     files: &[LabelledFile],
@@ -28,12 +40,6 @@ pub(super) fn write(
     model: &ColorModel,
     check: &Check,
 ) -> Result<Vec<PathBuf>> {
-    fs::create_dir_all(folder).map_err(|error| {
-        user_error!(
-            "--pictures {}: the folder cannot be created: {error}; choose another, or give --no-pictures",
-            folder.display()
-        )
-    })?;
     let plot = write_color_model_plot(folder, "histogram", &histogram(evidence, model))?;
     let mosaic = folder.join("mosaic.png");
     write_mosaic(&mosaic, &tiles(files, evidence, check)?, 0.0)?;
