@@ -65,6 +65,21 @@ pub(crate) fn unwritable(path: &Path, error: io::Error) -> Error {
     }
 }
 
+/// Fails if a folder for results holds a link. Results written through it would replace a file elsewhere, and the folder may
+/// have come with the scene of somebody else. What cannot be listed has no links.
+pub(crate) fn refuse_links(folder: &Path) -> Result<()> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let links = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_symlink()));
+    match links.map(|entry| entry.path()).min() {
+        Some(link) => Err(user_error!(
+            "{}: is a link, through which results could replace a file elsewhere; remove it, or choose another folder \
+             for the results",
+            link.display()
+        )),
+        None => Ok(()),
+    }
+}
+
 /// A table that grows by whole rows, whatever fails.
 pub(crate) struct RowFile {
     out: Out,

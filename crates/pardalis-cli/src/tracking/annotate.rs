@@ -17,6 +17,7 @@ use super::{Annotate, Instant, Options, Sink};
 use crate::draw::PALETTE;
 use crate::draw::overlay::{Mark, Note, Overlay, Shape, Zoomed, annotated};
 use crate::draw::picture::{picture_of, write_picture};
+use crate::files::refuse_links;
 use crate::user_error::user_error;
 
 /// Maximum number of particles shown; more would hide the target.
@@ -69,6 +70,7 @@ impl Annotator {
                 .map(|camera| folder.join(&camera.name))
                 .collect(),
         };
+        refuse_links(&folder)?;
         for folder in &camera_folders {
             let ready = fs::create_dir_all(folder).and_then(|()| remove_frames(folder));
             ready.map_err(|error| {

@@ -23,6 +23,7 @@ use serde::Serialize;
 
 use crate::arguments::Threads;
 use crate::draw::plots::TRACK_PLOTS;
+use crate::files::refuse_links;
 use crate::interrupt;
 use crate::output::warn;
 use crate::scene::{self, OpenScene};
@@ -197,6 +198,9 @@ pub(crate) fn run_steps(
 ) -> Result<Run> {
     interrupt::listen();
     let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
+    if let Output::Folder(folder) = &options.output {
+        refuse_links(folder)?;
+    }
     if options.previous == Previous::Keep {
         if let Output::Folder(folder) = &options.output {
             previous::keep_results(folder)?;

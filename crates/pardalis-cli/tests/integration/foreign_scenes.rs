@@ -83,3 +83,44 @@ fn ffmpeg_writes_no_report() {
     // The scene itself is fine.
     place.track(SCENE).fine();
 }
+
+#[cfg(unix)]
+#[test]
+fn results_are_not_written_through_links() {
+    let place = Workplace::with_frames(1);
+    place.write("canary", CANARY);
+    place.write("scene.toml", SCENE);
+    for folder in ["scene-tracks/annotated", "scene-located", "ball-learnt"] {
+        fs::create_dir_all(place.path(folder)).unwrap();
+    }
+    let track = &["track", "scene.toml", "--no-plots"][..];
+    for (arguments, link) in [
+        (track, "scene-tracks/summary.json"),
+        (track, "scene-tracks/tracks.csv"),
+        (
+            &["track", "scene.toml", "--annotate"],
+            "scene-tracks/annotated/000000.jpg",
+        ),
+        (&["locate", "scene.toml"], "scene-located/tracks.csv"),
+        (
+            &[
+                "learn",
+                "--image",
+                "images/000000.jpg",
+                "--rect",
+                "430,60,60,60",
+                "-o",
+                "ball.toml",
+            ],
+            "ball-learnt/mosaic.png",
+        ),
+    ] {
+        std::os::unix::fs::symlink(place.path("canary"), place.path(link)).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+        let run = Run::of(command.args(arguments).current_dir(place.path("")));
+        run.refused(&[&format!("{link}: is a link, through which results")]);
+        let canary = fs::read_to_string(place.path("canary")).unwrap();
+        assert_eq!(canary, CANARY, "{arguments:?}");
+        fs::remove_file(place.path(link)).unwrap();
+    }
+}

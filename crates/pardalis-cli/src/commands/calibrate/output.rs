@@ -13,7 +13,7 @@ use super::fit::{Fit, free_parameters};
 use super::page;
 use super::report::{Report, outlier_count};
 use super::trial::Trial;
-use crate::files::write_file;
+use crate::files::{refuse_links, write_file};
 use crate::output::print;
 use crate::user_error::user_error;
 
@@ -77,8 +77,9 @@ fn remove_earlier(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Creates a folder and its parents.
+/// Creates a folder for results and its parents.
 pub(super) fn make_folder(folder: &Path) -> Result<()> {
+    refuse_links(folder)?;
     fs::create_dir_all(folder).map_err(|error| {
         user_error!(
             "{}: cannot be created ({error}); choose another folder with --output",

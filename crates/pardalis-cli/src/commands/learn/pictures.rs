@@ -13,6 +13,7 @@ use super::inputs::LabelledFile;
 use crate::draw::histogram::{ColorBin, ColorModelPlot, write_color_model_plot};
 use crate::draw::mosaic::{Tile, write_mosaic};
 use crate::draw::picture::picture_of;
+use crate::files::refuse_links;
 use crate::user_error::user_error;
 
 /// Maximum number of images shown; of more, those that fit worst.
@@ -20,8 +21,9 @@ const MAX_TILES: usize = 12;
 
 /// Creates the folder for pictures if it is missing.
 ///
-/// Errors: it cannot be created.
+/// Errors: it cannot be created, or holds links.
 pub(super) fn make_folder(folder: &Path) -> Result<()> {
+    refuse_links(folder)?;
     fs::create_dir_all(folder).map_err(|error| {
         user_error!(
             "--pictures {}: the folder cannot be created: {error}; choose another, or give --no-pictures",

@@ -17,7 +17,7 @@ use pardalis_scene::experiment::Experiment;
 use rayon::prelude::*;
 
 use crate::commands::simulate::Sequence;
-use crate::files::write_file;
+use crate::files::{refuse_links, write_file};
 use crate::output::print;
 use crate::scene::{problems_in, read_text};
 use crate::user_error::user_error;
@@ -112,6 +112,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     // Before anything is written, because a replaced record would count as an uncommitted change.
     let facts = results::facts(&arguments.experiment);
     let output = arguments.output.join(&experiment.name);
+    refuse_links(&output)?;
     let place = || arguments.experiment.display().to_string();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = arguments.threads.map_or(cores, usize::from);
