@@ -102,7 +102,8 @@ impl Programs {
     /// Probes the first video stream. Fails if the input cannot be opened or has no video.
     pub(super) fn probe(&self, video: &VideoInput) -> Result<ProbedStream> {
         let input = name_of(&video.place);
-        let output = command(&self.ffprobe)
+        let output = self
+            .command_that_ends_with_parent(&self.ffprobe)
             .args([
                 "-v",
                 "error",
@@ -168,7 +169,7 @@ impl Programs {
         filter: &str,
         (numerator, denominator): (i64, i64),
     ) -> Result<Decode> {
-        let mut command = self.command_that_ends_with_parent();
+        let mut command = self.command_that_ends_with_parent(&self.ffmpeg);
         if video.place == VideoPlace::StandardInput {
             command.stdin(Stdio::inherit());
         }
@@ -223,16 +224,14 @@ impl Programs {
         })
     }
 
-    /// Returns the command of an ffmpeg that does not outlive this program, even if this program is killed. Where that
-    /// cannot be asked for, ffmpeg ends when it writes its next frame.
-    fn command_that_ends_with_parent(&self) -> Command {
+    /// Returns the command of an ffmpeg or ffprobe that does not outlive this program, even if this program is killed.
+    /// Where that cannot be asked for, ffmpeg ends when it writes its next frame.
+    fn command_that_ends_with_parent(&self, program: &Path) -> Command {
         let Some(setpriv) = &self.setpriv else {
-            return command(&self.ffmpeg);
+            return command(program);
         };
         let mut command = command(setpriv);
-        command
-            .args(["--pdeathsig", "KILL", "--"])
-            .arg(&self.ffmpeg);
+        command.args(["--pdeathsig", "KILL", "--"]).arg(program);
         command
     }
 

@@ -133,6 +133,38 @@ fn no_ffmpeg_outlives_the_program() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn no_ffprobe_outlives_the_program() {
+    use std::os::unix::fs::PermissionsExt;
+    if with_stream(1).is_none() || Command::new("setpriv").arg("--version").output().is_err() {
+        println!("skipped: ffmpeg or setpriv is not installed");
+        return;
+    }
+    let place = Workplace::with_frames(1);
+    place.write("ride.mkv", "");
+    fs::create_dir(place.path("bin")).unwrap();
+    // It hangs, as on a disk that does not answer.
+    place.write("bin/ffprobe", "#!/bin/sh\nexec sleep 60\n");
+    fs::set_permissions(place.path("bin/ffprobe"), fs::Permissions::from_mode(0o755)).unwrap();
+    let search_path = std::env::var("PATH").unwrap();
+    let search_path = format!("{}:{search_path}", place.path("bin").display());
+    let mut command = place.command(video("ride.mkv"), &["-o", "out"]);
+    let mut program = command.env("PATH", search_path).spawn().unwrap();
+    let mut ffprobe = String::new();
+    let started = |process: &str| fs::read_to_string(process).unwrap_or_default();
+    wait_until("ffprobe does not start", || {
+        let children = children_of(program.id());
+        let mut children = children.iter().map(|id| format!("/proc/{id}/cmdline"));
+        let found = children.find(|process| started(process).starts_with("sleep"));
+        ffprobe = found.unwrap_or_default();
+        !ffprobe.is_empty()
+    });
+    program.kill().unwrap();
+    program.wait().unwrap();
+    wait_until("ffprobe goes on", || started(&ffprobe).is_empty());
+}
+
 #[test]
 fn a_source_that_keeps_silent_is_announced_and_given_up() {
     if with_stream(1).is_none() {
