@@ -239,6 +239,17 @@ fn the_true_path_of_a_thrown_ball_is_drawn() {
 }
 
 #[test]
+fn far_cameras_do_not_flatten_the_plot_over_time() {
+    let plot = |folder: &str, cameras: &[CameraSymbol]| {
+        let folder = test_folder(folder);
+        let paths = write_track_plots(&folder, &[helix("ball", 0.0)], &[], cameras).unwrap();
+        std::fs::read_to_string(&paths[6]).unwrap()
+    };
+    let far = camera("far", [100.0, 60.0, 30.0]);
+    assert_eq!(plot("plots-far", &[far]), plot("plots-alone", &[]));
+}
+
+#[test]
 fn a_target_that_stands_still_is_drawn_over_time() {
     let mut track = helix("ball", 0.0);
     for row in &mut track.rows {
