@@ -18,6 +18,11 @@ pub(crate) fn fixed(value: f64, digits: usize) -> String {
     }
 }
 
+/// Returns `1 image`, `2 images`.
+pub(crate) fn counted(count: u64, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -33,5 +38,7 @@ mod tests {
         assert_eq!(fixed(-0.0006, 3), "-0.001");
         assert_eq!(fixed(-0.4, 0), "0");
         assert_eq!(fixed(f64::NAN, 2), "NaN");
+        assert_eq!(counted(1, "frame"), "1 frame");
+        assert_eq!(counted(0, "frame"), "0 frames");
     }
 }

@@ -7,6 +7,7 @@ use anyhow::{Result, anyhow};
 use pardalis::TargetId;
 
 use crate::arguments::Threads;
+use crate::numbers::counted;
 use crate::output::{note, print};
 use crate::tracking::agreement;
 use crate::tracking::radius::EstimatedRadius;
@@ -312,7 +313,8 @@ pub(crate) fn summary(run: &Run) -> String {
     let outcome = &run.outcome;
     let frames = outcome.frame_sets;
     let rate = frames as f64 / outcome.tracking_s.max(1e-9);
-    let mut text = format!("tracked {frames} frames ({rate:.0} per second of tracking time)\n");
+    let count = counted(frames as u64, "frame");
+    let mut text = format!("tracked {count} ({rate:.0} per second of tracking time)\n");
     if outcome.interrupted {
         text += "ended by Ctrl-C\n";
     }
@@ -320,8 +322,12 @@ pub(crate) fn summary(run: &Run) -> String {
     for (number, (target, states)) in targets.enumerate() {
         let _ = writeln!(
             text,
-            "{}: {} frames tracked, {} occluded, {} lost, {} searching",
-            target.name, states.tracking, states.occluded, states.lost, states.searching
+            "{}: {} tracked, {} occluded, {} lost, {} searching",
+            target.name,
+            counted(states.tracking as u64, "frame"),
+            states.occluded,
+            states.lost,
+            states.searching
         );
         for radius in radii(run, number) {
             let _ = writeln!(text, "  {}: radius {radius}", radius.key);

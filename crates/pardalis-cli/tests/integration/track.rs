@@ -144,6 +144,14 @@ fn the_summary_describes_the_run() {
 }
 
 #[test]
+fn one_frame_is_counted_in_the_singular() {
+    let run = Workplace::with_frames(1).track(SCENE).fine();
+    for wanted in ["tracked 1 frame (", "ball: 1 frame tracked,"] {
+        assert!(run.stdout.contains(wanted), "{}", run.stdout);
+    }
+}
+
+#[test]
 fn times_of_images_are_read() {
     let place = Workplace::with_frames(8);
     place.track(SCENE).fine();

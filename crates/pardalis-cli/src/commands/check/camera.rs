@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use pardalis::Frame;
 
-use crate::numbers::plain;
+use crate::numbers::{counted, plain};
 use crate::scene::Parts;
 use crate::source::{Description, Source};
 
@@ -102,7 +102,7 @@ impl Seen {
         if self.is_live {
             return text + "; live";
         }
-        let count = frame_count.map(|count| format!("{count} frames"));
+        let count = frame_count.map(|count| counted(count as u64, "frame"));
         let rounded_s = |s: f64| plain((100.0 * s).round() / 100.0);
         let duration = self.duration_s.map(|s| format!("{} s", rounded_s(s)));
         let length: Vec<_> = [count, duration].into_iter().flatten().collect();

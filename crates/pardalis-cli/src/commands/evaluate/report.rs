@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::confidence::Confidence;
 pub(crate) use super::pairing::MatchedBy;
-use crate::numbers::{fixed, plain};
+use crate::numbers::{counted, fixed, plain};
 
 /// All results, and the options they depend on.
 #[derive(Debug, Serialize)]
@@ -145,8 +145,11 @@ impl fmt::Display for TargetReport {
         };
         writeln!(
             f,
-            "target {} against object {} ({why}); {} rows, {} of them without truth",
-            self.target, self.object, self.rows, self.rows_without_truth
+            "target {} against object {} ({why}); {}, {} of them without truth",
+            self.target,
+            self.object,
+            counted(self.rows as u64, "row"),
+            self.rows_without_truth
         )?;
         let s = &self.scores;
         line(f, "", "visible frames", "all frames")?;

@@ -8,6 +8,7 @@ use pardalis::color::ColorModel;
 use super::check::{Check, ImageCheck};
 use super::evidence::Evidence;
 use super::remedy::Remedy;
+use crate::numbers::counted;
 
 /// Maximum number of bins, or of image names, that are listed.
 const MAX_LISTED: usize = 8;
@@ -378,9 +379,4 @@ fn images(names: &[&str]) -> String {
     };
     let count = counted(names.len() as u64, "image");
     format!("{count} ({}{more})", listed.join(", "))
-}
-
-/// Formats `1 image`, `2 images`.
-fn counted(count: u64, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::arguments::Threads;
 use crate::folder::{Content, Folder};
-use crate::numbers::{fixed, plain};
+use crate::numbers::{counted, fixed, plain};
 use crate::output::{print, warn};
 use crate::progress::Progress;
 use crate::scene;
@@ -256,7 +256,8 @@ fn report(arguments: &Arguments, output: &Path, images: usize, rectifier: &Recti
     let shown = rectifier.shown().filter(|shown| *shown).count();
     let [[x0, y0], [x1, y1]] = rectifier.area_m();
     let mut text = format!(
-        "{images} images of {width} x {height} pixels, {} m per pixel: x {} to {} m, y {} to {} m; {:.0} % of the pixels show the plane\n",
+        "{} of {width} x {height} pixels, {} m per pixel: x {} to {} m, y {} to {} m; {:.0} % of the pixels show the plane\n",
+        counted(images as u64, "image"),
         plain(rectifier.step_m()),
         fixed(x0, 3),
         fixed(x1, 3),
