@@ -1,5 +1,6 @@
 //! Detection: finds where in an image a target's colours stand out, without prior knowledge of its position.
 
+use crate::background::{Background, Change};
 use crate::color::{ColorModel, ColorRanges, IlluminationCorrection, Palette, PixelKind};
 use crate::frame::with_pixels;
 use crate::tuning::BlobTuning;
@@ -30,6 +31,16 @@ pub struct Blob {
 }
 
 impl Blob {
+    /// Turns a blob of blocks of pixels, with sides of this length, into one of pixels.
+    fn enlarge(&mut self, block_px: f64) {
+        let area_px = block_px * block_px;
+        self.centroid_px = self.centroid_px.map(|at| (at + 0.5) * block_px - 0.5);
+        self.area_px *= area_px;
+        self.min_px = self.min_px.map(|at| at * block_px as usize);
+        self.max_px = self.max_px.map(|at| (at + 1) * block_px as usize - 1);
+        self.covariance_px2 = self.covariance_px2.map(|value| value * area_px);
+    }
+
     /// The variances along its longest axis and across it, px².
     pub(crate) fn principal_variances_px2(&self) -> [f64; 2] {
         let [xx, xy, yy] = self.covariance_px2;
@@ -188,24 +199,15 @@ impl BlobSearch {
             tuning,
             bins,
             matching,
-            filtered,
-            columns,
-            stack,
-            blobs,
-            left_out,
+            ..
         } = self;
-        *left_out = None;
         bins.clear();
         bins.reserve(width * height);
         with_pixels!(frame, components => for y in 0..height {
             bins.extend((0..width).map(|x| table.bin(correction.bytes(components(x, y)))));
         });
         matching.clear();
-        let BlobTuning {
-            min_posterior,
-            min_area_px,
-            max_blobs,
-        } = *tuning;
+        let min_posterior = tuning.min_posterior;
         let matches =
             |(i, &bin): (usize, &u16)| is_open(i) && posterior[usize::from(bin)] >= min_posterior;
         matching.extend(bins.iter().enumerate().map(matches));
@@ -216,6 +218,54 @@ impl BlobSearch {
                     && in_ranges.matches(correction.bytes(components(i % width, i / width))) == 1;
             });
         }
+        let bins = std::mem::take(bins);
+        self.connect((width, height), is_open, |i| {
+            posterior[usize::from(bins[i])]
+        });
+        self.bins = bins;
+        &self.blobs
+    }
+
+    /// Finds what moves in front of a camera at rest and is a mixture of what is there without it and the target's colours: the streaks of fast targets.
+    pub(crate) fn find_moving(
+        &mut self,
+        background: &Background,
+        is_target: impl Fn([f32; 3]) -> bool,
+    ) {
+        self.matching.clear();
+        let is_mixture =
+            |change: Option<Change>| change.is_some_and(|change| change.is_mixture(&is_target));
+        self.matching.extend(background.changes().map(is_mixture));
+        self.connect(background.size(), |i| background.is_open(i), |_| 1.0);
+        for blob in &mut self.blobs {
+            blob.enlarge(background.block_px() as f64);
+        }
+    }
+
+    /// What was found last.
+    pub(crate) fn found(&self) -> &[Blob] {
+        &self.blobs
+    }
+
+    /// Finds connected parts of the pixels that match, after the majority filter.
+    fn connect(
+        &mut self,
+        (width, height): (usize, usize),
+        is_open: impl Fn(usize) -> bool,
+        weight: impl Fn(usize) -> f64,
+    ) {
+        let Self {
+            tuning,
+            matching,
+            filtered,
+            columns,
+            stack,
+            blobs,
+            left_out,
+            ..
+        } = self;
+        let (min_area_px, max_blobs) = (tuning.min_area_px, tuning.max_blobs);
+        *left_out = None;
         majority(matching, width, columns, filtered);
         (0..filtered.len()).for_each(|i| filtered[i] &= is_open(i));
         blobs.clear();
@@ -231,7 +281,7 @@ impl BlobSearch {
             let mut sums = Sums::default();
             while let Some(i) = stack.pop() {
                 let (x, y) = (i % width, i / width);
-                sums.add([x, y], posterior[usize::from(bins[i])]);
+                sums.add([x, y], weight(i));
                 let inside = [x > 0, x + 1 < width, y > 0, y + 1 < height];
                 let neighbors = [
                     i.wrapping_sub(1),
@@ -263,7 +313,6 @@ impl BlobSearch {
                 *left_out = Some(last);
             }
         }
-        blobs
     }
 }
 

@@ -39,6 +39,7 @@
 //! The library opens no files, reads no clock and prints nothing. Every random number is a function of seed, target, particle and
 //! observation: the same build, frames and seed give the same estimates for any number of threads.
 
+mod background;
 pub mod color;
 mod color_space;
 pub mod detect;

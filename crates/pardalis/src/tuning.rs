@@ -21,6 +21,8 @@ pub use pardalis_filter::bernoulli::ProposalTuning;
 pub struct Tuning {
     /// Blobs of the target's colours.
     pub blobs: BlobTuning,
+    /// What cameras at rest show without what moves.
+    pub background: BackgroundTuning,
     /// The edge cue.
     pub edge: EdgeTuning,
     /// Detection.
@@ -49,13 +51,14 @@ impl Tuning {
                 });
             )*};
         }
-        visit_parts!(blobs, edge, detection, association);
+        visit_parts!(blobs, background, edge, detection, association);
         visit_parts!(existence, adaptation, size, agreement, proposal);
     }
 
     /// Returns an error unless every constant is above 0 and at most 10 000, or 1 for shares.
     pub fn check(&self) -> Result<(), Error> {
         self.blobs.check()?;
+        self.background.check()?;
         self.edge.check()?;
         self.detection.check()?;
         self.association.check()?;
@@ -76,6 +79,20 @@ tuned! {
         min_area_px: usize = 9, "pixels", "hand-set: a disc of this area has a radius of 1.7 px";
         /// The number of blobs kept per image, largest first.
         max_blobs: usize = 8, "blobs", "hand-set: bounds the time of the candidate search";
+    }
+}
+
+tuned! {
+    /// Tuned constants of what cameras at rest show without what moves.
+    BackgroundTuning {
+        /// The least weight of one image in the running mean of images.
+        rate: f32 = 0.1, "share", "hand-set: a second at ten images a second";
+        /// From this difference to the mean on a block of pixels has changed, ...
+        min_change: f32 = 8.0, "grey levels, weighted Y, U and V", "hand-set: compressed images differ by 2 to 4";
+        /// ... and from this many times the median difference on.
+        noise_factor: f32 = 5.0, "ratio", "hand-set: three standard deviations and more";
+        /// If more has changed, the camera moves or the light changes.
+        max_changed_share: f64 = 0.3, "share", "hand-set: a person in front of the camera";
     }
 }
 
@@ -132,7 +149,7 @@ tuned! {
         /// Longer streaks, in lengths of the outline, are too pale to be seen.
         max_streak_outlines: f32 = 1.25, "lengths of the outline", "hand-set: about four diameters; also bounds time and memory";
         /// Mixtures with less of the body do not show its colours.
-        min_mixture: f32 = 0.5, "share", "hand-set: noise is multiplied by the inverse";
+        min_mixture: f32 = 0.35, "share", "hand-set: noise is multiplied by the inverse";
         /// The curvature that lines have at least, before the likelihood exponent.
         min_curvature: f32 = 0.02, "1/pixel²", "hand-set: keeps steps finite where a line is flat";
     }
@@ -195,6 +212,8 @@ tuned! {
         clear_contrast: f64 = 30.0, "grey levels, weighted Y, U and V", "experiment: balls on real clips have 40 and more";
         /// By how much a streak that was not predicted is less likely the target: long things at rest look like it.
         new_streak_nats: f64 = 1.5, "nats", "hand-set: there are several times as many as round ones";
+        /// What moves is no streak of the target if its judged outline has less than this: of many fits, one is always good.
+        min_moving_nats: f64 = 5.0, "nats", "experiment: streaks on real clips have 6 to 17";
         /// The greatest log-ratio by which such a streak speaks for the target's existence in one frame.
         max_new_streak_nats: f64 = 2.5, "nats", "hand-set: two frames must agree";
         /// A streak must have come at least this share of its length since the frame before.

@@ -31,7 +31,7 @@ const CONCENTRATION: [f64; 2] = [2.0, 4.0];
 const SHADING_CONCENTRATION: f64 = 4.0;
 const SHADING_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
 /// Weights of squared differences in Y, U and V. Hand-set: chroma changes less with shadows.
-const CHANNEL_WEIGHTS: [f32; 3] = [1.0, 15.0, 15.0];
+pub(crate) const CHANNEL_WEIGHTS: [f32; 3] = [1.0, 15.0, 15.0];
 /// Minimum squared weighted difference of two colours; closer colours have no membership. Hand-set.
 const MIN_CONTRAST: f32 = 100.0;
 

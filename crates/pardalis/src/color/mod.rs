@@ -21,6 +21,7 @@ pub(crate) use edge_learner::{COARSEST_OCTAVE, JUDGED_RADIUS_PX};
 pub use edge_profile::{EdgeLogRatios, EdgeProfile};
 pub use histogram::Histogram;
 pub use illumination::{Illumination, IlluminationCorrection};
+pub(crate) use membership::CHANNEL_WEIGHTS;
 pub use membership::{EdgePixel, Side, Surroundings};
 pub use model::{ColorLearner, ColorModel, Separation};
 pub use palette::{MAX_BINS, MAX_CHANNEL_BINS, Palette, PixelKind, PixelTable};

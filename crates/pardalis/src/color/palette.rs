@@ -227,6 +227,28 @@ impl PixelKind {
         .map(|value| value as f32)
     }
 
+    /// The conversion of a pixel's raw bytes to Y, U and V of BT.601, full range, as a linear map, for means of pixels: Y, U and V of zeros, and their changes with each
+    /// byte.
+    pub(crate) fn full_range_line(self) -> ([f32; 3], [[f32; 3]; 3]) {
+        // Far from the borders of the gamut.
+        const GREY: u8 = 128;
+        const STEP: u8 = 16;
+        let around = |i: usize| {
+            let moved = |value: u8| {
+                let mut bytes = [GREY; 3];
+                bytes[i] = value;
+                self.full_range_yuv(bytes)
+            };
+            let (less, more) = (moved(GREY - STEP), moved(GREY + STEP));
+            [0, 1, 2].map(|row| (more[row] - less[row]) / f32::from(2 * STEP))
+        };
+        let columns = [0, 1, 2].map(around);
+        let slopes = [0, 1, 2].map(|row| [0, 1, 2].map(|i| columns[i][row]));
+        let grey = self.full_range_yuv([GREY; 3]);
+        let at_zero = |row: usize| grey[row] - f32::from(GREY) * slopes[row].iter().sum::<f32>();
+        ([0, 1, 2].map(at_zero), slopes)
+    }
+
     /// Converts Y, U and V of BT.601, full range, to a pixel's raw bytes, the nearest if it has none for that colour.
     pub(crate) fn bytes(self, full_range_yuv: [f32; 3]) -> [u8; 3] {
         let full = YuvEncoding::default();

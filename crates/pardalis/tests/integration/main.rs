@@ -11,3 +11,4 @@ mod no_io;
 mod rectify;
 mod seek;
 mod size;
+mod streaks;

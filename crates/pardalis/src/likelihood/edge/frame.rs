@@ -228,7 +228,7 @@ impl<'a> EdgeFrame<'a> {
     }
 
     /// Returns whether a colour (Y, U and V) is one of the target's.
-    pub(super) fn is_target_color(&self, yuv: [f32; 3]) -> bool {
+    pub(crate) fn is_target_color(&self, yuv: [f32; 3]) -> bool {
         self.matches(self.kind.bytes(yuv))
     }
 }

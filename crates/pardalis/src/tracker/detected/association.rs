@@ -98,7 +98,7 @@ impl DetectedTarget {
     }
 
     /// Compares a detection with clutter: things of the target's colours and form, uniformly distributed, a known number per frame. The sharper a
-    /// detection, the less likely clutter is just there. `None` if its covariance is singular.
+    /// detection, the less likely clutter is just there. `None` if its covariance is singular, or it moves and its outline says too little.
     fn associate_one(
         &self,
         number: usize,
@@ -126,15 +126,20 @@ impl DetectedTarget {
         let stray = self.stray_nats(position_m);
         let by_color = of_color - stray;
         let judged = detection.judged_log_ratio();
+        let is_moving = matches!(candidate.origin, Origin::Motion(..));
+        if is_moving && judged < tuning.min_moving_nats {
+            candidate.verdict = Verdict::OtherOutline;
+            return None;
+        }
         let by_outline = (judged / cameras / tuning.log_ratio_scale - tuning.clutter_nats)
             .min(tuning.max_log_ratio);
         let covered = tuning.occluded_color_nats * (1.0 - detection.visible_share());
         let region = self.existence.region;
         let outside = 0.5 * region.squared_sigmas(position_m, &information);
-        let is_new_streak = detection.is_streak() && matches!(candidate.origin, Origin::Blob(..));
+        let is_new_streak = detection.is_streak() && candidate.origin != Origin::Prediction;
         let streak = if detection.is_streak() && self.contradicts_streak(detection) {
             f64::from(self.tuning.existence.missed_nats)
-        } else if is_new_streak {
+        } else if is_new_streak && !is_moving {
             tuning.new_streak_nats
         } else {
             0.0

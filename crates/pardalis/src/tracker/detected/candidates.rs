@@ -3,12 +3,13 @@
 
 use nalgebra::{Point3, Vector3};
 
+use crate::background::Background;
 use crate::detect::{Blob, BlobSearch};
 use crate::likelihood::edge::{EdgeCue, EdgeFrame, SizePrior};
 use crate::shape::Shape;
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tracker::ids::CameraId;
-use crate::tuning::{BlobTuning, DetectionTuning};
+use crate::tuning::{BackgroundTuning, BlobTuning, DetectionTuning};
 
 /// Bisections of the logarithm of the distance. Derivation: find it to 0.14 %.
 const BISECTIONS: usize = 12;
@@ -52,6 +53,9 @@ impl Ray {
 pub(super) struct CandidateSearch {
     geometry: Geometry,
     blobs: BlobSearch,
+    /// Of a single camera.
+    background: Background,
+    moving: BlobSearch,
     rays: Vec<Ray>,
 }
 
@@ -69,7 +73,7 @@ impl CandidateSearch {
     pub(super) fn new(
         shape: Shape,
         ground_z_m: Option<f64>,
-        (detection, blobs): (DetectionTuning, BlobTuning),
+        (detection, blobs, background): (DetectionTuning, BlobTuning, BackgroundTuning),
     ) -> Self {
         Self {
             geometry: Geometry {
@@ -78,6 +82,8 @@ impl CandidateSearch {
                 ground_z_m,
             },
             blobs: BlobSearch::new(blobs),
+            background: Background::new(background),
+            moving: BlobSearch::new(blobs),
             rays: Vec::new(),
         }
     }
@@ -124,6 +130,24 @@ impl CandidateSearch {
         Some((position_m, displacement_m.into()))
     }
 
+    /// Compares a single camera's frame with those before it, to find later what moves.
+    pub(super) fn compare(&mut self, frames: &[EdgeFrame]) {
+        if let [frame] = frames {
+            self.background.compare(frame.prepared());
+        }
+    }
+
+    /// Finds what moves in the frame that was compared last and may be streaks of the target.
+    pub(super) fn find_moving(&mut self, frame: &EdgeFrame) {
+        self.moving
+            .find_moving(&self.background, |color| frame.is_target_color(color));
+    }
+
+    /// What was found, the largest first.
+    pub(super) fn moving(&self) -> &[Blob] {
+        self.moving.found()
+    }
+
     /// Adds the candidates of these frames, those of single cameras first, then those of pairs. Those that are not ruled out have a position.
     pub(super) fn search(
         &mut self,
@@ -136,6 +160,7 @@ impl CandidateSearch {
             geometry,
             blobs: search,
             rays,
+            ..
         } = self;
         rays.clear();
         rays.reserve(frames.len() * search.max_blobs());

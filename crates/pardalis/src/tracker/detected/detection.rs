@@ -50,6 +50,7 @@ impl Detector {
         tuning: &Tuning,
     ) -> Self {
         let (unknown_sigma, blobs) = (tuning.size.unknown_sigma, tuning.blobs);
+        let background = tuning.background;
         let tuning = tuning.detection;
         let room = 1 + cameras * blobs.max_blobs + exposures::MAX_FITS;
         Self {
@@ -57,7 +58,7 @@ impl Detector {
             shape,
             is_planar: ground_z_m.is_some(),
             unknown_sigma,
-            candidates: CandidateSearch::new(shape, ground_z_m, (tuning, blobs)),
+            candidates: CandidateSearch::new(shape, ground_z_m, (tuning, blobs, background)),
             since_search: 0,
             exposures: Exposures::default(),
             detections: Detections::with_room(room, cameras, points),
@@ -111,6 +112,7 @@ impl Detector {
             || self.since_search >= tuning.frames_between_searches
         {
             self.since_search = 0;
+            self.candidates.compare(frames);
             let first = candidates.len();
             self.candidates
                 .search(edge, frames, &predicted.size, candidates);
@@ -125,6 +127,9 @@ impl Detector {
             // A target that probably exists is fitted as a streak where it is predicted.
             if predicted.existence < 0.5 {
                 self.fit_streaks_of_blobs((edge, frames), predicted.size, candidates, first);
+            }
+            if !is_sure {
+                self.fit_moving_streaks((edge, frames), predicted.size, candidates);
             }
         }
         let diameter_m = predicted.size.scale() * self.shape.diameter_m();

@@ -3,10 +3,11 @@
 use nalgebra::Vector3;
 
 use super::detection::Detector;
-use super::exposures::{BLOB_FACTORS, BLOBS, EXPOSURES, LIKELY_SHARE, note};
+use super::exposures::{BLOB_FACTORS, BLOBS, EXPOSURES, LIKELY_SHARE, MOVING_FACTORS, note};
 use crate::detect::Blob;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, PositionPrior, SizePrior};
-use crate::tracker::candidate::Candidate;
+use crate::tracker::candidate::{Candidate, Origin, Verdict};
+use crate::tracker::ids::CameraId;
 
 impl Detector {
     /// Fits the prediction as a streak with each of the possible exposures, the likeliest first, until one is certain. `way_m` is how far the target moved since the frames
@@ -74,15 +75,57 @@ impl Detector {
                 continue;
             }
             count += 1;
-            for factors in BLOB_FACTORS {
-                let streak_m = self.candidates.streak_m(edge, frame, &blob, factors, &size);
-                let Some(streak_m) = streak_m else {
-                    continue;
-                };
-                let streak = (number, streak_m);
-                if self.fit_streak((edge, frames), (None, size), candidates, streak) > sure {
-                    break;
-                }
+            self.fit_streak_of_blob(
+                (edge, frame),
+                size,
+                candidates,
+                (number, &blob, &BLOB_FACTORS[..]),
+            );
+        }
+    }
+
+    /// Fits what moves in front of a camera at rest as streaks, as blobs are.
+    pub(super) fn fit_moving_streaks(
+        &mut self,
+        (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
+        size: SizePrior,
+        candidates: &mut Vec<Candidate>,
+    ) {
+        let [frame] = frames else {
+            return;
+        };
+        let mut count = 0;
+        self.candidates.find_moving(frame);
+        for number in 0..self.candidates.moving().len() {
+            let blob = self.candidates.moving()[number];
+            if blob.cut_off || count == BLOBS || !self.may_be_streak(&blob) {
+                continue;
+            }
+            count += 1;
+            let origin = Origin::Motion(CameraId::new(frame.camera()), blob);
+            candidates.push(Candidate::new(origin, Verdict::NoEdges));
+            let streak = (candidates.len() - 1, &blob, &MOVING_FACTORS[..]);
+            self.fit_streak_of_blob((edge, frame), size, candidates, streak);
+        }
+    }
+
+    /// Fits a blob as streaks of several widths and lengths, until one is certain.
+    fn fit_streak_of_blob(
+        &mut self,
+        (edge, frame): (&mut EdgeCue, &EdgeFrame),
+        size: SizePrior,
+        candidates: &mut [Candidate],
+        (number, blob, factors): (usize, &Blob, &[[f64; 2]]),
+    ) {
+        for &factors in factors {
+            let Some(streak_m) = self.candidates.streak_m(edge, frame, blob, factors, &size) else {
+                continue;
+            };
+            let frames = std::slice::from_ref(frame);
+            let log_ratio =
+                self.fit_streak((edge, frames), (None, size), candidates, (number, streak_m));
+            if log_ratio > self.tuning.sure_log_ratio {
+                break;
             }
         }
     }

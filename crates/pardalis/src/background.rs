@@ -1,0 +1,327 @@
+//! What a camera at rest shows without what moves: the running mean of its images, and what differs from it.
+
+use crate::color::{CHANNEL_WEIGHTS, PixelKind, YuvEncoding};
+use crate::frame::with_pixels;
+use crate::tuning::BackgroundTuning;
+use crate::view::PreparedFrame;
+use pardalis_camera::Mask;
+
+/// Blocks of pixels are so large that at most this many are in a row. Hand-set: streaks are much longer, and the mean of a block has less noise.
+const COLUMNS: usize = 320;
+/// Shares of the target in mixtures with what is there without it. Hand-set: streaks up to twice as long as the target.
+const SHARES: [f32; 5] = [1.0, 0.75, 0.55, 0.4, 0.3];
+/// One in so many blocks is compared to find how much the whole image has changed. Derivation: more than a thousand samples of most images.
+const SAMPLING_STEP: usize = 32;
+
+/// The background of one camera's images, in blocks of pixels. Owns its buffers.
+#[derive(Debug, Default)]
+pub(crate) struct Background {
+    tuning: BackgroundTuning,
+    block_px: usize,
+    /// Columns and rows of blocks.
+    size: (usize, usize),
+    /// The mean Y, U and V of each block in the latest image, and in those before it. Blocks with masked pixels are NaN.
+    latest: Vec<[f32; 3]>,
+    before: Vec<[f32; 3]>,
+    /// The number of images.
+    count: usize,
+    samples: Vec<f32>,
+    /// From this difference on a block has changed; `None` if most of the image has.
+    threshold: Option<f32>,
+}
+
+/// The colours of a block that has changed: Y, U and V.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Change {
+    now: [f32; 3],
+    before: [f32; 3],
+}
+
+impl Change {
+    /// Whether the block is a mixture of what was there before and one of the target's colours.
+    pub(crate) fn is_mixture(&self, is_target: impl Fn([f32; 3]) -> bool) -> bool {
+        SHARES.iter().any(|share| {
+            let unmixed =
+                [0, 1, 2].map(|i| self.before[i] + (self.now[i] - self.before[i]) / share);
+            let rgb = YuvEncoding::default().rgb_from_yuv(unmixed.map(f64::from));
+            let exists = rgb.iter().all(|value| (0.0..=255.0).contains(value));
+            exists && is_target(unmixed)
+        })
+    }
+}
+
+impl Background {
+    pub(crate) fn new(tuning: BackgroundTuning) -> Self {
+        Self {
+            tuning,
+            ..Self::default()
+        }
+    }
+
+    /// The length of the sides of blocks, pixels.
+    pub(crate) fn block_px(&self) -> usize {
+        self.block_px
+    }
+
+    /// Columns and rows of blocks.
+    pub(crate) fn size(&self) -> (usize, usize) {
+        self.size
+    }
+
+    /// Whether no pixel of a block is masked.
+    pub(crate) fn is_open(&self, block: usize) -> bool {
+        !self.latest[block][0].is_nan()
+    }
+
+    /// Compares an image with those before it.
+    pub(crate) fn compare(&mut self, prepared: &PreparedFrame) {
+        let frame = prepared.frame();
+        let block_px = frame.width().div_ceil(COLUMNS);
+        let size = (frame.width() / block_px, frame.height() / block_px);
+        if (block_px, size) != (self.block_px, self.size) {
+            (self.block_px, self.size, self.count) = (block_px, size, 0);
+        }
+        self.remember();
+        self.average(prepared);
+        if self.count == 0 {
+            self.before.clone_from(&self.latest);
+        }
+        self.count += 1;
+        self.find_threshold();
+    }
+
+    /// Makes the latest image one of those before the next.
+    fn remember(&mut self) {
+        let rate = self.tuning.rate.max(1.0 / self.count.max(1) as f32);
+        for (before, latest) in self.before.iter_mut().zip(&self.latest) {
+            for (before, latest) in before.iter_mut().zip(latest) {
+                *before += rate * (latest - *before);
+            }
+        }
+    }
+
+    /// Averages the pixels of each block.
+    fn average(&mut self, prepared: &PreparedFrame) {
+        let frame = prepared.frame();
+        let (side, (columns, rows)) = (self.block_px, self.size);
+        let open = prepared.view().mask().map(Mask::open);
+        let width = frame.width();
+        let kind = PixelKind::of(frame);
+        let (at_zero, slopes) = kind.full_range_line();
+        let scale = 1.0 / (side * side) as f32;
+        self.latest.clear();
+        self.latest.reserve(columns * rows);
+        with_pixels!(frame, components => for row in 0..rows {
+            for column in 0..columns {
+                let (mut sums, mut is_open) = ([0_u32; 3], true);
+                for y in row * side..(row + 1) * side {
+                    for x in column * side..(column + 1) * side {
+                        let bytes = components(x, y);
+                        (0..3).for_each(|i| sums[i] += u32::from(bytes[i]));
+                        is_open &= open.is_none_or(|open| open[y * width + x]);
+                    }
+                }
+                let [a, b, c] = sums.map(|sum| scale * sum as f32);
+                self.latest.push([0, 1, 2].map(|i| {
+                    let slopes = slopes[i];
+                    let yuv = at_zero[i] + slopes[0] * a + slopes[1] * b + slopes[2] * c;
+                    if is_open { yuv } else { f32::NAN }
+                }));
+            }
+        });
+    }
+
+    /// By how much a block differs from the images before, in grey levels; NaN if it is masked.
+    fn difference(&self, block: usize) -> f32 {
+        let squared = |i: usize| {
+            let difference = self.latest[block][i] - self.before[block][i];
+            CHANNEL_WEIGHTS[i] * difference * difference
+        };
+        (0..3).map(squared).sum::<f32>().sqrt()
+    }
+
+    /// Finds from which difference on a block has changed.
+    fn find_threshold(&mut self) {
+        let mut samples = std::mem::take(&mut self.samples);
+        let blocks = (0..self.latest.len()).step_by(SAMPLING_STEP);
+        let differences = blocks.map(|block| self.difference(block));
+        samples.clear();
+        samples.extend(differences.filter(|difference| !difference.is_nan()));
+        self.threshold = self.threshold_of(&mut samples);
+        self.samples = samples;
+    }
+
+    /// From which of these differences on blocks have changed; `None` if most have.
+    fn threshold_of(&self, samples: &mut [f32]) -> Option<f32> {
+        let middle = samples.len() / 2;
+        if samples.is_empty() {
+            return None;
+        }
+        let (_, &mut median, _) = samples.select_nth_unstable_by(middle, f32::total_cmp);
+        let threshold = self
+            .tuning
+            .min_change
+            .max(self.tuning.noise_factor * median);
+        let changed = samples.iter().filter(|&&sample| sample > threshold).count();
+        let share = changed as f64 / samples.len() as f64;
+        (share <= self.tuning.max_changed_share).then_some(threshold)
+    }
+
+    /// The change of each block; `None` for those that have not changed.
+    pub(crate) fn changes(&self) -> impl Iterator<Item = Option<Change>> {
+        let threshold = self.threshold.unwrap_or(f32::INFINITY);
+        (0..self.latest.len()).map(move |block| {
+            (self.difference(block) > threshold).then(|| Change {
+                now: self.latest[block],
+                before: self.before[block],
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::View;
+    use crate::{Frame, PixelFormat};
+    use pardalis_camera::{Camera, Pinhole, Pose};
+
+    const SIZE: (usize, usize) = (700, 90);
+    const GREY: [u8; 3] = [150, 140, 130];
+    const GREEN: [u8; 3] = [40, 160, 60];
+
+    fn view(mask: Option<Mask>) -> View {
+        let camera = Camera::Pinhole(Pinhole::new([500.0; 2], [350.0, 45.0], &[]).unwrap());
+        View::new(camera, Pose::identity(), SIZE, mask).unwrap()
+    }
+
+    /// A picture of this colour at each pixel, with noise of two grey levels.
+    fn picture(seed: usize, color: impl Fn(usize, usize) -> [u8; 3]) -> Frame {
+        let of_pixel = |i: usize| {
+            let noise = ((i + seed) * 7919 % 5) as u8;
+            color(i % SIZE.0, i / SIZE.0).map(|value| value - 2 + noise)
+        };
+        let bytes: Vec<u8> = (0..SIZE.0 * SIZE.1).flat_map(of_pixel).collect();
+        let (width, height) = SIZE;
+        Frame::new(
+            PixelFormat::Rgb8,
+            YuvEncoding::default(),
+            width,
+            height,
+            bytes,
+            0.0,
+        )
+        .unwrap()
+    }
+
+    /// Grey, with a pale green streak (two fifths of the ball) at columns from `left` to `left` + 120 and rows 30 to 59.
+    fn streak(seed: usize, left: usize) -> Frame {
+        picture(seed, |x, y| {
+            if (left..left + 120).contains(&x) && (30..60).contains(&y) {
+                [0, 1, 2].map(|i| (0.6 * f32::from(GREY[i]) + 0.4 * f32::from(GREEN[i])) as u8)
+            } else {
+                GREY
+            }
+        })
+    }
+
+    fn changed(background: &Background) -> Vec<usize> {
+        let changes = background.changes().enumerate();
+        let changed = changes.filter_map(|(block, change)| change.map(|_| block));
+        changed.collect()
+    }
+
+    /// Whether Y, U and V are those of the green ball, within a few grey levels.
+    fn is_green(yuv: [f32; 3]) -> bool {
+        let green = PixelKind::Rgb.full_range_yuv(GREEN);
+        (0..3).all(|i| (yuv[i] - green[i]).abs() < 12.0)
+    }
+
+    #[test]
+    fn blocks_of_a_streak_have_changed_and_are_mixtures_with_its_color() {
+        let view = view(None);
+        let mut background = Background::new(BackgroundTuning::default());
+        for seed in 0..6 {
+            background.compare(&view.prepared(&picture(seed, |_, _| GREY)));
+            assert_eq!(changed(&background), []);
+        }
+        background.compare(&view.prepared(&streak(7, 300)));
+        assert_eq!(
+            (background.block_px(), background.size()),
+            (3, (233, 30)),
+            "700 pixels in at most 320 columns"
+        );
+        let expected: Vec<usize> = (10..20)
+            .flat_map(|row| (100..140).map(move |column| row * 233 + column))
+            .collect();
+        assert_eq!(changed(&background), expected);
+        let mut changes = background.changes().flatten();
+        assert!(changes.all(|change| change.is_mixture(is_green)));
+        let red = PixelKind::Rgb.full_range_yuv([200, 40, 60]);
+        let is_red = |yuv: [f32; 3]| (0..3).all(|i| (yuv[i] - red[i]).abs() < 12.0);
+        let mut changes = background.changes().flatten();
+        assert!(!changes.any(|change| change.is_mixture(is_red)));
+    }
+
+    #[test]
+    fn what_has_moved_on_leaves_no_mixture_with_its_color() {
+        let view = view(None);
+        let mut background = Background::new(BackgroundTuning::default());
+        for seed in 0..6 {
+            background.compare(&view.prepared(&streak(seed, 60)));
+        }
+        background.compare(&view.prepared(&streak(6, 400)));
+        let green: Vec<usize> = background
+            .changes()
+            .enumerate()
+            .filter(|(_, change)| change.is_some_and(|change| change.is_mixture(is_green)))
+            .map(|(block, _)| block % 233)
+            .collect();
+        assert!(!green.is_empty());
+        assert!(green.iter().all(|column| (133..174).contains(column)));
+    }
+
+    #[test]
+    fn nothing_moves_where_most_of_the_image_changes_or_is_masked() {
+        let open = view(None);
+        let mut background = Background::new(BackgroundTuning::default());
+        for seed in 0..6 {
+            background.compare(&open.prepared(&picture(seed, |_, _| GREY)));
+        }
+        let brighter = picture(6, |x, _| if x < 400 { GREY.map(|v| v + 40) } else { GREY });
+        background.compare(&open.prepared(&brighter));
+        assert_eq!(changed(&background), []);
+        let of_pixel = |i: usize| if i % SIZE.0 < 290 { 255 } else { 0 };
+        let grey: Vec<u8> = (0..SIZE.0 * SIZE.1).map(of_pixel).collect();
+        let masked = view(Some(Mask::from_grey(SIZE.0, SIZE.1, &grey).unwrap()));
+        let mut background = Background::new(BackgroundTuning::default());
+        for seed in 0..6 {
+            background.compare(&masked.prepared(&picture(seed, |_, _| GREY)));
+        }
+        background.compare(&masked.prepared(&streak(6, 300)));
+        assert_eq!(changed(&background), []);
+        assert!(background.is_open(0) && !background.is_open(100));
+    }
+
+    #[test]
+    fn means_of_blocks_are_those_of_their_pixels_converted_one_by_one() {
+        let view = view(None);
+        let frame = picture(3, |x, y| [(x % 200) as u8 + 20, (y * 2) as u8 + 10, 90]);
+        let mut background = Background::new(BackgroundTuning::default());
+        background.compare(&view.prepared(&frame));
+        for block in [0, 100, 233 * 29 + 232] {
+            let (column, row) = (block % 233, block / 233);
+            let mut sums = [0.0_f32; 3];
+            for i in 0..9 {
+                let bytes = frame.components(3 * column + i % 3, 3 * row + i / 3);
+                let yuv = PixelKind::Rgb.full_range_yuv(bytes);
+                (0..3).for_each(|channel| sums[channel] += yuv[channel] / 9.0);
+            }
+            let found = background.latest[block];
+            assert!(
+                (0..3).all(|i| (found[i] - sums[i]).abs() < 0.01),
+                "{found:?} {sums:?}"
+            );
+        }
+    }
+}
