@@ -174,6 +174,8 @@ tuned! {
         frames_between_searches: u32 = 10, "frame sets", "hand-set: bounds how long a wrong track goes unchallenged";
         /// A detection near the prediction with a greater log-likelihood ratio makes the search unnecessary.
         sure_log_ratio: f64 = 12.0, "nats", "hand-set";
+        /// One with a greater log-likelihood ratio than this makes the search for what moves unnecessary.
+        likely_log_ratio: f64 = 5.0, "nats", "hand-set: as for `association.min_moving_nats`";
         /// Above this probability of existence the search may be skipped.
         sure_existence: f64 = 0.9, "share", "hand-set";
         /// Above this probability of existence the target is looked for near its prediction.

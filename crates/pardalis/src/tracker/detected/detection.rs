@@ -106,7 +106,8 @@ impl Detector {
             }
         }
         self.since_search += 1;
-        let is_sure = self.greatest_log_ratio() > tuning.sure_log_ratio;
+        let predicted_log_ratio = self.greatest_log_ratio();
+        let is_sure = predicted_log_ratio > tuning.sure_log_ratio;
         if !is_sure
             || predicted.existence < tuning.sure_existence
             || self.since_search >= tuning.frames_between_searches
@@ -128,7 +129,7 @@ impl Detector {
             if predicted.existence < 0.5 {
                 self.fit_streaks_of_blobs((edge, frames), predicted.size, candidates, first);
             }
-            if !is_sure {
+            if predicted_log_ratio < tuning.likely_log_ratio {
                 self.fit_moving_streaks((edge, frames), predicted.size, candidates);
             }
         }
