@@ -1,6 +1,6 @@
 //! What a camera at rest shows without what moves: the running mean of its images, and what differs from it.
 
-use crate::color::{CHANNEL_WEIGHTS, PixelKind, YuvEncoding};
+use crate::color::{CHANNEL_WEIGHTS, PixelKind};
 use crate::frame::with_pixels;
 use crate::tuning::BackgroundTuning;
 use crate::view::PreparedFrame;
@@ -20,9 +20,12 @@ pub(crate) struct Background {
     block_px: usize,
     /// Columns and rows of blocks.
     size: (usize, usize),
-    /// The mean Y, U and V of each block in the latest image, and in those before it. Blocks with masked pixels are NaN.
+    /// The mean raw bytes of each block in the latest image, and in those before it. Blocks with masked pixels are NaN.
     latest: Vec<[f32; 3]>,
     before: Vec<[f32; 3]>,
+    /// Of the raw bytes, and how Y, U and V change with each.
+    kind: Option<PixelKind>,
+    yuv_per_byte: [[f32; 3]; 3],
     /// The number of images.
     count: usize,
     samples: Vec<f32>,
@@ -30,7 +33,7 @@ pub(crate) struct Background {
     threshold: Option<f32>,
 }
 
-/// The colours of a block that has changed: Y, U and V.
+/// The colours of a block that has changed: means of raw bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Change {
     now: [f32; 3],
@@ -38,14 +41,13 @@ pub(crate) struct Change {
 }
 
 impl Change {
-    /// Whether the block is a mixture of what was there before and one of the target's colours.
-    pub(crate) fn is_mixture(&self, is_target: impl Fn([f32; 3]) -> bool) -> bool {
+    /// Whether the block is a mixture of what was there before and one of the target's colours, given as raw bytes.
+    pub(crate) fn is_mixture(&self, is_target: impl Fn([u8; 3]) -> bool) -> bool {
         SHARES.iter().any(|share| {
-            let unmixed =
-                [0, 1, 2].map(|i| self.before[i] + (self.now[i] - self.before[i]) / share);
-            let rgb = YuvEncoding::default().rgb_from_yuv(unmixed.map(f64::from));
-            let exists = rgb.iter().all(|value| (0.0..=255.0).contains(value));
-            exists && is_target(unmixed)
+            let unmixed = |i: usize| self.before[i] + (self.now[i] - self.before[i]) / share;
+            let bytes = [0, 1, 2].map(unmixed);
+            bytes.iter().all(|value| (0.0..=255.0).contains(value))
+                && is_target(bytes.map(|value| (value + 0.5) as u8))
         })
     }
 }
@@ -78,8 +80,10 @@ impl Background {
         let frame = prepared.frame();
         let block_px = frame.width().div_ceil(COLUMNS);
         let size = (frame.width() / block_px, frame.height() / block_px);
-        if (block_px, size) != (self.block_px, self.size) {
+        let kind = PixelKind::of(frame);
+        if (block_px, size, Some(kind)) != (self.block_px, self.size, self.kind) {
             (self.block_px, self.size, self.count) = (block_px, size, 0);
+            (self.kind, self.yuv_per_byte) = (Some(kind), kind.full_range_slopes());
         }
         self.remember();
         self.average(prepared);
@@ -106,8 +110,6 @@ impl Background {
         let (side, (columns, rows)) = (self.block_px, self.size);
         let open = prepared.view().mask().map(Mask::open);
         let width = frame.width();
-        let kind = PixelKind::of(frame);
-        let (at_zero, slopes) = kind.full_range_line();
         let scale = 1.0 / (side * side) as f32;
         self.latest.clear();
         self.latest.reserve(columns * rows);
@@ -121,20 +123,18 @@ impl Background {
                         is_open &= open.is_none_or(|open| open[y * width + x]);
                     }
                 }
-                let [a, b, c] = sums.map(|sum| scale * sum as f32);
-                self.latest.push([0, 1, 2].map(|i| {
-                    let slopes = slopes[i];
-                    let yuv = at_zero[i] + slopes[0] * a + slopes[1] * b + slopes[2] * c;
-                    if is_open { yuv } else { f32::NAN }
-                }));
+                let mean = sums.map(|sum| scale * sum as f32);
+                self.latest.push(if is_open { mean } else { [f32::NAN; 3] });
             }
         });
     }
 
     /// By how much a block differs from the images before, in grey levels; NaN if it is masked.
     fn difference(&self, block: usize) -> f32 {
+        let [a, b, c] = [0, 1, 2].map(|i| self.latest[block][i] - self.before[block][i]);
         let squared = |i: usize| {
-            let difference = self.latest[block][i] - self.before[block][i];
+            let slopes = self.yuv_per_byte[i];
+            let difference = slopes[0] * a + slopes[1] * b + slopes[2] * c;
             CHANNEL_WEIGHTS[i] * difference * difference
         };
         (0..3).map(squared).sum::<f32>().sqrt()
@@ -182,6 +182,7 @@ impl Background {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::color::YuvEncoding;
     use crate::view::View;
     use crate::{Frame, PixelFormat};
     use pardalis_camera::{Camera, Pinhole, Pose};
@@ -231,10 +232,9 @@ mod tests {
         changed.collect()
     }
 
-    /// Whether Y, U and V are those of the green ball, within a few grey levels.
-    fn is_green(yuv: [f32; 3]) -> bool {
-        let green = PixelKind::Rgb.full_range_yuv(GREEN);
-        (0..3).all(|i| (yuv[i] - green[i]).abs() < 12.0)
+    /// Whether a colour is that of the green ball, within a few grey levels.
+    fn is_green(rgb: [u8; 3]) -> bool {
+        (0..3).all(|i| rgb[i].abs_diff(GREEN[i]) < 15)
     }
 
     #[test]
@@ -257,8 +257,7 @@ mod tests {
         assert_eq!(changed(&background), expected);
         let mut changes = background.changes().flatten();
         assert!(changes.all(|change| change.is_mixture(is_green)));
-        let red = PixelKind::Rgb.full_range_yuv([200, 40, 60]);
-        let is_red = |yuv: [f32; 3]| (0..3).all(|i| (yuv[i] - red[i]).abs() < 12.0);
+        let is_red = |rgb: [u8; 3]| (0..3).all(|i| rgb[i].abs_diff([200, 40, 60][i]) < 15);
         let mut changes = background.changes().flatten();
         assert!(!changes.any(|change| change.is_mixture(is_red)));
     }
@@ -304,24 +303,30 @@ mod tests {
     }
 
     #[test]
-    fn means_of_blocks_are_those_of_their_pixels_converted_one_by_one() {
+    fn differences_of_blocks_are_those_of_their_pixels_converted_one_by_one() {
         let view = view(None);
-        let frame = picture(3, |x, y| [(x % 200) as u8 + 20, (y * 2) as u8 + 10, 90]);
+        let frames = [90, 120]
+            .map(|blue| picture(3, |x, y| [(x % 200) as u8 + 20, (y * 2) as u8 + 10, blue]));
         let mut background = Background::new(BackgroundTuning::default());
-        background.compare(&view.prepared(&frame));
+        for frame in &frames {
+            background.compare(&view.prepared(frame));
+        }
         for block in [0, 100, 233 * 29 + 232] {
             let (column, row) = (block % 233, block / 233);
-            let mut sums = [0.0_f32; 3];
-            for i in 0..9 {
-                let bytes = frame.components(3 * column + i % 3, 3 * row + i / 3);
-                let yuv = PixelKind::Rgb.full_range_yuv(bytes);
-                (0..3).for_each(|channel| sums[channel] += yuv[channel] / 9.0);
-            }
-            let found = background.latest[block];
-            assert!(
-                (0..3).all(|i| (found[i] - sums[i]).abs() < 0.01),
-                "{found:?} {sums:?}"
-            );
+            let mean = |frame: &Frame| {
+                let mut sums = [0.0_f32; 3];
+                for i in 0..9 {
+                    let bytes = frame.components(3 * column + i % 3, 3 * row + i / 3);
+                    let yuv = PixelKind::Rgb.full_range_yuv(bytes);
+                    (0..3).for_each(|channel| sums[channel] += yuv[channel] / 9.0);
+                }
+                sums
+            };
+            let [before, now] = [0, 1].map(|i| mean(&frames[i]));
+            let squared = |i: usize| CHANNEL_WEIGHTS[i] * (now[i] - before[i]).powi(2);
+            let expected = (0..3).map(squared).sum::<f32>().sqrt();
+            let found = background.difference(block);
+            assert!((found - expected).abs() < 0.01, "{found} {expected}");
         }
     }
 }

@@ -230,7 +230,7 @@ impl BlobSearch {
     pub(crate) fn find_moving(
         &mut self,
         background: &Background,
-        is_target: impl Fn([f32; 3]) -> bool,
+        is_target: impl Fn([u8; 3]) -> bool,
     ) {
         self.matching.clear();
         let is_mixture =

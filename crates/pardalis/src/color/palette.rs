@@ -227,9 +227,8 @@ impl PixelKind {
         .map(|value| value as f32)
     }
 
-    /// The conversion of a pixel's raw bytes to Y, U and V of BT.601, full range, as a linear map, for means of pixels: Y, U and V of zeros, and their changes with each
-    /// byte.
-    pub(crate) fn full_range_line(self) -> ([f32; 3], [[f32; 3]; 3]) {
+    /// By how much Y, U and V of BT.601, full range, change with each raw byte, for means of pixels.
+    pub(crate) fn full_range_slopes(self) -> [[f32; 3]; 3] {
         // Far from the borders of the gamut.
         const GREY: u8 = 128;
         const STEP: u8 = 16;
@@ -243,10 +242,7 @@ impl PixelKind {
             [0, 1, 2].map(|row| (more[row] - less[row]) / f32::from(2 * STEP))
         };
         let columns = [0, 1, 2].map(around);
-        let slopes = [0, 1, 2].map(|row| [0, 1, 2].map(|i| columns[i][row]));
-        let grey = self.full_range_yuv([GREY; 3]);
-        let at_zero = |row: usize| grey[row] - f32::from(GREY) * slopes[row].iter().sum::<f32>();
-        ([0, 1, 2].map(at_zero), slopes)
+        [0, 1, 2].map(|row| [0, 1, 2].map(|i| columns[i][row]))
     }
 
     /// Converts Y, U and V of BT.601, full range, to a pixel's raw bytes, the nearest if it has none for that colour.

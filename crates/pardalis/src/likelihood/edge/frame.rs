@@ -218,7 +218,7 @@ impl<'a> EdgeFrame<'a> {
     }
 
     /// Returns whether a pixel's raw bytes are one of the target's colours.
-    fn matches(&self, bytes: [u8; 3]) -> bool {
+    pub(crate) fn matches(&self, bytes: [u8; 3]) -> bool {
         let corrected = self.context.correction.bytes(bytes);
         let bin = self.prepared.table(self.context.colors.0).bin(corrected);
         self.context.posterior[usize::from(bin)] >= self.context.min_posterior
@@ -228,7 +228,7 @@ impl<'a> EdgeFrame<'a> {
     }
 
     /// Returns whether a colour (Y, U and V) is one of the target's.
-    pub(crate) fn is_target_color(&self, yuv: [f32; 3]) -> bool {
+    pub(super) fn is_target_color(&self, yuv: [f32; 3]) -> bool {
         self.matches(self.kind.bytes(yuv))
     }
 }

@@ -140,7 +140,7 @@ impl CandidateSearch {
     /// Finds what moves in the frame that was compared last and may be streaks of the target.
     pub(super) fn find_moving(&mut self, frame: &EdgeFrame) {
         self.moving
-            .find_moving(&self.background, |color| frame.is_target_color(color));
+            .find_moving(&self.background, |bytes| frame.matches(bytes));
     }
 
     /// What was found, the largest first.
