@@ -162,10 +162,12 @@ impl<'b> Tiff<'b> {
     fn directory(&self, at: Option<usize>) -> impl Iterator<Item = (u16, f64)> {
         let start = at.and_then(|at| Some((at.checked_add(2)?, self.u16(at)?)));
         let (first, count) = start.unwrap_or_default();
-        (0..usize::from(count)).filter_map(move |number| {
+        // The directory may claim more entries than there are bytes.
+        let entries = (0..usize::from(count)).map_while(move |number| {
             let entry = first.checked_add(12 * number)?;
-            Some((self.u16(entry)?, self.value(entry)?))
-        })
+            Some((entry, self.u16(entry)?))
+        });
+        entries.filter_map(|(entry, tag)| Some((tag, self.value(entry)?)))
     }
 
     /// Returns the first number of an entry.

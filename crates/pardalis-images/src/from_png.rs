@@ -17,6 +17,11 @@ pub(crate) fn rgb_from_png(
     // Converts palettes to colours, and samples of fewer than 8 bits to 8 bits.
     decoder.set_transformations(Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(reason)?;
+    // The decoder would panic.
+    let palette = reader.info().palette.as_deref().unwrap_or_default();
+    if palette.len() % 3 != 0 {
+        return Err("PNG: the palette ends within a colour".to_owned());
+    }
     let (color, depth) = reader.output_color_type();
     let stride = 3 * width;
     let mut samples = vec![0; stride * height];

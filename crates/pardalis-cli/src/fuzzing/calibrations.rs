@@ -9,19 +9,29 @@ use super::text_of;
 use crate::commands::init::sequence::Recording;
 use crate::fuzzed_file::check_message;
 
+/// Reads a file of a format that states its lens.
 pub(super) fn calibration(bytes: &[u8]) -> bool {
-    let Some(text) = text_of(bytes) else {
-        return false;
-    };
+    read_as(&[None], bytes)
+}
+
+/// Reads a file of a format that need not state its lens, as each lens in turn.
+pub(super) fn ambiguous(bytes: &[u8]) -> bool {
     let lenses = [
         None,
         Some(Lens::Pinhole),
         Some(Lens::Fisheye),
         Some(Lens::Omnidir),
     ];
+    read_as(&lenses, bytes)
+}
+
+fn read_as(lenses: &[Option<Lens>], bytes: &[u8]) -> bool {
+    let Some(text) = text_of(bytes) else {
+        return false;
+    };
     let mut is_read = false;
     for lens in lenses {
-        match read(&text, lens) {
+        match read(&text, *lens) {
             Ok(cameras) => {
                 check_cameras(&cameras);
                 is_read = true;

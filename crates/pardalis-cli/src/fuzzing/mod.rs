@@ -57,8 +57,8 @@ pub const READERS: [Reader; 25] = {
         reader("summary", scenes::summary),
         // One reader for each format, though each takes the files of all: they differ in what they call.
         reader("calibration-pardalis", calibrations::calibration),
-        reader("calibration-opencv", calibrations::calibration),
-        reader("calibration-ros", calibrations::calibration),
+        reader("calibration-opencv", calibrations::ambiguous),
+        reader("calibration-ros", calibrations::ambiguous),
         reader("calibration-kalibr", calibrations::calibration),
         reader("calibration-ocamcalib", calibrations::calibration),
         reader("calibration-basalt", calibrations::calibration),

@@ -1,6 +1,7 @@
 //! Scenes, worlds, experiments, colour models, boards and summaries.
 
 use std::path::Path;
+use std::sync::LazyLock;
 
 use pardalis::color::ColorModel;
 use pardalis_camera::CalibratedCamera;
@@ -19,31 +20,28 @@ const CALIBRATION: &str = "[cameras.left]\nsize_px = [640, 480]\nmodel.pinhole =
      world_from_camera = [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 1], [0, 0, 0, 1]]\n";
 
 fn calibration(file: &str, _: Option<Lens>) -> Result<Vec<CalibratedCamera>, String> {
+    static CAMERAS: LazyLock<Vec<CalibratedCamera>> = LazyLock::new(|| {
+        pardalis_scene::calibration::read(CALIBRATION, None).expect("a valid calibration")
+    });
     if file == "missing.toml" {
         return Err("there is no such file".to_owned());
     }
-    pardalis_scene::calibration::read(CALIBRATION, None).map_err(|error| error.to_string())
+    Ok(CAMERAS.clone())
 }
 
 pub(super) fn scene(bytes: &[u8]) -> bool {
     let Some(text) = text_of(bytes) else {
         return false;
     };
-    let (parts, problems) = Scene::parse_parts(&text, &calibration);
-    match Scene::parse(&text, &calibration) {
-        Ok(scene) => {
-            assert_eq!(problems, []);
-            assert!(!scene.cameras.is_empty() && !scene.targets.is_empty());
-            assert_eq!(parts.resolved, scene.resolved);
-            check_finite(&toml::Value::Table(scene.resolved));
-            true
-        }
-        Err(found) => {
-            check_problems(&found, &text);
-            assert_eq!(problems, found);
-            false
-        }
+    // `Scene::parse` is the same, without the parts that are sound.
+    let (scene, problems) = Scene::parse_parts(&text, &calibration);
+    if !problems.is_empty() {
+        check_problems(&problems, &text);
+        return false;
     }
+    assert!(!scene.cameras.is_empty() && !scene.targets.is_empty());
+    check_finite(&toml::Value::Table(scene.resolved));
+    true
 }
 
 pub(super) fn world(bytes: &[u8]) -> bool {

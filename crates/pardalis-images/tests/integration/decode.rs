@@ -171,6 +171,19 @@ fn damaged_png_data_are_an_error() {
 }
 
 #[test]
+fn palettes_that_end_within_a_color_are_an_error() {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 1, 1);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_palette(vec![200; 4]);
+    let mut writer = encoder.write_header().expect("a header");
+    writer.write_image_data(&[0]).expect("one pixel");
+    writer.finish().expect("an end");
+    let error = error_of(&bytes);
+    assert!(error.contains("palette"), "{error}");
+}
+
+#[test]
 fn all_pixel_types_of_png_decode_to_rgb_and_grey() {
     use png::BitDepth::{Eight, One, Sixteen};
     use png::ColorType::{Grayscale, GrayscaleAlpha, Rgb, Rgba};
