@@ -55,7 +55,7 @@ impl Bundle<'_> {
                 } else {
                     z
                 };
-                max = max.max(libm::atan2(x.hypot(y), z));
+                max = max.max(libm::atan2(libm::hypot(x, y), z));
             }
         }
         max
@@ -68,7 +68,7 @@ impl Bundle<'_> {
         let (cx, cy) = (parameters[0].1, parameters[1].1);
         let pixels = self.views.iter().flat_map(|v| &v.correspondences);
         pixels
-            .map(|c| (c.pixel[0] - cx).hypot(c.pixel[1] - cy))
+            .map(|c| libm::hypot(c.pixel[0] - cx, c.pixel[1] - cy))
             .fold(1.0, f64::max)
     }
 

@@ -168,7 +168,7 @@ pub(super) fn inliers(residuals_px: &[Option<[f64; 2]>], outlier_sigmas: f64) ->
     let mut lengths: Vec<f64> = residuals_px
         .iter()
         .flatten()
-        .map(|[u, v]| u.hypot(*v))
+        .map(|[u, v]| libm::hypot(*u, *v))
         .collect();
     if lengths.is_empty() {
         return vec![false; residuals_px.len()];
@@ -180,7 +180,7 @@ pub(super) fn inliers(residuals_px: &[Option<[f64; 2]>], outlier_sigmas: f64) ->
     let bound = (outlier_sigmas * *median / 1.1774).max(1e-6);
     residuals_px
         .iter()
-        .map(|r| r.is_some_and(|[u, v]| u.hypot(v) <= bound))
+        .map(|r| r.is_some_and(|[u, v]| libm::hypot(u, v) <= bound))
         .collect()
 }
 
@@ -198,7 +198,7 @@ pub(super) fn mostly_inliers(what: &str, used: &[bool]) -> Result<(), Calibratio
 
 /// Returns the RMS residual beyond which points and pixels do not match: one percent of the image's diagonal.
 pub(super) fn max_rms_px((width, height): (usize, usize)) -> f64 {
-    0.01 * (width as f64).hypot(height as f64)
+    0.01 * libm::hypot(width as f64, height as f64)
 }
 
 /// Error for points and pixels that match only if mirrored.

@@ -152,7 +152,7 @@ fn starts(views: &[CalibrationView], settings: &CalibrationSettings) -> Vec<Came
     let radius_px = views
         .iter()
         .flat_map(|v| &v.correspondences)
-        .map(|c| (c.pixel[0] - cx).hypot(c.pixel[1] - cy))
+        .map(|c| libm::hypot(c.pixel[0] - cx, c.pixel[1] - cy))
         .fold(1.0, f64::max);
     kind.starts(settings.size_px, radius_px)
 }
@@ -296,7 +296,7 @@ fn axial_focal_px(camera: &Camera) -> Option<f64> {
     [1.0, -1.0].into_iter().find_map(|z| {
         let [u0, v0] = camera.project([0.0, 0.0, z])?;
         let [u, v] = camera.project([ANGLE_RAD, 0.0, z])?;
-        Some((u - u0).hypot(v - v0) / ANGLE_RAD)
+        Some(libm::hypot(u - u0, v - v0) / ANGLE_RAD)
     })
 }
 

@@ -359,7 +359,7 @@ fn linear_pose(
         (Matrix3::from_columns(&[a, b, c]), size)
     } else {
         let matrix = Matrix3::from_columns(&[a, b, column(2) * sign]);
-        (matrix, matrix.determinant().abs().cbrt())
+        (matrix, libm::cbrt(matrix.determinant().abs()))
     };
     if !(size > 1e-12 && size.is_finite()) {
         return None;

@@ -202,7 +202,7 @@ fn most_agreed(poses: &[Pose]) -> Pose {
 fn median_px(residuals_px: &[Option<[f64; 2]>]) -> Option<f64> {
     let mut lengths: Vec<f64> = residuals_px
         .iter()
-        .map(|r| r.map_or(f64::INFINITY, |[u, v]| u.hypot(v)))
+        .map(|r| r.map_or(f64::INFINITY, |[u, v]| libm::hypot(u, v)))
         .collect();
     let middle = lengths.len() / 2;
     (!lengths.is_empty()).then(|| *lengths.select_nth_unstable_by(middle, f64::total_cmp).1)

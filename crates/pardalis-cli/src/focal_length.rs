@@ -16,7 +16,7 @@ const FOV_ALLOWED_DEG: std::ops::RangeInclusive<f64> = 1.0..=170.0;
 /// Returns the focal length in pixels of a camera with images of this width and height, from the angle across the longer
 /// side in degrees, which must be above 0 and below 180.
 pub(crate) fn focal_length_px((width, height): (usize, usize), fov_deg: f64) -> f64 {
-    0.5 * width.max(height) as f64 / (0.5 * fov_deg).to_radians().tan()
+    0.5 * width.max(height) as f64 / libm::tan((0.5 * fov_deg).to_radians())
 }
 
 /// Returns the middle of an image of this width and height in pixels, pixel centres at integers.
@@ -37,7 +37,7 @@ pub(crate) fn exif_fov_deg(path: &Path) -> Result<Option<f64>> {
     let ((width, height), focal_px) = stated.map_err(|error| user_error!("{name}: {error}"))?;
     let fov_deg = focal_px.map(|focal_px| {
         let half = 0.5 * width.max(height) as f64;
-        2.0 * half.atan2(focal_px).to_degrees()
+        2.0 * libm::atan2(half, focal_px).to_degrees()
     });
     Ok(fov_deg.filter(|fov_deg| FOV_ALLOWED_DEG.contains(fov_deg)))
 }

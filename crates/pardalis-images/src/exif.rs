@@ -125,7 +125,7 @@ impl Exif {
     /// Returns the focal length in pixels of an image stored with this width and height, if the data state it.
     pub(super) fn focal_length_px(&self, (width, height): (usize, usize)) -> Option<f64> {
         let (width, height) = (width as f64, height as f64);
-        let by_film = |mm: f64| mm / FILM_DIAGONAL_MM * width.hypot(height);
+        let by_film = |mm: f64| mm / FILM_DIAGONAL_MM * (width * width + height * height).sqrt();
         let by_sensor = |mm: f64| {
             let scale = width / self.recorded_width_px.unwrap_or(width);
             Some(mm * self.pixels_per_mm? * scale)

@@ -62,7 +62,7 @@ impl Body {
             Self::Sphere { radius_m } => (Vector3::zeros(), radius_m),
             Self::Cylinder { radius_m, height_m } | Self::Cone { radius_m, height_m } => (
                 Vector3::new(0.0, 0.0, 0.5 * height_m),
-                radius_m.hypot(0.5 * height_m),
+                libm::hypot(radius_m, 0.5 * height_m),
             ),
             Self::Box { size_m } => (Vector3::new(0.0, 0.0, 0.5 * size_m.z), 0.5 * size_m.norm()),
             Self::Capsule { radius_m, to_m } => (0.5 * to_m, radius_m + 0.5 * to_m.norm()),
@@ -70,7 +70,7 @@ impl Body {
                 size_m: [width, height],
             } => (
                 Vector3::new(0.0, 0.0, 0.5 * height),
-                0.5 * width.hypot(height),
+                0.5 * libm::hypot(width, height),
             ),
         }
     }

@@ -44,7 +44,7 @@ impl Blob {
     /// The variances along its longest axis and across it, px².
     pub(crate) fn principal_variances_px2(&self) -> [f64; 2] {
         let [xx, xy, yy] = self.covariance_px2;
-        let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+        let (middle, half) = (0.5 * (xx + yy), libm::hypot(0.5 * (xx - yy), xy));
         [middle + half, (middle - half).max(0.0)]
     }
 }

@@ -47,6 +47,7 @@ pub mod frame;
 pub mod likelihood;
 pub mod rectify;
 #[doc(hidden)]
+#[allow(clippy::disallowed_methods)] // Plain mathematics, to compare with.
 pub mod reference;
 pub mod shape;
 pub mod start;

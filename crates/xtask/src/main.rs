@@ -1,6 +1,7 @@
 //! Tooling of this repository, run as `cargo xtask COMMAND`.
 
 mod compare;
+mod contents;
 mod cycles;
 mod examples;
 mod links;
@@ -26,6 +27,9 @@ Usage: cargo xtask COMMAND
   reference [--check]  write the reference of keys and the JSON schemas in docs/reference; with --check, change
                        nothing and fail if one is out of date
   package FOLDER       write the shell completions and manual pages of the program into a folder
+  contents TARGET FOLDER
+                       write what the program for a target contains into a folder: the list of packages (SBOM,
+                       CycloneDX) and the licences that must accompany it
   real-balls [OPTIONS] score the program on the real clips of data/real-balls; --help lists the options
   compare CHECKOUT     track scenes with the release binaries of this checkout and of another one,
                        and fail if a track differs in any byte";
@@ -42,6 +46,7 @@ fn main() -> ExitCode {
         ["reference"] => reference::run(&root, false),
         ["reference", "--check"] => reference::run(&root, true),
         ["package", folder] => package::run(&root, Path::new(folder)),
+        ["contents", target, folder] => contents::run(&root, target, Path::new(folder)),
         ["real-balls", "--help"] => {
             println!("{}", real_balls::USAGE);
             Ok(())

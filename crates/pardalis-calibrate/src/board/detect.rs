@@ -93,7 +93,7 @@ fn detect_at(board: &Board, image: &GrayImage, scale: f64) -> Result<Vec<Corner>
 
 /// Fits each corner in the image and omits those that cannot be fitted.
 fn fit(board: &Board, image: &GrayImage, placed: &PlacedCorners) -> Vec<Corner> {
-    let distance = |a: &[f64], b: &[f64]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    let distance = |a: &[f64], b: &[f64]| libm::hypot(a[0] - b[0], a[1] - b[1]);
     // The smallest scale towards any neighbour, because perspective makes it vary.
     let pixels_per_m = |[x, y]: [i32; 2], board_m: [f64; 3], pixel: [f64; 2]| {
         [[x - 1, y], [x + 1, y], [x, y - 1], [x, y + 1]]

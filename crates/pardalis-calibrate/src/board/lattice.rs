@@ -129,11 +129,13 @@ fn closed(links: &[[Link; 4]]) -> Vec<[Link; 4]> {
 fn choose(image: &GrayImage, saddles: &[Saddle], from: usize) -> [Link; 4] {
     let start = saddles[from];
     let mut candidates: [Vec<(f64, usize)>; 4] = Default::default();
-    let axes = start.directions_rad.map(|angle| [angle.cos(), angle.sin()]);
-    let cos_max = MAX_TURN_RAD.cos();
+    let axes = start
+        .directions_rad
+        .map(|angle| [libm::cos(angle), libm::sin(angle)]);
+    let cos_max = libm::cos(MAX_TURN_RAD);
     for (to, end) in saddles.iter().enumerate() {
         let [dx, dy] = [end.pixel[0] - start.pixel[0], end.pixel[1] - start.pixel[1]];
-        let distance = dx.hypot(dy);
+        let distance = libm::hypot(dx, dy);
         if distance < 3.0 {
             continue;
         }
@@ -156,10 +158,10 @@ fn choose(image: &GrayImage, saddles: &[Saddle], from: usize) -> [Link; 4] {
 /// direction of the other that leads back.
 fn edge(image: &GrayImage, start: Saddle, direction: usize, end: Saddle) -> Option<usize> {
     let [dx, dy] = [end.pixel[0] - start.pixel[0], end.pixel[1] - start.pixel[1]];
-    let length = dx.hypot(dy);
+    let length = libm::hypot(dx, dy);
     let back = (0..4).find(|&back| {
         let angle = end.directions_rad[back];
-        -(angle.cos() * dx + angle.sin() * dy) > MAX_TURN_RAD.cos() * length
+        -(libm::cos(angle) * dx + libm::sin(angle) * dy) > libm::cos(MAX_TURN_RAD) * length
     })?;
     // The same side of the edge must be dark at both ends.
     if (direction + back).is_multiple_of(2) {

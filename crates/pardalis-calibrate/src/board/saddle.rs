@@ -109,7 +109,7 @@ pub(super) fn refine(image: &GrayImage, start: Saddle, radius_px: f64) -> Option
             }
         }
     }
-    let moved_px = (at[0] - start.pixel[0]).hypot(at[1] - start.pixel[1]);
+    let moved_px = libm::hypot(at[0] - start.pixel[0], at[1] - start.pixel[1]);
     let spread = samples
         .iter()
         .map(|(_, v)| (v - at[4]).powi(2))
@@ -131,7 +131,7 @@ fn samples_around(image: &GrayImage, [x, y]: [f64; 2], radius_px: f64) -> Vec<([
     for row in range(y, image.height()) {
         for column in range(x, image.width()) {
             let pixel = [f64::from(column), f64::from(row)];
-            if (pixel[0] - x).hypot(pixel[1] - y) <= radius_px {
+            if libm::hypot(pixel[0] - x, pixel[1] - y) <= radius_px {
                 samples.push((pixel, f64::from(image.get_pixel(column, row)[0])));
             }
         }
@@ -152,17 +152,17 @@ fn crossing(at: &SVector<f64, 7>, [x, y]: [f64; 2]) -> (f64, SVector<f64, 7>) {
     // Signed distance from an edge, positive on the side of greater angles, and position along it.
     let across = |angle: f64| {
         (
-            angle.cos() * dy - angle.sin() * dx,
-            angle.cos() * dx + angle.sin() * dy,
+            libm::cos(angle) * dy - libm::sin(angle) * dx,
+            libm::cos(angle) * dx + libm::sin(angle) * dy,
         )
     };
     let ((a, along_a), (b, along_b)) = (across(first), across(second));
-    let (ta, tb) = ((a / width).tanh(), (b / width).tanh());
+    let (ta, tb) = (libm::tanh(a / width), libm::tanh(b / width));
     let (sa, sb) = ((1.0 - ta * ta) / width, (1.0 - tb * tb) / width);
     // It is dark from the first edge to the second, where a > 0 and b < 0.
     let slope = SVector::from([
-        contrast * (sa * tb * first.sin() + ta * sb * second.sin()),
-        -contrast * (sa * tb * first.cos() + ta * sb * second.cos()),
+        contrast * (sa * tb * libm::sin(first) + ta * sb * libm::sin(second)),
+        -contrast * (sa * tb * libm::cos(first) + ta * sb * libm::cos(second)),
         -contrast * sa * tb * along_a,
         -contrast * ta * sb * along_b,
         1.0,

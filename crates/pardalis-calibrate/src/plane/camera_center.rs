@@ -61,7 +61,7 @@ pub fn camera_center_m(
                  and lengths along x {:.2} times those along y",
                 f_px,
                 center_px,
-                cosine.acos().to_degrees(),
+                libm::acos(cosine).to_degrees(),
                 stretch
             ),
             "check the focal length, and the points on the plane",

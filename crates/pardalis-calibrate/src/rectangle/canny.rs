@@ -52,7 +52,7 @@ fn gaussian(sigma_px: f32) -> Vec<f32> {
     let reach = (2.0 * sigma_px).ceil() as i32;
     let density = |x: i32| {
         (sigma_px * (2.0 * std::f32::consts::PI).sqrt()).recip()
-            * (-(x as f32).powi(2) / (2.0 * sigma_px.powi(2))).exp()
+            * libm::expf(-(x as f32).powi(2) / (2.0 * sigma_px.powi(2)))
     };
     let mut kernel: Vec<f32> = (-reach..=reach).map(|x| density(x.abs())).collect();
     let sum: f32 = kernel.iter().sum();
@@ -65,7 +65,7 @@ fn gaussian(sigma_px: f32) -> Vec<f32> {
 /// Finds edge pixels (255, others 0): local maxima of the gradient's magnitude across the edge that are at least `high`,
 /// or at least `low` and connected to such pixels.
 pub(super) fn edges(gradients: &Gradients, [low, high]: [f32; 2]) -> GrayImage {
-    let strength = gradients.map(|[x, y]| [f32::from(x).hypot(f32::from(y))]);
+    let strength = gradients.map(|[x, y]| [libm::hypotf(f32::from(x), f32::from(y))]);
     let thin = thinned(gradients, &strength);
     let mut edges = GrayImage::new(thin.width(), thin.height());
     let mut followed = Vec::new();
@@ -107,7 +107,7 @@ fn thinned(gradients: &Gradients, strength: &Image<f32, 1>) -> Image<f32, 1> {
             return [0.0];
         }
         let [gx, gy] = gradients.get_pixel(x, y).map(f32::from);
-        let angle = gy.atan2(gx).to_degrees();
+        let angle = libm::atan2f(gy, gx).to_degrees();
         let angle = if angle < 0.0 { angle + 180.0 } else { angle };
         let across = match angle {
             22.5..67.5 => [(x + 1, y + 1), (x - 1, y - 1)],

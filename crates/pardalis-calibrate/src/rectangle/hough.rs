@@ -23,7 +23,7 @@ pub(super) fn lines(
     let largest_px = f64::from(width * width + height * height).sqrt() as i32;
     let offsets = 2 * largest_px as usize + 1;
     let directions: Vec<(f32, f32)> = (0..ANGLES)
-        .map(|degrees| (degrees as f32).to_radians().sin_cos())
+        .map(|degrees| libm::sincosf((degrees as f32).to_radians()))
         .collect();
     let mut votes = Votes {
         offsets,

@@ -150,8 +150,8 @@ fn edge_pixels(image: &GrayImage) -> Vec<EdgePixel> {
             let [gx, gy] = gradients.get_pixel(x, y).map(f64::from);
             EdgePixel {
                 pixel: [f64::from(x), f64::from(y)],
-                direction_rad: gy.atan2(gx),
-                gradient: gx.hypot(gy) / SOBEL_GAIN,
+                direction_rad: libm::atan2(gy, gx),
+                gradient: libm::hypot(gx, gy) / SOBEL_GAIN,
             }
         })
         .collect()
@@ -170,18 +170,18 @@ fn fitted(edges: &[EdgePixel], angle_rad: f64, offset_px: f64) -> Option<Line> {
             products.sum::<f64>()
         };
         // The scatter is greatest along the line.
-        let along_rad = 0.5 * (2.0 * moment(0, 1)).atan2(moment(0, 0) - moment(1, 1));
+        let along_rad = 0.5 * libm::atan2(2.0 * moment(0, 1), moment(0, 0) - moment(1, 1));
         let across_rad = along_rad + PI / 2.0;
         angle_rad = if turn(across_rad, angle_rad) < PI / 2.0 {
             across_rad
         } else {
             across_rad + PI
         };
-        offset_px = dot([angle_rad.cos(), angle_rad.sin()], mean);
+        offset_px = dot([libm::cos(angle_rad), libm::sin(angle_rad)], mean);
     }
     // NaN if there were no edges.
     offset_px.is_finite().then_some(())?;
-    let normal = [angle_rad.cos(), angle_rad.sin()];
+    let normal = [libm::cos(angle_rad), libm::sin(angle_rad)];
     let tangent = [normal[1], -normal[0]];
     let hits: Vec<(f64, f64)> = edges
         .iter()
@@ -214,7 +214,7 @@ fn fitted(edges: &[EdgePixel], angle_rad: f64, offset_px: f64) -> Option<Line> {
 
 /// Reports whether an edge pixel belongs to a line.
 fn is_hit(edge: &EdgePixel, angle_rad: f64, offset_px: f64, distance_px: f64) -> bool {
-    let (sin, cos) = angle_rad.sin_cos();
+    let (sin, cos) = libm::sincos(angle_rad);
     (dot([cos, sin], edge.pixel) - offset_px).abs() <= distance_px
         && turn(edge.direction_rad, angle_rad) <= HIT_ANGLE_RAD
 }
@@ -225,7 +225,7 @@ fn is_same(a: &Line, b: &Line) -> bool {
     let (normal, tangent) = (b.normal, b.tangent());
     let end = |position: f64| [0, 1].map(|c| b.offset_px * normal[c] + position * tangent[c]);
     let ends = [end(b.first_px), end(b.first_px + b.sums.len() as f64)];
-    cosine > SAME_ANGLE_RAD.cos()
+    cosine > libm::cos(SAME_ANGLE_RAD)
         && ends
             .into_iter()
             .all(|p| (dot(a.normal, p) - a.offset_px).abs() <= SAME_DISTANCE_PX)

@@ -340,14 +340,14 @@ fn is_same(a: &Quad, b: &Quad) -> bool {
     (0..4).any(|turn| {
         (0..4).all(|i| {
             let ([u, v], [u2, v2]) = (a.corners_px[i], b.corners_px[(i + turn) % 4]);
-            (u - u2).hypot(v - v2) <= limit_px
+            libm::hypot(u - u2, v - v2) <= limit_px
         })
     })
 }
 
 /// Returns the index of the corner nearest to the bottom left of an image of this height.
 fn nearest_bottom_left(corners_px: [[f64; 2]; 4], height_px: f64) -> usize {
-    let distance = |i: &usize| corners_px[*i][0].hypot(height_px - 1.0 - corners_px[*i][1]);
+    let distance = |i: &usize| libm::hypot(corners_px[*i][0], height_px - 1.0 - corners_px[*i][1]);
     let nearest = (0..4).min_by(|a, b| distance(a).total_cmp(&distance(b)));
     nearest.unwrap_or_default()
 }

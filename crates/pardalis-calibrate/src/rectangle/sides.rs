@@ -119,7 +119,7 @@ fn fitted(
     reach_px: f64,
 ) -> Option<Side> {
     let step = [to[0] - from[0], to[1] - from[1]];
-    let length_px = step[0].hypot(step[1]);
+    let length_px = libm::hypot(step[0], step[1]);
     let along = step.map(|c| c / length_px);
     // The corners are counter-clockwise as seen in the image, so that the inside is on the left.
     let normal = if inside_is_brighter {

@@ -80,7 +80,8 @@ pub(super) fn fitted(
     let (tape, parameters) = Tape::new(sides, start)?;
     let edges = edges(&tape.solved(parameters)?)?;
     let mut moved = start.iter().flatten().zip(edges.iter().flatten());
-    let is_near = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]) <= MAX_MOVE_PX;
+    let is_near =
+        |(a, b): (&[f64; 2], &[f64; 2])| libm::hypot(a[0] - b[0], a[1] - b[1]) <= MAX_MOVE_PX;
     moved.all(is_near).then_some(edges)
 }
 
@@ -89,7 +90,7 @@ fn inwards(corners_px: Corners, side: usize, p: [f64; 2]) -> (f64, f64) {
     let [from, to] = [corners_px[side], corners_px[(side + 1) % 4]];
     let step = [to[0] - from[0], to[1] - from[1]];
     let offset = [p[0] - from[0], p[1] - from[1]];
-    let length_px = step[0].hypot(step[1]);
+    let length_px = libm::hypot(step[0], step[1]);
     // The corners are counter-clockwise as seen in the image, so that the inside is on the left.
     (
         (step[1] * offset[0] - step[0] * offset[1]) / length_px,
@@ -215,7 +216,7 @@ impl Tape {
     /// Returns the weights of all sides; `None` if the parameters do not describe a tape.
     fn all_weights(&self, parameters: &DVector<f64>) -> Option<[Vec<[f64; LEVELS]>; 4]> {
         let edges = edges(parameters)?;
-        let blur_px = parameters[10].hypot(MIN_BLUR_PX);
+        let blur_px = libm::hypot(parameters[10], MIN_BLUR_PX);
         Some([0, 1, 2, 3].map(|side| self.weights(side, edges, blur_px)))
     }
 

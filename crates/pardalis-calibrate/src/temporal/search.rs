@@ -184,7 +184,7 @@ fn miss_rad(a: &TimedRay, b: &TimedRay) -> Option<f64> {
     if along_a <= 0.0 || along_b <= 0.0 {
         return Some(std::f64::consts::PI);
     }
-    Some(miss_m / along_a.hypot(along_b))
+    Some(miss_m / libm::hypot(along_a, along_b))
 }
 
 /// Returns the points (time in seconds, position in metres) where rays of several cameras meet under known

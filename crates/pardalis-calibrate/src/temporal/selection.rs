@@ -44,7 +44,7 @@ pub(super) fn candidates(camera: &TimedCamera) -> Vec<BlobFrame> {
         let same = |other: &Blob| {
             let moved = [0, 1].map(|i| other.centroid_px[i] - blob.centroid_px[i]);
             let grown = other.area_px / blob.area_px;
-            moved[0].hypot(moved[1]) <= STILL_PX && (0.7..=1.4).contains(&grown)
+            libm::hypot(moved[0], moved[1]) <= STILL_PX && (0.7..=1.4).contains(&grown)
         };
         let with_it = sample.iter().filter(|frame| frame.blobs.iter().any(same));
         with_it.count() as f64 > STILL_SHARE * sample.len() as f64
@@ -91,7 +91,7 @@ impl Recording<'_> {
         let moved = |pair: &[Observation]| {
             let [du, dv] = [0, 1].map(|i| pair[1].pixel[i] - pair[0].pixel[i]);
             // A jump to another blob is not motion.
-            let px = du.hypot(dv).min(50.0);
+            let px = libm::hypot(du, dv).min(50.0);
             let same = pair[0].camera == pair[1].camera;
             (
                 pair[1].time_s + offsets_s[pair[1].camera],
@@ -132,7 +132,7 @@ impl Recording<'_> {
                     let outline = Outline::of(self.shape, self.views[camera], center)?;
                     let distance = |blob: &Blob| {
                         let [du, dv] = [0, 1].map(|i| blob.centroid_px[i] - outline.centroid_px[i]);
-                        du.hypot(dv)
+                        libm::hypot(du, dv)
                     };
                     let blobs = frame.blobs.iter();
                     let blob = blobs.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;

@@ -79,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 const SEQUENCE: &str = "dioptric-jump";
 
 /// Returns the folder with the bundled sequences: the given one, or `data` in this folder, above it, or above the
-/// program.
+/// program, where packages of systems have it in `share/pardalis`.
 fn find_data(given: Option<&Path>) -> Result<PathBuf> {
     let holds_it = |folder: &Path| folder.join(SEQUENCE).join("scene.toml").is_file();
     if let Some(folder) = given {
@@ -100,7 +100,7 @@ fn find_data(given: Option<&Path>) -> Result<PathBuf> {
         .iter()
         .flatten()
         .flat_map(|path| path.ancestors())
-        .map(|folder| folder.join("data"));
+        .flat_map(|folder| ["data", "share/pardalis/data"].map(|data| folder.join(data)));
     above.into_iter().find(|folder| holds_it(folder)).ok_or_else(|| {
         user_error!("the bundled sequences were not found; run this inside the source folder, or use --data PATH/data")
     })

@@ -123,15 +123,15 @@ pub(crate) fn residual_arrows(
                 continue;
             }
             // The arrow of an outlier is cut before it leaves the picture.
-            let length = factor * du.hypot(dv).clamp(1e-9, 1e9);
+            let length = factor * libm::hypot(du, dv).clamp(1e-9, 1e9);
             let cut = (MAX_ARROW_PX / plane.scale / length).min(1.0) * factor;
             let shaft = [du, dv].map(|d| cut * d.clamp(-1e9, 1e9));
             let tip = [u + shaft[0], v + shaft[1]];
             let ends = [plane.at([u, v]), plane.at(tip)];
             area.draw(&PathElement::new(ends, line(color, 0.9, 1.2)))?;
             for side in [-0.45_f64, 0.45] {
-                let (sin, cos) = side.sin_cos();
-                let length = shaft[0].hypot(shaft[1]);
+                let (sin, cos) = libm::sincos(side);
+                let length = libm::hypot(shaft[0], shaft[1]);
                 let barb = (6.0 / plane.scale).min(0.4 * length) / length.max(1e-9);
                 let back = [
                     tip[0] - barb * (cos * shaft[0] - sin * shaft[1]),
@@ -241,7 +241,7 @@ pub(crate) fn residual_scatter(points: &[ObservedPoint], rms_px: f64) -> anyhow:
             residuals.map(|[du, dv]| Circle::new((du, dv), units(2.5), fill(OBSERVED, 0.6))),
         )?;
         let circle = (0..=90).map(|i| {
-            let (sin, cos) = f64::from(4 * i).to_radians().sin_cos();
+            let (sin, cos) = libm::sincos(f64::from(4 * i).to_radians());
             (sigma_px * cos, sigma_px * sin)
         });
         panel.draw_series([PathElement::new(
@@ -328,7 +328,7 @@ pub(crate) fn cell_counts(
 
 /// Returns the largest 1, 2 or 5 times a power of ten that is at most `most`.
 fn round_factor(most: f64) -> f64 {
-    let power = 10_f64.powf(most.max(1.0).log10().floor());
+    let power = libm::pow(10_f64, libm::log10(most.max(1.0)).floor());
     [5.0, 2.0, 1.0]
         .into_iter()
         .map(|digit| digit * power)

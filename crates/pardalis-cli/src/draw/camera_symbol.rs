@@ -59,7 +59,7 @@ impl CameraSymbol {
             .map(|i| vec![tip, base[i], base[(i + 1) % 4], tip])
             .collect();
         if self.looks_into_mirror {
-            let around = |i: usize| (i as f64 * 7.5).to_radians().sin_cos();
+            let around = |i: usize| libm::sincos((i as f64 * 7.5).to_radians());
             let rim = (0..=48)
                 .map(around)
                 .map(|(sin, cos)| world([0.9 * cos, 0.9 * sin, 2.2]));

@@ -49,8 +49,8 @@ struct View {
 
 impl View {
     fn from_azimuth(azimuth_deg: f64) -> Self {
-        let (sin_a, cos_a) = azimuth_deg.to_radians().sin_cos();
-        let (sin_e, cos_e) = ELEVATION_DEG.to_radians().sin_cos();
+        let (sin_a, cos_a) = libm::sincos(azimuth_deg.to_radians());
+        let (sin_e, cos_e) = libm::sincos(ELEVATION_DEG.to_radians());
         Self {
             right: [-sin_a, cos_a, 0.0],
             up: [-sin_e * cos_a, -sin_e * sin_a, cos_e],
@@ -314,7 +314,7 @@ impl Stage {
             let mut moved = edge_m;
             moved[outward_axis] += outward_m;
             let ([x0, y0], [x1, y1]) = (self.at_px(edge_m), self.at_px(moved));
-            let length = (x1 - x0).hypot(y1 - y0).max(1e-9);
+            let length = libm::hypot(x1 - x0, y1 - y0).max(1e-9);
             [(x1 - x0) / length, (y1 - y0) / length]
         };
         let beside =

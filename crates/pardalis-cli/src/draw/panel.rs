@@ -137,7 +137,10 @@ fn decade_ticks(range: &Range<f64>, max_count: f64) -> Vec<(f64, String)> {
         .flat_map(|decade| digits.iter().map(move |digit| (decade, *digit)))
         .map(|(decade, digit)| {
             let value = f64::from(digit) * 10_f64.powi(decade);
-            (value.log10(), tick_label(value, (-decade).max(0) as usize))
+            (
+                libm::log10(value),
+                tick_label(value, (-decade).max(0) as usize),
+            )
         })
         .filter(|(at, _)| (range.start..=range.end).contains(at))
         .collect()
@@ -147,8 +150,8 @@ fn decade_ticks(range: &Range<f64>, max_count: f64) -> Vec<(f64, String)> {
 /// need.
 pub(super) fn ticks(range: &Range<f64>, max_count: f64) -> (Vec<f64>, usize) {
     let spacing = (range.end - range.start) / max_count.max(1.0);
-    let exponent = spacing.log10().floor();
-    let power = 10_f64.powf(exponent);
+    let exponent = libm::log10(spacing).floor();
+    let power = libm::pow(10_f64, exponent);
     let (step, step_exponent) = if spacing <= power {
         (power, exponent)
     } else if spacing <= 2.0 * power {

@@ -69,9 +69,9 @@ fn draw_shares(area: &Area<'_>, groups: &[ReliabilityGroup]) -> anyhow::Result<(
 fn draw_rows(area: &Area<'_>, groups: &[ReliabilityGroup]) -> anyhow::Result<()> {
     let bins = groups.iter().flat_map(|group| &group.reliability.bins);
     let most = bins.map(|bin| bin.rows).max().unwrap_or(1) as f64;
-    let rows = Axis::logarithmic(-0.1..most.log10() + 0.2, "rows");
+    let rows = Axis::logarithmic(-0.1..libm::log10(most) + 0.2, "rows");
     let mut panel = panel(area, &Axis::new(SHARES, "confidence"), &rows)?;
-    draw_bins(&mut panel, groups, |bin| (bin.rows as f64).log10())
+    draw_bins(&mut panel, groups, |bin| libm::log10(bin.rows as f64))
 }
 
 /// Draws one mark per bin and a line through the marks of each group.

@@ -112,7 +112,10 @@ impl Scale {
             .as_ref()
             .is_some_and(|r| *r.start() > 0.0 && r.end() / r.start() > LOGARITHMIC_OVER);
         let range = if is_logarithmic {
-            padded(range.map(|r| r.start().log10()..=r.end().log10()), 0.1)
+            padded(
+                range.map(|r| libm::log10(*r.start())..=libm::log10(*r.end())),
+                0.1,
+            )
         } else if from_zero {
             let (low, high) = range.map_or((0.0, 1.0), |r| (1.08 * r.start(), 1.08 * r.end()));
             low.min(0.0)..high.max(1e-6)
@@ -131,7 +134,7 @@ impl Scale {
     /// Returns the position of a value on the axis.
     fn at(&self, value: f64) -> f64 {
         if self.is_logarithmic {
-            value.log10()
+            libm::log10(value)
         } else {
             value
         }

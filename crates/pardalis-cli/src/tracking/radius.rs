@@ -62,7 +62,7 @@ impl std::fmt::Display for EstimatedRadius<'_> {
         let [radius_mm, sigma_mm] =
             [self.estimate.radius_m, self.estimate.sigma_m].map(|m| 1000.0 * m);
         // The standard deviation has two digits.
-        let decimals = (1.0 - sigma_mm.log10().floor()).clamp(0.0, 6.0) as usize;
+        let decimals = (1.0 - libm::log10(sigma_mm).floor()).clamp(0.0, 6.0) as usize;
         write!(f, "{radius_mm:.decimals$} ± {sigma_mm:.decimals$} mm")
     }
 }

@@ -103,3 +103,22 @@ fn a_missing_data_folder_is_named_with_a_remedy() {
     refused(&installed, &["demo"], &["not found", "--data PATH/data"]);
     assert!(!folder.path().join("pardalis-demo").exists());
 }
+
+#[test]
+fn packages_of_systems_keep_the_bundled_sequences_in_share() {
+    let folder = tempfile::tempdir().unwrap();
+    let [binaries, sequence] =
+        ["usr/bin", "usr/share/pardalis/data/dioptric-jump"].map(|name| folder.path().join(name));
+    for folder in [&binaries, &sequence] {
+        fs::create_dir_all(folder).unwrap();
+    }
+    let installed = binaries.join("pardalis");
+    fs::copy(env!("CARGO_BIN_EXE_pardalis"), &installed).unwrap();
+    let scene = sequence.join("scene.toml");
+    fs::write(&scene, "sed = 1").unwrap();
+    let elsewhere = tempfile::tempdir().unwrap();
+    let output = run(&installed, elsewhere.path(), &["demo"]);
+    let printed = String::from_utf8(output.stderr).unwrap();
+    assert!(printed.contains(scene.to_str().unwrap()), "{printed}");
+    assert!(printed.contains("sed"), "{printed}");
+}

@@ -54,7 +54,18 @@ pub(super) fn chances(settings: &BernoulliSettings, existence: f64, dt_s: f64) -
         dead,
         -born,
     );
-    ((rates * dt_s).exp() * Vector3::new(existence, 0.0, 1.0 - existence)).into()
+    (exponential(rates * dt_s) * Vector3::new(existence, 0.0, 1.0 - existence)).into()
+}
+
+/// Returns the exponential of a matrix: the series of its sixteenth, squared four times, for entries of at most 20.
+fn exponential(matrix: Matrix3<f64>) -> Matrix3<f64> {
+    let small = matrix / 16.0;
+    let (mut term, mut sum) = (Matrix3::identity(), Matrix3::identity());
+    for n in 1..=30 {
+        term *= small / f64::from(n);
+        sum += term;
+    }
+    (0..4).fold(sum, |power, _| power * power)
 }
 
 /// Returns the covariance of position and velocity on one axis after a step.

@@ -92,7 +92,7 @@ impl EdgeLearner {
             let center_px = center_px(outline, 0);
             let is_same = |octave: usize, other: &OutlineDistance| {
                 let [du, dv] = [0, 1].map(|i| self::center_px(other, octave)[i] - center_px[i]);
-                du.hypot(dv) < SAME_PART_PX * (1 << octave) as f32
+                libm::hypotf(du, dv) < SAME_PART_PX * (1 << octave) as f32
             };
             let same = octaves.iter().enumerate().map_while(|(octave, outlines)| {
                 outlines.iter().find(|other| is_same(octave, other))

@@ -181,7 +181,7 @@ impl Ellipse {
         let [a, b, c] = self.form;
         let [fx, fy] = [a * x + b * y, b * x + c * y];
         let root = (x * fx + y * fy).sqrt();
-        let slope = fx.hypot(fy);
+        let slope = libm::hypot(fx, fy);
         let distance = (root - 1.0) * root / slope;
         // The distance is undefined at the centre.
         if distance > -self.min_radius_px {

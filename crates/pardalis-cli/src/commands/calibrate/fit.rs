@@ -176,6 +176,6 @@ pub(super) fn largest_residual_px(observed_points: &[ObservedPoint]) -> f64 {
         .iter()
         .filter(|observed| !observed.outlier)
         .filter_map(|observed| observed.residual_px)
-        .map(|[du, dv]| du.hypot(dv))
+        .map(|[du, dv]| libm::hypot(du, dv))
         .fold(0.0, f64::max)
 }

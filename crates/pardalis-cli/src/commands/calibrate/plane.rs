@@ -333,7 +333,7 @@ fn report(known: &Known, fitted: &PlaneFit, center_m: Option<[f64; 3]>) -> Resul
         for &outlier in &fitted.outliers {
             let distance = fitted.residuals_px[outlier].map_or_else(
                 || "behind the camera".to_owned(),
-                |[du, dv]| format!("{:.1} px away", du.hypot(dv)),
+                |[du, dv]| format!("{:.1} px away", libm::hypot(du, dv)),
             );
             writeln!(
                 text,

@@ -403,7 +403,7 @@ pub(super) fn with_sigma(value: f64, sigma: Option<f64>) -> String {
         return format!("{short} (held)");
     };
     // Two significant digits of the standard deviation.
-    let decimals = (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize;
+    let decimals = (1.0 - libm::log10(sigma).floor()).clamp(0.0, 9.0) as usize;
     if sigma > 0.0 && sigma < 1e-7 {
         return format!("{value:.4e} ± {sigma:.1e}");
     }

@@ -67,13 +67,13 @@ impl<'a> Optics<'a> {
     /// Returns the angle of a pixel's ray from the axis; `None` if it has no ray.
     pub(crate) fn angle_rad(&self, pixel: [f64; 2]) -> Option<f64> {
         let [x, y, z] = self.direction(pixel)?;
-        Some(x.hypot(y).atan2(self.facing * z))
+        Some(libm::atan2(libm::hypot(x, y), self.facing * z))
     }
 
     /// Returns the pixel of the direction at an angle from the axis and an azimuth from the image's x axis
     /// towards y.
     pub(super) fn pixel_at(&self, angle_rad: f64, azimuth_rad: f64) -> Option<[f64; 2]> {
-        let ((sin, cos), (y, x)) = (angle_rad.sin_cos(), azimuth_rad.sin_cos());
+        let ((sin, cos), (y, x)) = (libm::sincos(angle_rad), libm::sincos(azimuth_rad));
         let direction = [sin * x, sin * y, self.facing * cos];
         let pixel = self.camera.project(direction.map(|c| FAR_M * c))?;
         self.in_image(pixel).then_some(pixel)
@@ -107,7 +107,7 @@ impl<'a> Optics<'a> {
 
     /// Computes the angle that the view covers along a line of the image, where its pixels have rays.
     fn visible_angle_rad(&self, from: [f64; 2], to: [f64; 2]) -> f64 {
-        let length_px = (to[0] - from[0]).hypot(to[1] - from[1]);
+        let length_px = libm::hypot(to[0] - from[0], to[1] - from[1]);
         let count = length_px.ceil() as usize;
         let at = |i: usize| interpolated(from, to, i as f64 / count as f64);
         let inside: Vec<usize> = (0..=count)
@@ -163,7 +163,7 @@ impl<'a> Optics<'a> {
     fn image_end(&self, azimuth_rad: f64) -> [f64; 2] {
         let [left, top, right, bottom] = self.edges_px();
         let [u, v] = self.center_px;
-        let (dv, du) = azimuth_rad.sin_cos();
+        let (dv, du) = libm::sincos(azimuth_rad);
         let along = |d: f64, from: f64, low: f64, high: f64| match d {
             d if d > 0.0 => (high - from) / d,
             d if d < 0.0 => (low - from) / d,
@@ -176,7 +176,9 @@ impl<'a> Optics<'a> {
     /// Returns the last pixel with a ray from the centre of the image to a point.
     fn end_of_radius(&self, to: [f64; 2]) -> Option<[f64; 2]> {
         let from = self.center_px;
-        let count = (to[0] - from[0]).hypot(to[1] - from[1]).ceil().max(1.0) as usize;
+        let count = libm::hypot(to[0] - from[0], to[1] - from[1])
+            .ceil()
+            .max(1.0) as usize;
         let at = |i: usize| interpolated(from, to, i as f64 / count as f64);
         let last = (0..=count)
             .rev()
@@ -220,7 +222,7 @@ impl<'a> Optics<'a> {
         else {
             return Vec::new();
         };
-        let length_px = (end[0] - u).hypot(end[1] - v);
+        let length_px = libm::hypot(end[0] - u, end[1] - v);
         let at = |radius_px: f64| interpolated([u, v], end, radius_px / length_px);
         let half_px = 0.25_f64.min(0.25 * length_px);
         let sample = |i: usize| {
@@ -235,7 +237,7 @@ impl<'a> Optics<'a> {
                 radius_px,
                 angle_rad,
                 radial_px_per_rad: 2.0 * half_px / (after - before).abs(),
-                tangential_px_per_rad: radius_px / angle_rad.sin().abs(),
+                tangential_px_per_rad: radius_px / libm::sin(angle_rad).abs(),
             })
         };
         let fine = |s: &RadiusSample| {
@@ -262,7 +264,7 @@ fn angle_between_rad(a: [f64; 3], b: [f64; 3]) -> f64 {
     ];
     let sin = cross.iter().map(|c| c * c).sum::<f64>().sqrt();
     let cos: f64 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
-    sin.atan2(cos)
+    libm::atan2(sin, cos)
 }
 
 #[cfg(test)]

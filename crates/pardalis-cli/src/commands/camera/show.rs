@@ -211,7 +211,7 @@ fn draw_distortion(folder: &Path, name: &str, radius: &[RadiusSample]) -> Result
     // A pinhole sees less than 90 degrees.
     let tan = |angle_rad: f64| {
         if angle_rad < consts::FRAC_PI_2 {
-            angle_rad.tan()
+            libm::tan(angle_rad)
         } else {
             f64::INFINITY
         }

@@ -37,7 +37,7 @@ impl Circle {
     /// Returns the distance of the other circle's centre from this one's, in radii of this one.
     pub(super) fn radii_to(&self, other: &Self) -> f64 {
         let [u, v] = [0, 1].map(|axis| other.center_px[axis] - self.center_px[axis]);
-        u.hypot(v) / self.radius_px
+        libm::hypot(u, v) / self.radius_px
     }
 }
 
@@ -123,7 +123,7 @@ fn circle_of(part: &[(usize, usize)]) -> Option<Circle> {
         let squared = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant;
         f64::from(u8::from(squared <= scale))
     });
-    let (half_trace, half_spread) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    let (half_trace, half_spread) = (0.5 * (xx + yy), libm::hypot(0.5 * (xx - yy), xy));
     let axes_ratio = ((half_trace - half_spread) / (half_trace + half_spread)).sqrt();
     (inside >= MIN_ROUND_SHARE && axes_ratio >= MIN_AXES_RATIO).then_some(circle)
 }

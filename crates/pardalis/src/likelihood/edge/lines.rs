@@ -176,10 +176,11 @@ impl CorrespondenceLines {
         let lengths_are_finite = lengths.clone().all(f32::is_finite);
         let length_px: f32 = lengths.filter(|length| length.is_finite()).sum();
         let displacement = displacement_px.map(|v| octave.scale() * v);
-        let is_streak =
-            lengths_are_finite && displacement[0].hypot(displacement[1]) >= tuning.min_streak_px;
+        let is_streak = lengths_are_finite
+            && libm::hypotf(displacement[0], displacement[1]) >= tuning.min_streak_px;
         if is_streak
-            && displacement[0].hypot(displacement[1]) > tuning.max_streak_outlines * length_px
+            && libm::hypotf(displacement[0], displacement[1])
+                > tuning.max_streak_outlines * length_px
         {
             return Err(NoFit::NoEdges);
         }

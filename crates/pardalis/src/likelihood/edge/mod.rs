@@ -353,7 +353,7 @@ impl EdgeCue {
         let (mut twice_area, mut length) = (0.0_f32, 0.0_f32);
         for ([u0, v0], [u1, v1]) in points.zip(next) {
             twice_area += u0 * v1 - u1 * v0;
-            length += (u1 - u0).hypot(v1 - v0);
+            length += libm::hypotf(u1 - u0, v1 - v0);
         }
         // Half the width of a long outline, the radius of a round one.
         let radius_px = twice_area.abs() / length.max(1e-6);

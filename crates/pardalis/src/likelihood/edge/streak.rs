@@ -107,7 +107,7 @@ impl Streak {
         distance: impl Fn([f32; 2], Option<usize>) -> (usize, f32),
     ) {
         let [du, dv] = displacement;
-        self.length_px = du.hypot(dv);
+        self.length_px = libm::hypotf(du, dv);
         self.along = [du / self.length_px, dv / self.length_px];
         let points = || outline.iter().map(Corner::point);
         let count = outline.len() as f32;

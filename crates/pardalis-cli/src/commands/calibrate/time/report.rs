@@ -131,7 +131,7 @@ impl<'a> Report<'a> {
         for camera in &self.cameras {
             let (width, height) = camera.size_px;
             let rms_px = camera.fit.rms_after_px;
-            if rms_px > LARGE_RMS * (width as f64).hypot(height as f64) {
+            if rms_px > LARGE_RMS * libm::hypot(width as f64, height as f64) {
                 warnings.push(format!(
                     "{}: {rms_px:.1} px remain after the correction: check the camera poses, and whether there are other objects of the target's colours",
                     camera.name
@@ -251,7 +251,7 @@ impl<'a> Report<'a> {
 
 /// Returns the lengths of a camera's residuals for their plot.
 fn residuals<'a>(camera: &Camera<'a>) -> TimeResiduals<'a> {
-    let length = |residual: Option<[f64; 2]>| residual.map(|[u, v]| u.hypot(v));
+    let length = |residual: Option<[f64; 2]>| residual.map(|[u, v]| libm::hypot(u, v));
     let kept = camera.fit.detections.iter().filter(|s| !s.outlier);
     TimeResiduals {
         name: camera.name,
