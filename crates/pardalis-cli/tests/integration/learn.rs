@@ -255,6 +255,11 @@ fn labels_apply_to_the_preceding_image_and_are_united() {
         pixels(&["--image", "a.png", "--polygon", "4,6,14,6,14,16,4,16"]),
         (100, 1)
     );
+    // Pixels whose centres are within 4.9 of 8.5,10.5.
+    assert_eq!(
+        pixels(&["--image", "a.png", "--circle", "8.5,10.5,4.9"]),
+        (76, 1)
+    );
     let overlapping = [
         "--rect",
         "4,6,5,10",

@@ -10,6 +10,7 @@ use pardalis::Frame;
 use pardalis_scene::{FrameRange, VideoInput};
 
 use super::label::Label;
+use super::shell_word::shell_word;
 use crate::source::decode::decode_image;
 use crate::source::{Delivery, Source, SourceConfig, SourceKind};
 use crate::user_error::user_error;
@@ -101,7 +102,7 @@ fn still(path: &Path) -> Result<Frame> {
         }
         user_error!(
             "{error:#}; or, if it is a video, name a frame: --image {} --frame NUMBER",
-            path.display()
+            shell_word(path)
         )
     })?;
     let (width, height) = image.size_px();
@@ -111,7 +112,7 @@ fn still(path: &Path) -> Result<Frame> {
 /// Reads the frame of a video with this number, from 0.
 fn video_frame(path: &Path, number: usize) -> Result<Frame> {
     let unusable = |reason: &str| {
-        let name = path.display();
+        let name = shell_word(path);
         user_error!("--image {name} --frame {number}: {reason}")
     };
     if has_image_ending(path) {
@@ -210,7 +211,7 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
 }
 
 /// The options of [`Listed`].
-const LISTED: [&str; 5] = ["image", "frame", "mask", "rect", "polygon"];
+const LISTED: [&str; 6] = ["image", "frame", "mask", "rect", "circle", "polygon"];
 
 /// Images, frames and labels in the order of the command line; a frame belongs to the last video before it, and a label to
 /// the last image or frame before it.
@@ -235,7 +236,7 @@ struct ListedImage<'a> {
 /// Formats it as on the command line.
 impl fmt::Display for ListedImage<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "--image {}", self.path.display())?;
+        write!(f, "--image {}", shell_word(self.path))?;
         match self.frame {
             Some(number) => write!(f, " --frame {number}"),
             None => Ok(()),
@@ -257,8 +258,8 @@ impl Listed {
         }
         if let Some(image) = images.iter().find(|image| image.labels.is_empty()) {
             return Err(user_error!(
-                "{image}: nothing is labelled; add --mask FILE, --rect X,Y,WIDTH,HEIGHT or \
-                 --polygon X,Y,X,Y,X,Y after it",
+                "{image}: nothing is labelled; add --mask FILE, --rect X,Y,WIDTH,HEIGHT, \
+                 --circle U,V,R or --polygon X,Y,X,Y,X,Y after it",
             ));
         }
         if images.is_empty() {
@@ -387,6 +388,12 @@ impl clap::Args for Listed {
                     .value_parser(label(Label::rect))
                     .allow_hyphen_values(true)
                     .help("Labels the image: a box drawn closely around the target, in pixels; 0,0 is the top left pixel"),
+            )
+            .arg(
+                option("circle", "U,V,R")
+                    .value_parser(label(Label::circle))
+                    .allow_hyphen_values(true)
+                    .help("Labels the image: a circle along the target's outline, given by its centre and its radius in pixels; 0,0 is the centre of the top left pixel. It may reach beyond the image"),
             )
             .arg(
                 option("polygon", "X,Y,X,Y,X,Y...")

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
+use super::shell_word::shell_word;
 use crate::source::decode::decode_mask;
 use crate::user_error::user_error;
 
@@ -24,6 +25,8 @@ pub(super) enum Label {
         width: usize,
         height: usize,
     },
+    /// The pixels whose centres lie inside a circle, which may reach beyond the image.
+    Circle { center_px: [f64; 2], radius_px: f64 },
     /// The pixels whose centres lie inside the polygon; doubly enclosed areas are outside.
     Polygon(Vec<[f64; 2]>),
 }
@@ -46,12 +49,20 @@ impl Label {
         }
     }
 
+    /// Parses `U,V,R`.
+    pub(super) fn circle(text: &str) -> Result<Self, String> {
+        match numbers(text).as_deref() {
+            Some(&[u, v, radius_px]) if radius_px > 0.0 => Ok(Self::Circle {
+                center_px: [u, v],
+                radius_px,
+            }),
+            _ => Err("allowed: U,V,R in pixels, R above 0, as in 410,96.5,14".to_owned()),
+        }
+    }
+
     /// Parses `X,Y,X,Y,X,Y,...`.
     pub(super) fn polygon(text: &str) -> Result<Self, String> {
-        let number = |n: &str| n.trim().parse().ok().filter(|n: &f64| n.is_finite());
-        let numbers: Option<Vec<f64>> = text.split(',').map(number).collect();
-        let numbers = numbers.unwrap_or_default();
-        match numbers.as_chunks() {
+        match numbers(text).unwrap_or_default().as_chunks() {
             (corners @ [_, _, _, ..], []) => Ok(Self::Polygon(corners.to_vec())),
             _ => Err(
                 "allowed: X,Y of three corners or more, in pixels, as in 10,10,40,10,25,30"
@@ -87,36 +98,85 @@ impl Label {
                     from.checked_add(count).is_some_and(|end| end <= side)
                 };
                 if !inside(*x, *columns, width) || !inside(*y, *rows, height) {
-                    return Err(outside("X + WIDTH and Y + HEIGHT up to the image size"));
+                    let allowed = "X + WIDTH and Y + HEIGHT up to the image size";
+                    // The numbers as X1,Y1,X2,Y2.
+                    let from_corners = Self::Rect {
+                        x: *x,
+                        y: *y,
+                        width: columns.saturating_sub(*x),
+                        height: rows.saturating_sub(*y),
+                    };
+                    let are_corners =
+                        columns > x && *columns <= width && rows > y && *rows <= height;
+                    return Err(if are_corners {
+                        outside(&format!(
+                            "{allowed}; if these are two corners, X1,Y1,X2,Y2, give {from_corners}"
+                        ))
+                    } else {
+                        outside(allowed)
+                    });
                 }
                 for row in is_object.chunks_exact_mut(width).skip(*y).take(*rows) {
                     row[*x..x + columns].fill(true);
                 }
                 Ok(())
             }
+            Self::Circle {
+                center_px: center @ [u, v],
+                radius_px,
+            } => {
+                if !is_within((width, height), center) {
+                    return Err(outside("U up to its width, V up to its height"));
+                }
+                self.fill(image, width, is_object, "a larger radius", |y| {
+                    let half = (radius_px * radius_px - (y - v) * (y - v)).sqrt();
+                    // Pixels on the circle are outside, so that the labelled pixels are symmetric.
+                    let end = column(u + half, width);
+                    let start = column((u - half).floor() + 1.0, width).min(end);
+                    // Not a number in rows beyond the circle.
+                    (!half.is_nan()).then_some(start..end)
+                })
+            }
             Self::Polygon(corners) => {
-                let (right, bottom) = (width as f64, height as f64);
-                let inside =
-                    |&[x, y]: &[f64; 2]| (0.0..=right).contains(&x) && (0.0..=bottom).contains(&y);
-                if !corners.iter().all(inside) {
+                if !corners
+                    .iter()
+                    .all(|corner| is_within((width, height), corner))
+                {
                     return Err(outside("X up to its width, Y up to its height"));
                 }
-                let mut is_empty = true;
-                for (y, row) in is_object.chunks_exact_mut(width).enumerate() {
-                    for columns in columns_inside(corners, y as f64, width) {
-                        is_empty &= columns.is_empty();
-                        row[columns].fill(true);
-                    }
-                }
-                if is_empty {
-                    return Err(user_error!(
-                        "{}: {self} contains no pixel centre; give corners that span an area",
-                        image.display()
-                    ));
-                }
-                Ok(())
+                let remedy = "corners that span an area";
+                self.fill(image, width, is_object, remedy, |y| {
+                    columns_inside(corners, y, width)
+                })
             }
         }
+    }
+
+    /// Marks the columns that are returned for each row.
+    ///
+    /// Errors: they contain no pixel; `remedy` says what to give instead.
+    fn fill<C: IntoIterator<Item = Range<usize>>>(
+        &self,
+        image: &Path,
+        width: usize,
+        is_object: &mut [bool],
+        remedy: &str,
+        columns_of_row: impl Fn(f64) -> C,
+    ) -> Result<()> {
+        let mut is_empty = true;
+        for (y, row) in is_object.chunks_exact_mut(width).enumerate() {
+            for columns in columns_of_row(y as f64) {
+                is_empty &= columns.is_empty();
+                row[columns].fill(true);
+            }
+        }
+        if is_empty {
+            return Err(user_error!(
+                "{}: {self} contains no pixel centre; give {remedy}",
+                image.display()
+            ));
+        }
+        Ok(())
     }
 }
 
@@ -124,19 +184,29 @@ impl Label {
 impl fmt::Display for Label {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Mask(path) => write!(f, "--mask {}", path.display()),
+            Self::Mask(path) => write!(f, "--mask {}", shell_word(path)),
             Self::Rect {
                 x,
                 y,
                 width,
                 height,
             } => write!(f, "--rect {x},{y},{width},{height}"),
+            Self::Circle {
+                center_px: [u, v],
+                radius_px,
+            } => write!(f, "--circle {u},{v},{radius_px}"),
             Self::Polygon(corners) => {
                 let numbers: Vec<String> = corners.iter().flatten().map(f64::to_string).collect();
                 write!(f, "--polygon {}", numbers.join(","))
             }
         }
     }
+}
+
+/// Parses finite numbers, separated by commas; `None` if there is anything else.
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    let number = |n: &str| n.trim().parse().ok().filter(|n: &f64| n.is_finite());
+    text.split(',').map(number).collect()
 }
 
 fn mark_mask(
@@ -183,11 +253,19 @@ fn columns_inside(corners: &[[f64; 2]], y: f64, width: usize) -> Vec<Range<usize
         .collect();
     crossings.sort_by(f64::total_cmp);
     let (pairs, _) = crossings.as_chunks();
-    let column = |x: f64| (x.ceil().max(0.0) as usize).min(width);
     pairs
         .iter()
-        .map(|[from, to]| column(*from)..column(*to))
+        .map(|[from, to]| column(*from, width)..column(*to, width))
         .collect()
+}
+
+/// Returns the first column from `x` on, cut at `width`.
+fn column(x: f64, width: usize) -> usize {
+    (x.ceil().max(0.0) as usize).min(width)
+}
+
+fn is_within((width, height): (usize, usize), &[x, y]: &[f64; 2]) -> bool {
+    (0.0..=width as f64).contains(&x) && (0.0..=height as f64).contains(&y)
 }
 
 #[cfg(test)]
@@ -230,6 +308,42 @@ mod tests {
     }
 
     #[test]
+    fn a_circle_marks_the_pixels_whose_centres_it_encloses() {
+        let circle = marked(&Label::circle("3, 2.5,1.6").unwrap()).unwrap();
+        let expected = [
+            "........", "...#....", "..###...", "..###...", "...#....", "........",
+        ];
+        assert_eq!(circle, expected);
+        // Centres on the circle are outside, on all sides.
+        let even = marked(&Label::circle("3,3,2").unwrap()).unwrap();
+        let expected = [
+            "........", "........", "..###...", "..###...", "..###...", "........",
+        ];
+        assert_eq!(even, expected);
+        // Balls at the border of the image.
+        let cut = marked(&Label::circle("0,5,2.2").unwrap()).unwrap();
+        let expected = [
+            "........", "........", "........", "#.......", "##......", "###.....",
+        ];
+        assert_eq!(cut, expected);
+    }
+
+    #[test]
+    fn corners_instead_of_width_and_height_are_recognised() {
+        let message = |text: &str| marked(&Label::rect(text).unwrap()).unwrap_err().to_string();
+        let corners = message("3,2,8,5");
+        assert!(
+            corners.ends_with("X1,Y1,X2,Y2, give --rect 3,2,5,3"),
+            "{corners}"
+        );
+        // Outside the image, or reversed.
+        for text in ["3,2,9,5", "3,2,8,7", "6,2,5,5", "3,4,8,4"] {
+            let message = message(text);
+            assert!(message.ends_with("up to the image size"), "{message}");
+        }
+    }
+
+    #[test]
     fn malformed_labels_are_rejected() {
         for text in [
             "",
@@ -242,6 +356,11 @@ mod tests {
             "a",
         ] {
             assert!(Label::rect(text).is_err(), "{text}");
+        }
+        for text in [
+            "", "1,2", "1,2,0", "1,2,-3", "1,2,3,4", "1,2,NaN", "1,2,inf", "a,2,3",
+        ] {
+            assert!(Label::circle(text).is_err(), "{text}");
         }
         for text in [
             "",
@@ -269,6 +388,10 @@ mod tests {
                 "--polygon 0,0,9,0,0,5 exceeds",
             ),
             (Label::polygon("0,-1,5,0,0,5"), "exceeds"),
+            (Label::circle("9,2,3"), "--circle 9,2,3 exceeds"),
+            (Label::circle("2,-0.5,3"), "exceeds"),
+            (Label::circle("2.5,2.5,0.5"), "no pixel centre"),
+            (Label::circle("2,2.5,0.5"), "no pixel centre"),
             (Label::polygon("0,0,4,4,2,2"), "no pixel centre"),
             (Label::polygon("1.2,1.2,1.8,1.2,1.5,1.8"), "no pixel centre"),
         ] {

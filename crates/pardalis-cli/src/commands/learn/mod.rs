@@ -9,6 +9,7 @@ mod palette;
 mod pictures;
 mod remedy;
 mod report;
+mod shell_word;
 
 use std::path::{Path, PathBuf};
 
@@ -34,14 +35,14 @@ const EXAMPLES: &str = "Examples:
       --polygon 424,96,423,101,420,106,415,109,410,110,405,109,400,106,397,101,\\
 396,96,397,91,400,86,405,83,410,82,415,83,420,86,423,91 -o orange.colors.toml
   Two frames of a video (needs an installed ffmpeg):
-    pardalis learn --image clip.mp4 --frame 17 --rect 641,222,98,98 --frame 37 --rect 214,210,102,102 -o ball.colors.toml
+    pardalis learn --image clip.mp4 --frame 17 --rect 641,222,98,98 --frame 37 --circle 265,261,51 -o ball.colors.toml
   For a camera that delivers YUV:
     pardalis learn training --masks _mask.png --palette yuv --yuv-range limited -o orange.colors.toml";
 
 /// Learns the colours of a target from labelled images
 ///
-/// Label the whole target: along its outline with a mask or a polygon of 16 corners or more, or with a box drawn closely
-/// around it. From a box around a round target, the colours of the inscribed ellipse are learnt, but not how the edge
+/// Label the whole target: along its outline with a mask, a circle or a polygon of 16 corners or more, or with a box drawn
+/// closely around it. From a box around a round target, the colours of the inscribed ellipse are learnt, but not how the edge
 /// blurs into the surroundings; a rectangular target that fills its box is learnt as it is. Labels that touch the image
 /// border are not used to learn the edge.
 ///

@@ -36,6 +36,13 @@ impl RealBall {
         ["--image", &self.image, "--rect", &rect].map(str::to_owned)
     }
 
+    /// Returns a circle along the outline.
+    fn circle(&self) -> [String; 4] {
+        let [u, v] = self.center_px;
+        let circle = format!("{u:.2},{v:.2},{:.2}", self.radius_px);
+        ["--image", &self.image, "--circle", &circle].map(str::to_owned)
+    }
+
     /// Returns a polygon along the outline, scaled.
     fn polygon(&self, scale: f64) -> [String; 4] {
         let corner = |i: i32| {
@@ -62,6 +69,7 @@ fn report_on_clip(clip: &str, label: impl Fn(&RealBall) -> [String; 4]) -> Strin
 fn real_balls_are_found_in_the_images_that_they_were_learnt_from() {
     for clip in ["pendulum", "roll"] {
         for text in [
+            report_on_clip(clip, RealBall::circle),
             report_on_clip(clip, |ball| ball.polygon(1.0)),
             report_on_clip(clip, |ball| ball.rect(1.0)),
         ] {

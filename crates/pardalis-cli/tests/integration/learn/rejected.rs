@@ -75,6 +75,18 @@ fn invalid_labels_are_rejected() {
                 &["--rect", "30,20,11,5"],
                 &["a.png", "--rect 30,20,11,5", "40 x 30"],
             ),
+            // Two corners.
+            (
+                A,
+                &["--rect", "4,6,14,30"],
+                &["--rect 4,6,14,30 exceeds", "give --rect 4,6,10,24"],
+            ),
+            (A, &["--circle", "9,11,-5"], &["--circle", "R above 0"]),
+            (
+                A,
+                &["--circle", "9,31,5"],
+                &["a.png", "--circle 9,31,5 exceeds", "V up to its height"],
+            ),
             (
                 A,
                 &["--polygon", "1,2,3,4"],
@@ -122,8 +134,8 @@ fn frames_of_a_video_are_learnt_like_images() {
         "641,222,98,98",
         "--frame",
         "37",
-        "--rect",
-        "214,210,102,102",
+        "--circle",
+        "264.8,261.2,50.6",
         "--frame",
         "44",
         "--rect",
