@@ -55,6 +55,18 @@ pub(super) struct Inputs {
     pub(super) without_mask: Vec<String>,
 }
 
+/// Formats the options as on the command line.
+impl fmt::Display for InputOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let (Some(folder), Some(masks)) = (&self.folder, &self.masks) {
+            let masks = shell_word(Path::new(masks));
+            return write!(f, "{} --masks {masks}", shell_word(folder));
+        }
+        let words: Vec<String> = self.listed.0.iter().map(Item::to_string).collect();
+        write!(f, "{}", words.join(" "))
+    }
+}
+
 impl InputOptions {
     /// Returns the images and labels given on the command line.
     ///
@@ -64,6 +76,19 @@ impl InputOptions {
             (Some(folder), Some(masks)) => folder_inputs(folder, masks),
             _ => self.listed.inputs(),
         }
+    }
+}
+
+/// Formats the image and its labels as on the command line.
+impl fmt::Display for LabelledFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", Item::Image(self.path.clone()))?;
+        if let Some(VideoFrame { number, .. }) = &self.frame {
+            write!(f, " {}", Item::Frame(*number))?;
+        }
+        self.labels
+            .iter()
+            .try_for_each(|label| write!(f, " {label}"))
     }
 }
 
@@ -224,6 +249,17 @@ enum Item {
     /// A frame of a video by its number.
     Frame(usize),
     Label(Label),
+}
+
+/// Formats it as on the command line.
+impl fmt::Display for Item {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Image(path) => write!(f, "--image {}", shell_word(path)),
+            Self::Frame(number) => write!(f, "--frame {number}"),
+            Self::Label(label) => write!(f, "{label}"),
+        }
+    }
 }
 
 /// An image of the command line, or a frame of a video by its number, and its labels.

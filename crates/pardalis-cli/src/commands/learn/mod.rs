@@ -47,7 +47,7 @@ const EXAMPLES: &str = "Examples:
 /// border are not used to learn the edge.
 ///
 /// Afterwards the detector of `track` is run on the images. The report says in which of them a labelled ball was found and
-/// where, whether the labels fit the outlines, and what helps if not. `Good` means that all balls were found.
+/// where, whether the labels fit the outlines, and the command that helps if not. `Good` means that all balls were found.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {
@@ -77,7 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let model = evidence.model()?;
     let check = Check::run(&inputs.files, &mut evidence.learner(), &model)?;
     let remedy = if check.failures() > 0 {
-        Remedy::find(&inputs.files, palette, &check)?
+        Remedy::find(arguments, &inputs.files, palette, &check)?
     } else {
         None
     };

@@ -116,3 +116,48 @@ impl PaletteOptions {
         }
     }
 }
+
+/// Formats the options that select a palette.
+pub(super) fn words_of(palette: Palette) -> String {
+    let [a, b, c] = palette.channel_bins();
+    match palette {
+        Palette::Hsi { .. } => format!("--palette hsi --bins {a},{b},{c}"),
+        Palette::Rgb { channel_bins } => format!("--palette rgb --bins {channel_bins}"),
+        Palette::Yuv { encoding, .. } => {
+            let matrix = match encoding.matrix {
+                YuvMatrix::Bt601 => "bt601",
+                YuvMatrix::Bt709 => "bt709",
+            };
+            let range = match encoding.range {
+                YuvRange::Full => "full",
+                YuvRange::Limited => "limited",
+            };
+            format!("--palette yuv --bins {a},{b},{c} --yuv-matrix {matrix} --yuv-range {range}")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::{Args, Command, FromArgMatches};
+
+    use super::*;
+
+    #[test]
+    fn the_options_of_a_palette_select_it() {
+        let mut yuv = Palette::YUV;
+        if let Palette::Yuv { encoding, .. } = &mut yuv {
+            encoding.matrix = YuvMatrix::Bt709;
+            encoding.range = YuvRange::Limited;
+        }
+        let rgb = Palette::Rgb { channel_bins: 6 };
+        for palette in [Palette::HSI, Palette::YUV, yuv, rgb] {
+            let options = words_of(palette);
+            let command = PaletteOptions::augment_args(Command::new("learn"));
+            let words = format!("learn {options}");
+            let matches = command.try_get_matches_from(words.split(' ')).unwrap();
+            let parsed = PaletteOptions::from_arg_matches(&matches).unwrap();
+            assert_eq!(parsed.palette().unwrap(), palette, "{options}");
+        }
+    }
+}

@@ -5,16 +5,19 @@ use std::fmt;
 use anyhow::Result;
 use pardalis::color::Palette;
 
+use super::Arguments;
 use super::balls::Circle;
 use super::check::{Check, ImageCheck};
 use super::evidence::Evidence;
 use super::inputs::LabelledFile;
 use super::label::Label;
+use super::palette::words_of;
+use super::shell_word::shell_word;
 
 /// The options of other palettes that are tried.
 const PALETTES: [(&str, Palette); 3] = [
     (
-        "--bins 24,16,6",
+        "--palette hsi --bins 24,16,6",
         Palette::Hsi {
             hue_bins: 24,
             saturation_bins: 16,
@@ -31,7 +34,9 @@ const CLOSER: f64 = 0.85;
 #[derive(Debug)]
 pub(super) struct Remedy {
     change: Change,
-    pub(super) found: usize,
+    found: usize,
+    /// The command that does it.
+    pub(super) command: String,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -48,6 +53,7 @@ impl Remedy {
     ///
     /// Errors: an image cannot be read.
     pub(super) fn find(
+        arguments: &Arguments,
         files: &[LabelledFile],
         palette: Palette,
         check: &Check,
@@ -70,7 +76,21 @@ impl Remedy {
                 .as_ref()
                 .map_or(balls - check.failures(), |best| best.found);
             if found > best_found {
-                best = Some(Self { change, found });
+                let command = match change {
+                    Change::Options(options) => {
+                        command(arguments, &arguments.inputs.to_string(), options)
+                    }
+                    Change::CloserBoxes => {
+                        let inputs: Vec<String> =
+                            files.iter().map(LabelledFile::to_string).collect();
+                        command(arguments, &inputs.join(" "), &words_of(palette))
+                    }
+                };
+                best = Some(Self {
+                    change,
+                    found,
+                    command,
+                });
             }
             if found >= balls {
                 break;
@@ -131,8 +151,50 @@ impl Remedy {
         match self.change {
             Change::Options(_) => "learn again with this option",
             Change::CloserBoxes => {
-                "the labels are too large; draw boxes that touch the ball on all sides"
+                "the labels are too large; draw boxes that touch the ball on all sides, or take these"
             }
         }
+    }
+}
+
+/// Formats the command of the arguments with these inputs and options of the palette.
+fn command(arguments: &Arguments, inputs: &str, palette: &str) -> String {
+    let pictures = match &arguments.pictures {
+        Some(folder) => format!(" --pictures {}", shell_word(folder)),
+        None if arguments.no_pictures => " --no-pictures".to_owned(),
+        None => String::new(),
+    };
+    let output = shell_word(&arguments.output);
+    format!("pardalis learn {inputs} {palette}{pictures} -o {output}")
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::{Args, Command, FromArgMatches};
+
+    use super::*;
+
+    /// Returns the command of these arguments with finer bins.
+    fn with_finer_bins(words: &[&str]) -> String {
+        let command_line = Arguments::augment_args(Command::new("learn"));
+        let matches = command_line.try_get_matches_from([&["learn"], words].concat());
+        let arguments = Arguments::from_arg_matches(&matches.unwrap()).unwrap();
+        command(&arguments, &arguments.inputs.to_string(), PALETTES[0].0)
+    }
+
+    #[test]
+    fn commands_repeat_the_arguments_except_for_the_palette() {
+        let inputs = "--image a.mp4 --frame 3 --circle 1,2.5,3 --rect 1,2,3,4 --frame 5 \
+                      --mask b.png --polygon 1,2,8,2,8,9";
+        let words: Vec<&str> = inputs.split(' ').collect();
+        let options = ["--palette", "yuv", "--no-pictures", "-o", "m.toml"];
+        assert_eq!(
+            with_finer_bins(&[&words[..], &options].concat()),
+            format!("pardalis learn {inputs} --palette hsi --bins 24,16,6 --no-pictures -o m.toml")
+        );
+        assert_eq!(
+            with_finer_bins(&["a", "--masks", "_m.png", "--pictures", "b", "-o", "c.toml"]),
+            "pardalis learn a --masks _m.png --palette hsi --bins 24,16,6 --pictures b -o c.toml"
+        );
     }
 }

@@ -244,7 +244,12 @@ impl Report<'_> {
             )?;
         }
         match self.remedy {
-            Some(remedy) => writeln!(f, "{remedy} of {balls}: {}.", remedy.advice()),
+            Some(remedy) => writeln!(
+                f,
+                "{remedy} of {balls}: {}:\n  {}",
+                remedy.advice(),
+                remedy.command
+            ),
             None if self.check.failures() > 0 => writeln!(
                 f,
                 "Neither finer bins nor other palettes nor closer labels help. Learn from images in which the ball is sharp, whole, and in \
