@@ -167,8 +167,10 @@ impl DetectedTarget {
             since_s: 0.0,
             clutter_seen: 0.0,
             other_landmarks_m: Vec::new(),
-            // The prediction and, for each camera, its blobs and the largest that is left out; only where rays of several cameras meet may there be more.
-            candidates: Vec::with_capacity(1 + views.len() * (tuning.blobs.max_blobs + 1)),
+            // The prediction, what moves and, for each camera, its blobs and the largest that is left out; only where rays of several cameras meet may there be more.
+            candidates: Vec::with_capacity(
+                1 + exposures::BLOBS + views.len() * (tuning.blobs.max_blobs + 1),
+            ),
             buffers: Buffers {
                 frames: Vec::with_capacity(views.len()),
                 associated: Vec::with_capacity(tuning.detection.max_detections),

@@ -105,29 +105,35 @@ impl Detector {
             let origin = Origin::Motion(CameraId::new(frame.camera()), blob);
             candidates.push(Candidate::new(origin, Verdict::NoEdges));
             let streak = (candidates.len() - 1, &blob, &MOVING_FACTORS[..]);
-            self.fit_streak_of_blob((edge, frame), size, candidates, streak);
+            if !self.fit_streak_of_blob((edge, frame), size, candidates, streak) {
+                candidates.pop();
+            }
         }
     }
 
-    /// Fits a blob as streaks of several widths and lengths, until one is certain.
+    /// Fits a blob as streaks of several widths and lengths, until one is certain. Returns whether there is a position at which it may be one.
     fn fit_streak_of_blob(
         &mut self,
         (edge, frame): (&mut EdgeCue, &EdgeFrame),
         size: SizePrior,
         candidates: &mut [Candidate],
         (number, blob, factors): (usize, &Blob, &[[f64; 2]]),
-    ) {
+    ) -> bool {
+        let mut has_position = false;
         for &factors in factors {
             let Some(streak_m) = self.candidates.streak_m(edge, frame, blob, factors, &size) else {
                 continue;
             };
+            has_position = true;
             let frames = std::slice::from_ref(frame);
-            let log_ratio =
-                self.fit_streak((edge, frames), (None, size), candidates, (number, streak_m));
-            if log_ratio > self.tuning.sure_log_ratio {
+            let streak = (number, streak_m);
+            if self.fit_streak((edge, frames), (None, size), candidates, streak)
+                > self.tuning.sure_log_ratio
+            {
                 break;
             }
         }
+        has_position
     }
 
     /// Returns whether a blob is long enough, and wide enough to have a form.
