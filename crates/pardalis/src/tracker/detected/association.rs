@@ -137,7 +137,7 @@ impl DetectedTarget {
         let region = self.existence.region;
         let outside = 0.5 * region.squared_sigmas(position_m, &information);
         let is_new_streak = detection.is_streak() && candidate.origin != Origin::Prediction;
-        let streak = if detection.is_streak() && self.contradicts_streak(detection) {
+        let streak = if detection.is_streak() && self.contradicts_streak(detection, is_moving) {
             f64::from(self.tuning.existence.missed_nats)
         } else if is_new_streak && !is_moving {
             tuning.new_streak_nats
@@ -192,18 +192,26 @@ impl DetectedTarget {
         })
     }
 
-    /// Returns whether a streak is longer than the way from where the target was before: what moves while the shutter is open moves between the frames too.
-    fn contradicts_streak(&self, detection: &Detection) -> bool {
+    /// Returns whether a streak is longer than the way from where the target was before: what moves while the shutter is open moves between the frames too. If the target
+    /// probably exists, a streak that was found because it moves must be no longer than the predicted way: it may be the part of an outline at rest that something
+    /// else leaves visible.
+    fn contradicts_streak(&self, detection: &Detection, is_moving: bool) -> bool {
         let tuning = &self.tuning;
-        if self.filter.existence() < tuning.detection.min_predicted_existence {
+        let existence = self.filter.existence();
+        if existence < tuning.detection.min_predicted_existence {
             return false;
         }
         let Some(predicted) = self.filter.estimate(0.0) else {
             return false;
         };
         let velocity_mps = Vector3::from(predicted.velocity_mps.unwrap_or_default());
-        let before_m = Vector3::from(predicted.position_m) - self.since_s * velocity_mps;
-        let way_m = (Vector3::from(detection.position_m()) - before_m).norm();
+        let predicted_m = self.since_s * velocity_mps;
+        let way_m = if is_moving && existence > 0.5 {
+            predicted_m.norm()
+        } else {
+            let before_m = Vector3::from(predicted.position_m) - predicted_m;
+            (Vector3::from(detection.position_m()) - before_m).norm()
+        };
         let length_m = Vector3::from(detection.displacement_m()).norm();
         way_m < tuning.association.min_way_share * length_m
     }
