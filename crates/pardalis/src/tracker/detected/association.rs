@@ -193,7 +193,7 @@ impl DetectedTarget {
     }
 
     /// Returns whether a streak is longer than the way from where the target was before: what moves while the shutter is open moves between the frames too. If the target
-    /// probably exists, a streak that was found because it moves must be no longer than the predicted way: it may be the part of an outline at rest that something
+    /// surely exists, a streak that was found because it moves must be no longer than the predicted way: it may be the part of an outline at rest that something
     /// else leaves visible.
     fn contradicts_streak(&self, detection: &Detection, is_moving: bool) -> bool {
         let tuning = &self.tuning;
@@ -206,7 +206,7 @@ impl DetectedTarget {
         };
         let velocity_mps = Vector3::from(predicted.velocity_mps.unwrap_or_default());
         let predicted_m = self.since_s * velocity_mps;
-        let way_m = if is_moving && existence > 0.5 {
+        let way_m = if is_moving && existence > tuning.detection.sure_existence {
             predicted_m.norm()
         } else {
             let before_m = Vector3::from(predicted.position_m) - predicted_m;
