@@ -6,12 +6,13 @@ use crate::tuning::BackgroundTuning;
 use crate::view::PreparedFrame;
 use pardalis_camera::Mask;
 
-/// Blocks of pixels are so large that at most this many are in a row. Hand-set: streaks are much longer, and the mean of a block has less noise.
+/// The greatest number of blocks in a row. Hand-set: streaks are much longer, and the mean of a block has less noise.
 const COLUMNS: usize = 320;
 /// Shares of the target in mixtures with what is there without it. Hand-set: streaks up to twice as long as the target.
 const SHARES: [f32; 5] = [1.0, 0.75, 0.55, 0.4, 0.3];
-/// One in so many blocks is compared to find how much the whole image has changed. Derivation: more than a thousand samples of most images.
-const SAMPLING_STEP: usize = 32;
+/// Every 31st block tells how much the whole image has changed. Derivation: a thousand samples and more of most images; a divisor of the columns would sample a few
+/// of them only.
+const SAMPLING_STEP: usize = 31;
 
 /// The background of one camera's images, in blocks of pixels. Owns its buffers.
 #[derive(Debug, Default)]
@@ -23,7 +24,7 @@ pub(crate) struct Background {
     /// The mean raw bytes of each block in the latest image, and in those before it. Blocks with masked pixels are NaN.
     latest: Vec<[f32; 3]>,
     before: Vec<[f32; 3]>,
-    /// Of the raw bytes, and how Y, U and V change with each.
+    /// The kind of the raw bytes, and how Y, U and V change with each of them.
     kind: Option<PixelKind>,
     yuv_per_byte: [[f32; 3]; 3],
     /// The number of images.

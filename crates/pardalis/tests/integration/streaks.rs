@@ -1,9 +1,9 @@
 //! Balls so fast that they are only seen as pale streaks.
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Translation3, Vector3};
 use pardalis::camera::{Pinhole, Pose};
 use pardalis::color::{ColorModel, YuvEncoding};
-use pardalis::tracker::{DetectedSettings, Origin, TrackState};
+use pardalis::tracker::{Candidate, DetectedSettings, Origin, TrackState};
 use pardalis::view::View;
 use pardalis::{CameraId, FrameSet, PixelFormat, TargetId, Tracker};
 use pardalis_core::simd::Level;
@@ -60,8 +60,9 @@ fn picture(index: usize, exposure: f64) -> (RgbImage, Vec<bool>) {
     (picture, mask)
 }
 
-/// Tracks the ball. Returns in how many frames it is tracked, how many radians it is off in these at most, and whether something was examined because it moves.
-fn tracked(change: impl FnOnce(&mut DetectedSettings)) -> (usize, f64, bool) {
+/// Tracks the ball. If there is another camera, which looks elsewhere, its frames come in between. Returns in how many frames the ball is tracked, how many radians it
+/// is off in these at most, and whether something was examined because it moves.
+fn tracked(has_other: bool, change: impl FnOnce(&mut DetectedSettings)) -> (usize, f64, bool) {
     let rgb = |picture: &RgbImage, time_s: f64| {
         frame(picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s)
     };
@@ -71,17 +72,30 @@ fn tracked(change: impl FnOnce(&mut DetectedSettings)) -> (usize, f64, bool) {
     change(&mut ball);
     let lens = Pinhole::new([FOCAL_PX; 2], [449.5, 79.5], &[]).unwrap();
     let size = (SIZE.0 as usize, SIZE.1 as usize);
-    let view = View::new(lens, Pose::identity(), size, None).unwrap();
-    let mut tracker = Tracker::new(vec![view], vec![ball], 1, Level::best()).unwrap();
+    let backwards = Pose::from_parts(
+        Translation3::identity(),
+        Rotation3::from_axis_angle(&Vector3::y_axis(), std::f64::consts::PI),
+    );
+    let poses = [Pose::identity(), backwards].into_iter();
+    let poses = poses.take(1 + usize::from(has_other));
+    let views = poses.map(|pose| View::new(lens, pose, size, None).unwrap());
+    let mut tracker = Tracker::new(views.collect(), vec![ball], 1, Level::best()).unwrap();
+    let elsewhere = RgbImage::from_pixel(SIZE.0, SIZE.1, [40, 60, 90]);
     let target = TargetId::new(0);
     let (mut count, mut most_rad, mut is_moving) = (0, 0.0_f64, false);
     for index in 0..FRAMES {
         let time_s = index as f64 / FPS;
         let frames = [(CameraId::new(0), rgb(&picture(index, EXPOSURE).0, time_s))];
         tracker.observe(&FrameSet::new(frames).unwrap()).unwrap();
-        let mut candidates = tracker.candidates(target).unwrap().flatten();
-        is_moving |= candidates.any(|candidate| matches!(candidate.origin, Origin::Motion(..)));
+        let is_of_motion = |candidate: &Candidate| matches!(candidate.origin, Origin::Motion(..));
+        let candidates = tracker.candidates(target).unwrap();
+        is_moving |= candidates.flatten().any(is_of_motion);
         let estimate = tracker.estimate(target).unwrap();
+        if has_other {
+            let time_s = time_s + 0.5 / FPS;
+            let frames = [(CameraId::new(1), rgb(&elsewhere, time_s))];
+            tracker.observe(&FrameSet::new(frames).unwrap()).unwrap();
+        }
         if estimate.state == TrackState::Tracking {
             count += 1;
             let found_m = Vector3::from(estimate.kinematics.unwrap().position_m);
@@ -93,13 +107,21 @@ fn tracked(change: impl FnOnce(&mut DetectedSettings)) -> (usize, f64, bool) {
 
 #[test]
 fn a_pale_streak_is_found_because_it_moves() {
-    let (count, off_rad, is_moving) = tracked(|_| {});
+    let (count, off_rad, is_moving) = tracked(false, |_| {});
     assert!(is_moving);
     // Two frames must agree.
     assert!(count >= FRAMES - FIRST - 2, "{count}");
     // A tenth of its radius.
     assert!(off_rad < 0.1 * RADIUS_M / 4.0, "{off_rad}");
     // Without motion its colours are too pale.
-    let without = tracked(|ball| ball.tuning.background.min_change = 1000.0);
+    let without = tracked(false, |ball| ball.tuning.background.min_change = 1000.0);
     assert!(without.0 + 3 <= count && !without.2, "{without:?}");
+}
+
+#[test]
+fn frames_of_other_cameras_in_between_hide_no_motion() {
+    let (count, _, is_moving) = tracked(true, |_| {});
+    assert!(is_moving);
+    let (alone, ..) = tracked(false, |_| {});
+    assert!(count + 2 >= alone, "{count} {alone}");
 }

@@ -53,8 +53,9 @@ impl Ray {
 pub(super) struct CandidateSearch {
     geometry: Geometry,
     blobs: BlobSearch,
-    /// Of a single camera.
-    background: Background,
+    /// One per camera.
+    backgrounds: Vec<Background>,
+    /// What moves in the latest frame of a single camera.
     moving: BlobSearch,
     rays: Vec<Ray>,
 }
@@ -73,6 +74,7 @@ impl CandidateSearch {
     pub(super) fn new(
         shape: Shape,
         ground_z_m: Option<f64>,
+        cameras: usize,
         (detection, blobs, background): (DetectionTuning, BlobTuning, BackgroundTuning),
     ) -> Self {
         Self {
@@ -82,7 +84,7 @@ impl CandidateSearch {
                 ground_z_m,
             },
             blobs: BlobSearch::new(blobs),
-            background: Background::new(background),
+            backgrounds: (0..cameras).map(|_| Background::new(background)).collect(),
             moving: BlobSearch::new(blobs),
             rays: Vec::new(),
         }
@@ -130,17 +132,18 @@ impl CandidateSearch {
         Some((position_m, displacement_m.into()))
     }
 
-    /// Compares a single camera's frame with those before it, to find later what moves.
+    /// Compares a single camera's frame with those before it, to find later what moves. Frames of several cameras at one instant need no motion: their rays meet.
     pub(super) fn compare(&mut self, frames: &[EdgeFrame]) {
         if let [frame] = frames {
-            self.background.compare(frame.prepared());
+            self.backgrounds[frame.camera()].compare(frame.prepared());
         }
     }
 
     /// Finds what moves in the frame that was compared last and may be streaks of the target.
     pub(super) fn find_moving(&mut self, frame: &EdgeFrame) {
+        let background = &self.backgrounds[frame.camera()];
         self.moving
-            .find_moving(&self.background, |bytes| frame.matches(bytes));
+            .find_moving(background, |bytes| frame.matches(bytes));
     }
 
     /// What was found, the largest first.

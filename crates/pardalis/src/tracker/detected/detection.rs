@@ -58,7 +58,12 @@ impl Detector {
             shape,
             is_planar: ground_z_m.is_some(),
             unknown_sigma,
-            candidates: CandidateSearch::new(shape, ground_z_m, (tuning, blobs, background)),
+            candidates: CandidateSearch::new(
+                shape,
+                ground_z_m,
+                cameras,
+                (tuning, blobs, background),
+            ),
             since_search: 0,
             exposures: Exposures::default(),
             detections: Detections::with_room(room, cameras, points),
@@ -129,6 +134,7 @@ impl Detector {
             if predicted.existence < 0.5 {
                 self.fit_streaks_of_blobs((edge, frames), predicted.size, candidates, first);
             }
+            // What moves elsewhere is not the target while that is seen.
             if predicted_log_ratio < tuning.likely_log_ratio {
                 self.fit_moving_streaks((edge, frames), predicted.size, candidates);
             }

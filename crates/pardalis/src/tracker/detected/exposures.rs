@@ -8,7 +8,7 @@ const RATE: f64 = 0.3;
 pub(super) const LIKELY_SHARE: f64 = 0.5;
 /// By how much a target is wider than the blob of its streak, and the streak longer than follows from the blob, whose ends are too pale. Hand-set.
 pub(super) const BLOB_FACTORS: [[f64; 2]; 4] = [[1.3, 1.3], [1.3, 2.0], [1.8, 1.3], [1.8, 2.0]];
-/// The same for what moves, whose ends are seen as well.
+/// The same for what moves, whose pale ends differ from what was there before. Hand-set.
 pub(super) const MOVING_FACTORS: [[f64; 2]; 4] = [[1.0, 1.0], [1.0, 1.4], [1.2, 1.0], [0.85, 0.8]];
 /// Of how many blobs streaks are looked for, the largest first. Hand-set: bounds the time.
 pub(super) const BLOBS: usize = 3;
