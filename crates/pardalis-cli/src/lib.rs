@@ -94,7 +94,11 @@ pub fn main() -> ExitCode {
 /// Runs the command of the command line.
 #[cfg_attr(feature = "package", expect(dead_code))]
 fn run() -> ExitCode {
-    let outcome = match Arguments::parse().command {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(message) => return user_error::exit_code_of_usage(&message),
+    };
+    let outcome = match arguments.command {
         Command::Calibrate(arguments) => commands::calibrate::run(&arguments),
         Command::Demo(arguments) => commands::demo::run(&arguments),
         Command::Devices(arguments) => commands::devices::run(&arguments),

@@ -34,11 +34,14 @@ pub(crate) fn finish() -> anyhow::Result<()> {
         .lock()
         .unwrap_or_else(PoisonError::into_inner)
         .take();
-    match failure {
-        Some(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(anyhow::Error::new(error).context("standard output: cannot be written"))
-        }
-        _ => Ok(()),
+    failure.map_or(Ok(()), failed)
+}
+
+/// Fails because of this error of standard output, unless its reader closed the pipe.
+pub(crate) fn failed(error: io::Error) -> anyhow::Result<()> {
+    match error.kind() {
+        io::ErrorKind::BrokenPipe => Ok(()),
+        _ => Err(anyhow::Error::new(error).context("standard output: cannot be written")),
     }
 }
 

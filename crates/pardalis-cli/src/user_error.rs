@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use crate::output::note;
+use crate::output::{self, note};
 
 /// An error in the user's input or usage. The text states the problem, its position, and the remedy.
 #[derive(Debug, thiserror::Error)]
@@ -14,6 +14,15 @@ macro_rules! user_error {
     ($($argument:tt)*) => { anyhow::Error::new($crate::user_error::UserError(format!($($argument)*))) };
 }
 pub(crate) use user_error;
+
+/// Prints help, the version, or what is wrong with the command line, and returns the exit code.
+pub(crate) fn exit_code_of_usage(message: &clap::Error) -> ExitCode {
+    let printed = message.print();
+    if message.use_stderr() {
+        return ExitCode::from(2);
+    }
+    exit_code_of(&printed.map_or_else(output::failed, Ok))
+}
 
 /// Prints the error of a failed command and returns its exit code.
 ///

@@ -25,11 +25,12 @@ impl fmt::Display for Problem {
             0 => f.write_str("as set")?,
             line => write!(f, "line {line}")?,
         }
-        if self.key.is_empty() {
-            write!(f, ": {}", self.message)
-        } else {
-            write!(f, ": {}: {}", self.key, self.message)
+        // A line end in a key or in a file's name would make the rest look like a message of its own.
+        let in_line = |text: &str| text.replace('\n', "\\n");
+        if !self.key.is_empty() {
+            write!(f, ": {}", in_line(&self.key))?;
         }
+        write!(f, ": {}", in_line(&self.message))
     }
 }
 

@@ -10,6 +10,12 @@ const GROWTH: f64 = 0.25;
 /// Plots extend beyond the trusted positions by at least this much.
 const MIN_GROWTH_M: f64 = 0.1;
 
+/// Cameras are left out if they would shrink the path below this share of the longest side ...
+const MIN_PATH_SHARE: f64 = 0.2;
+
+/// ... where a target at rest counts as a path this long.
+const MIN_PATH_M: f64 = 0.2;
+
 /// Returns the range of all but the lowest and the highest percent of the values.
 pub(super) fn central(values: impl Iterator<Item = f64>) -> Option<RangeInclusive<f64>> {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
@@ -52,6 +58,20 @@ pub(super) fn shown_ranges_m(
         let reached = column(estimates_m, axis).into_iter();
         let reached = reached.map(|at_m| at_m.clamp(low_m, high_m));
         extent(reached.chain([*trusted.start(), *trusted.end()]))
+    })
+}
+
+/// Reports whether a camera is near enough to the shown path to be drawn with it.
+pub(super) fn is_near(camera_m: &[f64; 3], path_m: &[Option<RangeInclusive<f64>>; 3]) -> bool {
+    let length_m = |range: &RangeInclusive<f64>| range.end() - range.start();
+    let longest_m = path_m.iter().flatten().map(length_m);
+    let longest_m = longest_m.fold(MIN_PATH_M, f64::max);
+    let reach_m = longest_m / MIN_PATH_SHARE;
+    camera_m.iter().zip(path_m).all(|(at_m, path_m)| {
+        path_m.as_ref().is_none_or(|path_m| {
+            let both_m = path_m.end().max(*at_m) - path_m.start().min(*at_m);
+            both_m <= reach_m
+        })
     })
 }
 
@@ -184,5 +204,31 @@ mod tests {
             1.75,
         );
         assert_eq!(shown_ranges_m(&[], &[], &[]), [None, None, None]);
+    }
+
+    #[test]
+    fn cameras_are_near_unless_they_dwarf_the_path() {
+        let path_m = [Some(0.0..=1.0), Some(2.0..=2.5), Some(0.1..=0.1)];
+        for near in [
+            [0.5, 2.2, 0.1],
+            [-4.0, 2.0, 0.0],
+            [0.0, 7.0, 5.0],
+            [0.0, 0.0, -4.8],
+        ] {
+            assert!(is_near(&near, &path_m), "{near:?}");
+        }
+        for far in [
+            [-4.1, 2.0, 0.0],
+            [5.1, 2.0, 0.0],
+            [0.0, 7.1, 0.0],
+            [0.0, 0.0, 5.2],
+        ] {
+            assert!(!is_near(&far, &path_m), "{far:?}");
+        }
+        // A target at rest, and no path.
+        let still_m = [Some(1.0..=1.0), Some(0.0..=0.0), Some(0.0..=0.0)];
+        assert!(is_near(&[0.0, 0.0, 1.0], &still_m));
+        assert!(!is_near(&[0.0, 0.0, 1.1], &still_m));
+        assert!(is_near(&[1e3; 3], &[None, None, None]));
     }
 }

@@ -406,7 +406,7 @@ impl Figures<'_> {
             }
             self.draw_ends(&picture, &stage)?;
             self.draw_names(&picture, &stage)?;
-            if let Some(note) = self.note(outside) {
+            if let Some(note) = self.map_note(outside) {
                 write_note(&picture, &note)?;
             }
             Ok(())

@@ -32,10 +32,7 @@ pub(crate) fn write_path_figures(
     let tracks = groups
         .iter()
         .flat_map(|group| group.tracks.iter().map(|track| (&*group.name, track)));
-    let mut figures = Figures::new(tracks, truth, cameras);
-    if reaches_far {
-        figures = figures.reaching_far();
-    }
+    let figures = Figures::new(tracks, truth, cameras, reaches_far);
     let mut paths = Vec::new();
     for (name, document) in [("top", figures.above()?), ("3d", figures.oblique()?)] {
         paths.extend(write_svg_and_png(

@@ -8,7 +8,7 @@ use plotters::style::text_anchor::HPos;
 
 use super::camera_symbol::CameraSymbol;
 use super::legend::{self, Key, camera_mark, end_mark, start_mark};
-use super::limits::{clipped, is_inside, outside_note, shown_ranges_m};
+use super::limits::{clipped, is_inside, is_near, outside_note, shown_ranges_m};
 use super::panel::{
     Axis, BOTTOM_PX, LEFT_PX, Panel, RIGHT_PX, TOP_PX, draw_path, equal_scales, extent, padded,
     panel, runs, write_note,
@@ -65,7 +65,8 @@ pub(crate) const TRACK_PLOTS: [&str; 4] = ["above", "side", "3d", "coordinates"]
 /// a folder that must exist. Returns the paths of the files.
 ///
 /// Positions that are not finite or beyond 100 km count as missing. Estimates far from the truth (without truth, far
-/// from 98 % of the estimates) are cut off, and a note states their number.
+/// from 98 % of the estimates) are cut off, and a note states their number. Cameras that would shrink the paths to a
+/// fifth of a plot are left out, and a note states their distance.
 pub(crate) fn write_track_plots(
     folder: &Path,
     series: &[TrackSeries],
@@ -73,7 +74,7 @@ pub(crate) fn write_track_plots(
     cameras: &[CameraSymbol],
 ) -> anyhow::Result<Vec<PathBuf>> {
     let tracks = series.iter().map(|track| (&*track.name, track));
-    let figures = Figures::new(tracks, truth, cameras);
+    let figures = Figures::new(tracks, truth, cameras, false);
     let mut paths = Vec::new();
     let drawings = [
         figures.above()?,
@@ -133,7 +134,10 @@ impl Trace {
 pub(super) struct Figures<'a> {
     pub(super) tracks: Vec<Trace>,
     pub(super) truth: Vec<Trace>,
+    /// The cameras near the paths.
     pub(super) cameras: Vec<&'a CameraSymbol>,
+    /// The note about the cameras that are too far away to be drawn.
+    far_cameras: Option<String>,
     /// The names of targets or groups, each once.
     names: Vec<&'a str>,
     /// Opacity and width in pixels of tracks; translucent and thin if there are many.
@@ -187,12 +191,41 @@ pub(super) fn free_row(taken: &mut Vec<(i32, i32)>, mark: (i32, i32)) -> i32 {
     row.1
 }
 
+/// Returns the note about cameras that are left out, with their distances from the middle of the path.
+fn far_note(
+    cameras: &[&CameraSymbol],
+    path_m: &[Option<RangeInclusive<f64>>; 3],
+) -> Option<String> {
+    let distance_m = |camera: &CameraSymbol| {
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let middle_m = path_m[axis].as_ref().map(|m| 0.5 * (m.start() + m.end()));
+            camera.position_m()[axis] - middle_m.unwrap_or(0.0)
+        });
+        libm::sqrt(x * x + y * y + z * z)
+    };
+    let distances_m = cameras.iter().map(|camera| distance_m(camera));
+    let nearest_m = distances_m.fold(f64::INFINITY, f64::min);
+    match cameras {
+        [] => None,
+        [camera] => {
+            let name = shortened(&camera.name, 16);
+            Some(format!("{name} is {nearest_m:.1} m away"))
+        }
+        _ => Some(format!(
+            "{} cameras are {nearest_m:.1} m away or farther",
+            cameras.len()
+        )),
+    }
+}
+
 impl<'a> Figures<'a> {
-    /// Creates the figures of tracks with the names of their targets or groups.
+    /// Creates the figures of tracks with the names of their targets or groups. They show the estimates that are not far
+    /// from the truth; without truth, or if `reaches_far` is set, those not far from 98 % of the estimates.
     pub(super) fn new(
         series: impl Iterator<Item = (&'a str, &'a TrackSeries)>,
         truth: &[TruthSeries],
         cameras: &'a [CameraSymbol],
+        reaches_far: bool,
     ) -> Self {
         let mut names: Vec<&str> = Vec::new();
         let mut tracks = Vec::new();
@@ -228,27 +261,27 @@ impl<'a> Figures<'a> {
             unseen_opacity: if are_many { 1.0 } else { 0.35 },
             mark_size: if are_many { 0.6 } else { 1.0 },
             truth: truth.collect(),
-            cameras: cameras.collect(),
+            cameras: Vec::new(),
+            far_cameras: None,
             tracks,
             names,
             shown_m: [None, None, None],
             path_m: [None, None, None],
         };
-        let cameras_m: Vec<_> = figures.cameras.iter().map(|c| c.position_m()).collect();
-        figures.shown_m = shown_ranges_m(
-            &places_m(&figures.tracks),
-            &places_m(&figures.truth),
-            &cameras_m,
-        );
-        figures.path_m = shown_ranges_m(&places_m(&figures.tracks), &places_m(&figures.truth), &[]);
+        let estimates_m = places_m(&figures.tracks);
+        let truth_m = if reaches_far {
+            Vec::new()
+        } else {
+            places_m(&figures.truth)
+        };
+        figures.path_m = shown_ranges_m(&estimates_m, &truth_m, &[]);
+        let (near, far): (Vec<_>, Vec<_>) =
+            cameras.partition(|camera| is_near(&camera.position_m(), &figures.path_m));
+        let cameras_m: Vec<_> = near.iter().map(|c| c.position_m()).collect();
+        figures.shown_m = shown_ranges_m(&estimates_m, &truth_m, &cameras_m);
+        figures.far_cameras = far_note(&far, &figures.path_m);
+        figures.cameras = near;
         figures
-    }
-
-    /// Extends the plots to nearly all estimates, however far from the truth.
-    pub(super) fn reaching_far(mut self) -> Self {
-        let cameras_m: Vec<_> = self.cameras.iter().map(|c| c.position_m()).collect();
-        self.shown_m = shown_ranges_m(&places_m(&self.tracks), &[], &cameras_m);
-        self
     }
 
     /// Returns all estimates of all tracks.
@@ -270,8 +303,18 @@ impl<'a> Figures<'a> {
         }
     }
 
+    /// Returns the note for a map that leaves out estimates or cameras, or has none.
+    pub(super) fn map_note(&self, outside: usize) -> Option<String> {
+        let notes: Vec<String> = self
+            .note(outside)
+            .into_iter()
+            .chain(self.far_cameras.clone())
+            .collect();
+        (!notes.is_empty()).then(|| notes.join("; "))
+    }
+
     /// Returns the note for a plot that leaves out estimates or has none.
-    pub(super) fn note(&self, outside: usize) -> Option<String> {
+    fn note(&self, outside: usize) -> Option<String> {
         let all = self.estimates().count();
         if all == 0 {
             return Some("no estimate".to_owned());
@@ -353,9 +396,11 @@ impl<'a> Figures<'a> {
                     self.draw_band(&mut panel, track, axis, &range_m)?;
                 }
                 let ranges = [time_s.clone(), range_m];
-                self.draw_paths(area, &mut panel, &ranges, |p| {
-                    [p.time_s, p.position_m[axis]]
-                })?;
+                let outside =
+                    self.draw_paths(&mut panel, &ranges, |p| [p.time_s, p.position_m[axis]])?;
+                if let Some(note) = self.note(outside) {
+                    write_note(area, &note)?;
+                }
             }
             Ok(())
         })
@@ -410,14 +455,13 @@ impl<'a> Figures<'a> {
     }
 
     /// Draws tracks, pale where the target was not seen, and the truth as a thin line on top so that both are visible. Parts outside the panel are cut
-    /// off; a note states how many estimates they contain.
+    /// off; returns how many estimates they contain.
     fn draw_paths(
         &self,
-        area: &Area<'_>,
         panel: &mut Panel<'_>,
         ranges: &[Range<f64>; 2],
         place: impl Fn(&Point) -> [f64; 2],
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<usize> {
         for (paths, (opacity, width_px)) in [(&self.tracks, self.stroke), (&self.truth, (1.0, 1.0))]
         {
             for path in paths {
@@ -433,10 +477,7 @@ impl<'a> Figures<'a> {
             }
         }
         let outside = self.estimates().filter(|p| !is_inside(&place(p), ranges));
-        if let Some(note) = self.note(outside.count()) {
-            write_note(area, &note)?;
-        }
-        Ok(())
+        Ok(outside.count())
     }
 
     /// Draws the projection to the plane of two of the coordinates x, y, z.
@@ -450,7 +491,7 @@ impl<'a> Figures<'a> {
             [0, 1].map(|i| Axis::new(ranges_m[i].clone(), COORDINATES[axes[i]]));
         let mut panel = panel(area, &horizontal, &vertical)?;
         let flat = |position_m: [f64; 3]| axes.map(|axis| position_m[axis]);
-        self.draw_paths(area, &mut panel, &ranges_m, |p| flat(p.position_m))?;
+        let outside = self.draw_paths(&mut panel, &ranges_m, |p| flat(p.position_m))?;
         let seen = |point: &Point| {
             let place_m = flat(point.position_m);
             is_inside(&place_m, &ranges_m).then_some((place_m[0], place_m[1]))
@@ -465,7 +506,11 @@ impl<'a> Figures<'a> {
             }
         }
         let middle_m = 0.5 * (ranges_m[0].start + ranges_m[0].end);
-        self.draw_cameras(&mut panel, flat, middle_m)
+        self.draw_cameras(&mut panel, flat, middle_m)?;
+        if let Some(note) = self.map_note(outside) {
+            write_note(area, &note)?;
+        }
+        Ok(())
     }
 
     /// Marks the cameras and writes their names on the side with more room.

@@ -239,14 +239,47 @@ fn the_true_path_of_a_thrown_ball_is_drawn() {
 }
 
 #[test]
-fn far_cameras_do_not_flatten_the_plot_over_time() {
-    let plot = |folder: &str, cameras: &[CameraSymbol]| {
+fn far_cameras_do_not_flatten_the_plots() {
+    let plots = |folder: &str, cameras: &[CameraSymbol]| {
         let folder = test_folder(folder);
         let paths = write_track_plots(&folder, &[helix("ball", 0.0)], &[], cameras).unwrap();
-        std::fs::read_to_string(&paths[6]).unwrap()
+        let svgs = paths.iter().step_by(2);
+        let svgs: Vec<String> = svgs
+            .map(|path| std::fs::read_to_string(path).unwrap())
+            .collect();
+        svgs.try_into().unwrap()
     };
-    let far = camera("far", [100.0, 60.0, 30.0]);
-    assert_eq!(plot("plots-far", &[far]), plot("plots-alone", &[]));
+    let alone: [String; 4] = plots("plots-alone", &[]);
+    let far = || camera("far", [100.0, 60.0, 30.0]);
+    let one: [String; 4] = plots("plots-far", &[far()]);
+    let two: [String; 4] = plots("plots-far-two", &[far(), camera("too", [0.0, 0.0, 80.0])]);
+    let near: [String; 4] = plots(
+        "plots-far-and-near",
+        &[far(), camera("near", [1.0, 1.0, 1.0])],
+    );
+    let path = |svg: &str| {
+        let path = svg
+            .lines()
+            .find(|line| line.contains("<polyline") && line.contains("stroke-width=\"25\""));
+        path.map(str::to_owned)
+    };
+    for map in 0..3 {
+        assert!(one[map].contains("far is 120.2 m away"), "{}", one[map]);
+        assert!(
+            two[map].contains("2 cameras are 79.4 m away or farther"),
+            "{}",
+            two[map]
+        );
+        assert!(
+            near[map].contains("far is") && near[map].contains("near"),
+            "{}",
+            near[map]
+        );
+        assert_eq!(path(&one[map]), path(&alone[map]));
+    }
+    for others in [&one, &two, &near] {
+        assert_eq!(others[3], alone[3]);
+    }
 }
 
 #[test]

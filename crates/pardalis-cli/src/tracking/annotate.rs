@@ -30,12 +30,37 @@ const CONTOUR_POINTS: usize = 72;
 /// position.
 const ARROW_LENGTH: f64 = 4.0;
 
-/// Removes the frames of an earlier run, which might have been longer.
+/// The folder of annotated frames among the results.
+const FOLDER: &str = "annotated";
+
+/// Removes the frames of an earlier run from its results, which would be of other rows, and folders that are empty then.
+pub(super) fn remove_old(output: &Path) {
+    let folder = output.join(FOLDER);
+    // Through a link, frames elsewhere would be removed.
+    let is_folder =
+        |path: &PathBuf| fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_dir());
+    if !is_folder(&folder) {
+        return;
+    }
+    let entries = fs::read_dir(&folder).into_iter().flatten().flatten();
+    let cameras: Vec<PathBuf> = entries
+        .map(|entry| entry.path())
+        .filter(is_folder)
+        .collect();
+    for folder in cameras.into_iter().chain([folder]) {
+        // What cannot be removed does no harm to the new results, and other files stay.
+        let _ = remove_frames(&folder);
+        let _ = fs::remove_dir(&folder);
+    }
+}
+
 fn remove_frames(folder: &Path) -> std::io::Result<()> {
     for entry in fs::read_dir(folder)? {
-        let path = entry?.path();
+        let entry = entry?;
+        let path = entry.path();
         let stem = path.file_stem().unwrap_or_default().as_encoded_bytes();
-        let is_frame = stem.len() >= 6 && stem.iter().all(u8::is_ascii_digit);
+        let is_frame =
+            entry.file_type()?.is_file() && stem.len() >= 6 && stem.iter().all(u8::is_ascii_digit);
         if is_frame && path.extension().is_some_and(|ending| ending == "jpg") {
             fs::remove_file(path)?;
         }
@@ -59,10 +84,9 @@ pub(crate) struct Annotator {
 }
 
 impl Annotator {
-    /// Creates the folder `annotated`, with one subfolder per camera if there are several, and removes the frames of an
-    /// earlier run.
+    /// Creates the folder `annotated`, with one subfolder per camera if there are several.
     pub(crate) fn create(output: &Path, scene: &Scene, options: &Options) -> Result<Self> {
-        let folder = output.join("annotated");
+        let folder = output.join(FOLDER);
         let camera_folders: Vec<PathBuf> = match &scene.cameras[..] {
             [_] => vec![folder.clone()],
             cameras => cameras
@@ -72,8 +96,7 @@ impl Annotator {
         };
         refuse_links(&folder)?;
         for folder in &camera_folders {
-            let ready = fs::create_dir_all(folder).and_then(|()| remove_frames(folder));
-            ready.map_err(|error| {
+            fs::create_dir_all(folder).map_err(|error| {
                 user_error!(
                     "{}: {error}; give a folder that can be written",
                     folder.display()

@@ -281,7 +281,7 @@ pub(crate) fn run_steps(
     })
 }
 
-/// Removes the summary, the plots and the candidates of an earlier run, which would not be of the new rows.
+/// Removes the summary, the pictures and the candidates of an earlier run, which would not be of the new rows.
 fn remove_old(folder: &Path) {
     let plots = TRACK_PLOTS
         .iter()
@@ -290,6 +290,7 @@ fn remove_old(folder: &Path) {
         // Usually there is none.
         let _ = std::fs::remove_file(folder.join(name));
     }
+    annotate::remove_old(folder);
 }
 
 /// Everything that takes the results of a run.

@@ -215,7 +215,10 @@ fn results_that_cannot_be_printed_are_an_error() {
     let data = crate::common::data();
     let truth = data.join("truth.csv");
     for arguments in [
-        &["track", "scene.toml", "-o", "out", "--no-plots"][..],
+        &["--help"][..],
+        &["track", "--help"],
+        &["--version"],
+        &["track", "scene.toml", "-o", "out", "--no-plots"],
         &["evaluate", "out", truth.to_str().unwrap()],
         &["locate", "scene.toml", "-o", "located"],
         &[
@@ -246,15 +249,24 @@ fn results_that_cannot_be_printed_are_an_error() {
 }
 
 #[test]
-fn plots_of_an_earlier_run_do_not_stay_beside_other_rows() {
+fn pictures_of_an_earlier_run_do_not_stay_beside_other_rows() {
     let place = Workplace::with_frames(3);
-    place.track_with(SCENE, &["-o", "out"]).fine();
-    assert_eq!(names_in(place.path("out")).len(), 10);
+    place.track_with(SCENE, &["-o", "out", "--annotate"]).fine();
+    assert_eq!(names_in(place.path("out")).len(), 11);
+    assert_eq!(names_in(place.path("out/annotated")).len(), 3);
     place.write("out/notes.txt", "mine");
+    place.write("out/annotated/best.jpg", "mine, too");
+    fs::create_dir(place.path("out/annotated/cam2")).unwrap();
+    place.write(
+        "out/annotated/cam2/000000.jpg",
+        "of a scene with two cameras",
+    );
     place.track(SCENE).fine();
+    assert_eq!(names_in(place.path("out/annotated")), ["best.jpg"]);
     assert_eq!(
         names_in(place.path("out")),
         [
+            "annotated",
             "notes.txt",
             "summary.json",
             "summary.previous.json",

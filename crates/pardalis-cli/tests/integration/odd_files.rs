@@ -86,6 +86,14 @@ fn a_small_file_with_a_huge_image_is_refused_by_its_header() {
 #[test]
 fn control_characters_in_names_do_not_reach_the_terminal() {
     let place = Workplace::with_frames(1);
+    for forged in [
+        "images = \"none\\nerror: x\"\nfps = 25",
+        "images = \"images\"\nfps = 25\n\"k\\nerror: x\" = 1",
+    ] {
+        let run = place.track(scene_with("images = \"images\"\nfps = 25", forged));
+        run.refused(&["\\nerror: x"]);
+        assert!(!run.stderr.contains("\nerror: x"), "{}", run.stderr);
+    }
     let name = "a\u{1b}[2J\u{202e}b.toml";
     place.write(name, "seed");
     let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));

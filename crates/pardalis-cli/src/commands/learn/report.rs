@@ -144,10 +144,14 @@ impl Report<'_> {
                 f,
                 "Fair: the target stands out by its colours, but is not found in every image; see below."
             ),
-            Verdict::Good if self.check.label_error().is_some() => writeln!(
-                f,
-                "Fair: the target stands out by its colours, but the labels do not follow its outline; see below."
-            ),
+            Verdict::Good
+                if self.check.label_error().is_some() || self.check.label_shift().is_some() =>
+            {
+                writeln!(
+                    f,
+                    "Fair: the target stands out by its colours, but the labels do not follow its outline; see below."
+                )
+            }
             Verdict::Good => writeln!(
                 f,
                 "Good: the target stands out from these images by its colours."
@@ -205,7 +209,7 @@ impl Report<'_> {
             return writeln!(
                 f,
                 "\nNot checked whether the detector finds the target: this is done for balls only, and no label is round and whole. \
-                 If it is a ball, label its whole outline, or draw boxes closely around it."
+                 If it is a ball, label its whole outline with --circle, or draw boxes closely around it with --rect."
             );
         }
         let found = balls - self.check.failures();
@@ -241,6 +245,13 @@ impl Report<'_> {
             writeln!(
                 f,
                 "The labels are about {percent:.0} % too {size} for the outlines in the images. {advice}"
+            )?;
+        }
+        if let Some(shift) = self.check.label_shift().filter(|_| !says_more) {
+            writeln!(
+                f,
+                "The labels are beside the ball by about {:.0} % of its radius, so that the background is learnt with it. Correct them.",
+                100.0 * shift
             )?;
         }
         match self.remedy {
@@ -362,7 +373,9 @@ fn row(check: &ImageCheck) -> String {
             let size = if error > 0.0 { "large" } else { "small" };
             format!("   label {:.0} % too {size}", 100.0 * error.abs())
         }
-        None => String::new(),
+        None => check.label_shift().map_or_else(String::new, |shift| {
+            format!("   label {:.0} % of the radius off", 100.0 * shift)
+        }),
     };
     format!("{label}   {}{remark}", found.circle)
 }

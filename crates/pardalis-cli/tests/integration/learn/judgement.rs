@@ -3,6 +3,7 @@
 use super::*;
 
 /// A labelled circle in an image of the folder data/real-balls/half.
+#[derive(Clone)]
 struct RealBall {
     image: String,
     center_px: [f64; 2],
@@ -41,6 +42,15 @@ impl RealBall {
         let [u, v] = self.center_px;
         let circle = format!("{u:.2},{v:.2},{:.2}", self.radius_px);
         ["--image", &self.image, "--circle", &circle].map(str::to_owned)
+    }
+
+    /// Returns the same ball beside its place, by a share of its radius in each direction.
+    fn shifted(&self, [right, down]: [f64; 2]) -> Self {
+        let [u, v] = self.center_px;
+        Self {
+            center_px: [u + right * self.radius_px, v + down * self.radius_px],
+            ..self.clone()
+        }
     }
 
     /// Returns a polygon along the outline, scaled.
@@ -93,6 +103,23 @@ fn labels_that_do_not_follow_the_outline_are_reported_and_not_called_good() {
                 .find(|line| line.to_lowercase().contains("the labels are"));
             let labels = labels.unwrap_or_else(|| panic!("{clip}, {expected}: {text}"));
             assert!(labels.contains(expected), "{text}");
+            assert!(!text.contains("Good"), "{text}");
+        }
+    }
+}
+
+#[test]
+fn labels_beside_the_ball_are_reported_and_not_called_good() {
+    for clip in ["pendulum", "roll"] {
+        for shift in [[0.25, 0.0], [0.18, 0.18]] {
+            let text = report_on_clip(clip, |ball| ball.shifted(shift).polygon(1.0));
+            assert_contains(
+                &text,
+                &[
+                    "The labels are beside the ball by about ",
+                    " % of the radius off",
+                ],
+            );
             assert!(!text.contains("Good"), "{text}");
         }
     }
