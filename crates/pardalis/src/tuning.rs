@@ -140,8 +140,6 @@ tuned! {
         min_shift_px: f64 = 0.01, "pixels", "hand-set: far below the noise of edges";
         /// When an outline is judged, each sector may deviate from it by up to this.
         judged_tolerance_px: f32 = 0.5, "pixels", "hand-set: larger ones excuse the corners of boxes";
-        /// The share of what the likeliest edges say that an outline in their middle misses by noise.
-        missed_noise_share: f32 = 0.45, "share", "experiment: between balls on real clips (0.1 to 0.5) and boxes, cans and cloths (0.5 to 1.2)";
         /// By how much it is less likely that an outline is a rectangle than that it is anything else but the ball.
         rectangle_rarity_nats: f64 = 5.0, "nats", "experiment: judges real balls as without rectangles";
         /// The scale of the logistic curve that the edge of a body at rest is, in the octave of a streak.

@@ -236,28 +236,6 @@ impl EdgeLines {
         (0..SECTORS).map(of_sector).sum()
     }
 
-    /// Returns by how much the outline around which the lines were placed, where each sector may deviate from it by up to a tolerance, is less likely than the likeliest
-    /// shift of each sector by itself, as far as the body is visible there, beyond a share of the likeliest ones' log-likelihood ratios.
-    pub fn missed_edge_nats(&self, tolerance_px: f64, noise_share: f64) -> f64 {
-        let count = self.points.len();
-        let (mut missed, mut all) = (0.0, 0.0);
-        for sector in 0..SECTORS {
-            let lines = || (0..count).filter(|k| k * SECTORS / count == sector);
-            let likeliest = (0..SHIFTS)
-                .map(|i| lines().map(|k| self.exponent * self.log_ratios[k][i]).sum())
-                .fold(f64::NEG_INFINITY, f64::max)
-                - self.anywhere[sector];
-            let likelihoods = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|share| {
-                let sum: f64 = lines().map(|k| self.at(k, share * tolerance_px)).sum();
-                (sum - self.anywhere[sector]).exp()
-            });
-            let fitted = (likelihoods.iter().sum::<f64>() / 5.0).ln().max(-4.0);
-            missed += self.visible[sector] * (likeliest - fitted).max(0.0);
-            all += self.visible[sector] * likeliest;
-        }
-        (missed - noise_share * all).max(0.0)
-    }
-
     /// Returns the log-likelihood ratio of rectangles around the middle of the outline around which the lines were placed: the mean likelihood of 36, whose sectors may
     /// deviate by up to a tolerance. Each line of a sector stands for its share of the sector's likelihood.
     pub fn rectangle_log_ratio(&self, tolerance_px: f64) -> f64 {

@@ -24,7 +24,6 @@ pub(crate) struct Detection {
     pub(super) coarse_log_ratio: f64,
     pub(super) judged_log_ratio: f64,
     pub(super) rectangle_nats: f64,
-    pub(super) missed_edge_nats: f64,
     /// The lines of each camera that sees it come first; the rest are buffers.
     pub(super) lines: Vec<CorrespondenceLines>,
     pub(super) camera_count: usize,
@@ -108,16 +107,9 @@ impl Detection {
         self.judged_log_ratio - self.rectangle_nats
     }
 
-    /// By how many nats the outline of a ball misses edges beside it, in the octave in which it is judged, summed over the cameras that see it: something else has these
-    /// edges, or covers it.
-    pub(crate) fn missed_edge_nats(&self) -> f64 {
-        self.missed_edge_nats
-    }
-
-    /// By how many nats its outline is likelier a rectangle than the target's, or misses edges, if the target itself may be covered: 0 at least. `missed_nats` are those that
-    /// count for missed edges.
-    pub(crate) fn contradiction_nats(&self, missed_nats: f64) -> f64 {
-        (self.rectangle_nats + missed_nats - self.judged_log_ratio.max(0.0)).max(0.0)
+    /// By how many nats its outline is likelier a rectangle than the target's, if the target itself may be covered: 0 at least.
+    pub(crate) fn contradiction_nats(&self) -> f64 {
+        (self.rectangle_nats - self.judged_log_ratio.max(0.0)).max(0.0)
     }
 
     /// How far the colours on both sides of its outline differ, grey levels: in the camera in which they differ most.

@@ -163,7 +163,6 @@ impl EdgeCue {
         let tolerance_px = self.tuning.judged_tolerance_px;
         detection.judged_log_ratio = 0.0;
         detection.rectangle_nats = 0.0;
-        detection.missed_edge_nats = 0.0;
         for lines in &mut detection.lines[..detection.camera_count] {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
@@ -183,9 +182,6 @@ impl EdgeCue {
             let sums = sums.map(|sums| log_mean_exp(&sums));
             detection.judged_log_ratio += f64::from(lines.log_likelihood_ratio(&sums));
             if let Some(rectangles) = self.rectangles.as_ref().filter(|_| !is_streak) {
-                let noise_share = self.tuning.missed_noise_share;
-                let missed_nats = lines.missed_edge_nats(&sums, noise_share);
-                detection.missed_edge_nats += f64::from(missed_nats);
                 let of_rectangle = rectangles.log_ratio(lines, &self.coordinates, tolerance_px);
                 let rarity = self.tuning.rectangle_rarity_nats;
                 detection.rectangle_nats +=

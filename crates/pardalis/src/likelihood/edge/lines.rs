@@ -20,10 +20,6 @@ const SURROUNDING_PX: std::ops::RangeInclusive<f32> = 3.0..=7.0;
 /// The weight of squared differences in U and V against those in Y, when surroundings are compared. Hand-set: chroma changes less with shadows.
 const CHROMA_WEIGHT: f32 = 2.0;
 
-/// No sector speaks against an outline by more than this, in nats, when its edge is elsewhere. Derivation: as in the likelihood of the whole outline, where something may
-/// occlude it with the least probability, ln 0.02.
-const LEAST_SECTOR_NATS: f32 = -4.0;
-
 /// Why no outline was fitted. Of several cameras the one counts that came nearest to a fit, the last of these.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 pub(crate) enum NoFit {
@@ -414,21 +410,6 @@ impl CorrespondenceLines {
             total += libm::logf(visible * libm::expf(log_ratio) + 1.0 - visible);
         }
         total
-    }
-
-    /// By how many nats an outline misses the likeliest edges where the body is visible, beyond a share of all that these edges say, for which noise accounts. `sums` are
-    /// those of the outline, as for [`CorrespondenceLines::log_likelihood_ratio`].
-    pub(super) fn missed_edge_nats(&self, sums: &[f32; SECTORS], noise_share: f32) -> f32 {
-        let (mut missed, mut all) = (0.0_f32, 0.0_f32);
-        for (sector, log_ratios) in self.sector_sums().iter().enumerate() {
-            let likeliest = log_ratios.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-            let [likeliest, fitted] =
-                [likeliest, sums[sector]].map(|sum| sum - self.anywhere[sector]);
-            let visible = self.visible[sector];
-            missed += visible * (likeliest - fitted.max(LEAST_SECTOR_NATS)).max(0.0);
-            all += visible * likeliest;
-        }
-        (missed - noise_share * all).max(0.0)
     }
 
     /// The probability that each sector is visible, given its sum.

@@ -37,14 +37,7 @@ impl DetectedTarget {
         associated.clear();
         for (number, detection) in detections.iter().enumerate() {
             let candidate = &mut candidates[detection.candidate()];
-            let is_alone = detections
-                .iter()
-                .all(|other| self.is_same_sight(frames, detection, other));
-            associated.extend(self.associate_one(
-                (number, detection, is_alone),
-                look_alikes,
-                candidate,
-            ));
+            associated.extend(self.associate_one(number, detection, look_alikes, candidate));
         }
         self.leave_out_sights(frames, detections, associated, candidates);
         if !self.track.is_known()
@@ -94,18 +87,6 @@ impl DetectedTarget {
         }
     }
 
-    /// Whether two detections are the same way from a camera that sees both, so that they may be one thing at different distances.
-    fn is_same_sight(&self, frames: &[EdgeFrame], one: &Detection, other: &Detection) -> bool {
-        let is_same_way = |camera: usize| {
-            let frame = frames.iter().find(|frame| frame.camera() == camera);
-            frame.is_some_and(|frame| self.are_same_way(frame.viewpoint_m(), other, one))
-        };
-        let mut cameras = one
-            .cameras()
-            .filter(|camera| other.cameras().any(|c| c == *camera));
-        cameras.any(is_same_way)
-    }
-
     /// Whether two detections are the same way from a viewpoint in the world, metres: nearer to each other than two distinct ones at their distance are.
     fn are_same_way(&self, viewpoint_m: Vector3<f64>, part: &Detection, whole: &Detection) -> bool {
         let [to_part, to_whole] =
@@ -120,7 +101,8 @@ impl DetectedTarget {
     /// detection, the less likely clutter is just there. `None` if its covariance is singular, or it moves and its outline says too little.
     fn associate_one(
         &self,
-        (number, detection, is_alone): (usize, &Detection, bool),
+        number: usize,
+        detection: &Detection,
         look_alikes: &LookAlikes,
         candidate: &mut Candidate,
     ) -> Option<AssociatedDetection> {
@@ -149,14 +131,7 @@ impl DetectedTarget {
             candidate.verdict = Verdict::OtherOutline;
             return None;
         }
-        // Fingers that cover a ball have edges beside its outline: they do not speak against what surely exists, nor against what alone looks like the target.
-        let missed_nats = if is_alone {
-            0.0
-        } else {
-            (1.0 - self.filter.existence()) * detection.missed_edge_nats()
-        };
-        let by_outline = ((judged - missed_nats) / cameras / tuning.log_ratio_scale
-            - tuning.clutter_nats)
+        let by_outline = (judged / cameras / tuning.log_ratio_scale - tuning.clutter_nats)
             .min(tuning.max_log_ratio);
         let covered = tuning.occluded_color_nats * (1.0 - detection.visible_share());
         let region = self.existence.region;
@@ -174,8 +149,7 @@ impl DetectedTarget {
             / (tuning.clear_contrast - tuning.faint_contrast);
         let faint = tuning.faint_nats * faint.clamp(0.0, 1.0);
         let likeness = by_outline - covered + by_color + by_size - outside - streak - faint;
-        let contradiction =
-            detection.contradiction_nats(missed_nats) / cameras / tuning.log_ratio_scale;
+        let contradiction = detection.contradiction_nats() / cameras / tuning.log_ratio_scale;
         let clutter_density = self.clutter_density();
         let place = (position_m, &covariance_m2);
         let assigned = self.assigned_nats(look_alikes, place, likeness, clutter_density);
