@@ -10,8 +10,8 @@ use pardalis_camera::Mask;
 const COLUMNS: usize = 320;
 /// Shares of the target in mixtures with what is there without it. Hand-set: streaks up to twice as long as the target.
 const SHARES: [f32; 5] = [1.0, 0.75, 0.55, 0.4, 0.3];
-/// Every 31st block tells how much the whole image has changed. Derivation: a thousand samples and more of most images; a divisor of the columns would sample a few
-/// of them only.
+/// How much the whole image has changed is measured on every 31st block. Derivation: most images then give at least a thousand samples. A step that divides the number
+/// of columns would sample the same few columns in every row.
 const SAMPLING_STEP: usize = 31;
 
 /// The background of one camera's images, in blocks of pixels. Owns its buffers.
