@@ -31,10 +31,13 @@ impl BodyColors {
     /// colour: inside the blur of the edge. Hand-set.
     pub const DEPTH_PX: std::ops::RangeInclusive<f32> = -6.0..=-1.2;
 
-    /// Summarises mean colours; `None` if there are none.
-    pub(super) fn new(means: Vec<[f32; 3]>) -> Option<Self> {
+    /// Summarises mean colours, rounded to the tenths that files hold; `None` if there are none.
+    pub(super) fn new(mut means: Vec<[f32; 3]>) -> Option<Self> {
         if means.is_empty() {
             return None;
+        }
+        for value in means.as_flattened_mut() {
+            *value = (10.0 * *value).round() / 10.0;
         }
         let count = means.len() as f64;
         let all: Vec<[f64; 3]> = means.iter().map(|mean| features(*mean)).collect();
@@ -154,7 +157,7 @@ mod tests {
             let parsed: BodyText = toml::from_str(text).unwrap();
             parsed.read()
         };
-        let colors = BodyColors::new(vec![ORANGE]).unwrap();
+        let colors = BodyColors::new(vec![[130.04, 79.96, 181.0]]).unwrap();
         let text = colors.to_text();
         let (_, section) = text.split_once("[body]").unwrap();
         assert_eq!(read(section).unwrap(), colors);
