@@ -588,7 +588,8 @@ fn view_of(
     if !fine {
         return None;
     }
-    View::new(camera.camera.clone(), camera.world_from_camera, size, mask).ok()
+    let view = View::new(camera.camera.clone(), camera.world_from_camera, size, mask).ok()?;
+    view.with_line_delay_s(camera.line_delay_s).ok()
 }
 
 /// Reads the colours of a body of the scene in the file at `path`.

@@ -45,6 +45,8 @@ pub struct CameraConfig {
     pub input: Input,
     /// Added to its time stamps, in seconds.
     pub time_offset_s: f64,
+    /// Time from the exposure of one row to that of the next, in seconds ([`pardalis::View::with_line_delay_s`]).
+    pub line_delay_s: f64,
     /// The frames that are read.
     pub frames: FrameRange,
     /// Its model. Until a rectangle is found in its images, the model of [`Plane::image`].
@@ -147,6 +149,13 @@ impl CameraConfig {
             )
             .within(-MAX_TIME_S..=MAX_TIME_S)
             .or(0.0);
+        let line_delay_s: f64 = table
+            .key(
+                "line_delay_s",
+                "Rolling shutter: time from the exposure of one row to that of the next, the readout time over the number of rows. The middle row is exposed at the frame's time. Detected targets take it into account.",
+            )
+            .within(-1.0..=1.0)
+            .or(0.0);
         let all = FrameRange::ALL;
         let frames = FrameRange {
             first: table
@@ -202,6 +211,7 @@ impl CameraConfig {
             name,
             input: input?,
             time_offset_s,
+            line_delay_s,
             frames,
             camera: optics.camera,
             rectangle: optics.rectangle,

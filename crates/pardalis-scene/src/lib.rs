@@ -170,6 +170,7 @@ impl Scene {
             .into_iter()
             .filter_map(|(name, table)| TargetConfig::read(name, table, &names))
             .collect();
+        warn_of_line_delays(table, &cameras, &targets);
         let max_delay_s = timing::read_max_delay_s(table, names.all.len());
         Self {
             seed,
@@ -179,5 +180,26 @@ impl Scene {
             warnings: Vec::new(),
             resolved: toml::Table::new(),
         }
+    }
+}
+
+/// Warns of targets for which the rolling shutters of cameras are not taken into account.
+fn warn_of_line_delays(root: &Table, cameras: &[CameraConfig], targets: &[TargetConfig]) {
+    let Some(camera) = cameras.iter().find(|camera| camera.line_delay_s != 0.0) else {
+        return;
+    };
+    let is_initialized =
+        |body: &BodyConfig| matches!(body.tracking, TrackingConfig::Initialized { .. });
+    let named = targets
+        .iter()
+        .filter(|target| target.bodies.iter().any(is_initialized));
+    let names: Vec<&str> = named.map(|target| target.name.as_str()).collect();
+    if !names.is_empty() {
+        let message = format!(
+            "line_delay_s of cameras.{} has no effect on initialised targets, whose cues take all rows for simultaneous: {}. Remove their start and published cues to have them detected",
+            camera.name,
+            names.join(", ")
+        );
+        root.warn("targets", message);
     }
 }

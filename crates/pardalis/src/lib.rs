@@ -49,6 +49,7 @@ pub mod rectify;
 #[doc(hidden)]
 #[allow(clippy::disallowed_methods)] // Plain mathematics, to compare with.
 pub mod reference;
+mod rolling_shutter;
 pub mod shape;
 pub mod start;
 pub mod tracker;

@@ -2,6 +2,8 @@
 
 use crate::Frame;
 use crate::color::{ColorRanges, MatchTable, Palette, PixelKind, PixelTable};
+use crate::rolling_shutter::RowMotion;
+use nalgebra::{Point3, Vector3};
 use pardalis_camera::Pose;
 use pardalis_camera::{Camera, Mask};
 use pardalis_core::Error;
@@ -15,6 +17,7 @@ pub struct View {
     width: usize,
     height: usize,
     mask: Option<Mask>,
+    line_delay_s: f64,
     tables: Vec<(Palette, PixelKind, PixelTable)>,
     match_tables: Vec<(ColorRanges, PixelKind, MatchTable)>,
     /// The previous frame, if it was kept.
@@ -49,10 +52,51 @@ impl View {
             width,
             height,
             mask,
+            line_delay_s: 0.0,
             tables: Vec::new(),
             match_tables: Vec::new(),
             before: None,
         })
+    }
+
+    /// Sets the time from the exposure of one row to that of the next, in seconds: the readout time over the number of rows, for cameras with a rolling shutter. Negative if the
+    /// lowest row is exposed first. The middle row is exposed at the time of the frame. Detected targets take it into account, initialised ones do not.
+    ///
+    /// Returns an error unless it lies within ±1 s.
+    pub fn with_line_delay_s(mut self, line_delay_s: f64) -> Result<Self, Error> {
+        if !(line_delay_s.abs() <= 1.0) {
+            return Err(Error::out_of_range("line_delay_s", line_delay_s, "-1 to 1"));
+        }
+        self.line_delay_s = line_delay_s;
+        Ok(self)
+    }
+
+    /// Returns the time from the exposure of one row to that of the next, in seconds; 0 if all rows are exposed at once.
+    pub fn line_delay_s(&self) -> f64 {
+        self.line_delay_s
+    }
+
+    /// Returns where a body was, in metres, when the rows that show it were exposed, given its position (metres) and velocity (m/s) at the time of the frame. Differs from its
+    /// position only with a rolling shutter.
+    pub fn shown_position_m(&self, position_m: [f64; 3], velocity_mps: [f64; 3]) -> [f64; 3] {
+        let Some(motion) = self.row_motion(position_m, velocity_mps) else {
+            return position_m;
+        };
+        let place_m = self.camera_from_world * Point3::from(position_m);
+        let shown_m = motion.shown_m(place_m.coords);
+        (self.world_from_camera * Point3::from(shown_m)).into()
+    }
+
+    /// The motion of a body at a position (metres) with a velocity (m/s) between the time of the frame and the exposure of its rows; `None` as for [`RowMotion::new`].
+    pub(crate) fn row_motion(
+        &self,
+        position_m: [f64; 3],
+        velocity_mps: [f64; 3],
+    ) -> Option<RowMotion> {
+        let middle = self.camera_from_world * Point3::from(position_m);
+        let velocity = self.camera_from_world.rotation * Vector3::from(velocity_mps);
+        let rows = (self.height, self.line_delay_s);
+        RowMotion::new(&self.camera, rows, middle.coords, velocity)
     }
 
     /// Returns the projection model.

@@ -11,7 +11,7 @@ use pardalis::view::View;
 use pardalis::{CameraId, Estimate, TargetId};
 use pardalis_filter::Particles;
 use pardalis_filter::estimate::StateEstimate;
-use pardalis_scene::{BodyConfig, Scene, TargetConfig};
+use pardalis_scene::{BodyConfig, Scene, TargetConfig, TrackingConfig};
 
 use super::{Annotate, Instant, Options, Sink};
 use crate::draw::PALETTE;
@@ -243,6 +243,7 @@ fn push_outlines(
         (known.position_m, Shape::WideContour, [0; 3]),
         (known.best_position_m, Shape::Contour, [255; 3]),
     ] {
+        let position_m = in_rows_m(known, position_m, body, view);
         for &scale in &scales {
             let points_px = body.shape.outline_px(
                 view.camera(),
@@ -258,6 +259,19 @@ fn push_outlines(
             });
         }
     }
+}
+
+/// Returns where the body was when a camera exposed the rows that show it. Initialised targets are fitted as if all rows were exposed at once.
+fn in_rows_m(
+    known: &StateEstimate,
+    position_m: [f64; 3],
+    body: &BodyConfig,
+    view: &View,
+) -> [f64; 3] {
+    let velocity_mps = known
+        .velocity_mps
+        .filter(|_| matches!(body.tracking, TrackingConfig::Detected { .. }));
+    view.shown_position_m(position_m, velocity_mps.unwrap_or_default())
 }
 
 /// Returns some of a body's particles, each at the pixel of its drawn position.
@@ -363,7 +377,9 @@ impl Sink for Annotator {
                     let bodies = bodies.ok()?;
                     let now = bodies.first()?;
                     let known = now.kinematics.as_ref()?;
-                    Some(zoomed(&target.bodies[0], now, known.position_m, view))
+                    let body = &target.bodies[0];
+                    let position_m = in_rows_m(known, known.position_m, body, view);
+                    Some(zoomed(body, now, position_m, view))
                 });
             let overlay = Overlay {
                 marks: self.marks(instant, view)?,

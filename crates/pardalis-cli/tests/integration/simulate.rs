@@ -174,6 +174,66 @@ fn images_and_times_have_the_configured_faults() {
     );
 }
 
+/// The mean distance of the positions in tracks.csv from those in truth.csv after 0.3 s, in metres.
+fn mean_error_m(tracks: &str, truth: &str) -> f64 {
+    let names = ["time_s", "x_m", "y_m", "z_m"];
+    let truth = columns(truth, names, "ball,left");
+    let tracks = columns(tracks, names, ",tracking,");
+    let distance_m = |[time_s, x, y, z]: [f64; 4]| {
+        let there = truth.iter().find(|row| (row[0] - time_s).abs() < 1e-6);
+        let [_, tx, ty, tz] = there.unwrap();
+        (x - tx).hypot(y - ty).hypot(z - tz)
+    };
+    let late = tracks.into_iter().filter(|row| row[0] > 0.3);
+    let errors_m: Vec<f64> = late.map(distance_m).collect();
+    assert!(errors_m.len() > 10, "{}", errors_m.len());
+    errors_m.iter().sum::<f64>() / errors_m.len() as f64
+}
+
+#[test]
+fn scenes_of_rolling_shutters_say_so_and_are_tracked_accordingly() {
+    let (before, timing) = WORLD.split_once("[cameras.right.timing]").unwrap();
+    let (_, after) = timing.split_once("[image]").unwrap();
+    let world = format!("{before}[image]{after}")
+        .replace("size_px = [96, 72]", "size_px = [320, 240]")
+        .replace("f_px = [100, 100]", "f_px = [333, 333]")
+        .replace("center_px = [47.5, 35.5]", "center_px = [159.5, 119.5]")
+        .replace("read_noise = 2", "read_noise = 2\nline_delay_s = 4e-4")
+        .replace(
+            "path.circle = { center_m = [0, 0, 0.25], radius_m = 0.15, period_s = 2 }",
+            "path.line = { position_m = [0, -0.25, 0.05], velocity_mps = [0, 0.6, 0.5] }",
+        );
+    let place = Place::with(&world);
+    place.run(&["simulate", "world.toml", "-o", "out"]).fine();
+    let scene = place.read("out/scene.toml");
+    assert_eq!(
+        scene.matches("line_delay_s = 0.0004\n").count(),
+        2,
+        "{scene}"
+    );
+    let initialized = place.run(&["check", "out/scene.toml"]);
+    let warning = "line_delay_s of cameras.left has no effect on initialised targets";
+    assert!(
+        initialized.stderr.contains(warning),
+        "{}",
+        initialized.stderr
+    );
+    // Without its start, the target is detected.
+    let (aware, _) = scene.split_once("[targets.ball.start").unwrap();
+    let unaware = aware.replace("line_delay_s = 0.0004\n", "");
+    fs::write(place.path("out/aware.toml"), aware).unwrap();
+    fs::write(place.path("out/unaware.toml"), unaware).unwrap();
+    let [aware_m, unaware_m] = ["aware", "unaware"].map(|name| {
+        let path = format!("out/{name}.toml");
+        place
+            .run(&["track", &path, "-o", name, "--no-plots"])
+            .fine();
+        let tracks = place.read(&format!("{name}/tracks.csv"));
+        mean_error_m(&tracks, &place.read("out/truth.csv"))
+    });
+    assert!(aware_m < 0.5 * unaware_m, "{aware_m} {unaware_m}");
+}
+
 #[test]
 fn bytes_depend_on_the_seed_but_not_on_the_number_of_threads() {
     let place = Place::with(WORLD);

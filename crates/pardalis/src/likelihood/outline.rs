@@ -1,5 +1,6 @@
 //! The projection kernel of the contour cue: the outlines of a block of particles in a camera's image.
 
+use crate::rolling_shutter::RowMotion;
 use crate::shape::{
     OutlineCircle, OutlinePoint, Shape, Sides, SidesKind, SphereOutline, VisibleBody,
 };
@@ -21,10 +22,22 @@ pub(super) struct Projector<'a> {
     /// The point that outlines are seen from, in the camera frame and in the world.
     viewpoint: [f32; 3],
     viewpoint_in_world: [f32; 3],
+    /// The matrix and the offset that map places in the camera frame to where they are shown, for a body in motion and a rolling shutter.
+    motion: Option<([[f32; 3]; 3], [f32; 3])>,
 }
 
 impl<'a> Projector<'a> {
     pub(super) fn new(view: &'a View) -> Self {
+        Self::moving(view, None)
+    }
+
+    /// The projector of a body that moves while the rows of a rolling shutter are exposed.
+    pub(super) fn moving(view: &'a View, motion: Option<&RowMotion>) -> Self {
+        let motion = motion.map(|motion| {
+            let (matrix, offset_m) = motion.shown_from_true();
+            let single = |row: usize| [0, 1, 2].map(|column| matrix[(row, column)] as f32);
+            ([0, 1, 2].map(single), [0, 1, 2].map(|i| offset_m[i] as f32))
+        });
         let pose = view.camera_from_world();
         let viewpoint = nalgebra::Point3::from(view.camera().viewpoint_m());
         let in_world = view.world_from_camera() * viewpoint;
@@ -35,6 +48,7 @@ impl<'a> Projector<'a> {
             translation: [0, 1, 2].map(|i| pose.translation.vector[i] as f32),
             viewpoint: single(viewpoint),
             viewpoint_in_world: single(in_world),
+            motion,
         }
     }
 
@@ -54,7 +68,7 @@ impl<'a> Projector<'a> {
                         block[1][lane] = y;
                         block[2][lane] = z;
                     }
-                    coordinates = project_block(&model, &block);
+                    coordinates = project_block(&model, &self.shown(&block));
                 },
             );
         });
@@ -74,7 +88,7 @@ impl<'a> Projector<'a> {
                 #[inline(always)]
                 || {
                     for (points, coordinates) in points.iter().zip(coordinates) {
-                        *coordinates = project_block(&model, points);
+                        *coordinates = project_block(&model, &self.shown(points));
                     }
                 },
             );
@@ -106,6 +120,23 @@ impl<'a> Projector<'a> {
             }
             *points = block;
         }
+    }
+
+    /// Where places in the camera frame are shown.
+    #[inline(always)]
+    fn shown(&self, places: &Points) -> Points {
+        let Some((matrix, offset)) = &self.motion else {
+            return *places;
+        };
+        let mut shown = *places;
+        for lane in 0..LANES {
+            for axis in 0..3 {
+                let [m0, m1, m2] = matrix[axis];
+                let [x, y, z] = [0, 1, 2].map(|i| places[i][lane]);
+                shown[axis][lane] = m0 * x + m1 * y + m2 * z + offset[axis];
+            }
+        }
+        shown
     }
 
     #[inline(always)]
@@ -331,6 +362,58 @@ impl<'a> Bodies<'a> {
                 block[2][lane] = z;
             }
             *points = block;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::outline_points;
+    use crate::shape::Sphere;
+    use pardalis_camera::{Equidistant, Pose};
+
+    #[test]
+    fn outlines_in_rolling_shutters_are_those_of_places_that_have_moved() {
+        let (position_m, velocity_mps, line_delay_s) = ([0.4, -0.5, 1.6], [3.0, -2.0, 0.5], 40e-6);
+        let lens = Equidistant::new(300.0, [319.5, 239.5], 3.0).unwrap();
+        let pose = Pose::translation(-0.1, 0.2, 0.3);
+        let view = View::new(lens, pose, (640, 480), None).unwrap();
+        let view = view.with_line_delay_s(line_delay_s).unwrap();
+        let shape = Shape::Sphere(Sphere::new(0.11, SphereOutline::Tangent).unwrap());
+        let kernel = OutlineKernel::new(shape, 24);
+        let motion = view.row_motion(position_m, velocity_mps).unwrap();
+        let velocity = view.camera_from_world().rotation * nalgebra::Vector3::from(velocity_mps);
+        let expected = outline_points(&view, &shape, position_m, 1.0, 24);
+        for level in Level::available() {
+            let mut points = [[[0.0; LANES]; 3]; 24];
+            let mut coordinates = [[[0.0; LANES]; 2]; 24];
+            let positions = position_m.map(|v| [v as f32; LANES]);
+            let projector = Projector::moving(&view, Some(&motion));
+            kernel.project(
+                level,
+                &projector,
+                &positions,
+                1.0,
+                &mut points,
+                &mut coordinates,
+            );
+            for ([u, v], point) in coordinates.iter().zip(&expected) {
+                let mut shown = point.coords;
+                for _ in 0..20 {
+                    let [_, row] = view.camera().project(shown.into()).unwrap();
+                    shown = point.coords + velocity * (line_delay_s * (row - 239.5));
+                }
+                let [x, y] = view.camera().project(shown.into()).unwrap();
+                let [x0, y0] = view.camera().project(point.coords.into()).unwrap();
+                let way_px = libm::hypot(x - x0, y - y0);
+                let off_px = libm::hypot(f64::from(u[0]) - x, f64::from(v[0]) - y);
+                // Rows are taken as a linear function of the place.
+                assert!(
+                    way_px > 2.0 && off_px < 0.02 * way_px,
+                    "{off_px} of {way_px}"
+                );
+            }
         }
     }
 }

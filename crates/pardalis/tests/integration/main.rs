@@ -9,6 +9,7 @@ mod locate_absent;
 mod locate_bias;
 mod no_io;
 mod rectify;
+mod rolling_shutter;
 mod seek;
 mod size;
 mod streaks;

@@ -42,6 +42,10 @@ pub(super) fn of(sequence: &Sequence) -> String {
             "\n[cameras.{}]\nimages = \"{folder}\"\ncalibration = \"cameras.toml\"\n",
             camera.name
         );
+        let line_delay_s = camera.image.line_delay_s;
+        if line_delay_s != 0.0 {
+            let _ = writeln!(text, "line_delay_s = {line_delay_s:?}");
+        }
         let errors = deliveries.iter().map(|d| d.stamp_s - d.time_s);
         let mean_s = errors.sum::<f64>() / deliveries.len() as f64;
         if mean_s != 0.0 {

@@ -6,6 +6,7 @@ use super::super::outline::Projector;
 use crate::color::{
     COARSEST_OCTAVE, ColorRanges, IlluminationCorrection, MatchTable, Palette, PixelKind,
 };
+use crate::rolling_shutter::RowMotion;
 use crate::view::PreparedFrame;
 use pardalis_camera::{LANES, Mask};
 use pardalis_core::simd::Level;
@@ -98,6 +99,8 @@ pub(crate) struct EdgeFrameContext<'a> {
     pub(crate) surrounding: Option<&'a Surrounding>,
     /// The outlines of look-alikes: an edge between the target and them is invisible.
     pub(crate) look_alikes: &'a Outlines,
+    /// How the target moves while the rows of a rolling shutter are exposed.
+    pub(crate) motion: Option<RowMotion>,
     /// The standard deviation of errors of the camera's pose, focal length and clock, in pixels; 0 for a camera without error.
     pub(crate) offset_sigma_px: f64,
 }
@@ -123,7 +126,7 @@ impl<'a> EdgeFrame<'a> {
         Self {
             camera,
             prepared,
-            projector: Projector::new(prepared.view()),
+            projector: Projector::moving(prepared.view(), context.motion.as_ref()),
             kind: PixelKind::of(prepared.frame()),
             in_ranges: context.colors.1.map(|ranges| prepared.match_table(ranges)),
             context,
@@ -149,6 +152,20 @@ impl<'a> EdgeFrame<'a> {
 
     pub(super) fn size(&self) -> (usize, usize) {
         self.prepared.view().size()
+    }
+
+    /// The ray of a pixel in the world: its origin, metres, and its direction. `None` outside of the lens's domain.
+    pub(crate) fn ray(&self, pixel: [f64; 2]) -> Option<(Point3<f64>, Vector3<f64>)> {
+        let view = self.prepared.view();
+        let ray = view.camera().unproject(pixel)?;
+        let (mut origin, mut direction) = (Vector3::from(ray.origin), Vector3::from(ray.direction));
+        if let Some(motion) = &self.context.motion {
+            let ahead = motion.true_m(origin + direction);
+            origin = motion.true_m(origin);
+            direction = (ahead - origin).normalize();
+        }
+        let pose = view.world_from_camera();
+        Some((pose * Point3::from(origin), pose * direction))
     }
 
     /// The point that outlines are seen from, in the world, metres.

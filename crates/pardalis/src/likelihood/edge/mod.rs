@@ -335,14 +335,16 @@ impl EdgeCue {
         points.filter(|point| point.iter().all(|v| v.is_finite()))
     }
 
-    /// Adds the outline that this camera has of a look-alike at a position and of a scale.
+    /// Adds the outline that this camera has of a look-alike at a position, with a velocity and of a scale.
     pub(crate) fn add_look_alike(
         &mut self,
         view: &View,
-        (position_m, scale): ([f64; 3], f64),
+        (position_m, velocity_mps, scale): ([f64; 3], [f64; 3], f64),
         outlines: &mut Outlines,
     ) {
-        outlines.push(self.outline_px(&Projector::new(view), position_m, scale));
+        let motion = view.row_motion(position_m, velocity_mps);
+        let projector = Projector::moving(view, motion.as_ref());
+        outlines.push(self.outline_px(&projector, position_m, scale));
     }
 
     /// The octave in which the latest projected outline, its first lane, is small enough to be judged as a whole.

@@ -108,6 +108,7 @@ pub(super) fn with_frames<T>(
     let look_alikes = Outlines::default();
     let frames = pictures.iter().enumerate().map(|(camera, (frame, _))| {
         let context = EdgeFrameContext {
+            motion: None,
             colors: (cue.palette(), cue.ranges()),
             posterior: &posteriors[camera],
             correction,

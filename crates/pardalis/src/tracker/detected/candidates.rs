@@ -33,12 +33,11 @@ struct Ray {
 impl Ray {
     /// The ray through a pixel, at which there is a blob of this area in square pixels.
     fn of(frame: &EdgeFrame, pixel: [f64; 2], area_px: f64) -> Option<Self> {
-        let view = frame.prepared().view();
-        let ray = view.camera().unproject(pixel)?;
+        let (origin, direction) = frame.ray(pixel)?;
         Some(Self {
             camera: frame.camera(),
-            origin: view.world_from_camera() * Point3::from(ray.origin),
-            direction: view.world_from_camera() * Vector3::from(ray.direction),
+            origin,
+            direction,
             area_px,
         })
     }

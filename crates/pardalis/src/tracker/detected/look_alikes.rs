@@ -22,15 +22,16 @@ impl<'a> LookAlikes<'a> {
         numbers.iter().filter_map(|&number| (self.detected)(number))
     }
 
-    /// The positions of those that probably exist, in metres, with their scales.
-    pub(super) fn places(&self) -> impl Iterator<Item = ([f64; 3], f64)> + '_ {
+    /// The positions of those that probably exist, in metres, with their velocities in m/s and their scales.
+    pub(super) fn places(&self) -> impl Iterator<Item = ([f64; 3], [f64; 3], f64)> + '_ {
         let all = self
             .targets(self.updated)
             .chain(self.targets(self.predicted));
         let known = all.filter(|other| other.filter.located() >= 0.5);
         known.filter_map(|other| {
-            let position_m = other.filter.estimate(0.0)?.position_m;
-            Some((position_m, other.size.known().scale()))
+            let known = other.filter.estimate(0.0)?;
+            let velocity_mps = known.velocity_mps.unwrap_or_default();
+            Some((known.position_m, velocity_mps, other.size.known().scale()))
         })
     }
 

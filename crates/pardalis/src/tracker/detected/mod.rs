@@ -237,7 +237,9 @@ impl DetectedTarget {
         let mut candidates = std::mem::take(&mut self.candidates);
         let mut frames = emptied(std::mem::take(&mut self.buffers.frames));
         let colors = (self.edge.palette(), self.edge.ranges());
+        let known = self.certain_motion();
         frames.extend(instant.frames.iter().map(|(camera, frame)| {
+            let view = &instant.views[*camera];
             let (image, adaptation) = (&self.images[*camera], &self.adaptations[*camera]);
             let context = EdgeFrameContext {
                 colors,
@@ -246,9 +248,12 @@ impl DetectedTarget {
                 correction: adaptation.correction(PixelKind::of(frame)),
                 surrounding: adaptation.surrounding(),
                 look_alikes: &image.look_alikes,
+                motion: known.and_then(|(position_m, velocity_mps)| {
+                    view.row_motion(position_m, velocity_mps)
+                }),
                 offset_sigma_px: self.agreement.sigma_px(*camera),
             };
-            EdgeFrame::new(*camera, instant.views[*camera].prepared(frame), context)
+            EdgeFrame::new(*camera, view.prepared(frame), context)
         }));
 
         let predicted = Prediction {
@@ -318,6 +323,15 @@ impl DetectedTarget {
 
         self.adapt(instant, statistics, &associated);
         self.buffers.associated = associated;
+    }
+
+    /// The predicted position (metres) and velocity (m/s) of a target that is known.
+    fn certain_motion(&self) -> Option<([f64; 3], [f64; 3])> {
+        let known = self
+            .filter
+            .estimate(0.0)
+            .filter(|_| self.track.is_known())?;
+        Some((known.position_m, known.velocity_mps?))
     }
 
     /// Prepares the colour posterior and the outlines of look-alikes in each camera's image.
