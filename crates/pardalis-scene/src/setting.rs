@@ -148,7 +148,7 @@ impl Setting for toml::Value {
         Type::Any
     }
     fn allowed() -> String {
-        "a value".to_owned()
+        "a value other than a date".to_owned()
     }
     const LIST: &'static str = "a list of values";
     fn read(value: &DeValue) -> Option<Self> {
@@ -157,7 +157,8 @@ impl Setting for toml::Value {
             DeValue::Integer(_) => Self::Integer(i64::read(value)?),
             DeValue::Boolean(value) => Self::Boolean(*value),
             DeValue::String(text) => Self::String(text.to_string()),
-            DeValue::Datetime(time) => Self::Datetime(*time),
+            // No setting is a date. After a syntax error it may have no part, and then panics when it is shown.
+            DeValue::Datetime(_) => return None,
             DeValue::Array(_) => Self::Array(Vec::read(value)?),
             DeValue::Table(_) => Self::Table(BTreeMap::read(value)?.into_iter().collect()),
         })
