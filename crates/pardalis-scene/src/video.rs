@@ -49,6 +49,8 @@ pub struct VideoSettings {
     pub duration_s: Option<f64>,
     /// The hardware that decodes.
     pub hardware: Option<Hardware>,
+    /// Whether the two fields of a frame are separated; `None` does so for files that say that they are interlaced.
+    pub deinterlace: Option<bool>,
     /// How long to wait for the first frame of anything but a file, in seconds.
     pub timeout_s: Option<f64>,
     /// How long to try to open a live source again that has ended or failed, in seconds.
@@ -252,6 +254,13 @@ pub(super) fn read_settings(camera: &Table) -> Option<VideoSettings> {
                 hardware: table
                     .key("hardware", "Decode with this hardware; `auto` picks one that is there.")
                     .depends("none")
+                    .optional(),
+                deinterlace: table
+                    .key(
+                        "deinterlace",
+                        "Take the first field of each frame and fill in the lines between. For interlaced video, as of capture cards: its fields are 20 ms apart, and edges of what moves look like combs.",
+                    )
+                    .depends("`true` for files that say that they are interlaced")
                     .optional(),
                 timeout_s: table
                     .key(

@@ -144,7 +144,8 @@ impl Programs {
         let time_base = time_base
             .and_then(|(n, d)| Some((n.parse().ok()?, d.parse().ok()?)))
             .filter(|&(n, d)| n > 0 && d > 0);
-        self.run(video, &[], filter, time_base.unwrap_or(FINE_TIME_BASE))
+        let filter = format!("{}{filter}", deinterlacing(video, stream));
+        self.run(video, &[], &filter, time_base.unwrap_or(FINE_TIME_BASE))
     }
 
     /// Starts to decode the first video stream of a live source, like [`Programs::decode`], in its own pixel format if it
@@ -158,7 +159,8 @@ impl Programs {
         } else {
             String::new()
         };
-        let filter = format!("{stamps}format={KEPT_FORMATS},{COLOR_FILTER}=checksum=0");
+        let first = deinterlacing(video, &ProbedStream::default());
+        let filter = format!("{stamps}{first}format={KEPT_FORMATS},{COLOR_FILTER}=checksum=0");
         self.run(video, &LIVE_OPTIONS, &filter, FINE_TIME_BASE)
     }
 
@@ -243,6 +245,22 @@ impl Programs {
             .with_context(|| format!("{} cannot be started", self.ffmpeg.display()))?;
         let has_new_name = String::from_utf8_lossy(&help.stdout).contains("-fps_mode");
         Ok(if has_new_name { "-fps_mode" } else { "-vsync" })
+    }
+}
+
+/// Reports whether the lines of the second field of each frame are filled in: on request, or if a file says that it is interlaced.
+pub(super) fn is_deinterlaced(video: &VideoInput, stream: &ProbedStream) -> bool {
+    let by_default = is_file(&video.place) && stream.is_interlaced();
+    video.settings.deinterlace.unwrap_or(by_default)
+}
+
+/// Returns ffmpeg's filter for this, with a comma; empty if there is none. The time stamp stays that of the first field.
+fn deinterlacing(video: &VideoInput, stream: &ProbedStream) -> &'static str {
+    match video.settings.deinterlace {
+        _ if !is_deinterlaced(video, stream) => "",
+        // Single frames of a file may be progressive.
+        None => "yadif=deint=interlaced,",
+        Some(_) => "yadif=deint=all,",
     }
 }
 
@@ -434,6 +452,8 @@ pub(super) struct ProbedStream {
     pub(super) pix_fmt: String,
     pub(super) color_space: String,
     pub(super) color_range: String,
+    /// The order of the fields; `tt`, `bb`, `tb` or `bt` if the video is interlaced.
+    pub(super) field_order: String,
     /// A number as text; empty if the container does not state it.
     pub(super) nb_frames: String,
     /// A fraction of a second as text.
@@ -460,6 +480,11 @@ impl ProbedStream {
             .map(|data| data.rotation.round() as i64)
             .find(|&rotation| rotation != 0)
             .unwrap_or(0)
+    }
+
+    /// Reports whether its frames consist of two fields that were taken one after the other.
+    pub(super) fn is_interlaced(&self) -> bool {
+        ["tt", "bb", "tb", "bt"].contains(&&*self.field_order)
     }
 
     /// Returns the time span of the frames that are read, if the container states it.
@@ -643,7 +668,8 @@ fn send(colors: &mut Option<Sender<ProbedStream>>, stream: &ProbedStream) {
 }
 
 /// Adds a line of the colour filter, such as `… n:   0 pts: … fmt:yuv420p … s:640x480 …`, which `… color_range:tv
-/// color_space:bt709 …` follows in most versions of ffmpeg. Reports whether nothing is left to add.
+/// color_space:bt709 …` follows in most versions of ffmpeg, and `i:T` or `i:B` for interlaced
+/// frames. Reports whether nothing is left to add.
 fn add_report(stream: &mut ProbedStream, report: &str) -> bool {
     let value_of = |key: &str| {
         let after = report.split_once(key)?.1;
@@ -654,6 +680,11 @@ fn add_report(stream: &mut ProbedStream, report: &str) -> bool {
     let is_next = format.is_some() && !stream.pix_fmt.is_empty();
     if let Some(format) = format.filter(|_| !is_next) {
         stream.pix_fmt = format;
+        stream.field_order = match value_of(" i:").as_deref() {
+            Some("T") => "tt".to_owned(),
+            Some("B") => "bb".to_owned(),
+            _ => String::new(),
+        };
     }
     let space = value_of("color_space:");
     let has_colors = space.is_some();

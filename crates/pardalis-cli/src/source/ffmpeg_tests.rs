@@ -70,7 +70,11 @@ fn colors_are_those_that_ffmpeg_reports() {
         assert!(add_report(&mut stream, last));
         let found = [&stream.pix_fmt, &stream.color_space, &stream.color_range];
         assert_eq!(found, ["yuv420p", space, range]);
+        assert!(!stream.is_interlaced());
     }
+    let mut stream = ProbedStream::default();
+    add_report(&mut stream, &frame.replace("i:P", "i:B"));
+    assert!(stream.is_interlaced());
     let mapping = "[info]   Stream #0:1 -> #0:0 (h264 (native) -> rawvideo (native))";
     assert_eq!(codec_in(mapping), Some("h264"));
     assert_eq!(codec_in("[info] Stream #0:0: Video: h264"), None);

@@ -85,7 +85,7 @@ pub(crate) fn ffprobe(bytes: &[u8]) -> bool {
     }
     stream.frame_count(&settings);
     let layout = Layout::of(&stream, None);
-    assert!(!content(&stream, &layout).is_empty());
+    assert!(!content(&stream, &layout, false).is_empty());
     true
 }
 

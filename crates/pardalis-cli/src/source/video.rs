@@ -11,10 +11,13 @@ use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 use pardalis_images::MAX_PIXELS;
 use pardalis_scene::{FrameRange, VideoInput};
 
-use super::ffmpeg::{Decode, ProbedStream, Programs, is_file, name_of, without_stamps};
+use super::ffmpeg::{
+    Decode, ProbedStream, Programs, is_deinterlaced, is_file, name_of, without_stamps,
+};
 use super::live::{Again, Announce, first_of, quoted, timeout};
 use super::running::{Running, Watchdog};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
+use crate::output::warn;
 use crate::user_error::user_error;
 
 /// Formats without time stamps that ffmpeg recognises, and for which it assumes a frame rate.
@@ -80,6 +83,11 @@ impl VideoFrames {
                      time of its arrival"
                 ));
             }
+            if stream.is_interlaced() && video.settings.deinterlace.is_none() {
+                warn(format_args!(
+                    "{input}: is interlaced: each frame shows two instants. Set input.deinterlace = true, or false if this is not so"
+                ));
+            }
             let layout = Layout::of_live(input, &stream, encoding)?;
             (stream, layout, size_px, decode)
         };
@@ -89,7 +97,7 @@ impl VideoFrames {
         let (width, height) = size_px;
         let description = Description {
             input: input.to_owned(),
-            content: content(&stream, &layout),
+            content: content(&stream, &layout, is_deinterlaced(video, &stream)),
             size_px,
             pixel_format: layout.format,
             encoding: layout.encoding,
@@ -321,7 +329,7 @@ pub(super) fn upright_size_px(stream: &ProbedStream) -> (usize, usize) {
 }
 
 /// Returns a description of the stream and its conversion.
-pub(super) fn content(stream: &ProbedStream, layout: &Layout) -> String {
+pub(super) fn content(stream: &ProbedStream, layout: &Layout, is_deinterlaced: bool) -> String {
     let conversion = if layout.pix_fmt == stream.pix_fmt {
         String::new()
     } else {
@@ -331,8 +339,13 @@ pub(super) fn content(stream: &ProbedStream, layout: &Layout) -> String {
         0 => String::new(),
         degrees => format!(", rotated by {degrees} degrees as the file requests"),
     };
+    let fields = if is_deinterlaced {
+        ", deinterlaced"
+    } else {
+        ""
+    };
     format!(
-        "{} video in {}{conversion}{turn}",
+        "{} video in {}{conversion}{turn}{fields}",
         stream.codec_name, stream.pix_fmt
     )
 }

@@ -206,3 +206,53 @@ fn layouts_of_streams() {
     let layout = Layout::of(&stream("yuv420p10le", "bt2020nc", "tv", 2160), given);
     assert_eq!((layout.format, layout.encoding), (PixelFormat::I420, given));
 }
+
+#[test]
+fn interlaced_videos_are_deinterlaced_unless_the_scene_says_otherwise() {
+    if programs().is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let path = path_in(&folder, "fields.mpg");
+    // A white square that moves by 8 pixels from field to field, 20 ms apart.
+    let square = "color=black:size=320x64:rate=50[b];color=white:size=16x32:rate=50[w];\
+                  [b][w]overlay=x=8*n:y=16,interlace=scan=tff";
+    let codec = ["-c:v", "mpeg2video", "-flags", "+ildct+ilme", "-q:v", "1"];
+    let input = ["-f", "lavfi", "-i", square, "-frames:v", "6"];
+    ffmpeg(&[&input[..], &codec, &[&path]].concat());
+    // How far a bright pixel differs from those above and below, in the last frame.
+    let combs = |bytes: &[u8]| {
+        let last = &bytes[5 * bytes.len() / 6..];
+        let row = |y: usize| &last[320 * y..][..320];
+        let comb = |y: usize, x: usize| {
+            let [above, here, below] = [y - 1, y, y + 1].map(|y| i32::from(row(y)[x]));
+            (2 * here - above - below).abs()
+        };
+        let rows = 20..44;
+        rows.flat_map(|y| (0..320).map(move |x| (y, x)))
+            .filter(|&(y, x)| comb(y, x) > 200)
+            .count()
+    };
+    let given = |deinterlace| VideoSettings {
+        deinterlace,
+        ..VideoSettings::default()
+    };
+    let kept = read(&opened(&path, given(Some(false))));
+    assert!(combs(&kept.2) > 200, "{}", combs(&kept.2));
+    for deinterlace in [None, Some(true)] {
+        let (description, times, bytes, _) = read(&opened(&path, given(deinterlace)));
+        assert!(
+            description.content.ends_with(", deinterlaced"),
+            "{description:?}"
+        );
+        assert_eq!((times, bytes.len()), (kept.1.clone(), kept.2.len()));
+        assert!(combs(&bytes) < 20, "{deinterlace:?}: {}", combs(&bytes));
+    }
+    // Progressive videos stay as they are.
+    let path = clip(&folder, "progressive.mp4", &["-c:v", "libx264"]);
+    let (description, ..) = read(&config(&path));
+    assert!(
+        !description.content.contains("deinterlaced"),
+        "{description:?}"
+    );
+}
