@@ -152,9 +152,9 @@ impl CameraConfig {
         let line_delay_s: f64 = table
             .key(
                 "line_delay_s",
-                "Rolling shutter: time from the exposure of one row to that of the next, the readout time over the number of rows. The middle row is exposed at the frame's time. Detected targets take it into account.",
+                "Rolling shutter: time from the exposure of one row to that of the next, the readout time over the number of rows. The middle row is exposed at the frame's time. Only detected targets use it.",
             )
-            .within(-1.0..=1.0)
+            .within(-1e-3..=1e-3)
             .or(0.0);
         let all = FrameRange::ALL;
         let frames = FrameRange {

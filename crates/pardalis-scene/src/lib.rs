@@ -185,21 +185,19 @@ impl Scene {
 
 /// Warns of targets for which the rolling shutters of cameras are not taken into account.
 fn warn_of_line_delays(root: &Table, cameras: &[CameraConfig], targets: &[TargetConfig]) {
-    let Some(camera) = cameras.iter().find(|camera| camera.line_delay_s != 0.0) else {
-        return;
-    };
     let is_initialized =
         |body: &BodyConfig| matches!(body.tracking, TrackingConfig::Initialized { .. });
-    let named = targets
+    let mut initialized = targets
         .iter()
         .filter(|target| target.bodies.iter().any(is_initialized));
-    let names: Vec<&str> = named.map(|target| target.name.as_str()).collect();
-    if !names.is_empty() {
+    if cameras.iter().all(|camera| camera.line_delay_s == 0.0) {
+        return;
+    }
+    if let Some(target) = initialized.next() {
         let message = format!(
-            "line_delay_s of cameras.{} has no effect on initialised targets, whose cues take all rows for simultaneous: {}. Remove their start and published cues to have them detected",
-            camera.name,
-            names.join(", ")
+            "line_delay_s has no effect on targets.{}, which has a start or published cues. Only detected targets use it: remove these",
+            target.name,
         );
-        root.warn("targets", message);
+        root.warn("cameras", message);
     }
 }

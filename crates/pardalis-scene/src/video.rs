@@ -258,9 +258,9 @@ pub(super) fn read_settings(camera: &Table) -> Option<VideoSettings> {
                 deinterlace: table
                     .key(
                         "deinterlace",
-                        "Take the first field of each frame and fill in the lines between. For interlaced video, as of capture cards: its fields are 20 ms apart, and edges of what moves look like combs.",
+                        "Keep the lines of the first field of each frame and interpolate the others. For interlaced video, such as from capture cards, whose moving edges look like combs.",
                     )
-                    .depends("`true` for files that say that they are interlaced")
+                    .depends("`true` for files marked as interlaced, otherwise `false`")
                     .optional(),
                 timeout_s: table
                     .key(

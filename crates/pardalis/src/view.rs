@@ -62,10 +62,11 @@ impl View {
     /// Sets the time from the exposure of one row to that of the next, in seconds: the readout time over the number of rows, for cameras with a rolling shutter. Negative if the
     /// lowest row is exposed first. The middle row is exposed at the time of the frame. Detected targets take it into account, initialised ones do not.
     ///
-    /// Returns an error unless it lies within ±1 s.
+    /// Returns an error unless it lies within ±0.001 s.
     pub fn with_line_delay_s(mut self, line_delay_s: f64) -> Result<Self, Error> {
-        if !(line_delay_s.abs() <= 1.0) {
-            return Err(Error::out_of_range("line_delay_s", line_delay_s, "-1 to 1"));
+        if !(line_delay_s.abs() <= 1e-3) {
+            let allowed = "-0.001 to 0.001";
+            return Err(Error::out_of_range("line_delay_s", line_delay_s, allowed));
         }
         self.line_delay_s = line_delay_s;
         Ok(self)

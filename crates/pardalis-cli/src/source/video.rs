@@ -85,7 +85,7 @@ impl VideoFrames {
             }
             if stream.is_interlaced() && video.settings.deinterlace.is_none() {
                 warn(format_args!(
-                    "{input}: is interlaced: each frame shows two instants. Set input.deinterlace = true, or false if this is not so"
+                    "{input}: is marked as interlaced. Set input.deinterlace = true, or false to keep the frames as they are"
                 ));
             }
             let layout = Layout::of_live(input, &stream, encoding)?;

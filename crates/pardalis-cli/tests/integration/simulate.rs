@@ -212,7 +212,7 @@ fn scenes_of_rolling_shutters_say_so_and_are_tracked_accordingly() {
         "{scene}"
     );
     let initialized = place.run(&["check", "out/scene.toml"]);
-    let warning = "line_delay_s of cameras.left has no effect on initialised targets";
+    let warning = "line_delay_s has no effect on targets.ball, which has a start";
     assert!(
         initialized.stderr.contains(warning),
         "{}",
@@ -376,7 +376,7 @@ fn invalid_details_of_balls_and_shutters_are_rejected_with_key_and_line() {
         (
             "samples = 2",
             "line_delay_s = 2",
-            "line 22: image.line_delay_s: is 2; allowed: -1 to 1",
+            "line 22: image.line_delay_s: is 2; allowed: -0.001 to 0.001",
         ),
         (
             "color_srgb = [230, 60, 30]",

@@ -272,7 +272,7 @@ fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
                 "line_delay_s",
                 "Time from the exposure of one row to that of the next, of a rolling shutter. The middle row is exposed around the frame's time.",
             )
-            .within(-1.0..=1.0)
+            .within(-1e-3..=1e-3)
             .or(default.line_delay_s);
         let blur_px = non_negative(
             "blur_px",
