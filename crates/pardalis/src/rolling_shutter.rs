@@ -6,8 +6,8 @@ use pardalis_camera::Camera;
 /// Half the step of numerical derivatives of the projection, relative to the distance. Derivation: its error is far below that of single precision.
 const STEP: f64 = 1e-4;
 
-/// A body whose image moves towards the exposed row, or ahead of it, with more than this share of its speed is shown too distorted for a linear model. Hand-set: balls that
-/// cross 500 rows in a tenth of a second reach 0.15 with a delay of 30 µs.
+/// If the body moves by more than this share of a row while one row is exposed, its image is too distorted for a linear model. Hand-set: balls that cross 500 rows in a tenth of
+/// a second reach 0.15 with a delay of 30 µs.
 const MAX_ROW_SHARE: f64 = 0.5;
 
 /// Where a camera shows a body with a known velocity, in the camera frame at the time of the frame: an affine map, as rows are a linear function of the place near the body.
