@@ -8,8 +8,9 @@ use pardalis::frame::MAX_TIME_S;
 use pardalis_images::MAX_PIXELS;
 use pardalis_scene::VideoSettings;
 
-use super::ffmpeg::{probed_in, read_log, seconds};
+use super::ffmpeg::{read_log, seconds};
 use super::nut::Nut;
+use super::probed::probed_in;
 use super::times::times_in;
 use super::video::{Layout, check_size, content, upright_size_px};
 use crate::fuzzed_file::{FILE, check_error};

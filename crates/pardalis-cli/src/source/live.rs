@@ -8,7 +8,8 @@ use std::time::Duration;
 use anyhow::{Error, Result};
 use pardalis_scene::VideoInput;
 
-use super::ffmpeg::{Decode, ProbedStream, Process, Programs, name_of, not_allowed};
+use super::ffmpeg::{Decode, Process, Programs, name_of, not_allowed};
+use super::probed::ProbedStream;
 use super::running::Running;
 use super::start_thread;
 use crate::output::{note, warn};

@@ -7,6 +7,7 @@ pub(crate) mod fuzzing;
 mod images;
 mod live;
 mod nut;
+mod probed;
 mod running;
 mod times;
 mod video;

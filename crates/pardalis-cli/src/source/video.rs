@@ -11,10 +11,9 @@ use pardalis_core::error::MAX_IMAGE_SIDE_PX;
 use pardalis_images::MAX_PIXELS;
 use pardalis_scene::{FrameRange, VideoInput};
 
-use super::ffmpeg::{
-    Decode, ProbedStream, Programs, is_deinterlaced, is_file, name_of, without_stamps,
-};
+use super::ffmpeg::{Decode, Programs, is_deinterlaced, is_file, name_of, without_stamps};
 use super::live::{Again, Announce, first_of, quoted, timeout};
+use super::probed::ProbedStream;
 use super::running::{Running, Watchdog};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
 use crate::output::warn;
