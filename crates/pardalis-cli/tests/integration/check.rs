@@ -95,6 +95,18 @@ fn a_sound_scene_is_described() {
             "  is followed from its start, and not searched for",
         ],
     );
+    // A rolling shutter is among the figures to compare with the camera's data sheet.
+    let run = checked(
+        &place,
+        &scene_with("fps = 25", "fps = 25\nline_delay_s = -30.5e-6"),
+    );
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(
+        run.stdout
+            .contains(" frames per second; rolling shutter, -30.5 us a row; 5 frames"),
+        "{}",
+        run.stdout
+    );
 }
 
 #[test]

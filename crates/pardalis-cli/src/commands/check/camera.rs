@@ -24,6 +24,8 @@ pub(super) struct Seen {
     source: Description,
     /// Whether the scene states the size for which the camera's model holds.
     states_size: bool,
+    /// Time from the exposure of one row to that of the next, in seconds, as the scene says.
+    line_delay_s: f64,
 }
 
 /// Reads the first frames of all cameras, and adds the problems with them to those of the scene.
@@ -37,6 +39,7 @@ pub(super) fn examine(parts: &mut Parts) -> Vec<Option<Seen>> {
         match look(source) {
             Ok(look) => seen.push(Some(Seen {
                 states_size: camera.size_px.is_some(),
+                line_delay_s: camera.line_delay_s,
                 ..look
             })),
             Err(error) => {
@@ -69,6 +72,7 @@ fn look(source: &mut Source) -> anyhow::Result<Seen> {
         is_live: source.is_live(),
         source: source.describe().clone(),
         states_size: false,
+        line_delay_s: 0.0,
     })
 }
 
@@ -98,6 +102,10 @@ impl Seen {
             let rate = (100.0 / interval_s).round() / 100.0;
             let about = if self.is_measured { "about " } else { "" };
             let _ = write!(text, "; {about}{rate} frames per second");
+        }
+        if self.line_delay_s != 0.0 {
+            let delay_us = (1e7 * self.line_delay_s).round() / 10.0;
+            let _ = write!(text, "; rolling shutter, {} us a row", plain(delay_us));
         }
         if self.is_live {
             return text + "; live";
