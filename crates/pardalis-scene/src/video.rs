@@ -49,7 +49,7 @@ pub struct VideoSettings {
     pub duration_s: Option<f64>,
     /// The hardware that decodes.
     pub hardware: Option<Hardware>,
-    /// Whether the two fields of a frame are separated; `None` does so for files that say that they are interlaced.
+    /// Whether the lines of each frame's second field are interpolated from its first; `None` does so for files that say that they are interlaced.
     pub deinterlace: Option<bool>,
     /// How long to wait for the first frame of anything but a file, in seconds.
     pub timeout_s: Option<f64>,

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use pardalis::Frame;
+use pardalis_scene::CameraConfig;
 
 use crate::numbers::{counted, plain};
 use crate::scene::Parts;
@@ -36,12 +37,8 @@ pub(super) fn examine(parts: &mut Parts) -> Vec<Option<Seen>> {
             seen.push(None);
             continue;
         };
-        match look(source) {
-            Ok(look) => seen.push(Some(Seen {
-                states_size: camera.size_px.is_some(),
-                line_delay_s: camera.line_delay_s,
-                ..look
-            })),
+        match look(camera, source) {
+            Ok(look) => seen.push(Some(look)),
             Err(error) => {
                 let problem = camera.input.place().problem(format!("{error:#}"));
                 parts.problems.push(problem);
@@ -52,7 +49,7 @@ pub(super) fn examine(parts: &mut Parts) -> Vec<Option<Seen>> {
     seen
 }
 
-fn look(source: &mut Source) -> anyhow::Result<Seen> {
+fn look(camera: &CameraConfig, source: &mut Source) -> anyhow::Result<Seen> {
     let span = source.span();
     let stated_s = span.and_then(|span| span.step_s).filter(|&s| s > 0.0);
     let count = if stated_s.is_some() { 1 } else { RATE_FRAMES };
@@ -71,8 +68,8 @@ fn look(source: &mut Source) -> anyhow::Result<Seen> {
         duration_s: span.map(|span| span.last_s - span.first_s),
         is_live: source.is_live(),
         source: source.describe().clone(),
-        states_size: false,
-        line_delay_s: 0.0,
+        states_size: camera.size_px.is_some(),
+        line_delay_s: camera.line_delay_s,
     })
 }
 
