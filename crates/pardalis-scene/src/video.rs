@@ -386,6 +386,9 @@ pub(super) fn set_size_px(camera: &Table, settings: &mut VideoSettings, size_px:
     }
 }
 
+/// The files that are a program's own standard input. ffmpeg would open that of another process: its own, which is empty.
+const STANDARD_INPUT_FILES: [&str; 3] = ["/dev/stdin", "/dev/fd/0", "/proc/self/fd/0"];
+
 /// Interprets the key `video`; fails with a message if it is not allowed.
 fn place_of(video: &str, format: Option<VideoFormat>) -> Result<VideoPlace, String> {
     if video.chars().any(char::is_control) {
@@ -396,6 +399,9 @@ fn place_of(video: &str, format: Option<VideoFormat>) -> Result<VideoPlace, Stri
     }
     if video == "-" {
         return Ok(VideoPlace::StandardInput);
+    }
+    if STANDARD_INPUT_FILES.contains(&video) {
+        return Err("is standard input, which is written \"-\"".to_owned());
     }
     let Some((scheme, _)) = video.split_once("://") else {
         return Ok(VideoPlace::File(video.to_owned()));
