@@ -386,7 +386,7 @@ pub(super) fn set_size_px(camera: &Table, settings: &mut VideoSettings, size_px:
     }
 }
 
-/// The files that are a program's own standard input. ffmpeg would open that of another process: its own, which is empty.
+/// Names of the standard input as a file. ffmpeg would open its own, which is empty.
 const STANDARD_INPUT_FILES: [&str; 3] = ["/dev/stdin", "/dev/fd/0", "/proc/self/fd/0"];
 
 /// Interprets the key `video`; fails with a message if it is not allowed.
