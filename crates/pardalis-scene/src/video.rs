@@ -401,7 +401,7 @@ fn place_of(video: &str, format: Option<VideoFormat>) -> Result<VideoPlace, Stri
         return Ok(VideoPlace::StandardInput);
     }
     if STANDARD_INPUT_FILES.contains(&video) {
-        return Err("is standard input, which is written \"-\"".to_owned());
+        return Err("is standard input; write \"-\" for it".to_owned());
     }
     let Some((scheme, _)) = video.split_once("://") else {
         return Ok(VideoPlace::File(video.to_owned()));

@@ -96,8 +96,8 @@ fn scenes_cannot_give_options_generators_or_other_protocols() {
                 "protocol http,method,POST,",
             ),
             ("video = 'HTTP://a'", key, "protocol HTTP"),
-            ("video = '/dev/stdin'", key, "written \"-\""),
-            ("video = '/dev/fd/0'", key, "written \"-\""),
+            ("video = '/dev/stdin'", key, "write \"-\" for it"),
+            ("video = '/dev/fd/0'", key, "write \"-\" for it"),
             ("video = 'file:///etc/passwd'", key, "or the path of a file"),
             ("video = \"http://a\\r\\nX: y\"", key, "control character"),
             (
