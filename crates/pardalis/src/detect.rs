@@ -1,5 +1,7 @@
 //! Detection: finds where in an image a target's colours stand out, without prior knowledge of its position.
 
+mod inscribed;
+
 use crate::background::{Background, Change};
 use crate::color::{ColorModel, ColorRanges, IlluminationCorrection, Palette, PixelKind};
 use crate::frame::with_pixels;
@@ -12,6 +14,13 @@ use pardalis_camera::Mask;
 pub(crate) const SAMPLING_STEP_PX: usize = 4;
 /// The number of pixels out of 3 x 3 that the majority filter asks for. Derivation: a majority.
 const MAJORITY: u8 = 5;
+
+/// A pixel that is not set after the majority filter.
+const PIXEL_UNSET: u8 = 0;
+/// A pixel that is set, and not yet part of anything.
+const PIXEL_SET: u8 = 1;
+/// A pixel that is part of a blob or of something smaller.
+const PIXEL_OF_PART: u8 = 2;
 
 /// A connected part of an image in the target's colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,13 +157,16 @@ pub(crate) struct BlobSearch {
     bins: Vec<u16>,
     /// Whether each pixel has the target's colours.
     matching: Vec<bool>,
-    /// The same after the majority filter.
-    filtered: Vec<bool>,
+    /// What became of each pixel after the majority filter.
+    filtered: Vec<u8>,
     /// Sums of three rows in each column.
     columns: Vec<u8>,
     /// Pixels of a blob whose neighbours are still to be visited.
     stack: Vec<usize>,
     blobs: Vec<Blob>,
+    /// The first pixel of each blob.
+    seeds: Vec<usize>,
+    image_width: usize,
     left_out: Option<Blob>,
 }
 
@@ -261,20 +273,25 @@ impl BlobSearch {
             columns,
             stack,
             blobs,
+            seeds,
+            image_width,
             left_out,
             ..
         } = self;
         let (min_area_px, max_blobs) = (tuning.min_area_px, tuning.max_blobs);
         *left_out = None;
+        *image_width = width;
         majority(matching, width, columns, filtered);
-        (0..filtered.len()).for_each(|i| filtered[i] &= is_open(i));
+        (0..filtered.len()).for_each(|i| filtered[i] &= u8::from(is_open(i)));
         blobs.clear();
         blobs.reserve(max_blobs);
+        seeds.clear();
+        seeds.reserve(max_blobs);
         stack.clear();
         // Each pixel is pushed once at most.
         stack.reserve(filtered.len());
         for seed in 0..filtered.len() {
-            if !std::mem::take(&mut filtered[seed]) {
+            if !take(&mut filtered[seed]) {
                 continue;
             }
             stack.push(seed);
@@ -292,7 +309,7 @@ impl BlobSearch {
                 for (neighbor, inside) in neighbors.into_iter().zip(inside) {
                     if !inside || !is_open(neighbor) {
                         sums.cut_off = true;
-                    } else if std::mem::take(&mut filtered[neighbor]) {
+                    } else if take(&mut filtered[neighbor]) {
                         stack.push(neighbor);
                     }
                 }
@@ -304,7 +321,9 @@ impl BlobSearch {
                 Some(blob)
             } else {
                 let last = (blobs.len() == max_blobs).then(|| blobs.pop()).flatten();
+                seeds.truncate(max_blobs - 1);
                 blobs.insert(rank, blob);
+                seeds.insert(rank, seed);
                 last
             };
             if let Some(last) = last
@@ -316,8 +335,17 @@ impl BlobSearch {
     }
 }
 
+/// Makes a pixel that is set part of something; returns whether it was set.
+fn take(pixel: &mut u8) -> bool {
+    let is_set = *pixel == PIXEL_SET;
+    if is_set {
+        *pixel = PIXEL_OF_PART;
+    }
+    is_set
+}
+
 /// Sets the pixels of which most of the 3 x 3 neighbours, themselves included, are set: lines one pixel wide would join blobs.
-fn majority(set: &[bool], width: usize, columns: &mut Vec<u8>, filtered: &mut Vec<bool>) {
+fn majority(set: &[bool], width: usize, columns: &mut Vec<u8>, filtered: &mut Vec<u8>) {
     let height = set.len() / width;
     columns.clear();
     columns.resize(width, 0);
@@ -329,7 +357,11 @@ fn majority(set: &[bool], width: usize, columns: &mut Vec<u8>, filtered: &mut Ve
         }
         filtered.extend((0..width).map(|x| {
             let near = &columns[x.saturating_sub(1)..(x + 2).min(width)];
-            near.iter().sum::<u8>() >= MAJORITY
+            if near.iter().sum::<u8>() >= MAJORITY {
+                PIXEL_SET
+            } else {
+                PIXEL_UNSET
+            }
         }));
     }
 }
@@ -442,7 +474,7 @@ mod tests {
         search(discs, mask).blobs
     }
 
-    fn search(discs: &[([f64; 2], f64)], mask: Option<Mask>) -> BlobSearch {
+    pub(super) fn search(discs: &[([f64; 2], f64)], mask: Option<Mask>) -> BlobSearch {
         let camera = Camera::Pinhole(Pinhole::new([50.0; 2], [30.0, 20.0], &[]).unwrap());
         let mut view = View::new(camera, Pose::identity(), SIZE, mask).unwrap();
         let frame = picture(discs);

@@ -30,6 +30,9 @@ pub enum Origin {
     Image(CameraId),
     /// A connected part of a camera's image has the target's colours.
     Blob(CameraId, Blob),
+    /// The largest circle inside such a part, which may be a ball that has grown together with something else. Only single images are searched for them
+    /// ([`Tracker::locate`](crate::Tracker::locate)).
+    Circle(CameraId, Blob),
     /// Something that moves in front of a camera at rest may be a streak of the target's colours.
     Motion(CameraId, Blob),
     /// The rays of blobs in two cameras meet there.
@@ -44,6 +47,7 @@ impl Origin {
         match self {
             Self::Image(_) => "image",
             Self::Blob(..) => "blob",
+            Self::Circle(..) => "circle",
             Self::Motion(..) => "motion",
             Self::Rays => "rays",
             Self::Prediction => "prediction",
@@ -53,7 +57,10 @@ impl Origin {
     /// Returns the camera; `None` for candidates that belong to all.
     pub fn camera(&self) -> Option<CameraId> {
         match self {
-            Self::Image(camera) | Self::Blob(camera, _) | Self::Motion(camera, _) => Some(*camera),
+            Self::Image(camera)
+            | Self::Blob(camera, _)
+            | Self::Circle(camera, _)
+            | Self::Motion(camera, _) => Some(*camera),
             Self::Rays | Self::Prediction => None,
         }
     }
@@ -61,7 +68,7 @@ impl Origin {
     /// Returns the blob from which the candidate came.
     pub fn blob(&self) -> Option<&Blob> {
         match self {
-            Self::Blob(_, blob) | Self::Motion(_, blob) => Some(blob),
+            Self::Blob(_, blob) | Self::Circle(_, blob) | Self::Motion(_, blob) => Some(blob),
             _ => None,
         }
     }

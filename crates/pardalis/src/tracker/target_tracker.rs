@@ -187,11 +187,7 @@ impl TargetTracker {
                 let start = start.expect("check_start accepted the start");
                 target.locate(instant, start, passes_sigma_m)
             }
-            Self::Detected(target) => {
-                target.predict(instant.time_s, 0.0);
-                target.observe(instant, statistics, look_alikes);
-                target.estimate(0.0)
-            }
+            Self::Detected(target) => target.locate(instant, statistics, look_alikes),
         };
         Estimate {
             kinematics: located.kinematics.map(|known| StateEstimate {

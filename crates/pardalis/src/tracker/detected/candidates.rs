@@ -20,6 +20,9 @@ const END_SHARE: f64 = 0.02;
 /// Blobs whose area is this share of the expected one, or its inverse, say nothing of the size. Hand-set: a size a thousand times smaller or larger.
 const LEAST_AREA_SHARE: f64 = 1e-6;
 
+/// The least share of a blob's area of a circle inside it that is fitted. Hand-set: a ball and its shadow give 0.4 to 0.5, clutter up to 0.33.
+const MIN_CIRCLE_SHARE: f64 = 0.3;
+
 /// A ray in the world: its origin in metres and its unit direction.
 #[derive(Debug)]
 struct Ray {
@@ -57,6 +60,10 @@ pub(super) struct CandidateSearch {
     /// What moves in the latest frame of a single camera.
     moving: BlobSearch,
     rays: Vec<Ray>,
+    /// Whether the largest circles inside blobs are candidates, too.
+    pub(super) with_circles: bool,
+    /// These candidates.
+    circles: Vec<Candidate>,
 }
 
 /// The constraints on a target's position that do not depend on images: its shape and the ground.
@@ -86,6 +93,8 @@ impl CandidateSearch {
             backgrounds: (0..cameras).map(|_| Background::new(background)).collect(),
             moving: BlobSearch::new(blobs),
             rays: Vec::new(),
+            with_circles: false,
+            circles: Vec::new(),
         }
     }
 
@@ -150,6 +159,11 @@ impl CandidateSearch {
         self.moving.found()
     }
 
+    /// The candidates at the largest circles inside the blobs of the latest search.
+    pub(super) fn circles(&self) -> &[Candidate] {
+        &self.circles
+    }
+
     /// Adds the candidates of these frames, those of single cameras first, then those of pairs. Those that are not ruled out have a position.
     pub(super) fn search(
         &mut self,
@@ -162,8 +176,11 @@ impl CandidateSearch {
             geometry,
             blobs: search,
             rays,
+            with_circles,
+            circles,
             ..
         } = self;
+        circles.clear();
         rays.clear();
         rays.reserve(frames.len() * search.max_blobs());
         for frame in frames {
@@ -198,6 +215,13 @@ impl CandidateSearch {
                 });
                 rays.push(ray);
             }
+            let round = geometry.ground_z_m.is_none() && matches!(geometry.shape, Shape::Sphere(_));
+            if *with_circles && round {
+                for number in 0..search.found().len() {
+                    circles.extend(geometry.in_circle((edge, frame), search, number, size));
+                }
+            }
+            let blobs = search.found();
             let verdict = if blobs.is_empty() {
                 Verdict::NoColors
             } else {
@@ -302,6 +326,26 @@ impl Geometry {
         } else {
             Err(Verdict::TooFar)
         }
+    }
+
+    /// The candidate at the largest circle inside a blob, if that is large enough.
+    fn in_circle(
+        &self,
+        (edge, frame): (&mut EdgeCue, &EdgeFrame),
+        search: &BlobSearch,
+        number: usize,
+        size: &SizePrior,
+    ) -> Option<Candidate> {
+        let blob = search.found()[number];
+        let circle = search.inscribed_circle(number);
+        let area_px = std::f64::consts::PI * circle.radius_px * circle.radius_px;
+        if area_px < MIN_CIRCLE_SHARE * blob.area_px {
+            return None;
+        }
+        let ray = Ray::of(frame, circle.center_px, area_px)?;
+        let position_m = self.by_size_m(edge, frame, &ray, size).ok()?;
+        let origin = Origin::Circle(CameraId::new(frame.camera()), blob);
+        Some(at(origin, position_m, size.log_scale))
     }
 
     /// The candidate where two rays meet, or pass close by each other, each with its camera's frame: as large as their blobs suggest.

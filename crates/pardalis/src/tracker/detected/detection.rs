@@ -130,6 +130,14 @@ impl Detector {
                     (number, [0.0; 3]),
                 );
             }
+            if self.greatest_log_ratio() <= tuning.sure_log_ratio {
+                let first = candidates.len();
+                candidates.extend_from_slice(self.candidates.circles());
+                for number in first..candidates.len() {
+                    let prior = (None, predicted.size);
+                    self.fit((edge, frames), prior, candidates, (number, [0.0; 3]));
+                }
+            }
             // A target that probably exists is fitted as a streak where it is predicted.
             if predicted.existence < 0.5 {
                 self.fit_streaks_of_blobs((edge, frames), predicted.size, candidates, first);

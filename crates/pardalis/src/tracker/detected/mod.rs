@@ -325,6 +325,21 @@ impl DetectedTarget {
         self.buffers.associated = associated;
     }
 
+    /// Locates the target in these frames alone. It must have been reset before.
+    pub(super) fn locate(
+        &mut self,
+        instant: &Instant,
+        statistics: &mut [ImageStatistics],
+        look_alikes: &LookAlikes,
+    ) -> Estimate {
+        self.predict(instant.time_s, 0.0);
+        // A track may be misled by them for a long time, and finds the ball in another frame, where it is by itself.
+        self.detector.candidates.with_circles = true;
+        self.observe(instant, statistics, look_alikes);
+        self.detector.candidates.with_circles = false;
+        self.estimate(0.0)
+    }
+
     /// The predicted position (metres) and velocity (m/s) of a target that is known.
     fn certain_motion(&self) -> Option<([f64; 3], [f64; 3])> {
         let known = self
