@@ -7,6 +7,7 @@ mod kernels;
 mod locate;
 mod locate_absent;
 mod locate_bias;
+mod merged;
 mod no_io;
 mod rectify;
 mod rolling_shutter;

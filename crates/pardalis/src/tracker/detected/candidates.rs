@@ -20,7 +20,8 @@ const END_SHARE: f64 = 0.02;
 /// Blobs whose area is this share of the expected one, or its inverse, say nothing of the size. Hand-set: a size a thousand times smaller or larger.
 const LEAST_AREA_SHARE: f64 = 1e-6;
 
-/// The least share of a blob's area of a circle inside it that is fitted. Hand-set: a ball and its shadow give 0.4 to 0.5, clutter up to 0.33.
+/// The least share of a blob's area of a circle inside it that is fitted. Hand-set: in the one
+/// clip of a ball that has grown together with its shadow, it is 0.42.
 const MIN_CIRCLE_SHARE: f64 = 0.3;
 
 /// A ray in the world: its origin in metres and its unit direction.

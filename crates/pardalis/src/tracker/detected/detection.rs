@@ -130,6 +130,11 @@ impl Detector {
                     (number, [0.0; 3]),
                 );
             }
+            // A target that probably exists is fitted as a streak where it is predicted.
+            if predicted.existence < 0.5 {
+                self.fit_streaks_of_blobs((edge, frames), predicted.size, candidates, first);
+            }
+            // After the streaks: these are fitted to each blob once.
             if self.greatest_log_ratio() <= tuning.sure_log_ratio {
                 let first = candidates.len();
                 candidates.extend_from_slice(self.candidates.circles());
@@ -137,10 +142,6 @@ impl Detector {
                     let prior = (None, predicted.size);
                     self.fit((edge, frames), prior, candidates, (number, [0.0; 3]));
                 }
-            }
-            // A target that probably exists is fitted as a streak where it is predicted.
-            if predicted.existence < 0.5 {
-                self.fit_streaks_of_blobs((edge, frames), predicted.size, candidates, first);
             }
             // What moves elsewhere is not the target while that is seen.
             if predicted_log_ratio < tuning.likely_log_ratio {
