@@ -1,13 +1,20 @@
 //! Limits of memory, threads and files, cameras that are too fast, and 64 cameras.
 
 use std::fs;
-use std::os::unix::process::ExitStatusExt;
-use std::process::Command;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::process::{Command, Output, Stdio};
+use std::sync::mpsc;
+use std::thread;
+use std::time::Duration;
 
 use super::camera::{Cameras, SIZE_PX, Stream, ball};
+use super::process::threads;
 use crate::common::{Run, SCENE, Workplace, rows_in};
 
-/// Runs a command in a shell that sets a limit before.
+/// A run that takes longer than this hangs. It usually takes less than a second.
+const LONGEST: Duration = Duration::from_mins(2);
+
+/// Runs a command in a shell that sets a limit before. Without backtraces: printing one takes memory too.
 fn limited(limit: &str, command: &Command) -> Command {
     let mut shell = Command::new("/bin/sh");
     shell.args(["-c", &format!("ulimit {limit}; exec \"$0\" \"$@\"")]);
@@ -16,7 +23,26 @@ fn limited(limit: &str, command: &Command) -> Command {
     for (name, value) in command.get_envs() {
         shell.env(name, value.unwrap());
     }
+    shell.env("RUST_BACKTRACE", "0");
     shell
+}
+
+/// Runs a command to its end. Fails with what its threads were doing if it hangs.
+fn output(command: &mut Command) -> Output {
+    let command = command.stdin(Stdio::null()).process_group(0);
+    let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    let program = child.id();
+    let (sender, receiver) = mpsc::channel();
+    thread::spawn(move || sender.send(child.wait_with_output().unwrap()));
+    receiver.recv_timeout(LONGEST).unwrap_or_else(|_| {
+        let threads = threads(program);
+        // With the programs that it started. The shell's built-in, as in `interrupt`.
+        let kill = format!("kill -KILL -- -{program}");
+        let _ = Command::new("/bin/sh").args(["-c", &kill]).status();
+        let output = receiver.recv_timeout(LONGEST);
+        panic!("{command:?} hangs.\n{threads}\n{output:?}");
+    })
 }
 
 /// Reports whether all panics were those of Rust's standard library in threads that it could not start: a thread needs
@@ -36,7 +62,7 @@ fn has_unstarted_thread(stderr: &str) -> bool {
 /// signal, and that its rows are whole. Reports whether it succeeded.
 fn holds(place: &Workplace, command: &mut Command, limit: &str) -> bool {
     let _ = fs::remove_dir_all(place.path("out"));
-    let output = command.output().unwrap();
+    let output = output(command);
     let code = output.status.code();
     let aborted = output.status.signal() == Some(6);
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
