@@ -89,7 +89,8 @@ pub use pose::{PoseFit, closest_pose, fit_pose};
 pub use rig::{RigCalibration, RigCamera, calibrate_rig};
 pub use start::ModelKind;
 pub use temporal::{
-    BlobFrame, FittedDetection, MAX_TIME_OFFSET_S, TemporalCalibration, TimedCamera, calibrate_time,
+    Detection, DetectionFrame, FittedDetection, MAX_TIME_OFFSET_S, TemporalCalibration,
+    TimedCamera, calibrate_time,
 };
 
 use pardalis_camera::Camera;

@@ -2,12 +2,15 @@
 //! target.
 //!
 //! The target's path is a cubic B-spline in time. It is fitted to the detections of all cameras together with
-//! the offsets of their time stamps (continuous-time calibration, Furgale et al. 2013). The steps are:
+//! the offsets of their time stamps (continuous-time calibration, Furgale et al. 2013). Each camera detects on
+//! its own and may see other objects of the target's colours. The steps are:
 //!
 //! 1. A search finds the offsets under which the cameras' rays meet best, so that no initial guess is needed.
-//! 2. A robust fit selects the target among the blobs of each image.
-//! 3. Least squares on the selected blobs gives the offsets and their standard deviations.
+//! 2. Where rays meet, a chain of points follows one object through space.
+//! 3. A robust fit of its path selects the target among the detections of each image.
+//! 4. Least squares on the selected detections gives the offsets and their standard deviations.
 
+mod chain;
 mod path;
 mod search;
 mod selection;
@@ -16,20 +19,32 @@ use nalgebra::Vector3;
 
 use super::least_squares::{Loss, covariance, minimise};
 use super::{CalibrationError, OUTLIER_SIGMAS, check, rms};
-use pardalis::detect::Blob;
-use pardalis::shape::Shape;
+use chain::chain;
+use pardalis::tracker::SizeTolerance;
 use pardalis::view::View;
 use path::{Observation, Path, PathFit};
-use search::{RayTrack, meeting_points, pair_offset};
+use search::{RayTrack, meeting_points, meetings, pair_offset};
 use selection::candidates;
 
-/// Blobs of the target's colours in one frame.
+/// Something in a camera's image that may be the target.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Detection {
+    /// Pixel of the target's middle.
+    pub pixel: [f64; 2],
+    /// Radius of a circle with the area of the target's image, in pixels.
+    pub radius_px: f64,
+    /// Distance of the target's middle from the camera by its apparent size, in metres. It need not be exact: it
+    /// tells the target from objects of other sizes.
+    pub distance_m: f64,
+}
+
+/// What one camera detected in one frame, without the help of other frames.
 #[derive(Debug, Clone, PartialEq)]
-pub struct BlobFrame {
+pub struct DetectionFrame {
     /// Time stamp of the camera, in seconds.
     pub time_s: f64,
-    /// Blobs as returned by [`blobs`](pardalis::detect::blobs). At most one of them is the target.
-    pub blobs: Vec<Blob>,
+    /// At most one of them is the target.
+    pub detections: Vec<Detection>,
 }
 
 /// A camera and its detections.
@@ -40,13 +55,13 @@ pub struct TimedCamera<'a> {
     /// Pose and projection.
     pub view: &'a View,
     /// Frames in order of time.
-    pub frames: Vec<BlobFrame>,
+    pub frames: Vec<DetectionFrame>,
 }
 
 /// A detection of the target with its residuals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedDetection {
-    /// Time stamp of the camera, in seconds.
+    /// Time of its exposure by the clock of the camera, in seconds: the time stamp unless the shutter rolls.
     pub time_s: f64,
     /// Pixel of the target's centre.
     pub pixel: [f64; 2],
@@ -97,8 +112,8 @@ const CORRELATION_ROUNDS: usize = 4;
 
 /// Estimates the time offset of each camera relative to the first.
 ///
-/// Finds offsets of up to `max_offset_s` (positive, at most [`MAX_TIME_OFFSET_S`]) in either direction. The
-/// shape corrects the distance between the centroid of the target's image and the image of its centre.
+/// Finds offsets of up to `max_offset_s` (positive, at most [`MAX_TIME_OFFSET_S`]) in either direction. If the
+/// target's size is unknown, the distances of the detections may all be wrong by one factor.
 ///
 /// # Errors
 ///
@@ -106,7 +121,7 @@ const CORRELATION_ROUNDS: usize = 4;
 /// the same time, or if an offset lies at the border of the search range.
 pub fn calibrate_time(
     cameras: &[TimedCamera],
-    shape: &Shape,
+    size: SizeTolerance,
     max_offset_s: f64,
 ) -> Result<Vec<TemporalCalibration>, CalibrationError> {
     if !(max_offset_s > 0.0 && max_offset_s <= MAX_TIME_OFFSET_S) {
@@ -121,13 +136,13 @@ pub fn calibrate_time(
             "give two or more cameras that see the target at the same times",
         ));
     }
-    let candidates: Vec<Vec<BlobFrame>> = cameras.iter().map(candidates).collect();
+    let candidates: Vec<Vec<DetectionFrame>> = cameras.iter().map(candidates).collect();
     check_candidates(cameras, &candidates)?;
     let recording = Recording {
         cameras,
         views: cameras.iter().map(|camera| camera.view).collect(),
         intervals_s: cameras.iter().map(typical_interval_s).collect(),
-        shape,
+        is_size_known: size != SizeTolerance::Unknown,
         candidates,
     };
     recording.fit(max_offset_s)
@@ -155,9 +170,10 @@ fn median(values: &mut [f64]) -> Option<f64> {
 /// Requires that every camera detects something that may be the target.
 fn check_candidates(
     cameras: &[TimedCamera],
-    candidates: &[Vec<BlobFrame>],
+    candidates: &[Vec<DetectionFrame>],
 ) -> Result<(), CalibrationError> {
-    let sees = |frames: &[BlobFrame]| frames.iter().filter(|f| !f.blobs.is_empty()).count();
+    let sees =
+        |frames: &[DetectionFrame]| frames.iter().filter(|f| !f.detections.is_empty()).count();
     let seeing = candidates.iter().filter(|c| sees(c) >= MIN_DETECTIONS);
     let only_one = if seeing.count() < 2 {
         ": at most one camera sees the target"
@@ -169,12 +185,12 @@ fn check_candidates(
         if count < MIN_DETECTIONS {
             return Err(CalibrationError::new(
                 format!(
-                    "{} sees a moving object of the target's colours, complete and clear of the border, in {count} of its {} frames{only_one}",
+                    "{} detects a moving object that may be the target in {count} of its {} frames{only_one}",
                     camera.name,
                     frames.len()
                 ),
                 format!(
-                    "move the target back and forth in view of all cameras (at least {MIN_DETECTIONS} frames each), learn its colours again in this illumination, or leave the camera out"
+                    "move the target back and forth in view of all cameras (at least {MIN_DETECTIONS} frames each; objects at rest count as background), learn its colours again in this illumination, or leave the camera out"
                 ),
             ));
         }
@@ -187,22 +203,22 @@ struct Recording<'a> {
     cameras: &'a [TimedCamera<'a>],
     views: Vec<&'a View>,
     intervals_s: Vec<f64>,
-    shape: &'a Shape,
-    /// Frames with the blobs that may be the target, per camera, in order of time.
-    candidates: Vec<Vec<BlobFrame>>,
+    is_size_known: bool,
+    /// Frames with the detections that may be the target, per camera, in order of time.
+    candidates: Vec<Vec<DetectionFrame>>,
 }
 
 impl Recording<'_> {
     fn fit(&self, max_offset_s: f64) -> Result<Vec<TemporalCalibration>, CalibrationError> {
-        let largest = self.largest_blobs();
-        let rough_s = self.rough_offsets(&largest, max_offset_s)?;
-        let observations = self.fastest_stretch(largest, &rough_s);
+        let all = self.observations();
+        let rough_s = self.rough_offsets(&all, max_offset_s)?;
+        let chain = chain(&meetings(&self.tracks(&all), &rough_s));
+        let observations = self.fastest_stretch(chain, &rough_s);
         let robust = self
             .path_fit(&observations, &rough_s, true)
             .ok_or_else(no_common_detections)?;
         let (robust, _) = minimise(robust, Loss::Cauchy(10.0), 30);
         let (robust, _) = minimise(robust, Loss::Cauchy(2.0), 60);
-        // The outline can only correct and select blobs once the target's position is known.
         let (path, offsets_s) = (robust.path.clone(), robust.offsets_s.clone());
         let observations = self.simultaneous(&self.matched(&path, &offsets_s), &offsets_s);
         let robust = self
@@ -257,7 +273,7 @@ impl Recording<'_> {
             let own = observations
                 .iter()
                 .filter(|observation| observation.camera == camera);
-            RayTrack::new(view, own, self.intervals_s[camera])
+            RayTrack::new(view, own, self.intervals_s[camera], self.is_size_known)
         };
         self.views.iter().enumerate().map(track).collect()
     }
@@ -386,7 +402,10 @@ impl Recording<'_> {
             };
             let agreeing = own().filter(|(_, used)| **used).count();
             let candidates = &self.candidates[number];
-            let detections = candidates.iter().filter(|f| !f.blobs.is_empty()).count();
+            let detections = candidates
+                .iter()
+                .filter(|f| !f.detections.is_empty())
+                .count();
             if agreeing < MIN_DETECTIONS || 2 * agreeing < own().count() {
                 return Err(CalibrationError::new(
                     format!(

@@ -91,15 +91,21 @@ impl Path {
 /// Largest correlation that is applied: with a larger one, the first residual of a camera would hardly count.
 const MAX_CORRELATION: f64 = 0.98;
 
-/// Pixel at which a camera detected the target's centre.
+/// A detection with its camera and time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Observation {
     /// Index of the camera.
     pub(super) camera: usize,
-    /// Time stamp of the camera, in seconds.
+    /// Index of the frame among those of its camera.
+    pub(super) frame: usize,
+    /// Time of the exposure by the clock of the camera, in seconds.
     pub(super) time_s: f64,
-    /// Pixel.
+    /// Pixel of the target's middle.
     pub(super) pixel: [f64; 2],
+    /// Radius of its image, in pixels.
+    pub(super) radius_px: f64,
+    /// Distance from the camera by its size, in metres.
+    pub(super) distance_m: f64,
 }
 
 /// The least-squares problem: distances between the detections and the images of the path. The unknowns are
@@ -367,9 +373,12 @@ mod tests {
         let observations: Vec<Observation> = (0..16)
             .map(|i| Observation {
                 camera: i / 8,
+                frame: i % 8,
                 // One frame is missing, which ends a run.
                 time_s: 0.04 * (i % 8) as f64 + if i % 8 > 4 { 0.04 } else { 0.0 },
                 pixel: [170.0, 110.0],
+                radius_px: 5.0,
+                distance_m: 2.0,
             })
             .collect();
         let fit = PathFit {

@@ -1,22 +1,17 @@
-//! Selection of the target among the blobs of each image.
-
-use nalgebra::{Point3, Vector3};
+//! Selection of the target among the detections of each image.
 
 use super::path::{Observation, Path};
-use super::{BlobFrame, Recording, TimedCamera, median};
-use pardalis::detect::Blob;
-use pardalis::shape::Shape;
-use pardalis::view::View;
+use super::{Detection, DetectionFrame, Recording, TimedCamera, median};
 
 /// Largest number of control points. Longer recordings are cut: the cost grows with the cube of this number,
 /// the accuracy hardly.
 const MAX_CONTROLS: usize = 400;
 
-/// Distance from the predicted position, in pixels, beyond which a blob is another object (if it also exceeds
-/// the target's size).
+/// Distance from the predicted position, in pixels, beyond which a detection is another object (if it also exceeds
+/// the diameter of the target's image).
 const MATCH_PX: f64 = 5.0;
 
-/// A blob belongs to the background if more than this share of the frames contain a blob of similar size at
+/// A detection belongs to the background if more than this share of the frames contain one of similar size at
 /// its position.
 const STILL_SHARE: f64 = 0.5;
 /// Tolerance of that position, in pixels.
@@ -24,29 +19,27 @@ const STILL_PX: f64 = 1.5;
 /// Number of frames that this test samples.
 const STILL_FRAMES: usize = 200;
 
-/// A blob is partly occluded or merged with another if its area differs from the outline's by more than this
-/// share, relative to the typical ratio of the camera's blobs.
-const AREA_TOLERANCE: f64 = 0.08;
-/// The same for width and height.
-const SIDE_TOLERANCE: f64 = 0.06;
-/// Lower bound of both tolerances, in pixels of the outline's width: blobs end at whole pixels.
-const TOLERANCE_PX: f64 = 2.0;
+/// A detection is of another object, or of a target that is partly covered, if its distance by size differs from
+/// that of the path by more than this share, relative to what is typical of the camera's detections.
+const SIZE_TOLERANCE: f64 = 0.15;
 
 /// Largest distance, in frames, at which the detections of two cameras count as simultaneous.
 const SHARED_FRAMES: f64 = 1.5;
 
-/// Returns a camera's frames with the blobs that may be the target: complete ones that do not belong to the
+/// Returns a camera's frames with the detections that may be the target: those that do not belong to the
 /// background. Repeated frames are dropped.
-pub(super) fn candidates(camera: &TimedCamera) -> Vec<BlobFrame> {
+pub(super) fn candidates(camera: &TimedCamera) -> Vec<DetectionFrame> {
     let step = camera.frames.len().div_ceil(STILL_FRAMES).max(1);
-    let sample: Vec<&BlobFrame> = camera.frames.iter().step_by(step).collect();
-    let is_scenery = |blob: &Blob| {
-        let same = |other: &Blob| {
-            let moved = [0, 1].map(|i| other.centroid_px[i] - blob.centroid_px[i]);
-            let grown = other.area_px / blob.area_px;
-            libm::hypot(moved[0], moved[1]) <= STILL_PX && (0.7..=1.4).contains(&grown)
+    let sample: Vec<&DetectionFrame> = camera.frames.iter().step_by(step).collect();
+    let is_scenery = |detection: &&Detection| {
+        let same = |other: &Detection| {
+            let moved = [0, 1].map(|i| other.pixel[i] - detection.pixel[i]);
+            let grown = other.radius_px / detection.radius_px;
+            libm::hypot(moved[0], moved[1]) <= STILL_PX && (0.85..=1.18).contains(&grown)
         };
-        let with_it = sample.iter().filter(|frame| frame.blobs.iter().any(same));
+        let with_it = sample
+            .iter()
+            .filter(|frame| frame.detections.iter().any(same));
         with_it.count() as f64 > STILL_SHARE * sample.len() as f64
     };
     let mut last_s = f64::NEG_INFINITY;
@@ -56,30 +49,43 @@ pub(super) fn candidates(camera: &TimedCamera) -> Vec<BlobFrame> {
             continue;
         }
         last_s = frame.time_s;
-        let may_be_target = |blob: &&Blob| !blob.cut_off && !is_scenery(blob);
-        kept.push(BlobFrame {
+        let detections = frame.detections.iter();
+        kept.push(DetectionFrame {
             time_s: frame.time_s,
-            blobs: frame.blobs.iter().filter(may_be_target).copied().collect(),
+            detections: detections
+                .filter(|found| !is_scenery(found))
+                .copied()
+                .collect(),
         });
     }
     kept
 }
 
 impl Recording<'_> {
-    /// Returns the largest blob of every frame, camera by camera.
-    pub(super) fn largest_blobs(&self) -> Vec<Observation> {
+    /// Returns all detections, camera by camera in order of frames.
+    pub(super) fn observations(&self) -> Vec<Observation> {
         let mut observations = Vec::new();
         for (camera, frames) in self.candidates.iter().enumerate() {
-            observations.extend(frames.iter().filter_map(|frame| {
-                let blob = frame.blobs.first()?;
-                Some(Observation {
-                    camera,
-                    time_s: frame.time_s,
-                    pixel: blob.centroid_px,
-                })
-            }));
+            for (number, frame) in frames.iter().enumerate() {
+                let detections = frame.detections.iter();
+                observations
+                    .extend(detections.map(|found| self.observation((camera, number), found)));
+            }
         }
         observations
+    }
+
+    fn observation(&self, (camera, frame): (usize, usize), found: &Detection) -> Observation {
+        let view = self.views[camera];
+        let below_middle = found.pixel[1] - 0.5 * (view.size().1 as f64 - 1.0);
+        Observation {
+            camera,
+            frame,
+            time_s: self.candidates[camera][frame].time_s + view.line_delay_s() * below_middle,
+            pixel: found.pixel,
+            radius_px: found.radius_px,
+            distance_m: found.distance_m,
+        }
     }
 
     /// Limits long recordings to the interval with the most motion in the images.
@@ -90,7 +96,7 @@ impl Recording<'_> {
     ) -> Vec<Observation> {
         let moved = |pair: &[Observation]| {
             let [du, dv] = [0, 1].map(|i| pair[1].pixel[i] - pair[0].pixel[i]);
-            // A jump to another blob is not motion.
+            // A jump to another object is not motion.
             let px = libm::hypot(du, dv).min(50.0);
             let same = pair[0].camera == pair[1].camera;
             (
@@ -120,41 +126,30 @@ impl Recording<'_> {
         observations
     }
 
-    /// Returns the blob of every frame that is most likely the target on this path, as the pixel of the
-    /// target's centre.
+    /// Returns the detection of every frame that is most likely the target on this path.
     pub(super) fn matched(&self, path: &Path, offsets_s: &[f64]) -> Vec<Observation> {
         let mut all = Vec::new();
         for (camera, frames) in self.candidates.iter().enumerate() {
-            let found: Vec<(Observation, SizeRatios)> = frames
-                .iter()
-                .filter_map(|frame| {
-                    let center = path.position_m(frame.time_s + offsets_s[camera])?;
-                    let outline = Outline::of(self.shape, self.views[camera], center)?;
-                    let distance = |blob: &Blob| {
-                        let [du, dv] = [0, 1].map(|i| blob.centroid_px[i] - outline.centroid_px[i]);
-                        libm::hypot(du, dv)
-                    };
-                    let blobs = frame.blobs.iter();
-                    let blob = blobs.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-                    if distance(blob) > outline.area_px.sqrt().max(MATCH_PX) {
-                        return None;
-                    }
-                    let pixel = [0, 1].map(|i| {
-                        blob.centroid_px[i] - (outline.centroid_px[i] - outline.center_px[i])
-                    });
-                    let observation = Observation {
-                        camera,
-                        time_s: frame.time_s,
-                        pixel,
-                    };
-                    Some((observation, outline.size_ratios(blob)))
-                })
-                .collect();
-            let typical = [0, 1, 2].map(|i| {
-                let mut ratios: Vec<f64> = found.iter().map(|(_, size)| size.ratios[i]).collect();
-                median(&mut ratios).unwrap_or(1.0)
-            });
-            let whole = found.iter().filter(|(_, size)| size.is_typical(typical));
+            let view = self.views[camera];
+            let nearest = |(number, frame): (usize, &DetectionFrame)| {
+                let center = path.position_m(frame.time_s + offsets_s[camera])?;
+                let center = view.camera_from_world() * center;
+                let at_px = view.camera().project(center.into())?;
+                let off_px = |found: &Detection| {
+                    libm::hypot(found.pixel[0] - at_px[0], found.pixel[1] - at_px[1])
+                };
+                let detections = frame.detections.iter();
+                let found = detections.min_by(|a, b| off_px(a).total_cmp(&off_px(b)))?;
+                let is_near = off_px(found) <= (2.0 * found.radius_px).max(MATCH_PX);
+                let log_size = libm::log(found.distance_m / center.coords.norm());
+                is_near.then(|| (self.observation((camera, number), found), log_size))
+            };
+            let found: Vec<(Observation, f64)> =
+                frames.iter().enumerate().filter_map(nearest).collect();
+            let mut log_sizes: Vec<f64> = found.iter().map(|(_, log_size)| *log_size).collect();
+            let typical = median(&mut log_sizes).unwrap_or(0.0);
+            let is_typical = |log_size: f64| (log_size - typical).abs() <= SIZE_TOLERANCE;
+            let whole = found.iter().filter(|(_, log_size)| is_typical(*log_size));
             all.extend(whole.map(|(observation, _)| *observation));
         }
         all
@@ -183,83 +178,5 @@ impl Recording<'_> {
             .filter(is_simultaneous)
             .copied()
             .collect()
-    }
-}
-
-/// Number of outline points from which centroid and area are computed.
-const OUTLINE_POINTS: usize = 32;
-
-/// Image of the target, predicted from its shape and position.
-struct Outline {
-    /// Centroid of the image.
-    centroid_px: [f64; 2],
-    area_px: f64,
-    /// Width and height between the outermost points, in pixels.
-    size_px: [f64; 2],
-    /// Image of the target's centre.
-    center_px: [f64; 2],
-}
-
-/// Size of a blob relative to the outline at its position.
-struct SizeRatios {
-    /// Ratios of area, width and height.
-    ratios: [f64; 3],
-    /// Smaller side of the outline, in pixels.
-    side_px: f64,
-}
-
-impl SizeRatios {
-    /// Reports whether the ratios are close to the typical ratios of the camera.
-    fn is_typical(&self, typical: [f64; 3]) -> bool {
-        let rounding = TOLERANCE_PX / self.side_px;
-        let tolerances = [AREA_TOLERANCE, SIDE_TOLERANCE, SIDE_TOLERANCE];
-        (0..3).all(|i| (self.ratios[i] / typical[i] - 1.0).abs() <= tolerances[i].max(rounding))
-    }
-}
-
-impl Outline {
-    /// Computes the outline of a target centred at `center`; `None` if part of it is outside the camera's
-    /// domain.
-    fn of(shape: &Shape, view: &View, center: Point3<f64>) -> Option<Self> {
-        let position = center - Vector3::z() * shape.middle_height_m();
-        let (camera, camera_from_world) = (view.camera(), view.camera_from_world());
-        let points: Vec<[f64; 2]> = shape
-            .outline_px(
-                camera,
-                camera_from_world,
-                position.into(),
-                1.0,
-                OUTLINE_POINTS,
-            )
-            .into_iter()
-            .collect::<Option<_>>()?;
-        let center_px = camera.project((camera_from_world * center).into())?;
-        let (mut area, mut moment) = (0.0, [0.0; 2]);
-        for (i, a) in points.iter().enumerate() {
-            // Relative to the centre, to avoid cancellation.
-            let a = [0, 1].map(|k| a[k] - center_px[k]);
-            let b = [0, 1].map(|k| points[(i + 1) % points.len()][k] - center_px[k]);
-            let cross = a[0] * b[1] - a[1] * b[0];
-            area += 0.5 * cross;
-            moment = [0, 1].map(|k| moment[k] + cross * (a[k] + b[k]) / 6.0);
-        }
-        let size_px = [0, 1].map(|k| {
-            let along = || points.iter().map(|point| point[k]);
-            along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
-        });
-        (area.abs() > 1e-9).then(|| Self {
-            centroid_px: [0, 1].map(|k| center_px[k] + moment[k] / area),
-            area_px: area.abs(),
-            size_px,
-            center_px,
-        })
-    }
-
-    fn size_ratios(&self, blob: &Blob) -> SizeRatios {
-        let side = |i: usize| (blob.max_px[i] + 1 - blob.min_px[i]) as f64 / self.size_px[i];
-        SizeRatios {
-            ratios: [blob.area_px / self.area_px, side(0), side(1)],
-            side_px: self.size_px[0].min(self.size_px[1]),
-        }
     }
 }

@@ -133,14 +133,14 @@ fn error_m(folder: &TempDir, scene: &str, sequence: &str) -> f64 {
 
 #[test]
 fn finds_zero_offsets_of_synchronous_cameras() {
-    check("webcams-two", &[0.0, 0.0], 2.0, 2.0);
-    check("webcams-four", &[0.0, 0.0, 0.0, 0.0], 2.0, 2.0);
+    check("webcams-two", &[0.0, 0.0], 1.0, 2.0);
+    check("webcams-four", &[0.0, 0.0, 0.0, 0.0], 1.0, 2.0);
 }
 
 #[test]
 fn corrected_scene_tracks_better() {
     let sequence = "webcams-two";
-    let folder = check(sequence, &[0.0, -0.13], 2.0, 3.0);
+    let folder = check(sequence, &[0.0, -0.13], 1.0, 3.0);
     let [before_m, after_m] =
         ["scene.toml", "new.toml"].map(|file| error_m(&folder, file, sequence));
     println!(
@@ -185,7 +185,7 @@ fn corrected_scene_tracks_better() {
 
 #[test]
 fn calibrates_four_cameras_despite_distractor_and_losses() {
-    let folder = check("webcams-four", &[0.0, 0.04, -0.13, 0.0123], 2.0, 3.0);
+    let folder = check("webcams-four", &[0.0, 0.04, -0.13, 0.0123], 1.0, 3.0);
     let page = fs::read_to_string(folder.path().join("scene-time/report.html")).unwrap();
     for wanted in ["cam4", "Residuals over time", "</html>"] {
         assert!(page.contains(wanted));
@@ -195,6 +195,91 @@ fn calibrates_four_cameras_despite_distractor_and_losses() {
         detections.lines().count() > 150,
         "{}",
         detections.lines().count()
+    );
+}
+
+/// A ball that moves among a sleeve, a can, a crate and a book in exactly its colour, seen by two cameras. The first two move
+/// too, and are larger.
+const CLUTTER: &str = r"
+seed = 1
+duration_s = 4.0
+training_stills = 4
+
+[cameras.cam1]
+size_px = [400, 300]
+model.pinhole = { f_px = [375, 375], center_px = [199.5, 149.5] }
+look_from_m = [0.0, -0.35, 0.5]
+look_at_m = [1.5, 0.0, 0.3]
+timing = { fps = 25, phase_s = 0.011 }
+
+[cameras.cam2]
+size_px = [400, 300]
+model.pinhole = { f_px = [388, 388], center_px = [199.5, 149.5] }
+look_from_m = [0.1, 0.6, 0.6]
+look_at_m = [1.5, 0.0, 0.3]
+timing = { fps = 25, phase_s = 0.02, clock_offset_s = -0.0585 }
+
+[image]
+shutter_s = 0.012
+instants = 3
+samples = 1
+blur_px = 0.7
+shot_noise = 0.008
+read_noise = 2.0
+
+[ground]
+z_m = -0.2
+texture.noise = { size_m = 0.4, octaves = 3, colors_srgb = [[95, 115, 95], [135, 145, 125]] }
+
+[objects.ball]
+target = true
+shape.sphere.radius_m = 0.035
+color_srgb = [235, 110, 30]
+highlight = 0.2
+path.harmonic = { center_m = [1.4, 0.05, 0.35], x = [[0.2, 1.9, 60]], y = [[0.22, 1.5, 140]], z = [[0.15, 1.1, 250]] }
+
+[objects.sleeve]
+shape.capsule = { radius_m = 0.045, to_m = [0.02, 0.12, 0.22] }
+color_srgb = [235, 110, 30]
+path.harmonic = { center_m = [1.9, 0.1, 0.25], x = [[0.18, 2.6, 0]], y = [[0.18, 1.9, 200]], z = [[0.12, 2.2, 80]] }
+
+[objects.can]
+shape.cylinder = { radius_m = 0.05, height_m = 0.12 }
+color_srgb = [235, 110, 30]
+path.harmonic = { center_m = [1.7, -0.2, 0.3], x = [[0.2, 3.3, 20]], y = [[0.2, 2.7, 310]], z = [[0.14, 3.9, 110]] }
+
+[objects.crate]
+shape.box.size_m = [0.15, 0.2, 0.2]
+color_srgb = [235, 110, 30]
+heading_deg = 20
+path.still.position_m = [2.0, -0.4, -0.1]
+
+[objects.book]
+shape.box.size_m = [0.03, 0.2, 0.28]
+color_srgb = [235, 110, 30]
+path.still.position_m = [2.2, 0.6, 0.2]
+";
+
+#[test]
+fn other_things_in_the_colour_of_the_ball_do_not_mislead() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("world.toml"), CLUTTER).unwrap();
+    pardalis(&folder, &["simulate", "world.toml", "-o", "clutter"]).fine();
+    let arguments = [
+        "calibrate",
+        "time",
+        "clutter/scene.toml",
+        "-o",
+        "scene-time",
+    ];
+    let run = pardalis(&folder, &arguments).fine();
+    println!("{}", run.stdout);
+    let [offset_s, sigma_s, ..] = offsets(&folder)[1];
+    let error_s = offset_s - 0.0585;
+    assert!(error_s.abs() < 0.0005, "error of {error_s} s");
+    assert!(
+        error_s.abs() <= 3.0 * sigma_s,
+        "error of {error_s} s with a standard deviation of {sigma_s} s"
     );
 }
 

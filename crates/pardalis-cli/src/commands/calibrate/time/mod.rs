@@ -1,31 +1,27 @@
 //! `pardalis calibrate time`: time offsets between the cameras of a scene, from a moving target.
 
+mod detect;
 mod report;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use indicatif::{ProgressBar, ProgressStyle};
-use pardalis::color::{ColorModel, PixelKind};
-use pardalis::detect::blobs;
-use pardalis::view::View;
-use pardalis_calibrate::{BlobFrame, MAX_TIME_OFFSET_S, TimedCamera, calibrate_time};
+use pardalis_calibrate::{MAX_TIME_OFFSET_S, TimedCamera, calibrate_time};
 use pardalis_scene::{Scene, TargetConfig, with_time_offsets};
-use rayon::prelude::*;
 
 use super::output;
 use crate::files::write_file;
-use crate::output::{print, warn};
+use crate::output::print;
 use crate::scene;
-use crate::source::{Delivery, Source};
 use crate::user_error::user_error;
+use detect::detect;
 use report::Report;
 
 /// Estimates the time offsets between the cameras of a scene from a moving target
 ///
-/// Detects the target by its colours in every image, and finds the offsets under which one path through space
-/// explains the detections of all cameras. The cameras need poses but not a common frame rate. Record 5 to 30
-/// seconds of the target moving back and forth in all directions, visible to two or more cameras at a time.
+/// Looks for the target in every image by itself, and finds the offsets under which one path through space
+/// explains what all cameras show. The cameras need poses but not a common frame rate. Record 5 to 30 seconds
+/// of the target moving back and forth in all directions, visible to two or more cameras at a time.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   pardalis calibrate time scene.toml --corrected corrected.toml
@@ -66,13 +62,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         ));
     };
     let colors = scene::colors(path, body)?;
-    let mut views = open.tracker.views().to_vec();
-    let frames = detect(&mut open.sources, &mut views, &colors)?;
+    let views = open.tracker.views();
+    let frames = detect(&mut open.sources, views, body, &colors)?;
     let cameras: Vec<TimedCamera> = open
         .scene
         .cameras
         .iter()
-        .zip(&views)
+        .zip(views)
         .zip(frames)
         .map(|((camera, view), frames)| TimedCamera {
             name: &camera.name,
@@ -80,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             frames,
         })
         .collect();
-    let fits = calibrate_time(&cameras, &body.shape, arguments.max_offset_s)
+    let fits = calibrate_time(&cameras, body.size, arguments.max_offset_s)
         .map_err(|refusal| user_error!("{}: {refusal}", path.display()))?;
     let report = Report::new(&open.scene, &cameras, &fits);
 
@@ -144,57 +140,6 @@ fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
                 names.join(", ")
             ))
         }
-    }
-}
-
-/// Detects blobs of the target's colours in every frame, camera by camera.
-fn detect(
-    sources: &mut [Source],
-    views: &mut [View],
-    colors: &ColorModel,
-) -> Result<Vec<Vec<BlobFrame>>> {
-    let counts = sources.iter().map(Source::frame_count);
-    let bar = progress_bar(counts.sum());
-    let of_camera = |(source, view): (&mut Source, &mut View)| {
-        let mut frames = Vec::new();
-        for delivery in source {
-            bar.inc(1);
-            let frame = match delivery? {
-                Delivery::Frame { frame, .. } => frame,
-                Delivery::Broken(error) => {
-                    warn(format!("{error:#}; the frame is ignored"));
-                    continue;
-                }
-            };
-            view.check(&frame)?;
-            view.prepare(PixelKind::of(&frame), colors.palette());
-            frames.push(BlobFrame {
-                time_s: frame.time_s(),
-                blobs: blobs(&view.prepared(&frame), colors),
-            });
-        }
-        // A source may deliver frames out of order.
-        frames.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        Ok(frames)
-    };
-    let cameras: Vec<Result<_>> = sources.par_iter_mut().zip(views).map(of_camera).collect();
-    bar.finish_and_clear();
-    // Reports the error of the first camera, whichever failed first in time.
-    cameras.into_iter().collect()
-}
-
-/// Creates a progress bar on a terminal; hidden elsewhere.
-fn progress_bar(frames: Option<usize>) -> ProgressBar {
-    let (bar, template) = match frames {
-        Some(frames) => (
-            ProgressBar::new(frames as u64),
-            "detecting {bar:32} {pos}/{len} frames, {eta} left",
-        ),
-        None => (ProgressBar::no_length(), "detecting {spinner} {pos} frames"),
-    };
-    match ProgressStyle::with_template(template) {
-        Ok(style) => bar.with_style(style),
-        Err(_) => bar,
     }
 }
 

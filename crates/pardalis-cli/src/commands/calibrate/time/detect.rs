@@ -1,0 +1,122 @@
+//! Detections of a target by each camera on its own, in each frame on its own.
+
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressStyle};
+use nalgebra::{Point3, Vector3};
+use pardalis::color::ColorModel;
+use pardalis::shape::Shape;
+use pardalis::tracker::{
+    BodySettings, Candidate, DetectedSettings, PASSES_SIGMA_M, SizeTolerance, Verdict,
+};
+use pardalis::view::View;
+use pardalis::{FrameSet, Tracker};
+use pardalis_calibrate::{Detection, DetectionFrame};
+use pardalis_scene::BodyConfig;
+use rayon::prelude::*;
+
+use crate::output::warn;
+use crate::source::{Delivery, Source};
+
+/// Points of the outlines from which areas are computed.
+const OUTLINE_POINTS: usize = 32;
+
+/// Returns what each camera detects of a body of these colours in each frame.
+pub(super) fn detect(
+    sources: &mut [Source],
+    views: &[View],
+    body: &BodyConfig,
+    colors: &ColorModel,
+) -> Result<Vec<Vec<DetectionFrame>>> {
+    let counts = sources.iter().map(Source::frame_count);
+    let bar = progress_bar(counts.sum());
+    let of_camera = |(source, view): (&mut Source, &View)| {
+        let mut setup = Tracker::builder();
+        let camera = setup.camera(view.clone());
+        let target = setup.target(settings(body, colors));
+        let mut tracker = setup.build()?;
+        let mut frames = Vec::new();
+        for delivery in source {
+            bar.inc(1);
+            let frame = match delivery? {
+                Delivery::Frame { frame, .. } => frame,
+                Delivery::Broken(error) => {
+                    warn(format!("{error:#}; the frame is ignored"));
+                    continue;
+                }
+            };
+            let time_s = frame.time_s();
+            // Without those before: where a target is predicted says something of where it is found.
+            tracker.locate(&FrameSet::of(camera, frame), &[None], &PASSES_SIGMA_M)?;
+            let candidates = tracker.candidates(target)?.flatten();
+            let detections =
+                candidates.filter_map(|candidate| detection(view, &body.shape, candidate));
+            frames.push(DetectionFrame {
+                time_s,
+                detections: detections.collect(),
+            });
+        }
+        // A source may deliver frames out of order.
+        frames.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        Ok(frames)
+    };
+    let cameras: Vec<Result<_>> = sources.par_iter_mut().zip(views).map(of_camera).collect();
+    bar.finish_and_clear();
+    // Reports the error of the first camera, whichever failed first in time.
+    cameras.into_iter().collect()
+}
+
+/// Returns the settings with which a single camera detects the body, also one that the scene gives a start.
+fn settings(body: &BodyConfig, colors: &ColorModel) -> DetectedSettings {
+    let mut settings = match body.settings(Some(colors.clone()), None) {
+        Ok(BodySettings::Detected(settings)) => settings,
+        _ => DetectedSettings::new(body.shape, colors.clone()),
+    };
+    if settings.size == SizeTolerance::Unknown {
+        // One camera does not tell size from distance, and the size matters little.
+        settings.size = SizeTolerance::default();
+    }
+    settings
+}
+
+/// Returns a candidate that may be the target as its camera shows it.
+fn detection(view: &View, shape: &Shape, candidate: &Candidate) -> Option<Detection> {
+    let position_m = candidate
+        .position_m
+        .filter(|_| candidate.verdict >= Verdict::Rival)?;
+    let middle = Point3::from(position_m) + Vector3::z() * shape.middle_height_m();
+    let middle = view.camera_from_world() * middle;
+    let outline = shape.outline_px(
+        view.camera(),
+        view.camera_from_world(),
+        position_m,
+        candidate.scale(),
+        OUTLINE_POINTS,
+    );
+    let outline: Vec<[f64; 2]> = outline.into_iter().collect::<Option<_>>()?;
+    let next = outline.iter().cycle().skip(1);
+    let crosses = outline
+        .iter()
+        .zip(next)
+        .map(|([u, v], [x, y])| u * y - x * v);
+    let area_px = 0.5 * crosses.sum::<f64>().abs();
+    Some(Detection {
+        pixel: view.camera().project(middle.into())?,
+        radius_px: (area_px / std::f64::consts::PI).sqrt(),
+        distance_m: middle.coords.norm(),
+    })
+}
+
+/// Creates a progress bar on a terminal; hidden elsewhere.
+fn progress_bar(frames: Option<usize>) -> ProgressBar {
+    let (bar, template) = match frames {
+        Some(frames) => (
+            ProgressBar::new(frames as u64),
+            "detecting {bar:32} {pos}/{len} frames, {eta} left",
+        ),
+        None => (ProgressBar::no_length(), "detecting {spinner} {pos} frames"),
+    };
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
