@@ -1,8 +1,12 @@
 //! Cameras whose pose, focal length or clock is wrong.
 
+use std::fs;
+use std::process::Command;
+
 use serde_json::{Value, json};
 
 use super::place::Rig;
+use crate::common::{Run, Workplace};
 
 const BALL: &str = "shape.sphere.radius_m = 0.035\ncolors = \"ball.toml\"\n";
 
@@ -71,4 +75,75 @@ fn a_turned_camera_is_named() {
         panic!("{errors:?}");
     };
     assert_eq!(error["cause"], "pose");
+}
+
+/// A ball that swings to and fro, with an acceleration of up to 30 m/s². The frames of one camera are taken midway between those of
+/// the other, as those of webcams may be.
+const SWING: &str = "
+seed = 1
+duration_s = 2.0
+training_stills = 3
+
+[cameras.cam1]
+size_px = [320, 240]
+model.pinhole = { f_px = [300, 300], center_px = [159.5, 119.5] }
+look_from_m = [0.0, -0.35, 0.5]
+look_at_m = [1.5, 0.0, 0.3]
+
+[cameras.cam2]
+size_px = [320, 240]
+model.pinhole = { f_px = [310, 310], center_px = [159.5, 119.5] }
+look_from_m = [0.1, 0.6, 0.6]
+look_at_m = [1.5, 0.0, 0.3]
+timing.phase_s = 0.02
+
+[timing]
+fps = 25
+
+[image]
+shutter_s = 0.004
+instants = 1
+samples = 2
+blur_px = 0.7
+read_noise = 2.0
+
+[ground]
+z_m = -0.2
+texture.plain.color_srgb = [115, 130, 110]
+
+[objects.ball]
+target = true
+shape.sphere.radius_m = 0.05
+color_srgb = [235, 110, 30]
+path.harmonic = { center_m = [1.4, 0.05, 0.35], x = [[0.15, 0.83, 60]], y = [[0.22, 0.61, 140]], z = [[0.15, 0.71, 250]] }
+";
+
+#[test]
+fn cameras_that_agree_are_not_warned_of_while_the_ball_accelerates() {
+    let place = Workplace::with_frames(0);
+    place.write("world.toml", SWING);
+    let pardalis = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+        Run::of(command.current_dir(place.path("")).args(arguments)).fine();
+    };
+    pardalis(&["simulate", "world.toml", "-o", "swing"]);
+    // Without its start, the ball is detected.
+    let scene = fs::read_to_string(place.path("swing/scene.toml")).unwrap();
+    let start = scene.find("[targets.ball.start").unwrap();
+    place.write("swing/scene.toml", &scene[..start]);
+    pardalis(&["track", "swing/scene.toml", "-o", "out", "--no-plots"]);
+    let summary: Value =
+        serde_json::from_slice(&fs::read(place.path("out/summary.json")).unwrap()).unwrap();
+    for camera in ["cam1", "cam2"] {
+        let agreement = &summary["cameras"][camera]["agreement"];
+        assert!(
+            agreement["comparisons"].as_u64().unwrap() > 40,
+            "{agreement}"
+        );
+        assert!(
+            agreement["residual_px"].as_f64().unwrap() < 0.2,
+            "{agreement}"
+        );
+        assert_eq!(agreement["likely_error"], json!(null));
+    }
 }

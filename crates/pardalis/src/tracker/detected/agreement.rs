@@ -13,13 +13,22 @@ use crate::view::View;
 /// The information on a position before any camera, 1/m²: keeps what one camera leaves open finite. Derivation: kilometres.
 const PRIOR_INFORMATION: f64 = 1e-6;
 
+/// Between outlines, a target's image moves as they and the one before say. What is left is about this share of what its acceleration alone does. Hand-set: at 25 frames per
+/// second, it is 0.2 of it for an object that swings once in 0.6 s, and 0.5 in 0.25 s.
+const UNKNOWN_MOTION_SHARE: f64 = 0.3;
+
+/// The same for the first two outlines: what is left is what an acceleration does. Hand-set: that of a fall.
+const UNKNOWN_ACCELERATION_MPS2: f64 = 10.0;
+
 /// How far the cameras agree on one target.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Agreement {
     /// One per camera.
     cameras: Vec<CameraState>,
-    /// The time of the latest comparison.
+    /// The time of the latest frames.
     time_s: f64,
+    /// The time at which cameras were compared last: that of frames of at least one of them.
+    compared_s: Option<f64>,
 }
 
 /// The state of one camera.
@@ -29,8 +38,8 @@ struct CameraState {
     variance_px2: f64,
     /// The number of comparisons so far.
     comparisons: u32,
-    /// The latest outline.
-    latest: Option<Outline>,
+    /// The outlines of the latest frame and of those before, without a gap, the latest first.
+    outlines: [Option<Outline>; 3],
     sums: ComparisonSums,
     /// The mean square, along an axis, of what its likeliest systematic error does to the latest outline, px².
     systematic_px2: f64,
@@ -43,16 +52,14 @@ struct Outline {
     /// The position around which it was measured, metres.
     position_m: Vector3<f64>,
     measured: MeasuredOffset,
-    /// Its velocity in the image, pixels per second; `None` without an earlier frame.
-    velocity_px: Option<Vector2<f64>>,
     /// How the position depends on what it is off, as a covariance per px², m²/px².
     m2_per_px2: Matrix3<f64>,
 }
 
-/// A camera's outline, as if it had been seen now.
+/// A camera's outline, as it would have been seen at the time of a comparison.
 #[derive(Clone, Copy)]
 struct Seen {
-    /// From the projection of the detection, pixels.
+    /// From the projection of a position that all cameras share, pixels.
     offset_px: Vector2<f64>,
     measured: MeasuredOffset,
 }
@@ -100,13 +107,14 @@ impl Agreement {
         let state = |view: &View| CameraState {
             variance_px2: tuning.sigma_px.powi(2),
             comparisons: 0,
-            latest: None,
+            outlines: [None; 3],
             sums: ComparisonSums::new(view),
             systematic_px2: 0.0,
         };
         Self {
             cameras: views.iter().map(state).collect(),
             time_s: 0.0,
+            compared_s: None,
         }
     }
 
@@ -115,10 +123,11 @@ impl Agreement {
         for camera in &mut self.cameras {
             camera.variance_px2 = tuning.sigma_px.powi(2);
             camera.comparisons = 0;
-            camera.latest = None;
+            camera.outlines = [None; 3];
             camera.sums.reset();
             camera.systematic_px2 = 0.0;
         }
+        self.compared_s = None;
     }
 
     /// The standard deviation of a camera's error in pixels; 0 for a camera alone.
@@ -138,16 +147,17 @@ impl Agreement {
     /// The covariance of a position from errors of the cameras, beyond those that all cameras have, m².
     pub(super) fn covariance_m2(&self, tuning: &AgreementTuning) -> Matrix3<f64> {
         let of_camera = |camera: &CameraState| {
-            let outline = camera
-                .latest
-                .filter(|outline| outline.is_recent(self.time_s, tuning))?;
+            let outline = camera.recent(self.time_s, tuning)?;
             let more_px2 = (camera.variance_px2 - tuning.sigma_px.powi(2)).max(0.0);
             Some(outline.m2_per_px2 * more_px2.max(camera.systematic_px2))
         };
         self.cameras.iter().filter_map(of_camera).sum()
     }
 
-    /// Compares the cameras that show a detection with the others.
+    /// Takes the outlines of a detection, and compares the cameras at the latest time at which it is known where each of them shows the target.
+    ///
+    /// Frames at the same time are compared at once. Otherwise a frame is compared when the other cameras have later ones: between frames, motion is known better than
+    /// ahead of them.
     pub(super) fn update(
         &mut self,
         (detection, min_visible_share): (&Detection, f32),
@@ -158,46 +168,43 @@ impl Agreement {
             return;
         }
         self.time_s = time_s;
-        let position_m = Vector3::from(detection.position_m());
         for camera in detection.cameras() {
             let share = detection.visible_share_in(camera);
             let is_unoccluded = share.is_some_and(|share| share >= f64::from(min_visible_share));
             let offset = detection.offset(camera);
             let measured = offset.measured().filter(|_| is_unoccluded);
-            let state = &mut self.cameras[camera];
-            let before = state
-                .latest
-                .filter(|outline| outline.is_recent(time_s, tuning));
-            state.latest = measured.map(|measured| Outline {
+            let outline = measured.map(|measured| Outline {
                 time_s,
-                position_m,
+                position_m: Vector3::from(detection.position_m()),
                 measured,
-                velocity_px: before.map(|before| {
-                    let moved_px = measured.place_px() - before.measured.place_px();
-                    moved_px / (time_s - before.time_s)
-                }),
                 m2_per_px2: detection.m2_per_px2(camera),
             });
+            self.cameras[camera].note(outline, tuning);
         }
-        let seen_now = |camera: &CameraState| {
-            let outline = camera
-                .latest
-                .filter(|outline| outline.is_recent(time_s, tuning))?;
-            let (measured, since_s) = (outline.measured, time_s - outline.time_s);
-            let moved_px = if since_s > 0.0 {
-                outline.velocity_px? * since_s
-            } else {
-                Vector2::zeros()
-            };
-            let from_m = outline.position_m - position_m;
-            Some(Seen {
-                offset_px: measured.px + moved_px + measured.px_per_m * from_m,
-                measured,
-            })
+        let recent = |camera: &CameraState| camera.recent(time_s, tuning);
+        let latest = self.cameras.iter().filter_map(recent);
+        let Some(first) = latest.reduce(|a, b| if b.time_s < a.time_s { b } else { a }) else {
+            return;
+        };
+        if self
+            .compared_s
+            .is_none_or(|compared_s| compared_s < first.time_s)
+        {
+            self.compared_s = Some(first.time_s);
+            self.compare(&first, tuning);
+        }
+    }
+
+    /// Compares the cameras at the time of an outline.
+    fn compare(&mut self, at: &Outline, tuning: &AgreementTuning) {
+        let time_s = self.time_s;
+        let seen_then = |camera: &CameraState| {
+            camera.recent(time_s, tuning)?;
+            camera.seen_at(at)
         };
         let (mut joint, mut even, mut count, mut sum_px2) = (Joint::new(), Joint::new(), 0, 0.0);
         for camera in &self.cameras {
-            if let Some(seen) = seen_now(camera) {
+            if let Some(seen) = seen_then(camera) {
                 joint.add(&seen, &weight(&seen, camera.variance_px2), 1.0);
                 even.add(&seen, &weight(&seen, 1.0), 1.0);
                 count += 1;
@@ -210,10 +217,8 @@ impl Agreement {
         let mean_px2 = sum_px2 / self.cameras.len() as f64;
         let (off_m, covariance_m2) = joint.position();
         for camera in &mut self.cameras {
-            let is_new = camera
-                .latest
-                .is_some_and(|outline| outline.time_s == time_s);
-            let Some(seen) = seen_now(camera).filter(|_| is_new) else {
+            let is_of_frame = camera.outlines[0].is_some_and(|outline| outline.time_s == at.time_s);
+            let Some(seen) = seen_then(camera).filter(|_| is_of_frame) else {
                 continue;
             };
             let (variance_px2, px_per_m) = (camera.variance_px2, seen.measured.px_per_m);
@@ -224,8 +229,7 @@ impl Agreement {
             let squared_sigmas = innovation(&seen, variance_px2, &others).squared_sigmas();
             let mut even_others = even;
             even_others.add(&seen, &weight(&seen, 1.0), -1.0);
-            let velocity_px = camera.latest.and_then(|outline| outline.velocity_px);
-            let velocity_px = velocity_px.unwrap_or_default();
+            let velocity_px = camera.velocity_px();
             camera.sums.add(
                 &innovation(&seen, 1.0, &even_others),
                 &seen.measured.middle_px,
@@ -256,7 +260,7 @@ impl Agreement {
             return;
         };
         let squared_px_per_m = |camera: &CameraState| {
-            let px_per_m = camera.latest?.measured.px_per_m;
+            let px_per_m = camera.outlines[0]?.measured.px_per_m;
             Some(0.5 * px_per_m.norm_squared()).filter(|squared| *squared > 0.0)
         };
         let (Some(of_one), Some(of_other)) = (squared_px_per_m(one), squared_px_per_m(other))
@@ -270,6 +274,65 @@ impl Agreement {
 }
 
 impl CameraState {
+    /// Notes what the camera shows in its latest frame.
+    fn note(&mut self, outline: Option<Outline>, tuning: &AgreementTuning) {
+        let [latest, before, _] = self.outlines;
+        let is_next = outline
+            .zip(latest)
+            .is_some_and(|(next, latest)| latest.is_recent(next.time_s, tuning));
+        self.outlines = if is_next {
+            [outline, latest, before]
+        } else {
+            [outline, None, None]
+        };
+    }
+
+    /// The outline of the latest frame, unless it is older than the tuning says.
+    fn recent(&self, time_s: f64, tuning: &AgreementTuning) -> Option<Outline> {
+        self.outlines[0].filter(|outline| outline.is_recent(time_s, tuning))
+    }
+
+    /// Its velocity in the image, pixels per second; zero without an earlier frame.
+    fn velocity_px(&self) -> Vector2<f64> {
+        let [Some(latest), Some(before), _] = self.outlines else {
+            return Vector2::zeros();
+        };
+        let moved_px = latest.measured.place_px() - before.measured.place_px();
+        moved_px / (latest.time_s - before.time_s)
+    }
+
+    /// Where the camera would have shown the target at the time of an outline, relative to the projection of that one's position; `None` if that is not known.
+    fn seen_at(&self, at: &Outline) -> Option<Seen> {
+        let latest = self.outlines[0]?;
+        let mut measured = latest.measured;
+        let mut moved_px = Vector2::zeros();
+        if latest.time_s > at.time_s {
+            let before = self.outlines[1].filter(|before| before.time_s <= at.time_s)?;
+            let [since_s, from_s] = [latest.time_s, before.time_s].map(|s| at.time_s - s);
+            let velocity_px = self.velocity_px();
+            moved_px = velocity_px * since_s;
+            if let Some(first) = &self.outlines[2] {
+                // The interpolation polynomial of Newton.
+                let moved_before_px = before.measured.place_px() - first.measured.place_px();
+                let earlier_px = moved_before_px / (before.time_s - first.time_s);
+                let curvature_px = (velocity_px - earlier_px) / (latest.time_s - first.time_s);
+                let curved_px = curvature_px * (since_s * from_s);
+                let unknown_px = curved_px * UNKNOWN_MOTION_SHARE;
+                moved_px += curved_px;
+                measured.covariance_px2 += unknown_px * unknown_px.transpose();
+            } else {
+                let unknown_m = 0.5 * UNKNOWN_ACCELERATION_MPS2 * since_s * from_s;
+                let unknown_px = measured.px_per_m * unknown_m;
+                measured.covariance_px2 += unknown_px * unknown_px.transpose();
+            }
+        }
+        let from_m = latest.position_m - at.position_m;
+        Some(Seen {
+            offset_px: measured.px + moved_px + measured.px_per_m * from_m,
+            measured,
+        })
+    }
+
     /// Moves the variance of the camera's error towards what the latest comparison says.
     fn learn(&mut self, found_px2: f64, tuning: &AgreementTuning) {
         let rate = 1.0 / tuning.memory_frames.min(f64::from(self.comparisons) + 3.0);
