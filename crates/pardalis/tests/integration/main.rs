@@ -1,5 +1,6 @@
 //! Integration tests of the tracker and its kernels, in one executable.
 
+mod challenge;
 mod common;
 mod determinism;
 mod frame_sets;

@@ -37,6 +37,8 @@ pub(super) struct Prediction {
     pub(super) since_s: f64,
     /// Its size.
     pub(super) size: SizePrior,
+    /// Whether something else may be the target.
+    pub(super) is_challenged: bool,
 }
 
 impl Detector {
@@ -114,6 +116,7 @@ impl Detector {
         let predicted_log_ratio = self.greatest_log_ratio();
         let is_sure = predicted_log_ratio > tuning.sure_log_ratio;
         if !is_sure
+            || predicted.is_challenged
             || predicted.existence < tuning.sure_existence
             || self.since_search >= tuning.frames_between_searches
         {

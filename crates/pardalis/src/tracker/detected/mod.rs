@@ -7,6 +7,7 @@ mod adaptation;
 mod agreement;
 mod association;
 mod candidates;
+mod challenge;
 mod detection;
 mod exposures;
 mod look_alikes;
@@ -37,6 +38,7 @@ use crate::view::View;
 use adaptation::{Adaptation, Certain};
 use agreement::Agreement;
 use association::AssociatedDetection;
+use challenge::{Challenge, Sighting, Winner};
 use detection::{Detector, Prediction};
 use exposures::Exposures;
 use pardalis_core::Error;
@@ -72,6 +74,7 @@ pub(super) struct DetectedTarget {
     log_ratios: Vec<Vec<f32>>,
     size: Size,
     agreement: Agreement,
+    challenge: Challenge,
     /// The covariance of the latest detection of the target (xx, xy, xz, yy, yz, zz in m²).
     detection_m2: Option<[f64; 6]>,
     /// How the position of the latest detection of the target depends on the logarithm of its scale, metres.
@@ -162,6 +165,7 @@ impl DetectedTarget {
             log_ratios: vec![Vec::new(); views.len()],
             size: Size::new(size),
             agreement: Agreement::new(views, &tuning.agreement),
+            challenge: Challenge::default(),
             detection_m2: None,
             drift_m: [0.0; 3],
             since_s: 0.0,
@@ -261,6 +265,7 @@ impl DetectedTarget {
             existence: self.filter.existence(),
             since_s: self.since_s,
             size: self.size.known(),
+            is_challenged: self.challenge.is_open(),
         };
         self.detector
             .detect(&mut self.edge, &frames, &predicted, &mut candidates);
@@ -315,7 +320,8 @@ impl DetectedTarget {
         }
         self.buffers.frames = emptied(frames);
         self.update_state(time_s);
-        self.conclude(&associated, updated.target, &mut candidates);
+        let winner = self.challenge(&associated, updated.target, time_s);
+        self.conclude(&associated, winner.or(updated.target), &mut candidates);
         if self.detector.has_searched() {
             self.note_clutter(&associated, updated.target);
         }
@@ -427,6 +433,53 @@ impl DetectedTarget {
         self.size.known().scale() * self.shape.diameter_m()
     }
 
+    /// Compares what is tracked with what else may be the target, over time. If that wins, it is tracked from now on; returns its number among those associated.
+    fn challenge(
+        &mut self,
+        associated: &[AssociatedDetection],
+        target: Option<usize>,
+        time_s: f64,
+    ) -> Option<usize> {
+        if !self.track.is_known() {
+            self.challenge.reset();
+            return None;
+        }
+        let detections = self.detector.detections();
+        let sighting = |number: usize| {
+            let found = &associated[number];
+            let cameras = detections[found.detection].camera_count();
+            Sighting::new(number, &found.component, (found.likeness, cameras))
+        };
+        if let Some(target) = target {
+            self.challenge.note_target(&sighting(target));
+        }
+        let here = Vector3::from(self.filter.estimate(0.0)?.position_m);
+        let diameter_m = self.diameter_m();
+        let is_other = |seen: &Sighting| (seen.position_m - here).norm() > diameter_m;
+        let others = (0..associated.len())
+            .filter(|number| associated[*number].existence_log_ratio > 0.0)
+            .map(sighting)
+            .filter(is_other);
+        if !self.detector.has_searched() {
+            return None;
+        }
+        let Winner {
+            number,
+            velocity_mps,
+        } = self.challenge.note_others(others, time_s, diameter_m)?;
+        let component = associated[number].component;
+        let start = GaussianStart {
+            position_m: component.position_m,
+            covariance_m2: component.covariance_m2,
+            velocity_mps: velocity_mps.into(),
+            velocity_sigma_mps: [self.tuning.existence.birth_velocity_sigma_mps; 3],
+        };
+        self.begin(&start, self.filter.existence());
+        self.detection_m2 = Some(component.covariance_m2);
+        self.adaptations.fill(Adaptation::default());
+        Some(number)
+    }
+
     /// Notes which candidate is the target, given its number among those associated. Others against which nothing speaks are its rivals; without a target
     /// they are one another's.
     fn conclude(
@@ -520,6 +573,7 @@ impl DetectedTarget {
         self.adaptations.fill(Adaptation::default());
         self.size.reset();
         self.agreement.reset(&self.tuning.agreement);
+        self.challenge.reset();
         self.drift_m = [0.0; 3];
         self.start = None;
         self.detector.exposures = Exposures::default();

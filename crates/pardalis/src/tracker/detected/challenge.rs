@@ -1,0 +1,205 @@
+//! Challenge: whether something else has been likelier the target for a while than what is tracked.
+//!
+//! The filter prefers what it has tracked to what appears, frame by frame, however much likelier the latter is: a target is rarely relocated. A track that began on
+//! something else, while the target was hidden, would never end. Evidence over time decides: the mean likeness of what is tracked since it was found, against that of
+//! the likeliest other thing since that was first seen.
+
+use nalgebra::Vector3;
+use pardalis_filter::bernoulli::MeasurementComponent;
+
+/// By how much the mean likeness of a challenger exceeds that of what is tracked, nats. Hand-set: balls of one kind differ by less.
+const MARGIN_NATS: f64 = 1.5;
+/// A challenger wins once it has been seen in this many searches. Hand-set: a third of a second.
+const MIN_FRAMES: f64 = 8.0;
+/// The same for one that moves, while what is tracked has been still. Hand-set: scenery is still, targets rarely are for long.
+const MOVING_MARGIN_NATS: f64 = 0.5;
+const MOVING_MIN_FRAMES: f64 = 4.0;
+/// By how much each further camera that shows something makes it likelier the target, nats. Hand-set: what looks like the target from one side rarely does from another,
+/// at the right distance.
+const CAMERA_NATS: f64 = 2.0;
+/// The number of frames after which what they said has faded to a third. Hand-set: four seconds.
+const MEMORY_FRAMES: f64 = 100.0;
+/// A challenger that was not seen for longer than this is forgotten, seconds. Hand-set.
+const MAX_MISSED_S: f64 = 0.4;
+/// A challenger is near where it was seen before, within this many diameters ... Hand-set.
+const REACH_DIAMETERS: f64 = 1.0;
+/// ... and with at most this change of its velocity. Hand-set: a fast throw.
+const MAX_SPEED_MPS: f64 = 5.0;
+/// What has come this many diameters far moves. Hand-set.
+const MOVING_DIAMETERS: f64 = 1.0;
+
+/// A thing in the latest frames that may be the target.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sighting {
+    /// Its number among the associated detections.
+    pub(super) number: usize,
+    /// Metres.
+    pub(super) position_m: Vector3<f64>,
+    /// The greatest standard deviation of its position, metres.
+    pub(super) sigma_m: f64,
+    /// By how much it is likelier the target than clutter, nats.
+    pub(super) likeness: f64,
+}
+
+impl Sighting {
+    /// A sighting by this many cameras, each of which says that it is likelier the target than clutter by so many nats.
+    pub(super) fn new(
+        number: usize,
+        component: &MeasurementComponent,
+        (likeness, cameras): (f64, usize),
+    ) -> Self {
+        let [xx, _, _, yy, _, zz] = component.covariance_m2;
+        Self {
+            number,
+            position_m: component.position_m.into(),
+            sigma_m: xx.max(yy).max(zz).sqrt(),
+            likeness: likeness + CAMERA_NATS * (cameras as f64 - 1.0),
+        }
+    }
+}
+
+/// What has been seen of one thing.
+#[derive(Debug, Clone, Copy)]
+struct Record {
+    frames: f64,
+    /// The mean of its likeness, nats.
+    likeness: f64,
+    /// Where it was first seen, metres.
+    first_m: Vector3<f64>,
+    /// How far from there it has been, beyond what the sightings leave open, metres.
+    way_m: f64,
+}
+
+impl Record {
+    fn of(seen: &Sighting) -> Self {
+        Self {
+            frames: 1.0,
+            likeness: seen.likeness,
+            first_m: seen.position_m,
+            way_m: 0.0,
+        }
+    }
+
+    fn add(&mut self, seen: &Sighting) {
+        self.frames = (self.frames + 1.0).min(MEMORY_FRAMES);
+        self.likeness += (seen.likeness - self.likeness) / self.frames;
+        let way_m = (seen.position_m - self.first_m).norm() - 2.0 * seen.sigma_m;
+        self.way_m = self.way_m.max(way_m);
+    }
+}
+
+/// Something else that may be the target.
+#[derive(Debug, Clone, Copy)]
+struct Challenger {
+    record: Record,
+    latest: Sighting,
+    time_s: f64,
+    velocity_mps: Vector3<f64>,
+}
+
+/// What is tracked, and what challenges it.
+#[derive(Debug, Default)]
+pub(super) struct Challenge {
+    target: Option<Record>,
+    challenger: Option<Challenger>,
+}
+
+/// What wins a challenge.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Winner {
+    /// Its number among the associated detections.
+    pub(super) number: usize,
+    /// Metres per second.
+    pub(super) velocity_mps: Vector3<f64>,
+}
+
+impl Challenge {
+    /// Forgets everything.
+    pub(super) fn reset(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Whether something challenges what is tracked, so that whole images must be searched.
+    pub(super) fn is_open(&self) -> bool {
+        self.challenger.is_some()
+    }
+
+    /// Notes what was seen of the target in the latest frames.
+    pub(super) fn note_target(&mut self, seen: &Sighting) {
+        match &mut self.target {
+            Some(record) => record.add(seen),
+            unknown => *unknown = Some(Record::of(seen)),
+        }
+    }
+
+    /// Notes what else was seen in a search of the latest frames, by targets of this diameter in metres. Returns what has won the challenge.
+    pub(super) fn note_others(
+        &mut self,
+        others: impl Iterator<Item = Sighting> + Clone,
+        time_s: f64,
+        diameter_m: f64,
+    ) -> Option<Winner> {
+        let target = self.target?;
+        let least = target.likeness + MOVING_MARGIN_NATS;
+        let Some(challenger) = &mut self.challenger else {
+            let likeliest = others.reduce(|a, b| if b.likeness > a.likeness { b } else { a });
+            self.challenger =
+                likeliest
+                    .filter(|seen| seen.likeness > least)
+                    .map(|seen| Challenger {
+                        record: Record::of(&seen),
+                        latest: seen,
+                        time_s,
+                        velocity_mps: Vector3::zeros(),
+                    });
+            return None;
+        };
+        let since_s = time_s - challenger.time_s;
+        let here_m = challenger.latest.position_m + challenger.velocity_mps * since_s;
+        let distance_m = |seen: &Sighting| (seen.position_m - here_m).norm();
+        let nearest = others.reduce(|a, b| {
+            if distance_m(&b) < distance_m(&a) {
+                b
+            } else {
+                a
+            }
+        });
+        let reach_m = REACH_DIAMETERS * diameter_m + MAX_SPEED_MPS * since_s;
+        let near = |seen: &Sighting| {
+            distance_m(seen) <= reach_m + 2.0 * libm::hypot(seen.sigma_m, challenger.latest.sigma_m)
+        };
+        let Some(seen) = nearest.filter(near) else {
+            if since_s > MAX_MISSED_S {
+                self.challenger = None;
+            }
+            return None;
+        };
+        challenger.velocity_mps = (seen.position_m - challenger.latest.position_m) / since_s;
+        challenger.record.add(&seen);
+        challenger.latest = seen;
+        challenger.time_s = time_s;
+        let record = challenger.record;
+        if record.likeness < least {
+            self.challenger = None;
+            return None;
+        }
+        let moves = |record: &Record| record.way_m > MOVING_DIAMETERS * diameter_m;
+        let (margin_nats, min_frames) = match (moves(&record), moves(&target)) {
+            (true, false) => (MOVING_MARGIN_NATS, MOVING_MIN_FRAMES),
+            (false, true) => return None,
+            _ => (MARGIN_NATS, MIN_FRAMES),
+        };
+        if record.likeness < target.likeness + margin_nats || record.frames < min_frames {
+            return None;
+        }
+        let winner = Winner {
+            number: seen.number,
+            velocity_mps: challenger.velocity_mps,
+        };
+        *self = Self {
+            target: Some(record),
+            challenger: None,
+        };
+        Some(winner)
+    }
+}
