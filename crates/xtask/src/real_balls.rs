@@ -1,5 +1,5 @@
-//! The experiment on real clips of balls (`experiments/real-balls`): `pardalis measure` compares positions in metres,
-//! but the truth of these clips is circles in the image.
+//! The experiments on real clips of balls (`experiments/real-balls` and `experiments/locate`): `pardalis measure` compares
+//! positions in metres, but the truth of these clips is circles in the image.
 
 mod bands;
 mod clip;
@@ -14,7 +14,7 @@ use anyhow::{Context, Result, anyhow, bail};
 
 use bands::Bands;
 use clip::{Images, read_clips, read_labels};
-use methods::{Labels, Tracked};
+use methods::{Command, Labels, Tracked};
 use score::{Figures, read_truth, score};
 
 pub(crate) const USAGE: &str = "\
@@ -25,10 +25,11 @@ Usage: cargo xtask real-balls [OPTIONS]
   --scales 1,0.5            sizes of the images [default: 1,0.5,0.25]
   --radius-factors 0.25,1   factors of the assumed radius [default: 0.25,1,4]
   --labels circles,rectangles   shapes of the three labels [default: circles]
+  --locate                  look for the ball in each frame by itself, with `pardalis locate` in place of `track`
   --opencv PYTHON           also run OpenCV's usual tracker with this Python
   --frames FOLDER           images in FOLDER/CLIP, scaled before, in place of the videos; needs one scale and no ffmpeg
   --record FILE.csv         write a row for each run
-  --verify                  fail if a figure is outside the bands of experiments/real-balls/bands.toml";
+  --verify                  fail if a figure is outside the bands.toml of experiments/real-balls, or of experiments/locate";
 
 /// What the command line says.
 struct Options {
@@ -37,6 +38,7 @@ struct Options {
     scales: Vec<f64>,
     radius_factors: Vec<f64>,
     labels: Vec<Labels>,
+    command: Command,
     opencv: Option<PathBuf>,
     frames: Option<PathBuf>,
     record: Option<PathBuf>,
@@ -51,6 +53,7 @@ impl Options {
             scales: vec![1.0, 0.5, 0.25],
             radius_factors: vec![0.25, 1.0, 4.0],
             labels: vec![Labels::Circles],
+            command: Command::Track,
             opencv: None,
             frames: None,
             record: None,
@@ -60,6 +63,10 @@ impl Options {
         while let Some(&word) = words.next() {
             if word == "--verify" {
                 options.verify = true;
+                continue;
+            }
+            if word == "--locate" {
+                options.command = Command::Locate;
                 continue;
             }
             let value = words
@@ -145,7 +152,10 @@ impl Run {
 /// Runs the experiment with the words of the command line.
 pub(crate) fn run(root: &Path, words: &[&str]) -> Result<()> {
     let options = Options::parse(root, words)?;
-    let experiment = root.join("experiments/real-balls");
+    let experiment = match options.command {
+        Command::Track => root.join("experiments/real-balls"),
+        Command::Locate => root.join("experiments/locate"),
+    };
     let bands = if options.verify {
         Some(Bands::read(&experiment.join("bands.toml"))?)
     } else {
@@ -207,7 +217,13 @@ fn measure(root: &Path, options: &Options) -> Result<Vec<Run>> {
                 methods::learn(&options.binary, &images, &labels, shape, &work)?;
                 for &factor in &options.radius_factors {
                     let radius_m = clip.radius_m * factor;
-                    let tracked = methods::track(&options.binary, clip, &images, radius_m, &work)?;
+                    let tracked = methods::find(
+                        (&options.binary, options.command),
+                        clip,
+                        &images,
+                        radius_m,
+                        &work,
+                    )?;
                     let method = shape.name();
                     keep(Run::new(
                         name,

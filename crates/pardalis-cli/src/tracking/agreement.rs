@@ -3,17 +3,31 @@
 use std::fmt::Write as _;
 
 use pardalis::Tracker;
-use pardalis::tracker::{CameraErrorCause, LikelyError};
+use pardalis::tracker::{CameraAgreement, CameraErrorCause, LikelyError};
 use pardalis_scene::Scene;
 use serde_json::{Value, json};
 
+/// From this on cameras disagree even if nothing explains it, pixels. Experiment: below 0.4 if all are right, in experiments/camera-error and
+/// in others.
+const UNEXPLAINED_PX: f64 = 1.0;
+/// Fewer comparisons say nothing. Hand-set: a second, as for errors that are explained.
+const MIN_COMPARISONS: usize = 25;
+
 /// Returns a warning if cameras disagree: by how much, which may be wrong, and what to do.
 pub(crate) fn warning(scene: &Scene, tracker: &Tracker) -> Option<String> {
-    let agreements = tracker.camera_agreement();
-    let compared = agreements.iter().filter(|camera| camera.comparisons > 0);
+    let names = scene.cameras.iter().map(|camera| &*camera.name);
+    let agreements: Vec<_> = names.zip(tracker.camera_agreement()).collect();
+    explained(&agreements).or_else(|| unexplained(&agreements))
+}
+
+/// Returns the warning that names the likely errors.
+fn explained(agreements: &[(&str, CameraAgreement)]) -> Option<String> {
+    let compared = agreements
+        .iter()
+        .filter(|(_, camera)| camera.comparisons > 0);
     let compared = compared.count();
-    let mut wrong: Vec<(&str, LikelyError)> = (scene.cameras.iter().zip(&agreements))
-        .filter_map(|(camera, agreement)| Some((&*camera.name, agreement.likely_error?)))
+    let mut wrong: Vec<(&str, LikelyError)> = (agreements.iter())
+        .filter_map(|(name, agreement)| Some((*name, agreement.likely_error?)))
         .collect();
     wrong.sort_by(|a, b| b.1.explained_px.total_cmp(&a.1.explained_px));
     let (name, error) = wrong.first()?;
@@ -21,10 +35,6 @@ pub(crate) fn warning(scene: &Scene, tracker: &Tracker) -> Option<String> {
     let mut text = if wrong.len() == 1 {
         format!("warning: cameras.{name}: disagrees with the other cameras by {px:.1} pixels")
     } else {
-        let names: Vec<String> = wrong
-            .iter()
-            .map(|(name, _)| format!("cameras.{name}"))
-            .collect();
         let which = if compared == 2 {
             "with two cameras either may be wrong"
         } else {
@@ -32,13 +42,34 @@ pub(crate) fn warning(scene: &Scene, tracker: &Tracker) -> Option<String> {
         };
         format!(
             "warning: {}: disagree by {px:.1} pixels; {which}; correct only one",
-            names.join(", ")
+            listed(wrong.iter().map(|(name, _)| *name))
         )
     };
     for (name, error) in &wrong {
         let _ = write!(text, "\n  cameras.{name}: {}", cause(error));
     }
     Some(text)
+}
+
+/// Returns the warning of cameras that disagree although no error of one of them explains it.
+fn unexplained(agreements: &[(&str, CameraAgreement)]) -> Option<String> {
+    let is_off = |agreement: &CameraAgreement| {
+        agreement.residual_px >= UNEXPLAINED_PX && agreement.comparisons >= MIN_COMPARISONS
+    };
+    let off = agreements.iter().filter(|(_, agreement)| is_off(agreement));
+    let px = off.clone().map(|(_, agreement)| agreement.residual_px);
+    let px = px.reduce(f64::max)?;
+    Some(format!(
+        "warning: {}: off by up to {px:.1} pixels from where other cameras show the target, and neither pose, focal length nor clock alone explains \
+         it: check all of them, and in annotated frames (--annotate) whether all cameras show the same thing",
+        listed(off.map(|(name, _)| *name))
+    ))
+}
+
+/// Lists cameras by their keys.
+fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let keys = names.map(|name| format!("cameras.{name}"));
+    keys.collect::<Vec<_>>().join(", ")
 }
 
 /// Returns the likely cause in words, and what to do.
@@ -93,4 +124,30 @@ pub(crate) fn entry(tracker: &Tracker, camera: usize) -> Option<Value> {
             "likely_error": error,
         })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_that_disagree_for_no_known_reason_are_named() {
+        let camera = |residual_px: f64, comparisons: usize| CameraAgreement {
+            comparisons,
+            residual_px,
+            likely_error: None,
+        };
+        let right = [("left", camera(0.4, 100)), ("right", camera(20.0, 24))];
+        assert_eq!(unexplained(&right), None);
+        let wrong = [
+            ("left", camera(9.96, 25)),
+            ("top", camera(0.9, 70)),
+            ("right", camera(1.2, 60)),
+        ];
+        let warning = unexplained(&wrong).unwrap();
+        assert!(
+            warning.starts_with("warning: cameras.left, cameras.right: off by up to 10.0 pixels from where other cameras"),
+            "{warning}"
+        );
+    }
 }

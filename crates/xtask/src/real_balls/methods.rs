@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process;
 use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -28,6 +28,14 @@ impl Labels {
     }
 }
 
+/// The command that looks for the ball.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Command {
+    Track,
+    /// In each frame by itself.
+    Locate,
+}
+
 /// The estimates of a run by frame, and its speed in frames per second of wall time.
 pub(crate) struct Tracked {
     pub(crate) estimates: BTreeMap<u32, Estimate>,
@@ -42,7 +50,7 @@ pub(crate) fn learn(
     shape: Labels,
     work: &Path,
 ) -> Result<()> {
-    let mut command = Command::new(binary);
+    let mut command = process::Command::new(binary);
     command.arg("learn");
     for label in labels {
         command.arg("--image").arg(images.frame(label.frame, work)?);
@@ -56,16 +64,16 @@ pub(crate) fn learn(
     Ok(())
 }
 
-/// Runs `pardalis init` and `pardalis track` with default settings and a guessed pinhole camera.
-pub(crate) fn track(
-    binary: &Path,
+/// Runs `pardalis init` and a command with default settings and a guessed pinhole camera.
+pub(crate) fn find(
+    (binary, command): (&Path, Command),
     clip: &Clip,
     images: &Images,
     radius_m: f64,
     work: &Path,
 ) -> Result<Tracked> {
     let scene = work.join("scene.toml");
-    let mut init = Command::new(binary);
+    let mut init = process::Command::new(binary);
     init.arg("init").arg(&images.source);
     init.args(["--camera", "pinhole", "--target", "ball", "--force"]);
     init.arg("--colors").arg(work.join("target.colors.toml"));
@@ -74,9 +82,12 @@ pub(crate) fn track(
         init.args(["--fps", &clip.fps.to_string()]);
     }
     call(init.arg("-o").arg(&scene))?;
-    let mut track = Command::new(binary);
-    track.arg("track").arg(&scene).arg("--no-plots");
-    let seconds = timed(track.arg("-o").arg(work.join("tracks")))?;
+    let mut find = process::Command::new(binary);
+    match command {
+        Command::Track => find.arg("track").arg(&scene).arg("--no-plots"),
+        Command::Locate => find.arg("locate").arg(&scene),
+    };
+    let seconds = timed(find.arg("-o").arg(work.join("tracks")))?;
     let camera = Pinhole::of_scene(&scene)?;
     let rows = read_rows(&work.join("tracks/tracks.csv"))?;
     let estimates = rows
@@ -108,7 +119,7 @@ pub(crate) fn opencv(
     }
     writer.flush()?;
     let found = work.join("found.csv");
-    let mut command = Command::new(python);
+    let mut command = process::Command::new(python);
     command.arg(script).arg(&images.source).arg(&circles);
     let printed = call(command.arg(&found))?;
     let fps = printed
@@ -137,7 +148,7 @@ pub(crate) fn opencv(
     clippy::disallowed_methods,
     reason = "measures the program from outside"
 )]
-fn timed(command: &mut Command) -> Result<f64> {
+fn timed(command: &mut process::Command) -> Result<f64> {
     let start = Instant::now();
     call(command)?;
     Ok(start.elapsed().as_secs_f64())
