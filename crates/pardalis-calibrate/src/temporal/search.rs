@@ -22,7 +22,7 @@ const SIZE_SIGMA: f64 = 0.3;
 /// Smallest number of simultaneous detections that two cameras must share.
 const MIN_COMMON: usize = 8;
 
-/// Largest number of a camera's detections that are compared; more would not improve the result.
+/// Largest number of a camera's frames that are compared; more would not improve the result.
 const MAX_COMPARED: usize = 400;
 
 /// A detection's ray in the world.
