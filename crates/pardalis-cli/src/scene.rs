@@ -490,6 +490,8 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
                         images_folder.display()
                     )));
                 }
+                // A single image is at the time zero.
+                (None, false) if images_folder.is_file() => Timing::Fps(1.0),
                 (None, false) if images_folder.is_dir() => {
                     return Err(images.problem(format!(
                         "the times of the images are unknown; give fps, or put times.csv into {}",

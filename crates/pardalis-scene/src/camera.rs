@@ -106,7 +106,7 @@ pub struct MaskCircle {
 /// The source of a camera's frames.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
-    /// A folder of images.
+    /// A folder of images, or one image.
     Images {
         /// The folder.
         folder: Located<String>,
@@ -402,7 +402,7 @@ fn read_input(table: &Table) -> Option<Input> {
     let images = table
         .key(
             "images",
-            "Folder of JPEG and PNG images, read in the order of their names. Give either this or `video`.",
+            "Folder of JPEG and PNG images, read in the order of their names, or one image. Give either this or `video`.",
         )
         .depends("unless `video` is given")
         .located_conditional();

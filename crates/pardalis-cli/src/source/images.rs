@@ -1,4 +1,4 @@
-//! JPEG and PNG images: a folder in natural order, or a list of files.
+//! JPEG and PNG images: a folder in natural order, one file, or a list of files.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ pub(super) struct ImageFrames {
 }
 
 impl ImageFrames {
-    /// Lists the folder and determines the time of each image before any is decoded. Only the images of the
+    /// Lists the folder, which may also be one image, and determines the time of each image before any is decoded. Only the images of the
     /// range are delivered, in order of arrival; times count from the folder's first image nevertheless.
     pub(super) fn open(folder: &Path, timing: &Timing, range: FrameRange) -> Result<Self> {
         let files = list_images(folder)?;
@@ -150,8 +150,11 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
         )
     };
     if folder.is_file() {
+        if is_image_name(folder) {
+            return Ok(vec![(folder.to_owned(), 0)]);
+        }
         return Err(user_error!(
-            "{}: this is a file; give the folder that holds the images",
+            "{}: this is a file, but no image; give the folder that holds the images, or one image",
             folder.display()
         ));
     }

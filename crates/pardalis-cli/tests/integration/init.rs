@@ -352,6 +352,31 @@ fn scenes_with_corrected_values_track_the_ball() {
 }
 
 #[test]
+fn a_single_image_gives_a_scene_that_locates_the_ball() {
+    let place = sequence(&[], |_| {});
+    let image = "ride/frames/000000.jpg";
+    let camera = "ride/camera.json";
+    let arguments = [image, "--camera", camera, "--colors", "ball.toml"];
+    let run = init(&place, &arguments).fine();
+    assert!(
+        run.stdout.contains("pardalis locate scene.toml"),
+        "{}",
+        run.stdout
+    );
+    let text = scene(&place);
+    assert!(
+        text.contains("images = \"ride/frames/000000.jpg\""),
+        "{text}"
+    );
+    assert!(!text.contains("fps"), "{text}");
+    let mut locate = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+    let locate = locate.current_dir(place.path(""));
+    Run::of(locate.args(["locate", "scene.toml", "-o", "out"])).fine();
+    let rows = place.rows();
+    assert_eq!((rows.len(), &*rows[0][3]), (1, "tracking"));
+}
+
+#[test]
 fn sequence_folders_need_no_changes_and_the_ball_is_found() {
     let place = sequence(&[], |_| {});
     let run = init(&place, &["ride", "--colors", "ball.toml"]).fine();
@@ -592,8 +617,8 @@ fn invalid_input_is_named_and_nothing_is_written() {
         (&["nowhere"], &["nowhere", "no such file or folder"]),
         (&["empty"], &["empty", "no images"]),
         (
-            &[frame.to_str().unwrap()],
-            &["000000.jpg", "single image", "folder"],
+            &[frame.to_str().unwrap(), "--fps", "25"],
+            &["--fps", "single image", "leave it out"],
         ),
         (&["ball.toml"], &["ball.toml"]),
         (

@@ -24,7 +24,7 @@ use text::{Calibration, CameraText, SceneText};
 
 /// Writes a commented scene file as a starting point
 ///
-/// The input is a folder of images, a sequence folder (frames/ and camera.json or cameras.json), or a video.
+/// The input is a folder of images, a sequence folder (frames/ and camera.json or cameras.json), a video, or a single image.
 /// Values that cannot be derived from it are guessed and marked CHANGE; `track` warns while they remain. For a live camera,
 /// record a clip, and put the device in its place in the scene (docs/cameras-live.md).
 #[derive(Debug, clap::Args)]
@@ -33,10 +33,11 @@ use text::{Calibration, CameraText, SceneText};
   pardalis init images --fps 25 --camera pinhole            images from a webcam or a phone
   pardalis init ride.mp4 --fov 65 -o ride.toml              a video; the angle of view is 65 degrees (needs ffmpeg)
   pardalis init ride.mp4 --camera photo.jpg                 a focal length from the EXIF data of a photo by this camera
+  pardalis init photo.jpg -o photo.toml                     a single image, for pardalis locate
   pardalis init images --fps 25 --camera lens/camera.toml   with a calibration by this or another program
   pardalis init data/dioptric-jump                          a sequence folder, which contains all this")]
 pub(crate) struct Arguments {
-    /// A folder of images, a sequence folder, or a video file
+    /// A folder of images, a sequence folder, a video file, or an image
     input: PathBuf,
     /// The scene file to write
     #[arg(short, long, value_name = "SCENE.toml", default_value = "scene.toml")]
@@ -119,6 +120,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let default_colors = || PathBuf::from(format!("{}.colors.toml", arguments.target));
     let colors = arguments.colors.clone().unwrap_or_else(default_colors);
     let mut cameras = Vec::new();
+    let is_single = arguments.input.is_file() && is_image(&arguments.input);
     let mut radius_m = arguments.radius_m;
     match known_cameras(arguments)? {
         KnownCameras::Calibration {
@@ -203,7 +205,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     print(format!("  pardalis check {}", output.display()));
-    print(format!("  pardalis track {}", output.display()));
+    let command = if is_single { "locate" } else { "track" };
+    print(format!("  pardalis {command} {}", output.display()));
     Ok(())
 }
 
@@ -211,12 +214,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 pub(super) struct Opened {
     size: (usize, usize),
     is_video: bool,
+    is_single: bool,
     has_times: bool,
 }
 
 /// Opens the input once, so that errors show now.
 fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
-    let is_video = !input.is_dir();
+    let is_single = input.is_file() && is_image(input);
+    let is_video = !input.is_dir() && !is_single;
     let has_times = input.join("times.csv").is_file();
     let name = input.display().to_string();
     if name == "-" || name.contains("://") {
@@ -231,15 +236,11 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
             "{name}: no such file or folder; check the name"
         ));
     }
-    if is_video && is_image(input) {
-        return Err(user_error!(
-            "{}: is a single image; give the folder that contains it, or a video",
-            input.display()
-        ));
-    }
-    if fps.is_some() && (is_video || has_times) {
+    if fps.is_some() && (is_video || is_single || has_times) {
         let why = if is_video {
             "a video carries its own time stamps"
+        } else if is_single {
+            "a single image has no frame rate"
         } else {
             "times.csv gives the time stamps"
         };
@@ -270,6 +271,7 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     Ok(Opened {
         size,
         is_video,
+        is_single,
         has_times,
     })
 }
@@ -352,8 +354,15 @@ fn known_cameras(arguments: &Arguments) -> Result<KnownCameras> {
     Ok(KnownCameras::Calibration { file, cameras })
 }
 
-/// Returns the angle of view that the first image of a folder states, if it does.
+/// Returns the angle of view that the first image of a folder, or a single image, states, if it does.
 fn fov_of_images(folder: &Path) -> Result<Fov> {
+    if folder.is_file() {
+        // A broken image was reported when it was opened.
+        let stated = exif_fov_deg(folder).ok().flatten();
+        return Ok(stated.map_or(Fov::Unknown, |fov_deg| {
+            Fov::Exif(fov_deg, file_name(folder))
+        }));
+    }
     let unreadable = |error| user_error!("{}: cannot be read: {error}", folder.display());
     let entries = fs::read_dir(folder).map_err(unreadable)?;
     let paths = entries.map(|entry| Ok(entry?.path()));

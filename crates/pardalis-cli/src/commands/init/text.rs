@@ -227,6 +227,9 @@ fn input_lines(opened: &Opened, path: &str, fps: Option<f64>) -> String {
             "video = {path}  # or a camera such as /dev/video0; input.format, input.codec and others say how to open it"
         );
     }
+    if opened.is_single {
+        return format!("images = {path}  # or a folder of images");
+    }
     let times = match fps {
         _ if opened.has_times => {
             "# times.csv next to the images contains their time stamps".to_owned()
