@@ -22,6 +22,7 @@ mod progress;
 mod rectangle;
 mod rig;
 mod scene;
+mod sight;
 mod source;
 mod tables;
 mod timing;

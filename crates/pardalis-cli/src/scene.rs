@@ -85,6 +85,11 @@ pub(crate) fn text_in(path: &Path, bytes: Vec<u8>) -> Result<String> {
 /// Reads the text of a scene file.
 fn read_scene_text(path: &Path) -> Result<String> {
     let name = path.display();
+    if !path.exists() {
+        return Err(user_error!(
+            "{name}: cannot be read: there is no such file; check the name, or write a scene with `pardalis init`"
+        ));
+    }
     match media_kind(path) {
         Some("image") => Err(user_error!(
             "{name}: is an image, not a scene; `pardalis init FOLDER` writes a scene of a folder of images"
@@ -550,7 +555,8 @@ fn view_of(
         && stated.value != [width as f64, height as f64]
     {
         refuse(stated.problem(format!(
-            "is {} x {}, but the images are {width} x {height}; a camera model is valid for one size only",
+            "is {} x {}, but the images are {width} x {height}; a camera model is valid for one size only: \
+             give images of that size, or write another scene for these (`pardalis init`)",
             stated.value[0], stated.value[1]
         )));
     }

@@ -8,11 +8,58 @@ use super::{Instant, Sink};
 
 /// Number of reasons reported for each target.
 const REPORTED_REASONS: usize = 3;
+/// Number of ranges of frames reported for each target.
+const REPORTED_RANGES: usize = 6;
 
 /// Counts, for each target, the frames in which it was searching or lost, by what ruled out a candidate in them.
 pub(crate) struct MissedFrames {
     /// One count per verdict, in the order of [`Verdict::ALL`].
     targets: Vec<[usize; Verdict::ALL.len()]>,
+    ranges: Vec<Ranges>,
+}
+
+/// The first ranges of frames without a target, and the number of further ones.
+#[derive(Debug, Clone, Default)]
+struct Ranges {
+    first: Vec<[usize; 2]>,
+    more: usize,
+    /// The last frame of the last range.
+    last: Option<usize>,
+}
+
+impl Ranges {
+    fn add(&mut self, frame: usize) {
+        let continues = self.last.is_some_and(|last| last + 1 == frame);
+        self.last = Some(frame);
+        if !continues && self.first.len() == REPORTED_RANGES {
+            self.more += 1;
+        } else if !continues {
+            self.first.push([frame; 2]);
+        } else if self.more == 0
+            && let Some(range) = self.first.last_mut()
+        {
+            range[1] = frame;
+        }
+    }
+}
+
+impl std::fmt::Display for Ranges {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let range = |&[first, last]: &[usize; 2]| {
+            if first == last {
+                first.to_string()
+            } else {
+                format!("{first} to {last}")
+            }
+        };
+        let ranges: Vec<String> = self.first.iter().map(range).collect();
+        f.write_str(&ranges.join(", "))?;
+        match self.more {
+            0 => Ok(()),
+            1 => f.write_str(" and once more"),
+            more => write!(f, " and {more} more times"),
+        }
+    }
 }
 
 impl MissedFrames {
@@ -20,6 +67,7 @@ impl MissedFrames {
     pub(crate) fn of(targets: usize) -> Self {
         Self {
             targets: vec![[0; Verdict::ALL.len()]; targets],
+            ranges: vec![Ranges::default(); targets],
         }
     }
 
@@ -29,20 +77,28 @@ impl MissedFrames {
         counted.filter(|&(_, frames)| frames > 0)
     }
 
-    /// Returns the most frequent reasons for which a target of this name was missed in this many frames, one per line.
+    /// Returns in which frames a target of this name was missed, of which there are so many, and the most frequent reasons, one per line.
     pub(crate) fn lines(&self, target: usize, name: &str, missed: usize) -> Vec<String> {
+        if missed == 0 {
+            return Vec::new();
+        }
+        let ranges = &self.ranges[target];
+        let frames = format!(
+            "{name} was not found in frames {ranges}; where it is out of view or hidden, there is nothing to mend"
+        );
         let mut reasons: Vec<_> = self.by_reason(target).collect();
         // Of two equally frequent ones that which came nearer.
         reasons.sort_by_key(|&reason| std::cmp::Reverse((reason.1, reason.0)));
         let line = |&(reason, frames): &(Verdict, usize)| {
             format!(
-                "in {frames} of {missed} frames without {name}, {} ({}): {}",
+                "in {frames} of these {missed} frames, {} ({}): {}",
                 what(reason),
                 reason.name(),
                 remedy(reason)
             )
         };
-        reasons.iter().take(REPORTED_REASONS).map(line).collect()
+        let reasons = reasons.iter().take(REPORTED_REASONS).map(line);
+        [frames].into_iter().chain(reasons).collect()
     }
 }
 
@@ -51,6 +107,7 @@ impl Sink for MissedFrames {
         for (number, estimate) in instant.estimates.iter().enumerate() {
             let is_missed = matches!(estimate.state, TrackState::Searching | TrackState::Lost);
             if is_missed {
+                self.ranges[number].add(instant.index);
                 let reasons = reasons(instant.tracker, TargetId::new(number))?;
                 for (frames, verdict) in self.targets[number].iter_mut().zip(Verdict::ALL) {
                     *frames += usize::from(reasons.contains(&verdict));
@@ -130,5 +187,31 @@ fn remedy(verdict: Verdict) -> &'static str {
         Verdict::Stray => "look for other things in the landmark's colours",
         Verdict::LookAlike | Verdict::Rival => "give the scene one target for each object",
         _ => "give more frames, or learn from more images",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_of_frames_are_listed_and_counted() {
+        let mut ranges = Ranges::default();
+        for frame in [3, 4, 5, 9, 11, 12, 20, 30, 40, 41] {
+            ranges.add(frame);
+        }
+        assert_eq!(ranges.to_string(), "3 to 5, 9, 11 to 12, 20, 30, 40 to 41");
+        for frame in [50, 51] {
+            ranges.add(frame);
+        }
+        assert_eq!(
+            ranges.to_string(),
+            "3 to 5, 9, 11 to 12, 20, 30, 40 to 41 and once more"
+        );
+        ranges.add(60);
+        assert!(
+            ranges.to_string().ends_with(" and 2 more times"),
+            "{ranges}"
+        );
     }
 }

@@ -59,7 +59,8 @@ fn without_its_colours_a_target_is_never_found_and_the_run_says_why() {
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     for part in [
         "warning: targets.ball: was not found in any of the 6 frames\n",
-        "in 6 of 6 frames without ball, nothing in the image has its colours (no-colors): learn the colours",
+        "ball was not found in frames 0 to 5; where it is out of view or hidden, there is nothing to mend\n",
+        "in 6 of these 6 frames, nothing in the image has its colours (no-colors): learn the colours",
         "docs/not-found.md",
     ] {
         assert!(run.stderr.contains(part), "{part:?} in {}", run.stderr);
@@ -108,7 +109,7 @@ fn a_wrong_scale_makes_the_ball_too_far() {
     let place = Workplace::with_frames(4);
     let scene = detected("orange-ball.hsi.colors.toml").replace("145.5622506548578", "5000");
     let run = explained(&place, &scene, &[]);
-    let message = "in 4 of 4 frames without ball, the area in its colours is so small that the target would be too far away (too-far)";
+    let message = "in 4 of these 4 frames, the area in its colours is so small that the target would be too far away (too-far)";
     assert!(run.stderr.contains(message), "{}", run.stderr);
     // The ball of data/dioptric-jump, at (460, 88), has no position because none has its size.
     let rows = candidates(&place, "out");
@@ -238,6 +239,7 @@ colors = "world/ball.colors.toml"
         "{reason}"
     );
     let (place, confidence) = lines[24].split_once(" mm, confidence ").unwrap();
+    let (confidence, _) = confidence.split_once("; seen at ").unwrap();
     // Truly at -0.082.
     assert!(place.starts_with("frame 24: ball at -0.08"), "{place}");
     assert!(confidence.parse::<f64>().unwrap() > 0.5, "{confidence}");
@@ -252,7 +254,7 @@ fn two_equal_balls_are_rivals_for_one_target() {
         &format!("{:?}\nframe_limit = 3", frames.to_str().unwrap()),
     );
     let run = explained(&place, &scene, &[]);
-    let message = "in 3 of 3 frames without ball, several candidates look like it (rival)";
+    let message = "in 3 of these 3 frames, several candidates look like it (rival)";
     assert!(run.stderr.contains(message), "{}", run.stderr);
 }
 

@@ -116,7 +116,10 @@ fn results_have_the_format_of_track() {
     let lines: Vec<&str> = run.stdout.lines().collect();
     assert!(lines[0].starts_with("frame 0: ball at 0.6"), "{}", lines[0]);
     assert!(
-        lines[2].ends_with(" mm, confidence 1.00") && lines[2].contains(" m ± "),
+        lines[2].contains(" m ± ")
+            && lines[2].ends_with(
+                " mm, confidence 1.00; seen at 319, 123 px, radius 9 px, 2.36 m from the camera"
+            ),
         "{}",
         lines[2]
     );

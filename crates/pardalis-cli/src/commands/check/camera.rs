@@ -24,7 +24,7 @@ pub(super) struct Seen {
     pub(super) is_live: bool,
     source: Description,
     /// Whether the scene states the size for which the camera's model holds.
-    states_size: bool,
+    stated_size: Option<[f64; 2]>,
     /// Time from the exposure of one row to that of the next, in seconds, as the scene says.
     line_delay_s: f64,
 }
@@ -68,7 +68,7 @@ fn look(camera: &CameraConfig, source: &mut Source) -> anyhow::Result<Seen> {
         duration_s: span.map(|span| span.last_s - span.first_s),
         is_live: source.is_live(),
         source: source.describe().clone(),
-        states_size: camera.size_px.is_some(),
+        stated_size: camera.size_px.as_ref().map(|size| size.value),
         line_delay_s: camera.line_delay_s,
     })
 }
@@ -89,10 +89,12 @@ impl Seen {
             ..
         } = &self.source;
         let mut text = format!("cameras.{name}: {input}: {content}\n  {width} x {height} pixels");
-        text += if self.states_size {
-            ", as the scene says"
-        } else {
-            "; the scene does not say for which size the model holds (size_px)"
+        text += match self.stated_size {
+            Some(stated) if stated == [width, height].map(|side| *side as f64) => {
+                ", as the scene says"
+            }
+            Some(_) => ", but the scene says otherwise",
+            None => "; the scene does not say for which size the model holds (size_px)",
         };
         // Writing to a String cannot fail.
         if let Some(interval_s) = self.interval_s {

@@ -43,7 +43,7 @@ impl Label {
                 height,
             }),
             _ => Err(
-                "allowed: X,Y,WIDTH,HEIGHT as whole numbers of pixels, width and height 1 or more"
+                "allowed: X,Y,WIDTH,HEIGHT as whole numbers of pixels, with commas and without spaces, width and height 1 or more"
                     .to_owned(),
             ),
         }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use pardalis::color::ColorModel;
 
+use super::balls::Circle;
 use super::check::{Check, ImageCheck};
 use super::evidence::Evidence;
 use super::remedy::Remedy;
@@ -197,7 +198,7 @@ impl Report<'_> {
         }
         writeln!(
             f,
-            "Remedies: labels on the outline of the whole target, or boxes closely around it; finer --bins or another --palette; a target in a colour \
+            "Remedies: first see in mosaic.png whether every label is on the target. Then labels on the outline of the whole target, or boxes closely around it; finer --bins or another --palette; a target in a colour \
              that does not occur in its surroundings."
         )
     }
@@ -237,10 +238,10 @@ impl Report<'_> {
             let size = if error > 0.0 { "large" } else { "small" };
             let percent = 100.0 * error.abs();
             let advice = if self.evidence.images.iter().any(|image| image.has_box) {
-                "Draw boxes that touch the ball on all sides."
+                "Draw boxes that touch the ball on all sides, or give the outlines listed above if they are right."
             } else {
-                "The edge is learnt where they end, so that distances will be wrong by as much. Correct them, or draw boxes \
-                 closely around the ball (--rect), which need not be as exact."
+                "The edge is learnt where they end, so that distances will be wrong by as much. Give the outlines \
+                 listed above if they are right."
             };
             writeln!(
                 f,
@@ -250,7 +251,8 @@ impl Report<'_> {
         if let Some(shift) = self.check.label_shift().filter(|_| !says_more) {
             writeln!(
                 f,
-                "The labels are beside the ball by about {:.0} % of its radius, so that the background is learnt with it. Correct them.",
+                "The labels are beside the ball by about {:.0} % of its radius, so that the background is learnt with it. Give the outlines \
+                 listed above if they are right.",
                 100.0 * shift
             )?;
         }
@@ -263,7 +265,7 @@ impl Report<'_> {
             ),
             None if self.check.failures() > 0 => writeln!(
                 f,
-                "Neither finer bins nor other palettes nor closer labels help. Learn from images in which the ball is sharp, whole, and in \
+                "Neither finer bins nor other palettes nor closer labels help. See in mosaic.png whether the labels are on the ball. If they are, learn from images in which the ball is sharp, whole, and in \
                  front of other colours; label all balls in view."
             ),
             None => Ok(()),
@@ -368,16 +370,37 @@ fn row(check: &ImageCheck) -> String {
         return format!("{label}   nothing");
     };
     let remark = match check.label_error() {
-        _ if check.failed() => "   elsewhere".to_owned(),
+        _ if check.failed() => {
+            let radii = label.radii_to(&found.circle);
+            if radii <= 1.0 {
+                format!("   {:.0} % of the radius beside the label", 100.0 * radii)
+            } else {
+                "   elsewhere".to_owned()
+            }
+        }
         Some(error) => {
             let size = if error > 0.0 { "large" } else { "small" };
-            format!("   label {:.0} % too {size}", 100.0 * error.abs())
+            let percent = 100.0 * error.abs();
+            format!("   label {percent:.0} % too {size}{}", better(check))
         }
         None => check.label_shift().map_or_else(String::new, |shift| {
-            format!("   label {:.0} % of the radius off", 100.0 * shift)
+            let percent = 100.0 * shift;
+            format!("   label {percent:.0} % of the radius off{}", better(check))
         }),
     };
     format!("{label}   {}{remark}", found.circle)
+}
+
+/// Returns the label that follows the outline in the image.
+fn better(check: &ImageCheck) -> String {
+    let words = |outline: &Circle| {
+        let [u, v] = outline.center_px;
+        format!(
+            "; the outline: --circle {u:.1},{v:.1},{:.1}",
+            outline.radius_px
+        )
+    };
+    check.outline().map_or_else(String::new, words)
 }
 
 fn share(counts: &[u64], bin: usize) -> f64 {

@@ -6,15 +6,15 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::tracker::Verdict;
-use pardalis::tracker::{PASSES_SIGMA_M, check_passes};
-use pardalis::{Estimate, TargetId};
-use pardalis_scene::{FrameRange, Scene};
+use pardalis::tracker::{PASSES_SIGMA_M, Verdict, check_passes};
+use pardalis::{Estimate, TargetId, Tracker};
+use pardalis_scene::{FrameRange, Scene, TargetConfig};
 
 use crate::arguments::Threads;
 use crate::numbers::fixed;
 use crate::output::print;
 use crate::scene;
+use crate::sight::Sight;
 use crate::source::decode::media_kind;
 use crate::tracking::{self, Annotate, FrameSet, Limit, Options, Output, Previous, Run, missed};
 use crate::user_error::user_error;
@@ -193,7 +193,7 @@ pub(crate) fn locate(
         starts.check(&open.tracker, frame)?;
     }
     let mut report = String::new();
-    let mut step = |tracker: &mut pardalis::Tracker, set: &FrameSet| {
+    let mut step = |tracker: &mut Tracker, set: &FrameSet| {
         let frame = range.first + range.step * set.index;
         let starts_here = starts.of_frame(tracker, frame)?;
         let located = set
@@ -207,7 +207,7 @@ pub(crate) fn locate(
             let far = estimate.kinematics.and_then(|found| {
                 starts.far_from(tracker, (number, target), frame, found.position_m)
             });
-            let line = line(estimate, reason);
+            let line = line(estimate, reason, seen(tracker, target, estimate));
             let far = far.map(|far| format!("; {far}")).unwrap_or_default();
             let _ = writeln!(report, "frame {}: {} {line}{far}", set.index, target.name);
         }
@@ -217,16 +217,34 @@ pub(crate) fn locate(
     Ok((run, report))
 }
 
+/// Returns how the only camera shows a target of a single body that was found.
+fn seen(tracker: &Tracker, target: &TargetConfig, estimate: &Estimate) -> Option<Sight> {
+    let ([view], [body]) = (tracker.views(), &target.bodies[..]) else {
+        return None;
+    };
+    let position_m = estimate.kinematics?.position_m;
+    Sight::of(view, &body.shape, position_m, 1.0)
+}
+
 /// Says where a target is in one image, or what ruled out the candidate that came nearest to it if there is one.
-fn line(estimate: &Estimate, reason: Option<Verdict>) -> String {
+fn line(estimate: &Estimate, reason: Option<Verdict>, seen: Option<Sight>) -> String {
     match (&estimate.kinematics, reason) {
         (Some(found), _) => {
             let [x, y, z] = found.position_m.map(|c| fixed(c, 3));
             let sigma_mm = [0, 3, 5].map(|i| 1e3 * found.covariance_m2[i].sqrt());
-            format!(
+            let mut line = format!(
                 "at {x}, {y}, {z} m ± {:.0}, {:.0}, {:.0} mm, confidence {:.2}",
                 sigma_mm[0], sigma_mm[1], sigma_mm[2], estimate.confidence
-            )
+            );
+            if let Some(seen) = seen {
+                let ([u, v], radius) = (seen.pixel.map(|c| fixed(c, 0)), fixed(seen.radius_px, 0));
+                let distance = fixed(seen.distance_m, 2);
+                let _ = write!(
+                    line,
+                    "; seen at {u}, {v} px, radius {radius} px, {distance} m from the camera"
+                );
+            }
+            line
         }
         (None, Some(reason)) => {
             format!("not found: {} ({})", missed::what(reason), reason.name())

@@ -2,7 +2,6 @@
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
-use nalgebra::{Point3, Vector3};
 use pardalis::color::ColorModel;
 use pardalis::shape::Shape;
 use pardalis::tracker::{
@@ -15,10 +14,8 @@ use pardalis_scene::BodyConfig;
 use rayon::prelude::*;
 
 use crate::output::warn;
+use crate::sight::Sight;
 use crate::source::{Delivery, Source};
-
-/// Points of the outlines from which areas are computed.
-const OUTLINE_POINTS: usize = 32;
 
 /// Returns what each camera detects of a body of these colours in each frame.
 pub(super) fn detect(
@@ -83,26 +80,11 @@ fn detection(view: &View, shape: &Shape, candidate: &Candidate) -> Option<Detect
     let position_m = candidate
         .position_m
         .filter(|_| candidate.verdict >= Verdict::Rival)?;
-    let middle = Point3::from(position_m) + Vector3::z() * shape.middle_height_m();
-    let middle = view.camera_from_world() * middle;
-    let outline = shape.outline_px(
-        view.camera(),
-        view.camera_from_world(),
-        position_m,
-        candidate.scale(),
-        OUTLINE_POINTS,
-    );
-    let outline: Vec<[f64; 2]> = outline.into_iter().collect::<Option<_>>()?;
-    let next = outline.iter().cycle().skip(1);
-    let crosses = outline
-        .iter()
-        .zip(next)
-        .map(|([u, v], [x, y])| u * y - x * v);
-    let area_px = 0.5 * crosses.sum::<f64>().abs();
+    let sight = Sight::of(view, shape, position_m, candidate.scale())?;
     Some(Detection {
-        pixel: view.camera().project(middle.into())?,
-        radius_px: (area_px / std::f64::consts::PI).sqrt(),
-        distance_m: middle.coords.norm(),
+        pixel: sight.pixel,
+        radius_px: sight.radius_px,
+        distance_m: sight.distance_m,
     })
 }
 
