@@ -84,9 +84,12 @@ fn unreadable_folders_are_named_in_errors() {
     assert!(empty.contains("holds no images"), "{empty}");
     let others = error_of(folder_with(&["a.txt"]).path(), &fps);
     assert!(others.contains(".jpg, .jpeg or .png"), "{others}");
-    let folder = folder_with(&["a1.jpg"]);
-    let file = error_of(&folder.path().join("a1.jpg"), &fps);
-    assert!(file.contains("this is a file"), "{file}");
+    let folder = folder_with(&["a1.jpg", "a.txt"]);
+    let file = error_of(&folder.path().join("a.txt"), &fps);
+    assert!(file.contains("this is a file, but no image"), "{file}");
+    // One image is a folder of one.
+    let image = error_of(&folder.path().join("a1.jpg"), &fps);
+    assert!(image.contains("a1.jpg: the file is empty"), "{image}");
     let twice = error_of(folder_with(&["a1.jpg", "b01.png"]).path(), &fps);
     assert!(
         twice.contains("a1.jpg and b01.png have the same number, 1"),

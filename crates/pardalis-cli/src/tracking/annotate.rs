@@ -184,12 +184,12 @@ impl Annotator {
             .iter()
             .zip(instant.estimates)
             .map(|(target, estimate)| {
-                format!(
-                    "{} {} {:.2}",
-                    target.name,
-                    estimate.state.name(),
-                    estimate.confidence
-                )
+                let (name, state) = (&target.name, estimate.state.name());
+                // Without a position, the confidence would look like that of being lost.
+                match estimate.kinematics {
+                    Some(_) => format!("{name} {state} {:.2}", estimate.confidence),
+                    None => format!("{name} {state}"),
+                }
             });
         format!(
             "frame {}  {:.3} s  {}",

@@ -45,6 +45,10 @@ enum Change {
     Options(&'static str),
     /// Boxes that are smaller than the labels.
     CloserBoxes,
+    /// The numbers of the boxes as those of two corners.
+    Corners,
+    /// The numbers of the boxes with rows before columns.
+    Swapped,
 }
 
 impl Remedy {
@@ -65,26 +69,30 @@ impl Remedy {
         // If labels are too large, that is the likely cause.
         let is_too_large = check.label_error().is_some_and(|error| error > 0.0);
         let [first, last] = [is_too_large, !is_too_large].map(|tries| tries.then_some(boxes));
-        let tried = first.into_iter().chain(palettes).chain(last);
+        let reread = [Change::Corners, Change::Swapped];
+        let reread = reread.map(|change| Some((change, reread_boxes(files, change)?)));
+        let reread = reread.iter().flatten();
+        let reread = reread.map(|(change, files)| (*change, &**files, palette));
+        let tried = reread.chain(first).chain(palettes).chain(last);
         let balls = check.ball_count();
         let mut best: Option<Self> = None;
         for (change, files, palette) in tried {
-            let evidence = Evidence::gather(files, palette)?;
+            let evidence = match Evidence::gather(files, palette) {
+                // Read otherwise, boxes may lie outside of their images.
+                Err(_) if matches!(change, Change::Corners | Change::Swapped) => continue,
+                evidence => evidence?,
+            };
             let tried = Check::run(files, &mut evidence.learner(), &evidence.model()?)?;
             let found = tried.ball_count() - tried.failures();
             let best_found = best
                 .as_ref()
                 .map_or(balls - check.failures(), |best| best.found);
             if found > best_found {
-                let command = match change {
-                    Change::Options(options) => {
-                        command(arguments, &arguments.inputs.to_string(), options)
-                    }
-                    Change::CloserBoxes => {
-                        let inputs: Vec<String> =
-                            files.iter().map(LabelledFile::to_string).collect();
-                        command(arguments, &inputs.join(" "), &words_of(palette))
-                    }
+                let command = if let Change::Options(options) = change {
+                    command(arguments, &arguments.inputs.to_string(), options)
+                } else {
+                    let inputs: Vec<String> = files.iter().map(LabelledFile::to_string).collect();
+                    command(arguments, &inputs.join(" "), &words_of(palette))
                 };
                 best = Some(Self {
                     change,
@@ -98,6 +106,39 @@ impl Remedy {
         }
         Ok(best)
     }
+}
+
+/// Reads the four numbers of a box as those of two corners or in the other order; `None` if they make no box then.
+fn reread([a, b, c, d]: [usize; 4], change: Change) -> Option<Label> {
+    let [x, y, width, height] = match change {
+        Change::Corners => [a, b, c.checked_sub(a)?, d.checked_sub(b)?],
+        _ => [b, a, d, c],
+    };
+    (width > 0 && height > 0).then_some(Label::Rect {
+        x,
+        y,
+        width,
+        height,
+    })
+}
+
+/// Returns the files with all labels read otherwise; `None` unless all are boxes that can be.
+fn reread_boxes(files: &[LabelledFile], change: Change) -> Option<Vec<LabelledFile>> {
+    let of_label = |label: &Label| match *label {
+        Label::Rect {
+            x,
+            y,
+            width,
+            height,
+        } => reread([x, y, width, height], change),
+        _ => None,
+    };
+    let of_file = |file: &LabelledFile| {
+        let mut file = file.clone();
+        file.labels = file.labels.iter().map(of_label).collect::<Option<_>>()?;
+        (!file.labels.is_empty()).then_some(file)
+    };
+    files.iter().map(of_file).collect()
 }
 
 /// Returns the files with boxes that are smaller than the labelled balls.
@@ -135,6 +176,8 @@ impl fmt::Display for Remedy {
                 "With boxes {:.0} % smaller than these labels",
                 100.0 * (1.0 - CLOSER)
             ),
+            Change::Corners => write!(f, "With these boxes as two corners, X1,Y1,X2,Y2"),
+            Change::Swapped => write!(f, "With these boxes as Y,X,HEIGHT,WIDTH"),
         }?;
         write!(f, ", it is found in {}", self.found)
     }
@@ -143,7 +186,7 @@ impl fmt::Display for Remedy {
 impl Remedy {
     /// Reports whether it is about the size of the labels.
     pub(super) fn changes_labels(&self) -> bool {
-        matches!(self.change, Change::CloserBoxes)
+        !matches!(self.change, Change::Options(_))
     }
 
     /// Says what to do.
@@ -153,6 +196,7 @@ impl Remedy {
             Change::CloserBoxes => {
                 "the labels are too large; draw boxes that touch the ball on all sides, or take these"
             }
+            Change::Corners | Change::Swapped => "boxes are X,Y,WIDTH,HEIGHT; take these",
         }
     }
 }

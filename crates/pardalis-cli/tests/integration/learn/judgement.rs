@@ -126,6 +126,29 @@ fn labels_beside_the_ball_are_reported_and_not_called_good() {
 }
 
 #[test]
+fn boxes_with_their_numbers_in_another_order_are_read_as_meant() {
+    let image = data("real-balls/half/roll/000036.jpg");
+    let image = image.to_str().unwrap();
+    let folder = TempDir::new().unwrap();
+    for (wrong, remedy) in [
+        (
+            "116,101,168,150",
+            "as two corners, X1,Y1,X2,Y2, it is found in 1 of 1",
+        ),
+        (
+            "101,116,49,52",
+            "as Y,X,HEIGHT,WIDTH, it is found in 1 of 1",
+        ),
+    ] {
+        let text = report(
+            &folder,
+            &["--image", image, "--rect", wrong, "-o", "m.toml"],
+        );
+        assert_contains(&text, &[remedy, "--rect 116,101,52,49 "]);
+    }
+}
+
+#[test]
 fn remedies_are_recommended_that_work() {
     let folder = TempDir::new().unwrap();
     let labels: Vec<String> = real_balls("roll")
