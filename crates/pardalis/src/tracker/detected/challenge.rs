@@ -9,7 +9,7 @@ use pardalis_filter::bernoulli::MeasurementComponent;
 
 /// By how much the mean likeness of a challenger exceeds that of what is tracked, nats. Hand-set: balls of one kind differ by less.
 const MARGIN_NATS: f64 = 1.5;
-/// A challenger wins once it has been seen in this many searches. Hand-set: a third of a second.
+/// A challenger wins once it has been seen in this many searches. Hand-set: a third of a second at 25 frames per second.
 const MIN_FRAMES: f64 = 8.0;
 /// The same for one that moves, while what is tracked has been still. Hand-set: scenery is still, targets rarely are for long.
 const MOVING_MARGIN_NATS: f64 = 0.5;
@@ -17,7 +17,7 @@ const MOVING_MIN_FRAMES: f64 = 4.0;
 /// By how much each further camera that shows something makes it likelier the target, nats. Hand-set: what looks like the target from one side rarely does from another,
 /// at the right distance.
 const CAMERA_NATS: f64 = 2.0;
-/// The number of frames after which what they said has faded to a third. Hand-set: four seconds.
+/// The number of frames after which what they said has faded to a third. Hand-set: four seconds, likewise.
 const MEMORY_FRAMES: f64 = 100.0;
 /// A challenger that was not seen for longer than this is forgotten, seconds. Hand-set.
 const MAX_MISSED_S: f64 = 0.4;
