@@ -77,7 +77,7 @@ impl MissedFrames {
         counted.filter(|&(_, frames)| frames > 0)
     }
 
-    /// Returns in which frames a target of this name was missed, of which there are so many, and the most frequent reasons, one per line.
+    /// Lists the frames without a target of this name, and the most frequent reasons, one per line. `missed` is the number of these frames.
     pub(crate) fn lines(&self, target: usize, name: &str, missed: usize) -> Vec<String> {
         if missed == 0 {
             return Vec::new();

@@ -120,7 +120,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let default_colors = || PathBuf::from(format!("{}.colors.toml", arguments.target));
     let colors = arguments.colors.clone().unwrap_or_else(default_colors);
     let mut cameras = Vec::new();
-    let is_single = arguments.input.is_file() && is_image(&arguments.input);
+    let is_single = is_single_image(&arguments.input);
     let mut radius_m = arguments.radius_m;
     match known_cameras(arguments)? {
         KnownCameras::Calibration {
@@ -220,7 +220,7 @@ pub(super) struct Opened {
 
 /// Opens the input once, so that errors show now.
 fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
-    let is_single = input.is_file() && is_image(input);
+    let is_single = is_single_image(input);
     let is_video = !input.is_dir() && !is_single;
     let has_times = input.join("times.csv").is_file();
     let name = input.display().to_string();
@@ -398,6 +398,11 @@ fn check_size(file: &Path, camera: &CalibratedCamera, found: (usize, usize)) -> 
         )),
         _ => Ok(()),
     }
+}
+
+/// Reports whether the input is one image.
+fn is_single_image(input: &Path) -> bool {
+    input.is_file() && is_image(input)
 }
 
 /// Reports whether the name is that of a still image, which ffmpeg would open as a video of one frame.

@@ -42,7 +42,7 @@ pub(super) struct Sighting {
 }
 
 impl Sighting {
-    /// A sighting by this many cameras, each of which says that it is likelier the target than clutter by so many nats.
+    /// Creates a sighting from a detection: its number, its Gaussian, its likeness per camera in nats, and the number of cameras that show it.
     pub(super) fn new(
         number: usize,
         component: &MeasurementComponent,
