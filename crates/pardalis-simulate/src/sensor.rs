@@ -25,6 +25,8 @@ pub struct ImageSettings {
     pub shot_noise: f64,
     /// Standard deviation of the read noise, in grey levels (0 to 255).
     pub read_noise: f64,
+    /// Gains of red, green and blue in linear light: the camera's white balance.
+    pub gains: [f64; 3],
     /// Amplitude of the exposure drift, as a share.
     pub gain_drift: f64,
     /// Amplitude of the drift of red against blue, as a share.
@@ -46,6 +48,7 @@ impl Default for ImageSettings {
             blur_px: 0.0,
             shot_noise: 0.0,
             read_noise: 0.0,
+            gains: [1.0; 3],
             gain_drift: 0.0,
             white_balance_drift: 0.0,
             drift_period_s: 7.0,
@@ -90,7 +93,8 @@ impl ImageSettings {
         };
         let gain = 1.0 + self.gain_drift * drift(0);
         let tint = self.white_balance_drift * drift(1);
-        let gains = [gain * (1.0 + tint), gain, gain * (1.0 - tint)].map(|g| g as f32);
+        let drifts = [gain * (1.0 + tint), gain, gain * (1.0 - tint)];
+        let gains = [0, 1, 2].map(|channel| (self.gains[channel] * drifts[channel]) as f32);
         let (shot, read) = (self.shot_noise as f32, self.read_noise as f32);
         let is_noisy = shot > 0.0 || read > 0.0;
         let mut bytes = Vec::with_capacity(3 * light.len());
@@ -151,6 +155,19 @@ mod tests {
             let light = linear_from_srgb([f64::from(grey); 3]).map(|v| v as f32);
             let bytes = clean.develop(&[light], Draws::new(1, 0), 0, 0.3);
             assert_eq!(bytes, [grey; 3]);
+        }
+    }
+
+    #[test]
+    fn gains_multiply_light() {
+        let warm = ImageSettings {
+            gains: [1.25, 1.0, 0.5],
+            ..ImageSettings::default()
+        };
+        let bytes = warm.develop(&[[0.4; 3]], Draws::new(1, 0), 0, 0.3);
+        let light = linear_from_srgb([0, 1, 2].map(|channel| f64::from(bytes[channel])));
+        for (light, expected) in light.into_iter().zip([0.5, 0.4, 0.2]) {
+            assert!((light - expected).abs() < 0.004, "{bytes:?}");
         }
     }
 

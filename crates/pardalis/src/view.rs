@@ -100,6 +100,24 @@ impl View {
         RowMotion::new(&self.camera, rows, middle.coords, velocity)
     }
 
+    /// Returns whether a place in the world, in metres, has an unmasked pixel.
+    pub(crate) fn holds(&self, place_m: [f64; 3]) -> bool {
+        let place = self.camera_from_world * Point3::from(place_m);
+        let Some(pixel) = self.camera.project(place.into()) else {
+            return false;
+        };
+        let [column, row] = pixel.map(|v| (v + 0.5).floor());
+        let inside =
+            column >= 0.0 && row >= 0.0 && column < self.width as f64 && row < self.height as f64;
+        inside && self.is_open(column as usize, row as usize)
+    }
+
+    /// Returns whether a pixel of the image is not masked.
+    pub(crate) fn is_open(&self, column: usize, row: usize) -> bool {
+        let open = self.mask.as_ref().map(Mask::open);
+        open.is_none_or(|open| open[row * self.width + column])
+    }
+
     /// Returns the projection model.
     pub fn camera(&self) -> &Camera {
         &self.camera

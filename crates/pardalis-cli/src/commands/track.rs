@@ -14,6 +14,11 @@ use crate::tracking::radius::EstimatedRadius;
 use crate::tracking::{self, Annotate, CameraRecord, Limit, Options, Output, Previous, Run};
 use crate::user_error::user_error;
 
+/// Fewer frames in which a camera does not see what others see say nothing. Hand-set: a second.
+const BLIND_FRAMES: usize = 25;
+/// A camera that sees a target in a smaller share of them is as good as blind to it. Hand-set.
+const BLIND_SHARE: f64 = 0.1;
+
 /// Tracks the targets of a scene
 ///
 /// Reads a scene file (`pardalis init` writes one to start from), tracks every target through all frames and writes a
@@ -237,6 +242,9 @@ fn warnings(run: &Run) -> String {
     if let Some(warning) = agreement::warning(&run.open.scene, &run.open.tracker) {
         let _ = writeln!(text, "{warning}");
     }
+    for warning in blind_cameras(run) {
+        let _ = writeln!(text, "{warning}");
+    }
     for (number, name) in never_found(run) {
         let frames = run.outcome.frame_sets;
         let _ = writeln!(
@@ -252,6 +260,35 @@ fn warnings(run: &Run) -> String {
         }
     }
     text
+}
+
+/// Returns a warning for each camera that hardly ever sees a target that other cameras show in its view.
+fn blind_cameras(run: &Run) -> Vec<String> {
+    let cameras = &run.open.scene.cameras;
+    let targets = run.open.scene.targets.iter().enumerate();
+    let of_target = |(number, target): (usize, &pardalis_scene::TargetConfig)| {
+        let contributions = run.open.tracker.contributions(TargetId::new(number));
+        let contributions = cameras.iter().zip(contributions.unwrap_or_default());
+        let blind = contributions.filter(|(_, camera)| {
+            camera.blind_frames >= BLIND_FRAMES
+                && (camera.visible_frames as f64) < BLIND_SHARE * camera.blind_frames as f64
+        });
+        let warnings = blind.map(|(camera, contribution)| {
+            let (seen, blind) = (contribution.visible_frames, contribution.blind_frames);
+            format!(
+                "warning: cameras.{}: saw {} in {seen} of {} frames in which it had its place in view, as the other cameras show; if nothing hides it there, \
+                 learn its colours from images of this camera, too (the white balance of cameras differs), or check the camera's pose",
+                camera.name,
+                target.name,
+                seen + blind,
+            )
+        });
+        warnings.collect::<Vec<_>>()
+    };
+    if cameras.len() == 1 {
+        return Vec::new();
+    }
+    targets.flat_map(of_target).collect()
 }
 
 /// Returns a table of the frames of each camera, and in how many of them it saw each target; empty for a single camera

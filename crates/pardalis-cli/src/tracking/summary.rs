@@ -55,6 +55,7 @@ pub(crate) fn write(
             let entry = json!({
                 "used_frames": frames,
                 "visible_frames": contribution.visible_frames,
+                "blind_frames": contribution.blind_frames,
                 "mean_log_likelihood_ratio": mean_log_ratio,
             });
             per_camera.insert(camera.name.clone(), entry);

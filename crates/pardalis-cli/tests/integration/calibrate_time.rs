@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use tempfile::TempDir;
 
@@ -66,14 +65,6 @@ fn truth(sequence: &str) -> Vec<(f64, [f64; 3])> {
     .collect()
 }
 
-fn pardalis(folder: &TempDir, arguments: &[&str]) -> Run {
-    Run::of(
-        Command::new(env!("CARGO_BIN_EXE_pardalis"))
-            .current_dir(folder.path())
-            .args(arguments),
-    )
-}
-
 /// Reads the offset and standard deviation of every camera in seconds, and the RMS before and after in pixels.
 fn offsets(folder: &TempDir) -> Vec<[f64; 4]> {
     let text = fs::read_to_string(folder.path().join("scene-time/offsets.csv")).unwrap();
@@ -89,7 +80,7 @@ fn offsets(folder: &TempDir) -> Vec<[f64; 4]> {
 fn check(sequence: &str, offsets_s: &[f64], most_ms: f64, most_sigmas: f64) -> TempDir {
     let folder = scene(sequence, offsets_s);
     let arguments = ["calibrate", "time", "scene.toml", "--corrected", "new.toml"];
-    let run = pardalis(&folder, &arguments).fine();
+    let run = Run::pardalis(&folder, &arguments).fine();
     println!("{}", run.stdout);
     for (expected_s, [offset_s, sigma_s, before_px, after_px]) in
         offsets_s.iter().zip(offsets(&folder))
@@ -110,7 +101,7 @@ fn check(sequence: &str, offsets_s: &[f64], most_ms: f64, most_sigmas: f64) -> T
 
 /// Returns the root mean square error of a track in metres, against the truth at the track's times.
 fn error_m(folder: &TempDir, scene: &str, sequence: &str) -> f64 {
-    pardalis(folder, &["track", scene, "-o", "out", "--no-plots"]).fine();
+    Run::pardalis(folder, &["track", scene, "-o", "out", "--no-plots"]).fine();
     let truth = truth(sequence);
     let text = fs::read_to_string(folder.path().join("out/tracks.csv")).unwrap();
     let (mut sum, mut count) = (0.0, 0.0);
@@ -167,7 +158,7 @@ fn corrected_scene_tracks_better() {
         "--corrected",
         "new.toml",
     ];
-    pardalis(&folder, &again).fine();
+    Run::pardalis(&folder, &again).fine();
     assert!(
         offsets(&folder)[1][0].abs() < 1e-5,
         "{:?}",
@@ -264,7 +255,7 @@ path.still.position_m = [2.2, 0.6, 0.2]
 fn other_things_in_the_colour_of_the_ball_do_not_mislead() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("world.toml"), CLUTTER).unwrap();
-    pardalis(&folder, &["simulate", "world.toml", "-o", "clutter"]).fine();
+    Run::pardalis(&folder, &["simulate", "world.toml", "-o", "clutter"]).fine();
     let arguments = [
         "calibrate",
         "time",
@@ -272,7 +263,7 @@ fn other_things_in_the_colour_of_the_ball_do_not_mislead() {
         "-o",
         "scene-time",
     ];
-    let run = pardalis(&folder, &arguments).fine();
+    let run = Run::pardalis(&folder, &arguments).fine();
     println!("{}", run.stdout);
     let [offset_s, sigma_s, ..] = offsets(&folder)[1];
     let error_s = offset_s - 0.0585;
@@ -291,7 +282,7 @@ fn rejects_insufficient_recordings_without_writing() {
     let write = |text: &str| fs::write(folder.path().join("scene.toml"), text).unwrap();
     let refused = |more: &[&str], wanted: &[&str]| {
         let arguments = [&["calibrate", "time", "scene.toml"], more].concat();
-        pardalis(&folder, &arguments).refused(wanted);
+        Run::pardalis(&folder, &arguments).refused(wanted);
     };
     refused(
         &["--corrected", "other/new.toml"],

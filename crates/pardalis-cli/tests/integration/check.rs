@@ -3,7 +3,6 @@
 use std::fs;
 use std::io::Write as _;
 use std::net::TcpListener;
-use std::process::Command;
 
 use crate::common::{Run, SCENE, Workplace, data, scene_with};
 use crate::live::{video, with_stream};
@@ -28,12 +27,7 @@ intensity_bins = 4
 /// Runs `pardalis check scene.toml`.
 fn checked(place: &Workplace, scene: &str) -> Run {
     place.write("scene.toml", scene);
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-    Run::of(
-        command
-            .args(["check", "scene.toml"])
-            .current_dir(place.path("")),
-    )
+    Run::pardalis(place.path(""), &["check", "scene.toml"])
 }
 
 /// Returns a scene of the camera of [`SCENE`] with other targets.

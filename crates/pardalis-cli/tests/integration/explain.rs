@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::process::Command;
 
 use crate::common::{Run, Workplace, data, scene_with};
 use pardalis::tracker::Verdict;
@@ -201,11 +200,7 @@ path.still.position_m = [0.22, 0.1, 0]
 fn a_book_in_the_balls_colours_is_ruled_out_by_its_form() {
     let place = Workplace::with_frames(0);
     place.write("world.toml", BOOK);
-    let pardalis = |arguments: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-        Run::of(command.current_dir(place.path(".")).args(arguments))
-    };
-    pardalis(&["simulate", "world.toml", "-o", "world"]).fine();
+    Run::pardalis(place.path(""), &["simulate", "world.toml", "-o", "world"]).fine();
     let scene = r#"seed = 1
 [cameras.cam1]
 images = "world/frames"
@@ -229,7 +224,7 @@ colors = "world/ball.colors.toml"
         "scene.toml",
         scene.replace("frame_limit = 12", "frame_limit = 25"),
     );
-    let run = pardalis(&["locate", "scene.toml", "-o", "located"]).fine();
+    let run = Run::pardalis(place.path(""), &["locate", "scene.toml", "-o", "located"]).fine();
     let lines: Vec<&str> = run.stdout.lines().collect();
     let reason = lines[3].strip_prefix("frame 3: ball not found: ").unwrap();
     assert!(

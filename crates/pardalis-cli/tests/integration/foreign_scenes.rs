@@ -21,8 +21,7 @@ fn assert_refused_by_all(place: &Workplace, scene: &str, wanted: &str) {
         &["calibrate", "time", "scene.toml", "-o", "out"],
         &["camera", "show", "scene.toml", "-o", "out"],
     ] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-        let run = Run::of(command.args(arguments).current_dir(place.path("")));
+        let run = Run::pardalis(place.path(""), arguments);
         assert_eq!(run.code, Some(2), "{arguments:?}: {}", run.stderr);
         assert!(run.stderr.contains(wanted), "{arguments:?}: {}", run.stderr);
         let canary = fs::read_to_string(place.path("canary")).unwrap();
@@ -116,8 +115,7 @@ fn results_are_not_written_through_links() {
         ),
     ] {
         std::os::unix::fs::symlink(place.path("canary"), place.path(link)).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-        let run = Run::of(command.args(arguments).current_dir(place.path("")));
+        let run = Run::pardalis(place.path(""), arguments);
         run.refused(&[&format!("{link}: is a link, through which results")]);
         let canary = fs::read_to_string(place.path("canary")).unwrap();
         assert_eq!(canary, CANARY, "{arguments:?}");

@@ -7,9 +7,7 @@ use crate::common::{OPENCV_FISHEYE, Run, Workplace, data, frame_file};
 
 /// Runs `pardalis init` in the folder.
 fn init(place: &Workplace, arguments: &[&str]) -> Run {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-    let command = command.current_dir(place.path(""));
-    Run::of(command.arg("init").args(arguments))
+    Run::pardalis(place.path(""), &[&["init"], arguments].concat())
 }
 
 /// Returns the scene that `pardalis init` wrote.

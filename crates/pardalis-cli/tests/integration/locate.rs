@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use crate::common::{Run, SCENE, Workplace, rows_in, scene_with};
 use serde_json::Value;
@@ -48,11 +47,9 @@ fn first_stills(count: usize) -> String {
 /// Runs `pardalis locate scene.toml` in the folder.
 fn locate(place: &Workplace, scene: &str, arguments: &[&str]) -> Run {
     place.write("scene.toml", scene);
-    Run::of(
-        Command::new(env!("CARGO_BIN_EXE_pardalis"))
-            .current_dir(place.path("."))
-            .args(["locate", "scene.toml"])
-            .args(arguments),
+    Run::pardalis(
+        place.path(""),
+        &[&["locate", "scene.toml"], arguments].concat(),
     )
 }
 

@@ -38,8 +38,7 @@ fn workplace(experiment: &str) -> Workplace {
 }
 
 fn pardalis(place: &Workplace, arguments: &[&str]) -> Run {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-    Run::of(command.current_dir(place.path("")).args(arguments))
+    Run::pardalis(place.path(""), arguments)
 }
 
 /// Returns the rows of out/small/results.csv after checking the header.

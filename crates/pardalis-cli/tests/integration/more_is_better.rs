@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use crate::common::Run;
 use serde_json::Value;
@@ -53,8 +52,7 @@ fn with_cameras(scene: &str, count: usize) -> String {
 }
 
 fn pardalis(folder: &Path, arguments: &[&str]) -> String {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-    let run = Run::of(command.current_dir(folder).args(arguments));
+    let run = Run::pardalis(folder, arguments);
     assert_eq!(run.code, Some(0), "{arguments:?}: {}", run.stderr);
     run.stdout
 }

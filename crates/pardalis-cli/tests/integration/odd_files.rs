@@ -7,11 +7,8 @@ use crate::common::{Run, SCENE, Workplace, frame_file, scene_with};
 
 fn located(place: &Workplace, images: &[&str]) -> Run {
     place.write("scene.toml", SCENE);
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-    command
-        .args(["locate", "scene.toml", "-o", "located"])
-        .args(images);
-    Run::of(command.current_dir(place.path("")))
+    let arguments = ["locate", "scene.toml", "-o", "located"];
+    Run::pardalis(place.path(""), &[&arguments, images].concat())
 }
 
 #[cfg(unix)]

@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use crate::common::run::Run;
 
@@ -27,11 +26,6 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../data")
         .join(name)
-}
-
-fn pardalis(folder: &Path, arguments: &[&str]) -> Run {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-    Run::of(command.current_dir(folder).args(arguments))
 }
 
 /// Parses the reported corners, in pixels.
@@ -65,7 +59,7 @@ fn finds_tape_of_plane_robot() {
     let calibrate = |output: &str| {
         let options = ["--corners", &world, "--focal", "560", "-o", output];
         let arguments = [&["calibrate", "plane", &*frames][..], &options].concat();
-        pardalis(folder.path(), &arguments).fine()
+        Run::pardalis(folder.path(), &arguments).fine()
     };
     let run = calibrate("floor");
     assert_within(&corners(&run), &CORNERS_PX, 0.12);
@@ -84,7 +78,7 @@ fn finds_tape_of_plane_robot() {
     }
     assert!(folder.path().join("floor/corners.png").exists());
     // The program reads the camera file.
-    pardalis(folder.path(), &["camera", "show", "floor/camera.toml"]).fine();
+    Run::pardalis(folder.path(), &["camera", "show", "floor/camera.toml"]).fine();
     // The result is deterministic.
     let first = fs::read(folder.path().join("floor/camera.toml")).unwrap();
     calibrate("again");
@@ -99,7 +93,7 @@ fn finds_tape_of_plane_robot() {
 fn finds_inner_edge_of_the_tape() {
     let folder = tempfile::tempdir().unwrap();
     let frames = data("plane-robot/frames");
-    let run = pardalis(
+    let run = Run::pardalis(
         folder.path(),
         &[
             "calibrate",
@@ -132,8 +126,8 @@ fn simulated(folder: &Path, tape: &str, texture: &str, image: &str) -> Run {
          color_srgb = [45, 45, 50]\npath.still.position_m = [1.0, 0.3, 0]\n"
     );
     fs::write(folder.join("world.toml"), text).unwrap();
-    pardalis(folder, &["simulate", "world.toml", "-o", "world"]).fine();
-    pardalis(
+    Run::pardalis(folder, &["simulate", "world.toml", "-o", "world"]).fine();
+    Run::pardalis(
         folder,
         &["calibrate", "plane", "world/frames", "--size", "2x1.4"],
     )
@@ -214,7 +208,7 @@ fn rejects_scenes_without_rectangle() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["dioptric-jump/frames", "webcams-two/frames/cam1"] {
         let frames = data(name);
-        let run = pardalis(
+        let run = Run::pardalis(
             folder.path(),
             &[
                 "calibrate",
@@ -239,7 +233,7 @@ fn reports_wrong_points() {
     let path = folder.path().join("points.csv");
     fs::write(&path, format!("u_px,v_px,x_m,y_m\n{rows}{more}")).unwrap();
     let all = ["calibrate", "plane", "--points", "points.csv"];
-    let run = pardalis(folder.path(), &all).fine();
+    let run = Run::pardalis(folder.path(), &all).fine();
     assert!(run.stdout.contains("6 of 7 points"), "{}", run.stdout);
     assert!(
         run.stdout
@@ -255,14 +249,14 @@ fn reports_wrong_points() {
         ),
     )
     .unwrap();
-    pardalis(folder.path(), &all).refused(&["points.csv: 3 points are too few"]);
+    Run::pardalis(folder.path(), &all).refused(&["points.csv: 3 points are too few"]);
     let mirrored: String = CORNERS
         .iter()
         .map(|[u, v, x, y]| row(&[*u, *v, -x, *y]))
         .collect();
     fs::write(&path, format!("u_px,v_px,x_m,y_m\n{mirrored}")).unwrap();
-    pardalis(folder.path(), &all).refused(&["points.csv: the plane is mirrored"]);
-    pardalis(
+    Run::pardalis(folder.path(), &all).refused(&["points.csv: the plane is mirrored"]);
+    Run::pardalis(
         folder.path(),
         &[
             "calibrate",

@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use crate::common::{
     FRONT_LANDMARK, PLANE_ROBOT, REAR_LANDMARK, Run, SCENE, Workplace, rows_in, scene_with,
@@ -22,8 +21,7 @@ fn robot() -> String {
 
 /// Runs `pardalis` in the folder of a workplace.
 fn pardalis(place: &Workplace, arguments: &[&str]) -> Run {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-    Run::of(command.current_dir(place.path("")).args(arguments))
+    Run::pardalis(place.path(""), arguments)
 }
 
 fn read(place: &Workplace, name: &str) -> String {

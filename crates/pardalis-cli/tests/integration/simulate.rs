@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use crate::common::Run;
 
@@ -58,8 +57,7 @@ impl Place {
     }
 
     fn run(&self, arguments: &[&str]) -> Run {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-        Run::of(command.current_dir(self.0.path()).args(arguments))
+        Run::pardalis(&self.0, arguments)
     }
 }
 

@@ -3,7 +3,6 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use crate::common::{FRONT_LANDMARK, PLANE_ROBOT, REAR_LANDMARK, Run, rows_in};
 
@@ -37,9 +36,7 @@ fn track(folder: &Path, piece: &str, other: &str) -> Run {
         .replace(piece, other)
         .replace("DATA", data.to_str().unwrap());
     fs::write(folder.join("scene.toml"), scene).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-    let arguments = ["track", "scene.toml", "-o", "out", "--no-plots"];
-    Run::of(command.current_dir(folder).args(arguments))
+    Run::pardalis(folder, &["track", "scene.toml", "-o", "out", "--no-plots"])
 }
 
 /// Returns x, y and heading of the robot in each frame.

@@ -291,6 +291,13 @@ fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
             .unit("grey levels of 255")
             .within(0.0..=100.0)
             .or(default.read_noise);
+        let gains = table
+            .key(
+                "gains",
+                "Gains of red, green and blue in linear light, as of a camera with another white balance.",
+            )
+            .within(0.01..=100.0)
+            .or(default.gains);
         let gain_drift = non_negative(
             "gain_drift",
             "Amplitude of the drift of the exposure, as a share.",
@@ -319,6 +326,7 @@ fn read_image(table: &Table, default: ImageSettings) -> ImageSettings {
         settings.blur_px = blur_px;
         settings.shot_noise = shot_noise;
         settings.read_noise = read_noise;
+        settings.gains = gains;
         settings.gain_drift = gain_drift;
         settings.white_balance_drift = white_balance_drift;
         settings.drift_period_s = drift_period_s;

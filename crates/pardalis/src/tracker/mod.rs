@@ -120,6 +120,8 @@ pub struct Contribution {
     pub frames: usize,
     /// Number of frames in which the target is visible: their log-likelihood ratio exceeds [`VISIBLE_NATS`].
     pub visible_frames: usize,
+    /// Number of frames in which the target is not visible although it is tracked and its place is on an unmasked pixel.
+    pub blind_frames: usize,
     /// Sum over all frames of the log-likelihood ratio against background, in nats. That of a frame is the mean over
     /// the posterior.
     pub log_likelihood_ratio: f64,
@@ -298,7 +300,7 @@ impl Tracker {
             self.step(group, set, dt_s);
         }
         for target in &mut self.targets {
-            target.add_contributions(&self.bodies[target.bodies.clone()], set);
+            target.add_contributions(&self.bodies[target.bodies.clone()], &self.views, set);
         }
         if self.bodies.iter().any(TargetTracker::compares_frames) {
             for (camera, frame) in frames {
@@ -513,7 +515,7 @@ fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
 
 impl Target {
     /// Adds the contributions of the cameras with these frames, once all bodies have started.
-    fn add_contributions(&mut self, bodies: &[TargetTracker], set: &FrameSet) {
+    fn add_contributions(&mut self, bodies: &[TargetTracker], views: &[View], set: &FrameSet) {
         if bodies.iter().any(|body| !body.track().has_started()) {
             return;
         }
@@ -521,7 +523,16 @@ impl Target {
             let of_bodies = || bodies.iter().map(|body| body.log_likelihood_ratio(camera));
             let contribution = &mut self.contributions[camera];
             contribution.frames += 1;
-            contribution.visible_frames += usize::from(of_bodies().all(|nats| nats > VISIBLE_NATS));
+            let is_visible = of_bodies().all(|nats| nats > VISIBLE_NATS);
+            let is_due = |body: &TargetTracker| {
+                let estimate = body.estimate(0.0);
+                let known = estimate
+                    .kinematics
+                    .filter(|_| estimate.state == TrackState::Tracking);
+                known.is_some_and(|known| views[camera].holds(known.position_m))
+            };
+            contribution.visible_frames += usize::from(is_visible);
+            contribution.blind_frames += usize::from(!is_visible && bodies.iter().all(is_due));
             contribution.log_likelihood_ratio += of_bodies().sum::<f64>();
         }
     }

@@ -40,6 +40,12 @@ impl Run {
         Self::from(command.output().unwrap())
     }
 
+    /// Runs `pardalis` with these arguments in a folder.
+    pub(crate) fn pardalis(folder: impl AsRef<Path>, arguments: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+        Self::of(command.current_dir(folder).args(arguments))
+    }
+
     /// Returns the outcome of a program that has ended. Whatever the input, it must not have panicked.
     pub(crate) fn from(output: Output) -> Self {
         let stderr = String::from_utf8(output.stderr).unwrap();

@@ -1,7 +1,6 @@
 //! Cameras whose pose, focal length or clock is wrong.
 
 use std::fs;
-use std::process::Command;
 
 use serde_json::{Value, json};
 
@@ -122,10 +121,7 @@ path.harmonic = { center_m = [1.4, 0.05, 0.35], x = [[0.15, 0.83, 60]], y = [[0.
 fn cameras_that_agree_are_not_warned_of_while_the_ball_accelerates() {
     let place = Workplace::with_frames(0);
     place.write("world.toml", SWING);
-    let pardalis = |arguments: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_pardalis"));
-        Run::of(command.current_dir(place.path("")).args(arguments)).fine();
-    };
+    let pardalis = |arguments: &[&str]| Run::pardalis(place.path(""), arguments).fine();
     pardalis(&["simulate", "world.toml", "-o", "swing"]);
     // Without its start, the ball is detected.
     let scene = fs::read_to_string(place.path("swing/scene.toml")).unwrap();
@@ -146,4 +142,43 @@ fn cameras_that_agree_are_not_warned_of_while_the_ball_accelerates() {
         );
         assert_eq!(agreement["likely_error"], json!(null));
     }
+}
+
+#[test]
+fn a_camera_with_another_white_balance_is_named_until_its_images_are_labelled_too() {
+    let place = Workplace::with_frames(0);
+    let world = SWING
+        .replace(
+            "timing.phase_s",
+            "image.gains = [0.6, 1.0, 1.8]\ntiming.phase_s",
+        )
+        .replace("[235, 110, 30]", "[210, 70, 110]");
+    place.write("world.toml", world);
+    let pardalis = |arguments: &[&str]| Run::pardalis(place.path(""), arguments);
+    pardalis(&["simulate", "world.toml", "-o", "swing"]).fine();
+    let scene = fs::read_to_string(place.path("swing/scene.toml")).unwrap();
+    let start = scene.find("[targets.ball.start").unwrap();
+    place.write("swing/scene.toml", &scene[..start]);
+    let track = || pardalis(&["track", "swing/scene.toml", "-o", "out", "--no-plots"]);
+    let seen = || {
+        let summary = fs::read(place.path("out/summary.json")).unwrap();
+        let summary: Value = serde_json::from_slice(&summary).unwrap();
+        let of_camera = &summary["targets"]["ball"]["cameras"]["cam2"];
+        [&of_camera["visible_frames"], &of_camera["blind_frames"]].map(Value::as_u64)
+    };
+    // The training images are of both cameras.
+    track().fine();
+    assert_eq!(seen(), [Some(50), Some(0)]);
+    // The first and the last are of cam1.
+    for ending in [".png", "_ball_mask.png"] {
+        fs::remove_file(place.path(&format!("swing/training/001{ending}"))).unwrap();
+    }
+    let learn = ["learn", "swing/training", "--masks", "_ball_mask.png", "-o"];
+    pardalis(&[&learn[..], &["swing/ball.colors.toml"]].concat());
+    let run = track();
+    assert_eq!(run.code, Some(0));
+    let warning =
+        "warning: cameras.cam2: saw ball in 0 of 50 frames in which it had its place in view";
+    assert!(run.stderr.starts_with(warning), "{}", run.stderr);
+    assert_eq!(seen(), [Some(0), Some(50)]);
 }

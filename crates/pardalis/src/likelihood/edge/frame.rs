@@ -8,7 +8,7 @@ use crate::color::{
 };
 use crate::rolling_shutter::RowMotion;
 use crate::view::PreparedFrame;
-use pardalis_camera::{LANES, Mask};
+use pardalis_camera::LANES;
 use pardalis_core::simd::Level;
 
 /// An octave of the image pyramid: its pixels are means of 2ⁿ x 2ⁿ pixels of the frame.
@@ -195,9 +195,7 @@ impl<'a> EdgeFrame<'a> {
     }
 
     fn is_open(&self, column: usize, row: usize) -> bool {
-        let view = self.prepared.view();
-        let mask = view.mask().map(Mask::open);
-        mask.is_none_or(|open| open[row * view.size().0 + column])
+        self.prepared.view().is_open(column, row)
     }
 
     /// Returns the mean colour of a pixel of an octave (Y, U and V) and whether most of it is in the target's colours; `None` if part of it is masked.
