@@ -186,6 +186,9 @@ tuned! {
         min_streak_elongation: f64 = 1.1, "ratio", "hand-set: only the core of a short streak has the target's colours";
         /// The least width of the blob of a streak, as a standard deviation.
         min_streak_sigma_px: f64 = 1.5, "pixels", "hand-set: narrower ones have no form";
+        /// The standard deviation of the size of an outline of which nothing shows the target's colours, or all that surrounds it; in proportion to the squares of
+        /// smaller shares.
+        contradicted_sigma: f64 = 1.2, "ln of scale", "experiment: real clips";
         /// A predicted position, used as prior of a fit, has at least this standard deviation.
         min_sigma_diameters: f64 = 0.01, "diameters", "hand-set: keeps the prior's covariance invertible";
     }

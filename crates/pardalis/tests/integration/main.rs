@@ -2,6 +2,7 @@
 
 mod challenge;
 mod common;
+mod contradictions;
 mod determinism;
 mod frame_sets;
 mod kernels;

@@ -139,6 +139,12 @@ impl Detection {
         f64::from(sum) / self.camera_count as f64
     }
 
+    /// The share of what surrounds it in the target's colours, in the camera in which it is greatest.
+    pub(crate) fn around_share(&self) -> f64 {
+        let shares = self.lines().iter().map(|lines| lines.around_share);
+        shares.fold(0.0, f32::max).into()
+    }
+
     /// The same for the camera in which it is least.
     pub(crate) fn least_visible_share(&self) -> f32 {
         let shares = self.lines().iter().map(|lines| lines.visible_share);

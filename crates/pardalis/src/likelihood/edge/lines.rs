@@ -56,6 +56,8 @@ pub(super) struct CorrespondenceLines {
     beyond_reach_nats: f32,
     /// The share of the outline along which the body's colours are visible.
     pub(super) visible_share: f32,
+    /// The share of the pixels around it in the target's colours.
+    pub(super) around_share: f32,
     /// The mean Y, U and V of its pixels there; NaN if there are none.
     pub(super) body_color: [f32; 3],
     /// How far the colours on both sides differ, grey levels.
@@ -99,6 +101,8 @@ struct SectorColors {
     matching: [f32; SECTORS],
     /// The colours around the body in each sector.
     around: [[f32; 4]; SECTORS],
+    /// The number of pixels around it in the target's colours.
+    matching_around: f32,
     /// The body's own colours.
     body: [f32; 4],
 }
@@ -247,6 +251,7 @@ impl CorrespondenceLines {
             let side = surroundings.side(pixel);
             if SURROUNDING_PX.contains(&pixel.distance_px) {
                 add(&mut colors.around[sector], pixel.yuv);
+                colors.matching_around += f32::from(u8::from(matches));
             }
             let log_ratios = &mut self.log_ratios[line];
             if let Some(mixture) = buffers.mixtures.get(i) {
@@ -283,6 +288,8 @@ impl CorrespondenceLines {
         } = colors;
         let total: f32 = bodies.iter().sum();
         self.visible_share = matching.iter().sum::<f32>() / total.max(1e-6);
+        let around: f32 = colors.around.iter().map(|[count, ..]| count).sum();
+        self.around_share = colors.matching_around / around.max(1.0);
         self.compare_surroundings(&colors.around, frame.context().surrounding, tuning);
         self.body_color = mean(&colors.body);
         let unshared = unshared(frame, &self.crossings);

@@ -27,6 +27,26 @@ pub(super) struct Detector {
     pub(super) detections: Detections,
 }
 
+/// How certain the size of a detection's outline is, besides the edges along it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Outline {
+    /// How the position depends on the logarithm of the scale, metres.
+    pub(super) drift_m: [f64; 3],
+    /// The standard deviation of the logarithm of the outline's scale that colours cause which contradict it: within it such as those of fingers, where other edges are
+    /// near, and around it the target's own, where it follows a stripe or a seam.
+    pub(super) sigma: f64,
+}
+
+impl Outline {
+    pub(super) fn of(detection: &Detection, tuning: &DetectionTuning) -> Self {
+        let (hidden, around) = (1.0 - detection.visible_share(), detection.around_share());
+        Self {
+            drift_m: detection.drift_m(),
+            sigma: tuning.contradicted_sigma * (hidden * hidden + around * around),
+        }
+    }
+}
+
 /// The Bernoulli filter's prediction for the instant of the frames.
 pub(super) struct Prediction {
     /// Where the target is, if it exists.

@@ -39,7 +39,7 @@ use adaptation::{Adaptation, Certain};
 use agreement::Agreement;
 use association::AssociatedDetection;
 use challenge::{Challenge, Sighting, Winner};
-use detection::{Detector, Prediction};
+use detection::{Detector, Outline, Prediction};
 use exposures::Exposures;
 use pardalis_core::Error;
 use pardalis_core::rng::Draws;
@@ -77,8 +77,8 @@ pub(super) struct DetectedTarget {
     challenge: Challenge,
     /// The covariance of the latest detection of the target (xx, xy, xz, yy, yz, zz in m²).
     detection_m2: Option<[f64; 6]>,
-    /// How the position of the latest detection of the target depends on the logarithm of its scale, metres.
-    drift_m: [f64; 3],
+    /// How certain the size of its outline is.
+    outline: Outline,
     /// Where the other landmarks of the target are known to be, metres.
     other_landmarks_m: Vec<[f64; 3]>,
     /// What was examined in the latest frames.
@@ -167,7 +167,7 @@ impl DetectedTarget {
             agreement: Agreement::new(views, &tuning.agreement),
             challenge: Challenge::default(),
             detection_m2: None,
-            drift_m: [0.0; 3],
+            outline: Outline::default(),
             since_s: 0.0,
             clutter_seen: 0.0,
             other_landmarks_m: Vec::new(),
@@ -304,7 +304,7 @@ impl DetectedTarget {
         let target = updated.target.map(|number| &associated[number]);
         self.detection_m2 = target.map(|target| target.component.covariance_m2);
         if let Some(target) = target {
-            self.drift_m = detections[target.detection].drift_m();
+            self.outline = Outline::of(&detections[target.detection], &self.tuning.detection);
         }
         for &(camera, _) in instant.frames {
             let detection = target.map(|target| &detections[target.detection]);
@@ -476,6 +476,8 @@ impl DetectedTarget {
         };
         self.begin(&start, self.filter.existence());
         self.detection_m2 = Some(component.covariance_m2);
+        let detection = &self.detector.detections()[associated[number].detection];
+        self.outline = Outline::of(detection, &self.tuning.detection);
         self.adaptations.fill(Adaptation::default());
         Some(number)
     }
@@ -574,7 +576,7 @@ impl DetectedTarget {
         self.size.reset();
         self.agreement.reset(&self.tuning.agreement);
         self.challenge.reset();
-        self.drift_m = [0.0; 3];
+        self.outline = Outline::default();
         self.start = None;
         self.detector.exposures = Exposures::default();
         self.clutter_seen = 0.0;
@@ -598,7 +600,8 @@ impl DetectedTarget {
         }
         let size = self.size.known();
         if let Some(known) = &mut kinematics {
-            let [x, y, z] = self.drift_m.map(|drift_m| size.sigma * drift_m);
+            let sigma = libm::hypot(size.sigma, self.outline.sigma);
+            let [x, y, z] = self.outline.drift_m.map(|drift_m| sigma * drift_m);
             let of_size = [x * x, x * y, x * z, y * y, y * z, z * z];
             for (sum, product) in known.covariance_m2.iter_mut().zip(of_size) {
                 *sum += product;

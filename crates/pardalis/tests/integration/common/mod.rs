@@ -1,6 +1,7 @@
 //! Fixtures shared by tests and benchmarks: the rendered fisheye sequence, its camera and the ball's colours.
 #![allow(dead_code)] // each test uses its part
 
+pub(crate) mod drawn;
 pub(crate) mod robot;
 
 use std::path::PathBuf;
