@@ -68,7 +68,7 @@ impl Evidence {
                 // A bin that occurs in none of the other images is no evidence for the target.
                 let is_others = |bin: usize| others.object[bin] > 0 && by_others[bin] > 0.0;
                 ImageEvidence {
-                    name: file.name(),
+                    name: file.name_among(files),
                     pixels: own.object.iter().sum(),
                     has_box,
                     found: share_where(&own.object, is_targets).unwrap_or(0.0),

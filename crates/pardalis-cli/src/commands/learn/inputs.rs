@@ -93,12 +93,18 @@ impl fmt::Display for LabelledFile {
 }
 
 impl LabelledFile {
-    /// Returns the name of the image file, or of the video with the number of the frame.
-    pub(super) fn name(&self) -> String {
-        let name = name_of(&self.path);
+    /// Returns the name of the image file, or of the video with the number of the frame: with as many folders before it as tell it from
+    /// these others.
+    pub(super) fn name_among(&self, files: &[Self]) -> String {
+        let others = files.iter().filter(|other| other.path != self.path);
+        let is_unique = |name: &PathBuf| !others.clone().any(|other| other.path.ends_with(name));
+        let mut endings =
+            (1..=self.path.components().count()).map(|count| ending(&self.path, count));
+        let name = endings.find(is_unique).unwrap_or_else(|| self.path.clone());
+        let name = name.display();
         match &self.frame {
             Some(VideoFrame { number, .. }) => format!("{name} {number}"),
-            None => name,
+            None => name.to_string(),
         }
     }
 
@@ -167,6 +173,12 @@ fn video_frame(path: &Path, number: usize) -> Result<Frame> {
 fn has_image_ending(path: &Path) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     matches!(ending.as_deref(), Some("jpg" | "jpeg" | "png"))
+}
+
+/// Returns the last components of a path, this many.
+fn ending(path: &Path, count: usize) -> PathBuf {
+    let all = path.components();
+    all.clone().skip(all.count() - count).collect()
 }
 
 fn name_of(path: &Path) -> String {
@@ -441,5 +453,42 @@ impl clap::Args for Listed {
 
     fn augment_args_for_update(command: Command) -> Command {
         Self::augment_args(command)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_have_as_many_folders_as_tell_them_apart() {
+        let paths = [
+            "a/left/1.jpg",
+            "a/right/1.jpg",
+            "b/left/2.jpg",
+            "3.jpg",
+            "b/3.jpg",
+        ];
+        let file = |path: &str| LabelledFile {
+            path: path.into(),
+            frame: None,
+            labels: Vec::new(),
+        };
+        // Twice, as in two labels of one image.
+        let files: Vec<_> = paths
+            .into_iter()
+            .chain(["a/left/1.jpg"])
+            .map(file)
+            .collect();
+        let names: Vec<String> = files.iter().map(|file| file.name_among(&files)).collect();
+        let expected = [
+            "left/1.jpg",
+            "right/1.jpg",
+            "2.jpg",
+            "3.jpg",
+            "b/3.jpg",
+            "left/1.jpg",
+        ];
+        assert_eq!(names, expected);
     }
 }
