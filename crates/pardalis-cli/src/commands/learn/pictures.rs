@@ -32,6 +32,9 @@ pub(super) fn make_folder(folder: &Path) -> Result<()> {
     })
 }
 
+/// The picture of the labels and of what was found.
+pub(super) const MOSAIC: &str = "mosaic.png";
+
 /// Draws `histogram.svg`, `histogram.png` and `mosaic.png` into a folder.
 ///
 /// Errors: they cannot be written.
@@ -43,7 +46,7 @@ pub(super) fn write(
     check: &Check,
 ) -> Result<Vec<PathBuf>> {
     let plot = write_color_model_plot(folder, "histogram", &histogram(evidence, model))?;
-    let mosaic = folder.join("mosaic.png");
+    let mosaic = folder.join(MOSAIC);
     write_mosaic(&mosaic, &tiles(files, evidence, check)?, 0.0)?;
     Ok(plot.into_iter().chain([mosaic]).collect())
 }

@@ -8,6 +8,7 @@ use pardalis::color::ColorModel;
 use super::balls::Circle;
 use super::check::{Check, ImageCheck};
 use super::evidence::Evidence;
+use super::pictures::MOSAIC;
 use super::remedy::Remedy;
 use crate::numbers::counted;
 
@@ -52,9 +53,10 @@ impl fmt::Display for Report<'_> {
                  Label images that also show its surroundings."
             )?;
         }
-        self.write_check(f)?;
         self.write_ranges(f)?;
         self.write_images(f)?;
+        // Last, because it says what to do next.
+        self.write_check(f)?;
         writeln!(f, "\nWritten:")?;
         for path in self.written {
             writeln!(f, "  {}", path.display())?;
@@ -64,6 +66,15 @@ impl fmt::Display for Report<'_> {
 }
 
 impl Report<'_> {
+    /// Returns where the labels are drawn.
+    fn mosaic(&self) -> String {
+        let drawn = self.written.iter().find(|path| path.ends_with(MOSAIC));
+        drawn.map_or_else(
+            || format!("{MOSAIC} (leave --no-pictures out)"),
+            |path| path.display().to_string(),
+        )
+    }
+
     fn write_left_out(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.without_mask.is_empty() {
             return Ok(());
@@ -198,8 +209,9 @@ impl Report<'_> {
         }
         writeln!(
             f,
-            "Remedies: first see in mosaic.png whether every label is on the target. Then labels on the outline of the whole target, or boxes closely around it; finer --bins or another --palette; a target in a colour \
-             that does not occur in its surroundings."
+            "Remedies: first see in {} whether every label is on the target. Then labels on the outline of the whole target, or boxes closely around it; finer --bins or another --palette; a target in a colour \
+             that does not occur in its surroundings.",
+            self.mosaic()
         )
     }
 
@@ -265,8 +277,9 @@ impl Report<'_> {
             ),
             None if self.check.failures() > 0 => writeln!(
                 f,
-                "Neither finer bins nor other palettes nor closer labels help. See in mosaic.png whether the labels are on the ball. If they are, learn from images in which the ball is sharp, whole, and in \
-                 front of other colours; label all balls in view."
+                "Neither finer bins nor other palettes nor closer labels help. See in {} whether the labels are on the ball. If they are, learn from images in which the ball is sharp, whole, and in \
+                 front of other colours; label all balls in view.",
+                self.mosaic()
             ),
             None => Ok(()),
         }?;
