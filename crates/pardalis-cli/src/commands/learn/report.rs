@@ -344,8 +344,8 @@ impl Report<'_> {
         for image in images.iter().filter(|image| image.is_suspect()) {
             writeln!(
                 f,
-                "{}: its labelled pixels differ from those of the other images, probably because of a bad label or other illumination. \
-                 Check it, and correct the label or remove the image.",
+                "{}: its labelled pixels differ from those of the other images, probably because of a bad label, other illumination or another camera. \
+                 Correct the label, or, if it is right, label another image like this one.",
                 image.name
             )?;
         }
