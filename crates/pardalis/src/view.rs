@@ -103,13 +103,15 @@ impl View {
     /// Returns whether a place in the world, in metres, has an unmasked pixel.
     pub(crate) fn holds(&self, place_m: [f64; 3]) -> bool {
         let place = self.camera_from_world * Point3::from(place_m);
-        let Some(pixel) = self.camera.project(place.into()) else {
-            return false;
-        };
-        let [column, row] = pixel.map(|v| (v + 0.5).floor());
-        let inside =
-            column >= 0.0 && row >= 0.0 && column < self.width as f64 && row < self.height as f64;
-        inside && self.is_open(column as usize, row as usize)
+        let pixel = self.camera.project(place.into());
+        pixel.is_some_and(|pixel| self.holds_point(pixel.map(|v| v as f32)))
+    }
+
+    /// Returns whether a point of the image lies on an unmasked pixel.
+    pub(crate) fn holds_point(&self, point: [f32; 2]) -> bool {
+        let [x, y] = point.map(|v| (v + 0.5).floor());
+        let inside = x >= 0.0 && y >= 0.0 && x < self.width as f32 && y < self.height as f32;
+        inside && self.is_open(x as usize, y as usize)
     }
 
     /// Returns whether a pixel of the image is not masked.

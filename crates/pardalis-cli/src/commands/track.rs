@@ -270,8 +270,9 @@ fn blind_cameras(run: &Run) -> Vec<String> {
         let contributions = run.open.tracker.contributions(TargetId::new(number));
         let contributions = cameras.iter().zip(contributions.unwrap_or_default());
         let blind = contributions.filter(|(_, camera)| {
+            let due = camera.visible_frames + camera.blind_frames;
             camera.blind_frames >= BLIND_FRAMES
-                && (camera.visible_frames as f64) < BLIND_SHARE * camera.blind_frames as f64
+                && (camera.visible_frames as f64) < BLIND_SHARE * due as f64
         });
         let warnings = blind.map(|(camera, contribution)| {
             let (seen, blind) = (contribution.visible_frames, contribution.blind_frames);

@@ -182,10 +182,7 @@ impl<'a> EdgeFrame<'a> {
 
     /// Returns whether a point of the image lies on an unmasked pixel.
     pub(super) fn holds(&self, point: [f32; 2]) -> bool {
-        let (width, height) = self.size();
-        let [x, y] = point.map(|v| (v + 0.5).floor());
-        let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
-        inside && self.is_open(x as usize, y as usize)
+        self.prepared.view().holds_point(point)
     }
 
     /// Returns whether each of a block of places in the world lies on an unmasked pixel.
