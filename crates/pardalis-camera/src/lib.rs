@@ -79,7 +79,7 @@
 //!
 //! - [`formats`]: calibration files of OpenCV, ROS, Kalibr, OCamCalib and Basalt (feature `formats`,
 //!   on by default).
-//! - [`Pose`], [`CalibratedCamera`]: where a camera is.
+//! - [`Pose`], [`CalibratedCamera`]: where a camera is. [`RigidMotion`]: how it moves between poses.
 //! - [`Mask`]: which pixels of a camera are usable.
 //! - [`Homography`]: the map from a plane to its image.
 //! - [`ConstantResolution`]: design of mirrors.
@@ -104,6 +104,7 @@ mod perspective_mirror;
 mod pinhole;
 mod plane;
 mod pose;
+mod rigid_motion;
 mod unified;
 
 #[doc(hidden)]
@@ -126,6 +127,7 @@ pub use perspective_mirror::PerspectiveMirror;
 pub use pinhole::Pinhole;
 pub use plane::Plane;
 pub use pose::{CalibratedCamera, Pose, looking_at, pose_from_matrix};
+pub use rigid_motion::RigidMotion;
 pub use unified::Unified;
 
 use pardalis_core::real::Real;

@@ -45,6 +45,7 @@ mod color_space;
 pub mod detect;
 pub mod frame;
 pub mod likelihood;
+pub mod platform;
 pub mod rectify;
 #[doc(hidden)]
 #[allow(clippy::disallowed_methods)] // Plain mathematics, to compare with.

@@ -8,6 +8,15 @@ use pardalis_camera::Pose;
 use pardalis_camera::{Camera, Mask};
 use pardalis_core::Error;
 
+/// How a camera moves, in the world frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CameraMotion {
+    /// Of the camera's origin, m/s.
+    pub(crate) velocity_mps: Vector3<f64>,
+    /// About the axes of the world, rad/s.
+    pub(crate) turn_radps: Vector3<f64>,
+}
+
 /// A camera with its pose, its projection model and the mask of the pixels to use.
 #[derive(Debug, Clone)]
 pub struct View {
@@ -18,6 +27,8 @@ pub struct View {
     height: usize,
     mask: Option<Mask>,
     line_delay_s: f64,
+    /// How the camera moves, if it is on a platform.
+    motion: Option<CameraMotion>,
     tables: Vec<(Palette, PixelKind, PixelTable)>,
     match_tables: Vec<(ColorRanges, PixelKind, MatchTable)>,
     /// The previous frame, if it was kept.
@@ -53,6 +64,7 @@ impl View {
             height,
             mask,
             line_delay_s: 0.0,
+            motion: None,
             tables: Vec::new(),
             match_tables: Vec::new(),
             before: None,
@@ -88,6 +100,32 @@ impl View {
         (self.world_from_camera * Point3::from(shown_m)).into()
     }
 
+    /// Moves the camera to a pose, where it has this motion.
+    pub(crate) fn place(&mut self, world_from_camera: Pose, motion: CameraMotion) {
+        self.world_from_camera = world_from_camera;
+        self.camera_from_world = world_from_camera.inverse();
+        self.motion = Some(motion);
+    }
+
+    /// Returns whether the camera may move.
+    pub(crate) fn is_moving(&self) -> bool {
+        self.motion.is_some()
+    }
+
+    /// The velocity, in m/s in the world, of a body at a position (metres) with a velocity (m/s), relative to a body there that moves with the camera.
+    pub(crate) fn relative_velocity_mps(
+        &self,
+        position_m: [f64; 3],
+        velocity_mps: [f64; 3],
+    ) -> Vector3<f64> {
+        let velocity_mps = Vector3::from(velocity_mps);
+        let Some(motion) = &self.motion else {
+            return velocity_mps;
+        };
+        let lever_m = Vector3::from(position_m) - self.world_from_camera.translation.vector;
+        velocity_mps - motion.velocity_mps - motion.turn_radps.cross(&lever_m)
+    }
+
     /// The motion of a body at a position (metres) with a velocity (m/s) between the time of the frame and the exposure of its rows; `None` as for [`RowMotion::new`].
     pub(crate) fn row_motion(
         &self,
@@ -95,7 +133,8 @@ impl View {
         velocity_mps: [f64; 3],
     ) -> Option<RowMotion> {
         let middle = self.camera_from_world * Point3::from(position_m);
-        let velocity = self.camera_from_world.rotation * Vector3::from(velocity_mps);
+        let velocity_mps = self.relative_velocity_mps(position_m, velocity_mps);
+        let velocity = self.camera_from_world.rotation * velocity_mps;
         let rows = (self.height, self.line_delay_s);
         RowMotion::new(&self.camera, rows, middle.coords, velocity)
     }
@@ -125,7 +164,7 @@ impl View {
         &self.camera
     }
 
-    /// Returns the camera's pose.
+    /// Returns the camera's pose: of a camera on a platform, that of its latest frame.
     pub fn world_from_camera(&self) -> &Pose {
         &self.world_from_camera
     }

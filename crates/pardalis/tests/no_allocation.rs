@@ -12,6 +12,7 @@ use common::{FPS, ball_target, detected_ball, fisheye_view, frame, jump_picture,
 use nalgebra::Vector3;
 use pardalis::camera::{Pinhole, Pose};
 use pardalis::color::{ColorModel, Palette, YuvEncoding};
+use pardalis::platform::{OdometryErrors, Platform, PoseCovariance, StampedPose};
 use pardalis::tracker::{DetectedSettings, TargetSettings, TrackState};
 use pardalis::view::View;
 use pardalis::{CameraId, Estimate, FrameSet, PixelFormat, TargetId, Tracker};
@@ -111,6 +112,32 @@ fn check_detected() {
     let of_two = sets(FPS, 0..40, |index| vec![jump_picture(index); 2]);
     let views = vec![fisheye_view(), fisheye_view()];
     check("two cameras", views, ball(), &of_two, 12);
+}
+
+/// Checks a detected ball in a camera on a platform, which is observed before each frame.
+fn check_moving() {
+    let sets = sets(FPS, 0..40, |index| vec![jump_picture(index)]);
+    let mut setup = Tracker::builder();
+    let platform = setup.platform(Platform::new(OdometryErrors::default()).unwrap());
+    setup.camera_on(platform, fisheye_view()).unwrap();
+    let ball = setup.target(detected_ball());
+    let mut tracker = setup.build().unwrap();
+    on_one_thread(|| {
+        for (number, set) in sets.iter().enumerate() {
+            let before = ALLOCATIONS.get();
+            let pose = StampedPose {
+                time_s: set.time_s(),
+                world_from_platform: Pose::translation(0.01 * number as f64, 0.0, 0.0),
+                covariance: PoseCovariance::of_sigmas(0.01, 0.01).unwrap(),
+            };
+            tracker.observe_pose(platform, &pose).unwrap();
+            tracker.observe(set).unwrap();
+            let estimate = tracker.estimate(ball).unwrap();
+            assert!(estimate.kinematics.is_some() || number < 5);
+            let allocated = ALLOCATIONS.get() - before;
+            assert!(allocated == 0 || number < 12, "moving, frame {number}");
+        }
+    });
 }
 
 /// Checks two detected balls of equal size and colours, with data association.
@@ -229,6 +256,7 @@ fn check_bernoulli() {
 fn steps_after_the_first_frames_do_not_allocate() {
     on_one_thread(check_bernoulli);
     check_detected();
+    check_moving();
     check_look_alikes();
     check_streaks();
     let of_ball = sets(FPS, 20..30, |index| vec![jump_picture(index)]);

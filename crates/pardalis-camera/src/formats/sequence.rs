@@ -9,6 +9,9 @@ use pardalis_core::Error;
 /// A key that no other format uses.
 const POSE: &str = "T_world_from_camera";
 
+/// The pose of a camera that moves with a robot, on that robot.
+const POSE_ON_ROBOT: &str = "T_robot_from_camera";
+
 /// Reports whether the document is a camera with a pose, or a list of cameras.
 pub(super) fn recognizes(root: &Entry) -> bool {
     root.get(POSE).is_some()
@@ -55,17 +58,21 @@ fn read_one(entry: &Entry) -> Result<CalibratedCamera, Error> {
     })
 }
 
-/// Reads the transform from the camera to the world, in metres. A moving camera has the name of a
-/// table there.
+/// Reads the transform from the camera to the world, in metres. A moving camera has a text there, and
+/// its pose on the robot instead.
 fn read_pose(entry: &Entry) -> Result<Option<Pose>, Error> {
     let Some(matrix) = entry.get(POSE) else {
         return Ok(None);
     };
-    if matrix.items().is_err() {
-        return Err(
-            matrix.invalid("a fixed 4 x 4 matrix; the poses of moving cameras are not supported")
-        );
-    }
+    let on_robot = entry.get(POSE_ON_ROBOT);
+    let matrix = match on_robot {
+        Some(on_robot) if matrix.items().is_err() => on_robot,
+        None if matrix.items().is_err() => {
+            let allowed = format!("a 4 x 4 matrix, or {POSE_ON_ROBOT} for a moving camera");
+            return Err(matrix.invalid(&allowed));
+        }
+        _ => matrix,
+    };
     let rows = matrix.matrix()?.rows::<4, 4>()?;
     matrix.checked(pose_from_matrix(rows)).map(Some)
 }

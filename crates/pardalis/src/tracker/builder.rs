@@ -1,6 +1,8 @@
 //! Assembles a tracker from cameras and targets.
 
-use super::{CameraId, TargetId, TargetSettings, Tracker};
+use super::carriers::Carriers;
+use super::{CameraId, PlatformId, TargetId, TargetSettings, Tracker};
+use crate::platform::Platform;
 use crate::view::View;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
@@ -9,6 +11,7 @@ use pardalis_core::simd::Level;
 #[derive(Debug)]
 pub struct TrackerBuilder {
     views: Vec<View>,
+    carriers: Carriers,
     targets: Vec<TargetSettings>,
     seed: u32,
 }
@@ -18,6 +21,7 @@ impl Tracker {
     pub fn builder() -> TrackerBuilder {
         TrackerBuilder {
             views: Vec::new(),
+            carriers: Carriers::default(),
             targets: Vec::new(),
             seed: 1,
         }
@@ -29,6 +33,21 @@ impl TrackerBuilder {
     pub fn camera(&mut self, view: View) -> CameraId {
         self.views.push(view);
         CameraId::new(self.views.len() - 1)
+    }
+
+    /// Adds a moving platform: a robot, a pan-tilt head, an arm. Where it is, [`Tracker::observe_pose`] and [`Tracker::observe_increment`] are told.
+    pub fn platform(&mut self, platform: Platform) -> PlatformId {
+        self.carriers.add(platform)
+    }
+
+    /// Adds a camera that is fixed on a platform. The view's pose is the camera's pose on the platform, `platform_from_camera`, in place of that in the world.
+    ///
+    /// Returns an error if the platform is unknown.
+    pub fn camera_on(&mut self, platform: PlatformId, view: View) -> Result<CameraId, Error> {
+        let camera = self.views.len();
+        self.carriers
+            .carry(platform, camera, *view.world_from_camera())?;
+        Ok(self.camera(view))
     }
 
     /// Adds a target: [detected](super::DetectedSettings), [initialised](super::InitializedSettings) or with
@@ -59,6 +78,8 @@ impl TrackerBuilder {
         if self.targets.is_empty() {
             return Err(missing("the list of targets", "add one with `target`"));
         }
-        Tracker::new(self.views, self.targets, self.seed, Level::best())
+        let mut tracker = Tracker::new(self.views, self.targets, self.seed, Level::best())?;
+        tracker.carriers = self.carriers;
+        Ok(tracker)
     }
 }

@@ -1,4 +1,4 @@
-//! Identifiers of cameras and targets, as separate types.
+//! Identifiers of cameras, targets and platforms, as separate types.
 
 use pardalis_core::Error;
 
@@ -9,6 +9,10 @@ pub struct CameraId(usize);
 /// Identifies a target of a tracker by its index among the tracker's targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TargetId(usize);
+
+/// Identifies a platform of a tracker by the order in which they were added.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PlatformId(usize);
 
 macro_rules! id {
     ($id:ident, $what:literal) => {
@@ -43,3 +47,4 @@ macro_rules! id {
 
 id!(CameraId, "camera");
 id!(TargetId, "target");
+id!(PlatformId, "platform");

@@ -6,6 +6,7 @@
 mod builder;
 mod camera_agreement;
 mod candidate;
+mod carriers;
 mod detected;
 mod existence;
 mod frame_set;
@@ -25,19 +26,21 @@ pub use candidate::{Candidate, Origin, Verdict};
 use detected::LookAlikes;
 pub use existence::{ExistenceSettings, OcclusionRates, Region};
 pub use frame_set::FrameSet;
-pub use ids::{CameraId, TargetId};
+pub use ids::{CameraId, PlatformId, TargetId};
 pub use settings::{
     BodySettings, DetectedSettings, InitializedSettings, SizeTolerance, TargetSettings,
 };
 
 use std::ops::Range;
 
+use carriers::Carriers;
 use groups::{groups, split};
 use statistics::ImageStatistics;
 use target_tracker::TargetTracker;
-use track::Instant;
+use track::{Instant, Track};
 
 use crate::frame::check_time;
+use crate::platform::{Increment, ObservedMotion, Platform, StampedPose};
 use crate::start::{PixelStart, Start};
 use crate::tuning::AgreementTuning;
 use crate::view::View;
@@ -145,6 +148,7 @@ struct Target {
 /// Tracks targets through cameras.
 pub struct Tracker {
     views: Vec<View>,
+    carriers: Carriers,
     /// The bodies of all targets.
     bodies: Vec<TargetTracker>,
     targets: Vec<Target>,
@@ -205,6 +209,7 @@ impl Tracker {
         Ok(Self {
             statistics: views.iter().map(|_| ImageStatistics::default()).collect(),
             views,
+            carriers: Carriers::default(),
             groups: groups(&bodies),
             bodies,
             targets,
@@ -278,13 +283,50 @@ impl Tracker {
         )
     }
 
+    /// Takes the pose of a platform at a time, which may be later than that of the next frames: between poses, the platform moves at constant rates.
+    ///
+    /// Returns an error if the platform is unknown, the time is not finite, or the pose is not.
+    pub fn observe_pose(
+        &mut self,
+        platform: PlatformId,
+        pose: &StampedPose,
+    ) -> Result<ObservedMotion, Error> {
+        self.carriers.platform_mut(platform)?.observe_pose(pose)
+    }
+
+    /// Takes an increment of a platform's odometry. The world is the platform's frame at the first one, unless a pose was observed before.
+    ///
+    /// Returns an error if the platform is unknown, or times or motion of the increment are not finite or out of order.
+    pub fn observe_increment(
+        &mut self,
+        platform: PlatformId,
+        increment: &Increment,
+    ) -> Result<ObservedMotion, Error> {
+        let platform = self.carriers.platform_mut(platform)?;
+        platform.observe_increment(increment)
+    }
+
+    /// Returns a platform.
+    ///
+    /// Returns an error if it is unknown.
+    pub fn platform(&self, platform: PlatformId) -> Result<&Platform, Error> {
+        self.carriers.platform(platform)
+    }
+
+    /// Returns the number of frame sets at whose time a platform had no pose near enough, so that frames of its cameras were not used.
+    ///
+    /// Returns an error if the platform is unknown.
+    pub fn frames_without_pose(&self, platform: PlatformId) -> Result<usize, Error> {
+        self.carriers.unplaced(platform)
+    }
+
     /// Updates all targets with the frames of one instant. A set without frames only advances the time. A set with
-    /// the time of the previous one is ignored.
+    /// the time of the previous one is ignored. So are frames of cameras on a platform of which no pose near that time is known.
     ///
     /// Returns an error, without any change, if the set is older than the previous one, a camera is unknown, or an
     /// image does not have its camera's size.
     pub fn observe(&mut self, set: &FrameSet) -> Result<Observed, Error> {
-        let (frames, time_s) = (set.numbered(), set.time_s());
+        let time_s = set.time_s();
         self.check(set)?;
         let dt_s = self.time_s.map_or(0.0, |before_s| time_s - before_s);
         if dt_s < 0.0 {
@@ -295,6 +337,9 @@ impl Tracker {
         if self.time_s.is_some() && dt_s == 0.0 {
             return Ok(Observed::Repeated);
         }
+        let placed = self.place_cameras(set);
+        let set = placed.as_ref().unwrap_or(set);
+        let frames = set.numbered();
         self.prepare(set);
         for group in 0..self.groups.len() {
             self.step(group, set, dt_s);
@@ -309,6 +354,31 @@ impl Tracker {
         }
         self.time_s = Some(time_s);
         Ok(Observed::Used)
+    }
+
+    /// Moves cameras on platforms to where they are at the time of the set, and what is known of targets with the world where poses jumped. Returns the set
+    /// without the frames of cameras of which that is not known, if there are any.
+    fn place_cameras(&mut self, set: &FrameSet) -> Option<FrameSet> {
+        if self.carriers.is_empty() {
+            return None;
+        }
+        let time_s = set.time_s();
+        let cameras = self.views.len();
+        if let Some(before_s) = self.time_s
+            && let Some(now_from_before) = self.carriers.jumped(cameras, before_s, time_s)
+        {
+            for body in &mut self.bodies {
+                body.move_world(&now_from_before, before_s);
+            }
+        }
+        self.carriers.place(&mut self.views, time_s);
+        let is_placed = |camera: usize| self.carriers.is_placed(camera);
+        if set.numbered().iter().all(|(camera, _)| is_placed(*camera)) {
+            return None;
+        }
+        let mut placed = set.clone();
+        placed.retain(|camera, _| is_placed(camera.index()));
+        Some(placed)
     }
 
     /// Performs one step for bodies that look alike, in descending order of confidence: each takes into account the
@@ -481,7 +551,34 @@ impl Tracker {
         check_time(time_s)?;
         let ahead_s = self.time_s.map_or(0.0, |before_s| time_s - before_s);
         let bodies = self.bodies_of(target)?.iter();
-        Ok(bodies.map(move |body| body.estimate(ahead_s)))
+        Ok(bodies.map(move |body| {
+            let mut estimate = body.estimate(ahead_s);
+            if let Some(known) = &mut estimate.kinematics {
+                self.add_platforms(known, body.track());
+            }
+            estimate
+        }))
+    }
+}
+
+impl Tracker {
+    /// Adds to a covariance what the poses of the platforms leave uncertain whose cameras see the body.
+    fn add_platforms(&self, known: &mut StateEstimate, track: &Track) {
+        if self.carriers.is_empty() {
+            return;
+        }
+        let sees = |camera: &usize| track.sees(*camera);
+        let all = 0..self.views.len();
+        let added_m2 = if all.clone().any(|camera| sees(&camera)) {
+            let cameras = all.filter(sees);
+            self.carriers.covariance_m2(known.position_m, cameras)
+        } else {
+            self.carriers.covariance_m2(known.position_m, all)
+        };
+        let added_m2 = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| added_m2[at]);
+        for (sum, added) in known.covariance_m2.iter_mut().zip(added_m2) {
+            *sum += added;
+        }
     }
 }
 

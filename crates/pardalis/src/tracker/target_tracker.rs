@@ -10,11 +10,13 @@ use super::track::{Instant, Track};
 use crate::Frame;
 use crate::start::Start;
 use crate::view::View;
+use pardalis_camera::Pose;
 use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
 use pardalis_filter::Particles;
 use pardalis_filter::estimate::StateEstimate;
+use pardalis_filter::gaussian::GaussianStart;
 
 /// The tracker of a target of one body, or of a landmark.
 pub(super) enum TargetTracker {
@@ -90,6 +92,16 @@ impl TargetTracker {
         match self {
             Self::Detected(target) => &mut target.track,
             Self::Initialized(target) => &mut target.track,
+        }
+    }
+
+    /// Moves what is known of the body with the world, whose places at a time in seconds are elsewhere now.
+    pub(super) fn move_world(&mut self, now_from_before: &Pose, time_s: f64) {
+        let estimate = self.estimate(0.0);
+        if let Some(known) = &estimate.kinematics {
+            let sigma_mps = GaussianStart::VELOCITY_SIGMA_MPS[0];
+            let start = GaussianStart::from_estimate(known, sigma_mps).moved(now_from_before);
+            self.track_mut().reinitialize(&start, time_s);
         }
     }
 

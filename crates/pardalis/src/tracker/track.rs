@@ -91,6 +91,11 @@ impl Track {
         self.observations.iter().flatten().any(is_visible)
     }
 
+    /// Reports whether the body was visible in a camera's latest observation.
+    pub(super) fn sees(&self, camera: usize) -> bool {
+        self.observations[camera].is_some_and(|observation| observation.visible >= 0.5)
+    }
+
     /// Returns the greatest probability that the body was visible among the cameras' latest observations.
     pub(super) fn greatest_visibility(&self) -> f64 {
         let observations = self.observations.iter().flatten();

@@ -10,6 +10,7 @@ mod locate;
 mod locate_absent;
 mod locate_bias;
 mod merged;
+mod moving;
 mod no_io;
 mod rectify;
 mod rolling_shutter;

@@ -141,9 +141,12 @@ impl CandidateSearch {
         Some((position_m, displacement_m.into()))
     }
 
-    /// Compares a single camera's frame with those before it, to find later what moves. Frames of several cameras at one instant need no motion: their rays meet.
+    /// Compares a single camera's frame with those before it, to find later what moves. Frames of several cameras at one instant need no motion: their rays meet. If the camera
+    /// itself may move, so does everything in its image.
     pub(super) fn compare(&mut self, frames: &[EdgeFrame]) {
-        if let [frame] = frames {
+        if let [frame] = frames
+            && !frame.prepared().view().is_moving()
+        {
             self.backgrounds[frame.camera()].compare(frame.prepared());
         }
     }

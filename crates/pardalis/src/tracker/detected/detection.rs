@@ -128,7 +128,12 @@ impl Detector {
             candidates.push(at(Origin::Prediction, mean_m, predicted.size.log_scale));
             self.fit((edge, frames), prior, candidates, (0, [0.0; 3]));
             if let Some(velocity_mps) = estimate.velocity_mps {
-                let way_m = velocity_mps.map(|v| v * predicted.since_s);
+                // All cameras of an instant are taken to move like the first.
+                let way_m = frames.first().map_or([0.0; 3], |frame| {
+                    let view = frame.prepared().view();
+                    let relative_mps = view.relative_velocity_mps(mean_m, velocity_mps);
+                    (relative_mps * predicted.since_s).into()
+                });
                 self.fit_streaks((edge, frames), prior, candidates, (mean_m, way_m));
             }
         }

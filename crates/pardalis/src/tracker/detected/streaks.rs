@@ -94,6 +94,10 @@ impl Detector {
         let [frame] = frames else {
             return;
         };
+        // Everything moves in front of a moving camera.
+        if frame.prepared().view().is_moving() {
+            return;
+        }
         let mut count = 0;
         self.candidates.find_moving(frame);
         for number in 0..self.candidates.moving().len() {

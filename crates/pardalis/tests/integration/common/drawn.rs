@@ -66,13 +66,22 @@ pub(crate) fn shown(things: &[Thing], covers: &[Thing], time_s: f64) -> Frame {
     frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s)
 }
 
-/// Returns a tracker of a ball whose colours are learnt from a picture of this one.
-pub(crate) fn tracker_of(ball: Thing) -> Tracker {
-    let mask = picture(&[ball], &[]).1;
-    let colors = ColorModel::from_image(&shown(&[ball], &[], 0.0), &mask).unwrap();
-    let settings = DetectedSettings::ball(RADIUS_M, colors).unwrap();
+/// Returns the camera at a pose.
+pub(crate) fn view(world_from_camera: Pose) -> View {
     let lens = Pinhole::new([FOCAL_PX; 2], CENTER_PX, &[]).unwrap();
     let size = (SIZE.0 as usize, SIZE.1 as usize);
-    let view = View::new(lens, Pose::identity(), size, None).unwrap();
-    Tracker::new(vec![view], vec![settings], 1, Level::best()).unwrap()
+    View::new(lens, world_from_camera, size, None).unwrap()
+}
+
+/// Returns the settings of a ball whose colours are learnt from a picture of this one.
+pub(crate) fn settings_of(ball: Thing) -> DetectedSettings {
+    let mask = picture(&[ball], &[]).1;
+    let colors = ColorModel::from_image(&shown(&[ball], &[], 0.0), &mask).unwrap();
+    DetectedSettings::ball(RADIUS_M, colors).unwrap()
+}
+
+/// Returns a tracker of a ball whose colours are learnt from a picture of this one.
+pub(crate) fn tracker_of(ball: Thing) -> Tracker {
+    let view = view(Pose::identity());
+    Tracker::new(vec![view], vec![settings_of(ball)], 1, Level::best()).unwrap()
 }
