@@ -7,6 +7,7 @@
 //! | intrinsics and poses | points with known positions, or several views of a board | [`calibrate`] |
 //! | the pose of a calibrated camera | four points in a plane, or six | [`fit_pose`] |
 //! | the relative poses of several cameras | simultaneous views of a board | [`calibrate_rig`] |
+//! | where a camera is on a robot, an arm or a head | a target at rest that is seen while these move | [`calibrate_mount`] |
 //! | a rectangle of tape on a floor | images | [`rectangle::detect`] |
 //! | the plane that an uncalibrated camera sees | four or more points on it | [`plane::fit`] |
 //! | the offsets between the cameras' clocks | a moving target | [`calibrate_time`] |
@@ -76,6 +77,7 @@ mod bundle;
 mod check;
 mod intrinsics;
 mod least_squares;
+mod mount;
 pub mod plane;
 mod pose;
 pub mod rectangle;
@@ -85,6 +87,7 @@ mod start;
 mod temporal;
 
 pub use intrinsics::{Calibration, FittedParameter, FittedView, calibrate};
+pub use mount::{MountCalibration, MountSettings, MountView, PlatformAt, calibrate_mount};
 pub use pose::{PoseFit, closest_pose, fit_pose};
 pub use rig::{RigCalibration, RigCamera, calibrate_rig};
 pub use start::ModelKind;

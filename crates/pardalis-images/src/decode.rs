@@ -87,10 +87,7 @@ pub fn decode(file: &[u8]) -> Result<RgbImage, DecodeError> {
 
 /// Decodes a JPEG or PNG file of any pixel type to 8-bit grey. Colours are combined with the weights of BT.601.
 pub fn decode_grey(file: &[u8]) -> Result<GrayImage, DecodeError> {
-    Ok(decode(file)?.map(|[r, g, b]| {
-        let sum = 299 * u32::from(r) + 587 * u32::from(g) + 114 * u32::from(b);
-        [((sum + 500) / 1000) as u8]
-    }))
+    Ok(decode(file)?.to_grey())
 }
 
 /// Returns the width and height in pixels, upright, of a JPEG or PNG file from its header. The pixels are not decoded, so

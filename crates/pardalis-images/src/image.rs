@@ -14,6 +14,16 @@ pub type GrayImage = Image<u8, 1>;
 /// An image with red, green and blue bytes.
 pub type RgbImage = Image<u8, 3>;
 
+impl RgbImage {
+    /// Returns the image in grey. Colours are combined with the weights of BT.601.
+    pub fn to_grey(&self) -> GrayImage {
+        self.map(|[r, g, b]| {
+            let sum = 299 * u32::from(r) + 587 * u32::from(g) + 114 * u32::from(b);
+            [((sum + 500) / 1000) as u8]
+        })
+    }
+}
+
 impl<T: Copy + Default, const CHANNELS: usize> Image<T, CHANNELS> {
     /// Creates an image with all samples zero.
     pub fn new(width: u32, height: u32) -> Self {

@@ -3,6 +3,7 @@
 mod boards;
 mod calibrate;
 mod calibrate_from_boards;
+mod mount;
 mod plane_corners;
 mod rectangles;
 mod rig;
