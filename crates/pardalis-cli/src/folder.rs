@@ -17,7 +17,7 @@ pub(crate) struct Content {
     pub(crate) text: &'static str,
     /// A noun phrase for such a folder, such as "a simulated sequence".
     pub(crate) what: &'static str,
-    /// Its other entries, besides colour models.
+    /// Its other entries, besides colour models and the motion of platforms.
     pub(crate) entries: &'static [&'static str],
 }
 
@@ -27,7 +27,10 @@ impl Content {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
         let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
         let is_known = |name: &String| {
-            name == self.mark || self.entries.contains(&&**name) || name.ends_with(".colors.toml")
+            let endings = [".colors.toml", ".odometry.csv", ".poses.csv"];
+            name == self.mark
+                || self.entries.contains(&&**name)
+                || endings.iter().any(|ending| name.ends_with(ending))
         };
         names.filter(|name| !is_known(name)).min()
     }

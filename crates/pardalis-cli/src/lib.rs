@@ -18,6 +18,7 @@ mod numbers;
 mod output;
 #[cfg(feature = "package")]
 mod package;
+mod platforms;
 mod progress;
 mod rectangle;
 mod rig;

@@ -7,13 +7,12 @@ use anyhow::Result;
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{Cue, CueSettings};
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, TargetSettings};
+use pardalis::tracker::{BodySettings, PlatformId, TargetSettings};
 use pardalis::view::View;
 use pardalis::{TargetId, Tracker};
 use pardalis_camera::CalibratedCamera;
 use pardalis_camera::Mask;
 use pardalis_camera::formats::Lens;
-use pardalis_core::simd::Level;
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_scene::calibration;
 use pardalis_scene::{
@@ -23,6 +22,7 @@ use pardalis_scene::{
 
 use crate::named_files;
 use crate::output::warn;
+use crate::platforms::PlatformRows;
 use crate::rectangle::{find_in_images, find_in_source};
 use crate::rig;
 use crate::source::decode::{decode_mask, media_kind};
@@ -45,6 +45,8 @@ pub(crate) struct OpenScene {
     pub(crate) scene: Scene,
     /// The frames of each camera, in the scene's order.
     pub(crate) sources: Vec<Source>,
+    /// The motion of each platform, in the scene's order.
+    pub(crate) platforms: Vec<PlatformRows>,
     /// The tracker, ready for the first frames.
     pub(crate) tracker: Tracker,
 }
@@ -226,6 +228,8 @@ pub(crate) struct Parts {
     pub(crate) sources: Vec<Option<Source>>,
     /// The views of its cameras, where size and mask are right.
     pub(crate) views: Vec<Option<View>>,
+    /// The motion of its platforms, if their files are right. The world is the frame of those that are left out.
+    pub(crate) platforms: Vec<PlatformRows>,
     /// The settings of each body of its targets, if its files are right.
     pub(crate) targets: Vec<Vec<Option<BodySettings>>>,
     /// The problems so far.
@@ -242,6 +246,7 @@ impl Parts {
             scene,
             sources: Vec::new(),
             views: Vec::new(),
+            platforms: Vec::new(),
             targets: Vec::new(),
             is_complete: problems.is_empty(),
             problems,
@@ -274,7 +279,38 @@ impl Parts {
         }
         let problems = rig::problems(&self.opened(), folder);
         self.problems.extend(problems);
+        if stills.is_empty() {
+            self.open_platforms(folder);
+        }
         Ok(())
+    }
+
+    /// Reads the motion of all platforms. Stills are at no time, and are taken where the platform's frame is the world's.
+    fn open_platforms(&mut self, folder: &Path) {
+        for platform in &self.scene.platforms {
+            let file = platform.motion.file();
+            let carried = self.scene.cameras.iter().zip(&self.sources);
+            let carried =
+                carried.filter(|(camera, _)| camera.platform.as_ref() == Some(&platform.name));
+            let sources: Vec<&Source> = carried.filter_map(|(_, source)| source.as_ref()).collect();
+            if sources.iter().any(|source| source.is_live()) {
+                self.problems.push(file.problem(
+                    "is of the past, and a camera on the platform is live; record its video first, or call Tracker::observe_pose of the library".to_owned(),
+                ));
+                continue;
+            }
+            let rows = PlatformRows::read(platform, folder).and_then(|rows| {
+                let mut spans = sources.iter().filter_map(|source| source.span());
+                match spans.find_map(|span| rows.problem_with(&span)) {
+                    Some(problem) => Err(user_error!("{problem}")),
+                    None => Ok(rows),
+                }
+            });
+            match rows {
+                Ok(rows) => self.platforms.push(rows),
+                Err(error) => self.problems.push(file.problem(format!("{error:#}"))),
+            }
+        }
     }
 
     /// Sets the models of recorded cameras that rectangles determine.
@@ -315,6 +351,7 @@ impl Parts {
             problems,
             is_complete,
             reinitialized,
+            ..
         } = self;
         for (number, target) in scene.targets.iter().enumerate() {
             let mut bodies = Vec::new();
@@ -392,14 +429,29 @@ impl Parts {
         };
         let targets = self.targets.into_iter().zip(&self.scene.targets);
         let targets: Vec<_> = targets.map(of_target).collect();
-        let views = self.views.into_iter().flatten().collect();
-        let mut tracker = Tracker::new(views, targets, self.scene.seed, Level::best())?;
+        let mut builder = Tracker::builder();
+        builder.seed(self.scene.seed);
+        for platform in &self.platforms {
+            builder.platform(platform.platform()?);
+        }
+        for (view, camera) in self.views.into_iter().flatten().zip(&self.scene.cameras) {
+            let is_carrier = |rows: &PlatformRows| camera.platform.as_deref() == Some(rows.name());
+            match self.platforms.iter().position(is_carrier) {
+                Some(number) => builder.camera_on(PlatformId::new(number), view)?,
+                None => builder.camera(view),
+            };
+        }
+        for target in targets {
+            builder.target(target);
+        }
+        let mut tracker = builder.build()?;
         for (target, start, time_s) in &self.reinitialized {
             tracker.reinitialize(*target, start, *time_s)?;
         }
         Ok(OpenScene {
             scene: self.scene,
             sources: self.sources.into_iter().flatten().collect(),
+            platforms: self.platforms,
             tracker,
         })
     }

@@ -59,8 +59,10 @@ pub struct CameraConfig {
     pub mask: Option<Located<String>>,
     /// The circle whose pixels are usable.
     pub mask_circle: Option<MaskCircle>,
-    /// Its pose.
+    /// Its pose in the world; of a camera on a platform, its pose there.
     pub world_from_camera: Pose,
+    /// The platform that carries it.
+    pub platform: Option<String>,
 }
 
 /// A selection of the frames of an input.
@@ -139,6 +141,7 @@ impl CameraConfig {
     pub(super) fn read(
         name: String,
         table: Table,
+        platforms: &[String],
         read_calibration: ReadCalibration,
     ) -> Option<Self> {
         let mut input = read_input(&table);
@@ -171,6 +174,7 @@ impl CameraConfig {
                 .depends("all frames")
                 .optional(),
         };
+        let platform = read_platform(&table, platforms);
         let optics = read_optics(&name, &table, read_calibration);
         let mask = table
             .key(
@@ -219,6 +223,7 @@ impl CameraConfig {
             mask,
             mask_circle,
             world_from_camera: optics.world_from_camera,
+            platform,
         })
     }
 }
@@ -259,18 +264,22 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
         Some(Model::Known(camera)) => (Some(camera), None),
         Some(Model::Rectangle(rectangle)) => (Some(Camera::Plane(Plane::image())), Some(rectangle)),
     };
-    if matches!(model, Some(Camera::Plane(_))) && table.knows("world_from_camera") {
+    if matches!(model, Some(Camera::Plane(_))) {
         let message =
             "cannot be combined with a camera of a plane, whose frame is the world's; remove it";
-        table.problem("world_from_camera", message);
-        return None;
+        let given = ["world_from_camera", "platform_from_camera", "platform"];
+        if let Some(key) = given.into_iter().find(|key| table.knows(key)) {
+            table.problem(key, message);
+            return None;
+        }
     }
+    let pose_key = pose_key(table);
     let own_pose = model.as_ref().and_then(pose_of_model);
     // An invalid plane reports its own problems.
     let needs_no_pose = table
         .peek("model")
         .is_some_and(|model| model.has("plane") || model.has("image"));
-    let pose_is_missing = if needs_no_pose || table.has("world_from_camera") {
+    let pose_is_missing = if needs_no_pose || table.has(pose_key) {
         None
     } else if table.has("calibration") {
         let in_file = file
@@ -282,16 +291,16 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
     };
     if let Some(missing) = pose_is_missing {
         let wanted = <[[f64; 4]; 4]>::allowed();
-        table.problem("world_from_camera", format!("{missing}; give {wanted}"));
+        table.problem(pose_key, format!("{missing}; give {wanted}"));
     }
-    let given_pose = read_pose(table);
+    let given_pose = read_any_pose(table);
     let file_pose = file.as_ref().and_then(|file| file.world_from_camera);
     // An override suits a camera that was moved, but may also be a forgotten guess of `pardalis init`.
     if let (Some(given), Some(in_file)) = (&given_pose, &file_pose)
         && (given.to_homogeneous() - in_file.to_homogeneous()).amax() > SAME_POSE
     {
         table.warn(
-            "world_from_camera",
+            pose_key,
             "overrides the pose in the calibration file; remove it to use that pose",
         );
     }
@@ -320,6 +329,67 @@ fn read_optics(name: &str, table: &Table, read_calibration: ReadCalibration) -> 
         size_px: given_size.or_else(|| file_size.map(|size| table.at("calibration", size))),
         world_from_camera: own_pose.or(given_pose).or(file_pose)?,
     })
+}
+
+/// Reads the platform that carries the camera, if there is one. Reports an unknown one.
+pub(super) fn read_platform(table: &Table, platforms: &[String]) -> Option<String> {
+    let name = table
+        .key(
+            "platform",
+            "The platform that carries the camera, a name in `platforms`.",
+        )
+        .depends("a camera at rest in the world")
+        .optional::<String>()?;
+    if platforms.is_empty() {
+        let message = format!(
+            "is {name}, and the scene has no platforms; describe it in a table [platforms.{name}]"
+        );
+        table.problem("platform", message);
+    } else if !platforms.contains(&name) {
+        table.reject("platform", &platforms.join(", "));
+    }
+    Some(name)
+}
+
+/// The key of the camera's pose.
+pub(super) fn pose_key(table: &Table) -> &'static str {
+    if table.has("platform") {
+        "platform_from_camera"
+    } else {
+        "world_from_camera"
+    }
+}
+
+/// Reads the pose on a platform, if it is given.
+fn read_pose_on_platform(table: &Table) -> Option<Pose> {
+    let rows = table
+        .key(
+            "platform_from_camera",
+            "Pose of the camera on its platform, in place of `world_from_camera`: the homogeneous matrix that takes points from the camera's frame to the platform's (x forward, y left, z up, in metres).",
+        )
+        .unit("m")
+        .depends("for a camera on a platform, unless the calibration file contains the pose")
+        .conditional::<[[f64; 4]; 4]>();
+    if table.has("platform_from_camera") && !table.has("platform") {
+        let message = "needs platform; add platform = \"NAME\", or give world_from_camera";
+        table.problem("platform_from_camera", message);
+    }
+    pose_from_matrix(rows?)
+        .map_err(|error| table.problem("platform_from_camera", error.to_string()))
+        .ok()
+}
+
+/// Reads the pose, if it is given: on the platform for a camera that is on one, and in the world otherwise.
+pub(super) fn read_any_pose(table: &Table) -> Option<Pose> {
+    let (in_world, on_platform) = (read_pose(table), read_pose_on_platform(table));
+    if !table.has("platform") {
+        return in_world;
+    }
+    if table.has("world_from_camera") {
+        let message = "cannot be combined with platform, on which the camera moves; give platform_from_camera instead";
+        table.problem("world_from_camera", message);
+    }
+    on_platform
 }
 
 /// Returns the camera of the calibration file, if the scene names one.

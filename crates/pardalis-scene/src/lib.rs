@@ -17,6 +17,7 @@ mod model;
 mod motion;
 mod offsets;
 mod plane;
+mod platform;
 mod reader;
 pub mod reference;
 mod replaced;
@@ -33,6 +34,7 @@ pub use camera::{CameraConfig, FrameRange, Input, MaskCircle, ReadCalibration};
 pub use journal::{Located, Problem};
 pub use offsets::with_time_offsets;
 pub use plane::RectangleConfig;
+pub use platform::{PlatformConfig, PlatformMotion};
 pub use start::{StartConfig, TrackStart};
 pub use target::{BodyConfig, TargetConfig, TrackingConfig};
 pub use video::{
@@ -63,6 +65,8 @@ pub struct Scene {
     pub seed: u32,
     /// The cameras, in the order of the text.
     pub cameras: Vec<CameraConfig>,
+    /// The moving platforms, in the order of the text.
+    pub platforms: Vec<PlatformConfig>,
     /// The targets, in the order of the text.
     pub targets: Vec<TargetConfig>,
     /// How long a frame waits after its arrival for earlier frames of other cameras, in seconds.
@@ -159,10 +163,24 @@ impl Scene {
         let camera_tables = table.named_tables("cameras", about, Presence::Required);
         let camera_names: Vec<String> =
             camera_tables.iter().map(|(name, _)| name.clone()).collect();
+        let about =
+            "Moving platforms that carry cameras, each by its name: robots, pan-tilt heads, arms.";
+        let platform_tables = table.named_tables("platforms", about, Presence::Optional(""));
+        let platform_names: Vec<String> = platform_tables
+            .iter()
+            .map(|(name, _)| name.clone())
+            .collect();
+        let platforms: Vec<_> = platform_tables
+            .into_iter()
+            .filter_map(|(name, table)| PlatformConfig::read(name, table))
+            .collect();
         let cameras: Vec<_> = camera_tables
             .into_iter()
-            .filter_map(|(name, table)| CameraConfig::read(name, table, read_calibration))
+            .filter_map(|(name, table)| {
+                CameraConfig::read(name, table, &platform_names, read_calibration)
+            })
             .collect();
+        warn_of_empty_platforms(table, &platform_names, &cameras);
         let names = CameraNames::new(camera_names, &cameras);
         let about = "The targets, each by its name.";
         let targets: Vec<_> = table
@@ -175,10 +193,26 @@ impl Scene {
         Self {
             seed,
             cameras,
+            platforms,
             targets,
             max_delay_s,
             warnings: Vec::new(),
             resolved: toml::Table::new(),
+        }
+    }
+}
+
+/// Warns of platforms that carry no camera.
+fn warn_of_empty_platforms(root: &Table, platforms: &[String], cameras: &[CameraConfig]) {
+    for platform in platforms {
+        if !cameras
+            .iter()
+            .any(|camera| camera.platform.as_ref() == Some(platform))
+        {
+            let message = format!(
+                "{platform} carries no camera; give platform = \"{platform}\" in the tables of its cameras"
+            );
+            root.warn("platforms", message);
         }
     }
 }

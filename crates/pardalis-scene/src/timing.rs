@@ -28,9 +28,9 @@ pub(super) fn read_max_delay_s(root: &Table, camera_count: usize) -> f64 {
 /// Returns a warning for each camera with exactly the pose of an earlier one, as in a copied table.
 pub(super) fn cameras_at_one_place(cameras: &[CameraConfig]) -> impl Iterator<Item = Problem> {
     cameras.iter().enumerate().filter_map(|(number, camera)| {
-        let twin = cameras[..number]
-            .iter()
-            .find(|other| other.world_from_camera == camera.world_from_camera)?;
+        let twin = cameras[..number].iter().find(|other| {
+            other.platform == camera.platform && other.world_from_camera == camera.world_from_camera
+        })?;
         Some(Problem {
             line: camera.input.place().line,
             key: format!("cameras.{}", camera.name),

@@ -45,11 +45,13 @@
 //!         spin_rad_per_s: 0.0,
 //!         is_target: true,
 //!     }],
+//!     platforms: vec![],
 //!     cameras: vec![WorldCamera {
 //!         name: "front".to_owned(),
 //!         camera: Camera::Pinhole(Pinhole::new([100.0; 2], [79.5, 59.5], &[])?),
 //!         size_px: (160, 120),
 //!         world_from_camera: Pose::identity(),
+//!         platform: None,
 //!         image: ImageSettings::default(),
 //!         timing: Timing::default(),
 //!     }],
@@ -77,6 +79,7 @@
 mod body;
 mod mark;
 mod path;
+mod platform;
 mod render;
 mod sensor;
 mod texture;
@@ -87,6 +90,7 @@ mod truth;
 pub use body::Body;
 pub use mark::Mark;
 pub use path::{Path, Sine, Throw, Waypoints};
+pub use platform::{OdometryRow, OdometrySettings, Platform};
 pub use render::Renderer;
 pub use sensor::ImageSettings;
 pub use texture::{Pattern, Texture};
@@ -115,6 +119,8 @@ pub struct World {
     pub light: Light,
     /// Objects, in the order of their names in the world file.
     pub objects: Vec<Object>,
+    /// Moving platforms that carry cameras.
+    pub platforms: Vec<Platform>,
     /// Cameras.
     pub cameras: Vec<WorldCamera>,
 }
@@ -209,8 +215,10 @@ pub struct WorldCamera {
     pub camera: Camera,
     /// Width and height of the images in pixels.
     pub size_px: (usize, usize),
-    /// Pose: maps camera coordinates to world coordinates.
+    /// Pose: maps camera coordinates to world coordinates, or to those of the platform.
     pub world_from_camera: Pose,
+    /// Index in [`World::platforms`] of the platform that carries the camera.
+    pub platform: Option<usize>,
     /// Image properties.
     pub image: ImageSettings,
     /// Exposure times, time stamps and delivery.
@@ -259,6 +267,14 @@ impl Default for Light {
 impl World {
     /// Seed of worlds that state none.
     pub const DEFAULT_SEED: u32 = 1;
+
+    /// Returns where a camera is at a time in seconds.
+    pub fn world_from_camera(&self, camera: &WorldCamera, time_s: f64) -> Pose {
+        match camera.platform {
+            Some(platform) => self.platforms[platform].pose(time_s) * camera.world_from_camera,
+            None => camera.world_from_camera,
+        }
+    }
 
     /// Returns the state of every object at a time in seconds, in the order of the objects.
     pub fn placed(&self, time_s: f64) -> Vec<Placed> {

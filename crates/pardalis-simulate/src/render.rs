@@ -7,6 +7,7 @@ use super::trace::{Snapshot, WorldRay};
 use super::{World, WorldCamera};
 use pardalis::shape::{OutlineCircle, SphereOutline};
 use pardalis_camera::Camera;
+use pardalis_camera::Pose;
 use pardalis_core::rng::Draws;
 
 /// Renderer of one camera of a world.
@@ -51,11 +52,12 @@ impl<'a> Renderer<'a> {
         let camera = &world.cameras[camera];
         let (width, height) = camera.size_px;
         let snapshot = [Snapshot::still(world)];
+        let pose = world.world_from_camera(camera, 0.0);
         let mut sharp = vec![[0.0; 3]; width * height];
         let rows = sharp.par_chunks_mut(width).enumerate();
         rows.for_each(|(y, row)| {
             for (x, pixel) in row.iter_mut().enumerate() {
-                *pixel = light_along(&rays_of(camera, x, y), &snapshot);
+                *pixel = light_along(&rays_of(camera, &pose, x, y), &snapshot);
             }
         });
         let kernel = camera.image.blur_kernel();
@@ -83,6 +85,18 @@ impl<'a> Renderer<'a> {
     pub fn image(&self, exposure: u32, time_s: f64) -> Vec<u8> {
         let image = &self.camera.image;
         let (mut sharp, mut soft) = (self.sharp.clone(), self.soft.clone());
+        if self.camera.platform.is_some() {
+            for (rows, time_s) in self.exposures(time_s) {
+                self.render_moving(rows, &image.instants_around(time_s), &mut sharp);
+            }
+            let (width, height) = self.camera.size_px;
+            let whole = Rectangle {
+                x: [0, width],
+                y: [0, height],
+            };
+            blur(&sharp, &mut soft, self.camera.size_px, &self.kernel, whole);
+            return image.develop(&soft, self.draws, exposure, time_s);
+        }
         let mut rendered = vec![None; self.moving.len()];
         for (rows, time_s) in self.exposures(time_s) {
             let instants = image.instants_around(time_s);
@@ -91,7 +105,8 @@ impl<'a> Renderer<'a> {
                 .map(|&time_s| Snapshot::new(self.world, time_s))
                 .collect();
             for (&object, rendered) in self.moving.iter().zip(&mut rendered) {
-                let bounds = self.visible_bounds(object, &snapshots);
+                let pose = &self.camera.world_from_camera;
+                let bounds = self.visible_bounds(object, pose, &snapshots);
                 let Some(bounds) = bounds.and_then(|bounds| bounds.within_rows(rows)) else {
                     continue;
                 };
@@ -119,12 +134,35 @@ impl<'a> Renderer<'a> {
             .collect()
     }
 
+    /// Renders rows of the image of a camera that moves, at these instants in seconds.
+    fn render_moving(&self, [from, to]: [usize; 2], instants_s: &[f64], sharp: &mut Light) {
+        let width = self.camera.size_px.0;
+        let at = |time_s: &f64| {
+            let pose = self.world.world_from_camera(self.camera, *time_s);
+            (pose, [Snapshot::new(self.world, *time_s)])
+        };
+        let instants: Vec<_> = instants_s.iter().map(at).collect();
+        let rows = sharp[from * width..to * width]
+            .par_chunks_mut(width)
+            .zip(from..to);
+        rows.for_each(|(row, y)| {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                let mut sum = [0.0; 3];
+                for (pose, snapshot) in &instants {
+                    let light = light_along(&rays_of(self.camera, pose, x, y), snapshot);
+                    (0..3).for_each(|channel| sum[channel] += light[channel]);
+                }
+                *pixel = sum.map(|light| light / instants.len() as f32);
+            }
+        });
+    }
+
     /// Renders the moving objects within a part of the image.
     fn render(&self, part: Rectangle, snapshots: &[Snapshot], sharp: &mut Light) {
         let width = self.camera.size_px.0;
         for y in part.y[0]..part.y[1] {
             for x in part.x[0]..part.x[1] {
-                let rays = rays_of(self.camera, x, y);
+                let rays = rays_of(self.camera, &self.camera.world_from_camera, x, y);
                 let is_met = |ray: &WorldRay| {
                     let meets = |s: &Snapshot| self.moving.iter().any(|&o| s.hit(o, ray).is_some());
                     snapshots.iter().any(meets)
@@ -141,12 +179,14 @@ impl<'a> Renderer<'a> {
         let snapshot = Snapshot::new(self.world, time_s);
         let (width, height) = self.camera.size_px;
         let mut coverage = vec![0.0; width * height];
-        let Some(bounds) = self.visible_bounds(object, std::slice::from_ref(&snapshot)) else {
+        let pose = self.world.world_from_camera(self.camera, time_s);
+        let snapshots = std::slice::from_ref(&snapshot);
+        let Some(bounds) = self.visible_bounds(object, &pose, snapshots) else {
             return coverage;
         };
         for y in bounds.y[0]..bounds.y[1] {
             for x in bounds.x[0]..bounds.x[1] {
-                let rays = rays_of(self.camera, x, y);
+                let rays = rays_of(self.camera, &pose, x, y);
                 let shows = |ray: &&WorldRay| {
                     snapshot
                         .first(ray)
@@ -160,7 +200,12 @@ impl<'a> Renderer<'a> {
     }
 
     /// Returns the pixels that bound an object's image at several instants; `None` if it is not visible.
-    fn visible_bounds(&self, object: usize, snapshots: &[Snapshot]) -> Option<Rectangle> {
+    fn visible_bounds(
+        &self,
+        object: usize,
+        world_from_camera: &Pose,
+        snapshots: &[Snapshot],
+    ) -> Option<Rectangle> {
         let (width, height) = self.camera.size_px;
         let whole = Rectangle {
             x: [0, width],
@@ -169,7 +214,7 @@ impl<'a> Renderer<'a> {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for snapshot in snapshots {
             let (middle, radius_m) = snapshot.bounds(object);
-            let pixels = outline_px(self.camera, &middle, radius_m);
+            let pixels = outline_px(self.camera, world_from_camera, &middle, radius_m);
             let outside = pixels.iter().filter(|pixel| pixel.is_none()).count();
             // The domain's border cuts the object; the rest may be anywhere.
             if outside > 0 && outside < pixels.len() {
@@ -208,9 +253,14 @@ impl<'a> Renderer<'a> {
 /// Projects the outline of a sphere in the world, of a smaller one and of the centre; `None` for points
 /// outside the camera's domain. If the camera is inside the sphere, returns one point without a pixel,
 /// because the sphere is visible in all directions.
-fn outline_px(camera: &WorldCamera, middle: &Vector3<f64>, radius_m: f64) -> Vec<Option<[f64; 2]>> {
+fn outline_px(
+    camera: &WorldCamera,
+    world_from_camera: &Pose,
+    middle: &Vector3<f64>,
+    radius_m: f64,
+) -> Vec<Option<[f64; 2]>> {
     let viewpoint = Vector3::from(camera.camera.viewpoint_m());
-    let in_camera = camera.world_from_camera.inverse() * Point3::from(*middle);
+    let in_camera = world_from_camera.inverse() * Point3::from(*middle);
     let middle = in_camera.coords - viewpoint;
     let project = |point: Vector3<f64>| camera.camera.project((point + viewpoint).into());
     let (circle, outside) =
@@ -229,13 +279,18 @@ fn outline_px(camera: &WorldCamera, middle: &Vector3<f64>, radius_m: f64) -> Vec
 }
 
 /// Returns rays through evenly distributed positions of a pixel.
-fn rays_of(camera: &WorldCamera, x: usize, y: usize) -> Vec<Option<WorldRay>> {
+fn rays_of(
+    camera: &WorldCamera,
+    world_from_camera: &Pose,
+    x: usize,
+    y: usize,
+) -> Vec<Option<WorldRay>> {
     let samples = camera.image.samples;
     let place = |at: usize, i: usize| at as f64 + (i as f64 + 0.5) / samples as f64 - 0.5;
     (0..samples * samples)
         .map(|i| {
             let pixel = [place(x, i % samples), place(y, i / samples)];
-            WorldRay::of_pixel(&camera.camera, &camera.world_from_camera, pixel)
+            WorldRay::of_pixel(&camera.camera, world_from_camera, pixel)
         })
         .collect()
 }

@@ -7,6 +7,7 @@ use nalgebra::{Point3, Vector3};
 use super::trace::{Snapshot, WorldRay};
 use super::{Placed, World, WorldCamera};
 use pardalis::shape::{OutlineCircle, SphereOutline};
+use pardalis_camera::Pose;
 
 /// State of an object at one time, and its appearance in one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +26,8 @@ pub struct Truth {
 /// Returns the truth of every object at a time in seconds, as seen by one of the world's cameras.
 pub fn truth(world: &World, camera: &WorldCamera, time_s: f64) -> Vec<Truth> {
     let snapshot = Snapshot::new(world, time_s);
-    let camera_from_world = camera.world_from_camera.inverse();
+    let world_from_camera = world.world_from_camera(camera, time_s);
+    let camera_from_world = world_from_camera.inverse();
     (0..world.objects.len())
         .map(|object| {
             let placed = *snapshot.placed(object);
@@ -34,7 +36,7 @@ pub fn truth(world: &World, camera: &WorldCamera, time_s: f64) -> Vec<Truth> {
                 placed,
                 position_in_camera_m: in_camera.into(),
                 pixel: camera.camera.project(in_camera.into()),
-                visible_fraction: visible_fraction(&snapshot, camera, object),
+                visible_fraction: visible_fraction(&snapshot, (camera, &world_from_camera), object),
             }
         })
         .collect()
@@ -43,9 +45,13 @@ pub fn truth(world: &World, camera: &WorldCamera, time_s: f64) -> Vec<Truth> {
 /// Number of rays that sample visibility: steps of a quarter of a percent.
 const RAYS: usize = 400;
 
-fn visible_fraction(snapshot: &Snapshot, camera: &WorldCamera, object: usize) -> f64 {
-    let camera_from_world = camera.world_from_camera.inverse();
-    let viewpoint = camera.world_from_camera * Point3::from(camera.camera.viewpoint_m());
+fn visible_fraction(
+    snapshot: &Snapshot,
+    (camera, world_from_camera): (&WorldCamera, &Pose),
+    object: usize,
+) -> f64 {
+    let camera_from_world = world_from_camera.inverse();
+    let viewpoint = world_from_camera * Point3::from(camera.camera.viewpoint_m());
     let (middle, radius_m) = snapshot.bounds(object);
     let (mut seen, mut alone) = (0, 0);
     for i in 0..RAYS {

@@ -9,6 +9,7 @@ use pardalis::TargetId;
 use crate::arguments::Threads;
 use crate::numbers::counted;
 use crate::output::{note, print};
+use crate::platforms;
 use crate::tracking::agreement;
 use crate::tracking::radius::EstimatedRadius;
 use crate::tracking::{self, Annotate, CameraRecord, Limit, Options, Output, Previous, Run};
@@ -240,6 +241,9 @@ fn warnings(run: &Run) -> String {
         }
     }
     if let Some(warning) = agreement::warning(&run.open.scene, &run.open.tracker) {
+        let _ = writeln!(text, "{warning}");
+    }
+    for warning in platforms::warnings(&run.open.platforms, &run.open.tracker) {
         let _ = writeln!(text, "{warning}");
     }
     for warning in blind_cameras(run) {

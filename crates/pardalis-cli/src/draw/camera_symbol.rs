@@ -15,6 +15,8 @@ pub(crate) struct CameraSymbol {
     pub(crate) world_from_camera: Pose,
     /// Whether the camera looks into a mirror.
     pub(crate) looks_into_mirror: bool,
+    /// Where it was before, in metres; empty if it is at rest.
+    pub(crate) way_m: Vec<[f64; 3]>,
 }
 
 impl CameraSymbol {
@@ -34,9 +36,26 @@ impl CameraSymbol {
                 name: camera.name.clone(),
                 world_from_camera,
                 looks_into_mirror: camera.camera.looks_into_mirror(),
+                way_m: Vec::new(),
             })
         });
         cameras.collect()
+    }
+
+    /// Puts the camera at the last of its poses in the world, which it has reached through the others.
+    #[must_use]
+    pub(crate) fn moved(self, poses: &[Pose]) -> Self {
+        let Some(latest) = poses.last() else {
+            return self;
+        };
+        Self {
+            world_from_camera: *latest,
+            way_m: poses
+                .iter()
+                .map(|pose| pose.translation.vector.into())
+                .collect(),
+            ..self
+        }
     }
 
     /// Returns the position in the world, in metres.

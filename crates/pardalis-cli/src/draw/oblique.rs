@@ -9,7 +9,7 @@ use super::camera_symbol::CameraSymbol;
 use super::legend::{self, end_mark, start_mark};
 use super::limits::{clipped, is_inside};
 use super::panel::{tick_label, ticks, write_note};
-use super::plots::{Figures, Point, Trace, WIDTH_PX, free_row};
+use super::plots::{Figures, Point, Trace, WAY_OPACITY, WIDTH_PX, free_row};
 use super::svg::{Area, Drawing, drawing, fill, line, text_style, units, write_text};
 use super::{INK, Rgb, shortened};
 
@@ -347,6 +347,8 @@ impl Stage {
     /// Draws a camera on its pole.
     fn draw_camera(&self, area: &Area<'_>, camera: &CameraSymbol) -> anyhow::Result<()> {
         let position_m = camera.position_m();
+        let way_m = camera.way_m.iter().copied();
+        self.draw_line(area, way_m, line(INK, WAY_OPACITY, 1.2))?;
         let foot_m = self.on_floor(position_m);
         self.draw_line(area, [position_m, foot_m].into_iter(), line(INK, 0.6, 2.5))?;
         area.draw(&Circle::new(self.at(foot_m), units(3.0), fill(INK, 0.6)))?;

@@ -65,6 +65,7 @@ fn camera(looks_into_mirror: bool) -> CameraSymbol {
         name: "cam1".to_owned(),
         world_from_camera: Pose::from_parts([0.0, 0.0, 0.9].into(), rotation),
         looks_into_mirror,
+        way_m: Vec::new(),
     }
 }
 

@@ -61,6 +61,9 @@ const COORDINATES: [&str; 3] = ["x (m)", "y (m)", "z (m)"];
 /// The names of the plots of tracks, without their endings.
 pub(crate) const TRACK_PLOTS: [&str; 4] = ["above", "side", "3d", "coordinates"];
 
+/// The opacity of the ways of moving cameras.
+pub(super) const WAY_OPACITY: f64 = 0.35;
+
 /// Draws tracks, truth and cameras (world frame, metres) into files of the names [`TRACK_PLOTS`], each `.svg` and `.png`, in
 /// a folder that must exist. Returns the paths of the files.
 ///
@@ -277,7 +280,11 @@ impl<'a> Figures<'a> {
         figures.path_m = shown_ranges_m(&estimates_m, &truth_m, &[]);
         let (near, far): (Vec<_>, Vec<_>) =
             cameras.partition(|camera| is_near(&camera.position_m(), &figures.path_m));
-        let cameras_m: Vec<_> = near.iter().map(|c| c.position_m()).collect();
+        let places_m = |camera: &&CameraSymbol| {
+            let way_m = camera.way_m.iter().copied();
+            way_m.chain([camera.position_m()]).collect::<Vec<_>>()
+        };
+        let cameras_m: Vec<_> = near.iter().flat_map(places_m).collect();
         figures.shown_m = shown_ranges_m(&estimates_m, &truth_m, &cameras_m);
         figures.far_cameras = far_note(&far, &figures.path_m);
         figures.cameras = near;
@@ -522,6 +529,12 @@ impl<'a> Figures<'a> {
     ) -> anyhow::Result<()> {
         let mut rows = Vec::new();
         for camera in &self.cameras {
+            let way_m = camera.way_m.iter().map(|place_m| flat(*place_m));
+            let way_m = way_m.map(|[x_m, y_m]| (x_m, y_m));
+            panel.draw_series([PathElement::new(
+                way_m.collect::<Vec<_>>(),
+                line(INK, WAY_OPACITY, 1.2),
+            )])?;
             let [x_m, y_m] = flat(camera.position_m());
             let place = (x_m, y_m);
             let mark = panel.backend_coord(&place);

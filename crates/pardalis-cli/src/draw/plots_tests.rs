@@ -35,6 +35,7 @@ fn camera(name: &str, position_m: [f64; 3]) -> CameraSymbol {
         name: name.to_owned(),
         world_from_camera: Pose::from_parts(position_m.into(), down),
         looks_into_mirror: false,
+        way_m: Vec::new(),
     }
 }
 

@@ -44,7 +44,7 @@ impl Reader {
 }
 
 /// All readers.
-pub const READERS: [Reader; 25] = {
+pub const READERS: [Reader; 27] = {
     const fn reader(name: &'static str, check: fn(&[u8]) -> bool) -> Reader {
         Reader { name, check }
     }
@@ -67,6 +67,8 @@ pub const READERS: [Reader; 25] = {
         reader("truth", tables::truth),
         reader("points", tables::points),
         reader("starts", tables::starts),
+        reader("poses", tables::poses),
+        reader("odometry", tables::odometry),
         reader("times", source::times),
         reader("png", images::png),
         reader("jpeg", images::jpeg),

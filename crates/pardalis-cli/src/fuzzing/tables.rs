@@ -7,6 +7,7 @@ use anyhow::Result;
 use crate::commands::calibrate::observations::{Columns, read_table};
 use crate::commands::devices::formats::{best, formats_in};
 use crate::fuzzed_file::{FILE, check_error};
+use crate::platforms;
 use crate::tables::{Series, Table, tracks_of, truth_of};
 
 /// Returns what a reader reads from a table, if it accepts it.
@@ -89,6 +90,25 @@ pub(super) fn points(bytes: &[u8]) -> bool {
         assert!(view.correspondences.iter().all(are_all));
     }
     true
+}
+
+/// Reads a file of poses or of odometry.
+fn motion(bytes: &[u8], is_odometry: bool) -> bool {
+    match platforms::read_bytes(bytes, Path::new(FILE), is_odometry) {
+        Ok(rows) => rows > 0,
+        Err(error) => {
+            check_error(&error);
+            false
+        }
+    }
+}
+
+pub(super) fn poses(bytes: &[u8]) -> bool {
+    motion(bytes, false)
+}
+
+pub(super) fn odometry(bytes: &[u8]) -> bool {
+    motion(bytes, true)
 }
 
 /// Reads the columns of `locate --starts`, of `locate --clicks` and of `calibrate plane --points`.

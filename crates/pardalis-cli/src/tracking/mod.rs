@@ -26,6 +26,7 @@ use crate::draw::plots::TRACK_PLOTS;
 use crate::files::refuse_links;
 use crate::interrupt;
 use crate::output::warn;
+use crate::platforms;
 use crate::scene::{self, OpenScene};
 use crate::source::Source;
 use crate::timing::Stopwatch;
@@ -229,7 +230,7 @@ pub(crate) fn run_steps(
         Some(path) => Some(ParticleRows::create(path, &open.scene)?),
         None => None,
     };
-    let mut series = SeriesCollector::new(&names);
+    let mut series = SeriesCollector::new(&open.scene);
     let mut missed = MissedFrames::of(names.len());
     let pool = options.threads.start()?;
     let mut sinks = Sinks {
@@ -368,6 +369,9 @@ fn track(
         progress.suspend(|| frame_sets.warnings().into_iter().for_each(warn));
 
         let watch = Stopwatch::start();
+        if let Err(error) = platforms::tell(&mut open.platforms, &mut open.tracker, set.time_s) {
+            break Some(error);
+        }
         let estimates = match step(&mut open.tracker, &set) {
             Ok(estimates) => estimates,
             Err(error) => break Some(error),

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use pardalis::camera::Pose;
 use pardalis::tracker::TrackState;
 use pardalis_evaluate::TrueState;
 use pardalis_scene::Scene;
@@ -20,6 +21,8 @@ pub(crate) struct SeriesCollector {
     names: Vec<String>,
     tracks: Vec<Thinned<Sample>>,
     states: Vec<StateCounts>,
+    /// The poses of each camera in the world; none for cameras at rest.
+    poses: Vec<Option<Thinned<Pose>>>,
 }
 
 /// The first of all samples, and every second, fourth and so on if there are many.
@@ -77,12 +80,16 @@ impl StateCounts {
 }
 
 impl SeriesCollector {
-    /// Creates a collector for targets of these names.
-    pub(crate) fn new(names: &[String]) -> Self {
+    /// Creates a collector for the targets and the moving cameras of a scene.
+    pub(crate) fn new(scene: &Scene) -> Self {
+        let names: Vec<String> = scene.targets.iter().map(|t| t.name.clone()).collect();
+        let poses = scene.cameras.iter();
+        let poses = poses.map(|camera| camera.platform.as_ref().map(|_| Thinned::new(MAX_SAMPLES)));
         Self {
-            names: names.to_owned(),
             tracks: vec![Thinned::new(MAX_SAMPLES); names.len()],
             states: vec![StateCounts::default(); names.len()],
+            poses: poses.collect(),
+            names,
         }
     }
 
@@ -108,7 +115,15 @@ impl SeriesCollector {
                 rows: track.samples.clone(),
             })
             .collect();
-        write_track_plots(folder, &tracks, &truth, &CameraSymbol::of_scene(scene))
+        let moved = |symbol: CameraSymbol| {
+            let number = scene.cameras.iter().position(|c| c.name == symbol.name);
+            match number.and_then(|number| self.poses[number].as_ref()) {
+                Some(poses) => symbol.moved(&poses.samples),
+                None => symbol,
+            }
+        };
+        let cameras = CameraSymbol::of_scene(scene).into_iter().map(moved);
+        write_track_plots(folder, &tracks, &truth, &cameras.collect::<Vec<_>>())
     }
 }
 
@@ -126,6 +141,12 @@ pub(crate) fn truth_series(truth: &[Series<TrueState>]) -> Vec<TruthSeries> {
 
 impl Sink for SeriesCollector {
     fn take(&mut self, instant: &Instant) -> Result<()> {
+        let views = instant.tracker.views().iter();
+        for (poses, view) in self.poses.iter_mut().zip(views) {
+            if let Some(poses) = poses {
+                poses.push(*view.world_from_camera());
+            }
+        }
         for ((track, states), estimate) in self
             .tracks
             .iter_mut()

@@ -10,6 +10,7 @@ use super::agreement;
 use super::radius::EstimatedRadius;
 use super::{MissedFrames, Outcome, SeriesCollector};
 use crate::files::write_file;
+use crate::platforms;
 use crate::scene::OpenScene;
 
 /// The name of the file in the output folder.
@@ -39,7 +40,14 @@ pub(crate) fn write(
             "clock_jumps": counters.clock_jumps,
         });
         if let Some(position_m) = camera.position_m() {
-            entry["position_m"] = json!(position_m);
+            let key = match &camera.platform {
+                Some(platform) => {
+                    entry["platform"] = json!(platform);
+                    "position_on_platform_m"
+                }
+                None => "position_m",
+            };
+            entry[key] = json!(position_m);
         }
         entry["agreement"] = json!(agreement::entry(&open.tracker, cameras.len()));
         cameras.insert(camera.name.clone(), entry);
@@ -101,6 +109,7 @@ pub(crate) fn write(
             "writing_s": outcome.writing_s,
         },
         "cameras": cameras,
+        "platforms": platforms::entries(&open.platforms, &open.tracker),
         "targets": targets,
         "settings": open.scene.resolved,
     });

@@ -25,6 +25,7 @@ mod locate;
 mod measure;
 mod more_is_better;
 mod motion_jpeg;
+mod moving;
 mod odd_files;
 mod particles;
 mod plane;

@@ -4,7 +4,9 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use super::super::camera::{ReadCalibration, read_calibrated, read_pose};
+use super::super::camera::{
+    ReadCalibration, pose_key, read_any_pose, read_calibrated, read_platform,
+};
 use super::super::description::Presence;
 use super::super::model::read_model;
 use super::super::reader::Table;
@@ -26,6 +28,7 @@ const MAX_JITTER: f64 = 0.15;
 pub(super) fn read(
     table: &Table,
     duration_s: Option<f64>,
+    platforms: &[String],
     read_calibration: ReadCalibration,
 ) -> Vec<WorldCamera> {
     let duration_s = duration_s.unwrap_or(0.0);
@@ -49,7 +52,13 @@ pub(super) fn read(
         }
         let image = read_image(&table, image);
         let timing = read_timing(&table, &timing);
-        cameras.extend(read_camera(name, &table, image, timing, read_calibration));
+        cameras.extend(read_camera(
+            name,
+            &table,
+            (image, timing),
+            platforms,
+            read_calibration,
+        ));
         table.finish();
     }
     let exposures = |camera: &&WorldCamera| camera.timing.fps * duration_s > MAX_EXPOSURES;
@@ -103,6 +112,7 @@ fn read_ring(
                 camera: camera.clone(),
                 size_px,
                 world_from_camera: looking_at(from_m, center_m, roll_deg.to_radians())?,
+                platform: None,
                 image,
                 timing: timing.clone(),
             })
@@ -113,10 +123,11 @@ fn read_ring(
 fn read_camera(
     name: String,
     table: &Table,
-    image: ImageSettings,
-    timing: Timing,
+    (image, timing): (ImageSettings, Timing),
+    platforms: &[String],
     read_calibration: ReadCalibration,
 ) -> Option<WorldCamera> {
+    let platform = read_platform(table, platforms);
     let optics = read_optics(&name, table, read_calibration);
     let file_pose = optics.as_ref().and_then(|(_, _, pose)| *pose);
     let world_from_camera = read_view(table, file_pose);
@@ -126,6 +137,7 @@ fn read_camera(
         camera,
         size_px,
         world_from_camera: world_from_camera?,
+        platform: platform.and_then(|name| platforms.iter().position(|other| *other == name)),
         image,
         timing,
     })
@@ -204,7 +216,8 @@ fn read_roll_deg(table: &Table) -> f64 {
 /// Reads the pose: a matrix, or the position and the point at which the camera looks, or the pose of the calibration
 /// file.
 fn read_view(table: &Table, file_pose: Option<Pose>) -> Option<Pose> {
-    let given = read_pose(table);
+    let given = read_any_pose(table);
+    let pose_key = pose_key(table);
     let looks = ["look_from_m", "look_at_m", "roll_deg"].map(|key| table.knows(key));
     if table.is_describing() {
         for (key, about) in LOOKS {
@@ -215,16 +228,16 @@ fn read_view(table: &Table, file_pose: Option<Pose>) -> Option<Pose> {
         read_roll_deg(table);
     }
     if looks == [false; 3] {
-        let is_missing = file_pose.is_none() && !table.has("world_from_camera");
+        let is_missing = file_pose.is_none() && !table.has(pose_key);
         if is_missing {
             let message =
                 "is missing; give four rows of four finite numbers, or look_from_m and look_at_m";
-            table.problem("world_from_camera", message);
+            table.problem(pose_key, message);
         }
         return given.or(file_pose);
     }
-    if table.has("world_from_camera") {
-        table.conflict("world_from_camera", "look_from_m and look_at_m");
+    if table.has(pose_key) {
+        table.conflict(pose_key, "look_from_m and look_at_m");
     }
     let [from_m, at_m] = LOOKS.map(|(key, about)| read_point(table, key, about));
     let roll_deg = read_roll_deg(table);
@@ -239,11 +252,11 @@ fn read_view(table: &Table, file_pose: Option<Pose>) -> Option<Pose> {
 const LOOKS: [(&str, &str); 2] = [
     (
         "look_from_m",
-        "Position of the camera, in place of `world_from_camera`.",
+        "Position of the camera, in place of `world_from_camera` or `platform_from_camera`, in the frame of that key.",
     ),
     (
         "look_at_m",
-        "The point at the centre of its view, in place of `world_from_camera`.",
+        "The point at the centre of its view, in the same frame.",
     ),
 ];
 

@@ -2,6 +2,7 @@
 
 mod cameras;
 mod objects;
+mod platforms;
 
 use std::ops::RangeInclusive;
 
@@ -97,7 +98,8 @@ impl WorldConfig {
         let room = table.section("room", about, read_room);
         let light = table.section("light", "The illumination.", read_light);
         let objects = objects::read(journal, table);
-        let cameras = cameras::read(table, duration_s, read_calibration);
+        let (platforms, platform_names) = platforms::read(table);
+        let cameras = cameras::read(table, duration_s, &platform_names, read_calibration);
         Some(Self {
             world: World {
                 seed,
@@ -106,6 +108,7 @@ impl WorldConfig {
                 room: room.unwrap_or_default(),
                 light: light.unwrap_or_default(),
                 objects,
+                platforms,
                 cameras,
             },
             training_stills,

@@ -259,7 +259,8 @@ fn read_body(table: &Table) -> Option<Body> {
     )
 }
 
-const PATHS: [Kind; 7] = [
+/// The ways in which an object or a platform moves by itself.
+pub(super) const PATHS: [Kind; 6] = [
     ("still", "At rest."),
     ("line", "Along a line at constant velocity."),
     ("circle", "Along a horizontal circle at constant speed."),
@@ -269,8 +270,9 @@ const PATHS: [Kind; 7] = [
     ),
     ("harmonic", "A sum of sines on each axis."),
     ("throw", "Thrown: a parabola, then bounces on the floor."),
-    ("attached", "Attached to another object."),
 ];
+
+const ATTACHED: Kind = ("attached", "Attached to another object.");
 
 fn read_course(
     table: &Table,
@@ -279,39 +281,45 @@ fn read_course(
     carriers: &mut Vec<(usize, Located<()>)>,
 ) -> Option<Course> {
     let about = "How the object moves. A ball's position is its centre, that of any other body the centre of its base.";
-    table.choice("path", about, &PATHS, Presence::Required, |kind, path| {
-        let path = match kind {
-            "still" => {
-                let position_m = read_point(path, "position_m", "Position.");
-                position_m.map(|position_m| Path::Still { position_m })
-            }
-            "line" => {
-                let position_m = read_point(path, "position_m", "Position at 0 s.");
-                let velocity_mps = read_point(path, "velocity_mps", "Velocity.");
-                position_m
-                    .zip(velocity_mps)
-                    .map(|(position_m, velocity_mps)| Path::Line {
-                        position_m,
-                        velocity_mps,
-                    })
-            }
-            "circle" => read_circle(path),
-            "waypoints" => read_waypoints(path),
-            "harmonic" => read_harmonic(path),
-            "throw" => read_throw(path),
-            _ => {
-                let carrier = read_carrier(path, name, names);
-                let about = "Offset in the other object's frame: x ahead, y to its left, z up.";
-                let offset_m = read_point(path, "offset_m", about);
-                carriers.extend(carrier.map(|carrier| (carrier, path.at("to", ()))));
-                return Some(Course::Attached {
-                    carrier: carrier?,
-                    offset_m: offset_m?,
-                });
-            }
-        };
-        path.map(Course::Path)
+    let [still, line, circle, waypoints, harmonic, throw] = PATHS;
+    let kinds = [still, line, circle, waypoints, harmonic, throw, ATTACHED];
+    table.choice("path", about, &kinds, Presence::Required, |kind, path| {
+        if kind != ATTACHED.0 {
+            return read_path(kind, path).map(Course::Path);
+        }
+        let carrier = read_carrier(path, name, names);
+        let about = "Offset in the other object's frame: x ahead, y to its left, z up.";
+        let offset_m = read_point(path, "offset_m", about);
+        carriers.extend(carrier.map(|carrier| (carrier, path.at("to", ()))));
+        Some(Course::Attached {
+            carrier: carrier?,
+            offset_m: offset_m?,
+        })
     })
+}
+
+/// Reads a path of this kind, one of [`PATHS`].
+pub(super) fn read_path(kind: &str, path: &Table) -> Option<Path> {
+    match kind {
+        "still" => {
+            let position_m = read_point(path, "position_m", "Position.");
+            position_m.map(|position_m| Path::Still { position_m })
+        }
+        "line" => {
+            let position_m = read_point(path, "position_m", "Position at 0 s.");
+            let velocity_mps = read_point(path, "velocity_mps", "Velocity.");
+            position_m
+                .zip(velocity_mps)
+                .map(|(position_m, velocity_mps)| Path::Line {
+                    position_m,
+                    velocity_mps,
+                })
+        }
+        "circle" => read_circle(path),
+        "waypoints" => read_waypoints(path),
+        "harmonic" => read_harmonic(path),
+        _ => read_throw(path),
+    }
 }
 
 fn read_carrier(path: &Table, name: &str, names: &[String]) -> Option<usize> {
@@ -404,6 +412,16 @@ fn read_sines(path: &Table, axis: &'static str) -> Option<Vec<Sine>> {
     let about =
         "Sines on this axis: rows of [amplitude in metres, period in seconds, phase in degrees].";
     let rows: Vec<Vec<f64>> = path.key(axis, about).unit("m, s, degrees").or(Vec::new());
+    sines_of(path, axis, &rows, "metres")
+}
+
+/// Returns the sines of rows, given under a key, with amplitudes in this unit.
+pub(super) fn sines_of(
+    path: &Table,
+    key: &'static str,
+    rows: &[Vec<f64>],
+    unit: &str,
+) -> Option<Vec<Sine>> {
     let sine = |row: &Vec<f64>| match row[..] {
         [amplitude_m, period_s, phase_deg]
             if amplitude_m.abs() <= MAX_DISTANCE_M
@@ -420,8 +438,10 @@ fn read_sines(path: &Table, axis: &'static str) -> Option<Vec<Sine>> {
     let sines: Option<Vec<_>> = rows.iter().map(sine).collect();
     let sines = sines.filter(|sines| sines.len() <= MAX_POINTS);
     if sines.is_none() {
-        let allowed = "at most 10000 rows of [amplitude in metres, period in seconds (0.01 or more), phase in degrees]";
-        path.reject(axis, allowed);
+        let allowed = format!(
+            "at most 10000 rows of [amplitude in {unit}, period in seconds (0.01 or more), phase in degrees]"
+        );
+        path.reject(key, &allowed);
     }
     sines
 }

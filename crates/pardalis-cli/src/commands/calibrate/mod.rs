@@ -1,10 +1,11 @@
-//! `pardalis calibrate`: intrinsics, poses, rigs, planes and time offsets of cameras.
+//! `pardalis calibrate`: intrinsics, poses, rigs, planes, mounts on robots and time offsets of cameras.
 
 mod board;
 mod board_checks;
 mod fit;
 mod images;
 mod model;
+mod mount;
 pub(crate) mod observations;
 mod output;
 mod page;
@@ -20,7 +21,7 @@ mod trial;
 
 use anyhow::Result;
 
-/// Calibrates cameras: intrinsics, poses and rigs from boards or known points, the ground plane, and time offsets
+/// Calibrates cameras: intrinsics, poses and rigs from boards or known points, the ground plane, mounts on robots, and time offsets
 #[derive(Debug, clap::Args)]
 #[command(arg_required_else_help = true)]
 #[command(after_help = "Examples, in the order of use:
@@ -29,6 +30,7 @@ use anyhow::Result;
   pardalis calibrate pose points.csv --camera lens/camera.toml -o pose
   pardalis calibrate points points.csv --model all --size 640x480   lens and pose without a board
   pardalis calibrate plane images --size 2.0x1.5 -o floor       a floor from a rectangle on it, with an unknown camera
+  pardalis calibrate mount scene.toml --target ball        a camera on a robot, from a ball at rest
   pardalis calibrate time scene.toml --corrected corrected.toml   several cameras with unsynchronised clocks")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -40,6 +42,7 @@ enum Command {
     Points(points::Arguments),
     Board(board::Arguments),
     Pose(pose::Arguments),
+    Mount(mount::Arguments),
     Plane(plane::Arguments),
     Print(print::Arguments),
     Time(time::Arguments),
@@ -51,6 +54,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Command::Points(arguments) => points::run(arguments),
         Command::Board(arguments) => board::run(arguments),
         Command::Pose(arguments) => pose::run(arguments),
+        Command::Mount(arguments) => mount::run(arguments),
         Command::Plane(arguments) => plane::run(arguments),
         Command::Print(arguments) => print::run(arguments),
         Command::Time(arguments) => time::run(arguments),

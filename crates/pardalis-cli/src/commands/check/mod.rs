@@ -69,6 +69,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let frames = seen().filter_map(Seen::recorded_frames).max();
     let interval_s = seen().filter_map(|camera| camera.interval_s);
     let interval_s = interval_s.reduce(f64::min);
+    // Its images are repeated as if nothing moved, not even the cameras.
+    parts.platforms.clear();
     let mut open = parts.finish(path)?;
     let firsts: Vec<Frame> = firsts.into_iter().flatten().collect();
     let cost = cost::measure(&mut open.tracker, &firsts, interval_s, arguments.threads)?;

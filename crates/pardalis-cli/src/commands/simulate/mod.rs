@@ -154,6 +154,7 @@ impl Sequence {
         }
         folder.write("truth.csv", tables::truth(self).as_bytes())?;
         tables::write_cameras(world, &folder)?;
+        tables::write_platforms(world, &folder)?;
         if self.config.training_stills > 0 {
             training::write(self, &folder, progress)?;
         }

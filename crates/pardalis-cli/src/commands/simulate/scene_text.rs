@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use pardalis_simulate::{Body, Course, Object, Path, Placed};
+use pardalis_simulate::{Body, Course, Object, Path, Placed, Platform};
 
-use super::{Sequence, frames};
+use super::{Sequence, frames, tables};
 
 /// Returns the text of scene.toml.
 pub(super) fn of(sequence: &Sequence) -> String {
@@ -32,6 +32,9 @@ pub(super) fn of(sequence: &Sequence) -> String {
             "\n[timing]\nmax_delay_s = {max_delay_s:?}  # largest delay of frames\n"
         );
     }
+    for platform in &world.platforms {
+        push_platform(&mut text, platform);
+    }
     for (number, camera) in world.cameras.iter().enumerate() {
         let deliveries = &sequence.deliveries[number];
         let folder = frames::folder_of(sequence, number);
@@ -42,6 +45,9 @@ pub(super) fn of(sequence: &Sequence) -> String {
             "\n[cameras.{}]\nimages = \"{folder}\"\ncalibration = \"cameras.toml\"\n",
             camera.name
         );
+        if let Some(platform) = camera.platform {
+            let _ = writeln!(text, "platform = \"{}\"", world.platforms[platform].name);
+        }
         let line_delay_s = camera.image.line_delay_s;
         if line_delay_s != 0.0 {
             let _ = writeln!(text, "line_delay_s = {line_delay_s:?}");
@@ -67,6 +73,22 @@ pub(super) fn of(sequence: &Sequence) -> String {
         push_target(&mut text, object, placed, sequence.config.start_sigma_m);
     }
     text
+}
+
+/// Writes the table of a platform with the odometry, which begins where the platform is at 0 s.
+fn push_platform(text: &mut String, platform: &Platform) {
+    let start = platform.pose(0.0);
+    let position_m: [f64; 3] = start.translation.vector.into();
+    let heading_deg = start.rotation.euler_angles().2.to_degrees();
+    let [odometry, poses] = [tables::odometry_of(platform), tables::poses_of(platform)];
+    let _ = write!(
+        text,
+        "\n[platforms.{}]\n# In place of the rest, poses = \"{poses}\" has its true poses.\nodometry = \"{odometry}\"\n\
+         start_position_m = {:?}\nstart_heading_deg = {:?}\n",
+        platform.name,
+        position_m.map(|c| c + 0.0),
+        heading_deg + 0.0,
+    );
 }
 
 /// Returns the file name of a target's colour model.

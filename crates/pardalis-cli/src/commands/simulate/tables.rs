@@ -3,10 +3,11 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
+use nalgebra::UnitQuaternion;
 use pardalis_camera::Camera;
 use pardalis_camera::{CalibratedCamera, Pose};
 use pardalis_scene::calibration::{self, CalibrationFormat};
-use pardalis_simulate::{Body, Course, Object, World, WorldCamera, truth as truth_of};
+use pardalis_simulate::{Body, Course, Object, Platform, World, WorldCamera, truth as truth_of};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -65,14 +66,51 @@ fn has_heading(world: &World, object: usize) -> bool {
     !matches!(world.objects[object].body, Body::Sphere { .. }) || world.objects.iter().any(carries)
 }
 
+/// Returns the name of the file with a platform's true poses.
+pub(super) fn poses_of(platform: &Platform) -> String {
+    format!("{}.poses.csv", platform.name)
+}
+
+/// Returns the name of the file with a platform's odometry.
+pub(super) fn odometry_of(platform: &Platform) -> String {
+    format!("{}.odometry.csv", platform.name)
+}
+
+/// Writes the true poses and the odometry of every platform.
+pub(super) fn write_platforms(world: &World, folder: &Folder) -> Result<()> {
+    for (platform, number) in world.platforms.iter().zip(0..) {
+        let mut odometry = "time_s,dx_m,dy_m,dtheta_rad\n".to_owned();
+        let mut poses = "time_s,x_m,y_m,z_m,qx,qy,qz,qw\n".to_owned();
+        let rows = platform.odometry(world.seed, number, world.duration_s);
+        let times_s = std::iter::once(0.0).chain(rows.iter().map(|row| row.time_s));
+        for time_s in times_s {
+            let pose = platform.pose(time_s);
+            let [x, y, z]: [f64; 3] = pose.translation.vector.into();
+            let rotation = UnitQuaternion::from_rotation_matrix(&pose.rotation);
+            let [qx, qy, qz, qw]: [f64; 4] = rotation.coords.into();
+            let _ = writeln!(poses, "{time_s},{x},{y},{z},{qx},{qy},{qz},{qw}");
+        }
+        for row in rows {
+            let _ = writeln!(
+                odometry,
+                "{},{},{},{}",
+                row.time_s, row.dx_m, row.dy_m, row.dtheta_rad
+            );
+        }
+        folder.write(odometry_of(platform), odometry.as_bytes())?;
+        folder.write(poses_of(platform), poses.as_bytes())?;
+    }
+    Ok(())
+}
+
 /// Writes cameras.toml, which the scene uses, and cameras.json in the format of other sequences if it supports the
-/// models.
+/// models and no camera moves.
 pub(super) fn write_cameras(world: &World, folder: &Folder) -> Result<()> {
     let cameras: Vec<_> = world.cameras.iter().map(calibrated).collect();
     let text = calibration::write(CalibrationFormat::Pardalis, &cameras)?;
     folder.write("cameras.toml", text.as_bytes())?;
     let described: Option<Vec<_>> = world.cameras.iter().map(description).collect();
-    if let Some(cameras) = described {
+    if let Some(cameras) = described.filter(|_| world.platforms.is_empty()) {
         let target = world.objects.iter().find(|object| object.is_target);
         let radius_m = match target.map(|target| target.body) {
             Some(Body::Sphere { radius_m }) => Some(radius_m),

@@ -89,7 +89,12 @@ fn staged(world: &World, target: usize, still: u32) -> Option<(World, usize)> {
         let uniform = |what: u32| draws.uniform(what, attempt, Stage::Still);
         let around = |what: u32, reach: f64| reach * (2.0 * uniform(what) - 1.0);
         let mut staged = world.clone();
-        let placed = world.placed(world.duration_s * uniform(0));
+        let time_s = world.duration_s * uniform(0);
+        for camera in &mut staged.cameras {
+            camera.world_from_camera = world.world_from_camera(camera, time_s);
+            camera.platform = None;
+        }
+        let placed = world.placed(time_s);
         for (object, placed) in staged.objects.iter_mut().zip(placed) {
             let mut position_m = placed.position_m;
             if object.is_target {

@@ -18,7 +18,7 @@ use crate::sight::Sight;
 use crate::source::{Delivery, Source};
 
 /// Returns what each camera detects of a body of these colours in each frame.
-pub(super) fn detect(
+pub(in crate::commands::calibrate) fn detect(
     sources: &mut [Source],
     views: &[View],
     body: &BodyConfig,
@@ -63,7 +63,10 @@ pub(super) fn detect(
 }
 
 /// Returns the settings with which a single camera detects the body, also one that the scene gives a start.
-fn settings(body: &BodyConfig, colors: &ColorModel) -> DetectedSettings {
+pub(in crate::commands::calibrate) fn settings(
+    body: &BodyConfig,
+    colors: &ColorModel,
+) -> DetectedSettings {
     let mut settings = match body.settings(Some(colors.clone()), None) {
         Ok(BodySettings::Detected(settings)) => settings,
         _ => DetectedSettings::new(body.shape, colors.clone()),

@@ -1,6 +1,6 @@
 //! `pardalis calibrate time`: time offsets between the cameras of a scene, from a moving target.
 
-mod detect;
+pub(super) mod detect;
 mod report;
 
 use std::path::{Path, PathBuf};
@@ -126,7 +126,7 @@ fn check_folder(scene: &Path, corrected: &Path) -> Result<()> {
 }
 
 /// Returns the index of the target to detect.
-fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
+pub(super) fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
     let is_wanted = |target: &TargetConfig| wanted.is_none_or(|name| target.name == name);
     let found = scene.targets.iter().position(is_wanted);
     match found {

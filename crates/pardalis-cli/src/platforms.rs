@@ -1,0 +1,503 @@
+//! The motion of a scene's platforms, read from files of poses or odometry, and told to the tracker as time passes.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
+use pardalis::Tracker;
+use pardalis::camera::{Pose, RigidMotion};
+use pardalis::platform::{
+    Increment, MAX_EXTRAPOLATION_S, OdometryErrors, Platform, PlatformCounts, PoseCovariance,
+    StampedPose,
+};
+use pardalis::tracker::PlatformId;
+use pardalis_scene::{PlatformConfig, PlatformMotion};
+use serde_json::{Map, Value, json};
+
+use crate::numbers::counted;
+use crate::scene::read_text;
+use crate::source::TimeSpan;
+use crate::tables::{Column, Row, Table};
+use crate::user_error::user_error;
+
+/// A quaternion whose length differs from 1 by more than this is no rotation.
+const MAX_LENGTH_ERROR: f64 = 1e-2;
+
+/// Rows further apart than this many typical intervals have others missing between them.
+const MISSING_INTERVALS: f64 = 1.5;
+
+/// The names of the axes in the names of covariances.
+const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// One row of a file.
+#[derive(Debug, Clone, Copy)]
+enum Motion {
+    Pose(StampedPose),
+    Increment(Increment),
+}
+
+impl Motion {
+    fn time_s(&self) -> f64 {
+        match self {
+            Self::Pose(pose) => pose.time_s,
+            Self::Increment(increment) => increment.to_s,
+        }
+    }
+
+    /// Tells a platform.
+    fn tell(&self, platform: &mut Platform) -> Result<(), pardalis_core::Error> {
+        match self {
+            Self::Pose(pose) => platform.observe_pose(pose)?,
+            Self::Increment(increment) => platform.observe_increment(increment)?,
+        };
+        Ok(())
+    }
+}
+
+/// The motion of one platform of a scene.
+#[derive(Debug)]
+pub(crate) struct PlatformRows {
+    name: String,
+    path: PathBuf,
+    errors: OdometryErrors,
+    rows: Vec<Motion>,
+    /// The number of rows that were told.
+    told: usize,
+}
+
+impl PlatformRows {
+    /// Reads the file of a platform in this folder.
+    pub(crate) fn read(config: &PlatformConfig, folder: &Path) -> Result<Self> {
+        let path = folder.join(&config.motion.file().value);
+        let offset_s = config.time_offset_s;
+        let (rows, errors) = match &config.motion {
+            PlatformMotion::Poses(_) => (read_poses(&path, offset_s)?, OdometryErrors::default()),
+            PlatformMotion::Odometry(_, errors, start) => {
+                (read_odometry(&path, offset_s, start)?, *errors)
+            }
+        };
+        check(&path, &rows, errors)?;
+        Ok(Self {
+            name: config.name.clone(),
+            path,
+            errors,
+            rows: rows.into_iter().map(|(motion, _)| motion).collect(),
+            told: 0,
+        })
+    }
+
+    /// Returns the platform's name.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Returns the platform with all of its motion.
+    pub(crate) fn whole(&self) -> Result<Platform> {
+        let mut platform = Platform::new(self.errors)?.with_history(self.rows.len() + 1);
+        for motion in &self.rows {
+            motion.tell(&mut platform)?;
+        }
+        Ok(platform)
+    }
+
+    /// Returns a platform of which nothing is known yet.
+    pub(crate) fn platform(&self) -> Result<Platform> {
+        Ok(Platform::new(self.errors)?)
+    }
+
+    /// Returns what is wrong if it is nowhere known where the platform was while a camera took these frames.
+    pub(crate) fn problem_with(&self, frames: &TimeSpan) -> Option<String> {
+        let times_s = || self.rows.iter().map(Motion::time_s);
+        let first_s = times_s().fold(f64::INFINITY, f64::min);
+        let last_s = times_s().fold(f64::NEG_INFINITY, f64::max);
+        let is_near = frames.first_s <= last_s + MAX_EXTRAPOLATION_S
+            && first_s - MAX_EXTRAPOLATION_S <= frames.last_s;
+        (!is_near).then(|| {
+            format!(
+                "{}: is of {first_s} to {last_s} s, and the frames are of {} to {} s; give the motion during the frames, \
+                 or set platforms.{}.time_offset_s if the clocks differ",
+                self.path.display(),
+                frames.first_s,
+                frames.last_s,
+                self.name
+            )
+        })
+    }
+
+    /// Returns warnings about what the platform reported.
+    fn warnings(&self, counts: &PlatformCounts, frames_without_pose: usize) -> Vec<String> {
+        let place = format!("warning: platforms.{}", self.name);
+        let file = self.path.display();
+        let mut warnings = Vec::new();
+        if frames_without_pose > 0 {
+            let frames = counted(frames_without_pose as u64, "frame");
+            warnings.push(format!(
+                "{place}: {file} has no pose near the times of {frames}, which were not used; targets were predicted meanwhile"
+            ));
+        }
+        if counts.late > 0 {
+            let rows = counted(counts.late as u64, "row");
+            warnings.push(format!(
+                "{place}: ignored {rows} of {file} whose times are not later than those before; sort the file by time, and look for repeated rows"
+            ));
+        }
+        if counts.gaps > 0 {
+            let gaps = counted(counts.gaps as u64, "gap");
+            warnings.push(format!(
+                "{place}: {gaps} between the increments of {file}; the platform was taken to move evenly meanwhile"
+            ));
+        }
+        if counts.jumps > 0 {
+            let jumps = counted(counts.jumps as u64, "jump");
+            let consequence = if matches!(self.rows.last(), Some(Motion::Pose(_))) {
+                "known targets were moved with the platform"
+            } else {
+                "these increments were ignored"
+            };
+            warnings.push(format!(
+                "{place}: {jumps} in {file} that no motion explains; {consequence}"
+            ));
+        }
+        warnings
+    }
+}
+
+/// Returns warnings about what the platforms of a tracker reported, one per line.
+pub(crate) fn warnings(platforms: &[PlatformRows], tracker: &Tracker) -> Vec<String> {
+    let of_platform = |(number, platform): (usize, &PlatformRows)| {
+        let id = PlatformId::new(number);
+        let counts = tracker.platform(id).ok()?.counts();
+        let frames = tracker.frames_without_pose(id).ok()?;
+        Some(platform.warnings(&counts, frames))
+    };
+    let platforms = platforms.iter().enumerate();
+    platforms.filter_map(of_platform).flatten().collect()
+}
+
+/// Returns the entries of the summary about the platforms, by name.
+pub(crate) fn entries(platforms: &[PlatformRows], tracker: &Tracker) -> Map<String, Value> {
+    let of_platform = |(number, platform): (usize, &PlatformRows)| {
+        let id = PlatformId::new(number);
+        let counts = tracker.platform(id).ok()?.counts();
+        let entry = json!({
+            "file": platform.path.display().to_string(),
+            "used": counts.used,
+            "late": counts.late,
+            "jumps": counts.jumps,
+            "gaps": counts.gaps,
+            "frames_without_pose": tracker.frames_without_pose(id).ok()?,
+        });
+        Some((platform.name.clone(), entry))
+    };
+    let platforms = platforms.iter().enumerate();
+    platforms.filter_map(of_platform).collect()
+}
+
+/// Tells the tracker where these platforms are, up to the first row at or after a time in seconds.
+pub(crate) fn tell(
+    platforms: &mut [PlatformRows],
+    tracker: &mut Tracker,
+    time_s: f64,
+) -> Result<()> {
+    for (number, platform) in platforms.iter_mut().enumerate() {
+        let id = PlatformId::new(number);
+        while let Some(motion) = platform.rows.get(platform.told)
+            && tracker
+                .platform(id)?
+                .latest_s()
+                .is_none_or(|latest_s| latest_s < time_s)
+        {
+            match motion {
+                Motion::Pose(pose) => tracker.observe_pose(id, pose)?,
+                Motion::Increment(increment) => tracker.observe_increment(id, increment)?,
+            };
+            platform.told += 1;
+        }
+    }
+    Ok(())
+}
+
+/// Tells a platform these rows of a file, which come with their lines, to see whether it takes them.
+fn check(path: &Path, rows: &[(Motion, u64)], errors: OdometryErrors) -> Result<()> {
+    let mut platform = Platform::new(errors)?;
+    for (motion, line) in rows {
+        let told = motion.tell(&mut platform);
+        told.map_err(|error| user_error!("{}, line {line}: {error}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// Reads any bytes as a file of poses or of odometry. Returns the number of rows that a platform takes.
+#[cfg(any(test, feature = "fuzz"))]
+pub(crate) fn read_bytes(bytes: &[u8], path: &Path, is_odometry: bool) -> Result<usize> {
+    let text = crate::scene::text_in(path, bytes.to_vec())?;
+    let rows = if is_odometry {
+        let table = Table::from_reader(path, text.as_bytes())?;
+        odometry_in(path, &table, 0.0, &Pose::identity())?
+    } else {
+        poses_in(path, &text, 0.0)?
+    };
+    check(path, &rows, OdometryErrors::default())?;
+    Ok(rows.len())
+}
+
+/// The columns of errors: standard deviations along and about all axes, or a covariance.
+enum ErrorColumns<'n> {
+    None,
+    Sigmas([Column<'n>; 2]),
+    Covariance(Vec<Column<'n>>),
+}
+
+/// The names of the columns of a covariance: the upper triangle, row by row.
+fn covariance_names() -> Vec<String> {
+    let pairs = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
+    pairs
+        .map(|(row, column)| format!("cov_{}_{}", AXES[row], AXES[column]))
+        .collect()
+}
+
+impl<'n> ErrorColumns<'n> {
+    /// Finds the columns. Errors: some of them are missing.
+    fn of(table: &Table, names: &'n [String]) -> Result<Self> {
+        let sigmas = ["sigma_m", "sigma_rad"];
+        if sigmas
+            .iter()
+            .any(|name| table.optional_column(name).is_some())
+        {
+            return Ok(Self::Sigmas(table.columns(sigmas)?));
+        }
+        if names
+            .iter()
+            .all(|name| table.optional_column(name).is_none())
+        {
+            return Ok(Self::None);
+        }
+        let columns = names.iter().map(|name| table.column(name));
+        Ok(Self::Covariance(columns.collect::<Result<_>>()?))
+    }
+
+    fn read(&self, row: &Row) -> Result<PoseCovariance> {
+        let read = match self {
+            Self::None => Ok(PoseCovariance::zero()),
+            Self::Sigmas(columns) => {
+                let [sigma_m, sigma_rad] = row.numbers(*columns)?;
+                PoseCovariance::of_sigmas(sigma_m, sigma_rad)
+            }
+            Self::Covariance(columns) => {
+                let mut numbers = Vec::with_capacity(columns.len());
+                for column in columns {
+                    let [number] = row.numbers([*column])?;
+                    numbers.push(number);
+                }
+                let mut rows = [[0.0; 6]; 6];
+                let pairs = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
+                for ((row, column), number) in pairs.zip(numbers) {
+                    rows[row][column] = number;
+                    rows[column][row] = number;
+                }
+                PoseCovariance::from_matrix(rows)
+            }
+        };
+        read.map_err(|error| user_error!("{}: {error}", row.place()))
+    }
+}
+
+/// Returns the pose at a position with a rotation; `None` unless the quaternion has length 1.
+fn pose_of(position_m: [f64; 3], [x, y, z, w]: [f64; 4]) -> Option<Pose> {
+    let quaternion = Quaternion::new(w, x, y, z);
+    if !((quaternion.norm() - 1.0).abs() <= MAX_LENGTH_ERROR) {
+        return None;
+    }
+    let rotation = UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix();
+    Some(Pose::from_parts(Translation3::from(position_m), rotation))
+}
+
+/// The error of a quaternion that is no rotation.
+fn no_rotation(place: &str, quaternion: [f64; 4]) -> anyhow::Error {
+    user_error!(
+        "{place}: the quaternion {quaternion:?} does not have length 1; allowed: qx, qy, qz, qw of a rotation, with w last"
+    )
+}
+
+/// Reads a file of poses: a table, or the format of the TUM benchmark. Returns the poses with their lines.
+fn read_poses(path: &Path, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
+    let text = read_text(path)?;
+    poses_in(path, &text, offset_s)
+}
+
+/// Returns the poses in the text of a file, like [`read_poses`].
+fn poses_in(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
+    if is_tum(text) {
+        return read_tum(path, text, offset_s);
+    }
+    let table = Table::from_reader(path, text.as_bytes())?;
+    let time = table.column("time_s")?;
+    let heading = table.optional_column("heading_rad");
+    let quaternion = match heading {
+        Some(_) => None,
+        None => Some(table.columns(["qx", "qy", "qz", "qw"]).map_err(|_| {
+            user_error!(
+                "{}, line 1: has neither the columns qx,qy,qz,qw nor heading_rad; needed: time_s,x_m,y_m,z_m,qx,qy,qz,qw or time_s,x_m,y_m,heading_rad",
+                path.display()
+            )
+        })?),
+    };
+    let [x, y] = table.columns(["x_m", "y_m"])?;
+    let z = match heading {
+        Some(_) => table.optional_column("z_m"),
+        None => Some(table.column("z_m")?),
+    };
+    let names = covariance_names();
+    let errors = ErrorColumns::of(&table, &names)?;
+    let mut poses = Vec::new();
+    for row in table.rows() {
+        let [time_s, x_m, y_m] = row.numbers([time, x, y])?;
+        let z_m = row.all_or_none(z.map(|z| [z]))?.map_or(0.0, |[z_m]| z_m);
+        let rotation = match (heading, quaternion) {
+            (Some(heading), _) => {
+                let [heading_rad] = row.numbers([heading])?;
+                let (sin, cos) = libm::sincos(0.5 * heading_rad);
+                [0.0, 0.0, sin, cos]
+            }
+            (None, Some(columns)) => row.numbers(columns)?,
+            (None, None) => [0.0, 0.0, 0.0, 1.0],
+        };
+        let pose = pose_of([x_m, y_m, z_m], rotation);
+        let stamped = StampedPose {
+            time_s: time_s + offset_s,
+            world_from_platform: pose.ok_or_else(|| no_rotation(&row.place(), rotation))?,
+            covariance: errors.read(&row)?,
+        };
+        poses.push((Motion::Pose(stamped), row.line));
+    }
+    Ok(poses)
+}
+
+/// Returns the lines of a file in the format of the TUM benchmark that are not comments, with their numbers.
+fn tum_lines(text: &str) -> impl Iterator<Item = (u64, &str)> {
+    let lines = (1..).zip(text.lines().map(str::trim));
+    lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+}
+
+/// Reports whether a text is in the format of the TUM benchmark: no header, and numbers between spaces.
+fn is_tum(text: &str) -> bool {
+    let first = tum_lines(text).next();
+    first.is_some_and(|(_, line)| {
+        let mut words = line.split_whitespace();
+        words.clone().count() > 1 && words.all(|word| word.parse::<f64>().is_ok())
+    })
+}
+
+/// Reads poses in the format of the TUM benchmark: `time x y z qx qy qz qw`, between spaces.
+fn read_tum(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
+    let mut poses = Vec::new();
+    for (line, words) in tum_lines(text) {
+        let place = || format!("{}, line {line}", path.display());
+        let numbers = words.split_whitespace().map(|word| {
+            let number = word.parse().ok().filter(|number: &f64| number.is_finite());
+            number.ok_or_else(|| user_error!("{}: \"{word}\" is not a finite number", place()))
+        });
+        let numbers = numbers.collect::<Result<Vec<f64>>>()?;
+        let [time_s, x, y, z, qx, qy, qz, qw] = numbers[..] else {
+            return Err(user_error!(
+                "{}: has {} numbers; needed: time x y z qx qy qz qw",
+                place(),
+                numbers.len()
+            ));
+        };
+        let rotation = [qx, qy, qz, qw];
+        let pose = pose_of([x, y, z], rotation);
+        let stamped = StampedPose {
+            time_s: time_s + offset_s,
+            world_from_platform: pose.ok_or_else(|| no_rotation(&place(), rotation))?,
+            covariance: PoseCovariance::zero(),
+        };
+        poses.push((Motion::Pose(stamped), line));
+    }
+    Ok(poses)
+}
+
+/// Reads a file of odometry. Returns the pose at its start and the increments, with their lines.
+///
+/// An increment begins at `from_time_s`, if there is this column, or else at the time of the row before, unless rows are missing there.
+fn read_odometry(path: &Path, offset_s: f64, start: &Pose) -> Result<Vec<(Motion, u64)>> {
+    odometry_in(path, &Table::read(path)?, offset_s, start)
+}
+
+/// Returns the start and the increments in a table, like [`read_odometry`].
+fn odometry_in(
+    path: &Path,
+    table: &Table,
+    offset_s: f64,
+    start: &Pose,
+) -> Result<Vec<(Motion, u64)>> {
+    let time = table.column("time_s")?;
+    let from = table.optional_column("from_time_s");
+    let motion = table.columns(["dx_m", "dy_m", "dtheta_rad"])?;
+    let names = covariance_names();
+    let errors = ErrorColumns::of(table, &names)?;
+    let mut times_s = Vec::new();
+    for row in table.rows() {
+        let [time_s] = row.numbers([time])?;
+        times_s.push(time_s);
+    }
+    let interval_s = typical_interval_s(&times_s);
+    if interval_s.is_none() && from.is_none() {
+        return Err(user_error!(
+            "{}: has one row, and its increment may begin at any time; give more rows, or the column from_time_s",
+            path.display()
+        ));
+    }
+    let interval_s = interval_s.unwrap_or(0.0);
+    let mut motions: Vec<(Motion, u64)> = Vec::new();
+    let mut latest_s = f64::NEG_INFINITY;
+    for (row, time_s) in table.rows().zip(times_s) {
+        let from_s = match from {
+            Some(from) => {
+                let [from_s] = row.numbers([from])?;
+                if from_s >= time_s {
+                    return Err(user_error!(
+                        "{}: from_time_s is {from_s}, and time_s is {time_s}; allowed: a time before time_s",
+                        row.place()
+                    ));
+                }
+                from_s
+            }
+            None if time_s > latest_s && time_s - latest_s <= MISSING_INTERVALS * interval_s => {
+                latest_s
+            }
+            None => time_s - interval_s,
+        };
+        latest_s = latest_s.max(time_s);
+        let [dx_m, dy_m, dtheta_rad] = row.numbers(motion)?;
+        let turn = RigidMotion {
+            velocity_m: Vector3::zeros(),
+            turn_rad: Vector3::new(0.0, 0.0, dtheta_rad),
+        };
+        let moved = Translation3::new(dx_m, dy_m, 0.0);
+        let increment = Increment {
+            from_s: from_s + offset_s,
+            to_s: time_s + offset_s,
+            before_from_after: Pose::from_parts(moved, turn.pose().rotation),
+            covariance: errors.read(&row)?,
+        };
+        if motions.is_empty() {
+            let pose = StampedPose {
+                time_s: increment.from_s,
+                world_from_platform: *start,
+                covariance: PoseCovariance::zero(),
+            };
+            motions.push((Motion::Pose(pose), row.line));
+        }
+        motions.push((Motion::Increment(increment), row.line));
+    }
+    Ok(motions)
+}
+
+/// Returns the median of the positive differences between times that follow one another; `None` without any.
+fn typical_interval_s(times_s: &[f64]) -> Option<f64> {
+    let mut steps_s: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps_s.retain(|step_s| *step_s > 0.0);
+    steps_s.sort_by(f64::total_cmp);
+    steps_s.get(steps_s.len() / 2).copied()
+}
