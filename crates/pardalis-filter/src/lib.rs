@@ -10,6 +10,8 @@
 //! - [`BernoulliFilter`](bernoulli::BernoulliFilter), which also estimates the probability that the
 //!   target exists. It marginalises the velocity of each particle (Rao-Blackwellisation).
 //!
+//! The [smoother] improves the track of a recording once it is over.
+//!
 //! # Example
 //!
 //! Estimate the position of a ball from noisy measurements:
@@ -79,6 +81,7 @@ pub mod motion;
 pub mod particle_filter;
 mod particles;
 pub mod resample;
+pub mod smoother;
 mod weighted;
 
 pub use estimate::StateEstimate;

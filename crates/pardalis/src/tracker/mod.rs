@@ -107,6 +107,17 @@ pub struct RadiusEstimate {
     pub sigma_m: f64,
 }
 
+/// What the latest frames say of a detected body by themselves, without those before ([`Tracker::measurements`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyMeasurement {
+    /// Position in the world, metres.
+    pub position_m: [f64; 3],
+    /// Its covariance (xx, xy, xz, yy, yz, zz in m²) from the noise of these frames.
+    pub covariance_m2: [f64; 6],
+    /// Covariance of errors that neighbouring frames share, in the same order: of part of the noise, of the target's size, of the cameras and of their platforms.
+    pub shared_m2: [f64; 6],
+}
+
 /// The outcome of [`Tracker::observe`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Observed {
@@ -260,6 +271,27 @@ impl Tracker {
     ) -> Result<impl Iterator<Item = &[Candidate]>, Error> {
         let bodies = self.bodies_of(target)?.iter();
         Ok(bodies.map(TargetTracker::candidates))
+    }
+
+    /// Returns for each body of a target what the latest frames say of it by themselves: the detection that was taken for it. `None` if there was none, and for
+    /// initialised bodies, which are not detected.
+    ///
+    /// [`smoother::smooth`](pardalis_filter::smoother::smooth) makes a track of them that takes into account what follows.
+    pub fn measurements(
+        &self,
+        target: TargetId,
+    ) -> Result<impl Iterator<Item = Option<BodyMeasurement>>, Error> {
+        let bodies = self.bodies_of(target)?.iter();
+        Ok(bodies.map(|body| {
+            let mut measurement = body.detected()?.measurement()?;
+            let BodyMeasurement {
+                position_m,
+                shared_m2,
+                ..
+            } = &mut measurement;
+            self.add_platforms(*position_m, shared_m2, body.track());
+            Some(measurement)
+        }))
     }
 
     /// Returns the contribution of each camera to a target so far.
@@ -554,7 +586,7 @@ impl Tracker {
         Ok(bodies.map(move |body| {
             let mut estimate = body.estimate(ahead_s);
             if let Some(known) = &mut estimate.kinematics {
-                self.add_platforms(known, body.track());
+                self.add_platforms(known.position_m, &mut known.covariance_m2, body.track());
             }
             estimate
         }))
@@ -563,7 +595,7 @@ impl Tracker {
 
 impl Tracker {
     /// Adds to a covariance what the poses of the platforms leave uncertain whose cameras see the body.
-    fn add_platforms(&self, known: &mut StateEstimate, track: &Track) {
+    fn add_platforms(&self, position_m: [f64; 3], covariance_m2: &mut [f64; 6], track: &Track) {
         if self.carriers.is_empty() {
             return;
         }
@@ -571,12 +603,12 @@ impl Tracker {
         let all = 0..self.views.len();
         let added_m2 = if all.clone().any(|camera| sees(&camera)) {
             let cameras = all.filter(sees);
-            self.carriers.covariance_m2(known.position_m, cameras)
+            self.carriers.covariance_m2(position_m, cameras)
         } else {
-            self.carriers.covariance_m2(known.position_m, all)
+            self.carriers.covariance_m2(position_m, all)
         };
         let added_m2 = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| added_m2[at]);
-        for (sum, added) in known.covariance_m2.iter_mut().zip(added_m2) {
+        for (sum, added) in covariance_m2.iter_mut().zip(added_m2) {
             *sum += added;
         }
     }

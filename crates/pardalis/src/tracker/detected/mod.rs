@@ -20,7 +20,7 @@ mod visibility;
 
 pub(super) use look_alikes::LookAlikes;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::camera_agreement::ComparisonSums;
 use super::candidate::{Candidate, Verdict};
@@ -28,7 +28,7 @@ use super::existence::ExistenceSettings;
 use super::settings::DetectedSettings;
 use super::statistics::ImageStatistics;
 use super::track::{Instant, Track, mean_log_ratio};
-use super::{Estimate, RadiusEstimate, TrackState};
+use super::{BodyMeasurement, Estimate, RadiusEstimate, TrackState};
 use crate::Frame;
 use crate::color::{ColorModel, PixelKind};
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, EdgeFrameContext, Outlines};
@@ -75,8 +75,10 @@ pub(super) struct DetectedTarget {
     size: Size,
     agreement: Agreement,
     challenge: Challenge,
-    /// The covariance of the latest detection of the target (xx, xy, xz, yy, yz, zz in m²).
-    detection_m2: Option<[f64; 6]>,
+    /// The latest detection of the target.
+    detected: Option<MeasurementComponent>,
+    /// Where the latest frames by themselves put it, metres, if that is not where it was detected.
+    measured_m: Option<[f64; 3]>,
     /// How certain the size of its outline is.
     outline: Outline,
     /// Where the other landmarks of the target are known to be, metres.
@@ -110,6 +112,26 @@ fn emptied<'b>(mut frames: Vec<EdgeFrame>) -> Vec<EdgeFrame<'b>> {
     frames.clear();
     // Collecting a vector's own iterator keeps its memory.
     frames.into_iter().map_while(|_| None).collect()
+}
+
+/// Neighbouring frames share this part of the variance of a detection: of its edges and its background. Hand-set, from the errors of smoothed tracks.
+const SHARED_SHARE: f64 = 0.25;
+
+/// Where frames by themselves put a target, metres, given its detection and what the filter made of the prediction. The filter weighs the whole likelihood and not only its peak;
+/// where the prediction says little in comparison, its mean is that of the frames alone.
+fn measured_m(
+    detected: &MeasurementComponent,
+    predicted: &StateEstimate,
+    updated: &StateEstimate,
+) -> Option<[f64; 3]> {
+    let matrix =
+        |[xx, xy, xz, yy, yz, zz]: [f64; 6]| Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+    let prior = matrix(predicted.covariance_m2);
+    let least = Matrix3::from_diagonal_element(1e-9 * prior.trace());
+    let inverse = (prior + matrix(detected.covariance_m2) + least).try_inverse()?;
+    let peak = Vector3::from(detected.position_m);
+    let off = Vector3::from(updated.position_m) - peak;
+    Some((peak + prior * inverse * off).into())
 }
 
 impl DetectedTarget {
@@ -166,7 +188,8 @@ impl DetectedTarget {
             size: Size::new(size),
             agreement: Agreement::new(views, &tuning.agreement),
             challenge: Challenge::default(),
-            detection_m2: None,
+            detected: None,
+            measured_m: None,
             outline: Outline::default(),
             since_s: 0.0,
             clutter_seen: 0.0,
@@ -302,7 +325,11 @@ impl DetectedTarget {
         );
 
         let target = updated.target.map(|number| &associated[number]);
-        self.detection_m2 = target.map(|target| target.component.covariance_m2);
+        self.detected = target.map(|target| target.component);
+        self.measured_m = target.and_then(|target| {
+            let predicted = predicted.estimate.as_ref()?;
+            measured_m(&target.component, predicted, &self.filter.estimate(0.0)?)
+        });
         if let Some(target) = target {
             self.outline = Outline::of(&detections[target.detection], &self.tuning.detection);
         }
@@ -475,7 +502,8 @@ impl DetectedTarget {
             velocity_sigma_mps: [self.tuning.existence.birth_velocity_sigma_mps; 3],
         };
         self.begin(&start, self.filter.existence());
-        self.detection_m2 = Some(component.covariance_m2);
+        self.detected = Some(component);
+        self.measured_m = None;
         let detection = &self.detector.detections()[associated[number].detection];
         self.outline = Outline::of(detection, &self.tuning.detection);
         self.adaptations.fill(Adaptation::default());
@@ -588,33 +616,47 @@ impl DetectedTarget {
         mean_log_ratio(&self.log_ratios[camera], self.filter.weights(), 0.0)
     }
 
+    /// Adds to a covariance of positions (xx, xy, xz, yy, yz, zz in m²) that of errors which frames share: of the size and of the cameras.
+    fn add_shared(&self, covariance_m2: &mut [f64; 6]) {
+        let sigma = libm::hypot(self.size.known().sigma, self.outline.sigma);
+        let [x, y, z] = self.outline.drift_m.map(|drift_m| sigma * drift_m);
+        let of_size = [x * x, x * y, x * z, y * y, y * z, z * z];
+        let of_cameras = self.agreement.covariance_m2(&self.tuning.agreement);
+        let of_cameras = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| of_cameras[at]);
+        for (sum, more) in covariance_m2.iter_mut().zip(of_size) {
+            *sum += more;
+        }
+        for (sum, more) in covariance_m2.iter_mut().zip(of_cameras) {
+            *sum += more;
+        }
+    }
+
+    /// What the latest frames say of the target by themselves; `None` if it was not detected.
+    pub(super) fn measurement(&self) -> Option<BodyMeasurement> {
+        let detected = self.detected.as_ref()?;
+        let mut shared_m2 = detected.covariance_m2.map(|v| SHARED_SHARE * v);
+        self.add_shared(&mut shared_m2);
+        Some(BodyMeasurement {
+            position_m: self.measured_m.unwrap_or(detected.position_m),
+            covariance_m2: detected.covariance_m2,
+            shared_m2,
+        })
+    }
+
     /// Estimates the target `ahead_s` seconds after the latest frames; nothing changes.
     pub(super) fn estimate(&self, ahead_s: f64) -> Estimate {
         let is_known = self.track.is_known();
         let mut kinematics = self.filter.estimate(ahead_s).filter(|_| is_known);
-        if let (Some(known), Some(detection_m2)) = (&mut kinematics, self.detection_m2) {
+        if let (Some(known), Some(detected)) = (&mut kinematics, &self.detected) {
             // The smaller the effective sample size, the less the scatter of the particles says.
-            for (sum, variance) in known.covariance_m2.iter_mut().zip(detection_m2) {
+            for (sum, variance) in known.covariance_m2.iter_mut().zip(detected.covariance_m2) {
                 *sum += variance / known.effective_sample_size;
             }
         }
+        if let Some(known) = &mut kinematics {
+            self.add_shared(&mut known.covariance_m2);
+        }
         let size = self.size.known();
-        if let Some(known) = &mut kinematics {
-            let sigma = libm::hypot(size.sigma, self.outline.sigma);
-            let [x, y, z] = self.outline.drift_m.map(|drift_m| sigma * drift_m);
-            let of_size = [x * x, x * y, x * z, y * y, y * z, z * z];
-            for (sum, product) in known.covariance_m2.iter_mut().zip(of_size) {
-                *sum += product;
-            }
-        }
-        if let Some(known) = &mut kinematics {
-            let of_cameras = self.agreement.covariance_m2(&self.tuning.agreement);
-            let of_cameras =
-                [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| of_cameras[at]);
-            for (sum, more) in known.covariance_m2.iter_mut().zip(of_cameras) {
-                *sum += more;
-            }
-        }
         let confidence = if is_known {
             self.confidence_ahead(ahead_s)
         } else {
