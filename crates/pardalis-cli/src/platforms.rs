@@ -15,13 +15,15 @@ use pardalis_scene::{PlatformConfig, PlatformMotion};
 use serde_json::{Map, Value, json};
 
 use crate::numbers::counted;
-use crate::scene::read_text;
 use crate::source::TimeSpan;
 use crate::tables::{Column, Row, Table};
 use crate::user_error::user_error;
 
 /// A quaternion whose length differs from 1 by more than this is no rotation.
 const MAX_LENGTH_ERROR: f64 = 1e-2;
+
+/// Maximum size of a file in bytes: hours of poses at a thousand a second.
+const MAX_BYTES: u64 = 1 << 30;
 
 /// Rows further apart than this many typical intervals have others missing between them.
 const MISSING_INTERVALS: f64 = 1.5;
@@ -230,7 +232,7 @@ fn check(path: &Path, rows: &[(Motion, u64)], errors: OdometryErrors) -> Result<
 /// Reads any bytes as a file of poses or of odometry. Returns the number of rows that a platform takes.
 #[cfg(any(test, feature = "fuzz"))]
 pub(crate) fn read_bytes(bytes: &[u8], path: &Path, is_odometry: bool) -> Result<usize> {
-    let text = crate::scene::text_in(path, bytes.to_vec())?;
+    let text = text_of(path, bytes.to_vec())?;
     let rows = if is_odometry {
         let table = Table::from_reader(path, text.as_bytes())?;
         odometry_in(path, &table, 0.0, &Pose::identity())?
@@ -319,10 +321,40 @@ fn no_rotation(place: &str, quaternion: [f64; 4]) -> anyhow::Error {
     )
 }
 
+/// Reads a file of up to [`MAX_BYTES`].
+fn read_text(path: &Path) -> Result<String> {
+    let name = path.display();
+    let unreadable = |error: std::io::Error| user_error!("{name}: {error}; give a CSV file");
+    let metadata = std::fs::metadata(path).map_err(unreadable)?;
+    if !metadata.is_file() {
+        return Err(user_error!(
+            "{name}: is a folder or a device; give a CSV file"
+        ));
+    }
+    if metadata.len() > MAX_BYTES {
+        return Err(user_error!(
+            "{name}: has {} bytes; allowed: at most {MAX_BYTES}; keep the rows of the recording",
+            metadata.len()
+        ));
+    }
+    text_of(path, std::fs::read(path).map_err(unreadable)?)
+}
+
+/// Returns the text of a file with these bytes.
+fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
+    String::from_utf8(bytes).map_err(|error| {
+        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
+        user_error!(
+            "{}, line {line}: is not UTF-8 text; save the file as UTF-8",
+            path.display()
+        )
+    })
+}
+
 /// Reads a file of poses: a table, or the format of the TUM benchmark. Returns the poses with their lines.
 fn read_poses(path: &Path, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
-    let text = read_text(path)?;
-    poses_in(path, &text, offset_s)
+    poses_in(path, &read_text(path)?, offset_s)
 }
 
 /// Returns the poses in the text of a file, like [`read_poses`].
@@ -421,7 +453,9 @@ fn read_tum(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>
 ///
 /// An increment begins at `from_time_s`, if there is this column, or else at the time of the row before, unless rows are missing there.
 fn read_odometry(path: &Path, offset_s: f64, start: &Pose) -> Result<Vec<(Motion, u64)>> {
-    odometry_in(path, &Table::read(path)?, offset_s, start)
+    let text = read_text(path)?;
+    let table = Table::from_reader(path, text.as_bytes())?;
+    odometry_in(path, &table, offset_s, start)
 }
 
 /// Returns the start and the increments in a table, like [`read_odometry`].

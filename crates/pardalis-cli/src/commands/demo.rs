@@ -35,6 +35,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         annotate: Annotate::Trails,
         explain: false,
         particles: None,
+        smooth: false,
         plots: false,
         progress: true,
         previous: Previous::Replace,

@@ -38,6 +38,7 @@ const BLIND_SHARE: f64 = 0.1;
 #[command(after_help = "Examples:
   pardalis track ball.toml                       results into the folder ball-tracks
   pardalis track ball.toml -o run7 --annotate    also the frames with contours and particles
+  pardalis track ball.toml --smooth              the best track of a recording
   pardalis track ball.toml --annotate --explain  why candidates were ruled out
   pardalis track live.toml --duration 60         a minute of a live camera
   pardalis track ball.toml -o - | head           rows to standard output while tracking")]
@@ -70,6 +71,12 @@ pub(crate) struct Arguments {
     /// Stops after this much time by the cameras' time stamps, counted from the first frame
     #[arg(long = "duration", value_name = "SECONDS", value_parser = parse_duration_s, allow_negative_numbers = true)]
     duration_s: Option<f64>,
+    /// Smooths the tracks at the end: every row takes into account what came after it
+    ///
+    /// For recordings: tracks.csv then has the smoothed rows, and filtered.csv those that were written while tracking.
+    /// Needs an output folder.
+    #[arg(long)]
+    smooth: bool,
     /// Exits with code 1 if a target is tracked in no frame; results are written nevertheless
     #[arg(long)]
     require_found: bool,
@@ -121,6 +128,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "--explain: writes candidates.csv into the output folder; give -o a folder instead of -"
         ));
     }
+    if arguments.smooth && to_stdout {
+        return Err(user_error!(
+            "--smooth: replaces rows once the recording is over; give -o a folder instead of -"
+        ));
+    }
     let options = Options {
         output,
         seed: arguments.seed,
@@ -132,6 +144,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         },
         explain: arguments.explain,
         particles: arguments.particles.clone(),
+        smooth: arguments.smooth,
         plots: !arguments.no_plots,
         progress: true,
         previous: Previous::Keep,

@@ -3,6 +3,8 @@
 use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 
+use pardalis::Estimate;
+use pardalis::tracker::TrackState;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
@@ -27,6 +29,18 @@ pub(crate) struct Sample {
     pub(crate) covariance_m2: Option<[f64; 6]>,
     /// Whether the target was seen, and its position not only predicted.
     pub(crate) is_seen: bool,
+}
+
+impl Sample {
+    /// Returns the sample of an estimate at a time in seconds.
+    pub(crate) fn of(time_s: f64, estimate: &Estimate) -> Self {
+        Self {
+            time_s,
+            position_m: estimate.kinematics.map(|k| k.position_m),
+            covariance_m2: estimate.kinematics.map(|k| k.covariance_m2),
+            is_seen: estimate.state == TrackState::Tracking,
+        }
+    }
 }
 
 /// One target's estimates from one run. Series of the same name share their colour and legend entry.

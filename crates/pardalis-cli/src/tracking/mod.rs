@@ -11,6 +11,7 @@ mod previous;
 pub(crate) mod radius;
 mod rows;
 mod series;
+mod smoothed;
 mod summary;
 
 use std::path::{Path, PathBuf};
@@ -40,9 +41,11 @@ use missed::MissedFrames;
 use particle_rows::ParticleRows;
 use rows::Rows;
 pub(crate) use series::{SeriesCollector, truth_series};
+use smoothed::SmoothedTracks;
 
 /// Where results go, and optional outputs.
 #[derive(Debug, Clone)]
+#[allow(clippy::struct_excessive_bools)] // flags of the command line
 pub(crate) struct Options {
     /// A folder, or standard output, which receives only the rows.
     pub(crate) output: Output,
@@ -55,6 +58,8 @@ pub(crate) struct Options {
     pub(crate) explain: bool,
     /// A file for the particles of each estimate.
     pub(crate) particles: Option<PathBuf>,
+    /// Whether to smooth the tracks at the end; needs a folder.
+    pub(crate) smooth: bool,
     /// Whether to draw plots.
     pub(crate) plots: bool,
     /// Whether to show a progress bar on a terminal.
@@ -231,12 +236,16 @@ pub(crate) fn run_steps(
         None => None,
     };
     let mut series = SeriesCollector::new(&open.scene);
+    let mut smoothed = options.smooth.then(|| SmoothedTracks::new(&open.scene));
     let mut missed = MissedFrames::of(names.len());
     let pool = options.threads.start()?;
     let mut sinks = Sinks {
         needed: vec![&mut rows, &mut series, &mut missed],
         others: Vec::new(),
     };
+    if let Some(smoothed) = &mut smoothed {
+        sinks.needed.push(smoothed);
+    }
     if let Some(candidate_rows) = &mut candidate_rows {
         sinks.others.push(candidate_rows);
     }
@@ -253,6 +262,15 @@ pub(crate) fn run_steps(
             return Ok(());
         };
         files.push(folder.join("tracks.csv"));
+        if let Some(smoothed) = &mut smoothed {
+            for name in smoothed.smooth() {
+                warn(format!(
+                    "targets.{name}: cannot be smoothed, and its rows are those of the filter: only targets of one body that are detected can"
+                ));
+            }
+            files.push(smoothed.write(folder)?);
+            series.replace(smoothed.samples());
+        }
         files.push(summary::write(
             folder,
             scene_path,
@@ -282,12 +300,13 @@ pub(crate) fn run_steps(
     })
 }
 
-/// Removes the summary, the pictures and the candidates of an earlier run, which would not be of the new rows.
+/// Removes the summary, the pictures, the candidates and the unsmoothed rows of an earlier run, which would not be of the new rows.
 fn remove_old(folder: &Path) {
     let plots = TRACK_PLOTS
         .iter()
         .flat_map(|name| ["svg", "png"].map(|ending| format!("{name}.{ending}")));
-    for name in plots.chain([summary::FILE.to_owned(), CandidateRows::FILE.to_owned()]) {
+    let tables = [summary::FILE, CandidateRows::FILE, smoothed::FILTERED];
+    for name in plots.chain(tables.map(str::to_owned)) {
         // Usually there is none.
         let _ = std::fs::remove_file(folder.join(name));
     }

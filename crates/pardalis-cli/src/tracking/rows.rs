@@ -11,7 +11,7 @@ use crate::files::{RowFile, unwritable};
 use crate::user_error::user_error;
 
 /// The header line. Later versions may append columns.
-const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
+pub(super) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
                       xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence,best_x_m,best_y_m,best_z_m,\
                       radius_m,sigma_radius_m\n";
 
@@ -55,16 +55,22 @@ impl Sink for Rows {
     fn take(&mut self, instant: &Instant) -> Result<()> {
         self.text.clear();
         for (name, estimate) in self.names.iter().zip(instant.estimates) {
-            write_row(&mut self.text, instant, name, estimate);
+            let place = (instant.index, instant.time_s);
+            write_row(&mut self.text, place, name, estimate);
         }
         self.out.write(&self.text)
     }
 }
 
-/// Writes one row. Numbers are in the shortest form that parses to the same value; fields that do not apply are empty.
-fn write_row(text: &mut String, instant: &Instant, name: &str, estimate: &Estimate) {
+/// Writes one row, with the number and the time in seconds of its frame set. Numbers are in the shortest form that parses to the same value; fields that do not apply are empty.
+pub(super) fn write_row(
+    text: &mut String,
+    (index, time_s): (usize, f64),
+    name: &str,
+    estimate: &Estimate,
+) {
     let state = estimate.state.name();
-    let _ = write!(text, "{},{},{name},{state}", instant.index, instant.time_s);
+    let _ = write!(text, "{index},{time_s},{name},{state}");
     let kinematics = estimate.kinematics.as_ref();
     let position_m = kinematics.map(|k| k.position_m);
     let velocity_mps = kinematics.and_then(|k| k.velocity_mps);

@@ -98,6 +98,16 @@ impl SeriesCollector {
         &self.states
     }
 
+    /// Replaces the track of each target.
+    pub(super) fn replace(&mut self, tracks: impl Iterator<Item = Vec<Sample>>) {
+        for (track, samples) in self.tracks.iter_mut().zip(tracks) {
+            *track = Thinned::new(MAX_SAMPLES);
+            for sample in samples {
+                track.push(sample);
+            }
+        }
+    }
+
     /// Draws the plots into a folder, with the truth if it is known.
     pub(crate) fn draw(
         &self,
@@ -159,12 +169,7 @@ impl Sink for SeriesCollector {
                 TrackState::Occluded => &mut states.occluded,
                 TrackState::Lost => &mut states.lost,
             } += 1;
-            track.push(Sample {
-                time_s: instant.time_s,
-                position_m: estimate.kinematics.map(|k| k.position_m),
-                covariance_m2: estimate.kinematics.map(|k| k.covariance_m2),
-                is_seen: estimate.state == TrackState::Tracking,
-            });
+            track.push(Sample::of(instant.time_s, estimate));
         }
         Ok(())
     }

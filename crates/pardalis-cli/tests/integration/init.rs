@@ -604,7 +604,10 @@ fn invalid_input_is_named_and_nothing_is_written() {
     fs::create_dir(place.path("empty")).unwrap();
     place.write(
         "moving.json",
-        calibration(|c| c["T_world_from_camera"] = "camera_pose.csv".into()),
+        calibration(|c| {
+            c["T_world_from_camera"] = "camera_pose.csv".into();
+            c.as_object_mut().unwrap().remove("T_robot_from_camera");
+        }),
     );
     place.write("mirror.json", calibration(|c| c["model"] = "other".into()));
     place.write(
@@ -633,7 +636,11 @@ fn invalid_input_is_named_and_nothing_is_written() {
         ),
         (
             &["images", "--camera", "moving.json"],
-            &["moving.json", "T_world_from_camera", "moving cameras"],
+            &[
+                "moving.json",
+                "T_world_from_camera",
+                "T_robot_from_camera for a moving camera",
+            ],
         ),
         (
             &["images", "--camera", "mirror.json"],

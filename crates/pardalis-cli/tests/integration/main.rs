@@ -32,5 +32,6 @@ mod plane;
 mod rectify;
 mod rig;
 mod simulate;
+mod smooth;
 mod track;
 mod track_plane;

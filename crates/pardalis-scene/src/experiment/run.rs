@@ -74,13 +74,18 @@ pub enum Method {
     /// From frame to frame, like `pardalis track`.
     #[default]
     Track,
+    /// From frame to frame, then smoothed, like `pardalis track --smooth`.
+    Smooth,
     /// In each image independently, like `pardalis locate`.
     Locate,
 }
 
 impl Word for Method {
-    const WORDS: &'static [(&'static str, Self)] =
-        &[("track", Self::Track), ("locate", Self::Locate)];
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("track", Self::Track),
+        ("smooth", Self::Smooth),
+        ("locate", Self::Locate),
+    ];
 }
 
 /// A selection of frames.
@@ -197,7 +202,7 @@ impl Run {
         let method = table
             .key(
                 "method",
-                "Track from frame to frame, like `pardalis track`, or locate in each image by itself, like `pardalis locate`.",
+                "Track from frame to frame, like `pardalis track`, or smooth such tracks, like `pardalis track --smooth`, or locate in each image by itself, like `pardalis locate`.",
             )
             .word(Method::default());
         let starts = table

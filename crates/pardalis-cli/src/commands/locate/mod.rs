@@ -139,6 +139,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         },
         explain: false,
         particles: None,
+        smooth: false,
         plots: false,
         progress: true,
         previous: Previous::Keep,

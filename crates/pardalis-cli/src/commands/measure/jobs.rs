@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use anyhow::{Context as _, Result, anyhow};
 use indicatif::{ProgressBar, ProgressStyle};
 use pardalis_scene::Scene;
-use pardalis_scene::experiment::Run;
+use pardalis_scene::experiment::{Method, Run};
 
 use super::finished::Finished;
 use crate::arguments::Threads;
@@ -39,6 +39,7 @@ impl Job<'_> {
             annotate: Annotate::No,
             explain: false,
             particles: None,
+            smooth: self.run.method == Method::Smooth,
             plots: false,
             progress: false,
             previous: Previous::Replace,
