@@ -344,7 +344,7 @@ fn read_text(path: &Path) -> Result<String> {
 fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
+        let line = before.split(|byte| *byte == b'\n').count();
         user_error!(
             "{}, line {line}: is not UTF-8 text; save the file as UTF-8",
             path.display()

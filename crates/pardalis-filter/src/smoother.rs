@@ -401,5 +401,127 @@ pub fn smooth(measured: &[Measured], settings: &SmootherSettings) -> Vec<Option<
     states
 }
 
+/// A change of the velocity that neither a free fall nor anything gradual explains: a throw, a bounce, a catch, a kick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// When, in seconds.
+    pub time_s: f64,
+    /// Where, in metres.
+    pub position_m: [f64; 3],
+    /// The velocity before, m/s.
+    pub velocity_before_mps: [f64; 3],
+    /// The velocity after, m/s.
+    pub velocity_after_mps: [f64; 3],
+}
+
+/// Velocities that change by less are no contact, m/s. Hand-set: a ball that drops from 2 cm.
+const LEAST_CHANGE_MPS: f64 = 0.6;
+
+/// ... nor by less than this many standard deviations. Hand-set.
+const CHANGE_SIGMAS: f64 = 4.0;
+
+/// The number of times between two states at which a contact is looked for.
+const INSTANTS: u32 = 100;
+
+/// A smoothed state with its time.
+#[derive(Debug, Clone, Copy)]
+struct Timed {
+    time_s: f64,
+    position_m: Vector3<f64>,
+    velocity_mps: Vector3<f64>,
+    acceleration_mps2: Vector3<f64>,
+    velocity_variance_m2ps2: f64,
+}
+
+impl Timed {
+    fn of(time_s: f64, state: &SmoothedState, settings: &SmootherSettings) -> Self {
+        let accelerations = settings.modes.iter().zip(state.modes);
+        let accelerations =
+            accelerations.map(|(mode, weight)| weight * Vector3::from(mode.acceleration_mps2));
+        let [xx, _, _, yy, _, zz] = state.velocity_covariance_m2ps2;
+        Self {
+            time_s,
+            position_m: state.position_m.into(),
+            velocity_mps: state.velocity_mps.into(),
+            acceleration_mps2: accelerations.sum(),
+            velocity_variance_m2ps2: xx + yy + zz,
+        }
+    }
+
+    /// Position and velocity at another time.
+    fn at(&self, time_s: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let since_s = time_s - self.time_s;
+        let gained_mps = self.acceleration_mps2 * since_s;
+        (
+            self.position_m + (self.velocity_mps + 0.5 * gained_mps) * since_s,
+            self.velocity_mps + gained_mps,
+        )
+    }
+
+    /// Whether the velocity changes until another state as it does at a contact.
+    fn changes_until(&self, next: &Self, settings: &SmootherSettings) -> bool {
+        let dt_s = next.time_s - self.time_s;
+        let changed = next.velocity_mps - self.velocity_mps;
+        let unexplained = settings.modes.iter().map(|mode| {
+            let gained_mps = Vector3::from(mode.acceleration_mps2) * dt_s;
+            (changed - gained_mps).norm()
+        });
+        let unexplained_mps = unexplained.fold(f64::INFINITY, f64::min);
+        let variance = self.velocity_variance_m2ps2 + next.velocity_variance_m2ps2;
+        unexplained_mps > LEAST_CHANGE_MPS.max(CHANGE_SIGMAS * (variance / 3.0).sqrt())
+    }
+
+    /// The contact between this state and a later one: where what was before meets what is after.
+    fn contact_until(&self, next: &Self) -> Contact {
+        let dt_s = next.time_s - self.time_s;
+        let apart = |share: f64| {
+            let time_s = self.time_s + share * dt_s;
+            (self.at(time_s).0 - next.at(time_s).0).norm()
+        };
+        let shares = (0..=INSTANTS).map(|instant| f64::from(instant) / f64::from(INSTANTS));
+        let share = shares.fold(0.5, |best, share| {
+            if apart(share) < apart(best) {
+                share
+            } else {
+                best
+            }
+        });
+        let time_s = self.time_s + share * dt_s;
+        let ((before_m, before_mps), (after_m, after_mps)) = (self.at(time_s), next.at(time_s));
+        Contact {
+            time_s,
+            position_m: (0.5 * (before_m + after_m)).into(),
+            velocity_before_mps: before_mps.into(),
+            velocity_after_mps: after_mps.into(),
+        }
+    }
+}
+
+/// Finds the contacts in a smoothed track. `states` are those of [`smooth`] for these measurements, with the same settings.
+pub fn contacts(
+    measured: &[Measured],
+    states: &[Option<SmoothedState>],
+    settings: &SmootherSettings,
+) -> Vec<Contact> {
+    let timed = measured.iter().zip(states);
+    let timed: Vec<Timed> = timed
+        .filter_map(|(one, state)| Some(Timed::of(one.time_s, state.as_ref()?, settings)))
+        .collect();
+    let mut contacts = Vec::new();
+    let mut begin: Option<&Timed> = None;
+    for pair in timed.windows(2) {
+        if pair[0].changes_until(&pair[1], settings) {
+            // The change of one contact may be spread over several steps.
+            begin = begin.or(Some(&pair[0]));
+        } else if let Some(before) = begin.take() {
+            contacts.push(before.contact_until(&pair[0]));
+        }
+    }
+    if let (Some(before), Some(last)) = (begin, timed.last()) {
+        contacts.push(before.contact_until(last));
+    }
+    contacts
+}
+
 #[cfg(test)]
 mod tests;

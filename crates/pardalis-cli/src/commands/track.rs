@@ -73,8 +73,8 @@ pub(crate) struct Arguments {
     duration_s: Option<f64>,
     /// Smooths the tracks at the end: every row takes into account what came after it
     ///
-    /// For recordings: tracks.csv then has the smoothed rows, and filtered.csv those that were written while tracking.
-    /// Needs an output folder.
+    /// For recordings: tracks.csv then has the smoothed rows, filtered.csv those that were written while tracking, and
+    /// events.csv the contacts: throws, bounces and the like. Needs an output folder.
     #[arg(long)]
     smooth: bool,
     /// Exits with code 1 if a target is tracked in no frame; results are written nevertheless

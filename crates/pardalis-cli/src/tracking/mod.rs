@@ -268,7 +268,7 @@ pub(crate) fn run_steps(
                     "targets.{name}: cannot be smoothed, and its rows are those of the filter: only targets of one body that are detected can"
                 ));
             }
-            files.push(smoothed.write(folder)?);
+            files.extend(smoothed.write(folder)?);
             series.replace(smoothed.samples());
         }
         files.push(summary::write(
@@ -300,12 +300,17 @@ pub(crate) fn run_steps(
     })
 }
 
-/// Removes the summary, the pictures, the candidates and the unsmoothed rows of an earlier run, which would not be of the new rows.
+/// Removes the summary, the pictures, the candidates, the unsmoothed rows and the events of an earlier run, which would not be of the new rows.
 fn remove_old(folder: &Path) {
     let plots = TRACK_PLOTS
         .iter()
         .flat_map(|name| ["svg", "png"].map(|ending| format!("{name}.{ending}")));
-    let tables = [summary::FILE, CandidateRows::FILE, smoothed::FILTERED];
+    let tables = [
+        summary::FILE,
+        CandidateRows::FILE,
+        smoothed::FILTERED,
+        smoothed::EVENTS,
+    ];
     for name in plots.chain(tables.map(str::to_owned)) {
         // Usually there is none.
         let _ = std::fs::remove_file(folder.join(name));

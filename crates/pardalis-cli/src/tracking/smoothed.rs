@@ -1,11 +1,12 @@
 //! Smoothed tracks: once the recording is over, every row takes into account what came after it.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::filter::estimate::StateEstimate;
-use pardalis::filter::smoother::{Measured, SmootherSettings, smooth};
+use pardalis::filter::smoother::{Contact, Measured, SmootherSettings, contacts, smooth};
 use pardalis::tracker::{BodyMeasurement, TrackState};
 use pardalis::{Estimate, TargetId};
 use pardalis_scene::Scene;
@@ -17,6 +18,12 @@ use crate::files::{unwritable, write_file};
 
 /// The file that keeps the rows of the filter.
 pub(super) const FILTERED: &str = "filtered.csv";
+
+/// The file of contacts.
+pub(super) const EVENTS: &str = "events.csv";
+
+const EVENTS_HEADER: &str = "time_s,target,event,x_m,y_m,z_m,vx_before_mps,vy_before_mps,vz_before_mps,\
+                             vx_after_mps,vy_after_mps,vz_after_mps\n";
 
 /// A row of the filter, and what it was made of.
 struct Row {
@@ -31,6 +38,8 @@ pub(super) struct SmoothedTracks {
     times: Vec<(usize, f64)>,
     /// One list per target.
     rows: Vec<Vec<Row>>,
+    /// The contacts of each target, once it is smoothed.
+    contacts: Vec<Vec<Contact>>,
 }
 
 impl SmoothedTracks {
@@ -39,6 +48,7 @@ impl SmoothedTracks {
         let names: Vec<String> = scene.targets.iter().map(|t| t.name.clone()).collect();
         Self {
             rows: names.iter().map(|_| Vec::new()).collect(),
+            contacts: Vec::new(),
             times: Vec::new(),
             names,
         }
@@ -63,8 +73,10 @@ impl SmoothedTracks {
             } else {
                 SmootherSettings::default()
             };
+            let states = smooth(&measured, &settings);
+            self.contacts.push(contacts(&measured, &states, &settings));
             let mut shared_m2 = [0.0; 6];
-            for (row, state) in rows.iter_mut().zip(smooth(&measured, &settings)) {
+            for (row, state) in rows.iter_mut().zip(states) {
                 if let Some(measurement) = &row.measurement {
                     shared_m2 = measurement.shared_m2;
                 }
@@ -93,8 +105,31 @@ impl SmoothedTracks {
         rough.map(|(name, _)| &**name).collect()
     }
 
-    /// Writes the rows into tracks.csv; the rows of the filter, which are there, move to another file. Returns its name.
-    pub(super) fn write(&self, folder: &Path) -> Result<PathBuf> {
+    /// Returns the text of events.csv.
+    fn events(&self) -> String {
+        let mut events: Vec<(&String, &Contact)> = Vec::new();
+        for (name, contacts) in self.names.iter().zip(&self.contacts) {
+            events.extend(contacts.iter().map(|contact| (name, contact)));
+        }
+        events.sort_by(|a, b| a.1.time_s.total_cmp(&b.1.time_s));
+        let mut text = EVENTS_HEADER.to_owned();
+        for (name, contact) in events {
+            let _ = write!(text, "{},{name},contact", contact.time_s);
+            let numbers = [
+                contact.position_m,
+                contact.velocity_before_mps,
+                contact.velocity_after_mps,
+            ];
+            for number in numbers.as_flattened() {
+                let _ = write!(text, ",{number}");
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    /// Writes the rows into tracks.csv, and the contacts; the rows of the filter, which are there, move to another file. Returns the names of the other files.
+    pub(super) fn write(&self, folder: &Path) -> Result<[PathBuf; 2]> {
         let mut text = HEADER.to_owned();
         for (number, (index, time_s)) in self.times.iter().enumerate() {
             for (name, rows) in self.names.iter().zip(&self.rows) {
@@ -104,7 +139,9 @@ impl SmoothedTracks {
         let (tracks, filtered) = (folder.join("tracks.csv"), folder.join(FILTERED));
         fs::rename(&tracks, &filtered).map_err(|error| unwritable(&filtered, error))?;
         write_file(&tracks, text.as_bytes())?;
-        Ok(filtered)
+        let events = folder.join(EVENTS);
+        write_file(&events, self.events().as_bytes())?;
+        Ok([filtered, events])
     }
 
     /// Returns the smoothed track of each target for plots.

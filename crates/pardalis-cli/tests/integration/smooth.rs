@@ -75,6 +75,28 @@ fn what_comes_after_makes_a_track_better() {
         after_mps < 0.5 * before_mps,
         "{after_mps} after {before_mps}"
     );
+    // The throw and the first two bounces off the floor: data/dioptric-jump/camera.json.
+    let events = fs::read_to_string(place.path("out/events.csv")).unwrap();
+    let mut lines = events.lines();
+    let header = lines.next().unwrap();
+    assert!(
+        header.starts_with("time_s,target,event,x_m,y_m,z_m,vx_before_mps,"),
+        "{header}"
+    );
+    let contacts: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    for (contact, frame) in contacts.iter().zip([26.0, 39.03, 50.93]) {
+        assert_eq!(contact[1..3], ["ball", "contact"]);
+        let number = |column: usize| contact[column].parse::<f64>().unwrap();
+        let off_frames = 25.0 * number(0) - frame;
+        assert!(off_frames.abs() < 0.5, "{frame}: {off_frames}");
+        if frame > 30.0 {
+            // On the floor the ball's centre is at its radius. The restitution is 0.75; smoothed velocities change less.
+            assert!((number(5) - 0.11).abs() < 0.06, "{contact:?}");
+            let restitution = -number(11) / number(8);
+            assert!((0.5..0.85).contains(&restitution), "{restitution}");
+        }
+    }
+    assert!((3..12).contains(&contacts.len()), "{events}");
     // A later run without smoothing leaves no old file.
     let run = place.track(&scene);
     assert_eq!(run.code, Some(0));

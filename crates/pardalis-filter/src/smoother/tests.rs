@@ -225,3 +225,34 @@ fn targets_on_a_plane_stay_on_it() {
         assert!(state.covariance_m2.iter().all(|v| v.is_finite()));
     }
 }
+
+#[test]
+fn contacts_are_found_within_half_a_frame() {
+    let measured = measured_throw();
+    let settings = SmootherSettings::default();
+    let states = smooth(&measured, &settings);
+    let found = contacts(&measured, &states, &settings);
+    let times_s: Vec<f64> = found.iter().map(|contact| contact.time_s).collect();
+    // The throw, the bounce and the landing.
+    let first_s = 0.4 + (2.0 + (4.0 + 2.0 * GRAVITY_MPS2 * 0.9_f64).sqrt()) / GRAVITY_MPS2;
+    let bounce_mps = GRAVITY_MPS2 * (first_s - 0.4) - 2.0;
+    let expected_s = [0.4, first_s, first_s + 1.4 * bounce_mps / GRAVITY_MPS2];
+    assert_eq!(times_s.len(), 3, "{found:?}");
+    for (found_s, expected_s) in times_s.iter().zip(expected_s) {
+        assert!(
+            (found_s - expected_s).abs() < 0.5 * STEP_S,
+            "{times_s:?} {expected_s}"
+        );
+    }
+    let bounce = found[1];
+    assert!(
+        (bounce.velocity_before_mps[2] + bounce_mps).abs() < 0.5,
+        "{bounce:?}"
+    );
+    assert!((bounce.velocity_after_mps[2] - 0.7 * bounce_mps).abs() < 0.5);
+    assert!((bounce.position_m[2] - 0.1).abs() < 0.03);
+    // Rolling alone has none.
+    let rolling = &measured[48..];
+    let states = smooth(rolling, &settings);
+    assert!(contacts(rolling, &states, &settings).is_empty());
+}
