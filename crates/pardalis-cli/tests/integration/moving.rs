@@ -546,6 +546,8 @@ fn cameras_that_cannot_be_calibrated_on_a_platform_are_refused() {
     run.refused(&[
         "no camera cam2: the cameras on platforms are cam1; choose one with --camera NAME",
     ]);
+    let run = Run::pardalis(&place.0, &["calibrate", "time", "scene.toml"]);
+    run.refused(&["cameras.cam1.platform: the camera moves"]);
     let at_rest = scene.replace("platform = \"robot\"\n", "");
     let run = calibrate(&at_rest, &[]);
     assert_eq!(run.code, Some(2));

@@ -52,6 +52,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         check_folder(path, corrected)?;
     }
     let read = scene::read(path)?;
+    if let Some(camera) = read.cameras.iter().find(|camera| camera.platform.is_some()) {
+        return Err(user_error!(
+            "{}: cameras.{}.platform: the camera moves, and temporal calibration needs cameras at rest; `calibrate mount` estimates the offset of the platform's clock",
+            path.display(),
+            camera.name
+        ));
+    }
     let number = target(path, &read, arguments.target.as_deref())?;
     let mut open = scene::open(path, read, None, &[])?;
     let [body] = &open.scene.targets[number].bodies[..] else {
