@@ -87,10 +87,19 @@ pub struct MountCalibration {
 const LEAST_TURN_RAD: f64 = 0.1;
 
 /// What to do if the views contradict each other.
-const CONTRADICTED: &str = "check that the target was at rest, that the poses are of this platform and of the same time, and the guess of the camera's pose";
+const CONTRADICTED: &str = "check that the target was at rest, that the poses are of this platform and of the same time (odometry lacks pitch and roll), and the guess of the camera's pose";
 
 /// The turns are about one axis if those about all others are at most this share of them.
 const OTHER_TURNS: f64 = 0.05;
+
+/// Residuals beyond this are not those of a target at rest: pixels, and a share of the image's diagonal. Hand-set.
+const LARGE_PX: [f64; 2] = [0.5, 1e-3];
+
+/// Offsets of the clocks from which the search begins, one after the other until one fits, in seconds.
+const OFFSETS_S: [f64; 5] = [0.0, -0.2, 0.2, -0.4, 0.4];
+
+/// The greatest number of times that the offset of the clocks is refined.
+const ROUNDS: usize = 12;
 
 /// The offset of the clocks is refined until it changes by less than this, in seconds.
 const CLOSE_S: f64 = 1e-4;
@@ -118,9 +127,32 @@ pub fn calibrate_mount(
     platform_at: PlatformAt,
     settings: &MountSettings,
 ) -> Result<MountCalibration, CalibrationError> {
-    let mut offset_s = 0.0;
+    let starts_s: &[f64] = if settings.fit_clock {
+        &OFFSETS_S
+    } else {
+        &[0.0]
+    };
+    let mut first = None;
+    for &start_s in starts_s {
+        match calibrate_from(camera, views, platform_at, settings, start_s) {
+            Ok(found) => return Ok(found),
+            Err(error) => first = first.or(Some(error)),
+        }
+    }
+    Err(first.unwrap_or_else(|| CalibrationError::new("there are no views", "give some")))
+}
+
+/// Finds where the camera is, from a first offset of the clocks in seconds.
+fn calibrate_from(
+    camera: &Camera,
+    views: &[MountView],
+    platform_at: PlatformAt,
+    settings: &MountSettings,
+    start_s: f64,
+) -> Result<MountCalibration, CalibrationError> {
+    let mut offset_s = start_s;
     let mut guess = settings.clone();
-    loop {
+    for round in 0..ROUNDS {
         let placed = views.iter().filter_map(|view| {
             let (world_from_platform, rates) = platform_at(view.time_s - offset_s)?;
             Some(PlacedView {
@@ -130,32 +162,37 @@ pub fn calibrate_mount(
             })
         });
         let placed: Vec<_> = placed.collect();
-        let mut found = calibrate_placed(camera, &placed, &guess)?;
-        let Some([later_s, _]) = &mut found.time_offset_s else {
-            return Ok(found);
+        let mut found = calibrate_placed(camera, &placed, &guess, round == 0)?;
+        let later_s = match &mut found.time_offset_s {
+            None => 0.0,
+            Some([later_s, _]) => {
+                let by_s = *later_s;
+                offset_s += by_s;
+                *later_s = offset_s;
+                by_s
+            }
         };
         // Rates are constant for a short time only.
-        let is_final = later_s.abs() < CLOSE_S;
-        offset_s += *later_s;
-        *later_s = offset_s;
-        if is_final {
-            return Ok(found);
+        if later_s.abs() < CLOSE_S {
+            return found.checked(settings);
         }
         if !(offset_s.abs() <= MAX_OFFSET_S) {
-            return Err(CalibrationError::new(
-                format!("the clocks seem to differ by {offset_s:.1} s"),
-                "give the times of frames and poses on one clock, within a second",
-            ));
+            break;
         }
         guess.platform_from_camera = found.platform_from_camera;
     }
+    Err(CalibrationError::new(
+        "no offset of the clocks within a second explains where the target is seen",
+        CONTRADICTED,
+    ))
 }
 
-/// Finds where the camera is, given the platform's poses.
+/// Finds where the camera is, given the platform's poses. `is_rough` says that the guess may be far off.
 fn calibrate_placed(
     camera: &Camera,
     views: &[PlacedView],
     settings: &MountSettings,
+    is_rough: bool,
 ) -> Result<MountCalibration, CalibrationError> {
     if views.len() < 3 {
         return Err(CalibrationError::new(
@@ -196,7 +233,7 @@ fn calibrate_placed(
             .map(|view| vec![true; view.view.correspondences.len()])
             .collect(),
     };
-    let starts = mount.starts(undetermined.unwrap_or(Vector3::z()));
+    let starts = mount.starts(undetermined.unwrap_or(Vector3::z()), is_rough);
     let robust = starts
         .into_iter()
         .map(|start| minimise(start, Loss::Cauchy(2.0), 60))
@@ -224,18 +261,25 @@ fn calibrate_placed(
         *used = inliers.next().unwrap_or(false);
     }
     let (fitted, _) = minimise(robust, Loss::Squares, 100);
-    let found = fitted.finish(undetermined, turned_rad)?;
-    let most_px = check::max_rms_px(settings.size_px);
-    if found.rms_px > most_px {
-        return Err(CalibrationError::new(
+    fitted.finish(undetermined, turned_rad)
+}
+
+impl MountCalibration {
+    /// Returns an error if the target is not seen where it should be.
+    fn checked(self, settings: &MountSettings) -> Result<Self, CalibrationError> {
+        let (width, height) = settings.size_px;
+        let diagonal_px = libm::hypot(width as f64, height as f64);
+        if self.rms_px <= LARGE_PX[0] + LARGE_PX[1] * diagonal_px {
+            return Ok(self);
+        }
+        Err(CalibrationError::new(
             format!(
-                "the best pose leaves {:.1} px between where the target is seen and where it should be",
-                found.rms_px
+                "the best pose leaves {:.1} px between where the target is seen and where it should be, and 0.1 to 0.5 px are usual",
+                self.rms_px
             ),
             CONTRADICTED,
-        ));
+        ))
     }
-    Ok(found)
 }
 
 /// By how much the platform turned between the first view and any other, at most, radians.
@@ -300,10 +344,13 @@ impl Mount<'_> {
         view.world_from_platform * view.rates.times(-self.time_offset_s).pose()
     }
 
-    /// Starts at the given pose of the camera, and at those that the views themselves suggest.
-    fn starts(&self, axis: Vector3<f64>) -> Vec<Self> {
+    /// Starts at the given pose of the camera and, if that is rough, at those that the views themselves suggest.
+    fn starts(&self, axis: Vector3<f64>, is_rough: bool) -> Vec<Self> {
         let mut poses = vec![self.camera_from_platform.inverse()];
-        if let (false, Some(suggested)) = (self.is_point, self.suggested()) {
+        if is_rough
+            && !self.is_point
+            && let Some(suggested) = self.suggested()
+        {
             let axis = Unit::new_normalize(axis);
             poses.extend((0..STARTS).filter_map(|turn| {
                 let angle = std::f64::consts::TAU * f64::from(turn) / f64::from(STARTS);

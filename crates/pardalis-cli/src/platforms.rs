@@ -7,8 +7,8 @@ use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use pardalis::Tracker;
 use pardalis::camera::{Pose, RigidMotion};
 use pardalis::platform::{
-    Increment, MAX_EXTRAPOLATION_S, OdometryErrors, Platform, PlatformCounts, PoseCovariance,
-    StampedPose,
+    Increment, MAX_EXTRAPOLATION_S, MAX_GAP_S, OdometryErrors, Platform, PlatformCounts,
+    PoseCovariance, StampedPose,
 };
 use pardalis::tracker::PlatformId;
 use pardalis_scene::{PlatformConfig, PlatformMotion};
@@ -27,6 +27,9 @@ const MAX_BYTES: u64 = 1 << 30;
 
 /// Rows further apart than this many typical intervals have others missing between them.
 const MISSING_INTERVALS: f64 = 1.5;
+
+/// The columns of files of poses.
+const POSE_COLUMNS: &str = "time_s,x_m,y_m,z_m,qx,qy,qz,qw or time_s,x_m,y_m,heading_rad";
 
 /// The names of the axes in the names of covariances.
 const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
@@ -78,7 +81,21 @@ impl PlatformRows {
                 (read_odometry(&path, offset_s, start)?, *errors)
             }
         };
-        check(&path, &rows, errors)?;
+        let late = check(&path, &rows, errors)?;
+        if 2 * late > rows.len() {
+            return Err(user_error!(
+                "{}: {late} of {} rows are not later than those before; sort the file by time",
+                path.display(),
+                rows.len()
+            ));
+        }
+        let times_s: Vec<f64> = rows.iter().map(|(motion, _)| motion.time_s()).collect();
+        if let Some(interval_s) = typical_interval_s(&times_s).filter(|s| *s > MAX_GAP_S) {
+            return Err(user_error!(
+                "{}: its rows are {interval_s} s apart, and more than {MAX_GAP_S} s say nothing about what is between; times are in seconds: are these milliseconds?",
+                path.display()
+            ));
+        }
         Ok(Self {
             name: config.name.clone(),
             path,
@@ -116,7 +133,7 @@ impl PlatformRows {
             && first_s - MAX_EXTRAPOLATION_S <= frames.last_s;
         (!is_near).then(|| {
             format!(
-                "{}: is of {first_s} to {last_s} s, and the frames are of {} to {} s; give the motion during the frames, \
+                "{}: covers {first_s} to {last_s} s, and the frames {} to {} s; give the motion during the frames in seconds, \
                  or set platforms.{}.time_offset_s if the clocks differ",
                 self.path.display(),
                 frames.first_s,
@@ -152,15 +169,29 @@ impl PlatformRows {
         if counts.jumps > 0 {
             let jumps = counted(counts.jumps as u64, "jump");
             let consequence = if matches!(self.rows.last(), Some(Motion::Pose(_))) {
-                "known targets were moved with the platform"
+                "known targets kept their places relative to the platform"
             } else {
                 "these increments were ignored"
             };
             warnings.push(format!(
-                "{place}: {jumps} in {file} that no motion explains; {consequence}"
+                "{place}: {jumps} in {file} that no motion explains; {consequence}; are positions in metres and angles in radians?"
+            ));
+        }
+        if self.is_upside_down() {
+            warnings.push(format!(
+                "{place}: {file} has the platform upside down in every pose; quaternions have w last: qx, qy, qz, qw"
             ));
         }
         warnings
+    }
+
+    /// Reports whether the platform's z axis points down in every pose.
+    fn is_upside_down(&self) -> bool {
+        let is_down = |motion: &Motion| match motion {
+            Motion::Pose(pose) => pose.world_from_platform.rotation[(2, 2)] < -0.5,
+            Motion::Increment(_) => false,
+        };
+        self.rows.iter().all(is_down)
     }
 }
 
@@ -219,14 +250,14 @@ pub(crate) fn tell(
     Ok(())
 }
 
-/// Tells a platform these rows of a file, which come with their lines, to see whether it takes them.
-fn check(path: &Path, rows: &[(Motion, u64)], errors: OdometryErrors) -> Result<()> {
+/// Tells a platform these rows of a file, which come with their lines, to see whether it takes them. Returns how many are late.
+fn check(path: &Path, rows: &[(Motion, u64)], errors: OdometryErrors) -> Result<usize> {
     let mut platform = Platform::new(errors)?;
     for (motion, line) in rows {
         let told = motion.tell(&mut platform);
         told.map_err(|error| user_error!("{}, line {line}: {error}", path.display()))?;
     }
-    Ok(())
+    Ok(platform.counts().late)
 }
 
 /// Reads any bytes as a file of poses or of odometry. Returns the number of rows that a platform takes.
@@ -262,6 +293,17 @@ impl<'n> ErrorColumns<'n> {
     /// Finds the columns. Errors: some of them are missing.
     fn of(table: &Table, names: &'n [String]) -> Result<Self> {
         let sigmas = ["sigma_m", "sigma_rad"];
+        let is_error = |column: &&str| column.starts_with("sigma") || column.starts_with("cov");
+        let is_known = |column: &&str| sigmas.contains(column) || names.iter().any(|n| n == column);
+        let mut columns = table.header().filter(is_error);
+        if let Some(unknown) = columns.find(|column| !is_known(column)) {
+            return Err(user_error!(
+                "{}, line 1: column \"{unknown}\" is unknown; allowed: sigma_m and sigma_rad, or {} to {}, the upper triangle",
+                table.path().display(),
+                names[0],
+                names[names.len() - 1]
+            ));
+        }
         if sigmas
             .iter()
             .any(|name| table.optional_column(name).is_some())
@@ -363,14 +405,29 @@ fn poses_in(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>
         return read_tum(path, text, offset_s);
     }
     let table = Table::from_reader(path, text.as_bytes())?;
+    let found = || table.header().collect::<Vec<_>>().join(",");
+    if table.optional_column("time_s").is_none() || table.optional_column("x_m").is_none() {
+        return Err(user_error!(
+            "{}, line 1: needed are the columns {POSE_COLUMNS}, or numbers without a header in the format of the TUM benchmark; found: {}",
+            path.display(),
+            found()
+        ));
+    }
     let time = table.column("time_s")?;
     let heading = table.optional_column("heading_rad");
     let quaternion = match heading {
+        Some(_) if table.optional_column("qw").is_some() => {
+            return Err(user_error!(
+                "{}, line 1: has heading_rad and quaternions, which may differ; keep one of them",
+                path.display()
+            ));
+        }
         Some(_) => None,
         None => Some(table.columns(["qx", "qy", "qz", "qw"]).map_err(|_| {
             user_error!(
-                "{}, line 1: has neither the columns qx,qy,qz,qw nor heading_rad; needed: time_s,x_m,y_m,z_m,qx,qy,qz,qw or time_s,x_m,y_m,heading_rad",
-                path.display()
+                "{}, line 1: has neither the columns qx,qy,qz,qw nor heading_rad; needed: {POSE_COLUMNS}; found: {}",
+                path.display(),
+                found()
             )
         })?),
     };

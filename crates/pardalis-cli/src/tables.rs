@@ -277,6 +277,16 @@ impl Table {
         Ok(table)
     }
 
+    /// Returns the names of the columns.
+    pub(crate) fn header(&self) -> impl Iterator<Item = &str> {
+        self.header.iter()
+    }
+
+    /// Returns the file.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Returns a required column.
     pub(crate) fn column<'n>(&self, name: &'n str) -> Result<Column<'n>> {
         self.optional_column(name).ok_or_else(|| {

@@ -180,7 +180,9 @@ impl Scene {
                 CameraConfig::read(name, table, &platform_names, read_calibration)
             })
             .collect();
-        warn_of_empty_platforms(table, &platform_names, &cameras);
+        if cameras.len() == camera_names.len() {
+            check_platforms(table, &platform_names, &cameras);
+        }
         let names = CameraNames::new(camera_names, &cameras);
         let about = "The targets, each by its name.";
         let targets: Vec<_> = table
@@ -202,8 +204,8 @@ impl Scene {
     }
 }
 
-/// Warns of platforms that carry no camera.
-fn warn_of_empty_platforms(root: &Table, platforms: &[String], cameras: &[CameraConfig]) {
+/// Reports platforms that carry no camera.
+fn check_platforms(root: &Table, platforms: &[String], cameras: &[CameraConfig]) {
     for platform in platforms {
         if !cameras
             .iter()
@@ -212,7 +214,7 @@ fn warn_of_empty_platforms(root: &Table, platforms: &[String], cameras: &[Camera
             let message = format!(
                 "{platform} carries no camera; give platform = \"{platform}\" in the tables of its cameras"
             );
-            root.warn("platforms", message);
+            root.problem("platforms", message);
         }
     }
 }

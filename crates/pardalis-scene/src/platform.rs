@@ -70,14 +70,15 @@ impl PlatformConfig {
         let drift_sigma_deg_per_m = table
             .key(
                 "drift_sigma_deg_per_m",
-                "Standard deviation of the turn that the odometry does not show, per metre of way.",
+                "Standard deviation of the turn that the odometry does not measure, per metre driven.",
             )
+            .unit("degrees/m")
             .within(0.0..=57.0)
             .or(DRIFT_SIGMA_DEG_PER_M);
         let tilt_sigma_deg = table
             .key(
                 "tilt_sigma_deg",
-                "Standard deviation of pitch and roll that the odometry does not show: of uneven ground, or when it brakes.",
+                "Standard deviation of pitch and roll, which the odometry does not measure: of uneven ground, or when it brakes.",
             )
             .within(0.0..=57.0)
             .or(TILT_SIGMA_DEG);

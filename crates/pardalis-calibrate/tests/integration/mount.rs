@@ -190,6 +190,19 @@ fn a_ball_at_rest_will_do_with_a_guess() {
 }
 
 #[test]
+fn clocks_may_differ_by_a_third_of_a_second() {
+    let wheels = |t| robot(t, true);
+    let views = views(&board(), &standing(), wheels, 0.1);
+    for late_s in [-0.35, 0.35] {
+        let found = calibrated(&views, wheels, late_s, mounted()).unwrap();
+        let [offset_s, _] = found.time_offset_s.unwrap();
+        assert!((offset_s + late_s).abs() < 1e-3, "{offset_s}");
+        let (off_mm, off_mrad) = off(&found.platform_from_camera);
+        assert!(off_mm[0].abs() < 3.0 && off_mm[1].abs() < 3.0 && off_mrad < 1.5);
+    }
+}
+
+#[test]
 fn deviations_are_those_of_repeated_calibrations() {
     let mut squares = 0.0;
     let mut count = 0.0;

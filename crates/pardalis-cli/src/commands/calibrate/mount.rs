@@ -13,7 +13,7 @@ use pardalis_calibrate::{
 };
 use pardalis_camera::CalibratedCamera;
 use pardalis_scene::calibration::{self, CalibrationFormat};
-use pardalis_scene::{CameraConfig, Scene};
+use pardalis_scene::{CameraConfig, PlatformConfig, PlatformMotion, Scene};
 
 use super::output;
 use crate::board::parse_board;
@@ -39,10 +39,14 @@ const CLOCK_S: f64 = 1e-3;
 
 /// Finds where a camera is on a robot, a pan-tilt head or an arm, from a board or a target at rest
 ///
-/// Needs a scene with a platform that carries the camera, and a recording in which the platform turns and drives
-/// while the board, or the scene's target, is at rest and in view. The scene's platform_from_camera is a first guess,
-/// which for a board may be wrong in all but the height; for a target it must be right to about 20 degrees. Also
-/// estimates the offset between the clocks of frames and poses.
+/// Needs a scene with a platform that carries the camera, and a recording of 10 seconds or more in which the board,
+/// or the scene's target, is at rest and in view, while the platform turns by 30 degrees or more in both directions and
+/// drives nearer and farther away. The scene's platform_from_camera is a first guess. For a board it may be anything,
+/// except for the height if the platform turns about its vertical axis only; for a target it must be right to about 20
+/// degrees and half a metre. Also estimates the offset between the clocks of frames and poses, up to half a second.
+///
+/// Prints platform_from_camera with standard deviations and the clock's offset, as lines for the scene, and writes
+/// camera.toml: a calibration with the camera's pose on the platform.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   pardalis calibrate mount scene.toml --board checkerboard:9x6:0.025
@@ -51,7 +55,7 @@ pub(crate) struct Arguments {
     /// The scene
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// The board that is at rest, as for `calibrate board`; without it, a target is
+    /// The board that is at rest, as for `calibrate board`; without --board, the target must be at rest
     #[arg(long, value_name = "BOARD", conflicts_with = "target")]
     board: Option<String>,
     /// The target that is at rest, if the scene has several
@@ -296,6 +300,12 @@ fn report(scene: &Scene, config: &CameraConfig, found: &MountCalibration, views:
             "The platform turned about one axis only, ({x:.2}, {y:.2}, {z:.2}). Its position along this axis cannot be seen from that, and is kept: measure it."
         );
     }
+    let is_odometry = |p: &&PlatformConfig| {
+        p.name == platform && matches!(p.motion, PlatformMotion::Odometry(..))
+    };
+    if scene.platforms.iter().any(|p| is_odometry(&p)) {
+        text += "Errors of the odometry are not part of the deviations above.\n";
+    }
     let rows = now.to_homogeneous();
     let _ = writeln!(text, "\n[cameras.{name}]\nplatform_from_camera = [");
     for row in rows.row_iter() {
@@ -311,7 +321,7 @@ fn report(scene: &Scene, config: &CameraConfig, found: &MountCalibration, views:
         let before_s = configured.map_or(0.0, |platform| platform.time_offset_s);
         let _ = write!(
             text,
-            "\n\n# The clocks differ by {offset_s:.4} ± {sigma_s:.4} s.\n[platforms.{platform}]\ntime_offset_s = {:.4}",
+            "\n\n# In place of {before_s}: the clocks differ by another {offset_s:.4} ± {sigma_s:.4} s.\n[platforms.{platform}]\ntime_offset_s = {:.4}",
             before_s + offset_s
         );
     }
