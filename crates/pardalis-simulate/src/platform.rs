@@ -32,7 +32,7 @@ pub struct OdometrySettings {
     pub scale_error: f64,
     /// Standard deviation of an additional random share, which is constant for the platform.
     pub scale_error_sigma: f64,
-    /// Turn to the left that is added per metre of way, radians.
+    /// Turn to the left that is added per metre driven, radians.
     pub drift_rad_per_m: f64,
     /// Standard deviation of an additional random drift, which is constant for the platform, radians per metre.
     pub drift_sigma_rad_per_m: f64,

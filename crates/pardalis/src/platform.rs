@@ -89,8 +89,8 @@ impl PoseCovariance {
         &self.0
     }
 
-    /// Returns the covariance, in m², of the place in the world of a point that is at rest on the platform: of errors of the platform's position
-    /// and, in proportion to the distance from it, of its rotation. All are in metres in the world frame.
+    /// Returns the covariance, in m², of the position of a point that is fixed on the platform. It is due to errors of the platform's position and, in
+    /// proportion to the distance of the point, of its rotation. Positions are in metres in the world frame.
     pub fn of_point_m2(&self, platform_m: &Vector3<f64>, point_m: &Vector3<f64>) -> Matrix3<f64> {
         let turned = -(point_m - platform_m).cross_matrix();
         let of_position = self.0.fixed_view::<3, 3>(0, 0);
@@ -136,7 +136,7 @@ pub struct Increment {
 pub struct OdometryErrors {
     /// The standard deviation of the scale of distances and turns, 0.02 for 2 %.
     pub scale_sigma: f64,
-    /// The standard deviation of a turn about the platform's z axis that is not in the odometry, radians per metre of way.
+    /// The standard deviation of a turn about the platform's z axis that the odometry does not measure, radians per metre driven.
     pub drift_sigma_rad_per_m: f64,
     /// The standard deviation of pitch and roll that the odometry does not show, radians: of uneven ground, or when it brakes. They do not add up.
     pub tilt_sigma_rad: f64,

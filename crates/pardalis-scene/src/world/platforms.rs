@@ -93,15 +93,17 @@ fn read_odometry(table: &Table) -> OdometrySettings {
     let drift_deg_per_m: f64 = table
         .key(
             "drift_deg_per_m",
-            "Turn to the left that it adds per metre of way.",
+            "Turn to the left that it adds per metre driven.",
         )
+        .unit("degrees/m")
         .within(-90.0..=90.0)
         .or(default.drift_rad_per_m);
     let drift_sigma_deg_per_m: f64 = table
         .key(
             "drift_sigma_deg_per_m",
-            "Standard deviation of an additional random turn per metre, which is constant for the platform.",
+            "Standard deviation of an additional random turn per metre driven, which is constant for the platform.",
         )
+        .unit("degrees/m")
         .within(0.0..=30.0)
         .or(default.drift_sigma_rad_per_m);
     let sigma = |key, about| table.key(key, about).within(0.0..=1.0).or(0.0);

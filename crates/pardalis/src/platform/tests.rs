@@ -29,6 +29,16 @@ fn increment(from_s: f64, to_s: f64) -> Increment {
     }
 }
 
+/// Drives along the arc for 2 s, with 50 increments.
+fn drive(platform: &mut Platform) {
+    for step in 0..50 {
+        let [from_s, to_s] = [step, step + 1].map(|step| 0.04 * f64::from(step));
+        platform
+            .observe_increment(&increment(from_s, to_s))
+            .unwrap();
+    }
+}
+
 fn platform() -> Platform {
     Platform::new(OdometryErrors::default()).unwrap()
 }
@@ -91,12 +101,7 @@ fn increments_add_up_from_a_start() {
     let start = Pose::from_parts([1.0, 2.0, 0.0].into(), Rotation3::new(Vector3::z()));
     let mut platform = platform();
     platform.observe_pose(&stamped(0.0, start)).unwrap();
-    for step in 0..50 {
-        let [from_s, to_s] = [step, step + 1].map(|step| 0.04 * f64::from(step));
-        platform
-            .observe_increment(&increment(from_s, to_s))
-            .unwrap();
-    }
+    drive(&mut platform);
     let state = platform.state_at(2.0).unwrap();
     let [off_m, off_rad] = apart(&state.world_from_platform, &(start * on_arc(2.0)));
     assert!(off_m < 1e-9 && off_rad < 1e-9, "{off_m} {off_rad}");
@@ -124,12 +129,7 @@ fn errors_that_increments_share_add_up_as_perturbed_odometry_does() {
         tilt_sigma_rad: 0.0,
     };
     let mut platform = Platform::new(errors).unwrap();
-    for step in 0..50 {
-        let [from_s, to_s] = [step, step + 1].map(|step| 0.04 * f64::from(step));
-        platform
-            .observe_increment(&increment(from_s, to_s))
-            .unwrap();
-    }
+    drive(&mut platform);
     let found = platform.state_at(2.0).unwrap();
     let truth = on_arc(2.0);
     let mut expected = Matrix6::zeros();
@@ -159,12 +159,7 @@ fn tilts_do_not_add_up() {
         tilt_sigma_rad: 0.01,
     };
     let mut platform = Platform::new(errors).unwrap();
-    for step in 0..50 {
-        let [from_s, to_s] = [step, step + 1].map(|step| 0.04 * f64::from(step));
-        platform
-            .observe_increment(&increment(from_s, to_s))
-            .unwrap();
-    }
+    drive(&mut platform);
     let covariance = platform.state_at(2.0).unwrap().covariance.0;
     let expected = Vector6::new(0.0, 0.0, 0.0, 1e-4, 1e-4, 0.0);
     assert!((covariance - Matrix6::from_diagonal(&expected)).amax() < 1e-12);

@@ -35,7 +35,7 @@ impl TrackerBuilder {
         CameraId::new(self.views.len() - 1)
     }
 
-    /// Adds a moving platform: a robot, a pan-tilt head, an arm. Where it is, [`Tracker::observe_pose`] and [`Tracker::observe_increment`] are told.
+    /// Adds a moving platform: a robot, a pan-tilt head, an arm. Report its motion with [`Tracker::observe_pose`] or [`Tracker::observe_increment`].
     pub fn platform(&mut self, platform: Platform) -> PlatformId {
         self.carriers.add(platform)
     }

@@ -1,10 +1,10 @@
-//! The platforms that carry cameras: places the cameras at the time of each frame set, and says how uncertain the world is because of them.
+//! The platforms that carry cameras: sets the poses of these cameras at the time of each frame set, and computes how uncertain positions in the world are because of the platforms.
 
 use nalgebra::{Matrix3, Vector3};
 use pardalis_camera::Pose;
 
 use super::PlatformId;
-use crate::platform::Platform;
+use crate::platform::{Platform, PlatformState};
 use crate::view::{CameraMotion, View};
 use pardalis_core::Error;
 
@@ -19,7 +19,7 @@ pub(super) struct Carriers {
 #[derive(Debug, Clone)]
 struct Carrier {
     platform: Platform,
-    state: Option<crate::platform::PlatformState>,
+    state: Option<PlatformState>,
     /// Frame sets at whose time it had no pose.
     unplaced: usize,
 }

@@ -388,8 +388,8 @@ impl Tracker {
         Ok(Observed::Used)
     }
 
-    /// Moves cameras on platforms to where they are at the time of the set, and what is known of targets with the world where poses jumped. Returns the set
-    /// without the frames of cameras of which that is not known, if there are any.
+    /// Moves cameras on platforms to their poses at the time of the set. If a platform's pose jumped, moves the estimates of targets along with it. Returns the set without
+    /// the frames of cameras whose pose is unknown, if there are any.
     fn place_cameras(&mut self, set: &FrameSet) -> Option<FrameSet> {
         if self.carriers.is_empty() {
             return None;

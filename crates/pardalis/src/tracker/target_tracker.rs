@@ -95,7 +95,7 @@ impl TargetTracker {
         }
     }
 
-    /// Moves what is known of the body with the world, whose places at a time in seconds are elsewhere now.
+    /// Moves the body's estimate, which is of a time in seconds, to another world frame.
     pub(super) fn move_world(&mut self, now_from_before: &Pose, time_s: f64) {
         let estimate = self.estimate(0.0);
         if let Some(known) = &estimate.kinematics {
