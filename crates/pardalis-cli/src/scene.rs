@@ -7,7 +7,7 @@ use anyhow::Result;
 use pardalis::color::ColorModel;
 use pardalis::likelihood::{Cue, CueSettings};
 use pardalis::start::Start;
-use pardalis::tracker::{BodySettings, PlatformId, TargetSettings};
+use pardalis::tracker::{BodySettings, PlatformId};
 use pardalis::view::View;
 use pardalis::{TargetId, Tracker};
 use pardalis_camera::CalibratedCamera;
@@ -423,9 +423,7 @@ impl Parts {
             return Err(problems_in("scene", path, &self.problems));
         }
         let of_target = |(bodies, target): (Vec<Option<BodySettings>>, &TargetConfig)| {
-            let mut settings = TargetSettings::of_landmarks(bodies.into_iter().flatten().collect());
-            settings.heading = target.heading;
-            settings
+            target.settings(bodies.into_iter().flatten().collect())
         };
         let targets = self.targets.into_iter().zip(&self.scene.targets);
         let targets: Vec<_> = targets.map(of_target).collect();

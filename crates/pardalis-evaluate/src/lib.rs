@@ -6,6 +6,7 @@
 //! | Do confidences equal the observed frequencies? | [`reliability`] |
 //! | Do the track's states follow occlusions? | [`states`] |
 //! | Which track follows which object, and do they swap? | [`assign`], [`identities`], [`ends_on_another`] |
+//! | How well do any number of tracks follow any number of objects? | [`crowd`] |
 //!
 //! # Example
 //!
@@ -40,6 +41,7 @@
 mod assignment;
 mod bootstrap;
 mod course;
+mod crowd;
 mod distribution;
 mod finding;
 mod heading;
@@ -50,6 +52,7 @@ mod states;
 mod summary;
 
 pub use course::Course;
+pub use crowd::{Crowd, CrowdObject, crowd};
 pub use distribution::{Distribution, MeanSd};
 pub use heading::Heading;
 pub use identity::{Identities, assign, ends_on_another, identities};

@@ -190,6 +190,7 @@ impl Scene {
             .into_iter()
             .filter_map(|(name, table)| TargetConfig::read(name, table, &names))
             .collect();
+        check_crowds(table, &targets);
         warn_of_line_delays(table, &cameras, &targets);
         let max_delay_s = timing::read_max_delay_s(table, names.all.len());
         Self {
@@ -215,6 +216,43 @@ fn check_platforms(root: &Table, platforms: &[String], cameras: &[CameraConfig])
                 "{platform} carries no camera; give platform = \"{platform}\" in the tables of its cameras"
             );
             root.problem("platforms", message);
+        }
+    }
+}
+
+/// Reports targets that have the name of a member of a crowd.
+fn check_crowds(root: &Table, targets: &[TargetConfig]) {
+    for crowd in targets.iter().filter(|target| target.crowd.is_some()) {
+        let is_member = |target: &&TargetConfig| {
+            let rest = target.name.strip_prefix(&crowd.name);
+            let number = rest.and_then(|rest| rest.strip_prefix('-'));
+            number.is_some_and(|number| number.parse::<u32>().is_ok())
+        };
+        if let Some(target) = targets.iter().find(is_member) {
+            root.problem(
+                "targets",
+                format!(
+                    "name a target {}, which is the name of a member of the crowd {}; give it another name",
+                    target.name, crowd.name
+                ),
+            );
+        }
+        let is_alike = |other: &&TargetConfig| {
+            let (body, own) = (&other.bodies[0], &crowd.bodies[0]);
+            let file =
+                |colors: &Option<Located<String>>| colors.as_ref().map(|file| file.value.clone());
+            other.name != crowd.name
+                && body.shape == own.shape
+                && file(&body.colors) == file(&own.colors)
+        };
+        if let Some(target) = targets.iter().find(is_alike) {
+            root.warn(
+                "targets",
+                format!(
+                    "{} looks like the crowd {}: the same shape and colours; each is found by whichever searches first",
+                    target.name, crowd.name
+                ),
+            );
         }
     }
 }

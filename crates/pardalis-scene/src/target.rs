@@ -14,6 +14,7 @@ use pardalis::shape::Shape;
 use pardalis::start::Start;
 use pardalis::tracker::{
     BodySettings, DetectedSettings, ExistenceSettings, InitializedSettings, Region, SizeTolerance,
+    TargetSettings,
 };
 use pardalis_core::Error;
 use pardalis_filter::bernoulli::check_motion;
@@ -30,6 +31,19 @@ pub struct TargetConfig {
     pub bodies: Vec<BodyConfig>,
     /// The indices of its landmarks `front` and `rear`, if it has both.
     pub heading: Option<[usize; 2]>,
+    /// If there may be any number of them, the most that are tracked at once.
+    pub crowd: Option<usize>,
+}
+
+/// How many targets of a kind there are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Count {
+    One,
+    Any,
+}
+
+impl Word for Count {
+    const WORDS: &'static [(&'static str, Self)] = &[("one", Self::One), ("any", Self::Any)];
 }
 
 /// The body of a target, or one of its landmarks.
@@ -194,13 +208,59 @@ impl TargetConfig {
         } else {
             (vec![body(name.clone(), &table, shape)], None)
         };
+        let crowd = read_crowd(&table, has_landmarks, shared.as_ref());
         table.finish();
         Some(Self {
             name,
             bodies: bodies.into_iter().collect::<Option<_>>()?,
             heading,
+            crowd,
         })
     }
+
+    /// Returns its settings, given those of its bodies.
+    pub fn settings(&self, bodies: Vec<BodySettings>) -> TargetSettings {
+        if let ([BodySettings::Detected(body)], Some(most)) = (&bodies[..], self.crowd) {
+            return TargetSettings::crowd(body.clone(), most);
+        }
+        let mut settings = TargetSettings::of_landmarks(bodies);
+        settings.heading = self.heading;
+        settings
+    }
+}
+
+/// Reads how many of the target there are; if any number, returns the most at once.
+fn read_crowd(table: &Table, has_landmarks: bool, shared: Option<&Shared>) -> Option<usize> {
+    let count = table
+        .key("count", "How many there are: one, or any number that look alike, a crowd; for a known number, give one target for each. Each member of a crowd has rows of its own while it is there: `NAME-1`, `NAME-2` and so on, in the order in which they are found.")
+        .word(Count::One);
+    let most = table
+        .key("max_count", "The most members of a crowd at once. More cost time, if there are as many things that look like the target.")
+        .within(1.0..=1000.0)
+        .or(TargetSettings::MOST);
+    if count != Some(Count::Any) {
+        if table.has("max_count") && !table.is_describing() {
+            table.problem(
+                "max_count",
+                "is only for count = \"any\"; add that, or remove it",
+            );
+        }
+        return None;
+    }
+    if has_landmarks && !table.is_describing() {
+        table.problem("count", "is \"any\", but a crowd has no landmarks; give count = \"one\", or a target without landmarks");
+    }
+    match shared {
+        _ if table.has("start") && !table.is_describing() => {
+            table.problem("count", "is \"any\", but a start is that of one target; remove start, or give one target for each");
+        }
+        Some(Shared::Initialized { .. }) => {
+            let message = "is \"any\", but the published cues follow one target from its start; remove them, so that the targets are detected";
+            table.problem("count", message);
+        }
+        _ => {}
+    }
+    Some(most)
 }
 
 /// Returns the landmarks `front` and `rear`, which a heading needs.

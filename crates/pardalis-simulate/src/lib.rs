@@ -44,6 +44,7 @@
 //!         tilt_rad: 0.0,
 //!         spin_rad_per_s: 0.0,
 //!         is_target: true,
+//!         crowd: None,
 //!     }],
 //!     platforms: vec![],
 //!     cameras: vec![WorldCamera {
@@ -190,6 +191,15 @@ pub struct Object {
     pub spin_rad_per_s: f64,
     /// Whether the object is a target: the scene tracks it, and its colours are learnt.
     pub is_target: bool,
+    /// The crowd of objects that look alike of which a target is a member: the scene tracks that.
+    pub crowd: Option<String>,
+}
+
+impl Object {
+    /// Returns the name of the target of the scene that this object is, or one of.
+    pub fn target_name(&self) -> &str {
+        self.crowd.as_deref().unwrap_or(&self.name)
+    }
 }
 
 /// Motion of an object.

@@ -145,7 +145,8 @@ fn search_image(prepared: &PreparedFrame, colors: &ColorModel) -> BlobSearch {
     counts.count(prepared, colors.palette(), &correction, 1);
     counts.color_posterior(colors, &mut posterior);
     let mut search = BlobSearch::default();
-    search.find(prepared, colors.palette(), &posterior, None, &correction);
+    let colors = (colors.palette(), None);
+    search.find(prepared, colors, &posterior, &correction, |_| false);
     search
 }
 
@@ -193,14 +194,15 @@ impl BlobSearch {
         self.left_out.as_ref()
     }
 
-    /// Finds the blobs of pixels with a high posterior within these ranges, for which the frame was prepared. Returns them largest first.
+    /// Finds the blobs of pixels with a high posterior within these ranges, for which the frame was prepared, except of pixels that are taken. Returns them largest
+    /// first.
     pub(crate) fn find(
         &mut self,
         prepared: &PreparedFrame,
-        palette: Palette,
+        (palette, ranges): (Palette, Option<ColorRanges>),
         posterior: &[f64],
-        ranges: Option<ColorRanges>,
         correction: &IlluminationCorrection,
+        is_taken: impl Fn([f32; 2]) -> bool,
     ) -> &[Blob] {
         let frame = prepared.frame();
         let table = prepared.table(palette);
@@ -229,6 +231,9 @@ impl BlobSearch {
                 *matching = *matching
                     && in_ranges.matches(correction.bytes(components(i % width, i / width))) == 1;
             });
+        }
+        for (i, matching) in matching.iter_mut().enumerate() {
+            *matching = *matching && !is_taken([(i % width) as f32, (i / width) as f32]);
         }
         let bins = std::mem::take(bins);
         self.connect((width, height), is_open, |i| {

@@ -144,6 +144,8 @@ fn check_moving() {
 fn check_look_alikes() {
     let picture = |index: usize| open(&format!("dioptric-two-balls/frames/{index:06}.jpg"));
     let sets = sets(FPS, 0..78, |index| vec![picture(index)]);
+    let crowd = TargetSettings::crowd(detected_ball(), 4);
+    check("a crowd", vec![fisheye_view()], vec![crowd], &sets, 12);
     let balls = [detected_ball(), detected_ball()].map(TargetSettings::from);
     let estimates = check("two balls", vec![fisheye_view()], balls.into(), &sets, 12);
     let positions_m = estimates

@@ -12,7 +12,9 @@ use crate::output::{note, print};
 use crate::platforms;
 use crate::tracking::agreement;
 use crate::tracking::radius::EstimatedRadius;
-use crate::tracking::{self, Annotate, CameraRecord, Limit, Options, Output, Previous, Run};
+use crate::tracking::{
+    self, Annotate, CameraRecord, CrowdCounts, Limit, Options, Output, Previous, Run,
+};
 use crate::user_error::user_error;
 
 /// Fewer frames in which a camera does not see what others see say nothing. Hand-set: a second.
@@ -375,15 +377,33 @@ pub(crate) fn summary(run: &Run) -> String {
     }
     let targets = run.open.scene.targets.iter().zip(run.series.states());
     for (number, (target, states)) in targets.enumerate() {
-        let _ = writeln!(
-            text,
-            "{}: {} tracked, {} occluded, {} lost, {} searching",
-            target.name,
-            counted(states.tracking as u64, "frame"),
-            states.occluded,
-            states.lost,
-            states.searching
+        let frames = counted(states.tracking as u64, "frame");
+        let (name, others) = (
+            &target.name,
+            [states.occluded, states.lost, states.searching],
         );
+        let [occluded, lost, searching] = others;
+        let _ = if target.crowd.is_some() {
+            let CrowdCounts {
+                found,
+                most_at_once,
+            } = run.series.crowds()[number];
+            let is_full = target.crowd.is_some_and(|most| most_at_once >= most);
+            let limit = if is_full {
+                " (max_count: there may be more)"
+            } else {
+                ""
+            };
+            writeln!(
+                text,
+                "{name}: found {found}, at most {most_at_once} at once{limit}; {frames} with any of them tracked, {occluded} with all occluded, {lost} with all lost, {searching} with none"
+            )
+        } else {
+            writeln!(
+                text,
+                "{name}: {frames} tracked, {occluded} occluded, {lost} lost, {searching} searching"
+            )
+        };
         for radius in radii(run, number) {
             let _ = writeln!(text, "  {}: radius {radius}", radius.key);
         }

@@ -1,5 +1,7 @@
 //! Estimates drawn over the image that they were computed from.
 
+use std::borrow::Cow;
+
 use pardalis_images::RgbImage;
 use tiny_skia::{
     FillRule, LineCap, LineJoin, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, StrokeDash,
@@ -43,7 +45,7 @@ pub(crate) struct Note {
     /// The middle of the cross, as for [`Mark`].
     pub(crate) at_px: [f64; 2],
     /// The text.
-    pub(crate) text: &'static str,
+    pub(crate) text: Cow<'static, str>,
     /// The colour of the cross.
     pub(crate) color: Rgb,
 }
@@ -364,7 +366,7 @@ fn draw_notes(canvas: &mut Pixmap, notes: &[Note]) {
         }
         let later = &strips[number + 1..];
         if !later.iter().any(|other| other.covers(strip)) {
-            strip.draw(canvas, note.text);
+            strip.draw(canvas, &note.text);
         }
     }
 }
@@ -381,7 +383,7 @@ impl NoteStrip {
     fn of(canvas: &Pixmap, note: &Note) -> Self {
         let text_px = (canvas.width() as f32 / 60.0).clamp(9.0, 18.0);
         let [x, y] = View::WHOLE.canvas_from_image(note.at_px).map(|c| c as f32);
-        let width = text_px * (width_em(note.text) + 0.4);
+        let width = text_px * (width_em(&note.text) + 0.4);
         let right = x + 0.6 * text_px;
         let left = x - 0.6 * text_px - width;
         let fits = right + width < canvas.width() as f32 || left < 0.0;

@@ -91,7 +91,7 @@ fn points_far_outside_or_not_finite_are_harmless() {
         for u in wild {
             let note = |at_px| Note {
                 at_px,
-                text: "wild",
+                text: "wild".into(),
                 color: [255; 3],
             };
             let overlay = Overlay {
@@ -116,7 +116,7 @@ fn a_note_is_a_cross_with_its_text_to_the_right() {
     let overlay = Overlay {
         notes: vec![Note {
             at_px: [40.0, 30.0],
-            text: "too-far",
+            text: "too-far".into(),
             color: [255, 0, 0],
         }],
         ..mark(Shape::Line, vec![], [0; 3])
@@ -223,9 +223,9 @@ fn dashes_have_gaps() {
 
 #[test]
 fn of_notes_that_overlap_the_last_keeps_its_text() {
-    let note = |at_px, text| Note {
+    let note = |at_px, text: &'static str| Note {
         at_px,
-        text,
+        text: text.into(),
         color: [255, 0, 0],
     };
     let drawn = |notes| {

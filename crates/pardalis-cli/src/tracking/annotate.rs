@@ -1,6 +1,6 @@
 //! Annotated frames: estimates drawn over the image that they were computed from.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,8 @@ use pardalis_filter::Particles;
 use pardalis_filter::estimate::StateEstimate;
 use pardalis_scene::{BodyConfig, Scene, TargetConfig, TrackingConfig};
 
-use super::{Annotate, Instant, Options, Sink};
+use super::series::Key;
+use super::{Annotate, Instant, Options, Sink, Tracked};
 use crate::draw::PALETTE;
 use crate::draw::overlay::{Mark, Note, Overlay, Shape, Zoomed, annotated};
 use crate::draw::picture::{picture_of, write_picture};
@@ -79,8 +80,8 @@ pub(crate) struct Annotator {
     targets: Vec<TargetConfig>,
     has_trails: bool,
     has_candidates: bool,
-    /// The trail of each target.
-    trails: Vec<Trail>,
+    /// The trail of each target, and of each member of a crowd that is there.
+    trails: BTreeMap<Key, Trail>,
 }
 
 impl Annotator {
@@ -109,7 +110,7 @@ impl Annotator {
             targets: scene.targets.clone(),
             has_trails: options.annotate == Annotate::Trails,
             has_candidates: options.explain,
-            trails: vec![VecDeque::new(); scene.targets.len()],
+            trails: BTreeMap::new(),
         })
     }
 
@@ -122,23 +123,27 @@ impl Annotator {
     /// white and those of the mean in black, as in the paper; the black ones wider, so that they show where both agree.
     fn marks(&self, instant: &Instant, view: &View) -> Result<Vec<Mark>> {
         let mut marks = Vec::new();
-        for (number, estimate) in instant.estimates.iter().enumerate() {
-            let color = PALETTE[number % PALETTE.len()];
-            push_trail(&mut marks, &self.trails[number], view, color);
-            let target = TargetId::new(number);
-            let tracked = instant.tracker.bodies_at(target, instant.time_s)?;
-            let clouds = instant.tracker.particles(target)?;
-            let target = &self.targets[number];
-            for ((body, now), particles) in target.bodies.iter().zip(&tracked).zip(clouds) {
-                let Some(kinematics) = &now.kinematics else {
+        for (key, trail) in &self.trails {
+            push_trail(&mut marks, trail, view, color_of(*key));
+        }
+        for (number, target) in self.targets.iter().enumerate() {
+            let id = TargetId::new(number);
+            let now = instant.tracker.bodies_at(id, instant.time_s)?;
+            let clouds: Vec<&Particles> = instant.tracker.particles(id)?.collect();
+            for (place, body, member) in instant.bodies(number, target) {
+                let now = &now[place];
+                let (Some(known), Some(particles)) = (&now.kinematics, clouds.get(place)) else {
                     continue;
                 };
-                marks.push(cloud(body, particles, view, color));
-                push_outlines(&mut marks, body, (kinematics, scale_of(body, now)), view);
+                marks.push(cloud(body, particles, view, color_of((number, member))));
+                push_outlines(&mut marks, body, (known, scale_of(body, now)), view);
             }
-            if let (Some([front, _]), Some(known)) = (target.heading, &estimate.kinematics)
-                && let Some(front) = &tracked[front].kinematics
+            let tracked = instant.tracked.iter().find(|one| one.target == number);
+            if let (Some([front, _]), Some(tracked)) = (target.heading, tracked)
+                && let (Some(known), Some(front)) =
+                    (&tracked.estimate.kinematics, &now[front].kinematics)
             {
+                let color = color_of(tracked.key());
                 marks.push(arrow(known.position_m, front.position_m, view, color));
             }
         }
@@ -147,14 +152,16 @@ impl Annotator {
 
     /// Returns what was examined in a camera's image, or for all cameras, each with what became of it.
     fn notes(&self, instant: &Instant, camera: CameraId) -> Result<Vec<Note>> {
+        let view = &instant.tracker.views()[camera.index()];
         if !self.has_candidates {
-            return Ok(Vec::new());
+            return Ok(self.numbers(instant, view));
         }
         let mut notes = Vec::new();
-        let view = &instant.tracker.views()[camera.index()];
         for (number, target) in self.targets.iter().enumerate() {
             let of_bodies = instant.tracker.candidates(TargetId::new(number))?;
-            for (body, candidates) in target.bodies.iter().zip(of_bodies) {
+            let body = |landmark: usize| target.bodies.get(landmark).unwrap_or(&target.bodies[0]);
+            for (landmark, candidates) in of_bodies.enumerate() {
+                let body = body(landmark);
                 let shown = candidates.iter().filter(|candidate| {
                     let is_here = candidate.origin.camera().is_none_or(|of| of == camera);
                     is_here && candidate.verdict != Verdict::SamePlace
@@ -166,7 +173,7 @@ impl Annotator {
                     };
                     let note = Note {
                         at_px: at_px?,
-                        text: candidate.verdict.name(),
+                        text: candidate.verdict.name().into(),
                         color: PALETTE[number % PALETTE.len()],
                     };
                     Some((candidate.verdict, note))
@@ -178,19 +185,39 @@ impl Annotator {
         Ok(notes.into_iter().map(|(_, note)| note).collect())
     }
 
+    /// Returns the numbers of the members of crowds.
+    fn numbers(&self, instant: &Instant, view: &View) -> Vec<Note> {
+        let note = |one: &Tracked| {
+            let body = &self.targets[one.target].bodies[0];
+            let position_m = one.estimate.kinematics.as_ref()?.position_m;
+            Some(Note {
+                at_px: pixel_of(view, shown_m(body, position_m))?,
+                text: one.member?.to_string().into(),
+                color: color_of(one.key()),
+            })
+        };
+        instant.tracked.iter().filter_map(note).collect()
+    }
+
     fn label(&self, instant: &Instant) -> String {
-        let states = self
-            .targets
-            .iter()
-            .zip(instant.estimates)
-            .map(|(target, estimate)| {
-                let (name, state) = (&target.name, estimate.state.name());
-                // Without a position, the confidence would look like that of being lost.
-                match estimate.kinematics {
-                    Some(_) => format!("{name} {state} {:.2}", estimate.confidence),
-                    None => format!("{name} {state}"),
-                }
-            });
+        let targets = self.targets.iter().enumerate();
+        let states = targets.map(|(number, target)| {
+            let mut of_target = instant.tracked.iter().filter(|one| one.target == number);
+            let name = &target.name;
+            if target.crowd.is_some() {
+                let known = of_target.filter(|one| one.estimate.kinematics.is_some());
+                return format!("{name}: {}", known.count());
+            }
+            let Some(Tracked { estimate, .. }) = of_target.next() else {
+                return name.clone();
+            };
+            let state = estimate.state.name();
+            // Without a position, the confidence would look like that of being lost.
+            match estimate.kinematics {
+                Some(_) => format!("{name} {state} {:.2}", estimate.confidence),
+                None => format!("{name} {state}"),
+            }
+        });
         format!(
             "frame {}  {:.3} s  {}",
             instant.index,
@@ -349,6 +376,12 @@ fn arrow([x, y, z]: [f64; 3], front_m: [f64; 3], view: &View, color: [u8; 3]) ->
     }
 }
 
+/// The colour of a target, or of a member of a crowd.
+fn color_of((target, member): Key) -> [u8; 3] {
+    let number = target + member.map_or(0, |number| number as usize - 1);
+    PALETTE[number % PALETTE.len()]
+}
+
 fn pixel_of(view: &View, position_m: [f64; 3]) -> Option<[f64; 2]> {
     let point = view.camera_from_world() * nalgebra::Point3::from(position_m);
     view.camera().project(point.into())
@@ -356,7 +389,10 @@ fn pixel_of(view: &View, position_m: [f64; 3]) -> Option<[f64; 2]> {
 
 impl Sink for Annotator {
     fn take(&mut self, instant: &Instant) -> Result<()> {
-        for (trail, estimate) in self.trails.iter_mut().zip(instant.estimates) {
+        let is_there = |key: &Key| instant.tracked.iter().any(|one| one.key() == *key);
+        self.trails.retain(|key, _| is_there(key));
+        for one in instant.tracked {
+            let (trail, estimate) = (self.trails.entry(one.key()).or_default(), &one.estimate);
             let shown = estimate.kinematics.filter(|_| self.has_trails);
             let is_seen = estimate.state == TrackState::Tracking;
             trail.push_back(shown.map(|k| (k.position_m, is_seen)));
@@ -375,7 +411,7 @@ impl Sink for Annotator {
                         .tracker
                         .bodies_at(TargetId::new(number), instant.time_s);
                     let bodies = bodies.ok()?;
-                    let now = bodies.first()?;
+                    let now = bodies.first().filter(|_| target.crowd.is_none())?;
                     let known = now.kinematics.as_ref()?;
                     let body = &target.bodies[0];
                     let position_m = in_rows_m(known, known.position_m, body, view);

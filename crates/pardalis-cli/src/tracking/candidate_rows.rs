@@ -53,8 +53,15 @@ impl Sink for CandidateRows {
         self.text.clear();
         for (number, target) in self.targets.iter().enumerate() {
             let of_bodies = instant.tracker.candidates(TargetId::new(number))?;
-            for (body, candidates) in target.bodies.iter().zip(of_bodies) {
-                let labels = instant.row_labels(target, body);
+            let of_bodies: Vec<_> = of_bodies.collect();
+            let known: Vec<_> = instant.bodies(number, target).collect();
+            // Whoever is new to a crowd has no number yet.
+            let is_new = |place: &usize| known.iter().all(|(known, ..)| known != place);
+            let new = (0..of_bodies.len()).filter(is_new);
+            let new = new.map(|place| (place, &target.bodies[0], None));
+            for (place, body, member) in known.iter().copied().chain(new) {
+                let candidates = of_bodies[place];
+                let labels = instant.row_labels(target, body, member);
                 for candidate in candidates {
                     push_row(&mut self.text, &labels, &self.cameras, candidate);
                 }

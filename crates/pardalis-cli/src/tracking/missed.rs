@@ -3,6 +3,7 @@
 use anyhow::Result;
 use pardalis::tracker::{Candidate, Origin, TrackState, Verdict};
 use pardalis::{TargetId, Tracker};
+use pardalis_scene::TargetConfig;
 
 use super::{Instant, Sink};
 
@@ -63,11 +64,11 @@ impl std::fmt::Display for Ranges {
 }
 
 impl MissedFrames {
-    /// Counts those of this many targets.
-    pub(crate) fn of(targets: usize) -> Self {
+    /// Counts those of these targets; of a crowd, the frames without any member.
+    pub(crate) fn of(targets: &[TargetConfig]) -> Self {
         Self {
-            targets: vec![[0; Verdict::ALL.len()]; targets],
-            ranges: vec![Ranges::default(); targets],
+            targets: vec![[0; Verdict::ALL.len()]; targets.len()],
+            ranges: vec![Ranges::default(); targets.len()],
         }
     }
 
@@ -102,11 +103,16 @@ impl MissedFrames {
     }
 }
 
+/// Returns whether there is an estimate in a state.
+fn is_known(state: TrackState) -> bool {
+    matches!(state, TrackState::Tracking | TrackState::Occluded)
+}
+
 impl Sink for MissedFrames {
     fn take(&mut self, instant: &Instant) -> Result<()> {
-        for (number, estimate) in instant.estimates.iter().enumerate() {
-            let is_missed = matches!(estimate.state, TrackState::Searching | TrackState::Lost);
-            if is_missed {
+        for number in 0..self.targets.len() {
+            let mut of_target = instant.tracked.iter().filter(|one| one.target == number);
+            if of_target.all(|one| !is_known(one.estimate.state)) {
                 self.ranges[number].add(instant.index);
                 let reasons = reasons(instant.tracker, TargetId::new(number))?;
                 for (frames, verdict) in self.targets[number].iter_mut().zip(Verdict::ALL) {
@@ -124,7 +130,10 @@ impl Sink for MissedFrames {
 pub(crate) fn reasons(tracker: &Tracker, target: TargetId) -> Result<Vec<Verdict>> {
     let bodies = tracker.bodies_at(target, tracker.time_s().unwrap_or(0.0))?;
     let of_bodies = tracker.candidates(target)?.zip(bodies);
-    let mut missing = of_bodies.filter(|(_, body)| body.kinematics.is_none());
+    let mut missing = of_bodies.filter(|(candidates, body)| {
+        // Of a crowd, one place at a time is searched for.
+        body.kinematics.is_none() && !candidates.is_empty()
+    });
     let candidates = missing.next().map_or(&[][..], |(candidates, _)| candidates);
     let is_seen = |candidate: &Candidate| candidate.origin != Origin::Prediction;
     let has_seen = candidates.iter().any(is_seen);
@@ -185,7 +194,9 @@ fn remedy(verdict: Verdict) -> &'static str {
         Verdict::OtherOutline => "check its shape, and learn from labels along its outline",
         Verdict::OutsideRegion => "check existence.region, the camera's pose and the target's size",
         Verdict::Stray => "look for other things in the landmark's colours",
-        Verdict::LookAlike | Verdict::Rival => "give the scene one target for each object",
+        Verdict::LookAlike | Verdict::Rival => {
+            "give the scene one target for each object, or count = \"any\""
+        }
         _ => "give more frames, or learn from more images",
     }
 }

@@ -13,12 +13,13 @@ mod rows;
 mod series;
 mod smoothed;
 mod summary;
+mod tracked;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use pardalis::{Estimate, Frame, Tracker};
+use pardalis::{Frame, Tracker};
 use pardalis_scene::{BodyConfig, Scene, TargetConfig};
 use serde::Serialize;
 
@@ -40,8 +41,9 @@ pub(crate) use merge::{FrameSet, Limit};
 use missed::MissedFrames;
 use particle_rows::ParticleRows;
 use rows::Rows;
-pub(crate) use series::{SeriesCollector, truth_series};
+pub(crate) use series::{CrowdCounts, SeriesCollector, truth_series};
 use smoothed::SmoothedTracks;
+pub(crate) use tracked::Tracked;
 
 /// Where results go, and optional outputs.
 #[derive(Debug, Clone)]
@@ -109,19 +111,35 @@ pub(crate) struct Instant<'a> {
     pub(crate) frames: &'a [(usize, Frame)],
     /// The tracker after the frames.
     pub(crate) tracker: &'a Tracker,
-    /// One estimate per target.
-    pub(crate) estimates: &'a [Estimate],
+    /// Each target, and each member of a crowd that is there.
+    pub(crate) tracked: &'a [Tracked],
 }
 
 impl Instant<'_> {
-    /// Returns the first cells of a row about one body of a target: frame, time, target and, if there are several, the landmark.
-    fn row_labels(&self, target: &TargetConfig, body: &BodyConfig) -> String {
+    /// Returns the first cells of a row about one body of a target, or about a member of it: frame, time, target and, if there are several, the landmark.
+    fn row_labels(&self, target: &TargetConfig, body: &BodyConfig, member: Option<u32>) -> String {
         let landmark = if target.bodies.len() > 1 {
             body.name.as_str()
         } else {
             ""
         };
-        format!("{},{},{},{landmark}", self.index, self.time_s, target.name)
+        let name = tracked::name(&target.name, member);
+        format!("{},{},{name},{landmark}", self.index, self.time_s)
+    }
+
+    /// Returns the bodies of a target of this number, each with its number among them and, if it is one, that of the member of a crowd.
+    fn bodies<'t>(
+        &self,
+        number: usize,
+        target: &'t TargetConfig,
+    ) -> impl Iterator<Item = (usize, &'t BodyConfig, Option<u32>)> {
+        let members = self.tracked.iter().filter(move |one| one.target == number);
+        let is_crowd = target.crowd.is_some();
+        let members = members.filter(move |_| is_crowd);
+        let members = members.map(|one| (one.place, &target.bodies[0], one.member));
+        let bodies = target.bodies.iter().enumerate();
+        let bodies = bodies.filter(move |_| !is_crowd);
+        members.chain(bodies.map(|(place, body)| (place, body, None)))
     }
 }
 
@@ -168,9 +186,9 @@ pub(crate) struct Run {
     pub(crate) files: Vec<PathBuf>,
 }
 
-/// Computes one estimate per target from the frames of one time.
+/// Computes the estimates of all targets from the frames of one time.
 pub(crate) type Step<'a> =
-    &'a mut (dyn FnMut(&mut Tracker, &FrameSet) -> Result<Vec<Estimate>> + Send);
+    &'a mut (dyn FnMut(&mut Tracker, &FrameSet) -> Result<Vec<Tracked>> + Send);
 
 /// Tracks a scene. Output that was written stays, whatever ends the run; an error that ended it is returned after all
 /// files are complete.
@@ -181,15 +199,20 @@ pub(crate) fn run(scene_path: &Path, options: &Options) -> Result<Run> {
 /// Tracks like [`run`] a scene that has been read from the file of that name.
 pub(crate) fn run_scene(scene_path: &Path, scene: Scene, options: &Options) -> Result<Run> {
     let open = scene::open(scene_path, scene, options.seed, &[])?;
-    run_steps(scene_path, open, options, &mut observe)
+    let targets = open.scene.targets.clone();
+    let mut step = |tracker: &mut Tracker, set: &FrameSet| observe(tracker, &targets, set);
+    run_steps(scene_path, open, options, &mut step)
 }
 
 /// Runs one step of tracking. If every image is frozen, the state is only predicted.
-fn observe(tracker: &mut Tracker, set: &FrameSet) -> Result<Vec<Estimate>> {
-    let mut observe = || -> Result<Vec<Estimate>, pardalis_core::Error> {
+fn observe(
+    tracker: &mut Tracker,
+    targets: &[TargetConfig],
+    set: &FrameSet,
+) -> Result<Vec<Tracked>> {
+    let mut observe = || -> Result<Vec<Tracked>, pardalis_core::Error> {
         tracker.observe(&set.without_frozen()?)?;
-        let estimate = |target| tracker.estimate_at(target, set.time_s);
-        tracker.targets().map(estimate).collect()
+        Tracked::all(tracker, targets, set.time_s)
     };
     observe().map_err(|error| user_error!("frame {}: {error}", set.index))
 }
@@ -203,7 +226,6 @@ pub(crate) fn run_steps(
     step: Step,
 ) -> Result<Run> {
     interrupt::listen();
-    let names: Vec<String> = open.scene.targets.iter().map(|t| t.name.clone()).collect();
     if let Output::Folder(folder) = &options.output {
         refuse_links(folder)?;
     }
@@ -215,7 +237,7 @@ pub(crate) fn run_steps(
             previous::keep_rows(particles)?;
         }
     }
-    let mut rows = Rows::create(&options.output, names.clone())?;
+    let mut rows = Rows::create(&options.output, open.scene.targets.clone())?;
     if let Output::Folder(folder) = &options.output {
         remove_old(folder);
     }
@@ -237,7 +259,7 @@ pub(crate) fn run_steps(
     };
     let mut series = SeriesCollector::new(&open.scene);
     let mut smoothed = options.smooth.then(|| SmoothedTracks::new(&open.scene));
-    let mut missed = MissedFrames::of(names.len());
+    let mut missed = MissedFrames::of(&open.scene.targets);
     let pool = options.threads.start()?;
     let mut sinks = Sinks {
         needed: vec![&mut rows, &mut series, &mut missed],
@@ -396,8 +418,8 @@ fn track(
         if let Err(error) = platforms::tell(&mut open.platforms, &mut open.tracker, set.time_s) {
             break Some(error);
         }
-        let estimates = match step(&mut open.tracker, &set) {
-            Ok(estimates) => estimates,
+        let tracked = match step(&mut open.tracker, &set) {
+            Ok(tracked) => tracked,
             Err(error) => break Some(error),
         };
         outcome.frame_sets += 1;
@@ -409,7 +431,7 @@ fn track(
             time_s: set.time_s,
             frames: &set.frames,
             tracker: &open.tracker,
-            estimates: &estimates,
+            tracked: &tracked,
         };
         let failed_before = failures.len();
         if let Err(error) = sinks.take(&instant, &mut failures) {

@@ -8,7 +8,7 @@ use pardalis::TargetId;
 use pardalis_filter::Particles;
 use pardalis_scene::{Scene, TargetConfig};
 
-use super::{Instant, Sink};
+use super::{Instant, Sink, Tracked};
 use crate::files::RowFile;
 
 /// The header line. Later versions may append columns.
@@ -47,13 +47,14 @@ impl Sink for ParticleRows {
         for (number, target) in self.targets.iter().enumerate() {
             let clouds: Vec<&Particles> =
                 instant.tracker.particles(TargetId::new(number))?.collect();
-            let is_known = instant.estimates[number].kinematics.is_some();
-            if !is_known || clouds.len() != target.bodies.len() {
-                continue;
-            }
-            for (body, particles) in target.bodies.iter().zip(clouds) {
-                let labels = instant.row_labels(target, body);
-                push_rows(&mut self.text, &labels, particles);
+            for (place, body, member) in instant.bodies(number, target) {
+                let is_it = |one: &&Tracked| one.key() == (number, member);
+                let tracked = instant.tracked.iter().find(is_it);
+                let is_known = tracked.is_some_and(|one| one.estimate.kinematics.is_some());
+                if let (true, Some(particles)) = (is_known, clouds.get(place)) {
+                    let labels = instant.row_labels(target, body, member);
+                    push_rows(&mut self.text, &labels, particles);
+                }
             }
         }
         self.out.write(&self.text)

@@ -19,7 +19,7 @@ pub(crate) struct EstimatedRadius<'a> {
 }
 
 impl<'a> EstimatedRadius<'a> {
-    /// Returns those of a target.
+    /// Returns those of a target; none of a crowd, in whose rows each member has its own.
     pub(crate) fn of(scene: &'a Scene, tracker: &Tracker, number: usize) -> Result<Vec<Self>> {
         let target = &scene.targets[number];
         let now_s = tracker.time_s().unwrap_or(0.0);
@@ -40,6 +40,7 @@ impl<'a> EstimatedRadius<'a> {
             .bodies
             .iter()
             .zip(estimates)
+            .filter(|_| target.crowd.is_none())
             .filter_map(of_body)
             .collect())
     }

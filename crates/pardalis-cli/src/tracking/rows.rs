@@ -5,6 +5,7 @@ use std::fs;
 
 use anyhow::Result;
 use pardalis::Estimate;
+use pardalis_scene::TargetConfig;
 
 use super::{Instant, Output, Sink, is_broken_pipe};
 use crate::files::{RowFile, unwritable};
@@ -18,13 +19,13 @@ pub(super) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy
 /// Writes rows to a file or to standard output.
 pub(crate) struct Rows {
     out: RowFile,
-    names: Vec<String>,
+    targets: Vec<TargetConfig>,
     text: String,
 }
 
 impl Rows {
     /// Creates the output folder and file and writes the header.
-    pub(crate) fn create(output: &Output, names: Vec<String>) -> Result<Self> {
+    pub(crate) fn create(output: &Output, targets: Vec<TargetConfig>) -> Result<Self> {
         let mut out = match output {
             Output::Stdout => RowFile::stdout(),
             Output::Folder(folder) => {
@@ -45,7 +46,7 @@ impl Rows {
         }
         Ok(Self {
             out,
-            names,
+            targets,
             text: String::new(),
         })
     }
@@ -54,9 +55,10 @@ impl Rows {
 impl Sink for Rows {
     fn take(&mut self, instant: &Instant) -> Result<()> {
         self.text.clear();
-        for (name, estimate) in self.names.iter().zip(instant.estimates) {
+        for tracked in instant.tracked {
             let place = (instant.index, instant.time_s);
-            write_row(&mut self.text, place, name, estimate);
+            let name = tracked.name(&self.targets);
+            write_row(&mut self.text, place, &name, &tracked.estimate);
         }
         self.out.write(&self.text)
     }

@@ -1,13 +1,16 @@
 //! Collects the track of each target for plots and for the final report.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::camera::Pose;
 use pardalis::tracker::TrackState;
 use pardalis_evaluate::TrueState;
-use pardalis_scene::Scene;
+use pardalis_scene::{Scene, TargetConfig};
 
+use super::tracked::name;
 use super::{Instant, Sink};
 use crate::draw::camera_symbol::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
@@ -16,11 +19,20 @@ use crate::tables::Series;
 /// The most samples of a track that are kept: several a pixel of the plots. Runs may last for weeks.
 const MAX_SAMPLES: usize = 1 << 15;
 
+/// The most members of crowds whose tracks are kept. Runs may last for weeks.
+const MAX_MEMBERS: usize = 500;
+
+/// With more members, those of a crowd have one entry in the legend. Hand-set: the number of colours.
+const MAX_NAMED: u32 = 8;
+
 /// Collects the tracks.
 pub(crate) struct SeriesCollector {
-    names: Vec<String>,
-    tracks: Vec<Thinned<Sample>>,
+    targets: Vec<TargetConfig>,
+    /// The track of each target and each member of a crowd.
+    tracks: BTreeMap<Key, Thinned<Sample>>,
     states: Vec<StateCounts>,
+    /// One per target.
+    crowds: Vec<CrowdCounts>,
     /// The poses of each camera in the world; none for cameras at rest.
     poses: Vec<Option<Thinned<Pose>>>,
 }
@@ -63,7 +75,19 @@ impl<T> Thinned<T> {
     }
 }
 
-/// Number of rows of a target in each state.
+/// The number of a target and, for a member of a crowd, its own.
+pub(super) type Key = (usize, Option<u32>);
+
+/// How many members a crowd had.
+#[derive(Debug, Clone, Copy, Default, serde::Serialize)]
+pub(crate) struct CrowdCounts {
+    /// The members that were found.
+    pub(crate) found: u32,
+    /// The most that were tracked or occluded at once.
+    pub(crate) most_at_once: usize,
+}
+
+/// Number of rows of a target in each state; for a crowd the number of frames by the best state of any member.
 #[derive(Debug, Clone, Copy, Default, serde::Serialize)]
 pub(crate) struct StateCounts {
     pub(crate) searching: usize,
@@ -82,15 +106,21 @@ impl StateCounts {
 impl SeriesCollector {
     /// Creates a collector for the targets and the moving cameras of a scene.
     pub(crate) fn new(scene: &Scene) -> Self {
-        let names: Vec<String> = scene.targets.iter().map(|t| t.name.clone()).collect();
+        let count = scene.targets.len();
         let poses = scene.cameras.iter();
         let poses = poses.map(|camera| camera.platform.as_ref().map(|_| Thinned::new(MAX_SAMPLES)));
         Self {
-            tracks: vec![Thinned::new(MAX_SAMPLES); names.len()],
-            states: vec![StateCounts::default(); names.len()],
+            targets: scene.targets.clone(),
+            tracks: BTreeMap::new(),
+            states: vec![StateCounts::default(); count],
+            crowds: vec![CrowdCounts::default(); count],
             poses: poses.collect(),
-            names,
         }
+    }
+
+    /// Returns how many members each target had that is a crowd.
+    pub(crate) fn crowds(&self) -> &[CrowdCounts] {
+        &self.crowds
     }
 
     /// Returns the number of rows in each state for each target.
@@ -98,9 +128,12 @@ impl SeriesCollector {
         &self.states
     }
 
-    /// Replaces the track of each target.
-    pub(super) fn replace(&mut self, tracks: impl Iterator<Item = Vec<Sample>>) {
-        for (track, samples) in self.tracks.iter_mut().zip(tracks) {
+    /// Replaces tracks.
+    pub(super) fn replace(&mut self, tracks: impl Iterator<Item = (Key, Vec<Sample>)>) {
+        for (key, samples) in tracks {
+            let Some(track) = self.tracks.get_mut(&key) else {
+                continue;
+            };
             *track = Thinned::new(MAX_SAMPLES);
             for sample in samples {
                 track.push(sample);
@@ -116,15 +149,14 @@ impl SeriesCollector {
         truth: &[Series<TrueState>],
     ) -> Result<Vec<PathBuf>> {
         let truth = truth_series(truth);
-        let tracks: Vec<_> = self
-            .names
-            .iter()
-            .zip(&self.tracks)
-            .map(|(name, track)| TrackSeries {
-                name: name.clone(),
+        let tracks = self.tracks.iter().map(|((target, member), track)| {
+            let is_named = self.crowds[*target].found <= MAX_NAMED;
+            TrackSeries {
+                name: name(&self.targets[*target].name, member.filter(|_| is_named)),
                 rows: track.samples.clone(),
-            })
-            .collect();
+            }
+        });
+        let tracks: Vec<_> = tracks.collect();
         let moved = |symbol: CameraSymbol| {
             let number = scene.cameras.iter().position(|c| c.name == symbol.name);
             match number.and_then(|number| self.poses[number].as_ref()) {
@@ -157,19 +189,35 @@ impl Sink for SeriesCollector {
                 poses.push(*view.world_from_camera());
             }
         }
-        for ((track, states), estimate) in self
-            .tracks
-            .iter_mut()
-            .zip(&mut self.states)
-            .zip(instant.estimates)
-        {
-            *match estimate.state {
-                TrackState::Searching => &mut states.searching,
-                TrackState::Tracking => &mut states.tracking,
-                TrackState::Occluded => &mut states.occluded,
-                TrackState::Lost => &mut states.lost,
+        for tracked in instant.tracked {
+            let is_full = self.tracks.len() >= self.targets.len() + MAX_MEMBERS;
+            let track = match self.tracks.entry(tracked.key()) {
+                Entry::Vacant(_) if is_full => continue,
+                entry => entry.or_insert_with(|| Thinned::new(MAX_SAMPLES)),
+            };
+            track.push(Sample::of(instant.time_s, &tracked.estimate));
+        }
+        for (number, (states, crowd)) in self.states.iter_mut().zip(&mut self.crowds).enumerate() {
+            let of_target = || instant.tracked.iter().filter(|one| one.target == number);
+            let count = |state| {
+                of_target()
+                    .filter(|one| one.estimate.state == state)
+                    .count()
+            };
+            let [tracking, occluded, lost] =
+                [TrackState::Tracking, TrackState::Occluded, TrackState::Lost].map(count);
+            *if tracking > 0 {
+                &mut states.tracking
+            } else if occluded > 0 {
+                &mut states.occluded
+            } else if lost > 0 {
+                &mut states.lost
+            } else {
+                &mut states.searching
             } += 1;
-            track.push(Sample::of(instant.time_s, estimate));
+            let newest = of_target().filter_map(|one| one.member).max();
+            crowd.found = crowd.found.max(newest.unwrap_or(0));
+            crowd.most_at_once = crowd.most_at_once.max(tracking + occluded);
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! Smoothed tracks: once the recording is over, every row takes into account what came after it.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,9 +10,11 @@ use pardalis::filter::estimate::StateEstimate;
 use pardalis::filter::smoother::{Contact, Measured, SmootherSettings, contacts, smooth};
 use pardalis::tracker::{BodyMeasurement, TrackState};
 use pardalis::{Estimate, TargetId};
-use pardalis_scene::Scene;
+use pardalis_scene::{Scene, TargetConfig};
 
 use super::rows::{HEADER, write_row};
+use super::series::Key;
+use super::tracked::name;
 use super::{Instant, Sink};
 use crate::draw::plots::Sample;
 use crate::files::{unwritable, write_file};
@@ -27,42 +30,46 @@ const EVENTS_HEADER: &str = "time_s,target,event,x_m,y_m,z_m,vx_before_mps,vy_be
 
 /// A row of the filter, and what it was made of.
 struct Row {
+    /// The number of the frame set, and its time in seconds.
+    instant: (usize, f64),
     estimate: Estimate,
     measurement: Option<BodyMeasurement>,
 }
 
 /// Keeps all rows and measurements until the end.
 pub(super) struct SmoothedTracks {
-    names: Vec<String>,
-    /// Number and time in seconds of each frame set.
-    times: Vec<(usize, f64)>,
-    /// One list per target.
-    rows: Vec<Vec<Row>>,
+    targets: Vec<TargetConfig>,
+    /// The rows of each target, and of each member of a crowd.
+    rows: BTreeMap<Key, Vec<Row>>,
+    /// Whose each row is, in the order in which they came.
+    order: Vec<Key>,
     /// The contacts of each target, once it is smoothed.
-    contacts: Vec<Vec<Contact>>,
+    contacts: Vec<(Key, Vec<Contact>)>,
 }
 
 impl SmoothedTracks {
     /// Keeps nothing yet of the targets of a scene.
     pub(super) fn new(scene: &Scene) -> Self {
-        let names: Vec<String> = scene.targets.iter().map(|t| t.name.clone()).collect();
         Self {
-            rows: names.iter().map(|_| Vec::new()).collect(),
+            targets: scene.targets.clone(),
+            rows: BTreeMap::new(),
+            order: Vec::new(),
             contacts: Vec::new(),
-            times: Vec::new(),
-            names,
         }
+    }
+
+    fn name(&self, (target, member): Key) -> String {
+        name(&self.targets[target].name, member)
     }
 
     /// Replaces the estimates by smoothed ones; rows without an estimate stay as they are. Returns the targets that cannot be smoothed: those that have several landmarks, or
     /// are followed from a start by the published cues.
-    pub(super) fn smooth(&mut self) -> Vec<&str> {
-        for rows in &mut self.rows {
+    pub(super) fn smooth(&mut self) -> Vec<String> {
+        for (key, rows) in &mut self.rows {
             let measured: Vec<Measured> = rows
                 .iter()
-                .zip(&self.times)
-                .map(|(row, (_, time_s))| Measured {
-                    time_s: *time_s,
+                .map(|row| Measured {
+                    time_s: row.instant.1,
                     position: row.measurement.map(|m| (m.position_m, m.covariance_m2)),
                 })
                 .collect();
@@ -74,7 +81,8 @@ impl SmoothedTracks {
                 SmootherSettings::default()
             };
             let states = smooth(&measured, &settings);
-            self.contacts.push(contacts(&measured, &states, &settings));
+            let contacts = contacts(&measured, &states, &settings);
+            self.contacts.push((*key, contacts));
             let mut shared_m2 = [0.0; 6];
             for (row, state) in rows.iter_mut().zip(states) {
                 if let Some(measurement) = &row.measurement {
@@ -96,20 +104,19 @@ impl SmoothedTracks {
                 };
             }
         }
-        let is_rough = |rows: &&Vec<Row>| {
+        let is_rough = |rows: &Vec<Row>| {
             let has_estimates = rows.iter().any(|row| row.estimate.kinematics.is_some());
             has_estimates && rows.iter().all(|row| row.measurement.is_none())
         };
-        let named = self.names.iter().zip(&self.rows);
-        let rough = named.filter(|(_, rows)| is_rough(rows));
-        rough.map(|(name, _)| &**name).collect()
+        let rough = self.rows.iter().filter(|(_, rows)| is_rough(rows));
+        rough.map(|(key, _)| self.name(*key)).collect()
     }
 
     /// Returns the text of events.csv.
     fn events(&self) -> String {
-        let mut events: Vec<(&String, &Contact)> = Vec::new();
-        for (name, contacts) in self.names.iter().zip(&self.contacts) {
-            events.extend(contacts.iter().map(|contact| (name, contact)));
+        let mut events: Vec<(String, &Contact)> = Vec::new();
+        for (key, contacts) in &self.contacts {
+            events.extend(contacts.iter().map(|contact| (self.name(*key), contact)));
         }
         events.sort_by(|a, b| a.1.time_s.total_cmp(&b.1.time_s));
         let mut text = EVENTS_HEADER.to_owned();
@@ -131,9 +138,12 @@ impl SmoothedTracks {
     /// Writes the rows into tracks.csv, and the contacts; the rows of the filter, which are there, move to another file. Returns the names of the other files.
     pub(super) fn write(&self, folder: &Path) -> Result<[PathBuf; 2]> {
         let mut text = HEADER.to_owned();
-        for (number, (index, time_s)) in self.times.iter().enumerate() {
-            for (name, rows) in self.names.iter().zip(&self.rows) {
-                write_row(&mut text, (*index, *time_s), name, &rows[number].estimate);
+        let mut left: BTreeMap<Key, _> = (self.rows.iter())
+            .map(|(key, rows)| (*key, rows.iter()))
+            .collect();
+        for key in &self.order {
+            if let Some(row) = left.get_mut(key).and_then(Iterator::next) {
+                write_row(&mut text, row.instant, &self.name(*key), &row.estimate);
             }
         }
         let (tracks, filtered) = (folder.join("tracks.csv"), folder.join(FILTERED));
@@ -144,29 +154,28 @@ impl SmoothedTracks {
         Ok([filtered, events])
     }
 
-    /// Returns the smoothed track of each target for plots.
-    pub(super) fn samples(&self) -> impl Iterator<Item = Vec<Sample>> {
-        self.rows.iter().map(|rows| {
-            let times = self.times.iter();
-            let sample =
-                |(row, (_, time_s)): (&Row, &(usize, f64))| Sample::of(*time_s, &row.estimate);
-            rows.iter().zip(times).map(sample).collect()
+    /// Returns the smoothed tracks for plots.
+    pub(super) fn samples(&self) -> impl Iterator<Item = (Key, Vec<Sample>)> {
+        self.rows.iter().map(|(key, rows)| {
+            let sample = |row: &Row| Sample::of(row.instant.1, &row.estimate);
+            (*key, rows.iter().map(sample).collect())
         })
     }
 }
 
 impl Sink for SmoothedTracks {
     fn take(&mut self, instant: &Instant) -> Result<()> {
-        self.times.push((instant.index, instant.time_s));
-        for (number, (rows, estimate)) in self.rows.iter_mut().zip(instant.estimates).enumerate() {
-            let mut bodies = instant.tracker.measurements(TargetId::new(number))?;
+        for tracked in instant.tracked {
+            let id = TargetId::new(tracked.target);
+            let mut bodies = instant.tracker.measurements(id)?;
             // Several landmarks are not one position.
-            let measurement = match (bodies.next(), bodies.next()) {
-                (Some(measurement), None) => measurement,
-                _ => None,
-            };
-            rows.push(Row {
-                estimate: *estimate,
+            let is_one = self.targets[tracked.target].bodies.len() == 1;
+            let measurement = bodies.nth(tracked.place).flatten().filter(|_| is_one);
+            let estimate = tracked.estimate;
+            self.order.push(tracked.key());
+            self.rows.entry(tracked.key()).or_default().push(Row {
+                instant: (instant.index, instant.time_s),
+                estimate,
                 measurement: measurement.filter(|_| estimate.state == TrackState::Tracking),
             });
         }

@@ -82,13 +82,16 @@ pub(crate) fn write(
             (radius.key.clone(), entry)
         });
         let radii: Map<_, _> = radii.collect();
-        let entry = json!({
+        let mut entry = json!({
             "estimated_radii": radii,
             "diameter_m": diameter_m,
             "rows": states,
             "missed": missed,
             "cameras": per_camera,
         });
+        if target.crowd.is_some() {
+            entry["members"] = json!(series.crowds()[number]);
+        }
         targets.insert(target.name.clone(), entry);
     }
     let summary = json!({

@@ -8,6 +8,7 @@ mod calibration;
 mod camera;
 mod check;
 mod common;
+mod crowd;
 mod demo;
 mod devices;
 mod evaluate;

@@ -255,6 +255,20 @@ impl BernoulliFilter {
         Ok(())
     }
 
+    /// Sets how often the target appears and how often it is relocated, 1/s, from the last update on.
+    ///
+    /// Returns an error if a rate is out of range.
+    pub fn set_births(&mut self, birth_rate_hz: f64, relocation_rate_hz: f64) -> Result<(), Error> {
+        let settings = BernoulliSettings {
+            birth_rate_hz,
+            relocation_rate_hz,
+            ..self.settings
+        };
+        settings.check()?;
+        self.settings = settings;
+        Ok(())
+    }
+
     /// Predicts by `dt_s` seconds; does nothing unless that is above 0. Several short steps equal one long step.
     pub fn predict(&mut self, dt_s: f64) {
         if dt_s > 0.0 {

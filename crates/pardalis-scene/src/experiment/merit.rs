@@ -2,7 +2,7 @@
 
 /// Each figure of merit with its meaning, in the order of the columns of `results.csv`. Errors are over all evaluated
 /// frames with an estimate.
-pub const FIGURES_OF_MERIT: [(&str, &str); 42] = [
+pub const FIGURES_OF_MERIT: [(&str, &str); 46] = [
     (
         "coverage",
         "Share of the frames with the object visible that have an estimate.",
@@ -112,6 +112,22 @@ pub const FIGURES_OF_MERIT: [(&str, &str); 42] = [
         "Mean difference between the confidence and the share of rows that are right.",
     ),
     ("confidence_max", "Highest confidence."),
+    (
+        "gospa_m",
+        "Of a crowd: mean generalised optimal sub-pattern assignment metric with the cutoff `lost_beyond_m`, √(Σ d² + c²/2·(missed + false)).",
+    ),
+    (
+        "switches",
+        "Of a crowd: how often an object is followed by another member than before.",
+    ),
+    (
+        "longest_missed_frames",
+        "Of a crowd: the most frames in a row in which a visible object is followed by no member.",
+    ),
+    (
+        "longest_false_frames",
+        "Of a crowd: the most frames in a row in which a member follows no object.",
+    ),
     ("estimates", "Number of evaluated frames with an estimate."),
     (
         "ms_a_frame",

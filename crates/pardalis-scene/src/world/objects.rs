@@ -45,6 +45,31 @@ pub(super) fn read(journal: &Journal, table: &Table) -> Vec<Object> {
         }
     }
     let objects: Vec<Object> = objects.into_iter().flatten().collect();
+    for object in objects.iter().filter(|object| object.crowd.is_some()) {
+        let is_other = |other: &&Object| other.crowd == object.crowd && other.body != object.body;
+        if let Some(other) = objects.iter().find(is_other) {
+            let message = format!(
+                "give {} and {} of the crowd {} different shapes or sizes; members look alike",
+                object.name,
+                other.name,
+                object.target_name()
+            );
+            table.problem("objects", message);
+            break;
+        }
+        let is_namesake =
+            |other: &&Object| other.crowd.is_none() && other.name == object.target_name();
+        if let Some(other) = objects.iter().find(is_namesake)
+            && other.is_target
+        {
+            let message = format!(
+                "name an object {} like a crowd; give one of them another name",
+                other.name
+            );
+            table.problem("objects", message);
+            break;
+        }
+    }
     if objects.len() == names.len() && !objects.is_empty() && !objects.iter().any(|o| o.is_target) {
         table.problem(
             "objects",
@@ -96,6 +121,24 @@ fn read_object(
             "Whether the object is to be tracked: it is a target of the scene, and its colours are learned.",
         )
         .or(false);
+    let crowd: Option<String> = table
+        .key(
+            "crowd",
+            "The crowd of objects that look alike of which this target is one. Instead of the object, the scene has a target of this name with count = \"any\", and the colours are learned from all of the crowd.",
+        )
+        .optional();
+    if crowd.is_some() && !is_target && !table.is_describing() {
+        let message = "is given, but the object is no target; add target = true, or remove it";
+        table.problem("crowd", message);
+    }
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if crowd
+        .as_ref()
+        .is_some_and(|name| name.is_empty() || !name.chars().all(is_plain))
+    {
+        let message = "is not a name; give letters, digits, - and _ only";
+        table.problem("crowd", message);
+    }
     let is_sphere = matches!(body, Some(Body::Sphere { .. }));
     let is_cylinder = matches!(body, Some(Body::Cylinder { .. }));
     if is_target && body.is_some() && !is_sphere && !is_cylinder {
@@ -121,6 +164,7 @@ fn read_object(
         tilt_rad: tilt_deg.to_radians(),
         spin_rad_per_s: spin_deg_per_s.to_radians(),
         is_target,
+        crowd,
     })
 }
 

@@ -7,6 +7,7 @@ mod builder;
 mod camera_agreement;
 mod candidate;
 mod carriers;
+mod crowd;
 mod detected;
 mod existence;
 mod frame_set;
@@ -34,6 +35,7 @@ pub use settings::{
 use std::ops::Range;
 
 use carriers::Carriers;
+use crowd::Crowd;
 use groups::{groups, split};
 use statistics::ImageStatistics;
 use target_tracker::TargetTracker;
@@ -118,6 +120,18 @@ pub struct BodyMeasurement {
     pub shared_m2: [f64; 6],
 }
 
+/// A member of a crowd ([`Tracker::members_at`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Member {
+    /// Its number, from 1.
+    pub number: u32,
+    /// Which of the target's bodies it is, as in [`Tracker::measurements`] and others, until it is gone.
+    pub body: usize,
+    /// Its estimate.
+    pub estimate: Estimate,
+}
+
 /// The outcome of [`Tracker::observe`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Observed {
@@ -152,6 +166,8 @@ struct Target {
     bodies: Range<usize>,
     /// The front and the rear landmark, counted from the first of the target.
     heading: Option<[usize; 2]>,
+    /// If its bodies are members of a crowd.
+    crowd: Option<Crowd>,
     /// One per camera.
     contributions: Vec<Contribution>,
 }
@@ -203,11 +219,16 @@ impl Tracker {
             for (landmark, body) in settings.bodies.iter().enumerate() {
                 let stream = number + (landmark << LANDMARK_BITS);
                 let draws = Draws::new(seed, stream as u32);
-                bodies.push(TargetTracker::new(body, draws, &views, level)?);
+                let mut body = TargetTracker::new(body, draws, &views, level)?;
+                if settings.is_crowd {
+                    body.join_crowd();
+                }
+                bodies.push(body);
             }
             Ok(Target {
                 bodies: first..bodies.len(),
                 heading: settings.heading,
+                crowd: settings.is_crowd.then(|| Crowd::of(first)),
                 contributions: vec![Contribution::default(); views.len()],
             })
         };
@@ -414,24 +435,50 @@ impl Tracker {
     }
 
     /// Performs one step for bodies that look alike, in descending order of confidence: each takes into account the
-    /// detections claimed by those before it.
+    /// detections claimed by those before it. Nobody new is looked for in a crowd once nobody was found.
     fn step(&mut self, group: usize, set: &FrameSet, dt_s: f64) {
         let order = &mut self.groups[group];
         for &number in &*order {
-            self.bodies[number].predict(set.time_s(), dt_s);
+            let body = &mut self.bodies[number];
+            if !body.is_free() {
+                body.predict(set.time_s(), dt_s);
+            } else if self.time_s.is_some() {
+                // Whoever is found from now on was not there before.
+                body.track_mut().set_started();
+            }
         }
+        // Members of a crowd before whoever may be new to it.
+        let known = |number: usize| self.bodies[number].number().is_some();
         let rank = |number: usize| self.bodies[number].rank();
-        order.sort_unstable_by(|&a, &b| rank(b).total_cmp(&rank(a)).then(a.cmp(&b)));
+        order.sort_unstable_by(|&a, &b| {
+            let by_rank = rank(b).total_cmp(&rank(a)).then(a.cmp(&b));
+            known(b).cmp(&known(a)).then(by_rank)
+        });
         let instant = Instant {
             views: &self.views,
             frames: set.numbered(),
             time_s: set.time_s(),
         };
+        let mut is_complete = false;
         for &number in &*order {
+            let is_free = self.bodies[number].is_free();
+            if is_free && is_complete {
+                self.bodies[number].forget_candidates();
+                continue;
+            }
+            let mut targets = self.targets.iter_mut();
+            let target = targets.find(|target| target.bodies.contains(&number));
+            let target = target.expect("every body belongs to a target");
+            if let Some(crowd) = &mut target.crowd {
+                crowd.lend_search(&mut self.bodies, number);
+            }
             let (body, others) = split(&mut self.bodies, number);
-            let target = self.targets.iter().find(|t| t.bodies.contains(&number));
-            let landmarks = target.into_iter().flat_map(|target| target.bodies.clone());
-            body.set_other_landmarks(landmarks.filter_map(|i| others.get(i)?.position_m()));
+            if is_free {
+                body.predict(set.time_s(), dt_s);
+            } else if target.crowd.is_none() {
+                let landmarks = target.bodies.clone();
+                body.set_other_landmarks(landmarks.filter_map(|i| others.get(i)?.position_m()));
+            }
             let (updated, predicted) = others.around(order);
             let look_alikes = LookAlikes {
                 detected: &|number| others.get(number)?.detected(),
@@ -439,6 +486,10 @@ impl Tracker {
                 predicted,
             };
             body.observe(&instant, &mut self.statistics, &look_alikes);
+            if let Some(crowd) = &mut target.crowd {
+                is_complete |= is_free && body.is_free();
+                crowd.update_member(body, &instant);
+            }
         }
     }
 
@@ -458,7 +509,7 @@ impl Tracker {
         check_time(time_s)?;
         let bodies = self.target(target)?.bodies.clone();
         let [body] = &mut self.bodies[bodies] else {
-            let allowed = "a target with one body: one position does not determine those of several landmarks";
+            let allowed = "a target with one body: one position does not determine those of several landmarks, or of a crowd";
             return Err(Error::out_of_range("target", target, allowed));
         };
         body.track_mut().reinitialize(start, time_s);
@@ -496,6 +547,9 @@ impl Tracker {
         self.prepare(set);
         self.time_s = Some(set.time_s());
         self.bodies.iter_mut().for_each(TargetTracker::reset);
+        for target in &mut self.targets {
+            target.crowd = target.crowd.map(|_| Crowd::of(target.bodies.start));
+        }
         for group in &mut self.groups {
             group.sort_unstable();
         }
@@ -505,7 +559,18 @@ impl Tracker {
             time_s: set.time_s(),
         };
         let mut located = Vec::new();
+        let mut complete = None;
         for (number, start) in starts.iter().enumerate() {
+            let target = self.targets.iter_mut();
+            let target = target.enumerate().find(|(_, t)| t.bodies.contains(&number));
+            let (target, Target { crowd, .. }) = target.expect("every body belongs to a target");
+            if complete == Some(target) {
+                located.push(self.bodies[number].estimate(0.0));
+                continue;
+            }
+            if let Some(crowd) = crowd {
+                crowd.lend_search(&mut self.bodies, number);
+            }
             let (body, others) = split(&mut self.bodies, number);
             let group = self.groups.iter().find(|group| group.contains(&number));
             let (updated, predicted) = others.around(group.expect("every body belongs to a group"));
@@ -516,10 +581,16 @@ impl Tracker {
             };
             let start = (start.as_ref(), passes_sigma_m);
             located.push(body.locate(&instant, &mut self.statistics, start, &look_alikes));
+            if body.is_free() {
+                complete = Some(target);
+            }
+            if let Some(crowd) = crowd {
+                crowd.update_member(body, &instant);
+            }
         }
         let estimate = |target: &Target| {
             let of_bodies = located[target.bodies.clone()].iter();
-            landmarks::combined(of_bodies.copied(), target.heading)
+            target.combined(of_bodies.copied())
         };
         Ok(self.targets.iter().map(estimate).collect())
     }
@@ -552,18 +623,38 @@ impl Tracker {
         }
     }
 
-    /// Predicts a target at a time in seconds, at or after the latest frames, without changing the tracker.
+    /// Predicts a target at a time in seconds, at or after the latest frames, without changing the tracker; of a crowd, the member with the greatest confidence.
     ///
     /// Returns an error if the target is unknown or the time is not finite.
     pub fn estimate_at(&self, target: TargetId, time_s: f64) -> Result<Estimate, Error> {
-        let heading = self.target(target)?.heading;
-        Ok(landmarks::combined(
-            self.estimates(target, time_s)?,
-            heading,
-        ))
+        let estimates = self.estimates(target, time_s)?;
+        Ok(self.target(target)?.combined(estimates))
     }
 
-    /// Returns the estimate of a target at the time of the latest frame set.
+    /// Returns the members of a crowd with their numbers and their estimates, predicted at a time in seconds, at or after the latest frames; nobody for other targets. Numbers
+    /// count from 1 in the order in which members were found, and are never used again. A member that is [lost](TrackState::Lost) keeps its number for three seconds, in
+    /// case it comes back.
+    ///
+    /// Returns an error if the target is unknown or the time is not finite.
+    pub fn members_at(
+        &self,
+        target: TargetId,
+        time_s: f64,
+    ) -> Result<impl Iterator<Item = Member>, Error> {
+        let bodies = self.bodies_of(target)?.iter().enumerate();
+        let numbers = bodies.map(|(body, tracker)| (body, tracker.number()));
+        let estimates = numbers.zip(self.estimates(target, time_s)?);
+        Ok(estimates.filter_map(|((body, number), estimate)| {
+            let number = number?;
+            Some(Member {
+                number,
+                body,
+                estimate,
+            })
+        }))
+    }
+
+    /// Returns the estimate of a target at the time of the latest frame set, as [`Tracker::estimate_at`] does.
     ///
     /// Returns an error if the target is unknown.
     pub fn estimate(&self, target: TargetId) -> Result<Estimate, Error> {
@@ -643,16 +734,41 @@ fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
 }
 
 impl Target {
+    /// The estimate of the target, given those of its bodies.
+    fn combined(&self, bodies: impl ExactSizeIterator<Item = Estimate>) -> Estimate {
+        if self.crowd.is_none() {
+            return landmarks::combined(bodies, self.heading);
+        }
+        let rank = |estimate: &Estimate| (estimate.kinematics.is_some(), estimate.confidence);
+        let likelier = |best: Estimate, next: Estimate| {
+            if rank(&next) > rank(&best) {
+                next
+            } else {
+                best
+            }
+        };
+        let best = bodies.reduce(likelier);
+        best.expect("a target has at least one body")
+    }
+
     /// Adds the contributions of the cameras with these frames, once all bodies have started.
     fn add_contributions(&mut self, bodies: &[TargetTracker], views: &[View], set: &FrameSet) {
-        if bodies.iter().any(|body| !body.track().has_started()) {
+        let is_crowd = self.crowd.is_some();
+        let counts = |body: &&TargetTracker| !is_crowd || body.number().is_some();
+        let all = || bodies.iter().filter(counts);
+        if all().any(|body| !body.track().has_started()) {
             return;
         }
         for &(camera, _) in set.numbered() {
-            let of_bodies = || bodies.iter().map(|body| body.log_likelihood_ratio(camera));
+            let of_bodies = || all().map(|body| body.log_likelihood_ratio(camera));
             let contribution = &mut self.contributions[camera];
             contribution.frames += 1;
-            let is_visible = of_bodies().all(|nats| nats > VISIBLE_NATS);
+            let mut visible = of_bodies().map(|nats| nats > VISIBLE_NATS);
+            let is_visible = if is_crowd {
+                visible.any(|is_visible| is_visible)
+            } else {
+                visible.all(|is_visible| is_visible)
+            };
             let is_due = |body: &TargetTracker| {
                 let estimate = body.estimate(0.0);
                 let known = estimate
@@ -661,7 +777,12 @@ impl Target {
                 known.is_some_and(|known| views[camera].holds(known.position_m))
             };
             contribution.visible_frames += usize::from(is_visible);
-            contribution.blind_frames += usize::from(!is_visible && bodies.iter().all(is_due));
+            let is_due = if is_crowd {
+                all().any(is_due)
+            } else {
+                all().all(is_due)
+            };
+            contribution.blind_frames += usize::from(!is_visible && is_due);
             contribution.log_likelihood_ratio += of_bodies().sum::<f64>();
         }
     }

@@ -20,14 +20,30 @@ pub struct TargetSettings {
     pub bodies: Vec<BodySettings>,
     /// The indices of the front and the rear landmark, if the target has a heading.
     pub heading: Option<[usize; 2]>,
+    /// Whether each body is one of a crowd instead, see [`TargetSettings::crowd`].
+    pub(super) is_crowd: bool,
 }
 
 impl TargetSettings {
+    /// The default for the most members of a crowd at once.
+    pub const MOST: usize = 50;
+
     /// Returns a target of several landmarks, without a heading.
     pub fn of_landmarks(landmarks: Vec<BodySettings>) -> Self {
         Self {
             bodies: landmarks,
             heading: None,
+            is_crowd: false,
+        }
+    }
+
+    /// Returns a crowd: any number of bodies that look alike, of which at most this many are tracked at once. They are found when they appear and forgotten when
+    /// they are gone; each is a member with a number of its own ([`Tracker::members`](super::Tracker::members_at)).
+    pub fn crowd(body: DetectedSettings, most: usize) -> Self {
+        Self {
+            bodies: vec![body.into(); most],
+            heading: None,
+            is_crowd: true,
         }
     }
 }
@@ -37,6 +53,7 @@ impl<B: Into<BodySettings>> From<B> for TargetSettings {
         Self {
             bodies: vec![body.into()],
             heading: None,
+            is_crowd: false,
         }
     }
 }

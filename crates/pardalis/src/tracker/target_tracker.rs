@@ -154,6 +154,38 @@ impl TargetTracker {
         }
     }
 
+    /// The same, to change it.
+    pub(super) fn detected_mut(&mut self) -> Option<&mut DetectedTarget> {
+        match self {
+            Self::Detected(target) => Some(target),
+            Self::Initialized(_) => None,
+        }
+    }
+
+    /// Makes it the place of a member of a crowd. Only detected bodies can be.
+    pub(super) fn join_crowd(&mut self) {
+        if let Self::Detected(target) = self {
+            target.join_crowd();
+        }
+    }
+
+    /// Forgets what was examined in earlier frames.
+    pub(super) fn forget_candidates(&mut self) {
+        if let Self::Detected(target) = self {
+            target.forget_candidates();
+        }
+    }
+
+    /// Returns the number of the member of a crowd that it is.
+    pub(super) fn number(&self) -> Option<u32> {
+        self.detected()?.number()
+    }
+
+    /// Returns whether it is the place of a member of a crowd, and there is nobody.
+    pub(super) fn is_free(&self) -> bool {
+        self.detected().is_some_and(DetectedTarget::is_free)
+    }
+
     /// Returns the confidence by which look-alikes are ordered.
     pub(super) fn rank(&self) -> f64 {
         self.detected().map_or(0.0, DetectedTarget::confidence)

@@ -3,6 +3,7 @@
 mod challenge;
 mod common;
 mod contradictions;
+mod crowd;
 mod determinism;
 mod frame_sets;
 mod kernels;

@@ -40,6 +40,14 @@ impl Frames {
         first..behind.max(first)
     }
 
+    /// Returns the number of frames in a second.
+    pub(super) fn in_a_second(&self) -> usize {
+        let mut intervals_s: Vec<f64> = self.times_s.windows(2).map(|w| w[1] - w[0]).collect();
+        intervals_s.sort_by(f64::total_cmp);
+        let median_s = intervals_s.get(intervals_s.len() / 2);
+        median_s.map_or(1, |median_s| (1.0 / median_s).round() as usize)
+    }
+
     /// Returns for each frame the row nearest in time, or `None` if no row lies within the tolerance.
     pub(super) fn place<'a, T>(&self, series: &'a Series<T>) -> Vec<Option<&'a T>> {
         let mut placed: Vec<Option<(f64, &T)>> = vec![None; self.times_s.len()];

@@ -2,6 +2,7 @@
 
 mod between;
 mod confidence;
+mod crowds;
 mod frames;
 mod pairing;
 mod report;
@@ -22,7 +23,8 @@ use crate::tables::{self, Series, TrackRow};
 use crate::user_error::user_error;
 use confidence::Confidence;
 use frames::Frames;
-pub(crate) use report::{Point, Report, TargetReport};
+use pairing::Pair;
+pub(crate) use report::{CrowdReport, Point, Report, TargetReport};
 
 /// Evaluates tracks against the truth
 #[derive(Debug, clap::Args)]
@@ -45,6 +47,10 @@ pub(crate) struct Options {
     /// one that the target follows best; objects named occluder… only by name]
     #[arg(long, value_name = "TARGET=OBJECT", value_parser = name_pair)]
     pub(crate) map: Vec<(String, String)>,
+    /// Evaluates the targets NAME-1, NAME-2, ... together, as the members of a crowd; may be repeated [default: the crowds in the
+    /// summary.json next to the tracks]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) crowd: Vec<String>,
     /// The origin of distance, elevation and azimuth in the world, in metres [default: the first camera in the
     /// summary.json next to the tracks, else the world's origin]
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
@@ -80,6 +86,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             map: Vec::new(),
+            crowd: Vec::new(),
             around: None,
             visible_over: Settings::VISIBLE_OVER,
             lost_beyond_m: None,
@@ -132,21 +139,28 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     settings.lost_beyond_m = lost_beyond_m;
 
     let frames = Frames::of(&objects);
-    let track_rows: Vec<_> = tracks.iter().map(|t| frames.place(t)).collect();
-    let object_rows: Vec<_> = objects.iter().map(|o| frames.place(o)).collect();
-    if track_rows.iter().flatten().all(Option::is_none) {
+    let placed = Placed::of(&tracks, &objects, &frames);
+    if placed.track_rows.iter().flatten().all(Option::is_none) {
         let (tracks, truth) = ((&*tracks_path, &*tracks), (&*truth_path, &*objects));
         return Err(other_clock(tracks, truth, frames.tolerance_s));
     }
-
-    let track_paths: Vec<_> = track_rows.iter().map(|rows| estimated_path(rows)).collect();
-    let object_paths: Vec<_> = object_rows.iter().map(|rows| true_path(rows)).collect();
-    let pairs = pairing::pair(
-        (&tracks_path, &names(&tracks), &track_paths),
-        (&truth_path, &names(&objects), &object_paths),
-        &options.map,
-        lost_beyond_m,
-    )?;
+    let crowds = crowds::find(&summary, options, &placed, &tracks_path)?;
+    let in_crowd = |track: usize| crowds.iter().any(|crowd| crowd.tracks.contains(&track));
+    let of_crowd = |object: usize| crowds.iter().any(|crowd| crowd.objects.contains(&object));
+    let single_tracks = (0..tracks.len()).filter(|&track| !in_crowd(track));
+    let single_objects = (0..objects.len()).filter(|&object| !of_crowd(object));
+    let single = [single_tracks.collect(), single_objects.collect::<Vec<_>>()];
+    let pairs = if single[0].is_empty() && !crowds.is_empty() {
+        Vec::new()
+    } else {
+        pairs(
+            &placed,
+            single,
+            (&tracks_path, &truth_path),
+            options,
+            lost_beyond_m,
+        )?
+    };
 
     let window = window(options, &frames).ok_or_else(|| {
         user_error!(
@@ -155,52 +169,35 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
             time_range(&objects)
         )
     })?;
+    let rules = Rules {
+        options,
+        summary: &summary,
+        settings,
+        window,
+        frames_in_a_second: frames.in_a_second(),
+    };
 
     let identities = (pairs.len() > 1).then(|| {
-        let of_tracks: Vec<_> = pairs
-            .iter()
-            .map(|p| &track_paths[p.target][window.clone()])
+        let of_tracks = pairs.iter();
+        let of_tracks: Vec<_> = of_tracks
+            .map(|p| &placed.track_paths[p.target][rules.window.clone()])
             .collect();
-        let of_objects: Vec<_> = pairs
-            .iter()
-            .map(|p| &object_paths[p.object][window.clone()])
+        let of_objects = pairs.iter();
+        let of_objects: Vec<_> = of_objects
+            .map(|p| &placed.object_paths[p.object][rules.window.clone()])
             .collect();
         pardalis_evaluate::identities(&of_tracks, &of_objects, lost_beyond_m)
     });
-    let targets = pairs.iter().map(|pair| {
-        let rows = || {
-            let of_object = object_rows[pair.object].iter().copied();
-            track_rows[pair.target].iter().copied().zip(of_object)
-        };
-        let with_truth = rows().filter(|(r, t)| r.is_some() && t.is_some()).count();
-        let window_rows = || rows().skip(window.start).take(window.len());
-        let samples = samples(window_rows(), options);
-        let track = &tracks[pair.target];
-        let of_run = summary.targets.get(&track.name);
-        let diameter_m = options.diameter_m.or(of_run.and_then(|t| t.diameter_m));
-        let others: Vec<_> = (0..objects.len())
-            .filter(|&o| o != pair.object && !objects[o].name.starts_with(pairing::OCCLUDER))
-            .map(|o| &object_paths[o][window.clone()])
-            .collect();
-        TargetReport {
-            target: track.name.clone(),
-            object: objects[pair.object].name.clone(),
-            matched_by: pair.matched_by,
-            rows: track.rows.len(),
-            rows_without_truth: track.rows.len() - with_truth,
-            changed_target: pardalis_evaluate::ends_on_another(
-                &track_paths[pair.target][window.clone()],
-                &object_paths[pair.object][window.clone()],
-                &others,
-            ),
-            scores: pardalis_evaluate::evaluate(&samples, &settings),
-            states: diameter_m
-                .and_then(|diameter_m| pardalis_evaluate::states(&samples, diameter_m)),
-            samples,
-            confidence: Confidence::of(window_rows(), options, diameter_m),
-        }
-    });
-    let targets: Vec<TargetReport> = targets.collect();
+    let targets = pairs
+        .iter()
+        .map(|pair| target_report(&placed, pair, &rules));
+    let mut targets: Vec<TargetReport> = targets.collect();
+    let mut crowd_reports = Vec::new();
+    for crowd in &crowds {
+        let report = crowd.evaluate(&placed, &rules);
+        targets.extend(crowd.object_reports(&report, &placed, &rules));
+        crowd_reports.push(report);
+    }
     check_seen(&targets, options.seen_by, &truth_path)?;
     Ok(Report {
         tracks: tracks_path,
@@ -213,10 +210,135 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         seen_by: options.seen_by,
         time_tolerance_s: frames.tolerance_s,
         targets,
+        crowds: crowd_reports,
         identities,
-        targets_without_object: names_without(&tracks, |i| pairs.iter().any(|p| p.target == i)),
-        objects_without_target: names_without(&objects, |i| pairs.iter().any(|p| p.object == i)),
+        targets_without_object: names_without(&tracks, |i| {
+            in_crowd(i) || pairs.iter().any(|p| p.target == i)
+        }),
+        objects_without_target: names_without(&objects, |i| {
+            of_crowd(i) || pairs.iter().any(|p| p.object == i)
+        }),
     })
+}
+
+/// Positions by frame, in metres.
+type Positions = Vec<Option<[f64; 3]>>;
+
+/// The tracks and the objects of the truth, by frame.
+struct Placed<'a> {
+    tracks: &'a [Series<TrackRow>],
+    objects: &'a [Series<TrueState>],
+    track_rows: Vec<Vec<Option<&'a TrackRow>>>,
+    object_rows: Vec<Vec<Option<&'a TrueState>>>,
+    track_paths: Vec<Positions>,
+    object_paths: Vec<Positions>,
+}
+
+impl<'a> Placed<'a> {
+    fn of(
+        tracks: &'a [Series<TrackRow>],
+        objects: &'a [Series<TrueState>],
+        frames: &Frames,
+    ) -> Self {
+        let track_rows: Vec<_> = tracks.iter().map(|t| frames.place(t)).collect();
+        let object_rows: Vec<_> = objects.iter().map(|o| frames.place(o)).collect();
+        Self {
+            tracks,
+            objects,
+            track_paths: track_rows.iter().map(|rows| estimated_path(rows)).collect(),
+            object_paths: object_rows.iter().map(|rows| true_path(rows)).collect(),
+            track_rows,
+            object_rows,
+        }
+    }
+}
+
+/// How tracks are evaluated.
+struct Rules<'a> {
+    options: &'a Options,
+    summary: &'a RunSummary,
+    settings: Settings,
+    /// The frames that are.
+    window: Range<usize>,
+    frames_in_a_second: usize,
+}
+
+impl Rules<'_> {
+    /// The diameter of a target, in metres.
+    fn diameter_m(&self, target: &str) -> Option<f64> {
+        let of_run = self.summary.targets.get(target);
+        self.options
+            .diameter_m
+            .or(of_run.and_then(|t| t.diameter_m))
+    }
+}
+
+/// Pairs those of these tracks with those of these objects.
+fn pairs(
+    placed: &Placed,
+    [tracks, objects]: [Vec<usize>; 2],
+    (tracks_path, truth_path): (&Path, &Path),
+    options: &Options,
+    lost_beyond_m: f64,
+) -> Result<Vec<Pair>> {
+    let mut pairs = pairing::pair(
+        (
+            tracks_path,
+            &of(&names(placed.tracks), &tracks),
+            &of(&placed.track_paths, &tracks),
+        ),
+        (
+            truth_path,
+            &of(&names(placed.objects), &objects),
+            &of(&placed.object_paths, &objects),
+        ),
+        &options.map,
+        lost_beyond_m,
+    )?;
+    for pair in &mut pairs {
+        (pair.target, pair.object) = (tracks[pair.target], objects[pair.object]);
+    }
+    Ok(pairs)
+}
+
+/// Evaluates a target against its object.
+fn target_report(placed: &Placed, pair: &Pair, rules: &Rules) -> TargetReport {
+    let Rules {
+        options, window, ..
+    } = rules;
+    let objects = placed.objects;
+    let rows = || {
+        let of_object = placed.object_rows[pair.object].iter().copied();
+        placed.track_rows[pair.target]
+            .iter()
+            .copied()
+            .zip(of_object)
+    };
+    let with_truth = rows().filter(|(r, t)| r.is_some() && t.is_some()).count();
+    let window_rows = || rows().skip(window.start).take(window.len());
+    let samples = samples(window_rows(), options);
+    let track = &placed.tracks[pair.target];
+    let diameter_m = rules.diameter_m(&track.name);
+    let others: Vec<_> = (0..objects.len())
+        .filter(|&o| o != pair.object && !objects[o].name.starts_with(pairing::OCCLUDER))
+        .map(|o| &placed.object_paths[o][window.clone()])
+        .collect();
+    TargetReport {
+        target: track.name.clone(),
+        object: objects[pair.object].name.clone(),
+        matched_by: pair.matched_by,
+        rows: track.rows.len(),
+        rows_without_truth: track.rows.len() - with_truth,
+        changed_target: pardalis_evaluate::ends_on_another(
+            &placed.track_paths[pair.target][window.clone()],
+            &placed.object_paths[pair.object][window.clone()],
+            &others,
+        ),
+        scores: pardalis_evaluate::evaluate(&samples, &rules.settings),
+        states: diameter_m.and_then(|diameter_m| pardalis_evaluate::states(&samples, diameter_m)),
+        samples,
+        confidence: Confidence::of(window_rows(), options, diameter_m),
+    }
 }
 
 /// Rejects a number of cameras that never see the targets together.
@@ -296,6 +418,11 @@ fn file_in(path: &Path, name: &str) -> PathBuf {
     }
 }
 
+/// Returns those of these numbers.
+fn of<T: Clone>(all: &[T], numbers: &[usize]) -> Vec<T> {
+    numbers.iter().map(|&number| all[number].clone()).collect()
+}
+
 /// Returns the names in the order of the file.
 fn names<T>(series: &[Series<T>]) -> Vec<&str> {
     series.iter().map(|s| s.name.as_str()).collect()
@@ -343,6 +470,8 @@ pub(crate) struct RunSummary {
 struct TargetSummary {
     /// `None` if the program that wrote it omitted it.
     diameter_m: Option<f64>,
+    /// Only of crowds.
+    members: Option<Value>,
 }
 
 impl RunSummary {

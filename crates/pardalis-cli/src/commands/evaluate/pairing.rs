@@ -22,6 +22,8 @@ pub(crate) enum MatchedBy {
     Alone,
     /// The target follows this object best.
     Position,
+    /// The target is a crowd: whichever member follows the object.
+    Crowd,
 }
 
 /// A target and its object, as indices into the files.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use pardalis_evaluate::{
-    Errors, Evaluation, Identities, MeanSd, Reliability, Sample, States, Summary,
+    Crowd, Errors, Evaluation, Identities, MeanSd, Reliability, Sample, States, Summary,
 };
 use serde::Serialize;
 
@@ -36,6 +36,8 @@ pub(crate) struct Report {
     pub(crate) time_tolerance_s: f64,
     /// In the order of the tracks.
     pub(crate) targets: Vec<TargetReport>,
+    /// Crowds as a whole.
+    pub(crate) crowds: Vec<CrowdReport>,
     /// `None` with fewer than two targets.
     pub(crate) identities: Option<Identities>,
     /// Targets that were not evaluated.
@@ -82,6 +84,19 @@ pub(crate) struct TargetReport {
     pub(crate) confidence: Confidence,
 }
 
+/// The evaluation of a crowd.
+#[derive(Debug, Serialize)]
+pub(crate) struct CrowdReport {
+    /// Its name.
+    pub(crate) crowd: String,
+    /// Number of its members that have rows.
+    pub(crate) members: usize,
+    /// The truth objects.
+    pub(crate) objects: Vec<String>,
+    #[serde(flatten)]
+    pub(crate) figures: Crowd,
+}
+
 impl Report {
     /// Returns the results as JSON with unit-suffixed keys, without a final line feed.
     pub(crate) fn to_json(&self) -> Result<String> {
@@ -112,9 +127,15 @@ impl fmt::Display for Report {
             );
             writeln!(f, "frames   from {from} to {to}")?;
         }
-        for target in &self.targets {
+        let is_of_crowd = |target: &&TargetReport| target.matched_by == MatchedBy::Crowd;
+        for target in self.targets.iter().filter(|target| !is_of_crowd(target)) {
             writeln!(f)?;
             target.fmt(f)?;
+        }
+        for crowd in &self.crowds {
+            let of_crowd = self.targets.iter().filter(is_of_crowd);
+            let objects = of_crowd.filter(|target| target.target == crowd.crowd);
+            write_crowd(f, crowd, objects)?;
         }
         if let Some(identities) = self.identities {
             writeln!(
@@ -135,6 +156,71 @@ impl fmt::Display for Report {
     }
 }
 
+/// Writes the figures of a crowd, and a line for each of its objects.
+fn write_crowd<'a>(
+    f: &mut fmt::Formatter,
+    crowd: &CrowdReport,
+    objects: impl Iterator<Item = &'a TargetReport>,
+) -> fmt::Result {
+    let figures = &crowd.figures;
+    writeln!(
+        f,
+        "\ncrowd {}: {} members of {} objects; a member within {} m of an object follows it",
+        crowd.crowd,
+        crowd.members,
+        crowd.objects.len(),
+        plain(figures.cutoff_m)
+    )?;
+    let frames = |longest: usize| format!("at most {longest} frames in a row");
+    let rows = [
+        (
+            "GOSPA, mean, mm",
+            fixed(1000.0 * figures.gospa_m, 1),
+            String::new(),
+        ),
+        (
+            "identity switches",
+            figures.switches.to_string(),
+            String::new(),
+        ),
+        (
+            "visible objects missed, frames",
+            figures.missed.to_string(),
+            frames(figures.longest_missed_frames),
+        ),
+        (
+            "members that follow nothing, frames",
+            figures.false_tracks.to_string(),
+            frames(figures.longest_false_frames),
+        ),
+    ];
+    for (name, value, note) in rows {
+        writeln!(
+            f,
+            "  {}",
+            format!("{name:<36}{value:>12}  {note}").trim_end()
+        )?;
+    }
+    writeln!(
+        f,
+        "  {:<20}{:>14}{:>14}{:>16}",
+        "object", "visible frames", "followed", "RMS error, mm"
+    )?;
+    for object in objects {
+        let visible = &object.scores.visible;
+        let rms_m = visible.errors.as_ref().map(|errors| errors.position_m.rmse);
+        writeln!(
+            f,
+            "  {:<20}{:>14}{:>14}{:>16}",
+            object.object,
+            visible.frames,
+            visible.estimates,
+            rms_m.map_or_else(none, |rms_m| fixed(1000.0 * rms_m, 1))
+        )?;
+    }
+    Ok(())
+}
+
 impl fmt::Display for TargetReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let why = match self.matched_by {
@@ -142,6 +228,7 @@ impl fmt::Display for TargetReport {
             MatchedBy::Name => "same name",
             MatchedBy::Alone => "the only ones left",
             MatchedBy::Position => "identity assigned by position",
+            MatchedBy::Crowd => "whichever member follows it",
         };
         writeln!(
             f,

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use pardalis::tracker::{PASSES_SIGMA_M, Verdict, check_passes};
+use pardalis::tracker::{PASSES_SIGMA_M, TrackState, Verdict, check_passes};
 use pardalis::{Estimate, TargetId, Tracker};
 use pardalis_scene::{FrameRange, Scene, TargetConfig};
 
@@ -16,7 +16,9 @@ use crate::output::print;
 use crate::scene;
 use crate::sight::Sight;
 use crate::source::decode::media_kind;
-use crate::tracking::{self, Annotate, FrameSet, Limit, Options, Output, Previous, Run, missed};
+use crate::tracking::{
+    self, Annotate, FrameSet, Limit, Options, Output, Previous, Run, Tracked, missed,
+};
 use crate::user_error::user_error;
 use starts::Starts;
 pub(crate) use starts::StartsFrom;
@@ -202,7 +204,17 @@ pub(crate) fn locate(
             .and_then(|set| tracker.locate(&set, &starts_here, &settings.passes_m));
         let estimates =
             located.map_err(|error| user_error!("{}: {error}", starts.source_of_frame(frame)))?;
+        let mut tracked = Vec::new();
         for (number, (target, estimate)) in targets.iter().zip(&estimates).enumerate() {
+            if target.crowd.is_some() && estimate.state == TrackState::Tracking {
+                tracked.extend(members(tracker, number, set.time_s)?);
+            } else {
+                tracked.push(Tracked::target(number, *estimate));
+            }
+        }
+        for located in &tracked {
+            let (number, estimate) = (located.target, &located.estimate);
+            let (target, name) = (&targets[number], located.name(&targets));
             let reasons = missed::reasons(tracker, TargetId::new(number))?;
             let reason = reasons.first().copied();
             let far = estimate.kinematics.and_then(|found| {
@@ -210,12 +222,24 @@ pub(crate) fn locate(
             });
             let line = line(estimate, reason, seen(tracker, target, estimate));
             let far = far.map(|far| format!("; {far}")).unwrap_or_default();
-            let _ = writeln!(report, "frame {}: {} {line}{far}", set.index, target.name);
+            let _ = writeln!(report, "frame {}: {} {line}{far}", set.index, name);
         }
-        Ok(estimates)
+        Ok(tracked)
     };
     let run = tracking::run_steps(scene_path, open, options, &mut step)?;
     Ok((run, report))
+}
+
+/// Returns the members of a crowd that were located, without velocities.
+fn members(tracker: &Tracker, number: usize, time_s: f64) -> Result<impl Iterator<Item = Tracked>> {
+    let members = tracker.members_at(TargetId::new(number), time_s)?;
+    Ok(members.map(move |member| {
+        let mut tracked = Tracked::member(number, &member);
+        if let Some(known) = &mut tracked.estimate.kinematics {
+            known.velocity_mps = None;
+        }
+        tracked
+    }))
 }
 
 /// Returns how the only camera shows a target of a single body that was found.

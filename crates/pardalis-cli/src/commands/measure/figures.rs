@@ -13,6 +13,7 @@ use super::pooled::reliability_of;
 use crate::draw::camera_symbol::CameraSymbol;
 use crate::draw::errors::{ErrorGroup, SphericalError, write_error_figures};
 use crate::draw::paths::{PathGroup, write_path_figures};
+use crate::draw::plots::TrackSeries;
 use crate::draw::reliability::{ReliabilityGroup, write_reliability_figures};
 use crate::draw::sweep::{SweepPoint, SweepSeries, write_sweep_figures};
 use crate::user_error::user_error;
@@ -71,7 +72,12 @@ fn paths(figure: &Figure, shown: &[&Measured], folder: &Path) -> Result<Vec<Path
                 [_] => plan.run.name.clone(),
                 _ => format!("{}: {}", plan.run.name, target.name),
             };
-            let tracks = tracks.iter().filter(|track| track.name == target.name);
+            let is_its = |track: &&TrackSeries| {
+                let rest = track.name.strip_prefix(&target.name);
+                let is_member = |rest: &str| rest.starts_with('-') && target.crowd.is_some();
+                rest.is_some_and(|rest| rest.is_empty() || is_member(rest))
+            };
+            let tracks = tracks.iter().filter(is_its);
             groups.push(PathGroup {
                 name,
                 tracks: tracks.cloned().collect(),

@@ -3,11 +3,13 @@
 use pardalis_evaluate::{Course, Errors, Heading};
 use pardalis_scene::experiment::FIGURES_OF_MERIT;
 
-use crate::commands::evaluate::TargetReport;
+use crate::commands::evaluate::{CrowdReport, TargetReport};
 
 /// The results of one seed and target.
 pub(super) struct Measured<'a> {
     pub(super) report: &'a TargetReport,
+    /// The crowd of which the target is a member.
+    pub(super) crowd: Option<&'a CrowdReport>,
     pub(super) ms_a_frame: Option<f64>,
 }
 
@@ -99,6 +101,14 @@ pub(super) const METRICS: [Metric; FIGURES_OF_MERIT.len()] = [
         reliability.map(|r| r.calibration_error)
     }),
     ("confidence_max", |m| m.report.confidence.confidence_max),
+    ("gospa_m", |m| Some(m.crowd?.figures.gospa_m)),
+    ("switches", |m| Some(m.crowd?.figures.switches as f64)),
+    ("longest_missed_frames", |m| {
+        Some(m.crowd?.figures.longest_missed_frames as f64)
+    }),
+    ("longest_false_frames", |m| {
+        Some(m.crowd?.figures.longest_false_frames as f64)
+    }),
     ("estimates", |m| Some(m.report.scores.all.estimates as f64)),
     ("ms_a_frame", |m| m.ms_a_frame),
 ];

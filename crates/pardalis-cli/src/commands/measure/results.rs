@@ -30,17 +30,24 @@ impl Figures {
         report: &Report,
         ms_a_frame: Option<f64>,
     ) -> Vec<Self> {
-        let of_target = |report: &TargetReport| Self {
+        let crowds = &report.crowds;
+        let figures = |of_target: &TargetReport| Self {
             seed,
-            target: report.target.clone(),
-            object: report.object.clone(),
+            target: of_target.target.clone(),
+            object: of_target.object.clone(),
             window: window.to_owned(),
             values: METRICS
                 .iter()
-                .map(|(_, metric)| metric(&Measured { report, ms_a_frame }))
+                .map(|(_, metric)| {
+                    metric(&Measured {
+                        report: of_target,
+                        crowd: crowds.iter().find(|crowd| crowd.crowd == of_target.target),
+                        ms_a_frame,
+                    })
+                })
                 .collect(),
         };
-        report.targets.iter().map(of_target).collect()
+        report.targets.iter().map(figures).collect()
     }
 
     /// Returns the figure of that name.

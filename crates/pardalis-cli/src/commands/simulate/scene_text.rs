@@ -69,7 +69,12 @@ pub(super) fn of(sequence: &Sequence) -> String {
         .iter()
         .zip(&placed)
         .filter(|(o, _)| o.is_target);
+    let mut crowds = Vec::new();
     for (object, placed) in targets {
+        if object.crowd.is_some() && crowds.contains(&object.target_name()) {
+            continue;
+        }
+        crowds.push(object.target_name());
         push_target(&mut text, object, placed, sequence.config.start_sigma_m);
     }
     text
@@ -93,7 +98,7 @@ fn push_platform(text: &mut String, platform: &Platform) {
 
 /// Returns the file name of a target's colour model.
 pub(super) fn colors_of(target: &Object) -> String {
-    format!("{}.colors.toml", target.name)
+    format!("{}.colors.toml", target.target_name())
 }
 
 fn push_target(text: &mut String, object: &Object, placed: &Placed, sigma_m: f64) {
@@ -113,14 +118,20 @@ fn push_target(text: &mut String, object: &Object, placed: &Placed, sigma_m: f64
         Course::Path(Path::Throw(_)) => 100.0,
         _ => 2.0,
     };
+    let (name, colors) = (object.target_name(), colors_of(object));
+    if object.crowd.is_some() {
+        let _ = write!(
+            text,
+            "\n[targets.{name}]\ncount = \"any\"\nshape.{shape}\ncolors = \"{colors}\"\n"
+        );
+        return;
+    }
     let shown = |v: [f64; 3]| v.map(|c| c + 0.0);
     let _ = write!(
         text,
         "\n[targets.{name}]\nshape.{shape}\ncolors = \"{colors}\"\n\
          motion.{motion}.acceleration_density_m2ps3 = {density:?}\n\n[targets.{name}.start.gaussian]\n\
          position_m = {position:?}\nposition_sigma_m = {sigma_m:?}\nvelocity_mps = {velocity:?}\n",
-        name = object.name,
-        colors = colors_of(object),
         position = shown(placed.position_m.into()),
         velocity = shown(placed.velocity_mps.into()),
     );

@@ -24,12 +24,10 @@ const VISIBLE: f64 = 0.8;
 const COVERED: f32 = 0.5;
 
 /// Writes `training/NNN.*` with `NNN_TARGET_mask.png`, 255 on the target, and each target's colour model. Stills
-/// cycle through cameras and targets.
+/// cycle through cameras, targets and the members of crowds.
 pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -> Result<()> {
     let world = sequence.world();
-    let targets: Vec<_> = (0..world.objects.len())
-        .filter(|&object| world.objects[object].is_target)
-        .collect();
+    let targets = targets(world);
     let mut learners = Vec::new();
     for _ in &targets {
         learners.push(ColorLearner::new(Palette::HSI)?);
@@ -37,8 +35,11 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
     let images = PathBuf::from("training");
     folder.make(&images)?;
     for still in 0..sequence.config.training_stills {
-        let wanted = targets[still % targets.len()];
-        let Some((world, number)) = staged(world, wanted, still as u32) else {
+        let (_, members) = &targets[still % targets.len()];
+        let first = still / targets.len();
+        let mut wanted = (0..members.len()).map(|member| members[(first + member) % members.len()]);
+        let found = wanted.find_map(|wanted| staged(world, wanted, still as u32));
+        let Some((world, number)) = found else {
             progress.step()?;
             continue;
         };
@@ -51,9 +52,14 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
         let decoded = decode_image(&folder.path_of("training").join(&name))?;
         let (width, height) = camera.size_px;
         let frame = Frame::from_rgb(width, height, decoded.into_raw(), 0.0)?;
-        for (learner, &target) in learners.iter_mut().zip(&targets) {
-            let coverage = renderer.coverage(target, 0.0);
-            let mask: Vec<bool> = coverage.iter().map(|&share| share >= COVERED).collect();
+        for (learner, (target, members)) in learners.iter_mut().zip(&targets) {
+            let mut mask = vec![false; width * height];
+            for &member in members {
+                let coverage = renderer.coverage(member, 0.0);
+                for (is_target, share) in mask.iter_mut().zip(coverage) {
+                    *is_target |= share >= COVERED;
+                }
+            }
             learner.add(&frame, &mask)?;
             let grey: Vec<u8> = mask
                 .iter()
@@ -61,24 +67,39 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
                 .collect();
             let mask = GrayImage::from_raw(width as u32, height as u32, grey);
             let bytes = encode_png(&mask.expect("one byte per pixel"))?;
-            let mask_name = format!("{still:03}_{}_mask.png", world.objects[target].name);
+            let mask_name = format!("{still:03}_{target}_mask.png");
             folder.write(images.join(mask_name), &bytes)?;
         }
         progress.step()?;
     }
-    for (learner, target) in learners.iter().zip(targets) {
-        let target = &world.objects[target];
+    for (learner, (_, members)) in learners.iter().zip(&targets) {
         let model = learner.learn().map_err(|_| {
             user_error!(
                 "{}: objects.{}: none of {} stills shows it, so its colours cannot be learnt; place it in view of a camera, or set training_stills = 0",
                 sequence.path.display(),
-                target.name,
+                world.objects[members[0]].name,
                 sequence.config.training_stills
             )
         })?;
-        folder.write(scene_text::colors_of(target), model.to_text().as_bytes())?;
+        let path = scene_text::colors_of(&world.objects[members[0]]);
+        folder.write(path, model.to_text().as_bytes())?;
     }
     Ok(())
+}
+
+/// Returns the names of the targets and the numbers of the objects of each: one, or the members of a crowd.
+fn targets(world: &World) -> Vec<(&str, Vec<usize>)> {
+    let mut targets: Vec<(&str, Vec<usize>)> = Vec::new();
+    for (number, object) in world.objects.iter().enumerate() {
+        let name = object.target_name();
+        let known = targets.iter_mut().find(|(target, _)| *target == name);
+        match known {
+            _ if !object.is_target => {}
+            Some((_, members)) => members.push(number),
+            None => targets.push((name, vec![number])),
+        }
+    }
+    targets
 }
 
 /// Returns the world of a still, in which nothing moves, and the index of the camera that sees the target; `None` if no

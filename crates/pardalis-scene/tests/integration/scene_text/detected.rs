@@ -33,6 +33,51 @@ fn detected(settings: &str) -> DetectedSettings {
 }
 
 #[test]
+fn any_number_of_targets_is_a_crowd() {
+    let crowd = |settings: &str| without_start(settings).unwrap().targets[0].crowd;
+    assert_eq!(crowd(""), None);
+    assert_eq!(crowd("count = \"one\""), None);
+    assert_eq!(crowd("count = \"any\""), Some(50));
+    assert_eq!(crowd("count = \"any\"\nmax_count = 3"), Some(3));
+}
+
+#[test]
+fn a_target_with_the_name_of_a_member_is_rejected() {
+    let other =
+        "count = \"any\"\n[targets.ball-2]\nshape.sphere.radius_m = 0.2\ncolors = \"ball.toml\"";
+    let problems = without_start(other).unwrap_err();
+    let named = problems
+        .iter()
+        .any(|problem| problem.contains("name a target ball-2"));
+    assert!(named, "{problems:?}");
+    assert!(without_start(&other.replace("ball-2", "ball-b")).is_ok());
+}
+
+#[test]
+fn targets_that_cannot_be_a_crowd_are_rejected_by_key() {
+    for (settings, expected) in [
+        (
+            "max_count = 3",
+            "targets.ball.max_count: is only for count = \"any\"",
+        ),
+        ("count = \"any\"\nmax_count = 0", "targets.ball.max_count: "),
+        ("count = \"two\"", "targets.ball.count: "),
+        (
+            "count = \"any\"\nstart.gaussian.position_m = [1, 2, 3]",
+            "targets.ball.count: is \"any\", but",
+        ),
+        (
+            "count = \"any\"\nedge = {}\nstart.gaussian.position_m = [1, 2, 3]",
+            "targets.ball.count: is \"any\", but a start is that of one target",
+        ),
+    ] {
+        let problems = without_start(settings).unwrap_err();
+        let named = problems.iter().any(|problem| problem.contains(expected));
+        assert!(named, "{settings}: {problems:?}");
+    }
+}
+
+#[test]
 fn targets_without_start_are_detected_with_the_defaults_of_the_library() {
     let found = detected("");
     assert_eq!(found.edge, EdgeSettings::default());

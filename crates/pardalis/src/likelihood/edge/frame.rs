@@ -55,6 +55,10 @@ pub(crate) struct Outlines {
     points: Vec<[f32; 2]>,
     /// Where each outline's points end.
     ends: Vec<usize>,
+    /// The box around each outline: its least and its greatest u and v.
+    boxes: Vec<[[f32; 2]; 2]>,
+    /// Whether the body within each outline has been found in this image.
+    found: Vec<bool>,
 }
 
 impl Outlines {
@@ -62,26 +66,49 @@ impl Outlines {
     pub(crate) fn clear(&mut self) {
         self.points.clear();
         self.ends.clear();
+        self.boxes.clear();
+        self.found.clear();
     }
 
-    /// Adds an outline.
-    pub(super) fn push(&mut self, points: impl Iterator<Item = [f32; 2]>) {
+    /// Adds the outline of a body, given whether that has been found in this image.
+    pub(super) fn push(&mut self, points: impl Iterator<Item = [f32; 2]>, is_found: bool) {
+        let first = self.points.len();
         self.points.extend(points);
         self.ends.push(self.points.len());
+        let around = [[f32::INFINITY; 2], [f32::NEG_INFINITY; 2]];
+        let around = self.points[first..]
+            .iter()
+            .fold(around, |[least, most], point| {
+                [
+                    [0, 1].map(|axis| point[axis].min(least[axis])),
+                    [0, 1].map(|axis| point[axis].max(most[axis])),
+                ]
+            });
+        self.boxes.push(around);
+        self.found.push(is_found);
     }
 
-    /// Returns whether a point of the image lies within any outline (even-odd rule).
-    fn contain(&self, [u, v]: [f32; 2]) -> bool {
+    /// Returns whether a point of the image lies within any outline, or within one of those of bodies that have been found (even-odd rule).
+    fn contain(&self, [u, v]: [f32; 2], only_found: bool) -> bool {
         let mut start = 0;
-        self.ends.iter().any(|&end| {
-            let outline = &self.points[start..end];
-            start = end;
-            let next = outline.iter().cycle().skip(1);
-            let crossed = outline.iter().zip(next).filter(|([u0, v0], [u1, v1])| {
-                (*v0 > v) != (*v1 > v) && u < u0 + (v - v0) / (v1 - v0) * (u1 - u0)
-            });
-            crossed.count() % 2 == 1
-        })
+        let bodies = self.boxes.iter().zip(&self.found);
+        self.ends
+            .iter()
+            .zip(bodies)
+            .any(|(&end, (around, is_found))| {
+                let outline = &self.points[start..end];
+                start = end;
+                let [[u_min, v_min], [u_max, v_max]] = *around;
+                let is_near = (u_min..=u_max).contains(&u) && (v_min..=v_max).contains(&v);
+                if !is_near || (only_found && !is_found) {
+                    return false;
+                }
+                let next = outline.iter().cycle().skip(1);
+                let crossed = outline.iter().zip(next).filter(|([u0, v0], [u1, v1])| {
+                    (*v0 > v) != (*v1 > v) && u < u0 + (v - v0) / (v1 - v0) * (u1 - u0)
+                });
+                crossed.count() % 2 == 1
+            })
     }
 }
 
@@ -177,7 +204,12 @@ impl<'a> EdgeFrame<'a> {
 
     /// Returns whether a point of the image lies within the outline of a look-alike.
     pub(super) fn is_look_alike(&self, point: [f32; 2]) -> bool {
-        self.context.look_alikes.contain(point)
+        self.context.look_alikes.contain(point, false)
+    }
+
+    /// Returns whether a point of the image lies within the outline of a look-alike that has been found in it.
+    pub(crate) fn is_taken(&self, point: [f32; 2]) -> bool {
+        self.context.look_alikes.contain(point, true)
     }
 
     /// Returns whether a point of the image lies on an unmasked pixel.

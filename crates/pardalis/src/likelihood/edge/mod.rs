@@ -335,16 +335,17 @@ impl EdgeCue {
         points.filter(|point| point.iter().all(|v| v.is_finite()))
     }
 
-    /// Adds the outline that this camera has of a look-alike at a position, with a velocity and of a scale.
+    /// Adds the outline that this camera has of a look-alike at a position, with a velocity and of a scale, given whether it has been found in this image.
     pub(crate) fn add_look_alike(
         &mut self,
         view: &View,
         (position_m, velocity_mps, scale): ([f64; 3], [f64; 3], f64),
+        is_found: bool,
         outlines: &mut Outlines,
     ) {
         let motion = view.row_motion(position_m, velocity_mps);
         let projector = Projector::moving(view, motion.as_ref());
-        outlines.push(self.outline_px(&projector, position_m, scale));
+        outlines.push(self.outline_px(&projector, position_m, scale), is_found);
     }
 
     /// The octave in which the latest projected outline, its first lane, is small enough to be judged as a whole.

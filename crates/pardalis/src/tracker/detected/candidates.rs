@@ -63,6 +63,10 @@ pub(super) struct CandidateSearch {
     rays: Vec<Ray>,
     /// Whether the largest circles inside blobs are candidates, too.
     pub(super) with_circles: bool,
+    /// Whether there are no candidates where look-alikes have been found.
+    pub(super) leaves_found: bool,
+    /// The time of the frame that was compared last, seconds.
+    compared_s: Option<f64>,
     /// These candidates.
     circles: Vec<Candidate>,
 }
@@ -95,6 +99,8 @@ impl CandidateSearch {
             moving: BlobSearch::new(blobs),
             rays: Vec::new(),
             with_circles: false,
+            leaves_found: false,
+            compared_s: None,
             circles: Vec::new(),
         }
     }
@@ -146,7 +152,9 @@ impl CandidateSearch {
     pub(super) fn compare(&mut self, frames: &[EdgeFrame]) {
         if let [frame] = frames
             && !frame.prepared().view().is_moving()
+            && self.compared_s != Some(frame.prepared().frame().time_s())
         {
+            self.compared_s = Some(frame.prepared().frame().time_s());
             self.backgrounds[frame.camera()].compare(frame.prepared());
         }
     }
@@ -181,6 +189,7 @@ impl CandidateSearch {
             blobs: search,
             rays,
             with_circles,
+            leaves_found,
             circles,
             ..
         } = self;
@@ -190,13 +199,12 @@ impl CandidateSearch {
         for frame in frames {
             let camera = CameraId::new(frame.camera());
             let context = frame.context();
-            let (palette, ranges) = context.colors;
             let blobs = search.find(
                 frame.prepared(),
-                palette,
+                context.colors,
                 context.posterior,
-                ranges,
                 &context.correction,
+                |point| *leaves_found && frame.is_taken(point),
             );
             for &blob in blobs {
                 let origin = Origin::Blob(camera, blob);

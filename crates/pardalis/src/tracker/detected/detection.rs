@@ -25,6 +25,8 @@ pub(super) struct Detector {
     /// For how long the shutters are open.
     pub(super) exposures: Exposures,
     pub(super) detections: Detections,
+    /// Whether the target is one of a crowd: nobody else is mistaken for one that is where it was predicted.
+    pub(super) is_of_crowd: bool,
 }
 
 /// How certain the size of a detection's outline is, besides the edges along it.
@@ -89,6 +91,7 @@ impl Detector {
             since_search: 0,
             exposures: Exposures::default(),
             detections: Detections::with_room(room, cameras, points),
+            is_of_crowd: false,
         }
     }
 
@@ -143,7 +146,7 @@ impl Detector {
         if !is_sure
             || predicted.is_challenged
             || predicted.existence < tuning.sure_existence
-            || self.since_search >= tuning.frames_between_searches
+            || (self.since_search >= tuning.frames_between_searches && !self.is_of_crowd)
         {
             self.since_search = 0;
             self.candidates.compare(frames);

@@ -22,16 +22,18 @@ impl<'a> LookAlikes<'a> {
         numbers.iter().filter_map(|&number| (self.detected)(number))
     }
 
-    /// The positions of those that probably exist, in metres, with their velocities in m/s and their scales.
-    pub(super) fn places(&self) -> impl Iterator<Item = ([f64; 3], [f64; 3], f64)> + '_ {
-        let all = self
-            .targets(self.updated)
-            .chain(self.targets(self.predicted));
-        let known = all.filter(|other| other.filter.located() >= 0.5);
-        known.filter_map(|other| {
+    /// The positions of those that probably exist, in metres, with their velocities in m/s and their scales, and whether each has been found at this instant.
+    pub(super) fn places(&self) -> impl Iterator<Item = (([f64; 3], [f64; 3], f64), bool)> + '_ {
+        let updated = self.targets(self.updated);
+        let updated = updated.map(|other| (other, other.detected.is_some()));
+        let predicted = self.targets(self.predicted).map(|other| (other, false));
+        let all = updated.chain(predicted);
+        let known = all.filter(|(other, _)| other.filter.located() >= 0.5);
+        known.filter_map(|(other, is_found)| {
             let known = other.filter.estimate(0.0)?;
             let velocity_mps = known.velocity_mps.unwrap_or_default();
-            Some((known.position_m, velocity_mps, other.size.known().scale()))
+            let place = (known.position_m, velocity_mps, other.size.known().scale());
+            Some((place, is_found))
         })
     }
 

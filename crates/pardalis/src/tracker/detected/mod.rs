@@ -11,6 +11,7 @@ mod challenge;
 mod detection;
 mod exposures;
 mod look_alikes;
+mod member;
 mod size;
 mod streaks;
 #[cfg(test)]
@@ -41,6 +42,7 @@ use association::AssociatedDetection;
 use challenge::{Challenge, Sighting, Winner};
 use detection::{Detector, Outline, Prediction};
 use exposures::Exposures;
+use member::Member;
 use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
@@ -90,6 +92,8 @@ pub(super) struct DetectedTarget {
     since_s: f64,
     /// The running mean of the clutter in a search of whole images.
     clutter_seen: f64,
+    /// The member of a crowd that it is.
+    member: Option<Member>,
 }
 
 /// What the images of one camera say of the target's colours and of look-alikes, at the latest instant.
@@ -193,6 +197,7 @@ impl DetectedTarget {
             outline: Outline::default(),
             since_s: 0.0,
             clutter_seen: 0.0,
+            member: None,
             other_landmarks_m: Vec::new(),
             // The prediction, what moves and, for each camera, its blobs and the largest that is left out; only where rays of several cameras meet may there be more.
             candidates: Vec::with_capacity(
@@ -222,6 +227,10 @@ impl DetectedTarget {
     /// What was examined in the latest frames.
     pub(super) fn candidates(&self) -> &[Candidate] {
         &self.candidates
+    }
+
+    pub(super) fn forget_candidates(&mut self) {
+        self.candidates.clear();
     }
 
     pub(super) fn particles(&self) -> &Particles {
@@ -349,7 +358,7 @@ impl DetectedTarget {
         self.update_state(time_s);
         let winner = self.challenge(&associated, updated.target, time_s);
         self.conclude(&associated, winner.or(updated.target), &mut candidates);
-        if self.detector.has_searched() {
+        if self.detector.has_searched() && self.member.is_none() {
             self.note_clutter(&associated, updated.target);
         }
         self.candidates = candidates;
@@ -398,11 +407,11 @@ impl DetectedTarget {
             counts.color_posterior(&self.colors, &mut image.posterior);
             image.look_alikes.clear();
         }
-        for place in look_alikes.places() {
+        for (place, is_found) in look_alikes.places() {
             for (camera, _) in instant.frames {
                 let outlines = &mut self.images[*camera].look_alikes;
                 self.edge
-                    .add_look_alike(&instant.views[*camera], place, outlines);
+                    .add_look_alike(&instant.views[*camera], place, is_found, outlines);
             }
         }
     }
@@ -467,7 +476,8 @@ impl DetectedTarget {
         target: Option<usize>,
         time_s: f64,
     ) -> Option<usize> {
-        if !self.track.is_known() {
+        // Whatever else looks like a member of a crowd is another.
+        if !self.track.is_known() || self.member.is_some() {
             self.challenge.reset();
             return None;
         }
@@ -608,6 +618,7 @@ impl DetectedTarget {
         self.start = None;
         self.detector.exposures = Exposures::default();
         self.clutter_seen = 0.0;
+        self.leave_crowd();
         self.candidates.clear();
     }
 

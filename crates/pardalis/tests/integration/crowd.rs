@@ -1,0 +1,96 @@
+//! Crowds: any number of targets that look alike.
+
+use pardalis::color::YuvEncoding;
+use pardalis::filter::gaussian::GaussianStart;
+use pardalis::tracker::{TargetSettings, TrackState};
+use pardalis::view::View;
+use pardalis::{CameraId, FrameSet, PixelFormat, TargetId, Tracker};
+
+use crate::common::{FPS, detected_ball, fisheye_view, frame, open};
+
+/// The frame sets of data/dioptric-two-balls.
+fn sets() -> impl Iterator<Item = FrameSet> {
+    (0..78).map(|index| {
+        let picture = open(&format!("dioptric-two-balls/frames/{index:06}.jpg"));
+        let time_s = index as f64 / FPS;
+        let frame = frame(&picture, PixelFormat::Rgb8, YuvEncoding::default(), time_s);
+        FrameSet::new([(CameraId::new(0), frame)]).unwrap()
+    })
+}
+
+fn tracker(most: usize) -> (Tracker, TargetId) {
+    let mut builder = Tracker::builder();
+    let view: View = fisheye_view();
+    builder.camera(view);
+    let crowd = builder.target(TargetSettings::crowd(detected_ball(), most));
+    (builder.build().unwrap(), crowd)
+}
+
+/// Returns the numbers of the members of each frame set and, with them, their states.
+fn members(tracker: &mut Tracker, crowd: TargetId) -> Vec<Vec<(u32, TrackState)>> {
+    let step = |set: FrameSet| {
+        tracker.observe(&set).unwrap();
+        let members = tracker.members_at(crowd, set.time_s()).unwrap();
+        let members = members.map(|member| (member.number, member.estimate.state));
+        let mut members: Vec<_> = members.collect();
+        members.sort_by_key(|(number, _)| *number);
+        members
+    };
+    sets().map(step).collect()
+}
+
+#[test]
+fn two_balls_are_two_members_who_keep_their_numbers() {
+    let (mut tracker, crowd) = tracker(10);
+    let members = members(&mut tracker, crowd);
+    for (index, of_set) in members.iter().enumerate().skip(3) {
+        let numbers: Vec<u32> = of_set.iter().map(|(number, _)| *number).collect();
+        assert_eq!(numbers, [1, 2], "{index}");
+    }
+    // The single estimate is that of the member with the greatest confidence.
+    let estimate = tracker.estimate(crowd).unwrap();
+    let time_s = tracker.time_s().unwrap();
+    let all: Vec<_> = tracker.members_at(crowd, time_s).unwrap().collect();
+    assert!(all.iter().any(|member| member.estimate == estimate));
+    let most = all.iter().map(|member| member.estimate.confidence);
+    assert_eq!(estimate.confidence, most.fold(0.0, f64::max));
+    // Each has been measured.
+    let measured: Vec<_> = tracker.measurements(crowd).unwrap().collect();
+    assert!(all.iter().all(|member| measured[member.body].is_some()));
+    assert_eq!(measured.iter().flatten().count(), 2);
+}
+
+#[test]
+fn no_more_members_than_allowed_are_tracked() {
+    let (mut tracker, crowd) = tracker(1);
+    for of_set in members(&mut tracker, crowd) {
+        assert!(of_set.len() <= 1, "{of_set:?}");
+    }
+}
+
+#[test]
+fn a_single_image_shows_all_members() {
+    let (mut tracker, crowd) = tracker(10);
+    let set = sets().nth(20).unwrap();
+    let located = tracker.locate(&set, &[None; 10], &[0.1]).unwrap();
+    assert_eq!((located.len(), located[0].state), (1, TrackState::Tracking));
+    let time_s = set.time_s();
+    assert_eq!(tracker.members_at(crowd, time_s).unwrap().count(), 2);
+}
+
+#[test]
+fn a_crowd_cannot_be_started_and_other_targets_have_no_members() {
+    let (mut tracker, crowd) = tracker(2);
+    let start = GaussianStart::at([0.0; 3]);
+    let error = tracker.reinitialize(crowd, &start, 0.0).unwrap_err();
+    assert!(error.to_string().contains("a crowd"), "{error}");
+    let mut builder = Tracker::builder();
+    builder.camera(fisheye_view());
+    let ball = builder.target(detected_ball());
+    let tracker = builder.build().unwrap();
+    assert_eq!(tracker.members_at(ball, 0.0).unwrap().count(), 0);
+    let mut builder = Tracker::builder();
+    builder.camera(fisheye_view());
+    builder.target(TargetSettings::crowd(detected_ball(), 0));
+    assert!(builder.build().is_err(), "a crowd of nobody");
+}
