@@ -632,7 +632,7 @@ impl Tracker {
     }
 
     /// Returns the members of a crowd with their numbers and their estimates, predicted at a time in seconds, at or after the latest frames; nobody for other targets. Numbers
-    /// count from 1 in the order in which members were found, and are never used again. A member that is [lost](TrackState::Lost) keeps its number for three seconds, in
+    /// count from 1 in the order in which members were found, and are never used again. A member that is [lost](TrackState::Lost) keeps its number for up to three seconds, in
     /// case it comes back.
     ///
     /// Returns an error if the target is unknown or the time is not finite.

@@ -53,8 +53,8 @@ impl DetectedTarget {
         );
     }
 
-    /// Gives a member that has been found its number, the next one of its crowd, and forgets one that is gone: for too long, or out of view of all cameras. Somebody new must
-    /// be seen in every frame until then.
+    /// Gives a member that has been found its number, the next one of its crowd, and forgets one that is gone: lost for too long, or out of view
+    /// of all cameras.
     pub(in crate::tracker) fn update_member(
         &mut self,
         next_number: &mut u32,
