@@ -90,6 +90,18 @@ fn members_come_and_go_and_keep_their_numbers_where_they_cross() {
     );
     assert!(crowd["gospa_m"].as_f64().unwrap() < 0.2, "{crowd}");
     assert_eq!(report["targets"].as_array().unwrap().len(), 5);
+    for (option, expected) in [
+        (
+            ["--map", "ball-1=ball3"],
+            "ball-1 is a member of the crowd ball",
+        ),
+        (["--crowd", "team"], "has no target team-1"),
+    ] {
+        let evaluate = ["evaluate", "out", "made"];
+        let run = Run::pardalis(&place, &[&evaluate[..], &option].concat());
+        assert_eq!(run.code, Some(2));
+        assert!(run.stderr.contains(expected), "{}", run.stderr);
+    }
     let table = Run::pardalis(&place, &["evaluate", "out", "made"]);
     assert!(
         table.stdout.contains("crowd ball: 5 members of 5 objects"),

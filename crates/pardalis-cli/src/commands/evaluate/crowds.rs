@@ -132,6 +132,16 @@ pub(super) fn find(
             crowds.push(Members::of(name, &tracks, &objects));
         }
     }
+    for (target, object) in &options.map {
+        let number = tracks.iter().position(|track| track == target);
+        let is_its = |crowd: &&Members| number.is_some_and(|track| crowd.tracks.contains(&track));
+        if let Some(crowd) = crowds.iter().find(is_its) {
+            return Err(user_error!(
+                "--map {target}={object}: {target} is a member of the crowd {}, which is evaluated as a whole; remove --map",
+                crowd.name
+            ));
+        }
+    }
     let is_empty =
         |crowd: &&Members| crowd.tracks.is_empty() && options.crowd.contains(&crowd.name);
     match crowds.iter().find(is_empty) {
