@@ -75,6 +75,12 @@ fn members_come_and_go_and_keep_their_numbers_where_they_cross() {
     assert_eq!((of_frame("5"), of_frame("39")), (4, 4));
     assert!(place.path().join("out/annotated/000039.jpg").exists());
 
+    let checked = Run::pardalis(&place, &["check", "made/scene.toml"]);
+    assert!(
+        checked.stdout.contains("4 found in the first frames"),
+        "{}",
+        checked.stdout
+    );
     let evaluated = Run::pardalis(&place, &["evaluate", "out", "made", "--json", "-"]);
     let report: Value = serde_json::from_str(&evaluated.stdout).unwrap();
     let crowd = &report["crowds"][0];

@@ -17,10 +17,20 @@ const STEPS: usize = 5;
 /// The interval between frames that are measured if it is not known, in seconds.
 const TYPICAL_INTERVAL_S: f64 = 0.04;
 
+/// What the first step found of a target.
+pub(super) struct Found {
+    /// The estimate; of a crowd, the most certain.
+    pub(super) estimate: Estimate,
+    /// The number of members of a crowd that were found.
+    pub(super) members: usize,
+    /// What ruled out the candidate that came nearest to it.
+    pub(super) reason: Option<Verdict>,
+}
+
 /// The measured time of a step, and what the first step found.
 pub(super) struct Cost {
-    /// The estimate of each target after the first step, with what ruled out the candidate that came nearest to it.
-    pub(super) found: Vec<(Estimate, Option<Verdict>)>,
+    /// What the first step found of each target.
+    pub(super) found: Vec<Found>,
     first_s: f64,
     /// The median of the further steps; the first one if there are none.
     later_s: f64,
@@ -63,7 +73,11 @@ pub(super) fn measure(
         if step == 0 {
             let find = |target: TargetId| {
                 let reasons = missed::reasons(tracker, target)?;
-                Ok((tracker.estimate(target)?, reasons.first().copied()))
+                Ok(Found {
+                    estimate: tracker.estimate(target)?,
+                    members: tracker.members_at(target, time_s)?.count(),
+                    reason: reasons.first().copied(),
+                })
             };
             found = tracker.targets().map(find).collect::<Result<_>>()?;
         }

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use pardalis::Frame;
 use pardalis::color::{ColorModel, PixelKind};
 use pardalis::detect::blobs;
-use pardalis::tracker::{BodySettings, Verdict};
-use pardalis::{Estimate, Frame};
+use pardalis::tracker::BodySettings;
 use pardalis_scene::TargetConfig;
 
+use super::cost::Found;
 use crate::numbers::fixed;
 use crate::scene::Parts;
 use crate::tracking::missed;
@@ -130,7 +131,11 @@ impl Seen {
 /// nearest to it.
 pub(super) fn outcome(
     target: &TargetConfig,
-    (estimate, reason): &(Estimate, Option<Verdict>),
+    Found {
+        estimate,
+        members,
+        reason,
+    }: &Found,
 ) -> String {
     let is_searched = target.bodies.iter().all(|body| body.cues().is_empty());
     match (&estimate.kinematics, reason) {
@@ -139,6 +144,9 @@ pub(super) fn outcome(
                 .to_owned()
         }
         _ if !is_searched => "  is followed from its start, and not searched for".to_owned(),
+        (Some(_), _) if target.crowd.is_some() => {
+            format!("  {members} found in the first frames")
+        }
         (Some(found), _) => {
             let [x, y, z] = found.position_m.map(|c| fixed(c, 3));
             format!("  found in the first frames at {x}, {y}, {z} m")
