@@ -9,6 +9,7 @@ mod candidate;
 mod carriers;
 mod crowd;
 mod detected;
+mod estimate;
 mod existence;
 mod frame_set;
 mod groups;
@@ -18,6 +19,7 @@ mod landmarks;
 mod settings;
 mod shown_colors;
 mod statistics;
+mod target;
 mod target_tracker;
 mod track;
 
@@ -25,19 +27,20 @@ pub use builder::TrackerBuilder;
 pub use camera_agreement::{CameraAgreement, CameraErrorCause, LikelyError};
 pub use candidate::{Candidate, Origin, Verdict};
 use detected::LookAlikes;
+pub use estimate::{BodyMeasurement, Estimate, Member, RadiusEstimate, TrackState};
 pub use existence::{ExistenceSettings, OcclusionRates, Region};
 pub use frame_set::FrameSet;
 pub use ids::{CameraId, PlatformId, TargetId};
 pub use settings::{
     BodySettings, DetectedSettings, InitializedSettings, SizeTolerance, TargetSettings,
 };
-
-use std::ops::Range;
+pub use target::{Contribution, VISIBLE_NATS};
 
 use carriers::Carriers;
 use crowd::Crowd;
 use groups::{groups, split};
 use statistics::ImageStatistics;
+use target::Target;
 use target_tracker::TargetTracker;
 use track::{Instant, Track};
 
@@ -50,87 +53,7 @@ use pardalis_core::Error;
 use pardalis_core::rng::Draws;
 use pardalis_core::simd::Level;
 use pardalis_filter::Particles;
-use pardalis_filter::estimate::StateEstimate;
 use pardalis_filter::gaussian::{GaussianStart, MAX_START};
-
-/// The state of a target's track.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TrackState {
-    /// Not started yet.
-    Searching,
-    /// Visible in at least one camera.
-    Tracking,
-    /// Not visible in the latest frame of any camera (occluded, out of view or masked): the estimate is predicted by
-    /// the motion model alone.
-    Occluded,
-    /// No longer tracked, because its position has become too uncertain or impossible: there is no estimate.
-    Lost,
-}
-
-impl TrackState {
-    /// All states.
-    pub const ALL: [Self; 4] = [Self::Searching, Self::Tracking, Self::Occluded, Self::Lost];
-
-    /// Returns its name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Searching => "searching",
-            Self::Tracking => "tracking",
-            Self::Occluded => "occluded",
-            Self::Lost => "lost",
-        }
-    }
-}
-
-/// The estimate of one target at one instant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
-    /// The track's state.
-    pub state: TrackState,
-    /// Position, velocity and covariance; `None` unless tracking or occluded.
-    pub kinematics: Option<StateEstimate>,
-    /// The direction from the rear landmark to the front one, counter-clockwise from x, in radians within ±π; `None`
-    /// for targets without these landmarks.
-    pub heading_rad: Option<f64>,
-    /// The radius of a detected ball, once several cameras have seen it, or one if it stays on the ground. `None` if it is not estimated.
-    pub radius: Option<RadiusEstimate>,
-    /// The filter's own probability that the target is within one diameter of the position; for an initialised target,
-    /// given that it is there, unless it was located in a single image. Without a position: the probability that a
-    /// detected target exists and is visible; 0 for an initialised one.
-    pub confidence: f64,
-}
-
-/// The estimated radius of a ball.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RadiusEstimate {
-    /// Radius, metres.
-    pub radius_m: f64,
-    /// Its standard deviation, metres. Includes errors that all frames share, so that it does not vanish with time.
-    pub sigma_m: f64,
-}
-
-/// What the latest frames say of a detected body by themselves, without those before ([`Tracker::measurements`]).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BodyMeasurement {
-    /// Position in the world, metres.
-    pub position_m: [f64; 3],
-    /// Its covariance (xx, xy, xz, yy, yz, zz in m²) from the noise of these frames.
-    pub covariance_m2: [f64; 6],
-    /// Covariance of errors that neighbouring frames share, in the same order: of part of the noise, of the target's size, of the cameras and of their platforms.
-    pub shared_m2: [f64; 6],
-}
-
-/// A member of a crowd ([`Tracker::members_at`]).
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub struct Member {
-    /// Its number, from 1.
-    pub number: u32,
-    /// Which of the target's bodies it is, as in [`Tracker::measurements`] and others, until it is gone.
-    pub body: usize,
-    /// Its estimate.
-    pub estimate: Estimate,
-}
 
 /// The outcome of [`Tracker::observe`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -141,36 +64,8 @@ pub enum Observed {
     Repeated,
 }
 
-/// The contribution of one camera to one target so far.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Contribution {
-    /// Number of frames used.
-    pub frames: usize,
-    /// Number of frames in which the target is visible: their log-likelihood ratio exceeds [`VISIBLE_NATS`].
-    pub visible_frames: usize,
-    /// Number of frames in which the target is not visible although it is tracked and its place is on an unmasked pixel.
-    pub blind_frames: usize,
-    /// Sum over all frames of the log-likelihood ratio against background, in nats. That of a frame is the mean over
-    /// the posterior.
-    pub log_likelihood_ratio: f64,
-}
-
-/// The log-likelihood ratio, in nats, above which the target is visible in a camera's frame. Hand-set.
-pub const VISIBLE_NATS: f64 = 1.0;
-
 /// Number of bits for the target in the number of a random stream; those above count its landmarks.
 const LANDMARK_BITS: u32 = 16;
-
-struct Target {
-    /// The indices of its body or landmarks.
-    bodies: Range<usize>,
-    /// The front and the rear landmark, counted from the first of the target.
-    heading: Option<[usize; 2]>,
-    /// If its bodies are members of a crowd.
-    crowd: Option<Crowd>,
-    /// One per camera.
-    contributions: Vec<Contribution>,
-}
 
 /// Tracks targets through cameras.
 pub struct Tracker {
@@ -731,59 +626,4 @@ fn check_pixel(start: &PixelStart, views: &[View]) -> Result<(), Error> {
         )
     };
     start.check_in(view.ok_or_else(camera)?)
-}
-
-impl Target {
-    /// The estimate of the target, given those of its bodies.
-    fn combined(&self, bodies: impl ExactSizeIterator<Item = Estimate>) -> Estimate {
-        if self.crowd.is_none() {
-            return landmarks::combined(bodies, self.heading);
-        }
-        let rank = |estimate: &Estimate| (estimate.kinematics.is_some(), estimate.confidence);
-        let likelier = |best: Estimate, next: Estimate| {
-            if rank(&next) > rank(&best) {
-                next
-            } else {
-                best
-            }
-        };
-        let best = bodies.reduce(likelier);
-        best.expect("a target has at least one body")
-    }
-
-    /// Adds the contributions of the cameras with these frames, once all bodies have started.
-    fn add_contributions(&mut self, bodies: &[TargetTracker], views: &[View], set: &FrameSet) {
-        let is_crowd = self.crowd.is_some();
-        let counts = |body: &&TargetTracker| !is_crowd || body.number().is_some();
-        let all = || bodies.iter().filter(counts);
-        if all().any(|body| !body.track().has_started()) {
-            return;
-        }
-        for &(camera, _) in set.numbered() {
-            let of_bodies = || all().map(|body| body.log_likelihood_ratio(camera));
-            let contribution = &mut self.contributions[camera];
-            contribution.frames += 1;
-            let mut visible = of_bodies().map(|nats| nats > VISIBLE_NATS);
-            let is_visible = if is_crowd {
-                visible.any(|is_visible| is_visible)
-            } else {
-                visible.all(|is_visible| is_visible)
-            };
-            let is_due = |body: &TargetTracker| {
-                let estimate = body.estimate(0.0);
-                let known = estimate
-                    .kinematics
-                    .filter(|_| estimate.state == TrackState::Tracking);
-                known.is_some_and(|known| views[camera].holds(known.position_m))
-            };
-            contribution.visible_frames += usize::from(is_visible);
-            let is_due = if is_crowd {
-                all().any(is_due)
-            } else {
-                all().all(is_due)
-            };
-            contribution.blind_frames += usize::from(!is_visible && is_due);
-            contribution.log_likelihood_ratio += of_bodies().sum::<f64>();
-        }
-    }
 }

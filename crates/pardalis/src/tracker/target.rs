@@ -1,0 +1,97 @@
+//! A target: which bodies it has, and what the cameras contribute to it.
+
+use std::ops::Range;
+
+use super::crowd::Crowd;
+use super::target_tracker::TargetTracker;
+use super::{Estimate, FrameSet, TrackState, landmarks};
+use crate::view::View;
+
+/// The contribution of one camera to one target so far.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Contribution {
+    /// Number of frames used.
+    pub frames: usize,
+    /// Number of frames in which the target is visible: their log-likelihood ratio exceeds [`VISIBLE_NATS`].
+    pub visible_frames: usize,
+    /// Number of frames in which the target is not visible although it is tracked and its place is on an unmasked pixel.
+    pub blind_frames: usize,
+    /// Sum over all frames of the log-likelihood ratio against background, in nats. That of a frame is the mean over
+    /// the posterior.
+    pub log_likelihood_ratio: f64,
+}
+
+/// The log-likelihood ratio, in nats, above which the target is visible in a camera's frame. Hand-set.
+pub const VISIBLE_NATS: f64 = 1.0;
+
+/// A target of the tracker.
+pub(super) struct Target {
+    /// The indices of its body or landmarks.
+    pub(super) bodies: Range<usize>,
+    /// The front and the rear landmark, counted from the first of the target.
+    pub(super) heading: Option<[usize; 2]>,
+    /// If its bodies are members of a crowd.
+    pub(super) crowd: Option<Crowd>,
+    /// One per camera.
+    pub(super) contributions: Vec<Contribution>,
+}
+
+impl Target {
+    /// The estimate of the target, given those of its bodies.
+    pub(super) fn combined(&self, bodies: impl ExactSizeIterator<Item = Estimate>) -> Estimate {
+        if self.crowd.is_none() {
+            return landmarks::combined(bodies, self.heading);
+        }
+        let rank = |estimate: &Estimate| (estimate.kinematics.is_some(), estimate.confidence);
+        let likelier = |best: Estimate, next: Estimate| {
+            if rank(&next) > rank(&best) {
+                next
+            } else {
+                best
+            }
+        };
+        let best = bodies.reduce(likelier);
+        best.expect("a target has at least one body")
+    }
+
+    /// Adds the contributions of the cameras with these frames, once all bodies have started.
+    pub(super) fn add_contributions(
+        &mut self,
+        bodies: &[TargetTracker],
+        views: &[View],
+        set: &FrameSet,
+    ) {
+        let is_crowd = self.crowd.is_some();
+        let counts = |body: &&TargetTracker| !is_crowd || body.number().is_some();
+        let all = || bodies.iter().filter(counts);
+        if all().any(|body| !body.track().has_started()) {
+            return;
+        }
+        for &(camera, _) in set.numbered() {
+            let of_bodies = || all().map(|body| body.log_likelihood_ratio(camera));
+            let contribution = &mut self.contributions[camera];
+            contribution.frames += 1;
+            let mut visible = of_bodies().map(|nats| nats > VISIBLE_NATS);
+            let is_visible = if is_crowd {
+                visible.any(|is_visible| is_visible)
+            } else {
+                visible.all(|is_visible| is_visible)
+            };
+            let is_due = |body: &TargetTracker| {
+                let estimate = body.estimate(0.0);
+                let known = estimate
+                    .kinematics
+                    .filter(|_| estimate.state == TrackState::Tracking);
+                known.is_some_and(|known| views[camera].holds(known.position_m))
+            };
+            contribution.visible_frames += usize::from(is_visible);
+            let is_due = if is_crowd {
+                all().any(is_due)
+            } else {
+                all().all(is_due)
+            };
+            contribution.blind_frames += usize::from(!is_visible && is_due);
+            contribution.log_likelihood_ratio += of_bodies().sum::<f64>();
+        }
+    }
+}
