@@ -13,6 +13,8 @@ pub(super) struct Frames {
     times_s: Vec<f64>,
     /// [`TOLERANCE_S`], or a tenth of the typical interval of the truth if that is less.
     pub(super) tolerance_s: f64,
+    /// The number of frames in a second, if the typical interval is known; otherwise 1.
+    pub(super) in_a_second: usize,
 }
 
 impl Frames {
@@ -30,6 +32,7 @@ impl Frames {
         Self {
             times_s,
             tolerance_s: median_s.map_or(TOLERANCE_S, |&median_s| TOLERANCE_S.min(median_s / 10.0)),
+            in_a_second: median_s.map_or(1, |&median_s| (1.0 / median_s).round() as usize),
         }
     }
 
@@ -38,14 +41,6 @@ impl Frames {
         let first = self.times_s.partition_point(|&t| t < from_s);
         let behind = self.times_s.partition_point(|&t| t <= to_s);
         first..behind.max(first)
-    }
-
-    /// Returns the number of frames in a second.
-    pub(super) fn in_a_second(&self) -> usize {
-        let mut intervals_s: Vec<f64> = self.times_s.windows(2).map(|w| w[1] - w[0]).collect();
-        intervals_s.sort_by(f64::total_cmp);
-        let median_s = intervals_s.get(intervals_s.len() / 2);
-        median_s.map_or(1, |median_s| (1.0 / median_s).round() as usize)
     }
 
     /// Returns for each frame the row nearest in time, or `None` if no row lies within the tolerance.

@@ -174,7 +174,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
         summary: &summary,
         settings,
         window,
-        frames_in_a_second: frames.in_a_second(),
+        frames_in_a_second: frames.in_a_second,
     };
 
     let identities = (pairs.len() > 1).then(|| {
