@@ -10,7 +10,7 @@
 //! - [`BernoulliFilter`](bernoulli::BernoulliFilter), which also estimates the probability that the
 //!   target exists. It marginalises the velocity of each particle (Rao-Blackwellisation).
 //!
-//! The [smoother] improves the track of a recording once it is over.
+//! The [smoother] improves the track of a recording once it is over, and [flight] predicts when and where a thrown body crosses a plane.
 //!
 //! # Example
 //!
@@ -72,9 +72,12 @@
 //! - [`gaussian`]: Gaussian priors, and their transformation between world frames.
 //! - [`resample`]: multinomial, stratified, systematic and residual resampling.
 //! - [`estimate`]: the result of a filter.
+//! - [`smoother`]: smoothing of recordings, and contacts.
+//! - [`flight`]: free flight, and where it leads.
 
 pub mod bernoulli;
 pub mod estimate;
+pub mod flight;
 pub mod gaussian;
 mod likelihood;
 pub mod motion;
