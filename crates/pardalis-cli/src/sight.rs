@@ -1,7 +1,7 @@
 //! How a camera shows a body: where in its image, how large, and how far away.
 
 use nalgebra::{Point3, Vector3};
-use pardalis::shape::Shape;
+use pardalis::shape::{Shape, Stance};
 use pardalis::view::View;
 
 /// Points of the outline from which its area is computed.
@@ -18,12 +18,17 @@ pub(crate) struct Sight {
 }
 
 impl Sight {
-    /// Computes how a camera shows a body at a position in metres, larger than its shape by a factor. `None` if part of it is outside the domain of the camera model.
-    pub(crate) fn of(view: &View, shape: &Shape, position_m: [f64; 3], scale: f64) -> Option<Self> {
+    /// Computes how a camera shows a body at a position in metres, in a stance. `None` if part of it is outside the domain of the camera model.
+    pub(crate) fn of(
+        view: &View,
+        shape: &Shape,
+        position_m: [f64; 3],
+        stance: Stance,
+    ) -> Option<Self> {
         let middle = Point3::from(position_m) + Vector3::z() * shape.middle_height_m();
         let middle = view.camera_from_world() * middle;
         let (camera, pose) = (view.camera(), view.camera_from_world());
-        let outline = shape.outline_px(camera, pose, position_m, scale, OUTLINE_POINTS);
+        let outline = shape.outline_px(camera, pose, position_m, stance, OUTLINE_POINTS);
         let outline: Vec<[f64; 2]> = outline.into_iter().collect::<Option<_>>()?;
         let next = outline.iter().cycle().skip(1);
         let crosses = outline.iter().zip(next);

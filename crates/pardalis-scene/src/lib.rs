@@ -6,6 +6,7 @@ mod appearance;
 pub mod calibration;
 mod camera;
 mod camera_names;
+mod crossing;
 pub mod description;
 pub mod experiment;
 mod guesses;
@@ -31,6 +32,7 @@ mod video;
 mod world;
 
 pub use camera::{CameraConfig, FrameRange, Input, MaskCircle, ReadCalibration};
+pub use crossing::CrossingConfig;
 pub use journal::{Located, Problem};
 pub use offsets::with_time_offsets;
 pub use plane::RectangleConfig;

@@ -14,6 +14,8 @@ pub(super) struct ShapeConfig {
     pub(super) size: SizeTolerance,
     /// Whether the scene gives the tolerance.
     pub(super) gives_tolerance: bool,
+    /// Whether its yaw is estimated, if the scene says so.
+    pub(super) turns: Option<bool>,
 }
 
 impl From<Shape> for ShapeConfig {
@@ -22,6 +24,7 @@ impl From<Shape> for ShapeConfig {
             shape,
             size: SizeTolerance::default(),
             gives_tolerance: false,
+            turns: None,
         }
     }
 }
@@ -56,15 +59,13 @@ pub(super) fn read_shape(table: &Table, cameras: &CameraNames) -> Option<ShapeCo
     Some(config)
 }
 
-const SHAPES: [Kind; 5] = [
+const SHAPES: [Kind; 6] = [
     ("sphere", "A ball."),
     ("cylinder", "An upright cylinder that stands on its base."),
     ("prism", "An upright regular prism that stands on its base."),
+    ("box", "A box that stands on one of its sides."),
     ("disc", "A horizontal disc."),
-    (
-        "rectangle",
-        "A horizontal rectangle along the world's axes.",
-    ),
+    ("rectangle", "A horizontal rectangle."),
 ];
 
 fn read_body(table: &Table) -> Option<ShapeConfig> {
@@ -87,13 +88,27 @@ fn read_body(table: &Table) -> Option<ShapeConfig> {
         }
         "rectangle" => {
             let size_m = body
-                .key("size_m", "Size along x and y.")
+                .key("size_m", "Sizes: along the heading and across it, or along the world's x and y axes if it does not turn.")
                 .within(above(0.0, MAX_FLAT_SIZE))
                 .required();
             let height_m = read_height_over_ground(body);
             let rectangle = size_m.map(|size_m| Flat::rectangle(size_m, height_m));
             let rectangle = rectangle.and_then(|rectangle| body.checked(rectangle));
-            rectangle.map(|rectangle| Shape::Flat(rectangle).into())
+            let turns = read_turns(body);
+            let rectangle = rectangle.map(|rectangle| Shape::Flat(rectangle).into());
+            rectangle.map(|config: ShapeConfig| config.turning(turns))
+        }
+        "box" => {
+            let size_m: Option<[f64; 3]> = body
+                .key("size_m", "Sizes: along the heading and across it, or along the world's x and y axes if it does not turn, and the height.")
+                .within(above(0.0, MAX_SIZE_M))
+                .required();
+            let turns = read_turns(body);
+            let [x, y, height_m] = size_m?;
+            let section = body.checked(Section::rectangle([x, y]))?;
+            let upright = Upright::new(section, height_m, UprightOutline::Exact);
+            let upright = body.checked(upright).map(Shape::Upright);
+            upright.map(|upright| ShapeConfig::from(upright).turning(turns))
         }
         _ => {
             let sides = body
@@ -109,7 +124,7 @@ fn read_body(table: &Table) -> Option<ShapeConfig> {
             let rotation_deg: f64 = body
                 .key(
                     "rotation_deg",
-                    "Angle of a corner from the world's x axis, counterclockwise from above.",
+                    "Angle of a corner from the heading, or from the world's x axis if it does not turn, counterclockwise from above.",
                 )
                 .within(-360.0..=360.0)
                 .or(0.0);
@@ -117,13 +132,29 @@ fn read_body(table: &Table) -> Option<ShapeConfig> {
                 let polygon = Section::polygon(sides, across_flats_m, rotation_deg.to_radians());
                 body.checked(polygon)
             });
-            read_upright(body, section).map(ShapeConfig::from)
+            let turns = read_turns(body);
+            let prism = read_upright(body, section);
+            prism.map(|prism| ShapeConfig::from(prism).turning(turns))
         }
     });
     if !table.has("shape") {
         table.missing_choice("shape", &SHAPES);
     }
     shape
+}
+
+impl ShapeConfig {
+    fn turning(self, turns: Option<bool>) -> Self {
+        Self { turns, ..self }
+    }
+}
+
+/// Reads whether a body turns; `None` if the scene does not say so.
+fn read_turns(body: &Table) -> Option<bool> {
+    let turns = body
+        .key("turns", "Whether the body turns: its yaw is estimated, and its heading from where it moves first. Only for targets with the edge cue; the published cues take it as it stands here.")
+        .or(true);
+    body.has("turns").then_some(turns)
 }
 
 /// Maximum size of a body, in metres.
@@ -197,6 +228,7 @@ fn read_sphere(sphere: &Table) -> Option<ShapeConfig> {
         shape: Shape::Sphere(ball),
         size,
         gives_tolerance,
+        turns: None,
     })
 }
 

@@ -2,6 +2,7 @@
 
 use super::appearance::{CuesConfig, read_cues};
 use super::camera_names::CameraNames;
+use super::crossing::{CrossingConfig, read_crossing};
 use super::description::{Presence, above};
 use super::motion::read_motion;
 use super::reader::{Located, Table};
@@ -33,6 +34,8 @@ pub struct TargetConfig {
     pub heading: Option<[usize; 2]>,
     /// If there may be any number of them, the most that are tracked at once.
     pub crowd: Option<usize>,
+    /// The plane that it is predicted to cross when it flies.
+    pub crossing: Option<CrossingConfig>,
 }
 
 /// How many targets of a kind there are.
@@ -57,6 +60,8 @@ pub struct BodyConfig {
     pub size: SizeTolerance,
     /// The file with its colours; `None` if no cue needs it.
     pub colors: Option<Located<String>>,
+    /// Whether its yaw is estimated, if it is not round.
+    pub turns: bool,
     /// How it is tracked.
     pub tracking: TrackingConfig,
 }
@@ -172,6 +177,7 @@ impl TargetConfig {
                 name,
                 shape: shape?,
                 size: config?.size,
+                turns: config?.turns.unwrap_or(true),
                 colors,
                 tracking: tracking?,
             })
@@ -209,12 +215,17 @@ impl TargetConfig {
             (vec![body(name.clone(), &table, shape)], None)
         };
         let crowd = read_crowd(&table, has_landmarks, shared.as_ref());
+        let crossing = read_crossing(&table);
+        if crossing.is_some() && !table.is_describing() {
+            check_crossing(&table, has_landmarks, shared.as_ref());
+        }
         table.finish();
         Some(Self {
             name,
             bodies: bodies.into_iter().collect::<Option<_>>()?,
             heading,
             crowd,
+            crossing,
         })
     }
 
@@ -227,6 +238,24 @@ impl TargetConfig {
         settings.heading = self.heading;
         settings
     }
+}
+
+/// Reports targets of which no flight is measured.
+fn check_crossing(table: &Table, has_landmarks: bool, shared: Option<&Shared>) {
+    let message = match shared {
+        _ if has_landmarks => "is given, but a target with landmarks does not fly; remove it",
+        Some(Shared::Initialized { .. }) => {
+            "is given, but the published cues measure no single positions; remove them, or remove this"
+        }
+        Some(Shared::Detected {
+            motion: Some(motion),
+            ..
+        }) if motion.is_planar() => {
+            "is given, but the target stays on the ground; give a motion in space, or remove this"
+        }
+        _ => return,
+    };
+    table.problem("crossing", message);
 }
 
 /// Reads how many of the target there are; if any number, returns the most at once.
@@ -338,6 +367,7 @@ impl BodyConfig {
                 let colors = colors.ok_or_else(no_colors)?;
                 let mut settings = DetectedSettings::new(self.shape, colors);
                 settings.size = self.size;
+                settings.turns = self.turns;
                 settings.edge = *edge;
                 settings.motion = *motion;
                 settings.particle_count = *particle_count;
@@ -392,6 +422,10 @@ impl Shared {
             }
             Self::Initialized { .. } if config.gives_tolerance => {
                 let message = "has radius_tolerance, which has no effect on the published cues; they take the radius as exact";
+                table.warn("shape", message);
+            }
+            Self::Initialized { .. } if config.turns == Some(true) => {
+                let message = "has turns = true, which has no effect on the published cues; they take the body as it stands, and edge estimates its yaw";
                 table.warn("shape", message);
             }
             Self::Detected {

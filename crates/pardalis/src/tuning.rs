@@ -35,6 +35,8 @@ pub struct Tuning {
     pub adaptation: AdaptationTuning,
     /// The size of balls.
     pub size: SizeTuning,
+    /// The heading of bodies that turn.
+    pub heading: HeadingTuning,
     /// The agreement of cameras.
     pub agreement: AgreementTuning,
     /// The proposal of the Bernoulli filter.
@@ -52,7 +54,7 @@ impl Tuning {
             )*};
         }
         visit_parts!(blobs, background, edge, detection, association);
-        visit_parts!(existence, adaptation, size, agreement, proposal);
+        visit_parts!(existence, adaptation, size, heading, agreement, proposal);
     }
 
     /// Returns an error unless every constant is above 0 and at most 10 000, or 1 for shares.
@@ -65,6 +67,7 @@ impl Tuning {
         self.existence.check()?;
         self.adaptation.check()?;
         self.size.check()?;
+        self.heading.check()?;
         self.agreement.check()?;
         self.proposal.check()
     }
@@ -276,6 +279,34 @@ tuned! {
         max_local_brightness: f64 = 0.2, "ln of brightness", "hand-set";
         /// The same for warmth.
         max_local_warmth: f64 = 0.05, "warmth", "hand-set";
+    }
+}
+
+tuned! {
+    /// Tuned constants of the heading of bodies that turn.
+    HeadingTuning {
+        /// The spectral density of the angular acceleration.
+        turn_noise: f64 = 4.0, "rad²/s³", "hand-set: 3 rad/s² for half a second";
+        /// The standard deviation of the rate of turn of a body that has just been found.
+        max_rate_radps: f64 = 3.0, "rad/s", "hand-set: half a turn in a second";
+        /// The least standard deviation of the predicted yaw with which an outline is fitted.
+        min_sigma_rad: f64 = 0.02, "rad", "hand-set: a degree";
+        /// From this many standard deviations between prediction and frames on, the yaw begins anew.
+        max_sigmas: f64 = 5.0, "standard deviations", "hand-set";
+        /// Outlines are sought in steps of at most this angle where the yaw is unknown.
+        search_step_rad: f64 = 0.8, "rad", "hand-set: half of it is within the reach of lines in the octave in which outlines are judged";
+        /// How much a way of one diameter in a direction says that the front is there.
+        front_nats: f64 = 10.0, "nats", "hand-set: half a diameter decides between front and rear";
+        /// If the outlines of yaws a quarter of the symmetry apart are on average closer to each other than this, they do not tell the yaw.
+        min_apart_px: f64 = 2.0, "pixels", "hand-set: the outlines of small octagons look alike";
+        /// By how much the direction in which a body faces differs from that in which it moves.
+        course_sigma_rad: f64 = 0.17, "rad", "hand-set: ten degrees";
+        /// The standard deviation of velocities.
+        velocity_sigma: f64 = 0.2, "diameters/s", "hand-set: of a robot that a mirror camera sees";
+        /// A side is taken for the front from this probability on, ...
+        likely_front_share: f64 = 0.9, "share", "hand-set";
+        /// ... and the front is known from this one on.
+        front_share: f64 = 0.99, "share", "hand-set";
     }
 }
 

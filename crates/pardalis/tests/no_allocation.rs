@@ -10,9 +10,10 @@ use std::cell::Cell;
 use common::robot::{self, mast_view, robot_target};
 use common::{FPS, ball_target, detected_ball, fisheye_view, frame, jump_picture, open};
 use nalgebra::Vector3;
-use pardalis::camera::{Pinhole, Pose};
+use pardalis::camera::{Pinhole, Pose, looking_at};
 use pardalis::color::{ColorModel, Palette, YuvEncoding};
 use pardalis::platform::{OdometryErrors, Platform, PoseCovariance, StampedPose};
+use pardalis::shape::{Flat, Shape};
 use pardalis::tracker::{DetectedSettings, TargetSettings, TrackState};
 use pardalis::view::View;
 use pardalis::{CameraId, Estimate, FrameSet, PixelFormat, TargetId, Tracker};
@@ -229,6 +230,65 @@ fn check_streaks() {
     assert!(known < 35, "{known} of {}", sets.len());
 }
 
+/// Size of the pictures of a rectangle that turns, in pixels, the focal length of their camera, and its height above the ground, in metres.
+const GROUND_SIZE: (u32, u32) = (320, 240);
+const GROUND_FOCAL_PX: f64 = 200.0;
+const GROUND_HEIGHT_M: f64 = 3.0;
+
+/// The place and the heading of the rectangle.
+fn turning(index: usize) -> ([f64; 2], f64) {
+    let heading_rad = 0.03 * index as f64;
+    let (sin, cos) = libm::sincos(heading_rad);
+    // It drives along a circle around (0, 0.7).
+    ([0.7 * sin, 0.7 - 0.7 * cos], heading_rad)
+}
+
+/// Returns a picture of a blue rectangle of 0.8 by 0.3 m on the ground, seen from above, and its mask.
+fn turning_picture(index: usize) -> (RgbImage, Vec<bool>) {
+    let ([x, y], heading_rad) = turning(index);
+    let (sin, cos) = libm::sincos(heading_rad);
+    let m_per_px = GROUND_HEIGHT_M / GROUND_FOCAL_PX;
+    let mut picture = RgbImage::new(GROUND_SIZE.0, GROUND_SIZE.1);
+    let mut mask = Vec::new();
+    for (u, v, pixel) in picture.enumerate_pixels_mut() {
+        let [dx, dy] = [
+            (f64::from(u) - 159.5) * m_per_px - x,
+            (119.5 - f64::from(v)) * m_per_px - y,
+        ];
+        let (ahead, left) = (cos * dx + sin * dy, cos * dy - sin * dx);
+        let off_m = (ahead.abs() - 0.4).max(left.abs() - 0.15);
+        let share = 0.5 * libm::erfc(off_m / m_per_px / 1.2);
+        mask.push(share > 0.5);
+        let body_and_ground = [(30.0, 110.0), (80.0, 105.0), (200.0, 90.0)];
+        for (value, (body, ground)) in pixel.iter_mut().zip(body_and_ground) {
+            *value = (ground + share * (body - ground)) as u8;
+        }
+    }
+    (picture, mask)
+}
+
+/// Checks a rectangle that turns, whose yaw is fitted.
+fn check_turning() {
+    let (still, mask) = turning_picture(5);
+    let still = frame(&still, PixelFormat::Rgb8, YuvEncoding::default(), 0.0);
+    let colors = ColorModel::from_image(&still, &mask).unwrap();
+    let sets = sets(FPS, 0..60, |index| vec![turning_picture(index).0]);
+    let size = (GROUND_SIZE.0 as usize, GROUND_SIZE.1 as usize);
+    let lens = Pinhole::new([GROUND_FOCAL_PX; 2], [159.5, 119.5], &[]).unwrap();
+    let above_m = Vector3::new(0.0, 0.0, GROUND_HEIGHT_M);
+    let pose = looking_at(above_m, Vector3::zeros(), 0.0).unwrap();
+    let view = View::new(lens, pose, size, None).unwrap();
+    let shape = Shape::Flat(Flat::rectangle([0.8, 0.3], 0.0).unwrap());
+    let target = DetectedSettings::new(shape, colors);
+    let estimate = check("turning", vec![view], vec![target.into()], &sets, 12)[0];
+    let ([x, y], heading_rad) = turning(59);
+    let [found_x, found_y, _] = estimate.kinematics.unwrap().position_m;
+    assert!((found_x - x).hypot(found_y - y) < 0.01, "{estimate:?}");
+    let off_rad = estimate.heading_rad.unwrap() - heading_rad;
+    assert!(off_rad.abs() < 0.01, "{off_rad}");
+    assert!(estimate.heading_sigma_rad.unwrap() < 0.05);
+}
+
 /// Checks updates of the Bernoulli filter with and without measurement components.
 fn check_bernoulli() {
     let settings = BernoulliSettings::of(Motion::DEFAULT);
@@ -261,6 +321,7 @@ fn steps_after_the_first_frames_do_not_allocate() {
     check_moving();
     check_look_alikes();
     check_streaks();
+    check_turning();
     let of_ball = sets(FPS, 20..30, |index| vec![jump_picture(index)]);
     let of_robot = sets(robot::FPS, 20..30, |index| vec![robot::picture(index)]);
     for particle_count in [300, 3001] {

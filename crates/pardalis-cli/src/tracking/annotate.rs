@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use libm::hypot;
+use pardalis::shape::Stance;
 use pardalis::tracker::{TrackState, Verdict};
 use pardalis::view::View;
 use pardalis::{CameraId, Estimate, TargetId};
@@ -136,7 +137,12 @@ impl Annotator {
                     continue;
                 };
                 marks.push(cloud(body, particles, view, color_of((number, member))));
-                push_outlines(&mut marks, body, (known, scale_of(body, now)), view);
+                push_outlines(&mut marks, body, (known, stance_of(body, now)), view);
+                if let (true, Some(heading_rad)) = (body.turns, now.heading_rad) {
+                    let front_m = ahead_m(body, known.position_m, heading_rad);
+                    let color = color_of((number, member));
+                    marks.push(arrow(shown_m(body, known.position_m), front_m, view, color));
+                }
             }
             let tracked = instant.tracked.iter().find(|one| one.target == number);
             if let (Some([front, _]), Some(tracked)) = (target.heading, tracked)
@@ -258,25 +264,28 @@ fn push_trail(marks: &mut Vec<Mark>, trail: &Trail, view: &View, color: [u8; 3])
 fn push_outlines(
     marks: &mut Vec<Mark>,
     body: &BodyConfig,
-    (known, estimated): (&StateEstimate, f64),
+    (known, estimated): (&StateEstimate, Stance),
     view: &View,
 ) {
     // Cues other than the contour cue have no scaled contours: draw the outline itself, as large as it is estimated.
-    let scales = body.contour().map_or_else(
+    let stances = body.contour().map_or_else(
         || vec![estimated],
-        |contour| contour.sampling.shown_scales(),
+        |contour| {
+            let scales = contour.sampling.shown_scales().into_iter();
+            scales.map(Stance::scaled).collect()
+        },
     );
     for (position_m, shape, color) in [
         (known.position_m, Shape::WideContour, [0; 3]),
         (known.best_position_m, Shape::Contour, [255; 3]),
     ] {
         let position_m = in_rows_m(known, position_m, body, view);
-        for &scale in &scales {
+        for &stance in &stances {
             let points_px = body.shape.outline_px(
                 view.camera(),
                 view.camera_from_world(),
                 position_m,
-                scale,
+                stance,
                 CONTOUR_POINTS,
             );
             marks.push(Mark {
@@ -315,11 +324,23 @@ fn cloud(body: &BodyConfig, particles: &Particles, view: &View, color: [u8; 3]) 
     }
 }
 
-/// Returns the size of a body that is estimated, relative to its shape's.
-fn scale_of(body: &BodyConfig, now: &Estimate) -> f64 {
-    now.radius.map_or(1.0, |radius| {
+/// Returns the estimated stance of a body. Its yaw is its heading: which side is the front does not change the outline.
+fn stance_of(body: &BodyConfig, now: &Estimate) -> Stance {
+    let scale = now.radius.map_or(1.0, |radius| {
         2.0 * radius.radius_m / body.shape.diameter_m()
-    })
+    });
+    Stance {
+        scale,
+        yaw_rad: now.heading_rad.unwrap_or(0.0),
+    }
+}
+
+/// Returns the drawn position of the point at the end of a body to which it faces.
+fn ahead_m(body: &BodyConfig, position_m: [f64; 3], heading_rad: f64) -> [f64; 3] {
+    let [x, y, z] = shown_m(body, position_m);
+    let (sin, cos) = libm::sincos(heading_rad);
+    let reach_m = 0.5 * body.shape.diameter_m();
+    [x + reach_m * cos, y + reach_m * sin, z]
 }
 
 /// Returns the part of the image that shows a body; `None` if it is out of view.
@@ -329,7 +350,7 @@ fn zoomed(body: &BodyConfig, now: &Estimate, position_m: [f64; 3], view: &View) 
         view.camera(),
         view.camera_from_world(),
         position_m,
-        scale_of(body, now),
+        stance_of(body, now),
         CONTOUR_POINTS,
     );
     let [u, v] = center_px;

@@ -3,6 +3,7 @@
 pub(crate) mod agreement;
 mod annotate;
 mod candidate_rows;
+mod crossing_rows;
 mod frame_sets;
 mod merge;
 pub(crate) mod missed;
@@ -35,6 +36,7 @@ use crate::timing::Stopwatch;
 use crate::user_error::user_error;
 use annotate::Annotator;
 use candidate_rows::CandidateRows;
+use crossing_rows::CrossingRows;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
 pub(crate) use merge::{FrameSet, Limit};
@@ -247,6 +249,7 @@ pub(crate) fn run_steps(
         }
         _ => None,
     };
+    let mut crossing_rows = CrossingRows::create(&options.output, &open.scene)?;
     let mut candidate_rows = match &options.output {
         Output::Folder(folder) if options.explain => {
             Some(CandidateRows::create(folder, &open.scene)?)
@@ -267,6 +270,9 @@ pub(crate) fn run_steps(
     };
     if let Some(smoothed) = &mut smoothed {
         sinks.needed.push(smoothed);
+    }
+    if let Some(crossing_rows) = &mut crossing_rows {
+        sinks.needed.push(crossing_rows);
     }
     if let Some(candidate_rows) = &mut candidate_rows {
         sinks.others.push(candidate_rows);
@@ -304,6 +310,7 @@ pub(crate) fn run_steps(
         if options.plots {
             files.extend(series.draw(folder, &open.scene, &[])?);
         }
+        files.extend(crossing_rows.map(|rows| rows.path().to_owned()));
         files.extend(candidate_rows.map(|rows| rows.path().to_owned()));
         files.extend(annotator.map(|annotator| annotator.folder().to_owned()));
         files.extend(options.particles.clone());
@@ -330,6 +337,7 @@ fn remove_old(folder: &Path) {
     let tables = [
         summary::FILE,
         CandidateRows::FILE,
+        CrossingRows::FILE,
         smoothed::FILTERED,
         smoothed::EVENTS,
     ];

@@ -14,7 +14,7 @@ use crate::user_error::user_error;
 /// The header line. Later versions may append columns.
 pub(super) const HEADER: &str = "frame,time_s,target,state,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,heading_rad,\
                       xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2,ess,confidence,best_x_m,best_y_m,best_z_m,\
-                      radius_m,sigma_radius_m\n";
+                      radius_m,sigma_radius_m,sigma_heading_rad\n";
 
 /// Writes rows to a file or to standard output.
 pub(crate) struct Rows {
@@ -90,6 +90,7 @@ pub(super) fn write_row(
         .chain([
             estimate.radius.map(|radius| radius.radius_m),
             estimate.radius.map(|radius| radius.sigma_m),
+            estimate.heading_sigma_rad,
         ]);
     for field in fields {
         text.push(',');

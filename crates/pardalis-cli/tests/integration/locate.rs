@@ -404,7 +404,7 @@ fn unusable_tracks_are_rejected_as_starts() {
     fs::create_dir(place.path("other")).unwrap();
     let row = |time_s: &str, rest: &str| {
         format!(
-            "{}\n0,{time_s},ball,{rest},,,,,\n",
+            "{}\n0,{time_s},ball,{rest},,,,,,\n",
             crate::common::run::HEADER
         )
     };

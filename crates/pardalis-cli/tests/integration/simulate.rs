@@ -394,7 +394,7 @@ fn invalid_details_of_balls_and_shutters_are_rejected_with_key_and_line() {
         (
             "shape.sphere.radius_m = 0.1",
             "shape.cylinder = { radius_m = 0.1, height_m = 0.1 }\ntilt_deg = 10",
-            "line 29: objects.ball.tilt_deg: tilts a target that is a cylinder",
+            "line 29: objects.ball.tilt_deg: tilts a target that is no ball",
         ),
         (
             "shape.sphere.radius_m = 0.1",

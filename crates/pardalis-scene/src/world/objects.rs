@@ -140,14 +140,14 @@ fn read_object(
         table.problem("crowd", message);
     }
     let is_sphere = matches!(body, Some(Body::Sphere { .. }));
-    let is_cylinder = matches!(body, Some(Body::Cylinder { .. }));
-    if is_target && body.is_some() && !is_sphere && !is_cylinder {
-        let message = "is true of another shape; allowed: spheres and cylinders";
+    let is_upright = matches!(body, Some(Body::Cylinder { .. } | Body::Box { .. }));
+    if is_target && body.is_some() && !is_sphere && !is_upright {
+        let message = "is true of another shape; allowed: spheres, cylinders and boxes";
         table.problem("target", message);
     }
     for (key, angle) in [("tilt_deg", tilt_deg), ("spin_deg_per_s", spin_deg_per_s)] {
-        if is_target && is_cylinder && angle != 0.0 {
-            let message = "tilts a target that is a cylinder, which must be upright; remove it";
+        if is_target && is_upright && angle != 0.0 {
+            let message = "tilts a target that is no ball, which must be upright; remove it";
             table.problem(key, message);
         }
     }
@@ -514,6 +514,20 @@ fn read_throw(path: &Table) -> Option<Path> {
         )
         .within(0.0..=0.95)
         .or(Throw::DEFAULT_RESTITUTION);
+    let drag_per_m = path
+        .key(
+            "drag_per_m",
+            "Deceleration in the air divided by the square of the speed: 0.13 for a table tennis ball.",
+        )
+        .within(0.0..=10.0)
+        .or(0.0);
+    let spin_hz: [f64; 3] = path
+        .key(
+            "spin_hz",
+            "Acceleration by spin (Magnus force) divided by the speed, along the axis of the spin: its cross product with the velocity is the acceleration. For a table tennis ball with a strong topspin about 0.5. Bounces do not change it.",
+        )
+        .within(-100.0..=100.0)
+        .or([0.0; 3]);
     let (position_m, rest_z_m) = (position_m?, rest_z_m?);
     if rest_z_m > position_m.z {
         path.reject(
@@ -528,5 +542,6 @@ fn read_throw(path: &Table) -> Option<Path> {
         start_s,
         rest_z_m,
         bounce: restitution,
+        air: (drag_per_m, spin_hz.into()),
     }))
 }

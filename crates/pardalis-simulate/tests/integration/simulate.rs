@@ -1,6 +1,6 @@
 //! Rendered images against the exact outlines of the camera models, and ground truth against its specification.
 
-use pardalis::shape::{Shape, Sphere, SphereOutline};
+use pardalis::shape::{Shape, Sphere, SphereOutline, Stance};
 use pardalis_simulate::{Body, Course, Path, Renderer, World, truth};
 
 use crate::world;
@@ -103,7 +103,7 @@ fn silhouettes_match_exact_outlines_for_every_camera_model() {
             &eye.camera,
             &eye.world_from_camera.inverse(),
             position_m,
-            1.0,
+            Stance::default(),
             2000,
         );
         let outline: Vec<_> = outline.into_iter().map(Option::unwrap).collect();

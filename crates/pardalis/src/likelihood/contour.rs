@@ -9,7 +9,7 @@ use super::outline::{Coordinates, OutlineKernel, Points, Projector};
 use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster, share_pixels};
 use crate::color::{ColorModel, Palette};
 use crate::frame::with_pixels;
-use crate::shape::Shape;
+use crate::shape::{Shape, Stance};
 use crate::view::{PreparedFrame, View};
 use pardalis_camera::{LANES, Mask};
 use pardalis_core::Error;
@@ -324,14 +324,18 @@ impl ContourCue {
             ..
         } = scratch;
         let (inner, outer) = pixels.split_at_mut(self.samples);
+        let project = |scale, points: &mut [Points], coordinates: &mut [Coordinates]| {
+            let stance = Stance::scaled(scale);
+            self.outline
+                .project(level, projector, positions, stance, points, coordinates);
+        };
         match &self.settings.sampling {
             Sampling::Scaled(scaled) => {
                 for (scale, pixels) in [
                     (scaled.inner_scale, &mut *inner),
                     (scaled.outer_scale, outer),
                 ] {
-                    self.outline
-                        .project(level, projector, positions, scale, points, coordinates);
+                    project(scale, points, coordinates);
                     level.run(
                         #[inline(always)]
                         || raster.write_pixels(coordinates, pixels),
@@ -346,8 +350,7 @@ impl ContourCue {
                     || spread = share_pixels(inner, outer, shared_pixels.max_share as f32),
                 );
                 if spread.contains(&true) {
-                    self.outline
-                        .project(level, projector, positions, 1.0, points, coordinates);
+                    project(1.0, points, coordinates);
                     let distance_px = shared_pixels.distance_px as f32;
                     level.run(
                         #[inline(always)]
@@ -373,8 +376,7 @@ impl ContourCue {
             }
             Sampling::Spline(spline) => {
                 let basis = self.spline.as_ref().expect("made with the settings");
-                self.outline
-                    .project(level, projector, positions, 1.0, points, coordinates);
+                project(1.0, points, coordinates);
                 level.run(
                     #[inline(always)]
                     || {

@@ -2,7 +2,7 @@
 
 use crate::rolling_shutter::RowMotion;
 use crate::shape::{
-    OutlineCircle, OutlinePoint, Shape, Sides, SidesKind, SphereOutline, VisibleBody,
+    OutlineCircle, OutlinePoint, Shape, Sides, SidesKind, SphereOutline, Stance, VisibleBody,
 };
 use crate::view::View;
 use pardalis_camera::{LANES, project_block, with_model};
@@ -96,22 +96,24 @@ impl<'a> Projector<'a> {
     }
 
     /// Writes, in the camera frame, the points at the given offsets from each world position. The offsets are
-    /// scaled along x and y; the height is not.
+    /// scaled and turned along x and y; the height is not.
     #[inline(always)]
     pub(super) fn write_offset_points(
         &self,
         positions: &[[f32; LANES]; 3],
-        scale: f32,
+        stance: Stance,
         offsets_m: &[[f32; 2]],
         height_m: f32,
         points: &mut [Points],
     ) {
+        let [cos, sin] = stance.scaled_direction().map(|v| v as f32);
         for (&[dx, dy], points) in offsets_m.iter().zip(points) {
+            let (dx, dy) = (cos * dx - sin * dy, sin * dx + cos * dy);
             let mut block = [[0.0; LANES]; 3];
             for lane in 0..LANES {
                 let [x, y, z] = self.in_camera([
-                    positions[0][lane] + scale * dx,
-                    positions[1][lane] + scale * dy,
+                    positions[0][lane] + dx,
+                    positions[1][lane] + dy,
                     positions[2][lane] + height_m,
                 ]);
                 block[0][lane] = x;
@@ -119,6 +121,27 @@ impl<'a> Projector<'a> {
                 block[2][lane] = z;
             }
             *points = block;
+        }
+    }
+
+    /// Turns the first of each block of points in the camera frame about the vertical through a place in the world, by this angle in radians; the second becomes the same
+    /// turned the other way.
+    pub(super) fn turn_points(&self, center: [f32; 3], angle_rad: f64, points: &mut [Points]) {
+        let (sin, cos) = libm::sincos(angle_rad);
+        let (sin, cos) = (sin as f32, cos as f32);
+        let center = self.in_camera(center);
+        let [x_axis, y_axis] = [0, 1].map(|axis| self.rotation.map(|row| row[axis]));
+        let along =
+            |axis: &[f32; 3], v: &[f32; 3]| -> f32 { axis.iter().zip(v).map(|(a, b)| a * b).sum() };
+        for point in points {
+            let off = [0, 1, 2].map(|i| point[i][0] - center[i]);
+            let (x, y) = (along(&x_axis, &off), along(&y_axis, &off));
+            for (lane, sin) in [sin, -sin].into_iter().enumerate() {
+                let (dx, dy) = ((cos - 1.0) * x - sin * y, sin * x + (cos - 1.0) * y);
+                for i in 0..3 {
+                    point[i][lane] = center[i] + off[i] + dx * x_axis[i] + dy * y_axis[i];
+                }
+            }
         }
     }
 
@@ -199,14 +222,14 @@ impl OutlineKernel {
         }
     }
 
-    /// Writes the image coordinates of the outlines of the scaled shape at the given world positions, one
+    /// Writes the image coordinates of the outlines of the shape in a stance at the given world positions, one
     /// element per point. `points` has the same length and holds intermediate results.
     pub(super) fn project(
         &self,
         level: Level,
         projector: &Projector,
         positions: &[[f32; LANES]; 3],
-        scale: f64,
+        stance: Stance,
         points: &mut [Points],
         coordinates: &mut [Coordinates],
     ) {
@@ -218,7 +241,7 @@ impl OutlineKernel {
             } => level.run(
                 #[inline(always)]
                 || {
-                    let radius_m = (scale * radius_m) as f32;
+                    let radius_m = (stance.scale * radius_m) as f32;
                     let circles = Circles::new(projector, positions, radius_m, *outline);
                     for (point, angle) in points.iter_mut().zip(angles) {
                         circles.write_points(*angle, point);
@@ -229,7 +252,7 @@ impl OutlineKernel {
                 upright,
                 outline_points,
             } => {
-                let sides = upright.sides(scale);
+                let sides = upright.sides(stance);
                 level.run(
                     #[inline(always)]
                     || {
@@ -238,6 +261,9 @@ impl OutlineKernel {
                             SidesKind::Round => bodies.write(outline_points, points, Sides::round),
                             SidesKind::Corners { .. } => {
                                 bodies.write(outline_points, points, Sides::cornered);
+                            }
+                            SidesKind::Rectangle { .. } => {
+                                bodies.write(outline_points, points, Sides::rectangular);
                             }
                             SidesKind::Flat => {
                                 bodies.write(outline_points, points, |_, seen, outline_point| {
@@ -254,13 +280,7 @@ impl OutlineKernel {
             } => level.run(
                 #[inline(always)]
                 || {
-                    projector.write_offset_points(
-                        positions,
-                        scale as f32,
-                        offsets_m,
-                        *height_m,
-                        points,
-                    );
+                    projector.write_offset_points(positions, stance, offsets_m, *height_m, points);
                 },
             ),
         }
@@ -370,8 +390,131 @@ impl<'a> Bodies<'a> {
 mod tests {
     use super::*;
     use crate::reference::outline_points;
-    use crate::shape::Sphere;
-    use pardalis_camera::{Equidistant, Pose};
+    use crate::shape::{Flat, Section, Sphere, Upright, UprightOutline};
+    use nalgebra::Vector3;
+    use pardalis_camera::{Equidistant, Pose, looking_at};
+
+    fn look_at_origin(from_m: [f64; 3]) -> Pose {
+        looking_at(from_m.into(), Vector3::zeros(), 0.0).unwrap()
+    }
+
+    /// Round, flat and upright shapes.
+    fn shapes() -> Vec<Shape> {
+        let upright = |section: Section, outline| {
+            let upright = Upright::new(section, 0.8, outline);
+            Shape::Upright(upright.unwrap())
+        };
+        let mut shapes = vec![
+            Shape::Sphere(Sphere::new(0.11, SphereOutline::Tangent).unwrap()),
+            Shape::Flat(Flat::disc(0.3, 0.1).unwrap()),
+            Shape::Flat(Flat::rectangle([0.6, 0.2], 0.1).unwrap()),
+        ];
+        for section in [
+            Section::circle(0.25),
+            Section::polygon(8, 0.5, 0.3),
+            Section::polygon(3, 0.4, -1.0),
+            Section::rectangle([0.6, 0.25]),
+            Section::rectangle([0.1, 0.7]),
+        ] {
+            for outline in [UprightOutline::Exact, UprightOutline::Facing] {
+                shapes.push(upright(section.clone().unwrap(), outline));
+            }
+        }
+        shapes
+    }
+
+    #[test]
+    fn outlines_in_any_stance_are_those_of_the_oracle() {
+        let lens = Equidistant::new(300.0, [319.5, 239.5], 3.0).unwrap();
+        let mut compared = 0;
+        for (number, eye) in [[0.0, -2.5, 1.7], [2.0, 0.3, 0.4], [0.2, -0.3, 2.5]]
+            .into_iter()
+            .enumerate()
+        {
+            let pose = look_at_origin(eye);
+            let view = View::new(lens, pose, (640, 480), None).unwrap();
+            let projector = Projector::new(&view);
+            for shape in shapes() {
+                for step in 0..24 {
+                    let stance = Stance {
+                        scale: 0.8 + 0.02 * f64::from(step),
+                        yaw_rad: 0.7 * f64::from(step - 11) + 0.1 * number as f64,
+                    };
+                    // Where the first point of a round outline is does not matter.
+                    let turns = shape.turn_period_rad().is_some();
+                    let stance = if turns {
+                        stance
+                    } else {
+                        Stance::scaled(stance.scale)
+                    };
+                    let position_m = [0.1, -0.05 * f64::from(step), 0.02];
+                    let expected = outline_points(&view, &shape, position_m, stance, 40);
+                    let kernel = OutlineKernel::new(shape, 40);
+                    let mut points = [[[0.0; LANES]; 3]; 40];
+                    let mut coordinates = [[[0.0; LANES]; 2]; 40];
+                    let positions = position_m.map(|v| [v as f32; LANES]);
+                    for level in Level::available() {
+                        kernel.project(
+                            level,
+                            &projector,
+                            &positions,
+                            stance,
+                            &mut points,
+                            &mut coordinates,
+                        );
+                        for ([u, v], point) in coordinates.iter().zip(&expected) {
+                            let [x, y] = view.camera().project(point.coords.into()).unwrap();
+                            let off_px = libm::hypot(f64::from(u[3]) - x, f64::from(v[3]) - y);
+                            assert!(off_px < 2e-3, "{shape:?} {stance:?}: {off_px} px");
+                            compared += 1;
+                        }
+                    }
+                }
+            }
+        }
+        assert!(compared >= 3 * 13 * 24 * 40, "{compared}");
+    }
+
+    #[test]
+    fn points_turned_about_a_place_are_those_of_a_turned_body() {
+        let lens = Equidistant::new(300.0, [319.5, 239.5], 3.0).unwrap();
+        let view = View::new(lens, look_at_origin([0.4, -2.5, 1.7]), (640, 480), None).unwrap();
+        let projector = Projector::new(&view);
+        let shape = Shape::Flat(Flat::rectangle([0.6, 0.2], 0.1).unwrap());
+        let kernel = OutlineKernel::new(shape, 40);
+        let center = [0.1_f32, -0.2, 0.0];
+        let stance = |yaw_rad| Stance {
+            scale: 1.1,
+            yaw_rad,
+        };
+        let mut points = [[[0.0; LANES]; 3]; 40];
+        let mut coordinates = [[[0.0; LANES]; 2]; 40];
+        let positions = center.map(|v| [v; LANES]);
+        let level = Level::available()[0];
+        let mut project = |yaw_rad, points: &mut [Points; 40]| {
+            let stance = stance(yaw_rad);
+            kernel.project(
+                level,
+                &projector,
+                &positions,
+                stance,
+                points,
+                &mut coordinates,
+            );
+        };
+        let mut turned = [[[0.0; LANES]; 3]; 40];
+        project(0.5, &mut turned);
+        projector.turn_points(center, 0.3, &mut turned);
+        for (lane, yaw_rad) in [0.8, 0.2].into_iter().enumerate() {
+            project(yaw_rad, &mut points);
+            for (turned, point) in turned.iter().zip(&points) {
+                for axis in 0..3 {
+                    let off_m = (turned[axis][lane] - point[axis][lane]).abs();
+                    assert!(off_m < 1e-5, "{off_m} m");
+                }
+            }
+        }
+    }
 
     #[test]
     fn outlines_in_rolling_shutters_are_those_of_places_that_have_moved() {
@@ -384,7 +527,7 @@ mod tests {
         let kernel = OutlineKernel::new(shape, 24);
         let motion = view.row_motion(position_m, velocity_mps).unwrap();
         let velocity = view.camera_from_world().rotation * nalgebra::Vector3::from(velocity_mps);
-        let expected = outline_points(&view, &shape, position_m, 1.0, 24);
+        let expected = outline_points(&view, &shape, position_m, Stance::default(), 24);
         for level in Level::available() {
             let mut points = [[[0.0; LANES]; 3]; 24];
             let mut coordinates = [[[0.0; LANES]; 2]; 24];
@@ -394,7 +537,7 @@ mod tests {
                 level,
                 &projector,
                 &positions,
-                1.0,
+                Stance::default(),
                 &mut points,
                 &mut coordinates,
             );

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::outline::{Coordinates, Points, Projector};
 use super::raster::{COORDINATES_STRIDE, NO_PIXEL, Raster};
 use crate::color::ChannelBins;
-use crate::shape::{FlatForm, Shape};
+use crate::shape::{FlatForm, Shape, Stance};
 use crate::view::View;
 use pardalis_camera::{LANES, Mask};
 use pardalis_core::Error;
@@ -264,7 +264,7 @@ impl Patch {
             || {
                 projector.write_offset_points(
                     positions,
-                    1.0,
+                    Stance::default(),
                     &self.samples_m,
                     self.height_m,
                     points,

@@ -6,7 +6,7 @@ use super::{bin_of_bytes, matches, open_pixel, outline_points};
 use crate::Frame;
 use crate::color::{ColorModel, PixelKind};
 use crate::likelihood::EdgeSettings;
-use crate::shape::Shape;
+use crate::shape::{Shape, Stance};
 use crate::view::View;
 
 /// Number of groups of adjacent lines that are visible or occluded together.
@@ -75,11 +75,11 @@ pub fn color_posterior(
 fn outline_px(
     view: &View,
     shape: &Shape,
-    position_m: [f64; 3],
+    (position_m, stance): ([f64; 3], Stance),
     count: usize,
 ) -> Vec<Option<Vector2<f64>>> {
     let project = |point: Point3<f64>| view.camera().project(point.into()).map(Vector2::from);
-    let points = outline_points(view, shape, position_m, 1.0, count);
+    let points = outline_points(view, shape, position_m, stance, count);
     points.into_iter().map(project).collect()
 }
 
@@ -96,7 +96,7 @@ impl EdgeLines {
         position_m: [f64; 3],
     ) -> Option<Self> {
         let count = settings.correspondence_lines;
-        let points = outline_px(view, shape, position_m, count);
+        let points = outline_px(view, shape, (position_m, Stance::default()), count);
         let size = 1_usize << octave;
         let scale = 1.0 / size as f64;
         let in_octave =
@@ -304,7 +304,7 @@ impl EdgeLines {
     /// from the outline around which the lines were placed.
     pub fn log_likelihood_ratio(&self, shape: &Shape, view: &View, position_m: [f64; 3]) -> f64 {
         let count = self.points.len();
-        let outline = outline_px(view, shape, position_m, count);
+        let outline = outline_px(view, shape, (position_m, Stance::default()), count);
         let of_sector = |sector: usize| {
             let sum: f64 = (0..count)
                 .filter(|k| k * SECTORS / count == sector)

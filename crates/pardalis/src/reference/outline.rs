@@ -1,9 +1,11 @@
 //! Reference implementation of outlines and of the points on either side of them.
 
-use nalgebra::{DMatrix, DVector, Point3, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, Rotation3, Vector2, Vector3};
 
 use crate::likelihood::{ContourSettings, Sampling, SplineSampling};
-use crate::shape::{Flat, FlatForm, Section, Shape, SphereOutline, Upright, UprightOutline};
+use crate::shape::{
+    Flat, FlatForm, Section, Shape, SphereOutline, Stance, Upright, UprightOutline,
+};
 use crate::view::View;
 
 use super::open_pixels;
@@ -11,15 +13,17 @@ use super::open_pixels;
 /// Image points; `None` for a point that has no pixel.
 type Pixels = Vec<Option<[f64; 2]>>;
 
-/// Computes the outline points of a scaled body at a position in the world, in the camera frame, in metres.
+/// Computes the outline points of a body in a stance at a position in the world, in the camera frame, in metres.
 /// Empty if the body has no outline.
 pub fn outline_points(
     view: &View,
     shape: &Shape,
     position_m: [f64; 3],
-    scale: f64,
+    stance: Stance,
     count: usize,
 ) -> Vec<Point3<f64>> {
+    let Stance { scale, yaw_rad } = stance;
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw_rad);
     let viewpoint = Point3::from(view.camera().viewpoint_m());
     let position = Point3::from(position_m);
     match shape {
@@ -32,14 +36,19 @@ pub fn outline_points(
         }
         Shape::Flat(flat) => flat_outline(flat, scale, count)
             .into_iter()
-            .map(|point| view.camera_from_world() * (position + point))
+            .map(|point| view.camera_from_world() * (position + turn * point))
             .collect(),
         Shape::Upright(upright) => {
             let viewpoint = view.world_from_camera() * viewpoint;
-            upright_outline(upright, scale, viewpoint - position, count)
-                .into_iter()
-                .map(|point| view.camera_from_world() * (position + point))
-                .collect()
+            upright_outline(
+                upright,
+                scale,
+                turn.inverse() * (viewpoint - position),
+                count,
+            )
+            .into_iter()
+            .map(|point| view.camera_from_world() * (position + turn * point))
+            .collect()
         }
     }
 }
@@ -200,13 +209,15 @@ fn mean_half_width_m(section: Section) -> f64 {
             let side = (rim.point(1.0) - rim.point(0.0)).norm();
             side * sides as f64 / std::f64::consts::TAU
         }
+        Section::Rectangle { .. } => rim.length() / std::f64::consts::TAU,
     }
 }
 
-/// The rim of a horizontal section. Positions on it are angles in radians, or corner indices of a polygon.
+/// The rim of a horizontal section. Positions on it are angles in radians, corner indices of a polygon, or metres along the sides of a rectangle.
 enum Rim {
     Circle(f64),
-    Corners(Vec<Vector2<f64>>),
+    /// Corners, with the position of each and, at the end, of the first again.
+    Corners(Vec<Vector2<f64>>, Vec<f64>),
 }
 
 impl Rim {
@@ -224,7 +235,14 @@ impl Rim {
                     let angle = turn * std::f64::consts::TAU + step * j as f64;
                     Vector2::new(libm::cos(angle), libm::sin(angle)) * radius
                 };
-                Self::Corners((0..sides).map(corner).collect())
+                let positions = (0..=sides).map(|j| j as f64).collect();
+                Self::Corners((0..sides).map(corner).collect(), positions)
+            }
+            Section::Rectangle { size_m: [x, y] } => {
+                let corners = [(0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5)];
+                let corners = corners.map(|(i, j)| Vector2::new(i * x, j * y) * scale);
+                let positions = [0.0, y, x + y, x + 2.0 * y, 2.0 * (x + y)];
+                Self::Corners(corners.into(), positions.map(|v| v * scale).into())
             }
         }
     }
@@ -232,7 +250,7 @@ impl Rim {
     fn length(&self) -> f64 {
         match self {
             Self::Circle(_) => std::f64::consts::TAU,
-            Self::Corners(corners) => corners.len() as f64,
+            Self::Corners(corners, positions) => positions[corners.len()],
         }
     }
 
@@ -241,9 +259,12 @@ impl Rim {
             Self::Circle(radius) => {
                 Vector2::new(libm::cos(position), libm::sin(position)) * *radius
             }
-            Self::Corners(corners) => {
+            Self::Corners(corners, positions) => {
                 let position = position.rem_euclid(self.length());
-                let (corner, share) = (position.floor() as usize % corners.len(), position.fract());
+                let is_after = |corner: &usize| positions[*corner] <= position;
+                let corner = (0..corners.len()).rev().find(is_after).unwrap_or(0);
+                let [from, to] = [positions[corner], positions[corner + 1]];
+                let share = (position - from) / (to - from);
                 let next = corners[(corner + 1) % corners.len()];
                 corners[corner] * (1.0 - share) + next * share
             }
@@ -262,7 +283,7 @@ impl Rim {
                 let half = libm::acos(radius / distance);
                 Some((bearing - half, bearing + half))
             }
-            Self::Corners(corners) => {
+            Self::Corners(corners, positions) => {
                 let count = corners.len();
                 let is_visible = |j: usize| {
                     let (from, to) = (corners[j % count], corners[(j + 1) % count]);
@@ -271,7 +292,11 @@ impl Rim {
                 };
                 let first = (0..count).find(|&j| is_visible(j) && !is_visible(j + count - 1))?;
                 let last = (first..first + count).find(|&j| !is_visible(j))?;
-                Some((first as f64, last as f64))
+                let at = |corner: usize| {
+                    let around = (corner / count) as f64 * self.length();
+                    around + positions[corner % count]
+                };
+                Some((at(first), at(last)))
             }
         }
     }
@@ -338,7 +363,7 @@ pub fn boundary_of_scales(
     scales.map(|scale| {
         projected(
             view,
-            &outline_points(view, shape, position_m, scale, points),
+            &outline_points(view, shape, position_m, Stance::scaled(scale), points),
         )
     })
 }
@@ -351,7 +376,10 @@ pub fn boundary_along_normals(
     position_m: [f64; 3],
     distance_px: f64,
 ) -> [Pixels; 2] {
-    let outline = projected(view, &outline_points(view, shape, position_m, 1.0, points));
+    let outline = projected(
+        view,
+        &outline_points(view, shape, position_m, Stance::default(), points),
+    );
     let Some(outline) = complete(&outline) else {
         return [Pixels::new(), Pixels::new()];
     };
@@ -399,7 +427,10 @@ fn spline_boundary(
     position_m: [f64; 3],
     spline: &SplineSampling,
 ) -> [Pixels; 2] {
-    let outline = projected(view, &outline_points(view, shape, position_m, 1.0, points));
+    let outline = projected(
+        view,
+        &outline_points(view, shape, position_m, Stance::default(), points),
+    );
     let Some(outline) = complete(&outline) else {
         return [Pixels::new(), Pixels::new()];
     };

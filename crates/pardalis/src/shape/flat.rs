@@ -13,7 +13,7 @@ pub enum FlatForm {
         /// Radius in metres.
         radius_m: f64,
     },
-    /// A rectangle with sides parallel to the world's x and y axes.
+    /// A rectangle with sides parallel to the world's x and y axes, unless it is turned.
     Rectangle {
         /// Sizes along x and y in metres.
         size_m: [f64; 2],
@@ -67,6 +67,14 @@ impl Flat {
         }
     }
 
+    /// Returns the least angle after which the shape looks the same again; `None` for a disc.
+    pub(super) fn turn_period_rad(&self) -> Option<f64> {
+        match self.form {
+            FlatForm::Disc { .. } => None,
+            FlatForm::Rectangle { size_m } => Some(period_of_rectangle_rad(size_m)),
+        }
+    }
+
     /// Returns `count` points of the outline relative to its centre, in metres along x and y,
     /// counterclockwise as seen from above. Points of a disc are evenly spaced, starting in the direction of
     /// x. Points of a rectangle start half a spacing after the corner of least x and y.
@@ -97,6 +105,15 @@ impl Flat {
             }
         };
         (0..count).map(place).collect()
+    }
+}
+
+/// The least angle after which a rectangle of these sizes looks the same again, in radians.
+pub(super) fn period_of_rectangle_rad([x, y]: [f64; 2]) -> f64 {
+    if x == y {
+        std::f64::consts::FRAC_PI_2
+    } else {
+        std::f64::consts::PI
     }
 }
 

@@ -2,10 +2,12 @@
 
 mod flat;
 mod sphere;
+mod stance;
 mod upright;
 
 pub use flat::{Flat, FlatForm};
 pub use sphere::{OutlineCircle, Sphere, SphereOutline};
+pub use stance::Stance;
 pub(crate) use upright::{OutlinePoint, Sides, SidesKind, VisibleBody};
 pub use upright::{Section, Upright, UprightOutline};
 
@@ -19,7 +21,7 @@ use pardalis_camera::Pose;
 pub enum Shape {
     /// A ball.
     Sphere(Sphere),
-    /// A vertical cylinder or prism: a robot, a post.
+    /// A vertical cylinder, prism or box: a robot, a post, a car.
     Upright(Upright),
     /// A level disc or rectangle: a landmark on a robot, a car seen from above.
     Flat(Flat),
@@ -45,14 +47,24 @@ impl Shape {
         }
     }
 
-    /// Returns `count` pixels along the outline of the shape, scaled by `scale`; `None` for a point that has
+    /// Returns the least angle, in radians, after which the shape looks the same again when it turns about the vertical; `None` for a shape
+    /// that always looks the same.
+    pub fn turn_period_rad(&self) -> Option<f64> {
+        match self {
+            Self::Sphere(_) => None,
+            Self::Upright(upright) => upright.turn_period_rad(),
+            Self::Flat(flat) => flat.turn_period_rad(),
+        }
+    }
+
+    /// Returns `count` pixels along the outline of the shape in a stance; `None` for a point that has
     /// no pixel. For display; the cues have their own kernels.
     pub fn outline_px(
         &self,
         camera: &Camera,
         camera_from_world: &Pose,
         position_in_world_m: [f64; 3],
-        scale: f64,
+        stance: Stance,
         count: usize,
     ) -> Vec<Option<[f64; 2]>> {
         let viewpoint = Point3::from(camera.viewpoint_m());
@@ -61,7 +73,7 @@ impl Shape {
                 let center = camera_from_world * Point3::from(position_in_world_m);
                 let (circle, outside) = OutlineCircle::of_sphere(
                     (center - viewpoint).into(),
-                    scale * sphere.radius_m,
+                    stance.scale * sphere.radius_m,
                     sphere.outline,
                 );
                 (0..count)
@@ -75,7 +87,7 @@ impl Shape {
             }
             Self::Upright(upright) => {
                 let viewpoint = camera_from_world.inverse() * viewpoint;
-                let sides = upright.sides(scale);
+                let sides = upright.sides(stance);
                 let (seen, outside) = sides.seen_from(position_in_world_m, viewpoint.into());
                 upright
                     .outline_points(count)
@@ -89,10 +101,12 @@ impl Shape {
             }
             Self::Flat(flat) => {
                 let center = Point3::from(position_in_world_m);
+                let [cos, sin] = stance.scaled_direction();
                 flat.outline_points_m(count)
                     .into_iter()
                     .map(|[x, y]| {
-                        let offset = Vector3::new(scale * x, scale * y, flat.height_m);
+                        let offset =
+                            Vector3::new(cos * x - sin * y, sin * x + cos * y, flat.height_m);
                         camera.project((camera_from_world * (center + offset)).into())
                     })
                     .collect()

@@ -1,7 +1,9 @@
-//! Upright bodies: vertical cylinders and prisms, and their outlines seen from a point.
+//! Upright bodies: vertical cylinders, prisms and boxes, and their outlines seen from a point.
 
 use serde::{Deserialize, Serialize};
 
+use super::Stance;
+use super::flat::period_of_rectangle_rad;
 use pardalis_core::Error;
 use pardalis_core::real::Real;
 
@@ -24,6 +26,11 @@ pub enum Section {
         apothem_m: f64,
         /// Angle of a corner from the world's x axis, counterclockwise as seen from above, in full turns.
         turn: f64,
+    },
+    /// A rectangle with sides parallel to the world's x and y axes, unless it is turned: the body is a box.
+    Rectangle {
+        /// Sizes along x and y in metres.
+        size_m: [f64; 2],
     },
 }
 
@@ -67,6 +74,18 @@ impl Section {
         })
     }
 
+    /// Creates a rectangle from its sizes along x and y.
+    ///
+    /// # Errors
+    ///
+    /// A size is not above 0 and at most 1000 m.
+    pub fn rectangle(size_m: [f64; 2]) -> Result<Self, Error> {
+        for size_m in size_m {
+            check_size("size_m", size_m)?;
+        }
+        Ok(Self::Rectangle { size_m })
+    }
+
     /// Returns the greatest distance from the axis in metres.
     fn circumradius_m(&self) -> f64 {
         match *self {
@@ -74,6 +93,7 @@ impl Section {
             Self::Polygon {
                 sides, apothem_m, ..
             } => apothem_m / libm::cos(std::f64::consts::PI / sides as f64),
+            Self::Rectangle { size_m: [x, y] } => 0.5 * libm::hypot(x, y),
         }
     }
 
@@ -88,6 +108,7 @@ impl Section {
                 let half_angle = std::f64::consts::PI / sides as f64;
                 apothem_m * libm::tan(half_angle) / half_angle
             }
+            Self::Rectangle { size_m: [x, y] } => (x + y) / std::f64::consts::PI,
         }
     }
 }
@@ -128,6 +149,19 @@ impl Upright {
             height_m,
             outline,
         })
+    }
+
+    /// Returns the least angle after which the outline looks the same again; `None` for a cylinder, and for an outline that always faces the camera.
+    pub(super) fn turn_period_rad(&self) -> Option<f64> {
+        match (self.outline, self.section) {
+            (UprightOutline::Facing, _) | (_, Section::Circle { .. }) => None,
+            (UprightOutline::Exact, Section::Polygon { sides, .. }) => {
+                Some(std::f64::consts::TAU / sides as f64)
+            }
+            (UprightOutline::Exact, Section::Rectangle { size_m }) => {
+                Some(period_of_rectangle_rad(size_m))
+            }
+        }
     }
 
     /// Returns the largest horizontal width in metres.
@@ -174,8 +208,9 @@ impl Upright {
             .collect()
     }
 
-    /// Returns the parameters of the scaled section that kernels need.
-    pub(crate) fn sides<R: Real>(&self, scale: f64) -> Sides<R> {
+    /// Returns the parameters of the section in a stance that kernels need.
+    pub(crate) fn sides<R: Real>(&self, stance: Stance) -> Sides<R> {
+        let scale = stance.scale;
         let (kind, inradius_m) = match (self.outline, self.section) {
             (UprightOutline::Facing, section) => (SidesKind::Flat, section.mean_half_width_m()),
             (UprightOutline::Exact, Section::Circle { radius_m }) => (SidesKind::Round, radius_m),
@@ -191,10 +226,18 @@ impl Upright {
                 let half_side = libm::tan(std::f64::consts::PI / count);
                 let kind = SidesKind::Corners {
                     count: R::of(count),
-                    turn: R::of(turn),
+                    turn: R::of(turn + stance.yaw_rad * IN_TURNS),
                     half_side: R::of(half_side),
                 };
                 (kind, apothem_m)
+            }
+            (UprightOutline::Exact, Section::Rectangle { size_m }) => {
+                let (sin, cos) = libm::sincos(stance.yaw_rad);
+                let kind = SidesKind::Rectangle {
+                    half_m: size_m.map(|size_m| R::of(0.5 * scale * size_m)),
+                    ahead: [R::of(cos), R::of(sin)],
+                };
+                (kind, 0.5 * size_m[0].min(size_m[1]))
             }
         };
         let half_height = 0.5 * scale * self.height_m;
@@ -253,10 +296,16 @@ pub(crate) enum SidesKind<R> {
         /// Half the length of a side for an inradius of 1.
         half_side: R,
     },
+    Rectangle {
+        /// Half the sizes along its own x and y axes, metres.
+        half_m: [R; 2],
+        /// The direction of its x axis.
+        ahead: [R; 2],
+    },
     Flat,
 }
 
-/// A body as seen from one viewpoint. Positions around it are in full turns, or in corners of a polygon.
+/// A body as seen from one viewpoint. Positions around it are in full turns, in corners of a polygon, or in metres along the sides of a rectangle.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct VisibleBody<R> {
     axis: [R; 2],
@@ -323,6 +372,22 @@ impl<R: Real> Sides<R> {
                 seen.seen = last + one - first;
                 (distance2 > inradius2) & (last >= first)
             }
+            SidesKind::Rectangle { half_m, ahead } => {
+                let [half_x, half_y] = half_m;
+                let (x, y) = (ahead[0] * dx + ahead[1] * dy, ahead[0] * dy - ahead[1] * dx);
+                let (front, left) = (x > half_x, y > half_y);
+                let (rear, right) = (x < -half_x, y < -half_y);
+                let [depth, width] = [half_x + half_x, half_y + half_y];
+                // The right end of the front is at 0, then the sides follow counterclockwise.
+                let on_right = if right { zero - depth } else { zero };
+                let behind = if rear { width + depth } else { zero - depth };
+                let beside_front = if left { width } else { behind };
+                seen.first = if front { on_right } else { beside_front };
+                let along_x = if left | right { depth } else { zero };
+                let along_y = if front | rear { width } else { zero };
+                seen.seen = along_x + along_y;
+                front | left | rear | right
+            }
         };
         let period = self.period();
         let far = period - seen.seen;
@@ -343,6 +408,10 @@ impl<R: Real> Sides<R> {
     fn period(&self) -> R {
         match self.kind {
             SidesKind::Corners { count, .. } => count,
+            SidesKind::Rectangle {
+                half_m: [half_x, half_y],
+                ..
+            } => R::of(4.0) * (half_x + half_y),
             SidesKind::Round | SidesKind::Flat => R::of(1.0),
         }
     }
@@ -353,6 +422,7 @@ impl<R: Real> Sides<R> {
         match self.kind {
             SidesKind::Round => self.round(seen, outline_point),
             SidesKind::Corners { .. } => self.cornered(seen, outline_point),
+            SidesKind::Rectangle { .. } => self.rectangular(seen, outline_point),
             SidesKind::Flat => Self::flat(seen, outline_point),
         }
     }
@@ -391,6 +461,40 @@ impl<R: Real> Sides<R> {
             self.inradius_m * (sin + along * cos),
         ];
         seen.at(outline_point, offset)
+    }
+
+    /// Returns a point of the outline of a box.
+    #[inline(always)]
+    pub(crate) fn rectangular(
+        &self,
+        seen: &VisibleBody<R>,
+        outline_point: &OutlinePoint<R>,
+    ) -> [R; 3] {
+        let SidesKind::Rectangle {
+            half_m: [half_x, half_y],
+            ahead: [cos, sin],
+        } = self.kind
+        else {
+            return seen.at(outline_point, [R::of(f64::NAN); 2]);
+        };
+        let (width, depth) = (half_y + half_y, half_x + half_x);
+        let half = width + depth;
+        let period = half + half;
+        let around = seen.around(outline_point, period);
+        let around = around - (around / period).floor() * period;
+        // The rear half is the front half turned by half a turn.
+        let is_rear = around >= half;
+        let along = if is_rear { around - half } else { around };
+        let is_front = along < width;
+        let x = if is_front {
+            half_x
+        } else {
+            half_x - (along - width)
+        };
+        let y = if is_front { along - half_y } else { half_y };
+        let sign = if is_rear { R::of(-1.0) } else { R::of(1.0) };
+        let (x, y) = (sign * x, sign * y);
+        seen.at(outline_point, [cos * x - sin * y, sin * x + cos * y])
     }
 
     /// Returns a point of the rectangle that faces the viewpoint.
@@ -497,6 +601,7 @@ mod tests {
             Section::circle(0.25).unwrap(),
             Section::polygon(8, 0.5, 0.3).unwrap(),
             Section::polygon(3, 0.3, -1.0).unwrap(),
+            Section::rectangle([0.6, 0.25]).unwrap(),
         ]
         .map(|section| Upright::new(section, 0.8, outline).unwrap())
         .into()
@@ -516,6 +621,9 @@ mod tests {
                     x * normal.cos() + y * normal.sin() - apothem_m
                 })
                 .fold(f64::NEG_INFINITY, f64::max),
+            Section::Rectangle {
+                size_m: [width, depth],
+            } => (x.abs() - 0.5 * width).max(y.abs() - 0.5 * depth),
         };
         beside.max(-z).max(z - upright.height_m)
     }
@@ -531,7 +639,7 @@ mod tests {
                 [0.05, 0.02, 2.0],
                 [0.05, 0.02, -0.5],
             ] {
-                let sides = upright.sides::<f64>(1.0);
+                let sides = upright.sides::<f64>(Stance::default());
                 let (seen, outside) = sides.seen_from([0.0; 3], viewpoint);
                 assert!(outside);
                 for outline_point in upright.outline_points(40) {
@@ -556,7 +664,7 @@ mod tests {
         for upright in bodies(UprightOutline::Facing) {
             let viewpoint = [1.2, -1.6, 0.8];
             let position = [0.4, 0.2, 0.1];
-            let sides = upright.sides::<f64>(1.25);
+            let sides = upright.sides::<f64>(Stance::scaled(1.25));
             let (seen, outside) = sides.seen_from(position, viewpoint);
             assert!(outside);
             let (mut width, mut low, mut high) = (0.0_f64, f64::INFINITY, f64::NEG_INFINITY);
@@ -582,7 +690,7 @@ mod tests {
     #[test]
     fn points_are_evenly_spaced_along_the_outline() {
         let upright = bodies(UprightOutline::Facing)[0];
-        let sides = upright.sides::<f64>(1.0);
+        let sides = upright.sides::<f64>(Stance::default());
         let (seen, _) = sides.seen_from([0.0; 3], [3.0, 0.0, 0.4]);
         let outline_points = upright.outline_points(52);
         let points: Vec<_> = outline_points
@@ -601,7 +709,7 @@ mod tests {
     #[test]
     fn a_viewpoint_inside_has_no_outline_and_invalid_sizes_are_rejected() {
         for upright in bodies(UprightOutline::Exact) {
-            let sides = upright.sides::<f64>(1.0);
+            let sides = upright.sides::<f64>(Stance::default());
             assert!(!sides.seen_from([0.0; 3], [0.02, 0.0, 0.4]).1);
             assert!(sides.seen_from([0.0; 3], [0.02, 0.0, 0.9]).1);
         }

@@ -38,9 +38,11 @@ pub struct Estimate {
     pub state: TrackState,
     /// Position, velocity and covariance; `None` unless tracking or occluded.
     pub kinematics: Option<StateEstimate>,
-    /// The direction from the rear landmark to the front one, counter-clockwise from x, in radians within ±π; `None`
-    /// for targets without these landmarks.
+    /// The direction in which the target faces, counter-clockwise from x, in radians within ±π: from the rear landmark to the front one, or along the x axis of
+    /// a detected body that turns. Which of its equal sides is the front follows from the way it moves first. `None` for targets with neither.
     pub heading_rad: Option<f64>,
+    /// Its standard deviation, radians; about as large as a right angle or larger while it is not known which side is the front.
+    pub heading_sigma_rad: Option<f64>,
     /// The radius of a detected ball, once several cameras have seen it, or one if it stays on the ground. `None` if it is not estimated.
     pub radius: Option<RadiusEstimate>,
     /// The filter's own probability that the target is within one diameter of the position; for an initialised target,

@@ -220,6 +220,7 @@ impl InitializedTarget {
             state: self.track.state(),
             kinematics,
             heading_rad: None,
+            heading_sigma_rad: None,
             radius: None,
             confidence: kinematics.map_or(0.0, confidence),
         }

@@ -1,28 +1,29 @@
 //! One target from several landmarks, each tracked on its own (Campos 2009, section 4).
 
+use std::f64::consts::PI;
+
 use super::{Estimate, TrackState};
 use pardalis_filter::estimate::StateEstimate;
 
 /// Combines the estimates of one or more landmarks into that of the target: their mean position, the heading from the
-/// rear landmark to the front one, given as `[front, rear]`, and the worst of their states.
+/// rear landmark to the front one, if these are given as `[front, rear]`, and the worst of their states.
 pub(super) fn combined(
     landmarks: impl ExactSizeIterator<Item = Estimate>,
     heading: Option<[usize; 2]>,
 ) -> Estimate {
     let share = 1.0 / landmarks.len() as f64;
-    let mut ends = heading.map(|numbers| numbers.map(|number| (number, None)));
+    let mut ends = heading.map(|numbers| numbers.map(|number| (number, None::<StateEstimate>)));
     let noted = |(number, landmark): (usize, Estimate)| {
         for (_, end) in ends.iter_mut().flatten().filter(|end| end.0 == number) {
-            *end = landmark.kinematics.map(|known| known.position_m);
+            *end = landmark.kinematics;
         }
         landmark
     };
     let sum = landmarks.enumerate().map(noted).reduce(sum);
     let sum = sum.expect("a target has at least one body");
-    let heading_rad = ends.and_then(|[(_, front), (_, rear)]| {
-        let (front, rear) = (front?, rear?);
+    let heading = ends.and_then(|[(_, front), (_, rear)]| {
         sum.kinematics?;
-        Some(libm::atan2(front[1] - rear[1], front[0] - rear[0]))
+        Some(heading_of(&front?, &rear?))
     });
     Estimate {
         kinematics: sum.kinematics.map(|sum| StateEstimate {
@@ -32,9 +33,20 @@ pub(super) fn combined(
             best_position_m: sum.best_position_m.map(|v| share * v),
             effective_sample_size: sum.effective_sample_size,
         }),
-        heading_rad,
+        // A body alone has its own.
+        heading_rad: heading.map_or(sum.heading_rad, |[heading_rad, _]| Some(heading_rad)),
+        heading_sigma_rad: heading.map_or(sum.heading_sigma_rad, |[_, sigma_rad]| Some(sigma_rad)),
         ..sum
     }
+}
+
+/// The direction from the rear landmark to the front one, and its standard deviation, radians, if their errors are independent.
+fn heading_of(front: &StateEstimate, rear: &StateEstimate) -> [f64; 2] {
+    let [x, y, _] = [0, 1, 2].map(|axis| front.position_m[axis] - rear.position_m[axis]);
+    let squared_m2 = (x * x + y * y).max(f64::MIN_POSITIVE);
+    let [xx, xy, _, yy, ..] = added(front.covariance_m2, rear.covariance_m2);
+    let across_m2 = (xx * y * y - 2.0 * xy * x * y + yy * x * x) / squared_m2;
+    [libm::atan2(y, x), (across_m2 / squared_m2).sqrt().min(PI)]
 }
 
 /// Adds the estimates of two landmarks with independent errors. Without both positions, the sum has none.
@@ -50,6 +62,7 @@ fn sum(a: Estimate, b: Estimate) -> Estimate {
             effective_sample_size: a.effective_sample_size.min(b.effective_sample_size),
         }),
         heading_rad: None,
+        heading_sigma_rad: None,
         radius: None,
         confidence: a.confidence * b.confidence,
     }
@@ -85,6 +98,7 @@ mod tests {
                 effective_sample_size: 100.0 + position_m[0],
             }),
             heading_rad: None,
+            heading_sigma_rad: None,
             radius: None,
             confidence: 0.5,
         }
@@ -99,6 +113,9 @@ mod tests {
         let both = combined([rear, front].into_iter(), Some([1, 0]));
         assert_eq!(both.state, TrackState::Occluded);
         assert_eq!(both.heading_rad, Some(std::f64::consts::FRAC_PI_2));
+        // Across the 2 m between them, each is uncertain by 2 m.
+        let sigma_rad = both.heading_sigma_rad.unwrap();
+        assert!((sigma_rad - 2.0_f64.sqrt()).abs() < 1e-12, "{sigma_rad}");
         assert_eq!(both.confidence, 0.25);
         let known = both.kinematics.unwrap();
         assert_eq!(known.position_m, [1.0, 3.0, 0.0]);
@@ -113,6 +130,7 @@ mod tests {
             state: TrackState::Lost,
             kinematics: None,
             heading_rad: None,
+            heading_sigma_rad: None,
             radius: None,
             confidence: 0.0,
         };

@@ -98,6 +98,9 @@ pub struct DetectedSettings {
     pub shape: Shape,
     /// How well the size of a ball is known; without effect on other shapes.
     pub size: SizeTolerance,
+    /// Whether a shape that is not round turns about the vertical. Its yaw is then estimated from its outline, and its heading from the way it moves
+    /// ([`Estimate::heading_rad`](super::Estimate::heading_rad)); otherwise it is as its shape describes it. Without effect on round shapes.
+    pub turns: bool,
     /// Its colours.
     pub colors: ColorModel,
     /// The edge cue.
@@ -132,6 +135,7 @@ impl DetectedSettings {
         Self {
             shape,
             size: SizeTolerance::default(),
+            turns: true,
             colors,
             edge: EdgeSettings::default(),
             motion: on_ground(ConstantVelocity::BETWEEN_VELOCITY_JUMPS.into(), &shape),

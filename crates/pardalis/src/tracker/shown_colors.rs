@@ -5,7 +5,7 @@
 
 use crate::color::{ColorModel, Histogram};
 use crate::frame::Frame;
-use crate::shape::Shape;
+use crate::shape::{Shape, Stance};
 use crate::view::View;
 
 /// The least Bhattacharyya similarity between the pixels inside of the outline and the colour model. Hand-set: bundled balls
@@ -29,7 +29,7 @@ pub(super) fn shows_colors(
     for (camera, frame) in frames {
         let (lens, pose) = (views[*camera].camera(), views[*camera].camera_from_world());
         for scale in SCALES {
-            let pixels = shape.outline_px(lens, pose, position_m, scale, PIXELS);
+            let pixels = shape.outline_px(lens, pose, position_m, Stance::scaled(scale), PIXELS);
             for [u, v] in pixels.into_iter().flatten() {
                 let (u, v) = (u.round(), v.round());
                 let is_inside = (0.0..frame.width() as f64).contains(&u)

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::camera::RigidMotion;
+use pardalis::shape::Stance;
 use pardalis::tracker::TrackState;
 use pardalis::{Frame, FrameSet, Tracker};
 use pardalis_calibrate::board::{Board, detect};
@@ -235,7 +236,8 @@ fn views_of_target(
         let is_certain = estimate.state == TrackState::Tracking && estimate.confidence >= CERTAIN;
         let view = &tracker.views()[camera.index()];
         let known = estimate.kinematics.filter(|_| is_certain);
-        let sight = known.and_then(|known| Sight::of(view, &body.shape, known.position_m, 1.0));
+        let sight = known
+            .and_then(|known| Sight::of(view, &body.shape, known.position_m, Stance::default()));
         if let Some(sight) = sight {
             views.push(MountView {
                 view: CalibrationView {

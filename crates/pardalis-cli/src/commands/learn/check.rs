@@ -3,6 +3,7 @@
 
 use anyhow::Result;
 use pardalis::color::{ColorLearner, ColorModel};
+use pardalis::shape::Stance;
 use pardalis::tracker::DetectedSettings;
 use pardalis::view::View;
 use pardalis::{Frame, FrameSet, Tracker};
@@ -227,7 +228,7 @@ fn detect(frame: &Frame, model: &ColorModel, edge: LearntEdge) -> Result<Option<
         view.camera(),
         view.camera_from_world(),
         known.position_m,
-        1.0,
+        Stance::default(),
         OUTLINE_POINTS,
     );
     let outline_px: Vec<[f64; 2]> = outline.into_iter().flatten().collect();

@@ -82,6 +82,7 @@ fn scaled(shape: &Shape, scale: f64) -> Shape {
             match &mut upright.section {
                 Section::Circle { radius_m } => *radius_m *= scale,
                 Section::Polygon { apothem_m, .. } => *apothem_m *= scale,
+                Section::Rectangle { size_m } => *size_m = size_m.map(|size_m| scale * size_m),
             }
         }
         Shape::Flat(_) => {}

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use nalgebra::Point3;
 use pardalis::reference;
+use pardalis::shape::Stance;
 use pardalis::view::View;
 use pardalis_scene::{BodyConfig, Scene};
 
@@ -189,7 +190,7 @@ fn write_pixels(
         view.camera(),
         view.camera_from_world(),
         position_m,
-        1.0,
+        Stance::default(),
         OUTLINE_POINTS,
     );
     let outline: Vec<[f64; 2]> = outline.into_iter().flatten().collect();

@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use pardalis::shape::Stance;
 use pardalis::tracker::{PASSES_SIGMA_M, TrackState, Verdict, check_passes};
 use pardalis::{Estimate, TargetId, Tracker};
 use pardalis_scene::{FrameRange, Scene, TargetConfig};
@@ -248,7 +249,11 @@ fn seen(tracker: &Tracker, target: &TargetConfig, estimate: &Estimate) -> Option
         return None;
     };
     let position_m = estimate.kinematics?.position_m;
-    Sight::of(view, &body.shape, position_m, 1.0)
+    let stance = Stance {
+        yaw_rad: estimate.heading_rad.unwrap_or(0.0),
+        ..Stance::default()
+    };
+    Sight::of(view, &body.shape, position_m, stance)
 }
 
 /// Says where a target is in one image, or what ruled out the candidate that came nearest to it if there is one.

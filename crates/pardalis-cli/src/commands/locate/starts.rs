@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use libm::hypot;
+use pardalis::shape::Stance;
 use pardalis::start::{PixelStart, Start};
 use pardalis::{TargetId, Tracker};
 use pardalis_filter::gaussian::GaussianStart;
@@ -293,7 +294,7 @@ impl Starts {
                     view.camera(),
                     view.camera_from_world(),
                     found_m,
-                    1.0,
+                    Stance::default(),
                     OUTLINE_POINTS,
                 );
                 let radius_px = outline_px.into_iter().flatten().map(away_px);

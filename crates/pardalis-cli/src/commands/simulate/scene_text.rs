@@ -107,7 +107,11 @@ fn push_target(text: &mut String, object: &Object, placed: &Placed, sigma_m: f64
         Body::Cylinder { radius_m, height_m } => {
             format!("cylinder = {{ radius_m = {radius_m:?}, height_m = {height_m:?} }}")
         }
-        _ => unreachable!("world files allow only spheres and cylinders as targets"),
+        Body::Box { size_m } => {
+            let size_m: [f64; 3] = size_m.into();
+            format!("box.size_m = {size_m:?}")
+        }
+        _ => unreachable!("world files allow only spheres, cylinders and boxes as targets"),
     };
     let motion = match object.body {
         Body::Sphere { .. } => "constant_velocity",
@@ -119,10 +123,13 @@ fn push_target(text: &mut String, object: &Object, placed: &Placed, sigma_m: f64
         _ => 2.0,
     };
     let (name, colors) = (object.target_name(), colors_of(object));
-    if object.crowd.is_some() {
+    // The published cues track neither crowds nor bodies that turn: both are found without a start.
+    let count = object.crowd.as_ref().map(|_| "count = \"any\"\n");
+    if count.is_some() || matches!(object.body, Body::Box { .. }) {
+        let count = count.unwrap_or_default();
         let _ = write!(
             text,
-            "\n[targets.{name}]\ncount = \"any\"\nshape.{shape}\ncolors = \"{colors}\"\n"
+            "\n[targets.{name}]\n{count}shape.{shape}\ncolors = \"{colors}\"\n"
         );
         return;
     }

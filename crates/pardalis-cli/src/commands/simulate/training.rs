@@ -142,6 +142,7 @@ fn staged(world: &World, target: usize, still: u32) -> Option<(World, usize)> {
 fn width_m(target: &Object) -> f64 {
     match target.body {
         Body::Sphere { radius_m } | Body::Cylinder { radius_m, .. } => 2.0 * radius_m,
-        _ => unreachable!("world files allow only spheres and cylinders as targets"),
+        Body::Box { size_m } => size_m.x.max(size_m.y),
+        _ => unreachable!("world files allow only spheres, cylinders and boxes as targets"),
     }
 }

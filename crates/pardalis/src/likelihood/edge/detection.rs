@@ -1,12 +1,14 @@
 //! Detections: where the frames of one instant show a target.
 
-use nalgebra::{Matrix3, Matrix4, Vector3};
+use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 
 use super::Surrounding;
+use super::form::FormEvidence;
 use super::frame::SECTORS;
 use super::lines::{CorrespondenceLines, NoFit};
 use super::offset::Offset;
-use super::size::SizeEvidence;
+use super::yaw::YawPrior;
+use crate::shape::Stance;
 use crate::tuning::AdaptationTuning;
 
 /// Where a target is seen, by the frames of one instant alone. Nothing changes it once it is fitted.
@@ -16,10 +18,13 @@ pub(crate) struct Detection {
     /// How far it moved while the shutter was open.
     pub(super) displacement_m: [f64; 3],
     pub(super) log_scale: f64,
-    /// The curvature of the log-likelihood in position and logarithm of the scale.
+    pub(super) yaw_rad: f64,
+    /// The prior of the yaw of a body that turns. It is the form that is fitted, of a ball the logarithm of the scale.
+    pub(super) yaw: Option<YawPrior>,
+    /// The curvature of the log-likelihood in position and form.
     pub(super) information: Matrix4<f64>,
     pub(super) drift_m: Vector3<f64>,
-    pub(super) size: Option<SizeEvidence>,
+    pub(super) of_form: Option<FormEvidence>,
     pub(super) log_likelihood_ratio: f64,
     pub(super) coarse_log_ratio: f64,
     pub(super) judged_log_ratio: f64,
@@ -59,19 +64,72 @@ impl Detection {
         self.log_scale
     }
 
-    /// The curvature of the log-likelihood at its position, 1/m²: the inverse of the position's covariance, given its scale.
-    pub(crate) fn information(&self) -> Matrix3<f64> {
-        self.information.fixed_view::<3, 3>(0, 0).into()
+    /// Its stance.
+    pub(crate) fn stance(&self) -> Stance {
+        Stance {
+            scale: self.scale(),
+            yaw_rad: self.yaw_rad,
+        }
     }
 
-    /// How the position would change with the logarithm of the scale, metres: in one camera alone, along its ray.
+    /// Its stance if it were of another form.
+    pub(super) fn stance_of(&self, form: f64) -> Stance {
+        let mut stance = self.stance();
+        if self.yaw.is_some() {
+            stance.yaw_rad = form;
+        } else {
+            stance.scale = libm::exp(form);
+        }
+        stance
+    }
+
+    pub(super) fn form(&self) -> f64 {
+        if self.yaw.is_some() {
+            self.yaw_rad
+        } else {
+            self.log_scale
+        }
+    }
+
+    pub(super) fn set_form(&mut self, form: f64) {
+        if self.yaw.is_some() {
+            self.yaw_rad = form;
+        } else {
+            self.log_scale = form;
+        }
+    }
+
+    /// Its position and form.
+    pub(super) fn place(&self) -> Vector4<f64> {
+        Vector3::from(self.position_m).push(self.form())
+    }
+
+    /// The curvature of the log-likelihood at its position, 1/m²: the inverse of the position's covariance, given its scale and whatever its yaw.
+    pub(crate) fn information(&self) -> Matrix3<f64> {
+        let given: Matrix3<f64> = self.information.fixed_view::<3, 3>(0, 0).into();
+        let Some(yaw) = &self.yaw else {
+            return given;
+        };
+        let of_both: Vector3<f64> = self.information.fixed_view::<3, 1>(0, 3).into();
+        given - of_both * of_both.transpose() / (self.information[(3, 3)] + yaw.information())
+    }
+
+    /// How the position would change with the logarithm of the scale, metres: in one camera alone, along its ray. Only for balls.
     pub(crate) fn drift_m(&self) -> [f64; 3] {
+        if self.yaw.is_some() {
+            return [0.0; 3];
+        }
         self.drift_m.into()
     }
 
-    /// What the frames say of its size; `None` if they do not determine it.
-    pub(crate) fn size(&self) -> Option<&SizeEvidence> {
-        self.size.as_ref()
+    /// What the frames say of the size of a ball; `None` if they do not determine it.
+    pub(crate) fn size(&self) -> Option<&FormEvidence> {
+        self.of_form.as_ref().filter(|_| self.yaw.is_none())
+    }
+
+    /// What the frames say of the yaw of a body that turns; `None` if they do not determine it.
+    pub(crate) fn yaw(&self) -> Option<&FormEvidence> {
+        self.of_form.as_ref().filter(|_| self.yaw.is_some())
     }
 
     /// The log-likelihood ratio of its lines at its position against an edge anywhere nearby, summed over the cameras that see it, in nats.

@@ -3,11 +3,14 @@
 use nalgebra::{Matrix3, Matrix4, Vector2, Vector3, Vector4};
 
 use super::detection::Detection;
+use super::form::FormEvidence;
 use super::frame::{Octave, SECTORS};
 use super::lines::{CorrespondenceLines, NoFit, log_mean_exp};
 use super::offset::{OffsetSlope, shift};
-use super::size::{SizeEvidence, SizePrior};
+use super::size::SizePrior;
+use super::yaw::YawPrior;
 use super::{Coordinates, EdgeCue, EdgeFrame, LANES};
+use crate::shape::Stance;
 use crate::tuning::EdgeTuning;
 
 /// Sums of the lines' log-likelihood ratios over each sector, for a block of outlines.
@@ -58,8 +61,11 @@ const LEAST_FAILED_DAMPING: f64 = 1e-2;
 /// The distance over which projections are differentiated, in diameters. Hand-set: single precision still tells the difference.
 const STEP_DIAMETERS: f64 = 0.02;
 
-/// Below this share of the information that a known position would leave, the frames do not tell size from distance. Hand-set: cameras side by side.
+/// Below this share of the information that a known position would leave, the frames do not tell form from position, such as size from distance. Hand-set: cameras side by side.
 const LEAST_SIZE_SHARE: f64 = 1e-4;
+
+/// The angle over which outlines of a body that turns are differentiated, radians. Derivation: its ends then move as far as when the position changes by [`STEP_DIAMETERS`].
+const STEP_RAD: f64 = 2.0 * STEP_DIAMETERS;
 
 /// The number of deviations of a sector that are tried when an outline is judged. Hand-set: a quarter of a pixel apart, as lines' shifts.
 pub(super) const DEVIATIONS: usize = 5;
@@ -83,20 +89,52 @@ pub(crate) struct FitStart<'a> {
     pub(crate) log_scale: f64,
     /// The prior of the position, fitted together with the lines.
     pub(crate) prior: PositionPrior<'a>,
-    /// The prior of the size, which is fitted if several cameras see the target, or if it stays on the ground.
+    /// The prior of the size, which is fitted if several cameras see a ball, or if it stays on the ground.
     pub(crate) size: SizePrior,
+    /// The prior of the yaw, at whose mean outlines are sought first; only for bodies that turn.
+    pub(crate) yaw: Option<YawPrior>,
     /// Whether motion is planar, which keeps the height.
     pub(crate) is_planar: bool,
 }
 
-/// The same for a position followed by the logarithm of the scale.
+/// The same for a place: a position followed by the form, the logarithm of the scale of a ball or the yaw of a body that turns.
 struct Prior {
     gaussian: Option<(Vector4<f64>, Matrix4<f64>)>,
-    size: SizePrior,
+    form: FormPrior,
     is_planar: bool,
 }
 
-/// The log-likelihood's gradient and curvature in position and logarithm of the scale.
+/// The prior of the form.
+#[derive(Debug, Clone, Copy)]
+enum FormPrior {
+    Size(SizePrior),
+    Yaw(YawPrior),
+}
+
+impl FormPrior {
+    fn likeliest(&self) -> f64 {
+        match self {
+            Self::Size(size) => size.log_scale,
+            Self::Yaw(yaw) => yaw.yaw_rad,
+        }
+    }
+
+    fn log_density(&self, form: f64) -> f64 {
+        match self {
+            Self::Size(size) => size.log_density(form),
+            Self::Yaw(yaw) => yaw.log_density(form),
+        }
+    }
+
+    fn information(&self, form: f64) -> f64 {
+        match self {
+            Self::Size(size) => size.information(form),
+            Self::Yaw(yaw) => yaw.information(),
+        }
+    }
+}
+
+/// The log-likelihood's gradient and curvature in position and form.
 struct Slope {
     gradient: Vector4<f64>,
     curvature: Matrix4<f64>,
@@ -104,14 +142,8 @@ struct Slope {
     of_shift: f64,
 }
 
-/// The index of the logarithm of the scale.
-const SCALE: usize = 3;
-
-/// Position and logarithm of the scale of a detection.
-fn place_of(detection: &Detection) -> Vector4<f64> {
-    let [x, y, z] = detection.position_m;
-    Vector4::new(x, y, z, detection.log_scale)
-}
+/// The index of the form.
+const FORM: usize = 3;
 
 impl EdgeCue {
     /// Fits the best position near a start; returns why not if no camera sees the target's colours there. Writes into `detection`, whose buffers it reuses.
@@ -126,14 +158,19 @@ impl EdgeCue {
         detection.position_m = start.position_m;
         detection.displacement_m = start.displacement_m;
         detection.log_scale = start.log_scale;
+        detection.yaw = start.yaw.filter(|_| self.turns);
+        detection.yaw_rad = detection.yaw.map_or(0.0, |yaw| yaw.yaw_rad);
+        let form = detection
+            .yaw
+            .map_or(FormPrior::Size(start.size), FormPrior::Yaw);
         detection.reset_offsets(frames);
         let gaussian = start.prior.map(|(mean, information)| {
-            let mean = mean.push(start.size.log_scale);
+            let mean = mean.push(form.likeliest());
             (mean, information.fixed_resize::<4, 4>(0.0))
         });
         let prior = Prior {
             gaussian,
-            size: start.size,
+            form,
             is_planar: start.is_planar,
         };
         self.fit_octave(frames, &prior, 0, detection)?;
@@ -154,9 +191,9 @@ impl EdgeCue {
 
     /// Judges the outline at the detection's position, for which the lines were placed.
     pub(super) fn judge(&mut self, frames: &[EdgeFrame], detection: &mut Detection) {
-        let (position, scale) = (
+        let (position, stance) = (
             detection.position_m.map(|v| [v as f32; LANES]),
-            detection.scale(),
+            detection.stance(),
         );
         let is_streak = detection.is_streak();
         let exponent = self.settings.likelihood_exponent as f32;
@@ -167,7 +204,7 @@ impl EdgeCue {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
-            self.project(frame.projector(), &position, scale);
+            self.project(frame.projector(), &position, stance);
             shift(&mut self.coordinates, detection.offsets[lines.camera].px);
             let of_fit = lines.replace_exponent(exponent);
             let mut sums = [[0_f32; DEVIATIONS]; SECTORS];
@@ -202,15 +239,15 @@ impl EdgeCue {
     ) -> bool {
         let cameras = detection.camera_count;
         let (position_m, log_ratio) = (detection.position_m, detection.log_likelihood_ratio);
-        let (drift_m, size) = (detection.drift_m, detection.size);
-        let (mean, information) = (place_of(detection), detection.information);
+        let (drift_m, of_form) = (detection.drift_m, detection.of_form);
+        let (mean, information) = (detection.place(), detection.information);
         let prior = Prior {
             gaussian: Some((mean, information)),
             ..*known
         };
         detection.keep_coarse_offsets();
         let fitted = self.fit_octave(frames, &prior, finer, detection);
-        let moved = place_of(detection) - mean;
+        let moved = detection.place() - mean;
         let agrees = fitted.is_ok()
             && detection.camera_count == cameras
             && (moved.transpose() * information * moved)[0]
@@ -218,13 +255,13 @@ impl EdgeCue {
             && detection.log_likelihood_ratio > self.tuning.min_refined_share * log_ratio;
         if !agrees {
             detection.position_m = position_m;
-            detection.log_scale = mean[SCALE];
+            detection.set_form(mean[FORM]);
             detection.restore_coarse_offsets();
             // As before: there were lines.
             let _ = self.place_lines(frames, finer - 1, detection);
             self.note_log_ratios(frames, detection);
             detection.information = information;
-            (detection.drift_m, detection.size) = (drift_m, size);
+            (detection.drift_m, detection.of_form) = (drift_m, of_form);
             detection.log_likelihood_ratio = log_ratio;
         }
         agrees
@@ -247,19 +284,19 @@ impl EdgeCue {
         } = self.tuning;
         for round in 0..=rounds {
             self.place_lines(frames, finer, detection)?;
-            if !self.fits_size(prior, detection) && detection.log_scale != prior.size.log_scale {
-                detection.log_scale = prior.size.log_scale;
+            if !self.fits_form(prior, detection) && detection.form() != prior.form.likeliest() {
+                detection.set_form(prior.form.likeliest());
                 self.place_lines(frames, finer, detection)?;
             }
             if round == rounds {
                 break;
             }
-            let fixed = [prior.is_planar, !self.fits_size(prior, detection)];
+            let fixed = [prior.is_planar, !self.fits_form(prior, detection)];
             let mut damping = FIRST_DAMPING;
-            let mut value = self.value(frames, detection, place_of(detection), prior);
+            let mut value = self.value(frames, detection, detection.place(), prior);
             let mut moved_px = 0.0_f64;
             for _ in 0..steps {
-                let here = place_of(detection);
+                let here = detection.place();
                 let (slope, shift_px) = self.slope(frames, detection, Some(prior));
                 let Some((step, size_px)) = solve(&slope, damping, fixed, &shift_px) else {
                     break;
@@ -273,7 +310,7 @@ impl EdgeCue {
                 if new_value > value {
                     value = new_value;
                     detection.position_m = there.xyz().into();
-                    detection.log_scale = there[SCALE];
+                    detection.set_form(there[FORM]);
                     damping *= DAMPING_FACTORS[0];
                     moved_px += size_px;
                 } else {
@@ -291,8 +328,8 @@ impl EdgeCue {
         let (slope, _) = self.slope(frames, detection, None);
         detection.information = slope.curvature;
         detection.log_likelihood_ratio = self.note_log_ratios(frames, detection);
-        let fits_size = self.fits_size(prior, detection);
-        detection.note_size(&slope, prior.is_planar, fits_size);
+        let fits_form = self.fits_form(prior, detection);
+        detection.note_form(&slope, prior.is_planar, fits_form);
         if detection.log_likelihood_ratio.is_finite() {
             Ok(())
         } else {
@@ -313,7 +350,7 @@ impl EdgeCue {
         for frame in frames {
             detection.make_room(frame.camera());
             let position = detection.position_m.map(|v| [v as f32; LANES]);
-            self.project(frame.projector(), &position, detection.scale());
+            self.project(frame.projector(), &position, detection.stance());
             shift(&mut self.coordinates, detection.offsets[frame.camera()].px);
             if detection.lines.len() == count {
                 detection.lines.push(CorrespondenceLines::default());
@@ -366,13 +403,19 @@ impl EdgeCue {
         }
     }
 
-    /// Whether the frames determine the size of a detection, given what is known before. The edges of streaks are too soft.
-    fn fits_size(&self, prior: &Prior, detection: &Detection) -> bool {
-        let is_seen = detection.camera_count > 1 || prior.is_planar;
-        self.is_ball && is_seen && !detection.is_streak() && prior.size.sigma > 0.0
+    /// Whether the frames determine the form of a detection, given what is known before. The edges of streaks are too soft.
+    fn fits_form(&self, prior: &Prior, detection: &Detection) -> bool {
+        let is_seen = match prior.form {
+            FormPrior::Yaw(_) => true,
+            FormPrior::Size(size) => {
+                let has_depth = detection.camera_count > 1 || prior.is_planar;
+                self.is_ball && has_depth && size.sigma > 0.0
+            }
+        };
+        is_seen && !detection.is_streak()
     }
 
-    /// Returns the log-likelihood ratio at a place, position and logarithm of the scale, plus the prior's log-density there.
+    /// Returns the log-likelihood ratio at a place plus the prior's log-density there.
     fn value(
         &mut self,
         frames: &[EdgeFrame],
@@ -380,49 +423,49 @@ impl EdgeCue {
         place: Vector4<f64>,
         prior: &Prior,
     ) -> f64 {
-        let mut value = prior.size.log_density(place[SCALE]) + detection.offsets_log_density();
+        let mut value = prior.form.log_density(place[FORM]) + detection.offsets_log_density();
         if let Some((mean, information)) = prior.gaussian {
             let off = place - mean;
             value -= 0.5 * (off.transpose() * information * off)[0];
         }
-        let (position, scale) = (place.xyz(), libm::exp(place[SCALE]));
+        let (position, stance) = (place.xyz(), detection.stance_of(place[FORM]));
         for lines in detection.lines() {
-            let place = (position.into(), scale, detection.offset(lines.camera).px);
+            let place = (position.into(), stance, detection.offset(lines.camera).px);
             value += f64::from(self.lines_log_ratio(frames, lines, place));
         }
         value
     }
 
-    /// Returns the log-likelihood ratio of one camera's lines at a position, of the shape at this scale, with this offset in pixels.
+    /// Returns the log-likelihood ratio of one camera's lines at a position, of the shape in this stance, with this offset in pixels.
     fn lines_log_ratio(
         &mut self,
         frames: &[EdgeFrame],
         lines: &CorrespondenceLines,
-        (position_m, scale, offset): ([f64; 3], f64, Vector2<f64>),
+        (position_m, stance, offset): ([f64; 3], Stance, Vector2<f64>),
     ) -> f32 {
         let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
             return 0.0;
         };
         let position = position_m.map(|v| [v as f32; LANES]);
-        self.project(frame.projector(), &position, scale);
+        self.project(frame.projector(), &position, stance);
         shift(&mut self.coordinates, offset);
         lines.log_likelihood_ratio(&SectorSums::of(lines, &self.coordinates).lane(0))
     }
 
     /// Notes the log-likelihood ratio of each camera's lines at the detection. Returns their sum.
     fn note_log_ratios(&mut self, frames: &[EdgeFrame], detection: &mut Detection) -> f64 {
-        let (position_m, scale) = (detection.position_m, detection.scale());
+        let (position_m, stance) = (detection.position_m, detection.stance());
         let mut sum = 0.0;
         for lines in &mut detection.lines[..detection.camera_count] {
             let offset = detection.offsets[lines.camera].px;
             lines.fitted_log_ratio =
-                self.lines_log_ratio(frames, lines, (position_m, scale, offset));
+                self.lines_log_ratio(frames, lines, (position_m, stance, offset));
             sum += f64::from(lines.fitted_log_ratio);
         }
         sum
     }
 
-    /// Returns gradient and curvature at a detection, and how many pixels the outline moves per metre along each axis and per logarithm of the scale.
+    /// Returns gradient and curvature at a detection, and how many pixels the outline moves per metre along each axis and per unit of the form.
     fn slope(
         &mut self,
         frames: &[EdgeFrame],
@@ -434,11 +477,12 @@ impl EdgeCue {
             curvature: Matrix4::zeros(),
             of_shift: 0.0,
         };
-        let (position, scale) = (Vector3::from(detection.position_m), detection.scale());
+        let (position, stance) = (Vector3::from(detection.position_m), detection.stance());
+        let turns = detection.yaw.is_some();
         let span_px = self.tuning.span_px;
         let mut most = [0.0_f64; 4];
         // Either way along each axis.
-        let step_m = STEP_DIAMETERS * self.diameter_m * scale;
+        let step_m = STEP_DIAMETERS * self.diameter_m * stance.scale;
         let mut positions = [[0_f32; LANES]; 3];
         for lane in 0..LANES {
             for axis in 0..3 {
@@ -455,7 +499,10 @@ impl EdgeCue {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
-            self.project(frame.projector(), &positions, scale);
+            if turns {
+                self.differentiate_yaw(frame, detection.position_m, stance);
+            }
+            self.project(frame.projector(), &positions, stance);
             let offset = &mut detection.offsets[lines.camera];
             offset.note_middle(&self.coordinates);
             shift(&mut self.coordinates, offset.px);
@@ -477,12 +524,16 @@ impl EdgeCue {
                 if along.iter().any(|v| v.is_nan()) {
                     continue;
                 }
-                let of_scale = if self.is_ball {
+                let of_form = if turns {
+                    let [u, v] = self.of_yaw[k];
+                    let moved = f64::from(lines.octave.scale() * (u * nu + v * nv));
+                    if moved.is_nan() { 0.0 } else { moved }
+                } else if self.is_ball {
                     along.dot(&nearer)
                 } else {
                     0.0
                 };
-                let along = along.push(of_scale);
+                let along = along.push(of_form);
                 for axis in 0..4 {
                     most[axis] = most[axis].max(along[axis].abs());
                 }
@@ -511,23 +562,39 @@ impl EdgeCue {
             return (slope, most);
         };
         if let Some((mean, information)) = prior.gaussian {
-            slope.gradient -= information * (place_of(detection) - mean);
+            slope.gradient -= information * (detection.place() - mean);
             slope.curvature += information;
         }
-        if self.fits_size(prior, detection) {
-            let information = prior.size.information(detection.log_scale);
-            let off = detection.log_scale - prior.size.log_scale;
-            slope.gradient[SCALE] -= information * off;
-            slope.curvature[(SCALE, SCALE)] += information;
+        if self.fits_form(prior, detection) {
+            let form = detection.form();
+            let information = prior.form.information(form);
+            let off = form - prior.form.likeliest();
+            slope.gradient[FORM] -= information * off;
+            slope.curvature[(FORM, FORM)] += information;
         }
         (slope, most)
+    }
+
+    /// Writes how far the points of the outline at a position move across it as the body turns. The outline follows the points of the body that are on it: elsewhere the body turns to or from
+    /// the camera.
+    fn differentiate_yaw(&mut self, frame: &EdgeFrame, position_m: [f64; 3], stance: Stance) {
+        let position = position_m.map(|v| [v as f32; LANES]);
+        self.project(frame.projector(), &position, stance);
+        let center = position_m.map(|v| v as f32);
+        let projector = frame.projector();
+        projector.turn_points(center, STEP_RAD, &mut self.points);
+        projector.project_all(self.level, &self.points, &mut self.coordinates);
+        for (of_yaw, [u, v]) in self.of_yaw.iter_mut().zip(&self.coordinates) {
+            let width_rad = 2.0 * STEP_RAD as f32;
+            *of_yaw = [(u[0] - u[1]) / width_rad, (v[0] - v[1]) / width_rad];
+        }
     }
 }
 
 impl Detection {
-    /// Notes what slopes without any prior say of the size, and how the position depends on it.
-    fn note_size(&mut self, slope: &Slope, is_planar: bool, fits_size: bool) {
-        let of_both: Vector3<f64> = slope.curvature.fixed_view::<3, 1>(0, SCALE).into();
+    /// Notes what slopes without any prior say of the form, and how the position depends on it.
+    fn note_form(&mut self, slope: &Slope, is_planar: bool, fits_form: bool) {
+        let of_both: Vector3<f64> = slope.curvature.fixed_view::<3, 1>(0, FORM).into();
         let (mut curvature, mut of_both_free) = (slope.curvature, of_both);
         let mut of_position = slope.gradient.xyz();
         if is_planar {
@@ -536,23 +603,23 @@ impl Detection {
             of_position[2] = 0.0;
         }
         let free: Matrix3<f64> = curvature.fixed_view::<3, 3>(0, 0).into();
-        self.size = None;
+        self.of_form = None;
         self.drift_m = Vector3::zeros();
         let Some(factor) = free.cholesky() else {
             return;
         };
         self.drift_m = -factor.solve(&of_both_free);
-        if !fits_size {
+        if !fits_form {
             return;
         }
-        let own = slope.curvature[(SCALE, SCALE)];
+        let own = slope.curvature[(FORM, FORM)];
         let information = own + self.drift_m.dot(&of_both_free);
         if information > LEAST_SIZE_SHARE * own {
-            let gradient = slope.gradient[SCALE] + self.drift_m.dot(&of_position);
-            self.size = Some(SizeEvidence {
-                log_scale: self.log_scale + gradient / information,
+            let gradient = slope.gradient[FORM] + self.drift_m.dot(&of_position);
+            self.of_form = Some(FormEvidence {
+                form: self.form() + gradient / information,
                 information,
-                radius_px: (own / slope.of_shift).sqrt(),
+                px_per_unit: (own / slope.of_shift).sqrt(),
             });
         }
     }
@@ -567,11 +634,11 @@ fn fix(curvature: &mut Matrix4<f64>, fixed: usize) {
     curvature[(fixed, fixed)] = 1.0;
 }
 
-/// Returns the damped Newton step, and by how many pixels it moves the outline at most. Height and scale may be fixed.
+/// Returns the damped Newton step, and by how many pixels it moves the outline at most. Height and form may be fixed.
 fn solve(
     slope: &Slope,
     damping: f64,
-    [height, scale]: [bool; 2],
+    [height, form]: [bool; 2],
     px_per_unit: &[f64; 4],
 ) -> Option<(Vector4<f64>, f64)> {
     let mut curvature = slope.curvature;
@@ -579,7 +646,7 @@ fn solve(
     for axis in 0..4 {
         curvature[(axis, axis)] *= 1.0 + damping;
     }
-    for (axis, is_fixed) in [(2, height), (SCALE, scale)] {
+    for (axis, is_fixed) in [(2, height), (FORM, form)] {
         if is_fixed {
             fix(&mut curvature, axis);
             gradient[axis] = 0.0;

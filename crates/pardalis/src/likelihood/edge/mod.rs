@@ -8,6 +8,7 @@
 mod corners;
 mod detection;
 mod fit;
+mod form;
 mod frame;
 mod lines;
 mod offset;
@@ -21,17 +22,19 @@ mod streak;
 mod streak_tests;
 #[cfg(test)]
 mod tests;
+mod yaw;
 
 pub(crate) use detection::{Detection, Detections};
 use fit::SectorSums;
 pub(crate) use fit::{FitStart, PositionPrior};
+pub(crate) use form::FormEvidence;
 pub(crate) use frame::{EdgeFrame, EdgeFrameContext, Outlines, Surrounding};
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
 use crate::color::{
     ColorModel, ColorRanges, EdgeLogRatios, EdgeProfile, JUDGED_RADIUS_PX, Palette, Side,
 };
-use crate::shape::Shape;
+use crate::shape::{Shape, Stance};
 use crate::tuning::EdgeTuning;
 use crate::view::View;
 use frame::{Octave, SECTORS};
@@ -42,7 +45,8 @@ use pardalis_camera::LANES;
 use pardalis_core::Error;
 use pardalis_core::simd::Level;
 use rectangles::Rectangles;
-pub(crate) use size::{SizeEvidence, SizePrior};
+pub(crate) use size::SizePrior;
+pub(crate) use yaw::YawPrior;
 
 /// Parameters of the edge cue.
 ///
@@ -233,6 +237,8 @@ pub(crate) struct EdgeCue {
     diameter_m: f64,
     /// Whether sizes of the shape can be compared: those of balls.
     is_ball: bool,
+    /// Whether the yaw of the shape is fitted.
+    turns: bool,
     /// What else an outline may be: that of a ball.
     rectangles: Option<Rectangles>,
     /// One per octave; those coarser than the learnt profiles have the last one's.
@@ -241,6 +247,8 @@ pub(crate) struct EdgeCue {
     ranges: Option<ColorRanges>,
     points: Vec<Points>,
     coordinates: Vec<Coordinates>,
+    /// How far each point of an outline moves in the image as it turns, pixels per radian.
+    of_yaw: Vec<[f32; 2]>,
     buffers: LineBuffers,
     level: Level,
 }
@@ -248,7 +256,7 @@ pub(crate) struct EdgeCue {
 impl EdgeCue {
     pub(crate) fn new(
         (settings, tuning): (EdgeSettings, EdgeTuning),
-        shape: Shape,
+        (shape, turns): (Shape, bool),
         colors: &ColorModel,
         level: Level,
     ) -> Result<Self, Error> {
@@ -280,12 +288,14 @@ impl EdgeCue {
             middle_height_m: shape.middle_height_m() as f32,
             diameter_m: shape.diameter_m(),
             is_ball,
+            turns: turns && shape.turn_period_rad().is_some(),
             rectangles: is_ball.then(|| Rectangles::new(settings.correspondence_lines)),
             tables,
             palette: colors.palette(),
             ranges: colors.ranges().map(|ranges| ranges.widened()),
             points: vec![[[0.0; LANES]; 3]; settings.correspondence_lines],
             coordinates: vec![[[0.0; LANES]; 2]; settings.correspondence_lines],
+            of_yaw: vec![[0.0; 2]; settings.correspondence_lines],
             buffers: LineBuffers::new(),
             level,
         })
@@ -304,13 +314,13 @@ impl EdgeCue {
         self.ranges
     }
 
-    /// Projects the outlines of a block of positions, of the shape at this scale.
-    fn project(&mut self, projector: &Projector, positions: &[[f32; LANES]; 3], scale: f64) {
+    /// Projects the outlines of a block of positions, of the shape in this stance.
+    fn project(&mut self, projector: &Projector, positions: &[[f32; LANES]; 3], stance: Stance) {
         self.outline.project(
             self.level,
             projector,
             positions,
-            scale,
+            stance,
             &mut self.points,
             &mut self.coordinates,
         );
@@ -323,29 +333,29 @@ impl EdgeCue {
         frame.holds_block(self.level, &position)[0]
     }
 
-    /// Projects the outline of a position, of the shape at this scale, and returns its points that have a pixel.
+    /// Projects the outline of a position, of the shape in this stance, and returns its points that have a pixel.
     fn outline_px(
         &mut self,
         projector: &Projector,
         position_m: [f64; 3],
-        scale: f64,
+        stance: Stance,
     ) -> impl Iterator<Item = [f32; 2]> + Clone {
-        self.project(projector, &position_m.map(|v| [v as f32; LANES]), scale);
+        self.project(projector, &position_m.map(|v| [v as f32; LANES]), stance);
         let points = self.coordinates.iter().map(|[u, v]| [u[0], v[0]]);
         points.filter(|point| point.iter().all(|v| v.is_finite()))
     }
 
-    /// Adds the outline that this camera has of a look-alike at a position, with a velocity and of a scale, given whether it has been found in this image.
+    /// Adds the outline that this camera has of a look-alike at a position, with a velocity and in a stance, given whether it has been found in this image.
     pub(crate) fn add_look_alike(
         &mut self,
         view: &View,
-        (position_m, velocity_mps, scale): ([f64; 3], [f64; 3], f64),
+        (position_m, velocity_mps, stance): ([f64; 3], [f64; 3], Stance),
         is_found: bool,
         outlines: &mut Outlines,
     ) {
         let motion = view.row_motion(position_m, velocity_mps);
         let projector = Projector::moving(view, motion.as_ref());
-        outlines.push(self.outline_px(&projector, position_m, scale), is_found);
+        outlines.push(self.outline_px(&projector, position_m, stance), is_found);
     }
 
     /// The octave in which the latest projected outline, its first lane, is small enough to be judged as a whole.
@@ -369,7 +379,8 @@ impl EdgeCue {
 
     /// Returns the area in square pixels within the outline of a position, of the shape at this scale, as far as it has pixels.
     pub(crate) fn area_px(&mut self, frame: &EdgeFrame, position_m: [f64; 3], scale: f64) -> f64 {
-        let points = self.outline_px(frame.projector(), position_m, scale);
+        let stance = Stance::scaled(scale);
+        let points = self.outline_px(frame.projector(), position_m, stance);
         let points = points.map(|point| point.map(f64::from));
         let next = points.clone().cycle().skip(1);
         let twice: f64 = points
@@ -409,9 +420,9 @@ impl EdgeCue {
             if has_lines {
                 let mut projected = None;
                 for (lines, detection, (added, most)) in lines.clone() {
-                    let scale = detection.scale();
-                    if projected.replace(scale) != Some(scale) {
-                        self.project(frame.projector(), &positions, scale);
+                    let stance = detection.stance();
+                    if projected.replace(stance) != Some(stance) {
+                        self.project(frame.projector(), &positions, stance);
                     }
                     let mut penalties = [0.0; LANES];
                     let sums = if has_error {

@@ -4,6 +4,7 @@ use super::offset::{Offset, OffsetSlope};
 use super::tests::{SIZE, ball, colors, grained, picture, start_at, view_with_offset, with_frames};
 use super::{Detection, EdgeFrame};
 use crate::likelihood::edge::EdgeSettings;
+use crate::shape::Stance;
 use crate::{Frame, reference};
 
 /// Fits a ball at (0.05, 0, 1.2) that two cameras see, 0.3 m apart. The second shows it this many pixels too low.
@@ -151,7 +152,8 @@ fn likelihoods_with_offsets_are_the_oracles() {
             let middle = |position_m: [f64; 3]| {
                 let view = view_with_offset(*x_m, [0.0; 2]);
                 let count = settings.correspondence_lines;
-                let points = reference::outline_points(&view, &ball(), position_m, 1.0, count);
+                let points =
+                    reference::outline_points(&view, &ball(), position_m, Stance::default(), count);
                 let pixels = points
                     .into_iter()
                     .map(|point| Vector2::from(view.camera().project(point.into()).unwrap()));

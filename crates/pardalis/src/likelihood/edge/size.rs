@@ -38,15 +38,3 @@ impl SizePrior {
         information * information * (variance - 0.5 * off * off).max(0.0)
     }
 }
-
-/// What the frames of one instant alone say of the size of a target, whatever its position.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct SizeEvidence {
-    /// The likeliest logarithm of the scale.
-    pub(crate) log_scale: f64,
-    /// Its inverse variance.
-    pub(crate) information: f64,
-    /// The radius of the outlines, in the pixels in which they were fitted: an error of one pixel that all of them share changes the logarithm of the
-    /// scale by its inverse.
-    pub(crate) radius_px: f64,
-}

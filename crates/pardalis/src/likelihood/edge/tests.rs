@@ -85,7 +85,7 @@ pub(super) fn with_frames<T>(
     let colors = colors();
     let mut cue = EdgeCue::new(
         (EdgeSettings::default(), EdgeTuning::DEFAULT),
-        ball_of(scale),
+        (ball_of(scale), true),
         &colors,
         Level::best(),
     )
@@ -142,6 +142,7 @@ pub(super) fn start_at(position_m: [f64; 3], tolerance: f64) -> FitStart<'static
             log_scale: 0.0,
             sigma: tolerance,
         },
+        yaw: None,
         is_planar: false,
     }
 }
@@ -447,9 +448,9 @@ fn two_cameras_find_position_and_size_of_a_ball_whose_size_is_wrong() {
             (scale * detection.scale() - 1.0).abs() < 9e-3,
             "{scale}: {size:?}"
         );
-        let of_frames = scale * libm::exp(size.log_scale);
+        let of_frames = scale * libm::exp(size.form);
         assert!((of_frames - 1.0).abs() < 9e-3, "{scale}: {size:?}");
-        assert!((size.radius_px - 17.0).abs() < 1.0, "{scale}: {size:?}");
+        assert!((size.px_per_unit - 17.0).abs() < 1.0, "{scale}: {size:?}");
         assert!(size.information > 1e3, "{scale}: {size:?}");
     }
 }

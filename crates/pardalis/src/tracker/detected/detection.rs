@@ -5,11 +5,11 @@ use nalgebra::{Matrix3, Vector3};
 use super::candidates::{CandidateSearch, at};
 use super::exposures::{self, Exposures};
 use crate::likelihood::edge::{
-    Detection, Detections, EdgeCue, EdgeFrame, FitStart, NoFit, PositionPrior, SizePrior,
+    Detection, Detections, EdgeCue, EdgeFrame, FitStart, NoFit, PositionPrior, SizePrior, YawPrior,
 };
 use crate::shape::Shape;
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
-use crate::tuning::{DetectionTuning, Tuning};
+use crate::tuning::{DetectionTuning, HeadingTuning, Tuning};
 use pardalis_filter::estimate::StateEstimate;
 
 /// Finds detections. Owns their buffers.
@@ -17,6 +17,8 @@ pub(super) struct Detector {
     pub(super) tuning: DetectionTuning,
     pub(super) shape: Shape,
     is_planar: bool,
+    /// The priors of the yaw of a body that turns in any direction; none for others.
+    any_yaw: Vec<YawPrior>,
     /// From this standard deviation of the logarithm of its scale on, a target that one camera alone sees has no position.
     unknown_sigma: f64,
     pub(super) candidates: CandidateSearch,
@@ -59,28 +61,65 @@ pub(super) struct Prediction {
     pub(super) since_s: f64,
     /// Its size.
     pub(super) size: SizePrior,
+    /// Its yaw, if it turns and that is known.
+    pub(super) yaw: Option<YawPrior>,
     /// Whether something else may be the target.
     pub(super) is_challenged: bool,
 }
 
+/// What is known of a target before its outline is fitted.
+#[derive(Clone, Copy)]
+pub(super) struct Known<'a> {
+    pub(super) position: PositionPrior<'a>,
+    pub(super) size: SizePrior,
+    /// `None` for a body that does not turn, or may face anywhere.
+    pub(super) yaw: Option<YawPrior>,
+}
+
+impl Known<'_> {
+    /// The size alone.
+    pub(super) fn of_size(size: SizePrior) -> Self {
+        Self {
+            position: None,
+            size,
+            yaw: None,
+        }
+    }
+}
+
+/// Priors of the yaw of a shape that looks the same after turns by this angle: together they cover all of them.
+fn any_yaw(period_rad: f64, tuning: &HeadingTuning) -> Vec<YawPrior> {
+    let count = (period_rad / tuning.search_step_rad).ceil().max(1.0);
+    let prior = |number| YawPrior {
+        yaw_rad: f64::from(number) / count * period_rad,
+        sigma_rad: 0.5 * period_rad,
+    };
+    (0..count as u32).map(prior).collect()
+}
+
 impl Detector {
-    /// A detector of a body of this shape with outlines of this many points, on the ground at this height (metres) if its motion is planar.
+    /// A detector of a body of this shape, that turns if an angle is given after which it looks the same, with outlines of this many points, on the ground at this height (metres) if its motion is planar.
     ///
     /// It has room for a detection near the prediction and one at each blob, and for streaks; only where rays of several cameras meet may there be more.
     pub(super) fn new(
-        shape: Shape,
+        (shape, period_rad): (Shape, Option<f64>),
         ground_z_m: Option<f64>,
         (cameras, points): (usize, usize),
         tuning: &Tuning,
     ) -> Self {
         let (unknown_sigma, blobs) = (tuning.size.unknown_sigma, tuning.blobs);
         let background = tuning.background;
+        let any_yaw = period_rad.map_or(Vec::new(), |period_rad| {
+            any_yaw(period_rad, &tuning.heading)
+        });
         let tuning = tuning.detection;
-        let room = 1 + cameras * blobs.max_blobs + exposures::MAX_FITS;
+        let directions = any_yaw.len().max(1);
+        let room = directions * (1 + cameras * blobs.max_blobs) + exposures::MAX_FITS;
         Self {
             tuning,
             shape,
             is_planar: ground_z_m.is_some(),
+            any_yaw,
             unknown_sigma,
             candidates: CandidateSearch::new(
                 shape,
@@ -126,8 +165,12 @@ impl Detector {
         if let Some(estimate) = predicted.estimate.as_ref().filter(|_| is_expected) {
             let mean_m = estimate.position_m;
             let information = self.information(estimate.covariance_m2, predicted.size.scale());
-            let prior = Some((&Vector3::from(mean_m), &information));
-            let prior = (prior, predicted.size);
+            let mean = Vector3::from(mean_m);
+            let prior = Known {
+                position: Some((&mean, &information)),
+                size: predicted.size,
+                yaw: predicted.yaw,
+            };
             candidates.push(at(Origin::Prediction, mean_m, predicted.size.log_scale));
             self.fit((edge, frames), prior, candidates, (0, [0.0; 3]));
             if let Some(velocity_mps) = estimate.velocity_mps {
@@ -154,12 +197,8 @@ impl Detector {
             self.candidates
                 .search(edge, frames, &predicted.size, candidates);
             for number in first..candidates.len() {
-                self.fit(
-                    (edge, frames),
-                    (None, predicted.size),
-                    candidates,
-                    (number, [0.0; 3]),
-                );
+                let known = Known::of_size(predicted.size);
+                self.fit((edge, frames), known, candidates, (number, [0.0; 3]));
             }
             // A target that probably exists is fitted as a streak where it is predicted.
             if predicted.existence < 0.5 {
@@ -170,7 +209,7 @@ impl Detector {
                 let first = candidates.len();
                 candidates.extend_from_slice(self.candidates.circles());
                 for number in first..candidates.len() {
-                    let prior = (None, predicted.size);
+                    let prior = Known::of_size(predicted.size);
                     self.fit((edge, frames), prior, candidates, (number, [0.0; 3]));
                 }
             }
@@ -191,11 +230,12 @@ impl Detector {
     }
 
     /// Fits the candidate of this number, unless it is ruled out already, with a prior of its position if there is one and of its size, as an outline with this
-    /// displacement during the exposure. Returns the log-likelihood ratio; minus infinity if there is no fit.
+    /// displacement during the exposure. A body that may face anywhere is fitted in several directions; the candidate keeps the results of its likeliest
+    /// fit. Returns the log-likelihood ratio; minus infinity if there is no fit.
     pub(super) fn fit(
         &mut self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
-        (prior, size): (PositionPrior, SizePrior),
+        known: Known,
         candidates: &mut [Candidate],
         (number, displacement_m): (usize, [f64; 3]),
     ) -> f64 {
@@ -207,13 +247,40 @@ impl Detector {
             position_m,
             displacement_m,
             log_scale: candidate.log_scale,
-            prior,
-            size,
+            prior: known.position,
+            size: known.size,
+            yaw: known.yaw,
             is_planar: self.is_planar,
         };
-        let is_unknown = size.sigma > self.unknown_sigma;
+        if known.yaw.is_some() || self.any_yaw.is_empty() {
+            return self.fit_from((edge, frames), &start, candidate, number);
+        }
+        let before = *candidate;
+        let mut best = (f64::NEG_INFINITY, None);
+        for direction in 0..self.any_yaw.len() {
+            let yaw = Some(self.any_yaw[direction]);
+            let mut fitted = before;
+            let start = FitStart { yaw, ..start };
+            let log_ratio = self.fit_from((edge, frames), &start, &mut fitted, number);
+            if best.1.is_none() || log_ratio > best.0 {
+                best = (log_ratio, Some(fitted));
+            }
+        }
+        *candidate = best.1.unwrap_or(before);
+        best.0
+    }
+
+    /// Fits a candidate, of this number, from one start.
+    fn fit_from(
+        &mut self,
+        (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
+        start: &FitStart,
+        candidate: &mut Candidate,
+        number: usize,
+    ) -> f64 {
+        let is_unknown = start.size.sigma > self.unknown_sigma;
         let fitted = self.detections.push_fit(number, |buffer| {
-            edge.fit(frames, &start, buffer)?;
+            edge.fit(frames, start, buffer)?;
             if is_unknown && buffer.size().is_none() {
                 return Err(NoFit::NoEdges);
             }

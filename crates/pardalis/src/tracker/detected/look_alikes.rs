@@ -6,6 +6,7 @@
 use nalgebra::Matrix3;
 
 use super::DetectedTarget;
+use crate::shape::Stance;
 
 /// The other targets that look like one, in the order in which they look at frames.
 pub(in crate::tracker) struct LookAlikes<'a> {
@@ -22,8 +23,8 @@ impl<'a> LookAlikes<'a> {
         numbers.iter().filter_map(|&number| (self.detected)(number))
     }
 
-    /// The positions of those that probably exist, in metres, with their velocities in m/s and their scales, and whether each has been found at this instant.
-    pub(super) fn places(&self) -> impl Iterator<Item = (([f64; 3], [f64; 3], f64), bool)> + '_ {
+    /// The positions of those that probably exist, in metres, with their velocities in m/s and their stances, and whether each has been found at this instant.
+    pub(super) fn places(&self) -> impl Iterator<Item = (([f64; 3], [f64; 3], Stance), bool)> + '_ {
         let updated = self.targets(self.updated);
         let updated = updated.map(|other| (other, other.detected.is_some()));
         let predicted = self.targets(self.predicted).map(|other| (other, false));
@@ -32,7 +33,7 @@ impl<'a> LookAlikes<'a> {
         known.filter_map(|(other, is_found)| {
             let known = other.filter.estimate(0.0)?;
             let velocity_mps = known.velocity_mps.unwrap_or_default();
-            let place = (known.position_m, velocity_mps, other.size.known().scale());
+            let place = (known.position_m, velocity_mps, other.stance());
             Some((place, is_found))
         })
     }

@@ -10,7 +10,9 @@ mod candidates;
 mod challenge;
 mod detection;
 mod exposures;
+mod heading;
 mod look_alikes;
+mod measurement;
 mod member;
 mod size;
 mod streaks;
@@ -21,7 +23,7 @@ mod visibility;
 
 pub(super) use look_alikes::LookAlikes;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::camera_agreement::ComparisonSums;
 use super::candidate::{Candidate, Verdict};
@@ -29,7 +31,7 @@ use super::existence::ExistenceSettings;
 use super::settings::DetectedSettings;
 use super::statistics::ImageStatistics;
 use super::track::{Instant, Track, mean_log_ratio};
-use super::{BodyMeasurement, Estimate, RadiusEstimate, TrackState};
+use super::{Estimate, RadiusEstimate, TrackState};
 use crate::Frame;
 use crate::color::{ColorModel, PixelKind};
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, EdgeFrameContext, Outlines};
@@ -42,6 +44,8 @@ use association::AssociatedDetection;
 use challenge::{Challenge, Sighting, Winner};
 use detection::{Detector, Outline, Prediction};
 use exposures::Exposures;
+use heading::Heading;
+use measurement::measured_m;
 use member::Member;
 use pardalis_core::Error;
 use pardalis_core::rng::Draws;
@@ -75,6 +79,8 @@ pub(super) struct DetectedTarget {
     /// The log-likelihood ratio of each camera's latest frame, per particle.
     log_ratios: Vec<Vec<f32>>,
     size: Size,
+    /// `None` for bodies that do not turn.
+    heading: Option<Heading>,
     agreement: Agreement,
     challenge: Challenge,
     /// The latest detection of the target.
@@ -118,26 +124,6 @@ fn emptied<'b>(mut frames: Vec<EdgeFrame>) -> Vec<EdgeFrame<'b>> {
     frames.into_iter().map_while(|_| None).collect()
 }
 
-/// Neighbouring frames share this part of the variance of a detection: of its edges and its background. Hand-set, from the errors of smoothed tracks.
-const SHARED_SHARE: f64 = 0.25;
-
-/// Where frames by themselves put a target, metres, given its detection and what the filter made of the prediction. The filter weighs the whole likelihood and not only its peak;
-/// where the prediction says little in comparison, its mean is that of the frames alone.
-fn measured_m(
-    detected: &MeasurementComponent,
-    predicted: &StateEstimate,
-    updated: &StateEstimate,
-) -> Option<[f64; 3]> {
-    let matrix =
-        |[xx, xy, xz, yy, yz, zz]: [f64; 6]| Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-    let prior = matrix(predicted.covariance_m2);
-    let least = Matrix3::from_diagonal_element(1e-9 * prior.trace());
-    let inverse = (prior + matrix(detected.covariance_m2) + least).try_inverse()?;
-    let peak = Vector3::from(detected.position_m);
-    let off = Vector3::from(updated.position_m) - peak;
-    Some((peak + prior * inverse * off).into())
-}
-
 impl DetectedTarget {
     pub(super) fn new(
         settings: &DetectedSettings,
@@ -168,19 +154,25 @@ impl DetectedTarget {
         let filter = BernoulliFilter::new(filter, draws)?;
         let ground_z_m = is_planar.then_some(existence.ground_z_m);
         let size = settings.size_prior(views.len())?;
+        let period_rad = shape.turn_period_rad().filter(|_| settings.turns);
         Ok(Self {
             track: Track::new(views.len()),
             start: settings.start,
             shape,
             is_planar,
-            edge: EdgeCue::new((settings.edge, tuning.edge), shape, &settings.colors, level)?,
+            edge: EdgeCue::new(
+                (settings.edge, tuning.edge),
+                (shape, settings.turns),
+                &settings.colors,
+                level,
+            )?,
             colors: settings.colors.clone(),
             existence,
             tuning,
             birth_density,
             filter,
             detector: Detector::new(
-                shape,
+                (shape, period_rad),
                 ground_z_m,
                 (views.len(), settings.edge.correspondence_lines),
                 &tuning,
@@ -190,6 +182,7 @@ impl DetectedTarget {
             visibilities: vec![None; views.len()],
             log_ratios: vec![Vec::new(); views.len()],
             size: Size::new(size),
+            heading: period_rad.map(Heading::new),
             agreement: Agreement::new(views, &tuning.agreement),
             challenge: Challenge::default(),
             detected: None,
@@ -246,6 +239,9 @@ impl DetectedTarget {
     /// Predicts to the time of the next frames, or starts.
     pub(super) fn predict(&mut self, time_s: f64, dt_s: f64) {
         self.since_s = dt_s;
+        if let Some(heading) = &mut self.heading {
+            heading.predict(dt_s, &self.tuning.heading);
+        }
         if let Some((start, since_s)) = self.track.take_reinitialization() {
             self.begin(&start, 1.0);
             self.filter.predict((time_s - since_s).max(0.0));
@@ -297,6 +293,9 @@ impl DetectedTarget {
             existence: self.filter.existence(),
             since_s: self.since_s,
             size: self.size.known(),
+            yaw: self
+                .heading
+                .and_then(|heading| heading.prior(&self.tuning.heading)),
             is_challenged: self.challenge.is_open(),
         };
         self.detector
@@ -355,7 +354,11 @@ impl DetectedTarget {
             }
         }
         self.buffers.frames = emptied(frames);
+        let found = target.map(|target| target.detection);
         self.update_state(time_s);
+        if let Some(found) = found {
+            self.turn_to(found);
+        }
         let winner = self.challenge(&associated, updated.target, time_s);
         self.conclude(&associated, winner.or(updated.target), &mut candidates);
         if self.detector.has_searched() && self.member.is_none() {
@@ -516,6 +519,10 @@ impl DetectedTarget {
         self.measured_m = None;
         let detection = &self.detector.detections()[associated[number].detection];
         self.outline = Outline::of(detection, &self.tuning.detection);
+        if let Some(heading) = &mut self.heading {
+            heading.reset();
+        }
+        self.turn_to(associated[number].detection);
         self.adaptations.fill(Adaptation::default());
         Some(number)
     }
@@ -612,6 +619,9 @@ impl DetectedTarget {
         self.visibilities.fill(None);
         self.adaptations.fill(Adaptation::default());
         self.size.reset();
+        if let Some(heading) = &mut self.heading {
+            heading.reset();
+        }
         self.agreement.reset(&self.tuning.agreement);
         self.challenge.reset();
         self.outline = Outline::default();
@@ -642,18 +652,6 @@ impl DetectedTarget {
         }
     }
 
-    /// What the latest frames say of the target by themselves; `None` if it was not detected.
-    pub(super) fn measurement(&self) -> Option<BodyMeasurement> {
-        let detected = self.detected.as_ref()?;
-        let mut shared_m2 = detected.covariance_m2.map(|v| SHARED_SHARE * v);
-        self.add_shared(&mut shared_m2);
-        Some(BodyMeasurement {
-            position_m: self.measured_m.unwrap_or(detected.position_m),
-            covariance_m2: detected.covariance_m2,
-            shared_m2,
-        })
-    }
-
     /// Estimates the target `ahead_s` seconds after the latest frames; nothing changes.
     pub(super) fn estimate(&self, ahead_s: f64) -> Estimate {
         let is_known = self.track.is_known();
@@ -668,6 +666,8 @@ impl DetectedTarget {
             self.add_shared(&mut known.covariance_m2);
         }
         let size = self.size.known();
+        let heading = self.heading.filter(|_| is_known);
+        let heading = heading.and_then(|heading| heading.estimate(ahead_s, &self.tuning.heading));
         let confidence = if is_known {
             self.confidence_ahead(ahead_s)
         } else {
@@ -677,7 +677,8 @@ impl DetectedTarget {
         Estimate {
             state: self.track.state(),
             kinematics,
-            heading_rad: None,
+            heading_rad: heading.map(|[heading_rad, _]| heading_rad),
+            heading_sigma_rad: heading.map(|[_, sigma_rad]| sigma_rad),
             radius: self.size.is_estimated().then(|| {
                 let radius_m = 0.5 * self.diameter_m();
                 RadiusEstimate {

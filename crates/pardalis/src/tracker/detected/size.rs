@@ -1,6 +1,6 @@
 //! The size of a ball that several cameras see, or that stays on the ground: it does not change, so that frames add up.
 
-use crate::likelihood::edge::{SizeEvidence, SizePrior};
+use crate::likelihood::edge::{FormEvidence, SizePrior};
 use crate::tuning::SizeTuning;
 
 /// Steps towards the likeliest size. Derivation: each at least halves what is left.
@@ -50,15 +50,15 @@ impl Size {
     /// Adds what the frames of one instant say. Errors of the outlines' radii that all frames share have this standard deviation in pixels.
     pub(super) fn update(
         &mut self,
-        evidence: &SizeEvidence,
+        evidence: &FormEvidence,
         shared_sigma_px: f64,
         tuning: &SizeTuning,
     ) {
         // Frames long past fade, so that those of another thing do not stay.
         let kept = 1.0 - 1.0 / tuning.memory_frames;
         self.information = kept * self.information + evidence.information;
-        self.weighted = kept * self.weighted + evidence.information * evidence.log_scale;
-        self.inverse_px = kept * self.inverse_px + evidence.information / evidence.radius_px;
+        self.weighted = kept * self.weighted + evidence.information * evidence.form;
+        self.inverse_px = kept * self.inverse_px + evidence.information / evidence.px_per_unit;
         let mean = self.weighted / self.information;
         let shared_sigma = shared_sigma_px * self.inverse_px / self.information;
         let variance = 1.0 / self.information + shared_sigma * shared_sigma;
@@ -90,11 +90,11 @@ mod tests {
         sigma: 0.02,
     };
 
-    fn evidence(log_scale: f64, sigma: f64) -> SizeEvidence {
-        SizeEvidence {
-            log_scale,
+    fn evidence(log_scale: f64, sigma: f64) -> FormEvidence {
+        FormEvidence {
+            form: log_scale,
             information: sigma.powi(-2),
-            radius_px: 20.0,
+            px_per_unit: 20.0,
         }
     }
 

@@ -270,7 +270,7 @@ fn is_borderline(
     })
 }
 
-/// Returns a ball, cylinder or prism of random size with either outline, or a flat shape; always a flat shape
+/// Returns a ball, cylinder, prism or box of random size with either outline, or a flat shape; always a flat shape
 /// if the camera cannot see heights.
 fn some_shape(camera: &Camera, random: &mut Uniform) -> Shape {
     if matches!(camera, Camera::Plane(plane) if plane.center_m().is_none()) {
@@ -278,7 +278,7 @@ fn some_shape(camera: &Camera, random: &mut Uniform) -> Shape {
     }
     let outline = [UprightOutline::Exact, UprightOutline::Facing][random.below(2)];
     let height_m = random.between(0.1, 0.9);
-    let section = match random.below(5) {
+    let section = match random.below(6) {
         0 => Section::circle(random.between(0.03, 0.3)),
         1 => Section::polygon(
             3 + random.below(7),
@@ -286,6 +286,7 @@ fn some_shape(camera: &Camera, random: &mut Uniform) -> Shape {
             random.between(-3.0, 3.0),
         ),
         4 => return some_flat_shape(random, 1.0),
+        5 => Section::rectangle([random.between(0.05, 0.6), random.between(0.05, 0.6)]),
         ball => {
             let outline = [SphereOutline::Tangent, SphereOutline::Greatcircle][ball - 2];
             return Shape::Sphere(Sphere::new(random.between(0.05, 0.2), outline).unwrap());

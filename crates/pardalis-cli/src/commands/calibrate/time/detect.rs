@@ -3,7 +3,7 @@
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use pardalis::color::ColorModel;
-use pardalis::shape::Shape;
+use pardalis::shape::{Shape, Stance};
 use pardalis::tracker::{
     BodySettings, Candidate, DetectedSettings, PASSES_SIGMA_M, SizeTolerance, Verdict,
 };
@@ -83,7 +83,7 @@ fn detection(view: &View, shape: &Shape, candidate: &Candidate) -> Option<Detect
     let position_m = candidate
         .position_m
         .filter(|_| candidate.verdict >= Verdict::Rival)?;
-    let sight = Sight::of(view, shape, position_m, candidate.scale())?;
+    let sight = Sight::of(view, shape, position_m, Stance::scaled(candidate.scale()))?;
     Some(Detection {
         pixel: sight.pixel,
         radius_px: sight.radius_px,
