@@ -127,11 +127,17 @@ const OUTLIER_SIGMAS: f64 = 5.0;
 /// ... and when so many in succession do not, there was a contact.
 const CONTACT_OUTLIERS: usize = 2;
 
-/// A body flies if its flight explains the measurements better than a straight line by this, nats, and another constant acceleration no better by as much, ...
+/// A body flies if its flight explains the measurements better than a straight line by this, nats, ...
 const FLIES_NATS: f64 = 8.0;
 
-/// ... and if the squared deviations from it, in standard deviations, have at most this mean. Hand-set, as those before.
+/// ... and if the squared deviations from it, in standard deviations, have at most this mean.
 const MOST_SQUARES: f64 = 3.0;
+
+/// Crossings are predicted if these are at most so much larger than those of a path that bends in any way, ...
+const MOST_RATIO: f64 = 8.0;
+
+/// ... where these count with at least this mean. Hand-set, as those before.
+const LEAST_SQUARES: f64 = 0.05;
 
 /// Iterations of a fit. Hand-set: the third moves it by micrometres.
 const ITERATIONS: usize = 4;
@@ -160,6 +166,8 @@ struct Fit {
     time_s: f64,
     state: State,
     covariance: Covariance,
+    /// Whether another path explains the measurements better, so that it may be carried.
+    bends_otherwise: bool,
 }
 
 /// The latest flight of a body, if it flies.
@@ -311,9 +319,11 @@ impl Flight {
         }
     }
 
-    /// Returns when and where the body crosses a plane next, if it flies on undisturbed. `None` if it does not fly, or not as far as is predicted.
+    /// Returns when and where the body crosses a plane next, if it flies on undisturbed. `None` if it does not fly, if the latest measurement contradicts its flight, or if it crosses the plane
+    /// later than is predicted.
     pub fn crossing(&self, plane: &Plane) -> Option<Crossing> {
-        let fit = self.fit.as_ref()?;
+        let is_flight = |fit: &&Fit| self.outliers == 0 && !fit.bends_otherwise;
+        let fit = self.fit.as_ref().filter(is_flight)?;
         let (after_s, position) = self.crosses(&fit.state, plane)?;
         let mut derivative = SMatrix::<f64, 4, UNKNOWNS>::zeros();
         for (unknown, change) in CHANGES.into_iter().enumerate() {
@@ -331,7 +341,7 @@ impl Flight {
         Some(Crossing {
             time_s: fit.time_s + after_s,
             sigma_s: covariance[(3, 3)].max(0.0).sqrt(),
-            position_m: position.into(),
+            position_m: (position - plane.height_m(&position) * plane.normal).into(),
             covariance_m2: [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
                 .map(|at| covariance[at]),
         })
@@ -386,7 +396,6 @@ impl Flight {
     fn fitted(&self, first: usize) -> Option<Fit> {
         let last = self.points.back()?;
         let (line, straight) = self.polynomial::<6>(first)?;
-        let (_, parabola) = self.polynomial::<9>(first)?;
         let mut information = Covariance::zeros();
         let mut prior = State::zeros();
         prior[6] = self.settings.drag_per_m;
@@ -433,14 +442,25 @@ impl Flight {
         let off = state - prior;
         let explained = 0.5 * (straight - of_flight - (off.transpose() * information * off)[0]);
         let count = 3.0 * (self.points.len() - first) as f64;
-        let flies = explained > FLIES_NATS
-            && of_flight < MOST_SQUARES * count
-            && 0.5 * (of_flight - parabola) < FLIES_NATS;
+        let flies = explained > FLIES_NATS && of_flight < MOST_SQUARES * count;
         flies.then_some(Fit {
             time_s: last.time_s,
             state,
             covariance: covariance?,
+            bends_otherwise: self.bends_otherwise(first, of_flight),
         })
+    }
+
+    /// Whether a path of the third order in time, such as that of a hand that slows down, explains the measurements from this number on significantly better than a flight does, which deviates from
+    /// them by this sum of squares (Fisher's F test, so that measurements may be more precise than their covariances say).
+    fn bends_otherwise(&self, first: usize, of_flight: f64) -> bool {
+        const COEFFICIENTS: usize = 12;
+        let Some((_, of_path)) = self.polynomial::<COEFFICIENTS>(first) else {
+            return false;
+        };
+        let free = 3 * (self.points.len() - first) - COEFFICIENTS;
+        let mean = (of_path / free as f64).max(LEAST_SQUARES);
+        (of_flight - of_path) / 3.0 > MOST_RATIO * mean
     }
 
     /// The coefficients of the polynomial in time since the latest measurement that is nearest to the measurements from this number on, three of each order: position, velocity and so on. Also

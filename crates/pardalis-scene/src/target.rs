@@ -245,7 +245,7 @@ fn check_crossing(table: &Table, has_landmarks: bool, shared: Option<&Shared>) {
     let message = match shared {
         _ if has_landmarks => "is given, but a target with landmarks does not fly; remove it",
         Some(Shared::Initialized { .. }) => {
-            "is given, but the published cues measure no single positions; remove them, or remove this"
+            "is given, but the published cues, which a start selects, measure no single positions; remove them and the start, or add edge = {}, or remove this"
         }
         Some(Shared::Detected {
             motion: Some(motion),

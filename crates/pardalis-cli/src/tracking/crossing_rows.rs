@@ -14,6 +14,7 @@ use pardalis_scene::{Scene, TargetConfig};
 use super::series::Key;
 use super::{Instant, Output, Sink};
 use crate::files::RowFile;
+use crate::output::warn;
 
 /// The header line. Later versions may append columns.
 const HEADER: &str = "frame,time_s,target,crosses_s,sigma_crosses_s,x_m,y_m,z_m,xx_m2,xy_m2,xz_m2,yy_m2,yz_m2,zz_m2\n";
@@ -33,12 +34,20 @@ impl CrossingRows {
 
     /// Creates the file in the output folder and writes the header; `None` if there is no folder, or no target of the scene has a plane.
     pub(super) fn create(output: &Output, scene: &Scene) -> Result<Option<Self>> {
-        let Output::Folder(folder) = output else {
+        let Some(target) = scene
+            .targets
+            .iter()
+            .find(|target| target.crossing.is_some())
+        else {
             return Ok(None);
         };
-        if scene.targets.iter().all(|target| target.crossing.is_none()) {
+        let Output::Folder(folder) = output else {
+            warn(format!(
+                "targets.{}.crossing: crossings are written into a folder only; give -o a folder instead of -",
+                target.name
+            ));
             return Ok(None);
-        }
+        };
         let path = folder.join(Self::FILE);
         let mut out = RowFile::create(&path)?;
         out.write(HEADER)?;

@@ -94,6 +94,14 @@ fn landings_of_a_ball_with_drag_and_spin_are_predicted() {
     let second = |row: &&Vec<String>| number(&row[1]) > 0.43 && number(&row[1]) < 0.62;
     assert!(predicted.iter().any(|row| second(&row)));
 
+    let run = Run::pardalis(
+        &place,
+        &["track", "made/scene.toml", "-o", "-", "--frames", "2"],
+    );
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let warning = "targets.ball.crossing: crossings are written into a folder only";
+    assert!(run.stderr.contains(warning), "{}", run.stderr);
+
     // A run without a plane leaves none of these rows.
     fs::write(&path, scene).unwrap();
     let run = Run::pardalis(
@@ -115,7 +123,7 @@ fn landings_of_a_ball_with_drag_and_spin_are_predicted() {
         ),
         (
             "crossing.point_m = [0, 0, 1]\ncontour = {}\nstart.gaussian.position_m = [0, 0, 1]\n",
-            "targets.ball.crossing: is given, but the published cues measure no single positions",
+            "targets.ball.crossing: is given, but the published cues, which a start selects, measure no single positions",
         ),
     ] {
         fs::write(&path, format!("{scene}{more}")).unwrap();
