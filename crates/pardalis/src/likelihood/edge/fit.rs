@@ -499,10 +499,10 @@ impl EdgeCue {
             let Some(frame) = frames.iter().find(|frame| frame.camera() == lines.camera) else {
                 continue;
             };
-            if turns {
-                self.differentiate_yaw(frame, detection.position_m, stance);
-            }
             self.project(frame.projector(), &positions, stance);
+            if turns {
+                self.differentiate_yaw(frame, detection.position_m);
+            }
             let offset = &mut detection.offsets[lines.camera];
             offset.note_middle(&self.coordinates);
             shift(&mut self.coordinates, offset.px);
@@ -575,16 +575,14 @@ impl EdgeCue {
         (slope, most)
     }
 
-    /// Writes how far the points of the outline at a position move across it as the body turns. The outline follows the points of the body that are on it: elsewhere the body turns to or from
-    /// the camera.
-    fn differentiate_yaw(&mut self, frame: &EdgeFrame, position_m: [f64; 3], stance: Stance) {
-        let position = position_m.map(|v| [v as f32; LANES]);
-        self.project(frame.projector(), &position, stance);
-        let center = position_m.map(|v| v as f32);
+    /// Writes how far the points of the outline that was projected last, its first lane, at this position, move as the body turns. The outline follows the points of the body that are on it:
+    /// elsewhere the body turns to or from the camera.
+    fn differentiate_yaw(&mut self, frame: &EdgeFrame, position_m: [f64; 3]) {
         let projector = frame.projector();
+        let center = position_m.map(|v| v as f32);
         projector.turn_points(center, STEP_RAD, &mut self.points);
-        projector.project_all(self.level, &self.points, &mut self.coordinates);
-        for (of_yaw, [u, v]) in self.of_yaw.iter_mut().zip(&self.coordinates) {
+        projector.project_all(self.level, &self.points, &mut self.turned);
+        for (of_yaw, [u, v]) in self.of_yaw.iter_mut().zip(&self.turned) {
             let width_rad = 2.0 * STEP_RAD as f32;
             *of_yaw = [(u[0] - u[1]) / width_rad, (v[0] - v[1]) / width_rad];
         }

@@ -247,7 +247,9 @@ pub(crate) struct EdgeCue {
     ranges: Option<ColorRanges>,
     points: Vec<Points>,
     coordinates: Vec<Coordinates>,
-    /// How far each point of an outline moves in the image as it turns, pixels per radian.
+    /// Where the points of an outline are as it turns either way.
+    turned: Vec<Coordinates>,
+    /// How far each moves in the image then, pixels per radian.
     of_yaw: Vec<[f32; 2]>,
     buffers: LineBuffers,
     level: Level,
@@ -295,6 +297,7 @@ impl EdgeCue {
             ranges: colors.ranges().map(|ranges| ranges.widened()),
             points: vec![[[0.0; LANES]; 3]; settings.correspondence_lines],
             coordinates: vec![[[0.0; LANES]; 2]; settings.correspondence_lines],
+            turned: vec![[[0.0; LANES]; 2]; settings.correspondence_lines],
             of_yaw: vec![[0.0; 2]; settings.correspondence_lines],
             buffers: LineBuffers::new(),
             level,
