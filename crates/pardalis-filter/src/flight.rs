@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use crate::smoother::GRAVITY_MPS2;
 use pardalis_core::Error;
 
-/// What is known beforehand of bodies in flight.
+/// Priors of the drag and the spin of bodies in flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlightSettings {
     /// Gravity in m/s², with z upwards by default.
@@ -112,6 +112,9 @@ pub struct Crossing {
 /// The most measurements that are fitted.
 const MOST: usize = 60;
 
+/// Measurements that are older than the latest by more than this are not fitted, seconds: flights are shorter, and integrating them takes time.
+const LONGEST_S: f64 = 3.0;
+
 /// Fewer measurements are not fitted. Hand-set.
 const LEAST: usize = 6;
 
@@ -124,7 +127,7 @@ const MOST_AHEAD_S: f64 = 3.0;
 /// A measurement this many standard deviations from the flight does not belong to it, ...
 const OUTLIER_SIGMAS: f64 = 5.0;
 
-/// ... and when so many in succession do not, there was a contact.
+/// ... and this many in succession follow a contact.
 const CONTACT_OUTLIERS: usize = 2;
 
 /// A body flies if its flight explains the measurements better than a straight line by this, nats, ...
@@ -187,7 +190,7 @@ fn matrix_of([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
 }
 
 /// The acceleration of a body in flight.
-pub fn acceleration_mps2(
+fn acceleration_mps2(
     gravity_mps2: &Vector3<f64>,
     velocity_mps: &Vector3<f64>,
     drag_per_m: f64,
@@ -286,6 +289,11 @@ impl Flight {
             position_m: position_m.into(),
             information: cholesky.inverse(),
         };
+        let is_recent = |point: &Point| time_s - point.time_s <= LONGEST_S;
+        self.points.retain(is_recent);
+        if self.points.is_empty() {
+            self.fit = None;
+        }
         let is_outlier = self.fit.as_ref().is_some_and(|fit| {
             let predicted = moved(&self.settings, &fit.state, time_s - fit.time_s);
             let way = self.derivative(&fit.state, time_s - fit.time_s);

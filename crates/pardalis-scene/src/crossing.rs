@@ -3,12 +3,12 @@
 use super::reader::Table;
 use pardalis::filter::flight::{FlightSettings, Plane};
 
-/// The plane that a target in flight crosses, and what is known of its flight.
+/// The plane that a target in flight crosses, and the priors of its flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CrossingConfig {
     /// The plane.
     pub plane: Plane,
-    /// What is known of the flight.
+    /// The priors of drag and spin.
     pub flight: FlightSettings,
 }
 

@@ -159,3 +159,25 @@ fn bad_settings_and_planes_are_refused_and_bad_measurements_left_out() {
     flight.reset();
     assert_eq!(flight.crossing(&Plane::level(0.0).unwrap()), None);
 }
+
+#[test]
+fn a_body_that_returns_after_hours_begins_a_new_flight_at_once() {
+    let floor = Plane::level(0.02).unwrap();
+    let mut flight = measured(0.1, [0.0; 3], (0.01, 0.3), 0.002);
+    // Integrating a flight of a year would take longer than the test.
+    let later_s = 3e7;
+    for number in 0..=30 {
+        let after_s = 0.01 * f64::from(number);
+        let (position, _) = thrown(0.1, [0.0; 3], after_s);
+        flight.add(later_s + after_s, position.into(), of_noise(0.002));
+        assert_eq!(flight.points.len(), number as usize + 1);
+    }
+    let crossing = flight.crossing(&floor).unwrap();
+    let (lands_s, lands_m) = lands(0.1, [0.0; 3], 0.02);
+    assert!(
+        (crossing.time_s - later_s - lands_s).abs() < 0.005,
+        "{crossing:?}"
+    );
+    let off_m = Vector3::from(crossing.position_m) - lands_m;
+    assert!(off_m.norm() < 0.03, "{off_m}");
+}

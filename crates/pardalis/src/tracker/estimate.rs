@@ -41,7 +41,7 @@ pub struct Estimate {
     /// The direction in which the target faces, counter-clockwise from x, in radians within ±π: from the rear landmark to the front one, or along the x axis of
     /// a detected body that turns. Which of its equal sides is the front follows from the way it moves first. `None` for targets with neither.
     pub heading_rad: Option<f64>,
-    /// Its standard deviation, radians; about as large as a right angle or larger while it is not known which side is the front.
+    /// Its standard deviation, radians; large while it is not known which side is the front.
     pub heading_sigma_rad: Option<f64>,
     /// The radius of a detected ball, once several cameras have seen it, or one if it stays on the ground. `None` if it is not estimated.
     pub radius: Option<RadiusEstimate>,

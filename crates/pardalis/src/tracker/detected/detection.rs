@@ -67,16 +67,16 @@ pub(super) struct Prediction {
     pub(super) is_challenged: bool,
 }
 
-/// What is known of a target before its outline is fitted.
+/// The priors with which an outline is fitted.
 #[derive(Clone, Copy)]
-pub(super) struct Known<'a> {
+pub(super) struct Priors<'a> {
     pub(super) position: PositionPrior<'a>,
     pub(super) size: SizePrior,
     /// `None` for a body that does not turn, or may face anywhere.
     pub(super) yaw: Option<YawPrior>,
 }
 
-impl Known<'_> {
+impl Priors<'_> {
     /// The size alone.
     pub(super) fn of_size(size: SizePrior) -> Self {
         Self {
@@ -166,13 +166,13 @@ impl Detector {
             let mean_m = estimate.position_m;
             let information = self.information(estimate.covariance_m2, predicted.size.scale());
             let mean = Vector3::from(mean_m);
-            let prior = Known {
+            let priors = Priors {
                 position: Some((&mean, &information)),
                 size: predicted.size,
                 yaw: predicted.yaw,
             };
             candidates.push(at(Origin::Prediction, mean_m, predicted.size.log_scale));
-            self.fit((edge, frames), prior, candidates, (0, [0.0; 3]));
+            self.fit((edge, frames), priors, candidates, (0, [0.0; 3]));
             if let Some(velocity_mps) = estimate.velocity_mps {
                 // All cameras of an instant are taken to move like the first.
                 let way_m = frames.first().map_or([0.0; 3], |frame| {
@@ -180,7 +180,7 @@ impl Detector {
                     let relative_mps = view.relative_velocity_mps(mean_m, velocity_mps);
                     (relative_mps * predicted.since_s).into()
                 });
-                self.fit_streaks((edge, frames), prior, candidates, (mean_m, way_m));
+                self.fit_streaks((edge, frames), priors, candidates, (mean_m, way_m));
             }
         }
         self.since_search += 1;
@@ -197,8 +197,8 @@ impl Detector {
             self.candidates
                 .search(edge, frames, &predicted.size, candidates);
             for number in first..candidates.len() {
-                let known = Known::of_size(predicted.size);
-                self.fit((edge, frames), known, candidates, (number, [0.0; 3]));
+                let priors = Priors::of_size(predicted.size);
+                self.fit((edge, frames), priors, candidates, (number, [0.0; 3]));
             }
             // A target that probably exists is fitted as a streak where it is predicted.
             if predicted.existence < 0.5 {
@@ -209,8 +209,8 @@ impl Detector {
                 let first = candidates.len();
                 candidates.extend_from_slice(self.candidates.circles());
                 for number in first..candidates.len() {
-                    let prior = Known::of_size(predicted.size);
-                    self.fit((edge, frames), prior, candidates, (number, [0.0; 3]));
+                    let priors = Priors::of_size(predicted.size);
+                    self.fit((edge, frames), priors, candidates, (number, [0.0; 3]));
                 }
             }
             // What moves elsewhere is not the target while that is seen.
@@ -235,7 +235,7 @@ impl Detector {
     pub(super) fn fit(
         &mut self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
-        known: Known,
+        priors: Priors,
         candidates: &mut [Candidate],
         (number, displacement_m): (usize, [f64; 3]),
     ) -> f64 {
@@ -247,12 +247,12 @@ impl Detector {
             position_m,
             displacement_m,
             log_scale: candidate.log_scale,
-            prior: known.position,
-            size: known.size,
-            yaw: known.yaw,
+            prior: priors.position,
+            size: priors.size,
+            yaw: priors.yaw,
             is_planar: self.is_planar,
         };
-        if known.yaw.is_some() || self.any_yaw.is_empty() {
+        if priors.yaw.is_some() || self.any_yaw.is_empty() {
             return self.fit_from((edge, frames), &start, candidate, number);
         }
         let before = *candidate;

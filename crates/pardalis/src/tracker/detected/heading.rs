@@ -106,7 +106,7 @@ impl Heading {
         }
     }
 
-    /// What is known of the yaw before the next frames; `None` if nothing is.
+    /// The prior of the yaw in the next frames; `None` if it may be any.
     pub(super) fn prior(&self, tuning: &HeadingTuning) -> Option<YawPrior> {
         // From more directions the outline may be nearer to another one.
         let most = (0.5 * tuning.search_step_rad.min(0.5 * self.period_rad)).powi(2);

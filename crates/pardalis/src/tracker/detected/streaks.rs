@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::detection::{Detector, Known};
+use super::detection::{Detector, Priors};
 use super::exposures::{BLOB_FACTORS, BLOBS, EXPOSURES, LIKELY_SHARE, MOVING_FACTORS, note};
 use crate::detect::Blob;
 use crate::likelihood::edge::{Detection, EdgeCue, EdgeFrame, SizePrior};
@@ -15,13 +15,13 @@ impl Detector {
     pub(super) fn fit_streaks(
         &mut self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
-        known: Known,
+        priors: Priors,
         candidates: &mut [Candidate],
         (position_m, way_m): ([f64; 3], [f64; 3]),
     ) {
         let at_rest = self.greatest_log_ratio();
         let ranked = self.exposures.ranked();
-        let diameter_m = known.size.scale() * self.shape.diameter_m();
+        let diameter_m = priors.size.scale() * self.shape.diameter_m();
         let least_m = self.tuning.min_streak_diameters * diameter_m;
         let way_m = Vector3::from(way_m);
         if EXPOSURES[ranked[0]] * way_m.norm() < least_m {
@@ -37,7 +37,7 @@ impl Detector {
         for exposure in ranked {
             let displacement_m = (EXPOSURES[exposure] * way_m).into();
             let streak_m = (position_m, displacement_m);
-            let log_ratio = self.fit_streak((edge, frames), known, candidates, (0, streak_m));
+            let log_ratio = self.fit_streak((edge, frames), priors, candidates, (0, streak_m));
             note(&mut self.exposures.streaks[exposure], log_ratio);
             if log_ratio > enough {
                 break;
@@ -131,7 +131,7 @@ impl Detector {
             has_position = true;
             let frames = std::slice::from_ref(frame);
             let streak = (number, streak_m);
-            if self.fit_streak((edge, frames), Known::of_size(size), candidates, streak)
+            if self.fit_streak((edge, frames), Priors::of_size(size), candidates, streak)
                 > self.tuning.sure_log_ratio
             {
                 break;
@@ -152,7 +152,7 @@ impl Detector {
     fn fit_streak(
         &mut self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
-        known: Known,
+        priors: Priors,
         candidates: &mut [Candidate],
         (number, (position_m, displacement_m)): (usize, ([f64; 3], [f64; 3])),
     ) -> f64 {
@@ -165,7 +165,7 @@ impl Detector {
             .map(Detection::coarse_log_ratio)
             .fold(f64::NEG_INFINITY, f64::max);
         candidates[number].position_m = Some(position_m);
-        let log_ratio = self.fit((edge, frames), known, candidates, (number, displacement_m));
+        let log_ratio = self.fit((edge, frames), priors, candidates, (number, displacement_m));
         if log_ratio <= greatest || log_ratio == f64::NEG_INFINITY {
             candidates[number] = before;
         }
