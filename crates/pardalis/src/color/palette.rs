@@ -217,14 +217,17 @@ impl PixelKind {
     }
 
     /// Converts a pixel's raw bytes to Y, U and V of BT.601, full range, 0 to 255.
+    #[inline]
     pub fn full_range_yuv(self, bytes: [u8; 3]) -> [f32; 3] {
         let full = YuvEncoding::default();
         match self {
-            Self::Rgb => full.yuv_from_rgb(bytes.map(f64::from)),
-            Self::Yuv(encoding) if encoding == full => bytes.map(f64::from),
-            Self::Yuv(encoding) => full.yuv_from_rgb(encoding.rgb_from_yuv(bytes.map(f64::from))),
+            Self::Rgb => full_range_yuv_from_rgb(bytes),
+            Self::Yuv(encoding) if encoding == full => bytes.map(f32::from),
+            Self::Yuv(encoding) => {
+                let rgb = encoding.rgb_from_yuv(bytes.map(f64::from));
+                full.yuv_from_rgb(rgb).map(|value| value as f32)
+            }
         }
-        .map(|value| value as f32)
     }
 
     /// By how much Y, U and V of BT.601, full range, change with each raw byte, for means of pixels.
@@ -257,6 +260,15 @@ impl PixelKind {
         // Casts of floats saturate.
         bytes.map(|value| (value + 0.5) as u8)
     }
+}
+
+/// The same as [`YuvEncoding::yuv_from_rgb`] of the default encoding, in single precision: every pixel near an outline is converted.
+#[inline(always)]
+fn full_range_yuv_from_rgb(rgb: [u8; 3]) -> [f32; 3] {
+    let [red, green, blue] = rgb.map(f32::from);
+    let luma = 0.299 * red + 0.587 * green + 0.114 * blue;
+    let difference = |channel: f32, share: f32| 128.0 + (channel - luma) * (0.5 / (1.0 - share));
+    [luma, difference(blue, 0.114), difference(red, 0.299)].map(|value| value.clamp(0.0, 255.0))
 }
 
 /// Steps per channel in a [`PixelTable`]. Derivation: the table then fits in the cache.

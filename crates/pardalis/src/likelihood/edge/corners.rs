@@ -123,18 +123,26 @@ pub(super) fn nearest(corners: &[Corner], pixel: [f32; 2], near: Option<usize>) 
 }
 
 /// The nearest corner, searched from one near it.
-fn descend(mut nearest: usize, count: usize, squared: impl Fn(usize) -> f32) -> usize {
+fn descend(near: usize, count: usize, squared: impl Fn(usize) -> f32) -> usize {
+    let after = |k: usize| if k + 1 < count { k + 1 } else { 0 };
+    let before = |k: usize| if k > 0 { k - 1 } else { count - 1 };
+    walk(walk(near, &squared, after), &squared, before)
+}
+
+/// The corner reached from another one by steps in one direction for as long as they come nearer.
+fn walk(
+    mut nearest: usize,
+    squared: impl Fn(usize) -> f32,
+    next_of: impl Fn(usize) -> usize,
+) -> usize {
     let mut least = squared(nearest);
-    for step in [1, count - 1] {
-        loop {
-            let next = (nearest + step) % count;
-            let there = squared(next);
-            // Corners without a pixel are never nearer.
-            if !(there < least) {
-                break;
-            }
-            (nearest, least) = (next, there);
+    loop {
+        let next = next_of(nearest);
+        let there = squared(next);
+        // Corners without a pixel are never nearer.
+        if !(there < least) {
+            return nearest;
         }
+        (nearest, least) = (next, there);
     }
-    nearest
 }

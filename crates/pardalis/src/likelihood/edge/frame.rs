@@ -5,6 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::super::outline::Projector;
 use crate::color::{
     COARSEST_OCTAVE, ColorRanges, IlluminationCorrection, MatchTable, Palette, PixelKind,
+    PixelTable,
 };
 use crate::rolling_shutter::RowMotion;
 use crate::view::PreparedFrame;
@@ -138,6 +139,8 @@ pub(crate) struct EdgeFrame<'a> {
     prepared: PreparedFrame<'a>,
     projector: Projector<'a>,
     kind: PixelKind,
+    /// The bins of the palette.
+    bins: &'a PixelTable,
     /// Pixels outside of these ranges are not the target's.
     in_ranges: Option<&'a MatchTable>,
     context: EdgeFrameContext<'a>,
@@ -155,6 +158,7 @@ impl<'a> EdgeFrame<'a> {
             prepared,
             projector: Projector::moving(prepared.view(), context.motion.as_ref()),
             kind: PixelKind::of(prepared.frame()),
+            bins: prepared.table(context.colors.0),
             in_ranges: context.colors.1.map(|ranges| prepared.match_table(ranges)),
             context,
         }
@@ -264,7 +268,7 @@ impl<'a> EdgeFrame<'a> {
     /// Returns whether a pixel's raw bytes are one of the target's colours.
     pub(crate) fn matches(&self, bytes: [u8; 3]) -> bool {
         let corrected = self.context.correction.bytes(bytes);
-        let bin = self.prepared.table(self.context.colors.0).bin(corrected);
+        let bin = self.bins.bin(corrected);
         self.context.posterior[usize::from(bin)] >= self.context.min_posterior
             && self
                 .in_ranges
