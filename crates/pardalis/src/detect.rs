@@ -154,8 +154,6 @@ fn search_image(prepared: &PreparedFrame, colors: &ColorModel) -> BlobSearch {
 #[derive(Debug, Default)]
 pub(crate) struct BlobSearch {
     tuning: BlobTuning,
-    /// The bin of each pixel.
-    bins: Vec<u16>,
     /// Whether each pixel has the target's colours.
     matching: Vec<bool>,
     /// What became of each pixel after the majority filter.
@@ -206,40 +204,27 @@ impl BlobSearch {
     ) -> &[Blob] {
         let frame = prepared.frame();
         let table = prepared.table(palette);
+        let in_ranges = ranges.map(|ranges| prepared.match_table(ranges));
         let (width, height) = (frame.width(), frame.height());
         let open = prepared.view().mask().map(Mask::open);
         let is_open = |i: usize| open.is_none_or(|open| open[i]);
-        let Self {
-            tuning,
-            bins,
-            matching,
-            ..
-        } = self;
-        bins.clear();
-        bins.reserve(width * height);
+        let min_posterior = self.tuning.min_posterior;
+        let posterior_of = |bytes: [u8; 3]| posterior[usize::from(table.bin(bytes))];
+        self.matching.clear();
+        self.matching.reserve(width * height);
         with_pixels!(frame, components => for y in 0..height {
-            bins.extend((0..width).map(|x| table.bin(correction.bytes(components(x, y)))));
+            self.matching.extend((0..width).map(|x| {
+                let bytes = correction.bytes(components(x, y));
+                // The small table first: it rules out most pixels.
+                in_ranges.is_none_or(|table| table.matches(bytes) == 1)
+                    && posterior_of(bytes) >= min_posterior
+                    && is_open(y * width + x)
+                    && !is_taken([x as f32, y as f32])
+            }));
         });
-        matching.clear();
-        let min_posterior = tuning.min_posterior;
-        let matches =
-            |(i, &bin): (usize, &u16)| is_open(i) && posterior[usize::from(bin)] >= min_posterior;
-        matching.extend(bins.iter().enumerate().map(matches));
-        if let Some(ranges) = ranges {
-            let in_ranges = prepared.match_table(ranges);
-            with_pixels!(frame, components => for (i, matching) in matching.iter_mut().enumerate() {
-                *matching = *matching
-                    && in_ranges.matches(correction.bytes(components(i % width, i / width))) == 1;
-            });
-        }
-        for (i, matching) in matching.iter_mut().enumerate() {
-            *matching = *matching && !is_taken([(i % width) as f32, (i / width) as f32]);
-        }
-        let bins = std::mem::take(bins);
         self.connect((width, height), is_open, |i| {
-            posterior[usize::from(bins[i])]
+            posterior_of(correction.bytes(frame.components(i % width, i / width)))
         });
-        self.bins = bins;
         &self.blobs
     }
 
@@ -287,7 +272,9 @@ impl BlobSearch {
         *left_out = None;
         *image_width = width;
         majority(matching, width, columns, filtered);
-        (0..filtered.len()).for_each(|i| filtered[i] &= u8::from(is_open(i)));
+        for (i, pixel) in filtered.iter_mut().enumerate() {
+            *pixel &= u8::from(is_open(i));
+        }
         blobs.clear();
         blobs.reserve(max_blobs);
         seeds.clear();
@@ -295,10 +282,11 @@ impl BlobSearch {
         stack.clear();
         // Each pixel is pushed once at most.
         stack.reserve(filtered.len());
-        for seed in 0..filtered.len() {
-            if !take(&mut filtered[seed]) {
-                continue;
-            }
+        let mut next = 0;
+        while let Some(ahead) = filtered[next..].iter().position(|&pixel| pixel == PIXEL_SET) {
+            let seed = next + ahead;
+            next = seed + 1;
+            take(&mut filtered[seed]);
             stack.push(seed);
             let mut sums = Sums::default();
             while let Some(i) = stack.pop() {
@@ -351,23 +339,27 @@ fn take(pixel: &mut u8) -> bool {
 
 /// Sets the pixels of which most of the 3 x 3 neighbours, themselves included, are set: lines one pixel wide would join blobs.
 fn majority(set: &[bool], width: usize, columns: &mut Vec<u8>, filtered: &mut Vec<u8>) {
-    let height = set.len() / width;
-    columns.clear();
-    columns.resize(width, 0);
+    let rows = set.chunks_exact(width);
     filtered.clear();
-    for y in 0..height {
-        for (x, column) in columns.iter_mut().enumerate() {
-            let rows = y.saturating_sub(1)..(y + 2).min(height);
-            *column = rows.map(|row| u8::from(set[row * width + x])).sum();
+    filtered.resize(set.len(), PIXEL_UNSET);
+    // With a column of none on either side.
+    columns.clear();
+    columns.resize(width + 2, 0);
+    for (y, filtered) in filtered.chunks_exact_mut(width).enumerate() {
+        columns[1..=width].fill(0);
+        for row in rows.clone().skip(y.saturating_sub(1)).take(if y > 0 { 3 } else { 2 }) {
+            for (column, &is_set) in columns[1..=width].iter_mut().zip(row) {
+                *column += u8::from(is_set);
+            }
         }
-        filtered.extend((0..width).map(|x| {
-            let near = &columns[x.saturating_sub(1)..(x + 2).min(width)];
-            if near.iter().sum::<u8>() >= MAJORITY {
+        let near = columns.iter().zip(&columns[1..]).zip(&columns[2..]);
+        for (pixel, ((left, here), right)) in filtered.iter_mut().zip(near) {
+            *pixel = if left + here + right >= MAJORITY {
                 PIXEL_SET
             } else {
                 PIXEL_UNSET
-            }
-        }));
+            };
+        }
     }
 }
 

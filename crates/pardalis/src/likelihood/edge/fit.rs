@@ -317,10 +317,6 @@ impl EdgeCue {
         let mut no_fit = NoFit::OutOfView;
         for frame in frames {
             detection.make_room(frame.camera());
-            if self.patches.len() <= frame.camera() {
-                self.patches
-                    .resize_with(frame.camera() + 1, Patch::with_room);
-            }
             let position = detection.position_m.map(|v| [v as f32; LANES]);
             self.project(frame.projector(), &position, detection.stance());
             shift(&mut self.coordinates, detection.offsets[frame.camera()].px);

@@ -268,11 +268,11 @@ impl<'a> EdgeFrame<'a> {
     /// Returns whether a pixel's raw bytes are one of the target's colours.
     pub(crate) fn matches(&self, bytes: [u8; 3]) -> bool {
         let corrected = self.context.correction.bytes(bytes);
-        let bin = self.bins.bin(corrected);
-        self.context.posterior[usize::from(bin)] >= self.context.min_posterior
-            && self
-                .in_ranges
-                .is_none_or(|table| table.matches(corrected) == 1)
+        // The small table first: it rules out most pixels.
+        let in_ranges = self.in_ranges;
+        in_ranges.is_none_or(|table| table.matches(corrected) == 1)
+            && self.context.posterior[usize::from(self.bins.bin(corrected))]
+                >= self.context.min_posterior
     }
 
     /// Returns whether a colour (Y, U and V) is one of the target's.

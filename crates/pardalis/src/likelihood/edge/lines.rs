@@ -19,6 +19,9 @@ pub(super) const SHIFTS: usize = 41;
 pub(super) const SHIFTS_A_PX: usize = 4;
 /// The band of pixels that are looked at, signed distances from the outline in pixels: reach plus the colours of either side. Hand-set.
 pub(super) const BAND_PX: std::ops::RangeInclusive<f32> = -9.0..=8.0;
+/// Pixels farther from all points of the outline, with half the distance between these, are not in the band. Derivation: half as far again as the band reaches, for
+/// pixels beside corners.
+const FAR_PX: f32 = 13.5;
 /// Pixels that show what surrounds the body, signed distances from the outline in pixels. Hand-set: beyond the blur of edges.
 const SURROUNDING_PX: std::ops::RangeInclusive<f32> = 3.0..=7.0;
 /// The weight of squared differences in U and V against those in Y, when surroundings are compared. Hand-set: chroma changes less with shadows.
@@ -80,6 +83,8 @@ pub(super) struct LineBuffers {
     streak: Streak,
     /// What each pixel is in a streak; none for a body at rest.
     mixtures: Vec<Mixture>,
+    /// The sector of each line.
+    sectors: Vec<usize>,
 }
 
 impl LineBuffers {
@@ -93,6 +98,7 @@ impl LineBuffers {
             corners: Vec::new(),
             streak: Streak::with_room(Self::PIXELS),
             mixtures: Vec::with_capacity(Self::PIXELS),
+            sectors: Vec::new(),
         }
     }
 }
@@ -164,6 +170,7 @@ impl CorrespondenceLines {
             corners,
             streak,
             mixtures,
+            ..
         } = buffers;
         let count = outline.len();
         let orientation = orientation(outline);
@@ -204,7 +211,7 @@ impl CorrespondenceLines {
                 displacement,
                 tuning.streak_edge_px,
                 |pixel, near| {
-                    let nearest = nearest(corners, pixel, near);
+                    let (nearest, _) = nearest(corners, pixel, near);
                     (nearest, corners[nearest].distance_px(pixel))
                 },
             );
@@ -248,23 +255,25 @@ impl CorrespondenceLines {
         &mut self,
         frame: &EdgeFrame,
         (surroundings, table): (&Surroundings, &Table),
-        buffers: &LineBuffers,
+        buffers: &mut LineBuffers,
         (weight, tuning): (f32, &EdgeTuning),
     ) -> SectorColors {
-        let count = self.crossings.len();
+        let sectors = &mut buffers.sectors;
+        sectors.clear();
+        sectors.extend((0..self.line_count()).map(|line| self.sector(line)));
         let mut colors = SectorColors::default();
         let pixels = buffers.pixels.iter().zip(&buffers.places);
         for (i, (pixel, &(line, matches))) in pixels.enumerate() {
-            let sector = line * SECTORS / count;
-            let membership = surroundings.membership(pixel);
-            let side = surroundings.side(pixel);
+            let sector = sectors[line];
+            let local = surroundings.at(pixel);
+            let (membership, side) = (local.membership(pixel.yuv), local.side());
             if SURROUNDING_PX.contains(&pixel.distance_px) {
                 add(&mut colors.around[sector], pixel.yuv);
                 colors.matching_around += f32::from(u8::from(matches));
             }
             let log_ratios = &mut self.log_ratios[line];
             if let Some(mixture) = buffers.mixtures.get(i) {
-                let around = surroundings.around(pixel);
+                let around = local.around();
                 let own = mixture.own_color(pixel.yuv, around, tuning.min_mixture, |color| {
                     frame.is_target_color(color)
                 });
@@ -581,7 +590,7 @@ fn take_pixels(
 ) {
     pixels.clear();
     places.clear();
-    let count = corners.len();
+    let a_corner = 1.0 / corners.len() as f32;
     let far = BAND_PX.end();
     let (width, height) = octave.size(frame.size());
     // Casts of floats stay within the numbers.
@@ -593,12 +602,23 @@ fn take_pixels(
     };
     let (columns, rows) = (bounds(0, width), bounds(1, height));
     patch.cover((octave, (width, height)), &columns, &rows);
+    let widest_px = corners.iter().map(|corner| corner.length_px);
+    let far_px = FAR_PX + 0.5 * widest_px.filter(|length| length.is_finite()).fold(0.0, f32::max);
     for y in rows {
         let mut near = None;
-        for x in columns.clone().filter(|x| (x + y) % thinning == 0) {
+        let mut next = columns.start + (columns.start + y) % thinning;
+        while next < columns.end {
+            let x = next;
+            next += thinning;
             let pixel = [x as f32, y as f32];
-            let nearest = nearest(corners, pixel, near);
+            let (nearest, squared_px) = nearest(corners, pixel, near);
             near = Some(nearest);
+            if squared_px > far_px * far_px {
+                // The next pixels are too far as well.
+                let beyond_px = squared_px.sqrt() - far_px;
+                next += thinning * (beyond_px as usize / 2);
+                continue;
+            }
             let distance_px = corners[nearest].distance_px(pixel);
             if !BAND_PX.contains(&distance_px) {
                 continue;
@@ -609,7 +629,7 @@ fn take_pixels(
             pixels.push(EdgePixel {
                 yuv,
                 distance_px,
-                turn: nearest as f32 / count as f32,
+                turn: nearest as f32 * a_corner,
             });
             places.push((nearest, matches));
         }

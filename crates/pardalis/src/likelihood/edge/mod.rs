@@ -157,11 +157,12 @@ pub(crate) struct EdgeCue {
 }
 
 impl EdgeCue {
+    /// The edge cue of a target in the images of this many cameras.
     pub(crate) fn new(
         (settings, tuning): (EdgeSettings, EdgeTuning),
         (shape, turns): (Shape, bool),
         colors: &ColorModel,
-        level: Level,
+        (cameras, level): (usize, Level),
     ) -> Result<Self, Error> {
         settings.check()?;
         let profiles = if settings.learned_profile {
@@ -201,7 +202,7 @@ impl EdgeCue {
             turned: vec![[[0.0; LANES]; 2]; settings.correspondence_lines],
             of_yaw: vec![[0.0; 2]; settings.correspondence_lines],
             buffers: LineBuffers::new(),
-            patches: Vec::new(),
+            patches: (0..cameras).map(|_| Patch::with_room()).collect(),
             level,
         })
     }

@@ -164,7 +164,7 @@ impl DetectedTarget {
                 (settings.edge, tuning.edge),
                 (shape, settings.turns),
                 &settings.colors,
-                level,
+                (views.len(), level),
             )?,
             colors: settings.colors.clone(),
             existence,
