@@ -89,7 +89,10 @@ impl Surroundings {
         if sums.body.count() < MIN_BODY_PIXELS as f32 {
             let deepest_px = deepest(pixels)?[MIN_BODY_PIXELS - 1].min(0.0);
             sums.body = TurnSums::default();
-            for pixel in pixels.iter().filter(|pixel| pixel.distance_px <= deepest_px) {
+            for pixel in pixels
+                .iter()
+                .filter(|pixel| pixel.distance_px <= deepest_px)
+            {
                 sums.body.add(sector_of(pixel.turn), pixel.yuv);
             }
         }
@@ -335,7 +338,12 @@ mod tests {
             pixel.yuv = GREEN;
         }
         let surroundings = Surroundings::of(&pixels).unwrap();
-        assert!(surroundings.at(&pixels[0]).membership(pixels[0].yuv).is_nan());
+        assert!(
+            surroundings
+                .at(&pixels[0])
+                .membership(pixels[0].yuv)
+                .is_nan()
+        );
         assert_eq!(Surroundings::of(&[]), None);
         pixels.retain(|pixel| pixel.distance_px < 3.0);
         assert_eq!(Surroundings::of(&pixels), None);

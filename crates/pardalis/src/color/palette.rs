@@ -223,11 +223,19 @@ impl PixelKind {
         match self {
             Self::Rgb => full_range_yuv_from_rgb(bytes),
             Self::Yuv(encoding) if encoding == full => bytes.map(f32::from),
-            Self::Yuv(encoding) => {
-                let rgb = encoding.rgb_from_yuv(bytes.map(f64::from));
-                full.yuv_from_rgb(rgb).map(|value| value as f32)
-            }
+            Self::Yuv(_) => self.full_range_yuv_of_mean(bytes.map(f64::from)),
         }
+    }
+
+    /// The same for means of raw bytes.
+    pub(crate) fn full_range_yuv_of_mean(self, bytes: [f64; 3]) -> [f32; 3] {
+        let full = YuvEncoding::default();
+        let yuv = match self {
+            Self::Rgb => full.yuv_from_rgb(bytes),
+            Self::Yuv(encoding) if encoding == full => bytes,
+            Self::Yuv(encoding) => full.yuv_from_rgb(encoding.rgb_from_yuv(bytes)),
+        };
+        yuv.map(|value| value as f32)
     }
 
     /// By how much Y, U and V of BT.601, full range, change with each raw byte, for means of pixels.

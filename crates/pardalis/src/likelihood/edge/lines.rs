@@ -603,7 +603,11 @@ fn take_pixels(
     let (columns, rows) = (bounds(0, width), bounds(1, height));
     patch.cover((octave, (width, height)), &columns, &rows);
     let widest_px = corners.iter().map(|corner| corner.length_px);
-    let far_px = FAR_PX + 0.5 * widest_px.filter(|length| length.is_finite()).fold(0.0, f32::max);
+    let far_px = FAR_PX
+        + 0.5
+            * widest_px
+                .filter(|length| length.is_finite())
+                .fold(0.0, f32::max);
     for y in rows {
         let mut near = None;
         let mut next = columns.start + (columns.start + y) % thinning;

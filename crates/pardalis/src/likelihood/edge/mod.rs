@@ -32,15 +32,13 @@ pub(crate) use form::FormEvidence;
 pub(crate) use frame::{EdgeFrame, EdgeFrameContext, Outlines, Surrounding};
 
 use super::outline::{Coordinates, OutlineKernel, Points, Projector};
-use crate::color::{
-    ColorModel, ColorRanges, EdgeProfile, JUDGED_RADIUS_PX, Palette,
-};
+use crate::color::{ColorModel, ColorRanges, EdgeProfile, JUDGED_RADIUS_PX, Palette};
 use crate::shape::{Shape, Stance};
 use crate::tuning::EdgeTuning;
 use crate::view::View;
 use frame::{Octave, SECTORS};
-pub(crate) use lines::NoFit;
 use lines::LineBuffers;
+pub(crate) use lines::NoFit;
 pub(crate) use offset::MeasuredOffset;
 use pardalis_camera::LANES;
 use pardalis_core::Error;
@@ -123,6 +121,17 @@ impl EdgeSettings {
         }
         Ok(())
     }
+}
+
+/// The area in square pixels within a closed polygon.
+fn area_px(points: impl Iterator<Item = [f32; 2]> + Clone) -> f64 {
+    let points = points.map(|point| point.map(f64::from));
+    let next = points.clone().cycle().skip(1);
+    let twice: f64 = points
+        .zip(next)
+        .map(|([u0, v0], [u1, v1])| u0 * v1 - u1 * v0)
+        .sum();
+    0.5 * twice.abs()
 }
 
 /// The edge cue of one target.
@@ -286,14 +295,25 @@ impl EdgeCue {
     /// Returns the area in square pixels within the outline of a position, of the shape at this scale, as far as it has pixels.
     pub(crate) fn area_px(&mut self, frame: &EdgeFrame, position_m: [f64; 3], scale: f64) -> f64 {
         let stance = Stance::scaled(scale);
-        let points = self.outline_px(frame.projector(), position_m, stance);
-        let points = points.map(|point| point.map(f64::from));
-        let next = points.clone().cycle().skip(1);
-        let twice: f64 = points
-            .zip(next)
-            .map(|([u0, v0], [u1, v1])| u0 * v1 - u1 * v0)
-            .sum();
-        0.5 * twice.abs()
+        area_px(self.outline_px(frame.projector(), position_m, stance))
+    }
+
+    /// Returns the middle of a detection's outline in a frame, in pixels, and the area within it; `None` if it has no pixel.
+    pub(crate) fn disc_px(
+        &mut self,
+        frame: &EdgeFrame,
+        detection: &Detection,
+    ) -> Option<([f64; 2], f64)> {
+        let stance = detection.stance();
+        let points = self.outline_px(frame.projector(), detection.position_m(), stance);
+        let [count, u, v] = points.clone().fold([0.0; 3], |[count, u, v], point| {
+            [
+                count + 1.0,
+                u + f64::from(point[0]),
+                v + f64::from(point[1]),
+            ]
+        });
+        (count > 0.0).then(|| ([u / count, v / count], area_px(points)))
     }
 
     /// Writes the log-likelihood ratio of one camera's frame at each position (world frame, metres): the largest over the detections, each with its

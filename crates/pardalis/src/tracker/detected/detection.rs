@@ -10,6 +10,7 @@ use crate::likelihood::edge::{
 use crate::shape::Shape;
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tuning::{DetectionTuning, HeadingTuning, Tuning};
+use pardalis_core::simd::Level;
 use pardalis_filter::estimate::StateEstimate;
 
 /// Finds detections. Owns their buffers.
@@ -105,7 +106,7 @@ impl Detector {
         (shape, period_rad): (Shape, Option<f64>),
         ground_z_m: Option<f64>,
         (cameras, points): (usize, usize),
-        tuning: &Tuning,
+        (tuning, level): (&Tuning, Level),
     ) -> Self {
         let (unknown_sigma, blobs) = (tuning.size.unknown_sigma, tuning.blobs);
         let background = tuning.background;
@@ -124,7 +125,7 @@ impl Detector {
             candidates: CandidateSearch::new(
                 shape,
                 ground_z_m,
-                cameras,
+                (cameras, level),
                 (tuning, blobs, background),
             ),
             since_search: 0,
@@ -197,6 +198,10 @@ impl Detector {
             self.candidates
                 .search(edge, frames, &predicted.size, candidates);
             for number in first..candidates.len() {
+                if is_sure && self.is_known((edge, frames), &candidates[number]) {
+                    candidates[number].verdict = Verdict::SamePlace;
+                    continue;
+                }
                 let priors = Priors::of_size(predicted.size);
                 self.fit((edge, frames), priors, candidates, (number, [0.0; 3]));
             }
@@ -227,6 +232,41 @@ impl Detector {
             // A prediction was not examined.
             candidates.clear();
         }
+    }
+
+    /// Whether a candidate lies where the likeliest detection so far does and is as large: its fit would find that again.
+    fn is_known(
+        &self,
+        (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
+        candidate: &Candidate,
+    ) -> bool {
+        let by_ratio =
+            |a: &&Detection, b: &&Detection| a.coarse_log_ratio().total_cmp(&b.coarse_log_ratio());
+        let (Some(position_m), Some(known)) = (
+            candidate.position_m,
+            self.detections().iter().max_by(by_ratio),
+        ) else {
+            return false;
+        };
+        let (reach, most) = (self.tuning.distinct_diameters, self.tuning.same_size_factor);
+        let Some(blob) = candidate.origin.blob() else {
+            let off_m = (Vector3::from(position_m) - Vector3::from(known.position_m())).norm();
+            let resized = (candidate.log_scale - known.log_scale()).abs();
+            return off_m < reach * known.scale() * self.shape.diameter_m()
+                && resized < libm::log(most);
+        };
+        let is_camera = |frame: &&EdgeFrame| {
+            let camera = candidate.origin.camera();
+            camera.is_some_and(|camera| camera.index() == frame.camera())
+        };
+        let disc = frames.iter().find(is_camera);
+        let Some((middle_px, area_px)) = disc.and_then(|frame| edge.disc_px(frame, known)) else {
+            return false;
+        };
+        let [u, v] = [0, 1].map(|i| blob.centroid_px[i] - middle_px[i]);
+        let diameter_px = 2.0 * (area_px / std::f64::consts::PI).sqrt();
+        let ratio = blob.area_px / area_px;
+        libm::hypot(u, v) < reach * diameter_px && ratio < most * most && ratio * most * most > 1.0
     }
 
     /// Fits the candidate of this number, unless it is ruled out already, with a prior of its position if there is one and of its size, as an outline with this

@@ -175,7 +175,7 @@ impl DetectedTarget {
                 (shape, period_rad),
                 ground_z_m,
                 (views.len(), settings.edge.correspondence_lines),
-                &tuning,
+                (&tuning, level),
             ),
             images: vec![CameraImage::default(); views.len()],
             adaptations: vec![Adaptation::default(); views.len()],
