@@ -197,7 +197,7 @@ pub(crate) fn open(
     let mut parts = Parts::with(scene, Vec::new());
     parts.open_cameras(folder, stills)?;
     if parts.problems.is_empty() {
-        parts.unit_warnings(path).iter().for_each(warn);
+        parts.source_warnings(path).iter().for_each(warn);
     }
     parts.open_targets(folder);
     parts.finish(path)
@@ -398,19 +398,11 @@ impl Parts {
         self.scene.cameras.iter().zip(sources).collect()
     }
 
-    /// Returns warnings if time stamps may not be in seconds although all cameras agree.
-    pub(crate) fn unit_warnings(&self, path: &Path) -> Vec<String> {
+    /// Returns warnings of sources that open, and of time stamps that may not be in seconds although all cameras agree.
+    pub(crate) fn source_warnings(&self, path: &Path) -> Vec<String> {
         let of_camera = |(camera, source): rig::Opened| {
-            let step_s = source.and_then(Source::span).and_then(|span| span.step_s)?;
-            let is_long =
-                matches!(camera.input, Input::Images { fps: None, .. }) && step_s > LONG_STEP_S;
-            is_long.then(|| {
-                format!(
-                    "{}: cameras.{}: its images are {step_s} s apart in times.csv, which is in seconds; are these milliseconds?",
-                    path.display(),
-                    camera.name
-                )
-            })
+            let source = source?;
+            source_warning(path, camera, source).or_else(|| unit_warning(path, camera, source))
         };
         self.opened().into_iter().filter_map(of_camera).collect()
     }
@@ -455,6 +447,23 @@ impl Parts {
     }
 }
 
+fn source_warning(path: &Path, camera: &CameraConfig, source: &Source) -> Option<String> {
+    let problem = camera.input.place().problem(source.warning()?);
+    Some(format!("{}: {problem}", path.display()))
+}
+
+fn unit_warning(path: &Path, camera: &CameraConfig, source: &Source) -> Option<String> {
+    let step_s = source.span()?.step_s?;
+    let is_long = matches!(camera.input, Input::Images { fps: None, .. }) && step_s > LONG_STEP_S;
+    is_long.then(|| {
+        format!(
+            "{}: cameras.{}: its images are {step_s} s apart in times.csv, which is in seconds; are these milliseconds?",
+            path.display(),
+            camera.name
+        )
+    })
+}
+
 /// A problem with the start of a body, or with the body if the scene gives no start.
 fn start_problem(body: &BodyConfig, message: String) -> Problem {
     match body.start() {
@@ -478,7 +487,9 @@ pub(crate) fn open_camera(
     let problem = |problem| problems_in("scene", path, &[problem]);
     let resolved = &mut toml::Table::new();
     let source = if stills.is_empty() {
-        open_source(&mut camera, folder, resolved).map_err(problem)?
+        let source = open_source(&mut camera, folder, resolved).map_err(problem)?;
+        source_warning(path, &camera, &source).iter().for_each(warn);
+        source
     } else {
         find_rectangle(&mut camera, folder, true, resolved).map_err(problem)?;
         Source::stills(stills)?

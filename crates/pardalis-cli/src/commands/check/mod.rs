@@ -53,7 +53,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let of_text = parts.scene.warnings.iter();
     let mut warnings: Vec<String> = of_text
         .map(|warning| format!("{}: {warning}", path.display()))
-        .chain(parts.unit_warnings(path))
+        .chain(parts.source_warnings(path))
         .chain(targets.iter().flat_map(|target| target.warnings(path)))
         .collect();
     if !parts.problems.is_empty() {
