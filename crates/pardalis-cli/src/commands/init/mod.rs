@@ -4,7 +4,7 @@ pub(crate) mod sequence;
 mod text;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use anyhow::Result;
 use clap::ValueEnum;
@@ -426,25 +426,47 @@ fn frames_of(input: &Path, camera: Option<&str>) -> PathBuf {
     }
 }
 
-/// Returns a path as written in the scene, which need not exist: relative if it lies below the scene's
-/// folder, else absolute.
+/// Returns a path as written in the scene, which need not exist: relative to the scene's folder, so that both can be moved
+/// together; absolute only if they have no root in common, such as on two drives of Windows.
 fn shown_path(input: &Path, output: &Path) -> String {
     let parent = output
         .parent()
         .filter(|p| !p.as_os_str().is_empty())
         .unwrap_or(Path::new("."));
-    let absolute = |path: &Path| {
-        fs::canonicalize(path)
-            .or_else(|_| std::path::absolute(path))
-            .unwrap_or_else(|_| path.to_owned())
+    let (input, parent) = (canonical(input), canonical(parent));
+    let common: PathBuf = input
+        .components()
+        .zip(parent.components())
+        .take_while(|(a, b)| a == b)
+        .map(|(component, _)| component)
+        .collect();
+    let shown = match (input.strip_prefix(&common), parent.strip_prefix(&common)) {
+        (Ok(below), Ok(up)) if common.has_root() => {
+            let ups = up.components().map(|_| Component::ParentDir);
+            ups.chain(below.components()).collect()
+        }
+        _ => input,
     };
-    let (input, parent) = (absolute(input), absolute(parent));
-    let shown = input.strip_prefix(&parent).unwrap_or(&input);
     if shown.as_os_str().is_empty() {
         ".".to_owned()
     } else {
         shown.display().to_string()
     }
+}
+
+/// Returns the absolute path without links. Of a file that is still to be written, only its folder need exist.
+fn canonical(path: &Path) -> PathBuf {
+    let in_folder = || {
+        let folder = path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        let folder = fs::canonicalize(folder.unwrap_or(Path::new(".")))?;
+        Ok(folder.join(path.file_name().unwrap_or_default()))
+    };
+    fs::canonicalize(path)
+        .or_else(|_| in_folder())
+        .or_else(|_: std::io::Error| std::path::absolute(path))
+        .unwrap_or_else(|_| path.to_owned())
 }
 
 fn frames_per_second(text: &str) -> Result<f64, String> {
