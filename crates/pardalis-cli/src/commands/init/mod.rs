@@ -49,8 +49,8 @@ pub(crate) struct Arguments {
     /// of a sequence folder, else pinhole]
     #[arg(long, value_name = "MODEL|FILE")]
     camera: Option<String>,
-    /// The angle of view across the longer side of the image; selects a pinhole camera [default for pinhole:
-    /// from the EXIF data of the images, else 60, marked CHANGE]
+    /// The angle of view across the longer side of the image; selects a pinhole camera. docs/calibration.md says how to
+    /// measure it with a tape measure [default for pinhole: from the EXIF data of the images, else 60, marked CHANGE]
     #[arg(long = "fov", value_name = "DEGREES", value_parser = parse_fov_deg, allow_negative_numbers = true)]
     fov_deg: Option<f64>,
     /// The lens model of the calibration's coefficients, if the file does not state it
