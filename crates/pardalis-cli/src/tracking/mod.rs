@@ -39,7 +39,7 @@ use candidate_rows::CandidateRows;
 use crossing_rows::CrossingRows;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
-pub(crate) use merge::{FrameSet, Limit};
+pub(crate) use merge::{FrameSet, Limit, Merge};
 use missed::MissedFrames;
 use particle_rows::ParticleRows;
 use rows::Rows;
@@ -347,7 +347,7 @@ fn remove_old(folder: &Path) {
     let names = plots.chain(tables.map(str::to_owned));
     for file in names.map(|name| folder.join(name)).chain(particles) {
         // Usually there is none.
-        let _ = std::fs::remove_file(folder.join(name));
+        let _ = std::fs::remove_file(file);
     }
     annotate::remove_old(folder);
 }
