@@ -20,8 +20,8 @@ use camera::Seen;
 /// that of the calibration. Reports the problems together, each with its line, its key and the remedy. A camera whose calibration
 /// cannot be read is not opened.
 ///
-/// Says for each camera what it is, and the size, rate and number of its frames; for each target, whether its colours occur
-/// in the first frames and whether it is found there; which values are still guesses; and how long a step of tracking takes
+/// Says for each camera what it is, and the size, rate and number of its frames; for each target, how much of the first frame is
+/// in its colours, and whether the target is found there; which values are still guesses; and how long a step of tracking takes
 /// on this computer, measured by tracking up to 11 frames of each camera. Writes no files.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -58,7 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         .collect();
     if !parts.problems.is_empty() {
         for target in targets.iter().filter(|target| target.was_looked_for()) {
-            print(target.text());
+            print(target.text(None));
         }
         warnings.iter().for_each(warn);
         return parts.finish(path).map(|_| ());
@@ -74,8 +74,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let cost = cost::measure(&mut open, &firsts, interval_s, arguments.threads)?;
     for (number, target) in targets.iter().enumerate() {
         let found = &cost.found[number];
-        print(target.text());
+        print(target.text(Some(found)));
         print(target::outcome(&open.scene.targets[number], found));
+        warnings.extend(target.missing_warning(path, found));
     }
     print(cost.text(frames));
     if is_live {
