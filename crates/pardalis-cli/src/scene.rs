@@ -21,7 +21,7 @@ use pardalis_scene::{
 };
 
 use crate::named_files;
-use crate::output::warn;
+use crate::output::{Shown, warn};
 use crate::platforms::PlatformRows;
 use crate::rectangle::{find_in_images, find_in_source};
 use crate::rig;
@@ -53,7 +53,7 @@ pub(crate) struct OpenScene {
 
 /// Reads a small text file that the user named.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
-    let name = path.display();
+    let name = path.shown();
     let unreadable = |error: io::Error| match error.kind() {
         io::ErrorKind::NotFound => user_error!("{name}: cannot be read: there is no such file"),
         _ => user_error!("{name}: cannot be read: {error}; give a text file"),
@@ -75,7 +75,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
 
 /// Returns the text of a file with these bytes. Errors name `path` and the line.
 pub(crate) fn text_in(path: &Path, bytes: Vec<u8>) -> Result<String> {
-    let name = path.display();
+    let name = path.shown();
     String::from_utf8(bytes).map_err(|error| {
         let line = error.as_bytes()[..error.utf8_error().valid_up_to()]
             .split(|&byte| byte == b'\n')
@@ -86,7 +86,7 @@ pub(crate) fn text_in(path: &Path, bytes: Vec<u8>) -> Result<String> {
 
 /// Reads the text of a scene file.
 fn read_scene_text(path: &Path) -> Result<String> {
-    let name = path.display();
+    let name = path.shown();
     if !path.exists() {
         return Err(user_error!(
             "{name}: cannot be read: there is no such file; check the name, or write a scene with `pardalis init`"
@@ -126,7 +126,7 @@ pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
         return Err(problems_in("scene", path, &problems));
     }
     for warning in &scene.warnings {
-        warn(format!("{}: {warning}", path.display()));
+        warn(format!("{}: {warning}", path.shown()));
     }
     Ok(scene)
 }
@@ -166,7 +166,7 @@ pub(crate) fn read_calibration(
 ) -> Result<Vec<CalibratedCamera>, String> {
     let path = resolve(folder, file);
     let text = read_text(&path).map_err(|error| format!("{error:#}"))?;
-    calibration::read(&text, lens).map_err(|error| format!("{}: {error}", path.display()))
+    calibration::read(&text, lens).map_err(|error| format!("{}: {error}", path.shown()))
 }
 
 /// Opens all files of a scene, which was read from the file at `path`. `seed`, if given, replaces the scene's seed, and
@@ -180,7 +180,7 @@ pub(crate) fn open(
     if !stills.is_empty() && scene.cameras.len() != 1 {
         return Err(user_error!(
             "{}: the scene has {} cameras, and the camera of images on the command line is ambiguous; leave them out, or give a scene with one camera",
-            path.display(),
+            path.shown(),
             scene.cameras.len()
         ));
     }
@@ -449,7 +449,7 @@ impl Parts {
 
 fn source_warning(path: &Path, camera: &CameraConfig, source: &Source) -> Option<String> {
     let problem = camera.input.place().problem(source.warning()?);
-    Some(format!("{}: {problem}", path.display()))
+    Some(format!("{}: {problem}", path.shown()))
 }
 
 fn unit_warning(path: &Path, camera: &CameraConfig, source: &Source) -> Option<String> {
@@ -458,7 +458,7 @@ fn unit_warning(path: &Path, camera: &CameraConfig, source: &Source) -> Option<S
     is_long.then(|| {
         format!(
             "{}: cameras.{}: its images are {step_s} s apart in times.csv, which is in seconds; are these milliseconds?",
-            path.display(),
+            path.shown(),
             camera.name
         )
     })
@@ -506,8 +506,8 @@ pub(crate) fn open_camera(
 pub(crate) fn problems_in(what: &str, path: &Path, problems: &[Problem]) -> anyhow::Error {
     use std::fmt::Write as _;
     let mut text = match problems.len() {
-        1 => format!("{}: a problem in the {what}:", path.display()),
-        n => format!("{}: {n} problems in the {what}:", path.display()),
+        1 => format!("{}: a problem in the {what}:", path.shown()),
+        n => format!("{}: {n} problems in the {what}:", path.shown()),
     };
     for problem in problems.iter().take(MAX_LISTED) {
         let _ = write!(text, "\n  {problem}");
@@ -553,7 +553,7 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
                 (Some(_), true) => {
                     return Err(images.problem(format!(
                         "{} holds times.csv, and the scene gives fps; keep one of them",
-                        images_folder.display()
+                        images_folder.shown()
                     )));
                 }
                 // A single image is at the time zero.
@@ -561,7 +561,7 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
                 (None, false) if images_folder.is_dir() => {
                     return Err(images.problem(format!(
                         "the times of the images are unknown; give fps, or put times.csv into {}",
-                        images_folder.display()
+                        images_folder.shown()
                     )));
                 }
                 // A missing folder is reported when it is opened.
@@ -575,7 +575,7 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
         Input::Video {
             video, encoding, ..
         } => {
-            let resolved = |name: &String| resolve(folder, name).display().to_string();
+            let resolved = |name: &String| resolve(folder, name).to_string_lossy().into_owned();
             let place = match &video.place {
                 VideoPlace::File(name) => VideoPlace::File(resolved(name)),
                 VideoPlace::Device(name) if video.settings.format == Some(VideoFormat::V4l2) => {
@@ -628,12 +628,12 @@ fn view_of(
             if grey.size_px() != size {
                 return Err(user_error!(
                     "{}: the mask is {} x {} pixels, the images are {width} x {height}; they must agree",
-                    path.display(),
+                    path.shown(),
                     grey.width(),
                     grey.height()
                 ));
             }
-            Mask::from_grey(width, height, grey.as_raw()).map_err(|error| user_error!("{}: {error}", path.display()))
+            Mask::from_grey(width, height, grey.as_raw()).map_err(|error| user_error!("{}: {error}", path.shown()))
         });
         match read {
             Ok(read) => mask = Some(read),
@@ -671,7 +671,7 @@ pub(crate) fn colors(path: &Path, body: &BodyConfig) -> Result<ColorModel> {
     read.ok_or_else(|| {
         user_error!(
             "{}: targets.{}.colors: is missing, and the target is detected by its colours; give a file written by `pardalis learn`",
-            path.display(),
+            path.shown(),
             body.name
         )
     })
@@ -683,19 +683,19 @@ fn read_colors(body: &BodyConfig, folder: &Path) -> Result<Option<ColorModel>, P
     };
     let path = resolve(folder, &file.value);
     let read = read_text(&path).and_then(|text| {
-        let model = ColorModel::from_text(&text).map_err(|error| user_error!("{}: {error}", path.display()))?;
+        let model = ColorModel::from_text(&text).map_err(|error| user_error!("{}: {error}", path.shown()))?;
         let counts_learnt = |cue: &CueSettings| matches!(cue.cue, Cue::Window(window) if window.ranges.is_none());
         if model.ranges().is_none() && body.cues().iter().any(counts_learnt) {
             return Err(user_error!(
                 "{}: has no ranges of hue and saturation, which the window cue needs; learn it again, or give window.hue_deg and window.saturation",
-                path.display()
+                path.shown()
             ));
         }
         let compares_channels = |cue: &CueSettings| matches!(cue.cue, Cue::Region(_));
         if model.channels().is_none() && body.cues().iter().any(compares_channels) {
             return Err(user_error!(
                 "{}: has no histograms of red, green and blue, which the region cue needs; learn it again",
-                path.display()
+                path.shown()
             ));
         }
         Ok(model)

@@ -27,6 +27,7 @@ use pardalis_scene::{FrameRange, VideoInput};
 use serde::Serialize;
 
 use crate::interrupt;
+use crate::output::Shown;
 use crate::timing::{Stopwatch, now_s};
 use crate::user_error::user_error;
 use ffmpeg::Programs;
@@ -219,7 +220,7 @@ impl Source {
         match &config.kind {
             SourceKind::Images { folder, timing } => {
                 let frames = ImageFrames::open(folder, timing, config.frames)?;
-                let input = folder.display().to_string();
+                let input = folder.shown();
                 Self::of_images(input, frames, config.time_offset_s)
             }
             SourceKind::Video { video, encoding } => {

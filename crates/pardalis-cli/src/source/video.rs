@@ -60,7 +60,7 @@ impl VideoFrames {
         encoding: Option<YuvEncoding>,
         range: FrameRange,
     ) -> Result<(Description, Self)> {
-        let input = name_of(&video.place);
+        let input = &*name_of(&video.place);
         if range.limit == Some(0) {
             return Err(user_error!("{input}: frame_limit is 0; allowed: 1 or more"));
         }

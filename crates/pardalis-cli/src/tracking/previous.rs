@@ -8,7 +8,7 @@ use anyhow::Result;
 
 use super::{particle_rows, summary};
 use crate::files::unwritable;
-use crate::output::note;
+use crate::output::{Shown, note};
 
 /// Renames the rows of an earlier run in this folder, their summary and their particles, in place of those of the run before it.
 pub(super) fn keep_results(folder: &Path) -> Result<()> {
@@ -46,8 +46,8 @@ pub(super) fn keep_rows(table: &Path) -> Result<bool> {
     rename(table)?;
     note(format_args!(
         "{} of an earlier run is kept as {}",
-        table.display(),
-        previous(table).display()
+        table.shown(),
+        previous(table).shown()
     ));
     Ok(true)
 }

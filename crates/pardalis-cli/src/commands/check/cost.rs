@@ -8,6 +8,7 @@ use pardalis::{Estimate, Frame, TargetId, Tracker};
 
 use crate::arguments::Threads;
 use crate::numbers::significant;
+use crate::output::Shown;
 use crate::platforms;
 use crate::scene::OpenScene;
 use crate::timing::Stopwatch;
@@ -149,7 +150,7 @@ impl Cost {
         Some(format!(
             "{}: tracking takes about {} ms for each frame, and frames come every {} ms: results will lag behind; use smaller images, \
              a lower frame rate, fewer cameras or fewer particles",
-            path.display(),
+            path.shown(),
             significant(1e3 * in_interval_s),
             significant(1e3 * interval_s)
         ))

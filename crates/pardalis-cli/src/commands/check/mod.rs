@@ -10,7 +10,7 @@ use anyhow::Result;
 use pardalis::Frame;
 
 use crate::arguments::Threads;
-use crate::output::{print, warn};
+use crate::output::{Shown, print, warn};
 use crate::scene::open_parts;
 use camera::Seen;
 
@@ -52,7 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let targets = target::examine(&mut parts, &firsts);
     let of_text = parts.scene.warnings.iter();
     let mut warnings: Vec<String> = of_text
-        .map(|warning| format!("{}: {warning}", path.display()))
+        .map(|warning| format!("{}: {warning}", path.shown()))
         .chain(parts.source_warnings(path))
         .chain(targets.iter().flat_map(|target| target.warnings(path)))
         .collect();
@@ -83,6 +83,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         warnings.extend(cost.warning(path));
     }
     warnings.iter().for_each(warn);
-    print(format!("{}: no problems", path.display()));
+    print(format!("{}: no problems", path.shown()));
     Ok(())
 }

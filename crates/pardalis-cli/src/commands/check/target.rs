@@ -10,6 +10,7 @@ use pardalis_scene::TargetConfig;
 
 use super::cost::Found;
 use crate::numbers::{fixed, significant};
+use crate::output::Shown;
 use crate::scene::Parts;
 use crate::tracking::missed;
 
@@ -145,7 +146,7 @@ impl Seen {
         self.is_missing(Some(found)).then(|| {
             format!(
                 "{}: {}: these colours occur in the first frames, but the target is not recognised there; unless it is out of view, see docs/not-found.md",
-                path.display(),
+                path.shown(),
                 body.place
             )
         })
@@ -158,7 +159,7 @@ impl Seen {
             format!(
                 "{}: {}: these colours occur in no first frame; unless the target is out of view there, learn them from images of this \
                  camera in this light",
-                path.display(),
+                path.shown(),
                 body.place
             )
         };

@@ -14,6 +14,7 @@ use crate::draw::histogram::{ColorBin, ColorModelPlot, write_color_model_plot};
 use crate::draw::mosaic::{Tile, write_mosaic};
 use crate::draw::picture::picture_of;
 use crate::files::refuse_links;
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Maximum number of images shown; of more, those that fit worst.
@@ -27,7 +28,7 @@ pub(super) fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|error| {
         user_error!(
             "--pictures {}: the folder cannot be created: {error}; choose another, or give --no-pictures",
-            folder.display()
+            folder.shown()
         )
     })
 }
