@@ -6,6 +6,7 @@ use std::path::Path;
 
 use anyhow::{Error, Result};
 
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Longer lines than this have no place in a table, in bytes.
@@ -49,7 +50,7 @@ fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Returns the error of a file that cannot be written. The user's input is to blame if another name would help, but not for
 /// a full disk.
 pub(crate) fn unwritable(path: &Path, error: io::Error) -> Error {
-    let name = path.display();
+    let name = path.shown();
     match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
             Error::new(error).context(format!(
@@ -74,7 +75,7 @@ pub(crate) fn refuse_links(folder: &Path) -> Result<()> {
         Some(link) => Err(user_error!(
             "{}: is a link, through which results could replace a file elsewhere; remove it, or choose another folder \
              for the results",
-            link.display()
+            link.shown()
         )),
         None => Ok(()),
     }
@@ -100,7 +101,7 @@ impl RowFile {
         let file = File::create(path).map_err(|error| unwritable(path, error))?;
         Ok(Self {
             out: Out::File(file),
-            place: path.display().to_string(),
+            place: path.shown(),
             whole_bytes: 0,
         })
     }

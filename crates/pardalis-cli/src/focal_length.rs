@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis_images::{exif_focal_length_px, size};
 
+use crate::output::Shown;
 use crate::source::decode::check_file;
 use crate::user_error::user_error;
 
@@ -29,7 +30,7 @@ pub(crate) fn middle_px((width, height): (usize, usize)) -> [f64; 2] {
 /// Errors: the file is no image that can be read.
 pub(crate) fn exif_fov_deg(path: &Path) -> Result<Option<f64>> {
     check_file(path)?;
-    let name = path.display();
+    let name = path.shown();
     check_file(path)?;
     let file =
         std::fs::read(path).map_err(|error| user_error!("{name}: cannot be read: {error}"))?;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use crate::files::unwritable;
+use crate::output::{Shown, in_line};
 use crate::user_error::user_error;
 
 /// The contents of a command's result folders, by which the command recognises the folders that it may
@@ -32,7 +33,8 @@ impl Content {
                 || self.entries.contains(&&**name)
                 || endings.iter().any(|ending| name.ends_with(ending))
         };
-        names.filter(|name| !is_known(name)).min()
+        let foreign = names.filter(|name| !is_known(name)).min();
+        foreign.map(|name| in_line(&name))
     }
 }
 
@@ -51,7 +53,7 @@ impl Folder {
     /// or the temporary folder cannot be created.
     pub(crate) fn begin(content: &'static Content, output: &Path, force: bool) -> Result<Self> {
         let Content { mark, what, .. } = content;
-        let name = output.display();
+        let name = output.shown();
         if output.exists() && !output.is_dir() {
             return Err(user_error!("{name}: is a file; choose a folder with -o"));
         }
@@ -126,7 +128,7 @@ impl Folder {
             fs::remove_dir_all(&old).map_err(|error| {
                 user_error!(
                     "{}: cannot be removed ({error}); remove it manually",
-                    old.display()
+                    old.shown()
                 )
             })?;
         }

@@ -6,6 +6,8 @@ use pardalis_scene::{Problem, Scene};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use crate::output::Shown;
+
 /// Returns a problem for each missing file or folder that a scene's text names in a camera or target with other problems: one that
 /// `sound`, the scene without these, does not contain. Paths are relative to `folder`. Of a text with syntax errors nothing is checked.
 pub(crate) fn missing(text: &str, folder: &Path, sound: &Scene) -> Vec<Problem> {
@@ -81,7 +83,7 @@ impl Missing<'_> {
             key: format!("{of}.{key}"),
             message: format!(
                 "{}: cannot be read: there is no such file or folder{remedy}",
-                path.display()
+                path.shown()
             ),
         });
     }

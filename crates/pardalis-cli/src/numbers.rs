@@ -23,6 +23,17 @@ pub(crate) fn counted(count: u64, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
+/// Returns a positive number with two significant digits.
+pub(crate) fn significant(value: f64) -> String {
+    if value >= 10.0 {
+        fixed(value, 0)
+    } else if value >= 1.0 {
+        fixed(value, 1)
+    } else {
+        fixed(value, 2)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,10 +1,11 @@
 //! Messages for the user: results on standard output, warnings and errors on standard error.
 //!
 //! Names of files and text from files can contain control characters, which would change the terminal or hide parts of a
-//! message. They are shown as escapes.
+//! message. They are shown as escapes. Line ends are, too, in names of files ([`Shown`]).
 
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 /// Why results could not be printed, until [`finish`] takes it.
@@ -26,6 +27,23 @@ pub(crate) fn warn(line: impl Display) {
 /// Prints lines on standard error. A failure cannot be reported anywhere.
 pub(crate) fn note(lines: impl Display) {
     let _ = writeln!(io::stderr(), "{}", escaped(lines));
+}
+
+/// Names of files and folders in messages.
+pub(crate) trait Shown {
+    /// Returns the name in one line.
+    fn shown(&self) -> String;
+}
+
+impl Shown for Path {
+    fn shown(&self) -> String {
+        in_line(&self.display().to_string())
+    }
+}
+
+/// Returns part of a message in one line: a line end in a name would make the rest look like a message of its own.
+pub(crate) fn in_line(text: &str) -> String {
+    text.replace('\n', "\\n")
 }
 
 /// Fails if something that was printed did not arrive, unless its reader closed the pipe deliberately (`| head`).

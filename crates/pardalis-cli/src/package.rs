@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 use clap::{Command, ValueEnum};
 use clap_complete::Shell;
 
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Writes the completions of all shells and a manual page for each command into the folder in the first argument.
@@ -16,7 +17,7 @@ pub(crate) fn write(mut command: Command) -> Result<()> {
     let folder = Path::new(&folder);
     let (completions, pages) = (folder.join("completions"), folder.join("man"));
     for folder in [&completions, &pages] {
-        fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        fs::create_dir_all(folder).with_context(|| folder.shown())?;
     }
     // First, because completions add the commands `help` for good.
     clap_mangen::generate_to(without_help(command.clone()), &pages)?;

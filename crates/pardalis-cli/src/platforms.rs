@@ -15,6 +15,7 @@ use pardalis_scene::{PlatformConfig, PlatformMotion};
 use serde_json::{Map, Value, json};
 
 use crate::numbers::counted;
+use crate::output::Shown;
 use crate::source::TimeSpan;
 use crate::tables::{Column, Row, Table};
 use crate::user_error::user_error;
@@ -85,7 +86,7 @@ impl PlatformRows {
         if 2 * late > rows.len() {
             return Err(user_error!(
                 "{}: {late} of {} rows are not later than those before; sort the file by time",
-                path.display(),
+                path.shown(),
                 rows.len()
             ));
         }
@@ -93,7 +94,7 @@ impl PlatformRows {
         if let Some(interval_s) = typical_interval_s(&times_s).filter(|s| *s > MAX_GAP_S) {
             return Err(user_error!(
                 "{}: its rows are {interval_s} s apart, and more than {MAX_GAP_S} s say nothing about what is between; times are in seconds: are these milliseconds?",
-                path.display()
+                path.shown()
             ));
         }
         Ok(Self {
@@ -135,7 +136,7 @@ impl PlatformRows {
             format!(
                 "{}: covers {first_s} to {last_s} s, and the frames {} to {} s; give the motion during the frames in seconds, \
                  or set platforms.{}.time_offset_s if the clocks differ",
-                self.path.display(),
+                self.path.shown(),
                 frames.first_s,
                 frames.last_s,
                 self.name
@@ -146,7 +147,7 @@ impl PlatformRows {
     /// Returns warnings about what the platform reported.
     fn warnings(&self, counts: &PlatformCounts, frames_without_pose: usize) -> Vec<String> {
         let place = format!("warning: platforms.{}", self.name);
-        let file = self.path.display();
+        let file = self.path.shown();
         let mut warnings = Vec::new();
         if frames_without_pose > 0 {
             let frames = counted(frames_without_pose as u64, "frame");
@@ -213,7 +214,7 @@ pub(crate) fn entries(platforms: &[PlatformRows], tracker: &Tracker) -> Map<Stri
         let id = PlatformId::new(number);
         let counts = tracker.platform(id).ok()?.counts();
         let entry = json!({
-            "file": platform.path.display().to_string(),
+            "file": platform.path.to_string_lossy().into_owned(),
             "used": counts.used,
             "late": counts.late,
             "jumps": counts.jumps,
@@ -255,7 +256,7 @@ fn check(path: &Path, rows: &[(Motion, u64)], errors: OdometryErrors) -> Result<
     let mut platform = Platform::new(errors)?;
     for (motion, line) in rows {
         let told = motion.tell(&mut platform);
-        told.map_err(|error| user_error!("{}, line {line}: {error}", path.display()))?;
+        told.map_err(|error| user_error!("{}, line {line}: {error}", path.shown()))?;
     }
     Ok(platform.counts().late)
 }
@@ -299,7 +300,7 @@ impl<'n> ErrorColumns<'n> {
         if let Some(unknown) = columns.find(|column| !is_known(column)) {
             return Err(user_error!(
                 "{}, line 1: column \"{unknown}\" is unknown; allowed: sigma_m and sigma_rad, or {} to {}, the upper triangle",
-                table.path().display(),
+                table.path().shown(),
                 names[0],
                 names[names.len() - 1]
             ));
@@ -365,7 +366,7 @@ fn no_rotation(place: &str, quaternion: [f64; 4]) -> anyhow::Error {
 
 /// Reads a file of up to [`MAX_BYTES`].
 fn read_text(path: &Path) -> Result<String> {
-    let name = path.display();
+    let name = path.shown();
     let unreadable = |error: std::io::Error| user_error!("{name}: {error}; give a CSV file");
     let metadata = std::fs::metadata(path).map_err(unreadable)?;
     if !metadata.is_file() {
@@ -389,7 +390,7 @@ fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
         let line = before.split(|byte| *byte == b'\n').count();
         user_error!(
             "{}, line {line}: is not UTF-8 text; save the file as UTF-8",
-            path.display()
+            path.shown()
         )
     })
 }
@@ -409,7 +410,7 @@ fn poses_in(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>
     if table.optional_column("time_s").is_none() || table.optional_column("x_m").is_none() {
         return Err(user_error!(
             "{}, line 1: needed are the columns {POSE_COLUMNS}, or numbers without a header in the format of the TUM benchmark; found: {}",
-            path.display(),
+            path.shown(),
             found()
         ));
     }
@@ -419,14 +420,14 @@ fn poses_in(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>
         Some(_) if table.optional_column("qw").is_some() => {
             return Err(user_error!(
                 "{}, line 1: has heading_rad and quaternions, which may differ; keep one of them",
-                path.display()
+                path.shown()
             ));
         }
         Some(_) => None,
         None => Some(table.columns(["qx", "qy", "qz", "qw"]).map_err(|_| {
             user_error!(
                 "{}, line 1: has neither the columns qx,qy,qz,qw nor heading_rad; needed: {POSE_COLUMNS}; found: {}",
-                path.display(),
+                path.shown(),
                 found()
             )
         })?),
@@ -481,7 +482,7 @@ fn is_tum(text: &str) -> bool {
 fn read_tum(path: &Path, text: &str, offset_s: f64) -> Result<Vec<(Motion, u64)>> {
     let mut poses = Vec::new();
     for (line, words) in tum_lines(text) {
-        let place = || format!("{}, line {line}", path.display());
+        let place = || format!("{}, line {line}", path.shown());
         let numbers = words.split_whitespace().map(|word| {
             let number = word.parse().ok().filter(|number: &f64| number.is_finite());
             number.ok_or_else(|| user_error!("{}: \"{word}\" is not a finite number", place()))
@@ -536,7 +537,7 @@ fn odometry_in(
     if interval_s.is_none() && from.is_none() {
         return Err(user_error!(
             "{}: has one row, and its increment may begin at any time; give more rows, or the column from_time_s",
-            path.display()
+            path.shown()
         ));
     }
     let interval_s = interval_s.unwrap_or(0.0);

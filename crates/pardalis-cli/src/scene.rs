@@ -21,7 +21,7 @@ use pardalis_scene::{
 };
 
 use crate::named_files;
-use crate::output::warn;
+use crate::output::{Shown, warn};
 use crate::platforms::PlatformRows;
 use crate::rectangle::{find_in_images, find_in_source};
 use crate::rig;
@@ -53,7 +53,7 @@ pub(crate) struct OpenScene {
 
 /// Reads a small text file that the user named.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
-    let name = path.display();
+    let name = path.shown();
     let unreadable = |error: io::Error| match error.kind() {
         io::ErrorKind::NotFound => user_error!("{name}: cannot be read: there is no such file"),
         _ => user_error!("{name}: cannot be read: {error}; give a text file"),
@@ -75,7 +75,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
 
 /// Returns the text of a file with these bytes. Errors name `path` and the line.
 pub(crate) fn text_in(path: &Path, bytes: Vec<u8>) -> Result<String> {
-    let name = path.display();
+    let name = path.shown();
     String::from_utf8(bytes).map_err(|error| {
         let line = error.as_bytes()[..error.utf8_error().valid_up_to()]
             .split(|&byte| byte == b'\n')
@@ -86,7 +86,7 @@ pub(crate) fn text_in(path: &Path, bytes: Vec<u8>) -> Result<String> {
 
 /// Reads the text of a scene file.
 fn read_scene_text(path: &Path) -> Result<String> {
-    let name = path.display();
+    let name = path.shown();
     if !path.exists() {
         return Err(user_error!(
             "{name}: cannot be read: there is no such file; check the name, or write a scene with `pardalis init`"
@@ -126,7 +126,7 @@ pub(crate) fn read_with(path: &Path, replaced: &toml::Table) -> Result<Scene> {
         return Err(problems_in("scene", path, &problems));
     }
     for warning in &scene.warnings {
-        warn(format!("{}: {warning}", path.display()));
+        warn(format!("{}: {warning}", path.shown()));
     }
     Ok(scene)
 }
@@ -166,7 +166,7 @@ pub(crate) fn read_calibration(
 ) -> Result<Vec<CalibratedCamera>, String> {
     let path = resolve(folder, file);
     let text = read_text(&path).map_err(|error| format!("{error:#}"))?;
-    calibration::read(&text, lens).map_err(|error| format!("{}: {error}", path.display()))
+    calibration::read(&text, lens).map_err(|error| format!("{}: {error}", path.shown()))
 }
 
 /// Opens all files of a scene, which was read from the file at `path`. `seed`, if given, replaces the scene's seed, and
@@ -180,7 +180,7 @@ pub(crate) fn open(
     if !stills.is_empty() && scene.cameras.len() != 1 {
         return Err(user_error!(
             "{}: the scene has {} cameras, and the camera of images on the command line is ambiguous; leave them out, or give a scene with one camera",
-            path.display(),
+            path.shown(),
             scene.cameras.len()
         ));
     }
@@ -197,7 +197,7 @@ pub(crate) fn open(
     let mut parts = Parts::with(scene, Vec::new());
     parts.open_cameras(folder, stills)?;
     if parts.problems.is_empty() {
-        parts.unit_warnings(path).iter().for_each(warn);
+        parts.source_warnings(path).iter().for_each(warn);
     }
     parts.open_targets(folder);
     parts.finish(path)
@@ -398,19 +398,11 @@ impl Parts {
         self.scene.cameras.iter().zip(sources).collect()
     }
 
-    /// Returns warnings if time stamps may not be in seconds although all cameras agree.
-    pub(crate) fn unit_warnings(&self, path: &Path) -> Vec<String> {
+    /// Returns warnings of sources that open, and of time stamps that may not be in seconds although all cameras agree.
+    pub(crate) fn source_warnings(&self, path: &Path) -> Vec<String> {
         let of_camera = |(camera, source): rig::Opened| {
-            let step_s = source.and_then(Source::span).and_then(|span| span.step_s)?;
-            let is_long =
-                matches!(camera.input, Input::Images { fps: None, .. }) && step_s > LONG_STEP_S;
-            is_long.then(|| {
-                format!(
-                    "{}: cameras.{}: its images are {step_s} s apart in times.csv, which is in seconds; are these milliseconds?",
-                    path.display(),
-                    camera.name
-                )
-            })
+            let source = source?;
+            source_warning(path, camera, source).or_else(|| unit_warning(path, camera, source))
         };
         self.opened().into_iter().filter_map(of_camera).collect()
     }
@@ -455,6 +447,23 @@ impl Parts {
     }
 }
 
+fn source_warning(path: &Path, camera: &CameraConfig, source: &Source) -> Option<String> {
+    let problem = camera.input.place().problem(source.warning()?);
+    Some(format!("{}: {problem}", path.shown()))
+}
+
+fn unit_warning(path: &Path, camera: &CameraConfig, source: &Source) -> Option<String> {
+    let step_s = source.span()?.step_s?;
+    let is_long = matches!(camera.input, Input::Images { fps: None, .. }) && step_s > LONG_STEP_S;
+    is_long.then(|| {
+        format!(
+            "{}: cameras.{}: its images are {step_s} s apart in times.csv, which is in seconds; are these milliseconds?",
+            path.shown(),
+            camera.name
+        )
+    })
+}
+
 /// A problem with the start of a body, or with the body if the scene gives no start.
 fn start_problem(body: &BodyConfig, message: String) -> Problem {
     match body.start() {
@@ -478,7 +487,9 @@ pub(crate) fn open_camera(
     let problem = |problem| problems_in("scene", path, &[problem]);
     let resolved = &mut toml::Table::new();
     let source = if stills.is_empty() {
-        open_source(&mut camera, folder, resolved).map_err(problem)?
+        let source = open_source(&mut camera, folder, resolved).map_err(problem)?;
+        source_warning(path, &camera, &source).iter().for_each(warn);
+        source
     } else {
         find_rectangle(&mut camera, folder, true, resolved).map_err(problem)?;
         Source::stills(stills)?
@@ -495,8 +506,8 @@ pub(crate) fn open_camera(
 pub(crate) fn problems_in(what: &str, path: &Path, problems: &[Problem]) -> anyhow::Error {
     use std::fmt::Write as _;
     let mut text = match problems.len() {
-        1 => format!("{}: a problem in the {what}:", path.display()),
-        n => format!("{}: {n} problems in the {what}:", path.display()),
+        1 => format!("{}: a problem in the {what}:", path.shown()),
+        n => format!("{}: {n} problems in the {what}:", path.shown()),
     };
     for problem in problems.iter().take(MAX_LISTED) {
         let _ = write!(text, "\n  {problem}");
@@ -542,7 +553,7 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
                 (Some(_), true) => {
                     return Err(images.problem(format!(
                         "{} holds times.csv, and the scene gives fps; keep one of them",
-                        images_folder.display()
+                        images_folder.shown()
                     )));
                 }
                 // A single image is at the time zero.
@@ -550,7 +561,7 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
                 (None, false) if images_folder.is_dir() => {
                     return Err(images.problem(format!(
                         "the times of the images are unknown; give fps, or put times.csv into {}",
-                        images_folder.display()
+                        images_folder.shown()
                     )));
                 }
                 // A missing folder is reported when it is opened.
@@ -564,7 +575,7 @@ fn source_config(camera: &CameraConfig, folder: &Path) -> Result<SourceConfig, P
         Input::Video {
             video, encoding, ..
         } => {
-            let resolved = |name: &String| resolve(folder, name).display().to_string();
+            let resolved = |name: &String| resolve(folder, name).to_string_lossy().into_owned();
             let place = match &video.place {
                 VideoPlace::File(name) => VideoPlace::File(resolved(name)),
                 VideoPlace::Device(name) if video.settings.format == Some(VideoFormat::V4l2) => {
@@ -617,12 +628,12 @@ fn view_of(
             if grey.size_px() != size {
                 return Err(user_error!(
                     "{}: the mask is {} x {} pixels, the images are {width} x {height}; they must agree",
-                    path.display(),
+                    path.shown(),
                     grey.width(),
                     grey.height()
                 ));
             }
-            Mask::from_grey(width, height, grey.as_raw()).map_err(|error| user_error!("{}: {error}", path.display()))
+            Mask::from_grey(width, height, grey.as_raw()).map_err(|error| user_error!("{}: {error}", path.shown()))
         });
         match read {
             Ok(read) => mask = Some(read),
@@ -660,7 +671,7 @@ pub(crate) fn colors(path: &Path, body: &BodyConfig) -> Result<ColorModel> {
     read.ok_or_else(|| {
         user_error!(
             "{}: targets.{}.colors: is missing, and the target is detected by its colours; give a file written by `pardalis learn`",
-            path.display(),
+            path.shown(),
             body.name
         )
     })
@@ -672,19 +683,19 @@ fn read_colors(body: &BodyConfig, folder: &Path) -> Result<Option<ColorModel>, P
     };
     let path = resolve(folder, &file.value);
     let read = read_text(&path).and_then(|text| {
-        let model = ColorModel::from_text(&text).map_err(|error| user_error!("{}: {error}", path.display()))?;
+        let model = ColorModel::from_text(&text).map_err(|error| user_error!("{}: {error}", path.shown()))?;
         let counts_learnt = |cue: &CueSettings| matches!(cue.cue, Cue::Window(window) if window.ranges.is_none());
         if model.ranges().is_none() && body.cues().iter().any(counts_learnt) {
             return Err(user_error!(
                 "{}: has no ranges of hue and saturation, which the window cue needs; learn it again, or give window.hue_deg and window.saturation",
-                path.display()
+                path.shown()
             ));
         }
         let compares_channels = |cue: &CueSettings| matches!(cue.cue, Cue::Region(_));
         if model.channels().is_none() && body.cues().iter().any(compares_channels) {
             return Err(user_error!(
                 "{}: has no histograms of red, green and blue, which the region cue needs; learn it again",
-                path.display()
+                path.shown()
             ));
         }
         Ok(model)

@@ -11,6 +11,7 @@ use pardalis::tracker::TrackState;
 use pardalis_evaluate::{EstimatedState, TrueState};
 
 use crate::files::Lines;
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// The rows of one target or object over time.
@@ -229,7 +230,7 @@ impl Table {
         if is_device(kind) {
             return Err(user_error!(
                 "{}: is a device, which may have no end; give a CSV file",
-                path.display()
+                path.shown()
             ));
         }
         Self::from_reader(path, Lines::open(path).map_err(unreadable)?)
@@ -246,7 +247,7 @@ impl Table {
         {
             return Err(user_error!(
                 "{}, line 1: the columns are separated by {name}; they must be separated by commas, and numbers have a decimal point",
-                path.display()
+                path.shown()
             ));
         }
         let records: Vec<StringRecord> =
@@ -260,7 +261,7 @@ impl Table {
         }) {
             return Err(user_error!(
                 "{}, line 1: column \"{twice}\" occurs twice; allowed: each column once",
-                path.display()
+                path.shown()
             ));
         }
         let table = Self {
@@ -271,7 +272,7 @@ impl Table {
         if table.records.is_empty() {
             return Err(user_error!(
                 "{}: has no rows; needed: a header line and at least one row",
-                path.display()
+                path.shown()
             ));
         }
         Ok(table)
@@ -293,7 +294,7 @@ impl Table {
             let found: Vec<&str> = self.header.iter().collect();
             user_error!(
                 "{}, line 1: column \"{name}\" is missing; found: {}",
-                self.path.display(),
+                self.path.shown(),
                 found.join(",")
             )
         })
@@ -343,7 +344,7 @@ pub(crate) struct Row<'a> {
 impl Row<'_> {
     /// Returns file and line, for error messages.
     pub(crate) fn place(&self) -> String {
-        format!("{}, line {}", self.path.display(), self.line)
+        format!("{}, line {}", self.path.shown(), self.line)
     }
 
     /// Returns the text of a cell; every row has as many cells as the header.
@@ -462,7 +463,7 @@ fn is_device(_: FileType) -> bool {
 /// Returns the error of a file that cannot be read as a table.
 fn csv_error(path: &Path, error: &csv::Error) -> anyhow::Error {
     let is_folder = path.is_dir();
-    let path = path.display();
+    let path = path.shown();
     match error.kind() {
         ErrorKind::Io(_) if is_folder => {
             user_error!("{path}: is a folder; give the CSV file in it")

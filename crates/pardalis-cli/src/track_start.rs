@@ -6,6 +6,7 @@ use anyhow::Result;
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_scene::TrackStart;
 
+use crate::output::Shown;
 use crate::tables;
 use crate::user_error::user_error;
 
@@ -20,7 +21,7 @@ pub(crate) fn read(
     path: &Path,
     first_time_s: Option<f64>,
 ) -> Result<(GaussianStart, f64)> {
-    let name = path.display();
+    let name = path.shown();
     let tracks = tables::read_tracks(path)?;
     let Some(track) = tracks.iter().find(|track| track.name == start.target) else {
         let names: Vec<&str> = tracks.iter().map(|track| &*track.name).collect();

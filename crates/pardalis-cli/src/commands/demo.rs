@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::{evaluate, track};
 use crate::arguments::Threads;
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::tables;
 use crate::tracking::{self, Annotate, Limit, Options, Output, Previous};
 use crate::user_error::user_error;
@@ -43,7 +43,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     };
     print(format!(
         "tracking an orange ball through {}",
-        sequence.display()
+        sequence.shown()
     ));
     let mut run = tracking::run(&sequence.join("scene.toml"), &options)?;
     let truth_path = sequence.join("truth.csv");
@@ -69,8 +69,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
              the mean direction error was {:.1} degrees. See {} and {}.",
             1e3 * errors.position_m.mean,
             errors.direction_mean_rad.to_degrees(),
-            arguments.output.join("annotated").display(),
-            arguments.output.join("above.png").display()
+            arguments.output.join("annotated").shown(),
+            arguments.output.join("above.png").shown()
         ));
     }
     Ok(())
@@ -89,7 +89,7 @@ fn find_data(given: Option<&Path>) -> Result<PathBuf> {
         }
         return Err(user_error!(
             "--data {}: holds no {SEQUENCE}/scene.toml; give the folder `data` of the source code",
-            folder.display()
+            folder.shown()
         ));
     }
     let here = PathBuf::from("data");

@@ -8,7 +8,7 @@ use pardalis::TargetId;
 
 use crate::arguments::Threads;
 use crate::numbers::counted;
-use crate::output::{note, print};
+use crate::output::{Shown, note, print};
 use crate::platforms;
 use crate::tracking::agreement;
 use crate::tracking::radius::EstimatedRadius;
@@ -203,7 +203,7 @@ fn reasons(run: &Run, number: usize) -> Vec<String> {
         } else {
             format!(
                 "next: run `pardalis track {} --explain --annotate`, look at the annotated frames, and read docs/not-found.md",
-                run.scene_path.display()
+                run.scene_path.shown()
             )
         });
     }
@@ -416,7 +416,7 @@ pub(crate) fn summary(run: &Run) -> String {
     }
     text += &camera_table(run);
     for file in &run.files {
-        let _ = writeln!(text, "  {}", file.display());
+        let _ = writeln!(text, "  {}", file.shown());
     }
     text
 }

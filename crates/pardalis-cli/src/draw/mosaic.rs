@@ -42,7 +42,14 @@ const WARM: Rgb = [220, 50, 32];
 
 /// Draws, for each image, the surroundings of the object with the outline of its mask in black and white and the found
 /// one in magenta, and its scores: red above the threshold, blue below. Two pairs lie side by side.
-pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyhow::Result<()> {
+pub(crate) fn write_mosaic(
+    path: &Path,
+    tiles: impl IntoIterator<Item = anyhow::Result<Tile>>,
+    threshold: f32,
+) -> anyhow::Result<()> {
+    // Images can be large, and there may be many: each is dropped before the next is made.
+    let tiles = tiles.into_iter().map(|tile| Ok(Drawn::of(tile?)));
+    let tiles: Vec<Drawn> = tiles.collect::<anyhow::Result<_>>()?;
     let columns = (tiles.len() as u32).clamp(1, 2);
     let rows = (tiles.len() as u32).div_ceil(columns);
     let pair_px = 2 * SIDE_PX + 2;
@@ -52,25 +59,19 @@ pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyho
         rows * row_px + KEY_PX,
         PAPER,
     );
-    let crops: Vec<Crop> = tiles.iter().map(Crop::around_mask).collect();
-    let reach = score_reach(tiles, &crops, threshold);
+    let reach = score_reach(&tiles, threshold);
     let corner_px = |index: usize| {
         let index = index as u32;
         let left = GAP_PX + (index % columns) * (pair_px + GAP_PX);
         [left, (index / columns) * row_px + LABEL_PX]
     };
-    for (index, (tile, crop)) in tiles.iter().zip(&crops).enumerate() {
+    for (index, tile) in tiles.iter().enumerate() {
         let [left, top] = corner_px(index);
-        for y in 0..SIDE_PX {
-            for x in 0..SIDE_PX {
-                let image = crop.outlined_color(tile, x, y);
-                picture.put_pixel(left + x, top + y, image);
-                let score = crop
-                    .score(tile, x, y)
-                    .map(|score| (score - threshold) / reach);
-                let color = score.map_or(OUTSIDE, diverging_color);
-                picture.put_pixel(left + SIDE_PX + 2 + x, top + y, color);
-            }
+        for ((x, y), (color, score)) in places().zip(&tile.pixels) {
+            picture.put_pixel(left + x, top + y, *color);
+            let score = score.map(|score| (score - threshold) / reach);
+            let color = score.map_or(OUTSIDE, diverging_color);
+            picture.put_pixel(left + SIDE_PX + 2 + x, top + y, color);
         }
     }
     let key_top_px = rows * row_px;
@@ -84,9 +85,9 @@ pub(crate) fn write_mosaic(path: &Path, tiles: &[Tile], threshold: f32) -> anyho
     let Some(mut canvas) = canvas_of(&picture) else {
         return write_picture(path, &picture);
     };
-    for (index, (tile, crop)) in tiles.iter().zip(&crops).enumerate() {
+    for (index, tile) in tiles.iter().enumerate() {
         let [left, top] = corner_px(index);
-        draw_found(&mut canvas, tile, crop, [left, top]);
+        draw_found(&mut canvas, tile, [left, top]);
         write(&mut canvas, &tile.label, [left, top - 6], pair_px);
     }
     let key = [
@@ -113,9 +114,9 @@ fn write(canvas: &mut Pixmap, text: &str, at_px: [u32; 2], max_px: u32) {
 }
 
 /// Draws the part of the found outline that a tile shows, whose image begins at this corner.
-fn draw_found(canvas: &mut Pixmap, tile: &Tile, crop: &Crop, corner_px: [u32; 2]) {
+fn draw_found(canvas: &mut Pixmap, tile: &Drawn, corner_px: [u32; 2]) {
     let shown = |point: &[f64; 2]| {
-        let at = crop.place(*point);
+        let at = tile.crop.place(*point);
         let is_shown = at.iter().all(|c| (0.0..f64::from(SIDE_PX)).contains(c));
         is_shown.then(|| [0, 1].map(|axis| corner_px[axis] as f32 + at[axis] as f32))
     };
@@ -138,6 +139,33 @@ fn draw_found(canvas: &mut Pixmap, tile: &Tile, crop: &Crop, corner_px: [u32; 2]
     }
 }
 
+/// What is shown of a tile.
+struct Drawn {
+    label: String,
+    found_px: Vec<[f64; 2]>,
+    crop: Crop,
+    /// The colour of each pixel of the tile and its score, if it has one, row by row.
+    pixels: Vec<(Rgb, Option<f32>)>,
+}
+
+impl Drawn {
+    fn of(tile: Tile) -> Self {
+        let crop = Crop::around_mask(&tile);
+        let pixel = |(x, y)| (crop.outlined_color(&tile, x, y), crop.score(&tile, x, y));
+        Self {
+            pixels: places().map(pixel).collect(),
+            crop,
+            label: tile.label,
+            found_px: tile.found_px,
+        }
+    }
+}
+
+/// Returns the columns and rows of the pixels of a tile, row by row.
+fn places() -> impl Iterator<Item = (u32, u32)> {
+    (0..SIDE_PX).flat_map(|y| (0..SIDE_PX).map(move |x| (x, y)))
+}
+
 /// The square of an image that is shown.
 struct Crop {
     corner_px: [f64; 2],
@@ -149,11 +177,13 @@ impl Crop {
     fn around_mask(tile: &Tile) -> Self {
         let (width, height) = tile.image.dimensions();
         let (mut columns, mut rows) = ((u32::MAX, 0), (u32::MAX, 0));
-        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-            if is_object(tile, x, y) {
-                columns = (columns.0.min(x), columns.1.max(x + 1));
-                rows = (rows.0.min(y), rows.1.max(y + 1));
-            }
+        for (y, row) in (0..height).zip(tile.mask.chunks(width.max(1) as usize)) {
+            let Some(first) = row.iter().position(|object| *object) else {
+                continue;
+            };
+            let last = row.iter().rposition(|object| *object).unwrap_or(first);
+            columns = (columns.0.min(first as u32), columns.1.max(last as u32 + 1));
+            rows = (rows.0.min(y), y + 1);
         }
         let empty = columns.0 >= columns.1;
         if empty {
@@ -228,18 +258,12 @@ fn is_object(tile: &Tile, x: u32, y: u32) -> bool {
 }
 
 /// Returns the distance from the threshold at which colours are saturated: 98 % of the shown scores are nearer.
-fn score_reach(tiles: &[Tile], crops: &[Crop], threshold: f32) -> f32 {
-    let mut distances: Vec<f32> = Vec::new();
-    for (tile, crop) in tiles.iter().zip(crops) {
-        for y in 0..SIDE_PX {
-            let scores = (0..SIDE_PX).filter_map(|x| crop.score(tile, x, y));
-            distances.extend(
-                scores
-                    .map(|s| (s - threshold).abs())
-                    .filter(|d| d.is_finite()),
-            );
-        }
-    }
+fn score_reach(tiles: &[Drawn], threshold: f32) -> f32 {
+    let scores = tiles
+        .iter()
+        .flat_map(|tile| tile.pixels.iter().filter_map(|(_, score)| *score));
+    let distances = scores.map(|score| (score - threshold).abs());
+    let mut distances: Vec<f32> = distances.filter(|d| d.is_finite()).collect();
     distances.sort_by(f32::total_cmp);
     let index = (0.98 * distances.len() as f64) as usize;
     distances.get(index).copied().unwrap_or(1.0).max(1e-3)

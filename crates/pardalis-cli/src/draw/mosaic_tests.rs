@@ -13,25 +13,23 @@ fn labelled_images_are_drawn_with_outline_and_scores() {
             [90, (x / 2) as u8, y as u8]
         }
     });
-    let tiles: Vec<Tile> = (0..3)
-        .map(|i| {
-            let log_odds = image
-                .pixels()
-                .map(|p| 0.05 * (f32::from(p[0]) - 1.5 * f32::from(p[2])));
-            Tile {
-                label: format!("00{i}.jpg"),
-                found_px: Vec::new(),
-                log_odds: log_odds.collect(),
-                mask: image
-                    .enumerate_pixels()
-                    .map(|(x, y, _)| is_ball(x, y))
-                    .collect(),
-                image: image.clone(),
-            }
+    let tiles = (0..3).map(|i| {
+        let log_odds = image
+            .pixels()
+            .map(|p| 0.05 * (f32::from(p[0]) - 1.5 * f32::from(p[2])));
+        Ok(Tile {
+            label: format!("00{i}.jpg"),
+            found_px: Vec::new(),
+            log_odds: log_odds.collect(),
+            mask: image
+                .enumerate_pixels()
+                .map(|(x, y, _)| is_ball(x, y))
+                .collect(),
+            image: image.clone(),
         })
-        .collect();
+    });
     let path = folder.join("mosaic.png");
-    write_mosaic(&path, &tiles, 0.5).unwrap();
+    write_mosaic(&path, tiles, 0.5).unwrap();
     let picture = decode_image(&path).unwrap();
     assert_eq!(picture.dimensions(), (2 * 452 + 10, 2 * 252 + 44));
     let first = picture.crop(10, 22, SIDE_PX, SIDE_PX);
@@ -60,7 +58,7 @@ fn found_outlines_are_drawn_where_they_are_seen() {
             image: image.clone(),
         };
         let path = folder.join("mosaic.png");
-        write_mosaic(&path, &[tile], 0.0).unwrap();
+        write_mosaic(&path, [Ok(tile)], 0.0).unwrap();
         let drawn = decode_image(&path).unwrap();
         let found = drawn.enumerate_pixels().filter(|(_, _, p)| *p == FOUND);
         found.map(|(x, y, _)| [x, y]).collect::<Vec<_>>()
@@ -87,15 +85,15 @@ fn degenerate_tiles_are_drawn() {
         mask,
         log_odds,
     };
-    write_mosaic(&path, &[], 0.0).unwrap();
-    write_mosaic(&path, &[tile(0, 0, vec![], vec![])], 0.0).unwrap();
+    write_mosaic(&path, [], 0.0).unwrap();
+    write_mosaic(&path, [Ok(tile(0, 0, vec![], vec![]))], 0.0).unwrap();
     let strange = vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
     let tiles = [
         tile(3, 1, vec![false; 3], strange.clone()),
         tile(1, 3, vec![true; 3], strange),
         tile(5, 5, vec![true], vec![]),
     ];
-    write_mosaic(&path, &tiles, f32::NAN).unwrap();
+    write_mosaic(&path, tiles.map(Ok), f32::NAN).unwrap();
     decode_image(&path).unwrap();
 }
 

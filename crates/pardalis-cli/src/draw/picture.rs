@@ -8,6 +8,7 @@ use tiny_skia::{Color, Pixmap};
 
 use super::Rgb;
 use crate::files::write_file;
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 const JPEG_QUALITY: u8 = 90;
@@ -26,7 +27,7 @@ pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> anyhow::Result<(
             let file = encode_jpeg(picture, JPEG_QUALITY, JpegSampling::Automatic);
             file.map_err(|error| match error {
                 EncodeError::TooLarge(_) => {
-                    user_error!("{}: {error}; write a .png", path.display())
+                    user_error!("{}: {error}; write a .png", path.shown())
                 }
                 other => other.into(),
             })?
@@ -35,7 +36,7 @@ pub(crate) fn write_picture(path: &Path, picture: &RgbImage) -> anyhow::Result<(
         _ => {
             return Err(user_error!(
                 "{}: pictures are written as .jpg, .jpeg or .png; give the file such a name",
-                path.display()
+                path.shown()
             ));
         }
     };

@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis_images::{DecodeError, GrayImage, RgbImage, decode, decode_grey, size};
 
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 // Every image that can be decoded can be tracked.
@@ -63,7 +64,7 @@ pub(crate) fn media_kind(path: &Path) -> Option<&'static str> {
 
 /// Fails with the reason if an image cannot be a file of a possible length.
 pub(crate) fn check_file(path: &Path) -> Result<()> {
-    let name = path.display();
+    let name = path.shown();
     let metadata = fs::metadata(path).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound if path.is_symlink() => {
             user_error!(
@@ -95,7 +96,7 @@ pub(crate) fn check_file(path: &Path) -> Result<()> {
 
 fn decoded<T>(path: &Path, decode: impl Fn(&[u8]) -> Result<T, DecodeError>) -> Result<T> {
     check_file(path)?;
-    let name = path.display();
+    let name = path.shown();
     let file = fs::read(path)
         .map_err(|error| user_error!("{name}: cannot be read: {error}; check its permissions"))?;
     decode(&file).map_err(|error| user_error!("{name}: {error}"))

@@ -17,6 +17,7 @@ use pardalis_scene::{Protocol, VideoFormat, VideoInput, VideoPlace, VideoSetting
 use super::nut::Nut;
 use super::probed::{ProbedStream, probed_in};
 use super::start_thread;
+use crate::output::{Shown, in_line};
 use crate::user_error::user_error;
 
 /// Number of ffmpeg's last messages that an error quotes.
@@ -95,13 +96,13 @@ impl Programs {
             .args(["-list_formats", "all", "-i"])
             .arg(device)
             .output()
-            .with_context(|| format!("{} cannot be started", self.ffmpeg.display()))?;
+            .with_context(|| format!("{} cannot be started", self.ffmpeg.shown()))?;
         Ok(String::from_utf8_lossy(&output.stderr).into_owned())
     }
 
     /// Probes the first video stream. Fails if the input cannot be opened or has no video.
     pub(super) fn probe(&self, video: &VideoInput) -> Result<ProbedStream> {
-        let input = name_of(&video.place);
+        let input = &*name_of(&video.place);
         let output = self
             .command_that_ends_with_parent(&self.ffprobe)
             .args([
@@ -117,7 +118,7 @@ impl Programs {
             .args(opening(video))
             .args(["-i", &url(&video.place)])
             .output()
-            .with_context(|| format!("{} cannot be started", self.ffprobe.display()))?;
+            .with_context(|| format!("{} cannot be started", self.ffprobe.shown()))?;
         if !output.status.success() {
             let messages = String::from_utf8_lossy(&output.stderr);
             let lines: Vec<_> = messages.lines().collect();
@@ -203,7 +204,7 @@ impl Programs {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
-            .with_context(|| format!("{} cannot be started", self.ffmpeg.display()))?;
+            .with_context(|| format!("{} cannot be started", self.ffmpeg.shown()))?;
         let (Some(frames), Some(messages)) = (child.stdout.take(), child.stderr.take()) else {
             unreachable!("both are piped");
         };
@@ -242,7 +243,7 @@ impl Programs {
         let help = command(&self.ffmpeg)
             .args(["-hide_banner", "-h", "long"])
             .output()
-            .with_context(|| format!("{} cannot be started", self.ffmpeg.display()))?;
+            .with_context(|| format!("{} cannot be started", self.ffmpeg.shown()))?;
         let has_new_name = String::from_utf8_lossy(&help.stdout).contains("-fps_mode");
         Ok(if has_new_name { "-fps_mode" } else { "-vsync" })
     }
@@ -301,10 +302,12 @@ const CONTAINERS: &str = "asf,av1,avi,dv,flv,gif,gxf,h264,hevc,ivf,m4v,matroska,
                           mpjpeg,mxf,nut,obu,ogg,yuv4mpegpipe";
 
 /// Returns the place as the user wrote it, for messages.
-pub(super) fn name_of(place: &VideoPlace) -> &str {
+pub(super) fn name_of(place: &VideoPlace) -> String {
     match place {
-        VideoPlace::File(name) | VideoPlace::Device(name) | VideoPlace::Address(_, name) => name,
-        VideoPlace::StandardInput => "standard input",
+        VideoPlace::File(name) | VideoPlace::Device(name) | VideoPlace::Address(_, name) => {
+            in_line(name)
+        }
+        VideoPlace::StandardInput => "standard input".to_owned(),
     }
 }
 

@@ -11,6 +11,7 @@ use pardalis_scene::FrameRange;
 use super::decode::{check_file, decode_image, image_size};
 use super::times::{ImageTimes, read_times};
 use super::{Pixels, TimeSpan, TimedBytes, Timing};
+use crate::output::{Shown, in_line};
 use crate::user_error::user_error;
 
 /// The images that are still to be delivered.
@@ -31,7 +32,7 @@ impl ImageFrames {
         if range.first >= count {
             return Err(user_error!(
                 "{}: first_frame is {}, but the folder holds {count} images; allowed: 0 to {}",
-                folder.display(),
+                folder.shown(),
                 range.first,
                 count - 1
             ));
@@ -49,7 +50,7 @@ impl ImageFrames {
         if taken.is_empty() {
             return Err(user_error!(
                 "{}: frame_limit is 0; allowed: 1 or more",
-                folder.display()
+                folder.shown()
             ));
         }
         Self::of(taken)
@@ -121,10 +122,10 @@ impl Iterator for ImageFrames {
                 return Err(user_error!(
                     "{}: the image is {} x {} pixels where {} has {width} x {height}; \
                      all images must have one size",
-                    file.display(),
+                    file.shown(),
                     image.width(),
                     image.height(),
-                    self.first_file.display()
+                    self.first_file.shown()
                 ));
             }
             Ok(TimedBytes {
@@ -146,7 +147,7 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
     let unreadable = |error| {
         user_error!(
             "{}: the folder cannot be read: {error}; give a folder of JPEG or PNG images",
-            folder.display()
+            folder.shown()
         )
     };
     if folder.is_file() {
@@ -155,7 +156,7 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
         }
         return Err(user_error!(
             "{}: this is a file, but no image; give the folder that holds the images, or one image",
-            folder.display()
+            folder.shown()
         ));
     }
     let mut files = Vec::new();
@@ -168,7 +169,7 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
     if files.is_empty() {
         return Err(user_error!(
             "{}: the folder holds no images; allowed: files ending in .jpg, .jpeg or .png",
-            folder.display()
+            folder.shown()
         ));
     }
     let numbers: Option<Vec<u64>> = files.iter().map(|file| trailing_number(file)).collect();
@@ -181,7 +182,7 @@ fn list_images(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
     if let Some([(a, number), (b, _)]) = numbered.array_windows().find(|[a, b]| a.1 == b.1) {
         return Err(user_error!(
             "{}: {} and {} have the same number, {number}; each image of a folder needs a number of its own",
-            folder.display(),
+            folder.shown(),
             file_name(a),
             file_name(b)
         ));
@@ -204,7 +205,7 @@ fn with_times(
             if !(fps.is_finite() && *fps > 0.0) {
                 return Err(user_error!(
                     "{}: fps is {fps}; allowed: a number of frames per second over 0",
-                    folder.display()
+                    folder.shown()
                 ));
             }
             files
@@ -214,7 +215,7 @@ fn with_times(
                     if time_s > MAX_TIME_S {
                         return Err(user_error!(
                             "{}: by its number its time_s is {time_s}; allowed: at most 1e12; number the images from the first on",
-                            file.display()
+                            file.shown()
                         ));
                     }
                     Ok((file, ImageTimes::at(time_s)))
@@ -231,7 +232,7 @@ fn with_times(
                     Some(&times) => Ok((file, times)),
                     None => Err(user_error!(
                         "{}: there is no row for frame {index} ({}); give each image its time_s",
-                        path.display(),
+                        path.shown(),
                         file_name(&file)
                     )),
                 })
@@ -256,7 +257,7 @@ fn check_rows(
         return Err(user_error!(
             "{}: has times up to frame {last_row}, but the last image, {}, is frame {last}, so that other images may have \
              wrong times as well; remove the rows of images that are missing, or number the images from 0",
-            table.display(),
+            table.shown(),
             file_name(last_file)
         ));
     }
@@ -265,7 +266,7 @@ fn check_rows(
 
 fn file_name(path: &Path) -> String {
     path.file_name()
-        .map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+        .map_or_else(String::new, |name| in_line(&name.to_string_lossy()))
 }
 
 fn is_image_name(path: &Path) -> bool {

@@ -96,7 +96,7 @@ impl Again {
         why: Option<Error>,
         check: impl Fn(&ProbedStream, (usize, usize)) -> Result<()>,
     ) -> Result<Decode> {
-        let input = name_of(&self.video.place);
+        let input = &*name_of(&self.video.place);
         let limit_s = self.limit.as_secs_f64();
         let timeout = timeout(&self.video);
         let mut why = if running.was_silent() {

@@ -27,6 +27,7 @@ use pardalis_scene::{FrameRange, VideoInput};
 use serde::Serialize;
 
 use crate::interrupt;
+use crate::output::Shown;
 use crate::timing::{Stopwatch, now_s};
 use crate::user_error::user_error;
 use ffmpeg::Programs;
@@ -191,6 +192,8 @@ pub(crate) struct Source {
     /// `None` if it is not known before the frames are read.
     span: Option<TimeSpan>,
     is_live: bool,
+    /// What the user should know although the source opens.
+    warning: Option<String>,
     counters: Counters,
     /// Deliveries received in advance to determine the time of the first frame.
     peeked: VecDeque<Result<Delivery>>,
@@ -217,7 +220,7 @@ impl Source {
         match &config.kind {
             SourceKind::Images { folder, timing } => {
                 let frames = ImageFrames::open(folder, timing, config.frames)?;
-                let input = folder.display().to_string();
+                let input = folder.shown();
                 Self::of_images(input, frames, config.time_offset_s)
             }
             SourceKind::Video { video, encoding } => {
@@ -228,6 +231,7 @@ impl Source {
                     VideoFrames::open(&programs, video, *encoding, config.frames)?;
                 let span = frames.span();
                 let process = frames.process();
+                let warning = frames.warning().map(str::to_owned);
                 let is_live = ffmpeg::is_live(video);
                 let clock = if is_live {
                     Clock::Live
@@ -236,6 +240,7 @@ impl Source {
                 };
                 let mut source = Self::start(description, clock, config.time_offset_s, frames)?;
                 source.is_live = is_live;
+                source.warning = warning;
                 source.process = Some(process);
                 source.span = span.map(|span| span.moved(config.time_offset_s));
                 Ok(source)
@@ -313,6 +318,7 @@ impl Source {
             description,
             span: None,
             is_live: false,
+            warning: None,
             counters: Counters::default(),
             peeked: VecDeque::new(),
             decoding: Some((receiver, thread)),
@@ -338,6 +344,11 @@ impl Source {
     /// Reports whether frames arrive while they are taken, from a device or a stream.
     pub(crate) fn is_live(&self) -> bool {
         self.is_live
+    }
+
+    /// Returns what the user should know although the source opens.
+    pub(crate) fn warning(&self) -> Option<&str> {
+        self.warning.as_deref()
     }
 
     /// Waits for the first frames, at most this many, and returns those that come; they are delivered nevertheless. Call it

@@ -8,6 +8,7 @@ use anyhow::Result;
 use pardalis::frame::MAX_TIME_S;
 
 use crate::files::Lines;
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// The times of one image.
@@ -36,7 +37,7 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
     let file = Lines::open(path).map_err(|error| {
         user_error!(
             "{}: cannot be read: {error}; write one with the header frame,time_s, or give fps",
-            path.display()
+            path.shown()
         )
     })?;
     times_in(path, file)
@@ -44,7 +45,7 @@ pub(super) fn read_times(path: &Path) -> Result<BTreeMap<u64, ImageTimes>> {
 
 /// Parses what [`read_times`] reads. Errors name `path`.
 pub(super) fn times_in(path: &Path, input: impl Read) -> Result<BTreeMap<u64, ImageTimes>> {
-    let name = path.display();
+    let name = path.shown();
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .from_reader(input);

@@ -16,7 +16,6 @@ use super::live::{Again, Announce, first_of, quoted, timeout};
 use super::probed::ProbedStream;
 use super::running::{Running, Watchdog};
 use super::{Description, Pixels, TimeSpan, TimedBytes};
-use crate::output::warn;
 use crate::user_error::user_error;
 
 /// Formats without time stamps that ffmpeg recognises, and for which it assumes a frame rate.
@@ -48,6 +47,7 @@ pub(super) struct VideoFrames {
     /// The format of the frames, which a source that is opened again must have as well.
     format: (PixelFormat, Option<YuvEncoding>),
     given_encoding: Option<YuvEncoding>,
+    warning: Option<String>,
     ended: bool,
 }
 
@@ -60,7 +60,7 @@ impl VideoFrames {
         encoding: Option<YuvEncoding>,
         range: FrameRange,
     ) -> Result<(Description, Self)> {
-        let input = name_of(&video.place);
+        let input = &*name_of(&video.place);
         if range.limit == Some(0) {
             return Err(user_error!("{input}: frame_limit is 0; allowed: 1 or more"));
         }
@@ -82,11 +82,6 @@ impl VideoFrames {
                      time of its arrival"
                 ));
             }
-            if stream.is_interlaced() && video.settings.deinterlace.is_none() {
-                warn(format_args!(
-                    "{input}: is marked as interlaced. Set input.deinterlace = true, or false to keep the frames as they are"
-                ));
-            }
             let layout = Layout::of_live(input, &stream, encoding)?;
             (stream, layout, size_px, decode)
         };
@@ -104,6 +99,12 @@ impl VideoFrames {
                 .frame_count(&video.settings)
                 .map(|count| range.count_of(count)),
         };
+        let is_undecided = stream.is_interlaced() && video.settings.deinterlace.is_none();
+        let warning = (is_undecided && !is_file(&video.place)).then(|| {
+            format!(
+                "{input}: is marked as interlaced; set input.deinterlace = true in the table of this camera, or false to keep the frames as they are"
+            )
+        });
         let running = Arc::new(Running::new(Arc::clone(&decode.process)));
         let again = Again::of(programs, video);
         let watchdog = again
@@ -125,6 +126,7 @@ impl VideoFrames {
             watchdog,
             format: (layout.format, layout.encoding),
             given_encoding: encoding,
+            warning,
             ended: false,
         };
         Ok((description, frames))
@@ -133,6 +135,11 @@ impl VideoFrames {
     /// Returns what must be stopped to end a wait for a frame.
     pub(super) fn process(&self) -> Arc<Running> {
         Arc::clone(&self.running)
+    }
+
+    /// Returns what the user should know of a source that opens nevertheless.
+    pub(super) fn warning(&self) -> Option<&str> {
+        self.warning.as_deref()
     }
 
     /// Returns the time span of the frames, if the container states it.

@@ -20,6 +20,7 @@ use crate::draw::PALETTE;
 use crate::draw::overlay::{Mark, Note, Overlay, Shape, Zoomed, annotated};
 use crate::draw::picture::{picture_of, write_picture};
 use crate::files::refuse_links;
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Maximum number of particles shown; more would hide the target.
@@ -101,7 +102,7 @@ impl Annotator {
             fs::create_dir_all(folder).map_err(|error| {
                 user_error!(
                     "{}: {error}; give a folder that can be written",
-                    folder.display()
+                    folder.shown()
                 )
             })?;
         }

@@ -39,7 +39,7 @@ use candidate_rows::CandidateRows;
 use crossing_rows::CrossingRows;
 pub(crate) use frame_sets::CameraRecord;
 use frame_sets::FrameSets;
-pub(crate) use merge::{FrameSet, Limit};
+pub(crate) use merge::{FrameSet, Limit, Merge};
 use missed::MissedFrames;
 use particle_rows::ParticleRows;
 use rows::Rows;
@@ -329,7 +329,8 @@ pub(crate) fn run_steps(
     })
 }
 
-/// Removes the summary, the pictures, the candidates, the unsmoothed rows and the events of an earlier run, which would not be of the new rows.
+/// Removes the summary, the pictures, the candidates, the unsmoothed rows, the events and the particles of an earlier run, which would not be of
+/// the new rows.
 fn remove_old(folder: &Path) {
     let plots = TRACK_PLOTS
         .iter()
@@ -341,9 +342,12 @@ fn remove_old(folder: &Path) {
         smoothed::FILTERED,
         smoothed::EVENTS,
     ];
-    for name in plots.chain(tables.map(str::to_owned)) {
+    let particles = particle_rows::files_in(folder).into_iter();
+    let particles = particles.filter(|file| !previous::is_previous(file));
+    let names = plots.chain(tables.map(str::to_owned));
+    for file in names.map(|name| folder.join(name)).chain(particles) {
         // Usually there is none.
-        let _ = std::fs::remove_file(folder.join(name));
+        let _ = std::fs::remove_file(file);
     }
     annotate::remove_old(folder);
 }

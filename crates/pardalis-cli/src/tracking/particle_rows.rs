@@ -1,7 +1,9 @@
 //! Optional output of particles: one row per time, target and particle, flushed after each time.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::fs::{self, File};
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use pardalis::TargetId;
@@ -16,6 +18,23 @@ const HEADER: &str =
     "frame,time_s,target,landmark,particle,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,weight\n";
 /// Number of columns of position and velocity; a motion model without velocities has only the first three.
 const STATE_COLUMNS: usize = 6;
+
+/// Returns the files of particles in a folder. The user names them, so they are known by their header.
+pub(super) fn files_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let paths = entries.map(|entry| entry.path());
+    // No pipe, which would keep the program waiting.
+    paths
+        .filter(|path| path.is_file() && has_header(path))
+        .collect()
+}
+
+fn has_header(path: &Path) -> bool {
+    let columns = HEADER.trim_end().as_bytes();
+    let mut begin = vec![0; columns.len()];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
+    read.is_ok() && begin == columns
+}
 
 /// Writes the particles of each estimate to a file.
 ///

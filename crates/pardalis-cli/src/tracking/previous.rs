@@ -6,14 +6,27 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use super::summary;
+use super::{particle_rows, summary};
 use crate::files::unwritable;
-use crate::output::note;
+use crate::output::{Shown, note};
 
-/// Renames the rows of an earlier run in this folder and their summary, in place of those of the run before it.
+/// Renames the rows of an earlier run in this folder, their summary and their particles, in place of those of the run before it.
 pub(super) fn keep_results(folder: &Path) -> Result<()> {
     let summary = folder.join(summary::FILE);
-    if keep_rows(&folder.join("tracks.csv"))? {
+    let keeps_rows = keep_rows(&folder.join("tracks.csv"))?;
+    let (older, particles): (Vec<_>, Vec<_>) = particle_rows::files_in(folder)
+        .into_iter()
+        .partition(|file| is_previous(file));
+    if keeps_rows {
+        // They are of the rows that have just been replaced.
+        for file in older {
+            let _ = fs::remove_file(file);
+        }
+    }
+    for file in particles {
+        keep_rows(&file)?;
+    }
+    if keeps_rows {
         // A run that was killed has no summary.
         if !summary.exists() {
             let _ = fs::remove_file(previous(&summary));
@@ -33,8 +46,8 @@ pub(super) fn keep_rows(table: &Path) -> Result<bool> {
     rename(table)?;
     note(format_args!(
         "{} of an earlier run is kept as {}",
-        table.display(),
-        previous(table).display()
+        table.shown(),
+        previous(table).shown()
     ));
     Ok(true)
 }
@@ -50,6 +63,12 @@ fn previous(path: &Path) -> PathBuf {
         ending = format!("{ending}.{}", extension.to_string_lossy());
     }
     path.with_extension(ending)
+}
+
+/// Reports whether this is the name under which a file is kept.
+pub(super) fn is_previous(path: &Path) -> bool {
+    let ends_so = |path: &Path| path.extension().is_some_and(|ending| ending == "previous");
+    ends_so(path) || ends_so(&path.with_extension(""))
 }
 
 /// Reports whether a header line is followed by anything. What cannot be read may have rows.
@@ -109,5 +128,9 @@ mod tests {
         keep_results(path).unwrap();
         assert_eq!(kept(path), texts(&[("tracks.previous.csv", "header\n2\n")]));
         assert_eq!(previous(Path::new("a/b")), Path::new("a/b.previous"));
+        for (name, is_kept) in [("a.csv", false), ("a", false), ("previous.csv", false)] {
+            assert_eq!(is_previous(Path::new(name)), is_kept, "{name}");
+            assert!(is_previous(&previous(Path::new(name))), "{name}");
+        }
     }
 }

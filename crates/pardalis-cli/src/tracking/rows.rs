@@ -9,6 +9,7 @@ use pardalis_scene::TargetConfig;
 
 use super::{Instant, Output, Sink, is_broken_pipe};
 use crate::files::{RowFile, unwritable};
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// The header line. Later versions may append columns.
@@ -32,7 +33,7 @@ impl Rows {
                 if folder.is_file() {
                     return Err(user_error!(
                         "-o {}: this is a file; give a folder",
-                        folder.display()
+                        folder.shown()
                     ));
                 }
                 fs::create_dir_all(folder).map_err(|error| unwritable(folder, error))?;

@@ -97,7 +97,7 @@ pub(crate) fn write(
     let summary = json!({
         "program": "pardalis",
         "version": env!("CARGO_PKG_VERSION"),
-        "scene": scene_path.display().to_string(),
+        "scene": scene_path.to_string_lossy().into_owned(),
         "seed": open.scene.seed,
         "threads": threads,
         "frame_sets": outcome.frame_sets,

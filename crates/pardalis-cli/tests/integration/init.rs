@@ -587,6 +587,44 @@ fn paths_are_valid_from_another_folder() {
 }
 
 #[test]
+fn scenes_move_together_with_what_lies_beside_them() {
+    let place = Workplace::with_frames(1);
+    fs::create_dir_all(place.path("project/scenes")).unwrap();
+    fs::rename(place.path("images"), place.path("project/images")).unwrap();
+    fs::rename(place.path("ball.toml"), place.path("project/ball.toml")).unwrap();
+    let arguments = [
+        "project/images",
+        "-o",
+        "project/scenes/a.toml",
+        "--colors",
+        "project/scenes/../ball.toml",
+        "--pixel",
+        "460,88",
+    ];
+    init(&place, &arguments).fine();
+    let text = fs::read_to_string(place.path("project/scenes/a.toml")).unwrap();
+    for line in ["images = \"../images\"", "colors = \"../ball.toml\""] {
+        assert!(text.contains(line), "{text}");
+    }
+    place.write("project/scenes/a.toml", confirmed(&text));
+    fs::rename(place.path("project"), place.path("moved")).unwrap();
+    let scene = "moved/scenes/a.toml";
+    let run = Run::pardalis(place.path(""), &["track", scene, "-o", "-"]).fine();
+    assert_eq!(run.stdout.lines().count(), 2);
+    // Colours that are still to be learnt.
+    let arguments = [
+        "moved/images",
+        "-o",
+        "moved/scenes/b.toml",
+        "--colors",
+        "moved/scenes/../later.toml",
+    ];
+    init(&place, &arguments).fine();
+    let text = fs::read_to_string(place.path("moved/scenes/b.toml")).unwrap();
+    assert!(text.contains("colors = \"../later.toml\""), "{text}");
+}
+
+#[test]
 fn existing_scenes_are_kept_without_force() {
     let place = Workplace::with_frames(1);
     place.write("scene.toml", "mine");

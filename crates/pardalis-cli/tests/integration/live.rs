@@ -48,6 +48,39 @@ fn standard_input_is_a_source_like_the_file() {
 }
 
 #[test]
+fn interlaced_live_sources_are_named_with_their_line() {
+    let Some(place) = with_stream(6) else {
+        return;
+    };
+    let encoded = Command::new("ffmpeg")
+        .current_dir(place.path(""))
+        .args(["-v", "error", "-i", "ride.ts", "-vf", "setfield=tff"])
+        .args(["-c:v", "mpeg2video", "-flags", "+ildct+ilme", "fields.ts"])
+        .status();
+    assert!(encoded.unwrap().success());
+    let warning = "warning: scene.toml: line 3: cameras.cam1.video: standard input: is marked as interlaced; \
+                   set input.deinterlace = true in the table of this camera";
+    let input = || File::open(place.path("fields.ts")).unwrap();
+    for command in ["track", "check"] {
+        let run = |scene: String| {
+            place.write("scene.toml", scene);
+            let mut program = Command::new(env!("CARGO_BIN_EXE_pardalis"));
+            program.current_dir(place.path(""));
+            Run::of(program.args([command, "scene.toml"]).stdin(input()))
+        };
+        let undecided = run(video("-"));
+        assert_eq!(undecided.code, Some(0), "{}", undecided.stderr);
+        assert!(undecided.stderr.contains(warning), "{}", undecided.stderr);
+        // The line to set is right.
+        let decided =
+            video("-").replace("video = \"-\"", "video = \"-\"\ninput.deinterlace = true");
+        let decided = run(decided);
+        assert_eq!(decided.code, Some(0), "{}", decided.stderr);
+        assert!(!decided.stderr.contains("interlaced"), "{}", decided.stderr);
+    }
+}
+
+#[test]
 fn raw_streams_need_their_format_and_frame_rate() {
     let Some(place) = with_stream(12) else {
         return;

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::common::{Run, SCENE, Workplace, rows_in, scene_with};
+use pardalis_images::RgbImage;
 use serde_json::Value;
 
 /// Returns the path of a file in the data folder.
@@ -561,4 +562,57 @@ fn a_start_without_a_ball_has_little_confidence() {
         let confidence = confidence(empty);
         assert!(confidence < 0.3, "{empty}: {confidence}");
     }
+}
+
+#[test]
+fn nothing_is_found_in_an_image_all_in_the_colours_of_the_ball() {
+    let place = Workplace::with_frames(1);
+    let colors = data("colors/orange-ball.hsi.colors.toml");
+    let scene = SCENE.replace("ball.toml", colors.to_str().unwrap());
+    let with_ball = pardalis_images::decode(&fs::read(place.image(0)).unwrap()).unwrap();
+    let [red, green, blue] = with_ball.get_pixel(460, 88);
+    let uniform = RgbImage::from_pixel(640, 480, [red, green, blue]);
+    // Sensors are never quite uniform.
+    let noisy = RgbImage::from_fn(640, 480, |x, y| {
+        let noise = (x * 7919 + y * 104_729 + x * y * 31) % 9;
+        [red, green, blue].map(|c| c.saturating_sub(4) + noise as u8)
+    });
+    for (name, image) in [("uniform.png", &uniform), ("noisy.png", &noisy)] {
+        place.write(name, pardalis_images::encode_png(image).unwrap());
+    }
+    let hue = "window = { size_px = 5, hue_deg = [10, 50], saturation = [0.3, 1], intensity = [0.1, 0.9] }";
+    for (cue, scene) in [
+        ("contour", scene.clone()),
+        ("window", with_cue(&scene, "window = { size_px = 5 }")),
+        (
+            "ranges",
+            with_cue(&scene, hue).replace(colors_line(&scene), ""),
+        ),
+    ] {
+        for image in ["uniform.png", "noisy.png"] {
+            let run = locate(&place, &scene, &[image, "--at", "460,88", "-o", "out"]).fine();
+            let wanted = "frame 0: ball not visible around the start (lost)\n";
+            assert!(
+                run.stdout.starts_with(wanted),
+                "{cue}, {image}: {}",
+                run.stdout
+            );
+            assert_eq!((&*place.rows()[0][3], &*place.rows()[0][18]), ("lost", "0"));
+        }
+        let run = locate(&place, &scene, &["images/000000.jpg", "-o", "out"]).fine();
+        let wanted = "frame 0: ball at 1.";
+        assert!(run.stdout.starts_with(wanted), "{cue}: {}", run.stdout);
+    }
+}
+
+/// Returns the scene with another cue than the contour.
+fn with_cue(scene: &str, cue: &str) -> String {
+    scene.replace("contour = { inner_scale = 0.9, outer_scale = 1.1 }", cue)
+}
+
+fn colors_line(scene: &str) -> &str {
+    scene
+        .lines()
+        .find(|line| line.starts_with("colors"))
+        .unwrap()
 }

@@ -1,6 +1,7 @@
 //! Things that are called like images but are none, images that claim to be huge, and names with control characters.
 
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use crate::common::{Run, SCENE, Workplace, frame_file, scene_with};
@@ -113,6 +114,94 @@ fn control_characters_in_names_do_not_reach_the_terminal() {
         "{:?}",
         run.stderr
     );
+}
+
+#[cfg(unix)]
+#[test]
+fn line_ends_in_names_of_files_are_shown() {
+    let place = Workplace::with_frames(2);
+    place.write("images/a\nerror: forged.jpg", "none");
+    fs::create_dir(place.path("odd")).unwrap();
+    fs::copy(place.image(0), place.path("odd/a\nerror: forged.jpg")).unwrap();
+    place.write("scene.toml", SCENE);
+    let forged = "gone\nerror: forged";
+    for arguments in [
+        &["track", "scene.toml", "-o", "out"][..],
+        &["track", "scene.toml", "-o", "out\nerror: forged"],
+        &["track", forged],
+        &["check", forged],
+        &["locate", "scene.toml", forged],
+        &["evaluate", forged, "truth.csv"],
+        &["init", forged],
+        &["init", "images", "-o", "scene\nerror: forged"],
+        &["camera", "show", forged],
+        &["learn", "odd", "--masks", "_mask.png", "-o", "a.toml"],
+        &[
+            "learn", "--image", forged, "--rect", "1,2,3,4", "-o", "a.toml",
+        ],
+        &[
+            "calibrate",
+            "board",
+            "odd",
+            "--board",
+            "checkerboard:9x6:0.02",
+            "--model",
+            "pinhole",
+        ],
+        &[
+            "calibrate",
+            "board",
+            "images",
+            "--board",
+            "checkerboard:9x6:0.02",
+            "--model",
+            "pinhole",
+        ],
+        &["measure", forged],
+        &["simulate", forged, "-o", "ring"],
+        &["rectify", forged],
+    ] {
+        let run = Run::pardalis(place.path(""), arguments);
+        let printed = run.stdout + &run.stderr;
+        let is_forged = |line: &str| line.trim_start().starts_with("error: forged");
+        assert!(!printed.lines().any(is_forged), "{arguments:?}: {printed}");
+        assert!(
+            printed.contains("\\nerror: forged"),
+            "{arguments:?}: {printed}"
+        );
+    }
+}
+
+#[test]
+fn messages_show_names_of_files_in_one_line() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut folders = vec![source];
+    let mut files = 0;
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_str().unwrap();
+            if path.is_dir() {
+                // Messages of failed tests.
+                if !name.ends_with("tests") && name != "fuzzing" {
+                    folders.push(path);
+                }
+            } else if path.extension().is_some_and(|ending| ending == "rs")
+                && !name.ends_with("tests.rs")
+                && name != "output.rs"
+            {
+                let text = fs::read_to_string(&path).unwrap();
+                let (program, _) = text.split_once("#[cfg(test)]").unwrap_or((&text, ""));
+                assert!(
+                    !program.contains(".display()"),
+                    "{}: `shown` of crate::output escapes line ends",
+                    path.display()
+                );
+                files += 1;
+            }
+        }
+    }
+    assert!(files > 100, "{files}");
 }
 
 #[test]

@@ -411,3 +411,62 @@ fn rows_of_an_earlier_run_are_kept() {
     assert_eq!(track("1").code, Some(0));
     assert_eq!(read("out/tracks.previous.csv"), rows);
 }
+
+#[test]
+fn nothing_of_an_earlier_run_stays_beside_other_rows() {
+    let place = Workplace::with_frames(4);
+    let (detected, _) = SCENE.split_once("contour = ").unwrap();
+    let crossing = format!("{detected}crossing.point_m = [0, 0, 0.3]\n");
+    let everything = [
+        "-o",
+        "out",
+        "--annotate",
+        "--explain",
+        "--smooth",
+        "--particles",
+        "out/cloud.txt",
+    ];
+    place.track_with(&crossing, &everything).fine();
+    let cloud = fs::read(place.path("out/cloud.txt")).unwrap();
+    let files = || {
+        let entries = fs::read_dir(place.path("out")).unwrap();
+        let mut names: Vec<_> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    };
+    for name in [
+        "annotated",
+        "candidates.csv",
+        "cloud.txt",
+        "crossings.csv",
+        "events.csv",
+        "filtered.csv",
+    ] {
+        assert!(files().iter().any(|file| file == name), "{name}");
+    }
+    assert_eq!(
+        place.track(detected).fine().kept,
+        [
+            "out/tracks.csv of an earlier run is kept as out/tracks.previous.csv",
+            "out/cloud.txt of an earlier run is kept as out/cloud.previous.txt"
+        ]
+    );
+    let (rows, kept) = (
+        ["summary.json", "tracks.csv"],
+        ["summary.previous.json", "tracks.previous.csv"],
+    );
+    let mut wanted = [&rows[..], &kept, &["cloud.previous.txt"]].concat();
+    wanted.sort_unstable();
+    assert_eq!(files(), wanted);
+    assert_eq!(
+        fs::read(place.path("out/cloud.previous.txt")).unwrap(),
+        cloud
+    );
+    // The rows that are kept now had no particles.
+    place.track(detected).fine();
+    let mut wanted = [&rows[..], &kept].concat();
+    wanted.sort_unstable();
+    assert_eq!(files(), wanted);
+}

@@ -29,9 +29,14 @@ pub(super) struct PixelLabels {
 }
 
 impl PixelLabels {
-    /// Takes labels as drawn, except that boxes around bodies become ellipses. `bins` are the colours of the pixels, below
-    /// `bin_count`.
-    pub(super) fn of(drawn: &[bool], bins: &[u16], bin_count: usize, width: usize) -> Self {
+    /// Takes labels as drawn, except that boxes around bodies become ellipses. `bin_at` returns the colour of the pixel of a column
+    /// and row, below `bin_count`.
+    pub(super) fn of(
+        drawn: &[bool],
+        bin_at: &impl Fn(usize, usize) -> u16,
+        bin_count: usize,
+        width: usize,
+    ) -> Self {
         let mut labels = Self {
             is_target: drawn.to_vec(),
             is_boxed: vec![false; drawn.len()],
@@ -42,7 +47,7 @@ impl PixelLabels {
             };
             let view = View {
                 drawn,
-                bins,
+                bin_at,
                 bin_count,
                 width,
             };
@@ -108,14 +113,14 @@ impl Rect {
 }
 
 /// An image with the labels drawn in it.
-struct View<'a> {
+struct View<'a, B> {
     drawn: &'a [bool],
-    bins: &'a [u16],
+    bin_at: &'a B,
     bin_count: usize,
     width: usize,
 }
 
-impl View<'_> {
+impl<B: Fn(usize, usize) -> u16> View<'_, B> {
     /// Judges whether a box encloses a body that leaves its corners free: by Bayes' rule from the colours within the
     /// ellipse and around the box. A box that fills the image does not.
     fn is_around_body(&self, drawn: &Rect) -> bool {
@@ -129,7 +134,7 @@ impl View<'_> {
         for y in drawn.top.saturating_sub(reach)..bottom {
             for x in drawn.left.saturating_sub(reach)..right {
                 let index = y * self.width + x;
-                let bin = usize::from(self.bins[index]);
+                let bin = usize::from((self.bin_at)(x, y));
                 let scale = drawn.ellipse(x, y);
                 if !drawn.holds(x, y) {
                     // Other labels are no surroundings.
@@ -187,7 +192,7 @@ mod tests {
     }
 
     fn labels(bins: &[u16], drawn: &[bool]) -> PixelLabels {
-        PixelLabels::of(drawn, bins, BINS, WIDTH)
+        PixelLabels::of(drawn, &|x, y| bins[y * WIDTH + x], BINS, WIDTH)
     }
 
     #[test]

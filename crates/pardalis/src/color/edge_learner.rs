@@ -1,6 +1,8 @@
 //! Learns edge profiles and mean colours of bodies from labelled images, in each octave: an image's own pixels, and means of
 //! 2 x 2 pixels of the octave before.
 
+use std::ops::Range;
+
 use super::body_colors::BodyColors;
 use super::edge_profile::{Counts, EdgeProfile};
 use super::membership::{EdgePixel, Surroundings};
@@ -77,9 +79,12 @@ impl EdgeLearner {
         follows: Follows,
         yuv: impl Fn(usize, usize) -> [f32; 3],
     ) {
-        let height = labels.len() / width.max(1);
+        let Some(labelled) = labelled(labels, width) else {
+            return;
+        };
+        let size_px = (width, labels.len() / width.max(1));
         let octaves = (0..OCTAVES).map(|octave| {
-            let labels = coarse_labels(labels, (width, height), 1 << octave);
+            let labels = coarse_labels(labels, size_px, 1 << octave, &labelled);
             let mut outlines = OutlineDistance::of_parts(&labels, width >> octave);
             let least = if octave > 0 { MIN_COARSE_AREA_PX } else { 0 };
             outlines.retain(|outline| outline.area_px() >= least);
@@ -193,18 +198,79 @@ impl EdgeLearner {
 }
 
 /// Labels of an image whose pixels are blocks of the image's: those of which more than half is labelled, and every other one
-/// of those of which half is.
-fn coarse_labels(labels: &[bool], (width, height): (usize, usize), size: usize) -> Vec<bool> {
+/// of those of which half is. Only blocks in these columns and rows of the image have labelled pixels.
+fn coarse_labels(
+    labels: &[bool],
+    (width, height): (usize, usize),
+    size: usize,
+    (labelled_columns, labelled_rows): &(Range<usize>, Range<usize>),
+) -> Vec<bool> {
     let (columns, rows) = (width / size, height / size);
-    let mut coarse = Vec::with_capacity(columns * rows);
-    for y in 0..rows {
-        for x in 0..columns {
+    let blocks = |labelled: &Range<usize>, count: usize| {
+        labelled.start / size..labelled.end.div_ceil(size).min(count)
+    };
+    let mut coarse = vec![false; columns * rows];
+    for y in blocks(labelled_rows, rows) {
+        for x in blocks(labelled_columns, columns) {
             let block = (0..size * size)
                 .filter(|i| labels[(size * y + i / size) * width + size * x + i % size]);
             let twice = 2 * block.count();
             let is_even = (x + y) % 2 == 0;
-            coarse.push(twice > size * size || (twice == size * size && is_even));
+            coarse[y * columns + x] = twice > size * size || (twice == size * size && is_even);
         }
     }
     coarse
+}
+
+/// Returns the columns and rows of the labelled pixels; `None` if there are none.
+fn labelled(labels: &[bool], width: usize) -> Option<(Range<usize>, Range<usize>)> {
+    let (mut columns, mut rows) = (width..0, labels.len()..0);
+    for (y, row) in labels.chunks(width.max(1)).enumerate() {
+        let Some(first) = row.iter().position(|label| *label) else {
+            continue;
+        };
+        let last = row.iter().rposition(|label| *label).unwrap_or(first);
+        columns = columns.start.min(first)..columns.end.max(last + 1);
+        rows = rows.start.min(y)..y + 1;
+    }
+    (!rows.is_empty()).then_some((columns, rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_blocks_with_labels_are_counted_and_none_of_them_is_left_out() {
+        let (width, height) = (53, 41);
+        let disc = |u: f64, v: f64, radius: f64| {
+            let label = move |i: usize| {
+                let [x, y] = [(i % width) as f64 - u, (i / width) as f64 - v];
+                x.hypot(y) < radius
+            };
+            (0..width * height).map(label).collect::<Vec<_>>()
+        };
+        for labels in [
+            disc(20.3, 17.8, 9.0),
+            disc(3.0, 38.0, 8.0),
+            disc(52.0, 40.0, 11.0),
+            vec![true; width * height],
+        ] {
+            let found = labelled(&labels, width).unwrap();
+            for size in [1, 2, 4, 8, 16] {
+                let everywhere = (0..width, 0..height);
+                let coarse = |region| coarse_labels(&labels, (width, height), size, region);
+                assert_eq!(coarse(&found), coarse(&everywhere), "{found:?}, {size}");
+            }
+            let outside = labels.iter().enumerate().filter(|&(i, label)| {
+                *label && !(found.0.contains(&(i % width)) && found.1.contains(&(i / width)))
+            });
+            assert_eq!(outside.count(), 0, "{found:?}");
+        }
+        assert_eq!(
+            labelled(&disc(20.3, 17.8, 0.6), width),
+            Some((20..21, 18..19))
+        );
+        assert_eq!(labelled(&vec![false; width * height], width), None);
+    }
 }

@@ -12,7 +12,8 @@ use super::edge_profile::{EdgeProfile, EdgeText};
 use super::histogram::Histogram;
 use super::palette::{Palette, PixelKind, PixelTable};
 use super::ranges::{ColorRanges, RangeLearner};
-use crate::Frame;
+use crate::frame::with_pixels;
+use crate::{Frame, PixelFormat};
 use pardalis_core::Error;
 
 /// The appearance of a target: the histogram of its pixels in one palette, the ranges that hold them, the
@@ -309,17 +310,11 @@ impl ColorLearner {
 
     /// Returns the bin of every pixel of a frame, row by row.
     pub fn bins_of(&mut self, frame: &Frame) -> Vec<u16> {
-        let kind = PixelKind::of(frame);
-        if self.table.as_ref().is_none_or(|(known, _)| *known != kind) {
-            self.table = Some((kind, PixelTable::new(self.palette, kind)));
-        }
-        let table = self.table.as_ref().map(|(_, table)| table);
+        let table = table_of(&mut self.table, self.palette, frame);
         let mut bins = Vec::with_capacity(frame.width() * frame.height());
-        for y in 0..frame.height() {
-            for x in 0..frame.width() {
-                bins.extend(table.map(|t| t.bin(frame.components(x, y))));
-            }
-        }
+        with_pixels!(frame, components => for y in 0..frame.height() {
+            bins.extend((0..frame.width()).map(|x| table.bin(components(x, y))));
+        });
         bins
     }
 
@@ -335,19 +330,28 @@ impl ColorLearner {
     ///
     /// `is_object` has another length than the image has pixels.
     pub fn add(&mut self, frame: &Frame, is_object: &[bool]) -> Result<(), Error> {
-        let (bins, labels) = self.labels_of(frame, is_object)?;
-        let all = labels.is_target.iter().zip(&labels.is_boxed).enumerate();
-        for (index, (&object, _)) in all.filter(|(_, (object, boxed))| **object || !**boxed) {
-            let counts = if object {
-                &mut self.object_counts
-            } else {
-                &mut self.background_counts
-            };
-            counts[usize::from(bins[index])] += 1;
-            let rgb = frame.rgb(index % frame.width(), index / frame.width());
-            self.ranges.add(rgb, object);
-            self.channels.add(rgb, object);
-        }
+        let labels = self.labels_of(frame, is_object)?;
+        let table = table_of(&mut self.table, self.palette, frame);
+        let is_rgb = frame.format() == PixelFormat::Rgb8;
+        with_pixels!(frame, components => for y in 0..frame.height() {
+            for x in 0..frame.width() {
+                let index = y * frame.width() + x;
+                let object = labels.is_target[index];
+                if labels.is_boxed[index] && !object {
+                    continue;
+                }
+                let counts = if object {
+                    &mut self.object_counts
+                } else {
+                    &mut self.background_counts
+                };
+                let components = components(x, y);
+                counts[usize::from(table.bin(components))] += 1;
+                let rgb = if is_rgb { components } else { frame.rgb(x, y) };
+                self.ranges.add(rgb, object);
+                self.channels.add(rgb, object);
+            }
+        });
         let kind = PixelKind::of(frame);
         for follows in [Follows::Outline, Follows::Box] {
             let labels = labels.of_target(follows == Follows::Box);
@@ -366,15 +370,10 @@ impl ColorLearner {
     ///
     /// As for [`Self::add`].
     pub fn target_pixels(&mut self, frame: &Frame, is_object: &[bool]) -> Result<Vec<bool>, Error> {
-        Ok(self.labels_of(frame, is_object)?.1.is_target)
+        Ok(self.labels_of(frame, is_object)?.is_target)
     }
 
-    /// Returns the bins of the pixels, and their labels.
-    fn labels_of(
-        &mut self,
-        frame: &Frame,
-        is_object: &[bool],
-    ) -> Result<(Vec<u16>, PixelLabels), Error> {
+    fn labels_of(&mut self, frame: &Frame, is_object: &[bool]) -> Result<PixelLabels, Error> {
         let expected = frame.width() * frame.height();
         if is_object.len() != expected {
             return Err(Error::ImageBytes {
@@ -382,9 +381,15 @@ impl ColorLearner {
                 found: is_object.len(),
             });
         }
-        let bins = self.bins_of(frame);
-        let labels = PixelLabels::of(is_object, &bins, self.palette.bin_count(), frame.width());
-        Ok((bins, labels))
+        let table = table_of(&mut self.table, self.palette, frame);
+        let bin_at = |x: usize, y: usize| table.bin(frame.components(x, y));
+        let bin_count = self.palette.bin_count();
+        Ok(PixelLabels::of(
+            is_object,
+            &bin_at,
+            bin_count,
+            frame.width(),
+        ))
     }
 
     /// Returns the pixel counts per bin, of the target and of the rest of the images.
@@ -424,6 +429,19 @@ impl ColorLearner {
     pub fn separation(&self) -> Separation {
         Separation::of(&self.object_counts, &self.background_counts)
     }
+}
+
+/// Returns the table of a palette for the pixels of a frame; the last one is kept.
+fn table_of<'t>(
+    known: &'t mut Option<(PixelKind, PixelTable)>,
+    palette: Palette,
+    frame: &Frame,
+) -> &'t PixelTable {
+    let kind = PixelKind::of(frame);
+    let fitting = known.take().filter(|(known, _)| *known == kind);
+    let (_, table) =
+        known.insert(fitting.unwrap_or_else(|| (kind, PixelTable::new(palette, kind))));
+    table
 }
 
 /// How well a palette separates a target's pixels from the rest of the images it was learnt from.
@@ -496,7 +514,6 @@ impl Separation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::PixelFormat;
     use crate::color::{ChannelBins, YuvEncoding};
 
     fn two_color_frame() -> (Frame, Vec<bool>) {

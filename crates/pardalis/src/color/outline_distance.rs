@@ -118,10 +118,11 @@ pub(super) fn parts(labels: &[bool], width: usize) -> Vec<Part> {
     let height = labels.len() / width.max(1);
     let mut left = labels.to_vec();
     let mut parts = Vec::new();
-    for seed in 0..left.len() {
-        if !std::mem::take(&mut left[seed]) {
-            continue;
-        }
+    let mut first = 0;
+    while let Some(next) = left[first..].iter().position(|label| *label) {
+        let seed = first + next;
+        left[seed] = false;
+        first = seed + 1;
         let mut part = Vec::new();
         let mut queue = VecDeque::from([(seed % width, seed / width)]);
         while let Some((x, y)) = queue.pop_front() {

@@ -1,7 +1,7 @@
 //! A body that the published cues track from a given start: a particle filter with the cues' likelihoods.
 
 use super::settings::InitializedSettings;
-use super::shown_colors::shows_colors;
+use super::shown_colors::is_shown;
 use super::track::{Instant, Track, mean_log_ratio};
 use super::{Estimate, TrackState};
 use crate::color::ColorModel;
@@ -146,8 +146,8 @@ impl InitializedTarget {
     }
 
     /// Locates the body in these frames alone, in passes with these standard deviations in metres, the first around
-    /// the start. Confidence includes the probability that the body is there at all. A body whose colours are known is lost
-    /// where they are not.
+    /// the start. Confidence includes the probability that the body is there at all. A body is lost where its colours, if they are
+    /// known, are not, and where there is no outline, because its surroundings look the same.
     pub(super) fn locate(
         &mut self,
         instant: &Instant,
@@ -155,9 +155,9 @@ impl InitializedTarget {
         passes_sigma_m: &[f64],
     ) -> Estimate {
         let mut found = self.locate_in_passes(instant, start, passes_sigma_m);
-        if let (Some(kinematics), Some(colors)) = (found, &self.colors)
-            && !shows_colors(
-                (&self.shape, colors),
+        if let Some(kinematics) = found
+            && !is_shown(
+                (&self.shape, self.colors.as_ref()),
                 instant.views,
                 instant.frames,
                 kinematics.position_m,

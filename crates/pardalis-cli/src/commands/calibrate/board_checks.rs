@@ -7,6 +7,7 @@ use anyhow::Result;
 use pardalis_calibrate::board::{Board, BoardKind};
 
 use super::images::SearchedImage;
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Plausible side lengths of a board's squares and tags, in metres.
@@ -23,7 +24,7 @@ pub(super) fn check_found(source: &Path, images: &[SearchedImage]) -> Result<()>
     });
     Err(user_error!(
         "{}: the board was found in none of the images; check whether --board describes it correctly{}",
-        source.display(),
+        source.shown(),
         reasons.collect::<String>()
     ))
 }

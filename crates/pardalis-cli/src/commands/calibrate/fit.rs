@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::model::Model;
 use super::trial::Trial;
 use crate::draw::calibration::ObservedPoint;
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Ratio within which errors count as equal. Among equal models, the one with fewer parameters extrapolates
@@ -94,7 +95,7 @@ impl Fits {
             let reasons: Vec<String> = fits
                 .failed
                 .iter()
-                .map(|(name, reason)| format!("{}: {name}: {reason}", source.display()))
+                .map(|(name, reason)| format!("{}: {name}: {reason}", source.shown()))
                 .collect();
             return Err(user_error!("{}", reasons.join("\n")));
         }

@@ -9,6 +9,7 @@ use pardalis_calibrate::board::{Board, BoardNotFound, Corner, detect};
 use pardalis_calibrate::{CalibrationView, Correspondence};
 use rayon::prelude::*;
 
+use crate::output::{Shown, in_line};
 use crate::source::decode::decode_mask;
 use crate::user_error::user_error;
 
@@ -42,7 +43,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
     let unreadable = |error| {
         user_error!(
             "{}: cannot be read ({error}); give a folder of images",
-            folder.display()
+            folder.shown()
         )
     };
     let mut files = Vec::new();
@@ -60,7 +61,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
     if files.is_empty() {
         return Err(user_error!(
             "{}: no images there; allowed: files ending in .jpg, .jpeg or .png",
-            path.display()
+            path.shown()
         ));
     }
     Ok(files)
@@ -94,7 +95,7 @@ pub(super) fn search(
             bar.inc(1);
             Ok((
                 SearchedImage {
-                    name: name_of(file),
+                    name: in_line(&name_of(file)),
                     found,
                 },
                 size_px,
@@ -107,10 +108,10 @@ pub(super) fn search(
         if *size_px != first {
             return Err(user_error!(
                 "{}: has {} x {} pixels, but {} has {} x {}; all images of a camera must have the same size",
-                file.display(),
+                file.shown(),
                 size_px.0,
                 size_px.1,
-                files[0].display(),
+                files[0].shown(),
                 first.0,
                 first.1
             ));

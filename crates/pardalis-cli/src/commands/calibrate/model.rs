@@ -6,6 +6,7 @@ use anyhow::Result;
 use pardalis_calibrate::{CalibrationStart, ModelKind, OUTLIER_SIGMAS};
 use pardalis_camera::CalibratedCamera;
 
+use crate::output::Shown;
 use crate::scene::read_calibration;
 use crate::user_error::user_error;
 
@@ -118,12 +119,12 @@ pub(super) fn read_camera(
     match (found, name) {
         (None, name) => Err(user_error!(
             "{}: has no camera {}; found: {names}",
-            path.display(),
+            path.shown(),
             name.unwrap_or("at all")
         )),
         (Some(_), None) if several => Err(user_error!(
             "{}: has several cameras ({names}); {remedy}",
-            path.display()
+            path.shown()
         )),
         (Some(camera), _) => Ok(camera),
     }

@@ -20,7 +20,7 @@ use super::output;
 use crate::board::parse_board;
 use crate::draw::picture::picture_of;
 use crate::files::write_file;
-use crate::output::{print, warn};
+use crate::output::{Shown, print, warn};
 use crate::platforms::PlatformRows;
 use crate::progress::Progress;
 use crate::scene::{self, OpenScene};
@@ -94,7 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let rows = open.platforms.iter().find(is_carrier).ok_or_else(|| {
         user_error!(
             "{}: cameras.{}: is on no platform",
-            path.display(),
+            path.shown(),
             config.name
         )
     })?;
@@ -111,7 +111,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let size_px = open.sources[number].size();
     let settings = MountSettings::new(config.world_from_camera, size_px);
     let found = calibrate_mount(&config.camera, &views, &platform_at, &settings)
-        .map_err(|refusal| user_error!("{}: cameras.{}: {refusal}", path.display(), config.name))?;
+        .map_err(|refusal| user_error!("{}: cameras.{}: {refusal}", path.shown(), config.name))?;
 
     let folder = output::folder(arguments.output.as_deref(), path, "mount");
     output::make_folder(&folder)?;
@@ -140,14 +140,14 @@ fn camera(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result<usize> {
     match (&carried[..], wanted) {
         ([], _) => Err(user_error!(
             "{}: no camera is on a platform; describe the platform in a table [platforms.NAME], and give platform = \"NAME\" in the table of the camera",
-            path.display()
+            path.shown()
         )),
         ([(number, _)], None) => Ok(*number),
         (_, wanted) => match carried.iter().find(is_wanted) {
             Some((number, _)) => Ok(*number),
             None => Err(user_error!(
                 "{}: {}the cameras on platforms are {}; choose one with --camera NAME",
-                path.display(),
+                path.shown(),
                 wanted.map_or_else(String::new, |name| format!("no camera {name}: ")),
                 names.join(", ")
             )),
@@ -215,7 +215,7 @@ fn views_of_target(
     let [body] = &config.bodies[..] else {
         return Err(user_error!(
             "{}: targets.{}: has several landmarks; choose a target of one body with --target NAME",
-            path.display(),
+            path.shown(),
             config.name
         ));
     };

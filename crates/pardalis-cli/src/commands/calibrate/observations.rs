@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::Result;
 use pardalis_calibrate::{CalibrationView, Correspondence};
 
+use crate::output::Shown;
 use crate::tables::{Row, Table};
 use crate::user_error::user_error;
 
@@ -190,7 +191,7 @@ impl Observations {
         }
         Err(user_error!(
             "{}: {count} of {} {what}: {}; {remedy}",
-            path.display(),
+            path.shown(),
             self.point_count(),
             problems.join(", ")
         ))

@@ -14,7 +14,7 @@ use super::page;
 use super::report::{Report, outlier_count};
 use super::trial::Trial;
 use crate::files::{refuse_links, write_file};
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::user_error::user_error;
 
 /// Returns the requested folder, or one in the current directory named after the input and the task, such as
@@ -66,10 +66,7 @@ fn remove_earlier(folder: &Path) -> Result<()> {
         let path = folder.join(format!("camera-{}.toml", kind.name()));
         match fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
-                return Err(user_error!(
-                    "{}: cannot be replaced: {error}",
-                    path.display()
-                ));
+                return Err(user_error!("{}: cannot be replaced: {error}", path.shown()));
             }
             _ => {}
         }
@@ -83,7 +80,7 @@ pub(super) fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|error| {
         user_error!(
             "{}: cannot be created ({error}); choose another folder with --output",
-            folder.display()
+            folder.shown()
         )
     })
 }
@@ -92,7 +89,7 @@ pub(super) fn make_folder(folder: &Path) -> Result<()> {
 pub(super) fn print_written(written: &[PathBuf]) {
     print("\nWritten:");
     for path in written {
-        print(format!("  {}", path.display()));
+        print(format!("  {}", path.shown()));
     }
 }
 

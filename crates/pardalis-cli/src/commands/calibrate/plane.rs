@@ -19,7 +19,7 @@ use crate::draw::overlay::{Mark, Shape};
 use crate::draw::picture::write_picture;
 use crate::files::write_file;
 use crate::numbers::fixed;
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::rectangle::{EdgeArgument, first_images};
 use crate::source::{SourceConfig, SourceKind, Timing};
 use crate::tables::Table;
@@ -102,10 +102,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         None => find_corners(arguments, input, &images)?,
     };
     let fitted = fit(&known.pairs).map_err(|error| match known.found {
-        Some(_) => user_error!("{}: {error}", input.display()),
+        Some(_) => user_error!("{}: {error}", input.shown()),
         None => user_error!(
             "{}: {error} (points are counted from the first row)",
-            input.display()
+            input.shown()
         ),
     })?;
     let size_px = images.first().map(RgbImage::size_px);
@@ -155,7 +155,7 @@ fn read_images(images: &Path, count: usize) -> Result<Vec<RgbImage>> {
 /// Finds the rectangle's corners in the images and assigns their world positions.
 fn find_corners(arguments: &Arguments, input: &Path, images: &[RgbImage]) -> Result<Known> {
     let found = detect(images, arguments.edge.into())
-        .map_err(|error| user_error!("{}: {error}", input.display()))?;
+        .map_err(|error| user_error!("{}: {error}", input.shown()))?;
     let of_corners = |corners_m: [[f64; 2]; 4]| Rectangle {
         corners_m,
         nearest: arguments.first - 1,
@@ -212,7 +212,7 @@ fn center_m(
     } else if let Some(path) = &arguments.camera {
         let remedy = "extract one with pardalis camera convert --camera NAME";
         let known = read_camera(path, None, remedy)?;
-        let option = format!("--camera {}", path.display());
+        let option = format!("--camera {}", path.shown());
         if let (Some(file), Some(images)) = (known.size_px, size_px)
             && file != images
         {

@@ -13,6 +13,7 @@ use super::report::Report;
 use crate::arguments::parse_size;
 use crate::commands::camera::optics::Optics;
 use crate::draw::calibration::{GRID_CELLS, cell_counts};
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Computes the pose of a calibrated camera from known points
@@ -50,7 +51,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let size_px = known.size_px.or(arguments.size).ok_or_else(|| {
         user_error!(
             "{}: does not state the size of the images; give it with --size WIDTHxHEIGHT",
-            arguments.camera.display()
+            arguments.camera.shown()
         )
     })?;
     let columns = arguments.columns.clone().unwrap_or_default();
@@ -58,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let [view] = observations.views.as_slice() else {
         return Err(user_error!(
             "{}: has {} views, but a pose needs exactly one; keep the rows of one view",
-            arguments.points.display(),
+            arguments.points.shown(),
             observations.views.len()
         ));
     };
@@ -69,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         &view.correspondences,
         OUTLIER_SIGMAS,
     )
-    .map_err(|refusal| user_error!("{}: {refusal}", arguments.points.display()))?;
+    .map_err(|refusal| user_error!("{}: {refusal}", arguments.points.shown()))?;
     let held = |(name, value)| FittedParameter {
         name,
         value,

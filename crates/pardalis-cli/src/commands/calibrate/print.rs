@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use crate::board::parse_board;
 use crate::files::write_file;
-use crate::output::print;
+use crate::output::{Shown, print};
 
 /// Writes a calibration board in true size as an SVG document
 ///
@@ -30,6 +30,6 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let board = parse_board(&arguments.board)?;
     write_file(&arguments.output, board.to_svg().as_bytes())?;
-    print(format!("{}", arguments.output.display()));
+    print(arguments.output.shown());
     Ok(())
 }

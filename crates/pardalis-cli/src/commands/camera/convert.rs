@@ -9,7 +9,7 @@ use pardalis_scene::calibration::{self, CalibrationFormat};
 
 use super::load::Selection;
 use crate::files::write_file;
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::user_error::user_error;
 
 /// Converts cameras to another format
@@ -56,10 +56,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     {
         return Err(user_error!(
             "-o {}: is the input file; choose another, so that none of its data is lost",
-            output.display()
+            output.shown()
         ));
     }
-    let refuse = |error| user_error!("{}: {error}", input.display());
+    let refuse = |error| user_error!("{}: {error}", input.shown());
     let text = calibration::write(arguments.to, &cameras).map_err(refuse)?;
     // Reading the text back shows what it preserves.
     let held = calibration::read(&text, None).map_err(refuse)?;
@@ -75,7 +75,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
             ));
         }
     }
-    print(format!("  {}", output.display()));
+    print(format!("  {}", output.shown()));
     Ok(())
 }
 

@@ -12,6 +12,7 @@ use crate::draw::Rgb;
 use crate::draw::grid::{Label, drawn_over};
 use crate::draw::overlay::{Mark, Shape};
 use crate::draw::picture::write_picture;
+use crate::output::Shown;
 use crate::source::decode::decode_image;
 use crate::user_error::user_error;
 
@@ -96,7 +97,7 @@ impl GridOptions {
             return Err(user_error!(
                 "{}: camera {} has no pose, which the grid of the world requires; compute it with \
                  `pardalis calibrate pose`, or add world_from_camera to a Pardalis calibration (see `pardalis camera convert --to pardalis`)",
-                file.display(),
+                file.shown(),
                 camera.name
             ));
         };
@@ -176,7 +177,7 @@ pub(super) fn read_image(path: &Path, camera: &CalibratedCamera) -> Result<RgbIm
     if let Some((width, height)) = camera.size_px.filter(|stated| *stated != size) {
         return Err(user_error!(
             "--grid {}: the image is {} x {} pixels, but camera {} is calibrated for {width} x {height}; give an image of that size",
-            path.display(),
+            path.shown(),
             size.0,
             size.1,
             camera.name

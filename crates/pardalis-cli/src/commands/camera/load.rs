@@ -9,6 +9,7 @@ use pardalis_camera::formats::Lens;
 use pardalis_scene::calibration;
 
 use crate::arguments::parse_size;
+use crate::output::Shown;
 use crate::scene::{self, read_text};
 use crate::user_error::user_error;
 
@@ -50,7 +51,7 @@ impl Selection {
             if cameras.is_empty() {
                 return Err(user_error!(
                     "--camera {name}: {} has no camera of this name; allowed: {allowed}",
-                    self.file.display()
+                    self.file.shown()
                 ));
             }
         }
@@ -65,7 +66,7 @@ impl Selection {
         match (self.size, camera.size_px) {
             (Some((width, height)), Some(stated)) if stated != (width, height) => Err(user_error!(
                 "--size {width}x{height}: according to {}, the images of camera {} are {}x{}; remove --size",
-                self.file.display(),
+                self.file.shown(),
                 camera.name,
                 stated.0,
                 stated.1
@@ -107,13 +108,13 @@ fn cameras_in(path: &Path, lens: Option<Lens>) -> Result<Vec<CalibratedCamera>> 
         .any(|line| line.trim_start().starts_with("[targets."));
     if !is_scene {
         return calibration::read(&text, lens)
-            .map_err(|error| user_error!("{}: {error}", path.display()));
+            .map_err(|error| user_error!("{}: {error}", path.shown()));
     }
     if let Some(lens) = lens {
         return Err(user_error!(
             "--as {}: {} is a scene, which states the lens models of its calibrations itself (calibration_lens); remove --as",
             lens.name(),
-            path.display()
+            path.shown()
         ));
     }
     let mut scene = scene::read(path)?;

@@ -11,7 +11,7 @@ use super::grid::{GridOptions, read_image};
 use super::load::Selection;
 use super::optics::{Optics, RadiusSample};
 use crate::draw::lens::{FieldOfView, LensCurve, write_distortion, write_field_of_view};
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::user_error::user_error;
 
 const EXAMPLES: &str = "Examples:
@@ -57,7 +57,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         let Some(size_px) = camera.size_px else {
             return Err(user_error!(
                 "{}: camera {}: the image size is unknown; give it with --size, such as --size 640x480",
-                file.display(),
+                file.shown(),
                 camera.name
             ));
         };
@@ -70,7 +70,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         fs::create_dir_all(folder).map_err(|error| {
             user_error!(
                 "-o {}: the folder cannot be created: {error}; choose another",
-                folder.display()
+                folder.shown()
             )
         })?;
         let stem = file_stem(&camera.name);
@@ -93,7 +93,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     }
     print(descriptions.join("\n"));
     for file in files {
-        print(format!("  {}", file.display()));
+        print(format!("  {}", file.shown()));
     }
     Ok(())
 }

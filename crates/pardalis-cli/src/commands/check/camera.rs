@@ -9,12 +9,16 @@ use crate::numbers::{counted, plain};
 use crate::scene::Parts;
 use crate::source::{Description, Source};
 
-/// Number of frames from which the rate of a source is measured that does not state it.
-const RATE_FRAMES: usize = 6;
+/// Number of frames that are read from each camera: those of a found target cost other than the first ones, in which it is searched for.
+const FRAMES: usize = 11;
+
+/// The most memory of the frames of a camera, in bytes, from its third frame on.
+const FRAMES_BYTES: usize = 64 << 20;
 
 /// A camera of which a frame could be read.
 pub(super) struct Seen {
-    pub(super) first: Frame,
+    /// Its first frames, one or more.
+    pub(super) frames: Vec<Frame>,
     /// The interval between its frames in seconds, if it is known.
     pub(super) interval_s: Option<f64>,
     /// Whether the interval was measured with the first frames.
@@ -52,7 +56,9 @@ pub(super) fn examine(parts: &mut Parts) -> Vec<Option<Seen>> {
 fn look(camera: &CameraConfig, source: &mut Source) -> anyhow::Result<Seen> {
     let span = source.span();
     let stated_s = span.and_then(|span| span.step_s).filter(|&s| s > 0.0);
-    let count = if stated_s.is_some() { 1 } else { RATE_FRAMES };
+    let (width, height) = source.size();
+    let frame_bytes = source.describe().pixel_format.byte_count(width, height);
+    let count = (FRAMES_BYTES / frame_bytes.max(1)).clamp(2, FRAMES);
     let frames = source.first_frames(count)?;
     let mut steps_s: Vec<f64> = frames
         .array_windows()
@@ -62,7 +68,7 @@ fn look(camera: &CameraConfig, source: &mut Source) -> anyhow::Result<Seen> {
     steps_s.sort_by(f64::total_cmp);
     let measured_s = steps_s.get(steps_s.len() / 2).copied();
     Ok(Seen {
-        first: frames[0].clone(),
+        frames,
         interval_s: stated_s.or(measured_s),
         is_measured: stated_s.is_none(),
         duration_s: span.map(|span| span.last_s - span.first_s),

@@ -3,21 +3,18 @@
 use std::path::Path;
 
 use anyhow::Result;
-use pardalis::tracker::{TrackState, Verdict};
-use pardalis::{CameraId, Estimate, Frame, FrameSet, TargetId, Tracker};
+use pardalis::tracker::Verdict;
+use pardalis::{Estimate, Frame, TargetId, Tracker};
 
 use crate::arguments::Threads;
-use crate::numbers::fixed;
+use crate::numbers::significant;
+use crate::output::Shown;
+use crate::platforms;
+use crate::scene::OpenScene;
 use crate::timing::Stopwatch;
-use crate::tracking::missed;
+use crate::tracking::{FrameSet, Limit, Merge, missed};
 
-/// Greatest number of steps that are measured after the first.
-const STEPS: usize = 5;
-
-/// The interval between frames that are measured if it is not known, in seconds.
-const TYPICAL_INTERVAL_S: f64 = 0.04;
-
-/// What the first step found of a target.
+/// What the first frames showed of a target.
 pub(super) struct Found {
     /// The estimate; of a crowd, the most certain.
     pub(super) estimate: Estimate,
@@ -27,114 +24,135 @@ pub(super) struct Found {
     pub(super) reason: Option<Verdict>,
 }
 
-/// The measured time of a step, and what the first step found.
+/// The measured time of a step, and what the first frames showed.
 pub(super) struct Cost {
-    /// What the first step found of each target.
+    /// What the first frame of each camera showed of each target.
     pub(super) found: Vec<Found>,
+    /// The most frames that were taken from a camera.
+    frames: usize,
+    /// The number of steps, which is that of the frames if all cameras are triggered together.
+    steps: usize,
     first_s: f64,
-    /// The median of the further steps; the first one if there are none.
+    /// The mean of the further steps; the first one if there are none.
     later_s: f64,
     /// The interval between frames, if it is known.
     interval_s: Option<f64>,
     threads: usize,
 }
 
-/// Tracks the first frames of all cameras repeatedly, as if nothing moved.
+/// Tracks these first frames of each camera as `track` does.
 pub(super) fn measure(
-    tracker: &mut Tracker,
-    firsts: &[Frame],
+    open: &mut OpenScene,
+    firsts: &[&[Frame]],
     interval_s: Option<f64>,
     threads: Threads,
 ) -> Result<Cost> {
     let pool = threads.start()?;
-    let begin_s = firsts
-        .iter()
-        .map(Frame::time_s)
-        .fold(f64::NEG_INFINITY, f64::max);
-    let step_s = interval_s.unwrap_or(TYPICAL_INTERVAL_S);
     let mut times_s = Vec::new();
     let mut found = Vec::new();
-    for step in 0..=STEPS {
-        // Lost targets cost nothing, unless they are searched for.
-        let mut estimates = tracker.targets().map(|target| tracker.estimate(target));
-        let mut is_lost =
-            || estimates.any(|estimate| estimate.is_ok_and(|e| e.state == TrackState::Lost));
-        if step > 0 && is_lost() {
-            break;
-        }
-        let time_s = begin_s + step_s * step as f64;
-        let frames = firsts.iter().enumerate();
-        let frames =
-            frames.map(|(camera, first)| Ok((CameraId::new(camera), first.with_time_s(time_s)?)));
-        let set = FrameSet::new(frames.collect::<Result<Vec<_>, pardalis::Error>>()?)?;
+    let mut is_unseen = vec![true; firsts.len()];
+    let mut sets = sets_of(firsts).peekable();
+    while let Some(set) = sets.next() {
         let watch = Stopwatch::start();
-        pool.install(|| tracker.observe(&set))?;
+        platforms::tell(&mut open.platforms, &mut open.tracker, set.time_s)?;
+        pool.install(|| open.tracker.observe(&set.without_frozen()?))?;
         times_s.push(watch.elapsed_s());
-        if step == 0 {
-            let find = |target: TargetId| {
-                let reasons = missed::reasons(tracker, target)?;
-                Ok(Found {
-                    estimate: tracker.estimate(target)?,
-                    members: tracker.members_at(target, time_s)?.count(),
-                    reason: reasons.first().copied(),
-                })
-            };
-            found = tracker.targets().map(find).collect::<Result<_>>()?;
+        for (camera, _) in &set.frames {
+            is_unseen[*camera] = false;
+        }
+        let is_last = sets.peek().is_none();
+        if found.is_empty() && (is_last || !is_unseen.contains(&true)) {
+            found = all_found(&open.tracker, set.time_s)?;
         }
     }
-    let first_s = times_s[0];
-    let later_s = &mut times_s[1..];
-    later_s.sort_by(f64::total_cmp);
+    let (first_s, later_s) = match &times_s[..] {
+        [first_s] => (*first_s, *first_s),
+        [first_s, later_s @ ..] => {
+            let all_s: f64 = later_s.iter().sum();
+            (*first_s, all_s / later_s.len() as f64)
+        }
+        [] => (0.0, 0.0),
+    };
     Ok(Cost {
         found,
+        frames: firsts.iter().map(|frames| frames.len()).max().unwrap_or(0),
+        steps: times_s.len(),
         first_s,
-        later_s: later_s.get(later_s.len() / 2).copied().unwrap_or(first_s),
+        later_s,
         interval_s,
         threads: pool.current_num_threads(),
     })
 }
 
+/// Returns frames of each camera as sets in order of time.
+fn sets_of(frames: &[&[Frame]]) -> impl Iterator<Item = FrameSet> {
+    let mut in_order: Vec<(usize, &Frame)> = frames
+        .iter()
+        .enumerate()
+        .flat_map(|(camera, frames)| frames.iter().map(move |frame| (camera, frame)))
+        .collect();
+    in_order.sort_by(|(_, a), (_, b)| a.time_s().total_cmp(&b.time_s()));
+    let mut merge = Merge::new(frames.len(), 0.0, Limit::default());
+    for (camera, frame) in in_order {
+        merge.take(camera, frame.clone(), frame.time_s());
+    }
+    std::iter::from_fn(move || merge.next_set(f64::INFINITY))
+}
+
+fn all_found(tracker: &Tracker, time_s: f64) -> Result<Vec<Found>> {
+    let find = |target: TargetId| {
+        let reasons = missed::reasons(tracker, target)?;
+        Ok(Found {
+            estimate: tracker.estimate(target)?,
+            members: tracker.members_at(target, time_s)?.count(),
+            reason: reasons.first().copied(),
+        })
+    };
+    tracker.targets().map(find).collect()
+}
+
 impl Cost {
+    /// Returns the number of steps for each frame of the camera with the most.
+    fn steps_per_frame(&self) -> f64 {
+        self.steps as f64 / self.frames.max(1) as f64
+    }
+
     /// Says how long a step takes and, of a recording with this number of frames, all of them.
     pub(super) fn text(&self, frames: Option<usize>) -> String {
         let share = self.interval_s.map_or(String::new(), |interval_s| {
-            let percent = rounded(100.0 * self.later_s / interval_s);
-            let interval_ms = rounded(1e3 * interval_s);
+            let in_interval_s = self.later_s * self.steps_per_frame();
+            let percent = significant(100.0 * in_interval_s / interval_s);
+            let interval_ms = significant(1e3 * interval_s);
             format!(", {percent} % of the {interval_ms} ms between frames")
         });
         let all = frames.map_or(String::new(), |frames| {
-            let all_s = rounded(self.first_s + self.later_s * frames.saturating_sub(1) as f64);
+            let steps = frames as f64 * self.steps_per_frame();
+            let all_s = significant(self.first_s + self.later_s * (steps - 1.0).max(0.0));
             format!("; {all_s} s for all frames")
         });
+        let read = match self.frames {
+            1 => "first frame".to_owned(),
+            frames => format!("first {frames} frames"),
+        };
         format!(
-            "cost, estimated on this computer with the first frame of each camera, without reading and writing files:\n  \
+            "cost, measured on this computer by tracking the {read} of each camera, without reading and writing files:\n  \
              {} ms per step on {} threads ({} ms for the first){share}{all}",
-            rounded(1e3 * self.later_s),
+            significant(1e3 * self.later_s),
             self.threads,
-            rounded(1e3 * self.first_s)
+            significant(1e3 * self.first_s)
         )
     }
 
     /// Returns a warning if live cameras are faster than the tracker.
     pub(super) fn warning(&self, path: &Path) -> Option<String> {
-        let interval_s = self.interval_s.filter(|&s| self.later_s > s)?;
+        let in_interval_s = self.later_s * self.steps_per_frame();
+        let interval_s = self.interval_s.filter(|&s| in_interval_s > s)?;
         Some(format!(
-            "{}: a step takes about {} ms, and frames come every {} ms: results will lag behind; use smaller images, a lower frame rate, \
-             fewer cameras or fewer particles",
-            path.display(),
-            rounded(1e3 * self.later_s),
-            rounded(1e3 * interval_s)
+            "{}: tracking takes about {} ms for each frame, and frames come every {} ms: results will lag behind; use smaller images, \
+             a lower frame rate, fewer cameras or fewer particles",
+            path.shown(),
+            significant(1e3 * in_interval_s),
+            significant(1e3 * interval_s)
         ))
-    }
-}
-
-/// Returns a positive number with two significant digits.
-fn rounded(value: f64) -> String {
-    if value >= 10.0 {
-        fixed(value, 0)
-    } else if value >= 1.0 {
-        fixed(value, 1)
-    } else {
-        fixed(value, 2)
     }
 }

@@ -9,13 +9,16 @@ use pardalis::tracker::BodySettings;
 use pardalis_scene::TargetConfig;
 
 use super::cost::Found;
-use crate::numbers::fixed;
+use crate::numbers::{fixed, significant};
+use crate::output::Shown;
 use crate::scene::Parts;
 use crate::tracking::missed;
 
 /// A target of a scene.
 pub(super) struct Seen {
     name: String,
+    /// Whether it is detected, not followed from a start.
+    is_searched: bool,
     /// Its bodies with colours.
     bodies: Vec<BodyColors>,
 }
@@ -25,10 +28,17 @@ struct BodyColors {
     /// The line and key of its colours.
     place: String,
     name: String,
-    /// The cameras with a frame in which they occur, with the area of their largest connected part, in pixels.
-    cameras: Vec<(String, f64)>,
+    /// The cameras with a frame in which they occur.
+    cameras: Vec<Area>,
     /// The cameras with a frame in which they do not.
     others: Vec<String>,
+}
+
+/// How much of a camera's frame is in a body's colours.
+struct Area {
+    camera: String,
+    area_px: f64,
+    share: f64,
 }
 
 /// Looks for the colours of all targets in the first frames of the cameras that have one.
@@ -48,10 +58,17 @@ pub(super) fn examine(parts: &mut Parts, firsts: &[Option<Frame>]) -> Vec<Seen> 
                     continue;
                 };
                 view.prepare(PixelKind::of(first), model.palette());
-                // The largest one is the first.
-                match blobs(&view.prepared(first), model).first() {
-                    Some(blob) => cameras.push((camera.name.clone(), blob.area_px)),
-                    None => others.push(camera.name.clone()),
+                let blobs = blobs(&view.prepared(first), model);
+                let area_px: f64 = blobs.iter().map(|blob| blob.area_px).sum();
+                let camera = camera.name.clone();
+                if area_px > 0.0 {
+                    cameras.push(Area {
+                        camera,
+                        area_px,
+                        share: area_px / (first.width() * first.height()) as f64,
+                    });
+                } else {
+                    others.push(camera);
                 }
             }
             bodies.push(BodyColors {
@@ -63,6 +80,7 @@ pub(super) fn examine(parts: &mut Parts, firsts: &[Option<Frame>]) -> Vec<Seen> 
         }
         targets.push(Seen {
             name: target.name.clone(),
+            is_searched: is_searched(target),
             bodies,
         });
     }
@@ -83,26 +101,30 @@ impl Seen {
         self.bodies.iter().any(was_compared)
     }
 
-    /// Says where the target's colours occur, in one line per body.
-    pub(super) fn text(&self) -> String {
+    /// Says how much of the first frames is in the target's colours, in one line per body, and if the target was looked for there and not found.
+    pub(super) fn text(&self, found: Option<&Found>) -> String {
+        let but = if self.is_missing(found) {
+            ", but the target is not recognised there"
+        } else {
+            ""
+        };
         let mut lines = vec![format!("targets.{}:", self.name)];
         for body in &self.bodies {
             let whose = if self.bodies.len() > 1 {
-                format!("{}'s colours", body.name)
+                format!("{}'s", body.name)
             } else {
-                "its colours".to_owned()
+                "its".to_owned()
             };
-            let area = |(camera, area_px): &(String, f64)| format!("{camera} ({area_px} pixels)");
-            let cameras: Vec<_> = body.cameras.iter().map(area).collect();
+            let cameras: Vec<_> = body.cameras.iter().map(Area::text).collect();
             let line = match (&cameras[..], &body.others[..]) {
                 ([], []) => continue,
                 ([], others) => format!(
-                    "{whose} do not occur in the first frame of {}",
+                    "{whose} colours do not occur in the first frame of {}",
                     others.join(", ")
                 ),
-                (_, []) => format!("{whose} occur in the first frame of {}", cameras.join(", ")),
-                (_, others) => format!(
-                    "{whose} occur in the first frame of {}, and not in that of {}",
+                (cameras, []) => format!("in {whose} colours: {}{but}", cameras.join(", ")),
+                (cameras, others) => format!(
+                    "in {whose} colours: {}, nothing in that of {}{but}",
                     cameras.join(", "),
                     others.join(", ")
                 ),
@@ -112,6 +134,24 @@ impl Seen {
         lines.join("\n")
     }
 
+    /// Reports whether the target was looked for and not found.
+    fn is_missing(&self, found: Option<&Found>) -> bool {
+        self.is_searched && found.is_some_and(|found| found.estimate.kinematics.is_none())
+    }
+
+    /// Returns a warning if there is something in the target's colours that is not the target.
+    pub(super) fn missing_warning(&self, path: &Path, found: &Found) -> Option<String> {
+        let shown = |body: &&BodyColors| !body.cameras.is_empty();
+        let body = self.bodies.iter().find(shown)?;
+        self.is_missing(Some(found)).then(|| {
+            format!(
+                "{}: {}: these colours occur in the first frames, but the target is not recognised there; unless it is out of view, see docs/not-found.md",
+                path.shown(),
+                body.place
+            )
+        })
+    }
+
     /// Returns a warning for each body whose colours occur nowhere.
     pub(super) fn warnings(&self, path: &Path) -> Vec<String> {
         let nowhere = |body: &&BodyColors| body.cameras.is_empty() && !body.others.is_empty();
@@ -119,12 +159,32 @@ impl Seen {
             format!(
                 "{}: {}: these colours occur in no first frame; unless the target is out of view there, learn them from images of this \
                  camera in this light",
-                path.display(),
+                path.shown(),
                 body.place
             )
         };
         self.bodies.iter().filter(nowhere).map(warning).collect()
     }
+}
+
+impl Area {
+    fn text(&self) -> String {
+        let percent = 100.0 * self.share;
+        let percent = if percent < 0.01 {
+            "less than 0.01".to_owned()
+        } else {
+            significant(percent)
+        };
+        let Self {
+            camera, area_px, ..
+        } = self;
+        format!("{area_px} pixels ({percent} %) of the first frame of {camera}")
+    }
+}
+
+/// Reports whether a target is detected, and not followed from a start.
+fn is_searched(target: &TargetConfig) -> bool {
+    target.bodies.iter().all(|body| body.cues().is_empty())
 }
 
 /// Says in a line whether a target was found in the first frames, by its estimate and what ruled out the candidate that came
@@ -137,7 +197,7 @@ pub(super) fn outcome(
         reason,
     }: &Found,
 ) -> String {
-    let is_searched = target.bodies.iter().all(|body| body.cues().is_empty());
+    let is_searched = is_searched(target);
     match (&estimate.kinematics, reason) {
         (None, _) if !is_searched => {
             "  is followed from its start, where it is not in the first frames; check the start"

@@ -9,7 +9,7 @@ use std::path::Path;
 use anyhow::{Result, anyhow};
 use pardalis_scene::is_name;
 
-use crate::output::{print, warn};
+use crate::output::{Shown, print, warn};
 use crate::source::CameraFormats;
 use formats::{Formats, formats_in};
 use nodes::{Node, nodes};
@@ -74,7 +74,7 @@ fn cameras(
             Some(trouble) => Err(trouble.clone()),
             None => formats_in(&messages_about(&node.path)?),
         };
-        let mut text = format!("# {}: {}", node.path.display(), node.name);
+        let mut text = format!("# {}: {}", node.path.shown(), node.name);
         match found {
             Ok(formats) => {
                 count += 1;
@@ -92,11 +92,11 @@ fn cameras(
         return Ok(texts);
     }
     let others = match nodes.len() {
-        0 => format!("there is no {}/video...", dev.display()),
-        1 => format!("{} delivers no images", nodes[0].path.display()),
+        0 => format!("there is no {}/video...", dev.shown()),
+        1 => format!("{} delivers no images", nodes[0].path.shown()),
         many => format!(
             "none of the {many} devices {}/video... delivers images",
-            dev.display()
+            dev.shown()
         ),
     };
     Err(anyhow!(
@@ -123,7 +123,7 @@ fn table(node: &Node, formats: &[Formats], names: &mut Vec<String>) -> String {
         let _ = write!(text, "\n#   {}: {sizes}", format.name);
     }
     let name = unused_name(&node.name, names);
-    let device = toml::Value::from(node.path.display().to_string());
+    let device = toml::Value::from(node.path.to_string_lossy().into_owned());
     let _ = write!(
         text,
         "\n[cameras.{name}]\nvideo = {device}\nfps = 30  # asked for; the camera may have another"
@@ -144,7 +144,7 @@ fn table(node: &Node, formats: &[Formats], names: &mut Vec<String>) -> String {
     }
     text += "\n# calibration = \"camera.toml\"";
     if let Some(link) = &node.stable_link {
-        let link = toml::Value::from(link.display().to_string());
+        let link = toml::Value::from(link.to_string_lossy().into_owned());
         let _ = write!(
             text,
             "\n# The same camera after a restart or at another place among several, instead of video above:\n# video = {link}\n# input.format = \"v4l2\""

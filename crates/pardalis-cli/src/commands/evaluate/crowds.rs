@@ -9,6 +9,7 @@ use super::confidence::Confidence;
 use super::pairing::{MatchedBy, OCCLUDER};
 use super::report::{CrowdReport, TargetReport};
 use super::{Options, Placed, Rules, RunSummary, names, samples};
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// A crowd, and the numbers of its tracks and of its objects.
@@ -147,7 +148,7 @@ pub(super) fn find(
     match crowds.iter().find(is_empty) {
         Some(Members { name, .. }) => Err(user_error!(
             "--crowd {name}: {} has no target {name}-1, {name}-2 or the like; its targets are {}",
-            tracks_path.display(),
+            tracks_path.shown(),
             tracks.join(", ")
         )),
         None => Ok(crowds),

@@ -17,7 +17,7 @@ use serde::Deserialize as _;
 use serde_json::Value;
 
 use crate::files::write_file;
-use crate::output::{print, warn};
+use crate::output::{Shown, print, warn};
 use crate::scene::read_text;
 use crate::tables::{self, Series, TrackRow};
 use crate::user_error::user_error;
@@ -165,7 +165,7 @@ pub(crate) fn score_files(tracks: &Path, truth: &Path, options: &Options) -> Res
     let window = window(options, &frames).ok_or_else(|| {
         user_error!(
             "no frame of {} (times {}) lies between --from and --to; change them",
-            truth_path.display(),
+            truth_path.shown(),
             time_range(&objects)
         )
     })?;
@@ -347,7 +347,7 @@ fn check_seen(targets: &[TargetReport], seen_by: Option<usize>, truth: &Path) ->
         Some(cameras) if targets.iter().all(|target| target.samples.is_empty()) => {
             Err(user_error!(
                 "in no frame of {} do exactly {cameras} cameras see more than half of a tracked object; give another number of cameras",
-                truth.display()
+                truth.shown()
             ))
         }
         _ => Ok(()),
@@ -402,9 +402,9 @@ fn other_clock<T, O>(
 ) -> anyhow::Error {
     user_error!(
         "no row of {} (times {}) has a row of {} (times {}) within {tolerance_s} s; both must use the same clock",
-        tracks_path.display(),
+        tracks_path.shown(),
         time_range(tracks),
-        truth_path.display(),
+        truth_path.shown(),
         time_range(objects)
     )
 }
@@ -487,7 +487,7 @@ impl RunSummary {
     /// Parses the file's text. Errors name `path`.
     pub(crate) fn parse(path: &Path, text: &str) -> Result<Self> {
         serde_json::from_str(text)
-            .map_err(|error| user_error!("{}: {error}; {SUMMARY_REMEDY}", path.display()))
+            .map_err(|error| user_error!("{}: {error}; {SUMMARY_REMEDY}", path.shown()))
     }
 
     /// Returns three diameters of the largest target, if the diameter of one is known.
@@ -512,12 +512,12 @@ impl RunSummary {
         let position_m = <[f64; 3]>::deserialize(position).map_err(|_| {
             user_error!(
                 "{}: cameras.{name}.position_m is {position}; allowed: an array of three numbers; or give --around X,Y,Z",
-                path.display()
+                path.shown()
             )
         })?;
         Ok(Point {
             position_m,
-            source: format!("camera {name} of {}", path.display()),
+            source: format!("camera {name} of {}", path.shown()),
         })
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use serde::Serialize;
 
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Objects with this prefix occlude others; they are never paired by position.
@@ -99,9 +100,9 @@ pub(super) fn pair(
     if pairs.is_empty() {
         return Err(user_error!(
             "{}: no target ({}) has an object in {} ({}); pair them with --map TARGET=OBJECT",
-            tracks_path.display(),
+            tracks_path.shown(),
             targets.join(", "),
-            truth_path.display(),
+            truth_path.shown(),
             objects.join(", ")
         ));
     }
@@ -121,7 +122,7 @@ fn place(option: &str, kind: &str, name: &str, names: &[&str], path: &Path) -> R
     names.iter().position(|n| *n == name).ok_or_else(|| {
         user_error!(
             "{option}: {} has no {kind} \"{name}\"; allowed: {}",
-            path.display(),
+            path.shown(),
             names.join(", ")
         )
     })

@@ -12,6 +12,7 @@ use serde::Serialize;
 use super::confidence::Confidence;
 pub(crate) use super::pairing::MatchedBy;
 use crate::numbers::{counted, fixed, plain};
+use crate::output::Shown;
 
 /// All results, and the options they depend on.
 #[derive(Debug, Serialize)]
@@ -107,8 +108,8 @@ impl Report {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [x, y, z] = self.around.position_m.map(plain);
-        writeln!(f, "tracks   {}", self.tracks.display())?;
-        writeln!(f, "truth    {}", self.truth.display())?;
+        writeln!(f, "tracks   {}", self.tracks.shown())?;
+        writeln!(f, "truth    {}", self.truth.shown())?;
         writeln!(f, "around   ({x}, {y}, {z}) m: {}", self.around.source)?;
         writeln!(
             f,

@@ -4,7 +4,7 @@ pub(crate) mod sequence;
 mod text;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use anyhow::Result;
 use clap::ValueEnum;
@@ -15,7 +15,7 @@ use pardalis_scene::{FrameRange, NAMES_ALLOWED, Scene, VideoInput, is_name};
 use crate::commands::camera::load::lens;
 use crate::files::write_file;
 use crate::focal_length::{exif_fov_deg, parse_fov_deg};
-use crate::output::{print, warn};
+use crate::output::{Shown, in_line, print, warn};
 use crate::scene::{read_calibration, read_text};
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use crate::user_error::user_error;
@@ -49,8 +49,8 @@ pub(crate) struct Arguments {
     /// of a sequence folder, else pinhole]
     #[arg(long, value_name = "MODEL|FILE")]
     camera: Option<String>,
-    /// The angle of view across the longer side of the image; selects a pinhole camera [default for pinhole:
-    /// from the EXIF data of the images, else 60, marked CHANGE]
+    /// The angle of view across the longer side of the image; selects a pinhole camera. docs/calibration.md says how to
+    /// measure it with a tape measure [default for pinhole: from the EXIF data of the images, else 60, marked CHANGE]
     #[arg(long = "fov", value_name = "DEGREES", value_parser = parse_fov_deg, allow_negative_numbers = true)]
     fov_deg: Option<f64>,
     /// The lens model of the calibration's coefficients, if the file does not state it
@@ -136,8 +136,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
                     return Err(user_error!(
                         "{}: no such folder; {} has {} cameras, and each needs a folder of its name; extract one camera with \
                          pardalis camera convert --camera NAME",
-                        input.display(),
-                        file.display(),
+                        input.shown(),
+                        file.shown(),
                         known.len()
                     ));
                 }
@@ -175,7 +175,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if output.exists() && !arguments.force {
         return Err(user_error!(
             "{}: already exists; choose another file with -o, or replace it with --force",
-            output.display()
+            output.shown()
         ));
     }
     let text = scene.text();
@@ -190,7 +190,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     write_file(output, text.as_bytes())?;
     arguments.unlikely().into_iter().for_each(warn);
-    print(output.display());
+    print(output.shown());
     let to_change = text::guesses(&text).len();
     if to_change > 0 {
         print(format!(
@@ -201,12 +201,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if !colors.exists() {
         print(format!(
             "  pardalis learn … -o {}    (how: pardalis learn --help)",
-            colors.display()
+            colors.shown()
         ));
     }
-    print(format!("  pardalis check {}", output.display()));
+    print(format!("  pardalis check {}", output.shown()));
     let command = if is_single { "locate" } else { "track" };
-    print(format!("  pardalis {command} {}", output.display()));
+    print(format!("  pardalis {command} {}", output.shown()));
     Ok(())
 }
 
@@ -223,7 +223,7 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     let is_single = is_single_image(input);
     let is_video = !input.is_dir() && !is_single;
     let has_times = input.join("times.csv").is_file();
-    let name = input.display().to_string();
+    let name = input.shown();
     if name == "-" || name.contains("://") {
         let source = if name == "-" { "pipe:0" } else { &name };
         return Err(user_error!(
@@ -248,7 +248,7 @@ fn open(input: &Path, fps: Option<f64>) -> Result<Opened> {
     }
     let kind = if is_video {
         SourceKind::Video {
-            video: VideoInput::of_path(&input.display().to_string()),
+            video: VideoInput::of_path(&input.to_string_lossy()),
             encoding: None,
         }
     } else {
@@ -330,7 +330,7 @@ fn known_cameras(arguments: &Arguments) -> Result<KnownCameras> {
             None => Err(user_error!(
                 "--camera {}: its EXIF data state no focal length; give the angle of view with --fov DEGREES, or --camera pinhole for a \
                  typical one",
-                image.display()
+                image.shown()
             )),
         };
     }
@@ -346,7 +346,7 @@ fn known_cameras(arguments: &Arguments) -> Result<KnownCameras> {
     if !file.exists() {
         return Err(user_error!(
             "--camera {}: is neither a model (equidistant, pinhole, unified, perspective_mirror) nor a file",
-            file.display()
+            file.shown()
         ));
     }
     let cameras = read_calibration(Path::new(""), &file.to_string_lossy(), arguments.lens)
@@ -363,7 +363,7 @@ fn fov_of_images(folder: &Path) -> Result<Fov> {
             Fov::Exif(fov_deg, file_name(folder))
         }));
     }
-    let unreadable = |error| user_error!("{}: cannot be read: {error}", folder.display());
+    let unreadable = |error| user_error!("{}: cannot be read: {error}", folder.shown());
     let entries = fs::read_dir(folder).map_err(unreadable)?;
     let paths = entries.map(|entry| Ok(entry?.path()));
     let paths = paths.collect::<std::io::Result<Vec<PathBuf>>>();
@@ -381,7 +381,7 @@ fn fov_of_images(folder: &Path) -> Result<Fov> {
 /// Returns the name of a file without its folder.
 fn file_name(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default();
-    name.to_string_lossy().into_owned()
+    in_line(&name.to_string_lossy())
 }
 
 /// Errors: the calibration is for images of another size.
@@ -389,7 +389,7 @@ fn check_size(file: &Path, camera: &CalibratedCamera, found: (usize, usize)) -> 
     match camera.size_px {
         Some(stated) if stated != found => Err(user_error!(
             "{}: camera {}: the calibration is for {} x {} pixels, the images are {} x {}",
-            file.display(),
+            file.shown(),
             camera.name,
             stated.0,
             stated.1,
@@ -426,25 +426,47 @@ fn frames_of(input: &Path, camera: Option<&str>) -> PathBuf {
     }
 }
 
-/// Returns a path as written in the scene, which need not exist: relative if it lies below the scene's
-/// folder, else absolute.
+/// Returns a path as written in the scene, which need not exist: relative to the scene's folder, so that both can be moved
+/// together; absolute only if they have no root in common, such as on two drives of Windows.
 fn shown_path(input: &Path, output: &Path) -> String {
     let parent = output
         .parent()
         .filter(|p| !p.as_os_str().is_empty())
         .unwrap_or(Path::new("."));
-    let absolute = |path: &Path| {
-        fs::canonicalize(path)
-            .or_else(|_| std::path::absolute(path))
-            .unwrap_or_else(|_| path.to_owned())
+    let (input, parent) = (canonical(input), canonical(parent));
+    let common: PathBuf = input
+        .components()
+        .zip(parent.components())
+        .take_while(|(a, b)| a == b)
+        .map(|(component, _)| component)
+        .collect();
+    let shown = match (input.strip_prefix(&common), parent.strip_prefix(&common)) {
+        (Ok(below), Ok(up)) if common.has_root() => {
+            let ups = up.components().map(|_| Component::ParentDir);
+            ups.chain(below.components()).collect()
+        }
+        _ => input,
     };
-    let (input, parent) = (absolute(input), absolute(parent));
-    let shown = input.strip_prefix(&parent).unwrap_or(&input);
     if shown.as_os_str().is_empty() {
         ".".to_owned()
     } else {
-        shown.display().to_string()
+        shown.to_string_lossy().into_owned()
     }
+}
+
+/// Returns the absolute path without links. Of a file that is still to be written, only its folder need exist.
+fn canonical(path: &Path) -> PathBuf {
+    let in_folder = || {
+        let folder = path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        let folder = fs::canonicalize(folder.unwrap_or(Path::new(".")))?;
+        Ok(folder.join(path.file_name().unwrap_or_default()))
+    };
+    fs::canonicalize(path)
+        .or_else(|_| in_folder())
+        .or_else(|_: std::io::Error| std::path::absolute(path))
+        .unwrap_or_else(|_| path.to_owned())
 }
 
 fn frames_per_second(text: &str) -> Result<f64, String> {

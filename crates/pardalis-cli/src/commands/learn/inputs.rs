@@ -11,6 +11,7 @@ use pardalis_scene::{FrameRange, VideoInput};
 
 use super::label::Label;
 use super::shell_word::shell_word;
+use crate::output::{Shown, in_line};
 use crate::source::decode::decode_image;
 use crate::source::{Delivery, Source, SourceConfig, SourceKind};
 use crate::user_error::user_error;
@@ -101,10 +102,10 @@ impl LabelledFile {
         let mut endings =
             (1..=self.path.components().count()).map(|count| ending(&self.path, count));
         let name = endings.find(is_unique).unwrap_or_else(|| self.path.clone());
-        let name = name.display();
+        let name = name.shown();
         match &self.frame {
             Some(VideoFrame { number, .. }) => format!("{name} {number}"),
-            None => name.to_string(),
+            None => name,
         }
     }
 
@@ -151,7 +152,7 @@ fn video_frame(path: &Path, number: usize) -> Result<Frame> {
     }
     let mut source = Source::open(&SourceConfig {
         kind: SourceKind::Video {
-            video: VideoInput::of_path(&path.display().to_string()),
+            video: VideoInput::of_path(&path.to_string_lossy()),
             encoding: None,
         },
         time_offset_s: 0.0,
@@ -182,17 +183,15 @@ fn ending(path: &Path, count: usize) -> PathBuf {
 }
 
 fn name_of(path: &Path) -> String {
-    path.file_name().map_or_else(
-        || path.display().to_string(),
-        |name| name.to_string_lossy().into_owned(),
-    )
+    path.file_name()
+        .map_or_else(|| path.shown(), |name| name.to_string_lossy().into_owned())
 }
 
 fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
     let unreadable = |error| {
         user_error!(
             "{}: the folder cannot be read: {error}; give a folder of images, or --image FILE for a single image",
-            folder.display()
+            folder.shown()
         )
     };
     let mut images = Vec::new();
@@ -223,7 +222,7 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
                 labels: vec![Label::Mask(mask)],
             });
         } else {
-            inputs.without_mask.push(name_of(&image));
+            inputs.without_mask.push(in_line(&name_of(&image)));
         }
     }
     if inputs.files.is_empty() {
@@ -242,7 +241,7 @@ fn folder_inputs(folder: &Path, masks: &str) -> Result<Inputs> {
                     .to_string_lossy()
             ),
         };
-        return Err(user_error!("{}: the folder {found}", folder.display()));
+        return Err(user_error!("{}: the folder {found}", folder.shown()));
     }
     Ok(inputs)
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use super::shell_word::shell_word;
+use crate::output::Shown;
 use crate::source::decode::decode_mask;
 use crate::user_error::user_error;
 
@@ -83,7 +84,7 @@ impl Label {
         let outside = |allowed: &str| {
             user_error!(
                 "{}: {self} exceeds the image of {width} x {height} pixels; allowed: {allowed}",
-                image.display()
+                image.shown()
             )
         };
         match self {
@@ -173,7 +174,7 @@ impl Label {
         if is_empty {
             return Err(user_error!(
                 "{}: {self} contains no pixel centre; give {remedy}",
-                image.display()
+                image.shown()
             ));
         }
         Ok(())
@@ -219,10 +220,10 @@ fn mark_mask(
     if mask.size_px() != size {
         return Err(user_error!(
             "{}: the mask has {} x {} pixels, but {} has {} x {}; a mask must have the size of its image",
-            path.display(),
+            path.shown(),
             mask.width(),
             mask.height(),
-            image.display(),
+            image.shown(),
             size.0,
             size.1
         ));
@@ -232,7 +233,7 @@ fn mark_mask(
         return Err(user_error!(
             "{}: no pixel of the mask is {MASK_THRESHOLD} or brighter, so it labels nothing; \
              paint the target white, or remove the image",
-            path.display()
+            path.shown()
         ));
     }
     for (object, grey) in is_object.iter_mut().zip(mask.as_raw()) {

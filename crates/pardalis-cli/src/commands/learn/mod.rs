@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use crate::files::write_file;
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::user_error::user_error;
 use check::Check;
 use evidence::Evidence;
@@ -106,7 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 
 /// Rejects, before any work is done, an output that cannot be a colour model file.
 fn check_output(path: &Path) -> Result<()> {
-    let name = path.display();
+    let name = path.shown();
     if path.extension().is_none_or(|extension| extension != "toml") {
         return Err(user_error!(
             "--output {name}: a colour model is a TOML file; choose a name ending in .toml, such as orange.colors.toml"
@@ -121,7 +121,7 @@ fn check_output(path: &Path) -> Result<()> {
     match folder {
         Some(folder) if !folder.is_dir() => Err(user_error!(
             "--output {name}: the folder {} does not exist; create it, or choose another",
-            folder.display()
+            folder.shown()
         )),
         _ => Ok(()),
     }

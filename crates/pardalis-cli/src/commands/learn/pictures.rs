@@ -14,6 +14,7 @@ use crate::draw::histogram::{ColorBin, ColorModelPlot, write_color_model_plot};
 use crate::draw::mosaic::{Tile, write_mosaic};
 use crate::draw::picture::picture_of;
 use crate::files::refuse_links;
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Maximum number of images shown; of more, those that fit worst.
@@ -27,7 +28,7 @@ pub(super) fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|error| {
         user_error!(
             "--pictures {}: the folder cannot be created: {error}; choose another, or give --no-pictures",
-            folder.display()
+            folder.shown()
         )
     })
 }
@@ -47,7 +48,7 @@ pub(super) fn write(
 ) -> Result<Vec<PathBuf>> {
     let plot = write_color_model_plot(folder, "histogram", &histogram(evidence, model))?;
     let mosaic = folder.join(MOSAIC);
-    write_mosaic(&mosaic, &tiles(files, evidence, check)?, 0.0)?;
+    write_mosaic(&mosaic, tiles(files, evidence, check), 0.0)?;
     Ok(plot.into_iter().chain([mosaic]).collect())
 }
 
@@ -85,7 +86,11 @@ fn short_name(palette: Palette, bin: u16) -> String {
 
 /// Returns the images with their labels, what was found and the scores; if there are too many, those in which the target was
 /// not found and those that fit the others worst.
-fn tiles(files: &[LabelledFile], evidence: &Evidence, check: &Check) -> Result<Vec<Tile>> {
+fn tiles(
+    files: &[LabelledFile],
+    evidence: &Evidence,
+    check: &Check,
+) -> impl Iterator<Item = Result<Tile>> {
     let judged = evidence.images.iter().zip(&check.images);
     let mut shown: Vec<_> = files.iter().zip(judged).collect();
     if shown.len() > MAX_TILES {
@@ -98,31 +103,28 @@ fn tiles(files: &[LabelledFile], evidence: &Evidence, check: &Check) -> Result<V
     }
     let mut learner = evidence.learner();
     let log_odds = &evidence.separation.log_odds;
-    shown
-        .into_iter()
-        .map(|(file, (image, found))| {
-            let (frame, marked) = file.load()?;
-            let mask = learner.target_pixels(&frame, &marked)?;
-            let bins = learner.bins_of(&frame);
-            let verdict = if image.is_suspect() {
-                ": check this label"
-            } else if found.failed() {
-                ": not found"
-            } else {
-                ""
-            };
-            Ok(Tile {
-                label: format!("{}{verdict}", image.name),
-                image: picture_of(&frame),
-                mask,
-                log_odds: bins
-                    .into_iter()
-                    .map(|bin| log_odds[usize::from(bin)] as f32)
-                    .collect(),
-                found_px: found
-                    .found()
-                    .map_or_else(Vec::new, |found| found.outline_px.clone()),
-            })
+    shown.into_iter().map(move |(file, (image, found))| {
+        let (frame, marked) = file.load()?;
+        let mask = learner.target_pixels(&frame, &marked)?;
+        let bins = learner.bins_of(&frame);
+        let verdict = if image.is_suspect() {
+            ": check this label"
+        } else if found.failed() {
+            ": not found"
+        } else {
+            ""
+        };
+        Ok(Tile {
+            label: format!("{}{verdict}", image.name),
+            image: picture_of(&frame),
+            mask,
+            log_odds: bins
+                .into_iter()
+                .map(|bin| log_odds[usize::from(bin)] as f32)
+                .collect(),
+            found_px: found
+                .found()
+                .map_or_else(Vec::new, |found| found.outline_px.clone()),
         })
-        .collect()
+    })
 }

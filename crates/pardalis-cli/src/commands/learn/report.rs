@@ -11,6 +11,7 @@ use super::evidence::Evidence;
 use super::pictures::MOSAIC;
 use super::remedy::Remedy;
 use crate::numbers::counted;
+use crate::output::Shown;
 
 /// Maximum number of bins, or of image names, that are listed.
 const MAX_LISTED: usize = 8;
@@ -59,7 +60,7 @@ impl fmt::Display for Report<'_> {
         self.write_check(f)?;
         writeln!(f, "\nWritten:")?;
         for path in self.written {
-            writeln!(f, "  {}", path.display())?;
+            writeln!(f, "  {}", path.shown())?;
         }
         Ok(())
     }
@@ -71,7 +72,7 @@ impl Report<'_> {
         let drawn = self.written.iter().find(|path| path.ends_with(MOSAIC));
         drawn.map_or_else(
             || format!("{MOSAIC} (leave --no-pictures out)"),
-            |path| path.display().to_string(),
+            |path| path.shown(),
         )
     }
 

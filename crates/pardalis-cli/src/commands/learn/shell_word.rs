@@ -2,14 +2,20 @@
 
 use std::path::Path;
 
+use crate::output::in_line;
+
 /// Formats a path as one word of a command, in quotes if a shell would take it apart.
 pub(super) fn shell_word(path: &Path) -> String {
-    let text = path.display().to_string();
+    let text = path.to_string_lossy().into_owned();
     let is_plain = |c: char| c.is_alphanumeric() || "/\\:._-+,@%".contains(c);
     if !text.is_empty() && text.chars().all(is_plain) {
         text
     } else if cfg!(windows) {
         format!("\"{text}\"")
+    } else if text.contains('\n') {
+        // In one line, as Bash and others read it.
+        let text = text.replace('\\', r"\\").replace('\'', r"\'");
+        format!("$'{}'", in_line(&text))
     } else {
         format!("'{}'", text.replace('\'', r"'\''"))
     }
@@ -27,6 +33,7 @@ mod tests {
         assert_eq!(word("my ball.png"), format!("{quote}my ball.png{quote}"));
         if !cfg!(windows) {
             assert_eq!(word("it's $1.png"), r"'it'\''s $1.png'");
+            assert_eq!(word("it's\n\\.png"), r"$'it\'s\n\\.png'");
         }
     }
 }

@@ -15,7 +15,7 @@ use self::curves::{Setup, along_ray, over_scales, to_csv};
 use crate::commands::locate::parse_pixel;
 use crate::draw::likelihood::{Sampled, write_curves, write_sampled};
 use crate::files::write_file;
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::scene;
 use crate::source::{Delivery, Source};
 use crate::user_error::user_error;
@@ -75,7 +75,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let Some(settings) = body.contour() else {
         return Err(user_error!(
             "{}: targets.{} has no contour cue, the only one that this command illustrates",
-            arguments.scene.display(),
+            arguments.scene.shown(),
             body.name
         ));
     };
@@ -98,7 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     };
     let folder = &arguments.output;
     std::fs::create_dir_all(folder)
-        .map_err(|error| user_error!("-o {}: {error}", folder.display()))?;
+        .map_err(|error| user_error!("-o {}: {error}", folder.shown()))?;
 
     let scales = over_scales(&setup, &all_settings, arguments.at);
     let (ray, distance_m) = along_ray(&setup, &all_settings, pixel, arguments.at, range_m)?;
@@ -126,7 +126,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     files.extend(write_pixels(folder, &setup, settings, arguments.at)?);
     for file in files {
-        print(file.display());
+        print(file.shown());
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ use pardalis_scene::{FrameRange, Scene, TargetConfig};
 
 use crate::arguments::Threads;
 use crate::numbers::fixed;
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::scene;
 use crate::sight::Sight;
 use crate::source::decode::media_kind;
@@ -155,7 +155,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     };
     let is_video = |path: &&PathBuf| media_kind(path) == Some("video");
     if let Some(video) = arguments.images.iter().find(is_video) {
-        let name = video.display();
+        let name = video.shown();
         return Err(user_error!(
             "{name}: is a video, not an image; leave it out if the scene names it, or write its frames to images: ffmpeg -i {name} %06d.png"
         ));
@@ -165,7 +165,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if !to_stdout {
         print(report.trim_end());
         for file in &run.files {
-            print(format!("  {}", file.display()));
+            print(format!("  {}", file.shown()));
         }
     }
     Ok(())

@@ -11,6 +11,7 @@ use pardalis::{TargetId, Tracker};
 use pardalis_filter::gaussian::GaussianStart;
 use pardalis_scene::{FrameRange, Input, Scene, TargetConfig, TrackingConfig};
 
+use crate::output::Shown;
 use crate::scene::OpenScene;
 use crate::source::Source;
 use crate::tables::{Column, Row, Table};
@@ -38,8 +39,8 @@ impl StartsFrom {
         match self {
             Self::Scene => ("starts", "scene".into()),
             Self::Pixel(pixel) => ("at_px", pixel.to_vec().into()),
-            Self::Positions(file, _) => ("starts", file.display().to_string().into()),
-            Self::Clicks(file, _) => ("clicks", file.display().to_string().into()),
+            Self::Positions(file, _) => ("starts", file.to_string_lossy().into_owned().into()),
+            Self::Clicks(file, _) => ("clicks", file.to_string_lossy().into_owned().into()),
         }
     }
 }
@@ -111,7 +112,7 @@ impl Starts {
         if let (Some(target), false) = (several, matches!(from, StartsFrom::Scene)) {
             return Err(user_error!(
                 "{}: targets.{} has several landmarks, which a single start does not locate; remove --at, --starts and --clicks to use the scene's start",
-                scene_path.display(),
+                scene_path.shown(),
                 target.name
             ));
         }
@@ -121,7 +122,7 @@ impl Starts {
                 ([_], [_]) => Ok(Self::Same(RoughStart::Pixel(0, *pixel))),
                 (cameras, targets) => Err(user_error!(
                     "--at: {} has {} cameras and {} targets, so the pixel is ambiguous; give --clicks FILE.csv with the columns camera and object",
-                    scene_path.display(),
+                    scene_path.shown(),
                     cameras.len(),
                     targets.len()
                 )),
@@ -201,7 +202,7 @@ impl Starts {
                 let Some((rough_start, _)) = listed.get(&frame) else {
                     return Err(user_error!(
                         "{}: has no start of {name} in frame {frame}; give each image a row, or use fewer images (first_frame, frame_limit)",
-                        file.display()
+                        file.shown()
                     ));
                 };
                 Ok(Some(rough_start.start(of_scene.as_ref())))
@@ -310,7 +311,7 @@ impl Starts {
         match self {
             Self::Scene => format!("frame {frame}"),
             Self::Same(_) => "--at".to_owned(),
-            Self::Listed { file, .. } => format!("{}, frame {frame}", file.display()),
+            Self::Listed { file, .. } => format!("{}, frame {frame}", file.shown()),
         }
     }
 }
@@ -368,7 +369,7 @@ impl<'t> Assignment<'t> {
             }
             Self::Column(_, names) => Err(user_error!(
                 "{}, column object: nothing is named \"{wanted}\"; select one of these with --object: {}",
-                file.display(),
+                file.shown(),
                 names.join(", ")
             )),
         }

@@ -16,6 +16,7 @@ use crate::draw::paths::{PathGroup, write_path_figures};
 use crate::draw::plots::TrackSeries;
 use crate::draw::reliability::{ReliabilityGroup, write_reliability_figures};
 use crate::draw::sweep::{SweepPoint, SweepSeries, write_sweep_figures};
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Draws the figures of an experiment into a folder, except those without any run (with `--verify`). Returns the files.
@@ -46,7 +47,7 @@ pub(super) fn copy_pngs(files: &[PathBuf], folder: &Path) -> Result<()> {
     let refuse = |error| {
         user_error!(
             "--figures {}: {error}; choose a folder with write permission",
-            folder.display()
+            folder.shown()
         )
     };
     fs::create_dir_all(folder).map_err(refuse)?;

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 
 use crate::files::write_file;
+use crate::output::Shown;
 use crate::user_error::user_error;
 
 /// Larger files, which are videos, are identified by size and modification time.
@@ -48,7 +49,7 @@ impl Finished {
         match fs::remove_file(&path) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => Err(user_error!(
                 "{}: cannot be removed ({error}); give another folder with -o",
-                path.display()
+                path.shown()
             )),
             _ => Ok(()),
         }

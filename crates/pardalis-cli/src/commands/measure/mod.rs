@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::commands::simulate::Sequence;
 use crate::files::{refuse_links, write_file};
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::scene::{problems_in, read_text};
 use crate::user_error::user_error;
 use finished::Finished;
@@ -113,7 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let facts = results::facts(&arguments.experiment);
     let output = arguments.output.join(&experiment.name);
     refuse_links(&output)?;
-    let place = || arguments.experiment.display().to_string();
+    let place = || arguments.experiment.shown();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = arguments.threads.map_or(cores, usize::from);
     let pool = rayon::ThreadPoolBuilder::new()
@@ -157,10 +157,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let csv = output.join("results.csv");
     write_file(&csv, results.to_csv().as_bytes())?;
     write_file(&output.join("pooled.csv"), pooled.as_bytes())?;
-    print(csv.display());
+    print(csv.shown());
     if let Some(record) = &arguments.record {
         fs::create_dir_all(record)
-            .map_err(|error| user_error!("--record {}: {error}", record.display()))?;
+            .map_err(|error| user_error!("--record {}: {error}", record.shown()))?;
         let file = |ending| record.join(format!("{}.{ending}", experiment.name));
         write_file(&file("csv"), results.to_csv().as_bytes())?;
         write_file(&file("facts.txt"), facts.as_bytes())?;

@@ -18,6 +18,7 @@ use crate::commands::simulate::Sequence;
 use crate::draw::camera_symbol::CameraSymbol;
 use crate::draw::plots::{Sample, TrackSeries, TruthSeries, write_track_plots};
 use crate::files::write_file;
+use crate::output::Shown;
 use crate::progress::Progress;
 use crate::user_error::user_error;
 use crate::{scene, tables, tracking};
@@ -260,10 +261,7 @@ impl Fresh {
     fn simulate(&self, progress: &Progress) -> Result<()> {
         let Self { folder, .. } = self;
         std::fs::create_dir_all(folder.parent().unwrap_or(folder)).map_err(|error| {
-            user_error!(
-                "{}: {error}; choose another folder with -o",
-                folder.display()
-            )
+            user_error!("{}: {error}; choose another folder with -o", folder.shown())
         })?;
         self.sequence.write(folder, true, progress)?;
         write_file(&Self::mark(folder), self.fingerprint.as_bytes())

@@ -9,6 +9,7 @@ use pardalis_scene::experiment::{Bands, Run};
 use super::digits::{median, shown};
 use super::metrics::{METRICS, Measured};
 use crate::commands::evaluate::{Report, TargetReport};
+use crate::output::Shown;
 
 /// The figures of one seed and target over one window.
 #[derive(Clone)]
@@ -181,7 +182,7 @@ pub(super) fn facts(experiment: &Path) -> String {
         .unwrap_or(": unknown");
     format!(
         "command   pardalis measure {}\nversion   {}\ncommit    {}{}\ncompiler  {}\ncpu       {}\ncores     {}\n",
-        experiment.display(),
+        experiment.shown(),
         env!("CARGO_PKG_VERSION"),
         output_of("git", &["rev-parse", "HEAD"]),
         if changes.is_empty() {

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use crate::arguments::Threads;
 use crate::folder::{Content, Folder};
 use crate::numbers::{counted, fixed, plain};
-use crate::output::{print, warn};
+use crate::output::{Shown, print, warn};
 use crate::progress::Progress;
 use crate::scene;
 use crate::source::{Delivery, Source};
@@ -111,7 +111,7 @@ fn rectify(arguments: &Arguments, output: &Path) -> Result<String> {
     if source.is_live() {
         return Err(user_error!(
             "{}: cameras.{}: is a live camera, whose images never end; record it to a file first",
-            path.display(),
+            path.shown(),
             camera.name
         ));
     }
@@ -148,7 +148,7 @@ fn selected_camera(path: &Path, scene: &Scene, name: Option<&str>) -> Result<usi
         let given = name.map_or_else(|| "is needed".to_owned(), |name| format!("is {name}"));
         user_error!(
             "{}: --camera {given}; the scene's cameras are {}",
-            path.display(),
+            path.shown(),
             names.join(", ")
         )
     })
@@ -165,7 +165,7 @@ fn rectifier(arguments: &Arguments, camera: &CameraConfig, view: &View) -> Resul
     made.map_err(|error| {
         user_error!(
             "{}: cameras.{}: {error} (--area, --step)",
-            arguments.scene.display(),
+            arguments.scene.shown(),
             camera.name
         )
     })
@@ -282,9 +282,9 @@ fn report(arguments: &Arguments, output: &Path, images: usize, rectifier: &Recti
     let _ = write!(
         text,
         "  {}: seen from {place}\n  {scene}: {} with these images instead of the camera's\nnext: pardalis {next} {scene}",
-        output.join("camera.toml").display(),
-        arguments.scene.display(),
-        scene = scene.display()
+        output.join("camera.toml").shown(),
+        arguments.scene.shown(),
+        scene = scene.shown()
     );
     text
 }

@@ -10,7 +10,7 @@ use pardalis::view::View;
 use pardalis_camera::Projection as _;
 use toml::de::{DeTable, DeValue};
 
-use crate::output::warn;
+use crate::output::{Shown, warn};
 use crate::scene::read_text;
 use crate::user_error::user_error;
 
@@ -26,7 +26,7 @@ pub(super) fn of(
 ) -> Result<String> {
     let text = read_text(path)?;
     // The scene was parsed before; this only fails if the file has changed since.
-    let root = DeTable::parse(&text).map_err(|error| user_error!("{}: {error}", path.display()))?;
+    let root = DeTable::parse(&text).map_err(|error| user_error!("{}: {error}", path.shown()))?;
     let mut writer = Writer {
         text: &text,
         folder: path.parent().unwrap_or(Path::new("")),
@@ -36,7 +36,7 @@ pub(super) fn of(
         rectifier,
         written: format!(
             "# Written by pardalis rectify from {}: the images of cameras.{camera} are now maps.\n",
-            path.display()
+            path.shown()
         ),
     };
     writer.push_table(&[], root.get_ref());

@@ -13,7 +13,7 @@ use pardalis_simulate::{Delivery, World};
 
 use crate::arguments::Threads;
 use crate::folder::{Content, Folder};
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::progress::Progress;
 use crate::scene::{problems_in, read_calibration, read_text};
 use crate::user_error::user_error;
@@ -123,7 +123,7 @@ impl Sequence {
         if let Some((camera, _)) = silent {
             return Err(user_error!(
                 "{}: camera {} delivers no image within duration_s = {duration_s}; increase duration_s, or drop fewer images",
-                path.display(),
+                path.shown(),
                 camera.name
             ));
         }
@@ -171,7 +171,7 @@ impl Sequence {
     fn summary(&self, output: &Path) -> String {
         use std::fmt::Write as _;
         let world = self.world();
-        let mut text = format!("{}: {} s of", output.display(), world.duration_s);
+        let mut text = format!("{}: {} s of", output.shown(), world.duration_s);
         for (camera, deliveries) in world.cameras.iter().zip(&self.deliveries) {
             let frozen = deliveries.iter().filter(|d| d.shown.1 != d.time_s).count();
             let broken = deliveries.iter().filter(|d| d.is_broken).count();
@@ -185,7 +185,7 @@ impl Sequence {
         let _ = write!(
             text,
             "\nNext:\n  pardalis track {0}/scene.toml -o {0}-tracks\n  pardalis evaluate {0}-tracks {0}",
-            output.display()
+            output.shown()
         );
         text
     }

@@ -39,7 +39,7 @@ pub(super) fn of(sequence: &Sequence) -> String {
         let deliveries = &sequence.deliveries[number];
         let folder = frames::folder_of(sequence, number);
         // Writing to a String cannot fail. Paths use slashes on all platforms.
-        let folder = folder.display().to_string().replace('\\', "/");
+        let folder = folder.to_string_lossy().into_owned().replace('\\', "/");
         let _ = write!(
             text,
             "\n[cameras.{}]\nimages = \"{folder}\"\ncalibration = \"cameras.toml\"\n",

@@ -12,6 +12,7 @@ use pardalis_simulate::{Body, Course, Object, Path, Renderer, World, truth};
 use super::frames;
 use super::{Sequence, scene_text};
 use crate::folder::Folder;
+use crate::output::Shown;
 use crate::progress::Progress;
 use crate::source::decode::decode_image;
 use crate::user_error::user_error;
@@ -76,7 +77,7 @@ pub(super) fn write(sequence: &Sequence, folder: &Folder, progress: &Progress) -
         let model = learner.learn().map_err(|_| {
             user_error!(
                 "{}: objects.{}: none of {} stills shows it, so its colours cannot be learnt; place it in view of a camera, or set training_stills = 0",
-                sequence.path.display(),
+                sequence.path.shown(),
                 world.objects[members[0]].name,
                 sequence.config.training_stills
             )

@@ -11,7 +11,7 @@ use pardalis_scene::{Scene, TargetConfig, with_time_offsets};
 
 use super::output;
 use crate::files::write_file;
-use crate::output::print;
+use crate::output::{Shown, print};
 use crate::scene;
 use crate::user_error::user_error;
 use detect::detect;
@@ -55,7 +55,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(camera) = read.cameras.iter().find(|camera| camera.platform.is_some()) {
         return Err(user_error!(
             "{}: cameras.{}.platform: the camera moves, and temporal calibration needs cameras at rest; `calibrate mount` estimates the offset of the platform's clock",
-            path.display(),
+            path.shown(),
             camera.name
         ));
     }
@@ -64,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let [body] = &open.scene.targets[number].bodies[..] else {
         return Err(user_error!(
             "{}: targets.{}: has several landmarks, but temporal calibration needs a single body; define a target of one body and choose it with --target NAME",
-            path.display(),
+            path.shown(),
             open.scene.targets[number].name
         ));
     };
@@ -84,7 +84,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         })
         .collect();
     let fits = calibrate_time(&cameras, body.size, arguments.max_offset_s)
-        .map_err(|refusal| user_error!("{}: {refusal}", path.display()))?;
+        .map_err(|refusal| user_error!("{}: {refusal}", path.shown()))?;
     let report = Report::new(&open.scene, &cameras, &fits);
 
     let folder = output::folder(arguments.output.as_deref(), path, "time");
@@ -104,7 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let text = text.ok_or_else(|| {
             user_error!(
                 "{}: the layout of the file does not allow inserting the offsets; add them by hand:\n{}",
-                path.display(),
+                path.shown(),
                 report.settings()
             )
         })?;
@@ -127,8 +127,8 @@ fn check_folder(scene: &Path, corrected: &Path) -> Result<()> {
     }
     Err(user_error!(
         "--corrected {}: lies in another folder than {}, but paths in a scene are relative to its folder; give a file beside the scene",
-        corrected.display(),
-        scene.display()
+        corrected.shown(),
+        scene.shown()
     ))
 }
 
@@ -143,7 +143,7 @@ pub(super) fn target(path: &Path, scene: &Scene, wanted: Option<&str>) -> Result
             let unknown = wanted.map_or_else(String::new, |name| format!("no target {name}, but "));
             Err(user_error!(
                 "{}: has {unknown}the targets {}; choose one with --target NAME",
-                path.display(),
+                path.shown(),
                 names.join(", ")
             ))
         }
