@@ -40,6 +40,15 @@ impl Level {
         }
     }
 
+    /// Returns the name of the instruction set.
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            Set::Baseline => "baseline",
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2 => "avx2",
+        }
+    }
+
     /// Runs a kernel with the instructions of this level.
     #[inline(always)]
     pub fn run<R>(self, kernel: impl FnOnce() -> R) -> R {

@@ -1,6 +1,7 @@
 //! The time from decoded images to estimates, step by step: median, 99th and 99.9th percentile and maximum, with default settings on one thread.
 //!
-//! `cargo bench -p pardalis --bench latency` prints a table; `-- NAME` measures the runs whose names contain it, `-- --steps 1000` fewer steps of each.
+//! `cargo bench -p pardalis --bench latency` prints a table; `-- NAME` measures the runs whose names contain it, `-- --steps 1000` fewer steps of each,
+//! `-- --level baseline` without wider instructions.
 //! Before a figure is printed, the estimates of the same steps must have been right: most of them within a bound of the truth.
 
 #[path = "../tests/integration/common/mod.rs"]
@@ -41,13 +42,13 @@ struct Run {
 
 impl Run {
     /// Tracks pass after pass, each with a new tracker, and prints how long its steps took. The first three steps of each pass find the targets and are not counted.
-    fn measure(&self, steps: usize) {
+    fn measure(&self, steps: usize, level: Level) {
         let mut times_us = Vec::with_capacity(steps);
         let (mut right, mut estimates) = (0, 0);
         let begun = Instant::now();
         while times_us.len() < steps && begun.elapsed().as_secs_f64() < MOST_S {
             let views = self.views.clone();
-            let mut tracker = Tracker::new(views, self.targets.clone(), 1, Level::best()).unwrap();
+            let mut tracker = Tracker::new(views, self.targets.clone(), 1, level).unwrap();
             for (number, (set, truth_m)) in self.sets.iter().zip(&self.truth_m).enumerate() {
                 let time_s = number as f64 / self.fps;
                 let frames = set.iter().enumerate();
@@ -286,7 +287,7 @@ fn runs() -> Vec<Named> {
 }
 
 fn main() {
-    let mut steps = STEPS;
+    let (mut steps, mut level) = (STEPS, Level::best());
     let mut names = Vec::new();
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
@@ -299,6 +300,12 @@ fn main() {
                     .filter(|&count| count > 0)
                     .expect("--steps takes a number above 0");
             }
+            "--level" => {
+                let name = words.next();
+                let mut available = Level::available().into_iter();
+                let found = available.find(|level| name.as_deref() == Some(level.name()));
+                level = found.expect("--level takes baseline or, if the CPU has it, avx2");
+            }
             _ => names.push(word),
         }
     }
@@ -307,7 +314,7 @@ fn main() {
     println!("run,images,targets,steps,median_us,p99_us,p999_us,max_us");
     for (name, run) in runs() {
         if names.is_empty() || names.iter().any(|part| name.contains(part)) {
-            run().measure(steps);
+            run().measure(steps, level);
         }
     }
 }

@@ -90,11 +90,24 @@ impl BinCounts {
         self.counts.resize(palette.bin_count(), 0);
         self.total = 0;
         let Self { counts, total } = self;
+        let is_open = |x: usize, y: usize| open.is_none_or(|open| open[y * width + x]);
         with_pixels!(frame, components => for y in (0..height).step_by(step_px) {
-            for x in (0..width).step_by(step_px) {
-                if open.is_none_or(|open| open[y * width + x]) {
-                    counts[usize::from(table.bin(correction.bytes(components(x, y))))] += 1;
-                    *total += 1;
+            for first in (0..width).step_by(CHUNK * step_px) {
+                let columns = (first..width).step_by(step_px).take(CHUNK);
+                let mut bytes = [[0_u8; CHUNK]; 3];
+                for (i, x) in columns.clone().enumerate() {
+                    let pixel = components(x, y);
+                    for (of_channel, value) in bytes.iter_mut().zip(pixel) {
+                        of_channel[i] = value;
+                    }
+                }
+                let bytes = correction.block(bytes);
+                for (i, x) in columns.enumerate() {
+                    if is_open(x, y) {
+                        let bin = table.bin([bytes[0][i], bytes[1][i], bytes[2][i]]);
+                        counts[usize::from(bin)] += 1;
+                        *total += 1;
+                    }
                 }
             }
         });

@@ -375,7 +375,10 @@ fn principal_axes(
 /// Returns ln(eᵃ + eᵇ).
 pub(super) fn log_add(a: f64, b: f64) -> f64 {
     let (less, more) = if a < b { (a, b) } else { (b, a) };
-    if less == f64::NEG_INFINITY {
+    // Less than half a unit in the last place of 1: most parts of a mixture are far away.
+    const NEGLIGIBLE: f64 = -45.0;
+    // Both may be -∞.
+    if less == f64::NEG_INFINITY || less - more < NEGLIGIBLE {
         more
     } else {
         more + libm::log1p(libm::exp(less - more))

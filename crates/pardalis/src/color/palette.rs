@@ -227,6 +227,19 @@ impl PixelKind {
         }
     }
 
+    /// Converts a block of pixels, given as their first, second and third raw bytes, to blocks of Y, U and V.
+    #[inline(always)]
+    pub(crate) fn full_range_yuv_of_block<const N: usize>(
+        self,
+        bytes: &[[u8; N]; 3],
+    ) -> [[f32; N]; 3] {
+        // The kind is matched once per block.
+        match self {
+            Self::Rgb => of_block(bytes, full_range_yuv_from_rgb),
+            Self::Yuv(_) => of_block(bytes, |bytes| self.full_range_yuv(bytes)),
+        }
+    }
+
     /// The same for means of raw bytes.
     pub(crate) fn full_range_yuv_of_mean(self, bytes: [f64; 3]) -> [f32; 3] {
         let full = YuvEncoding::default();
@@ -268,6 +281,22 @@ impl PixelKind {
         // Casts of floats saturate.
         bytes.map(|value| (value + 0.5) as u8)
     }
+}
+
+/// Converts each pixel of a block.
+#[inline(always)]
+fn of_block<const N: usize>(
+    bytes: &[[u8; N]; 3],
+    convert: impl Fn([u8; 3]) -> [f32; 3],
+) -> [[f32; N]; 3] {
+    let mut block = [[0_f32; N]; 3];
+    for i in 0..N {
+        let yuv = convert([bytes[0][i], bytes[1][i], bytes[2][i]]);
+        for (of_channel, value) in block.iter_mut().zip(yuv) {
+            of_channel[i] = value;
+        }
+    }
+    block
 }
 
 /// The same as [`YuvEncoding::yuv_from_rgb`] of the default encoding, in single precision: every pixel near an outline is converted.

@@ -216,14 +216,14 @@ impl CorrespondenceLines {
                 },
             );
             take_mixtures(
-                (frame, octave),
+                (frame, octave, table.level()),
                 (streak, count as f32, thinning),
                 (pixels, places, mixtures),
                 patch,
             );
         } else {
             take_pixels(
-                (frame, octave),
+                (frame, octave, table.level()),
                 (corners, thinning),
                 (pixels, places),
                 patch,
@@ -583,7 +583,7 @@ fn unshared(frame: &EdgeFrame, crossings: &[Crossing]) -> [f32; SECTORS] {
 
 /// Gathers an octave's pixels near an outline, each with its nearest corner; one in `thinning`, as on a chessboard.
 fn take_pixels(
-    (frame, octave): (&EdgeFrame, Octave),
+    (frame, octave, level): (&EdgeFrame, Octave, Level),
     (corners, thinning): (&[Corner], usize),
     (pixels, places): (&mut Vec<EdgePixel>, &mut Vec<(usize, bool)>),
     patch: &mut Patch,
@@ -627,7 +627,7 @@ fn take_pixels(
             if !BAND_PX.contains(&distance_px) {
                 continue;
             }
-            let Some((yuv, matches)) = patch.pixel(frame, x, y) else {
+            let Some((yuv, matches)) = patch.pixel((frame, level), x, y) else {
                 continue;
             };
             pixels.push(EdgePixel {
@@ -642,7 +642,7 @@ fn take_pixels(
 
 /// Gathers an octave's pixels near a streak.
 fn take_mixtures(
-    (frame, octave): (&EdgeFrame, Octave),
+    (frame, octave, level): (&EdgeFrame, Octave, Level),
     (streak, count, thinning): (&Streak, f32, usize),
     (pixels, places, mixtures): (
         &mut Vec<EdgePixel>,
@@ -669,7 +669,7 @@ fn take_mixtures(
             if mixture.hull_px > *BAND_PX.end() {
                 continue;
             }
-            let Some((yuv, matches)) = patch.pixel(frame, x, y) else {
+            let Some((yuv, matches)) = patch.pixel((frame, level), x, y) else {
                 continue;
             };
             pixels.push(EdgePixel {

@@ -2,6 +2,7 @@
 
 use super::EdgeFrame;
 use super::frame::Octave;
+use pardalis_core::simd::Level;
 
 /// How far a patch reaches beyond the pixels that are asked for, in pixels of the octave. Hand-set: outlines seldom move farther during a fit.
 const MARGIN_PX: usize = 4;
@@ -9,24 +10,22 @@ const MARGIN_PX: usize = 4;
 /// Larger patches are not kept: most of their pixels are far from the outline. Hand-set: 2 MiB.
 const MAX_PIXELS: usize = 1 << 17;
 
-/// What is known of a pixel.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Known {
-    /// It has not been looked at.
-    Nothing,
-    /// Part of it is masked.
-    Masked,
-    /// Its mean colour (Y, U and V), and whether most of it is in the target's colours.
-    Color([f32; 3], bool),
-}
+/// The pixels of a row that are converted at once.
+pub(super) const CHUNK: usize = 16;
 
-/// A part of an octave of one camera's frame. Its buffer is kept.
+/// The mean colour of a pixel (Y, U and V), and 1 if most of it is in the target's colours, 0 if not, NaN if part of it is masked.
+pub(super) type PatchPixel = [f32; 4];
+
+/// A part of an octave of one camera's frame. Its buffers are kept.
 #[derive(Debug, Default)]
 pub(super) struct Patch {
     octave: Octave,
     columns: std::ops::Range<usize>,
     rows: std::ops::Range<usize>,
-    pixels: Vec<Known>,
+    /// Row by row, in chunks.
+    pixels: Vec<[PatchPixel; CHUNK]>,
+    /// Whether each chunk has been converted.
+    converted: Vec<bool>,
 }
 
 impl Patch {
@@ -35,7 +34,8 @@ impl Patch {
 
     pub(super) fn with_room() -> Self {
         Self {
-            pixels: Vec::with_capacity(Self::PIXELS),
+            pixels: Vec::with_capacity(Self::PIXELS / CHUNK),
+            converted: Vec::with_capacity(Self::PIXELS / CHUNK),
             ..Self::default()
         }
     }
@@ -65,34 +65,52 @@ impl Patch {
         self.octave = octave;
         self.columns = widened(columns, width);
         self.rows = widened(rows, height);
-        self.pixels.clear();
-        let count = self.columns.len() * self.rows.len();
-        if count <= MAX_PIXELS {
-            self.pixels.resize(count, Known::Nothing);
+        let chunks = self.chunks_a_row() * self.rows.len();
+        self.converted.clear();
+        if chunks * CHUNK <= MAX_PIXELS {
+            self.converted.resize(chunks, false);
+            // What they held before is not read.
+            self.pixels.resize(chunks, [[0.0; 4]; CHUNK]);
         }
+    }
+
+    fn chunks_a_row(&self) -> usize {
+        self.columns.len().div_ceil(CHUNK)
     }
 
     /// The mean colour of a pixel that is covered (Y, U and V) and whether most of it is in the target's colours; `None` if part of it is masked.
     #[inline(always)]
     pub(super) fn pixel(
         &mut self,
-        frame: &EdgeFrame,
+        (frame, level): (&EdgeFrame, Level),
         column: usize,
         row: usize,
     ) -> Option<([f32; 3], bool)> {
-        if self.pixels.is_empty() {
-            return frame.pixel(self.octave, column, row);
-        }
-        let at = (row - self.rows.start) * self.columns.len() + (column - self.columns.start);
-        match self.pixels[at] {
-            Known::Color(yuv, matches) => Some((yuv, matches)),
-            Known::Masked => None,
-            Known::Nothing => {
-                let seen = frame.pixel(self.octave, column, row);
-                self.pixels[at] =
-                    seen.map_or(Known::Masked, |(yuv, matches)| Known::Color(yuv, matches));
-                seen
+        let [column, row] = [column - self.columns.start, row - self.rows.start];
+        let (number, at) = (row * self.chunks_a_row() + column / CHUNK, column % CHUNK);
+        let known = if self.converted.is_empty() {
+            self.convert(frame, level, [column - at, row])[at]
+        } else {
+            if !self.converted[number] {
+                self.pixels[number] = self.convert(frame, level, [column - at, row]);
+                self.converted[number] = true;
             }
-        }
+            self.pixels[number][at]
+        };
+        let [y, u, v, matches] = known;
+        (!matches.is_nan()).then_some(([y, u, v], matches == 1.0))
+    }
+
+    /// Converts the chunk that begins at a pixel of the patch.
+    #[inline(never)]
+    fn convert(
+        &self,
+        frame: &EdgeFrame,
+        level: Level,
+        [column, row]: [usize; 2],
+    ) -> [PatchPixel; CHUNK] {
+        let count = CHUNK.min(self.columns.len() - column);
+        let place = [self.columns.start + column, self.rows.start + row];
+        frame.pixels(level, self.octave, place, count)
     }
 }
