@@ -8,6 +8,7 @@ use crate::likelihood::edge::{
     Detection, Detections, EdgeCue, EdgeFrame, FitStart, NoFit, PositionPrior, SizePrior, YawPrior,
 };
 use crate::shape::Shape;
+use crate::tracker::CameraId;
 use crate::tracker::candidate::{Candidate, Origin, Verdict};
 use crate::tuning::{DetectionTuning, HeadingTuning, Tuning};
 use pardalis_core::simd::Level;
@@ -198,7 +199,7 @@ impl Detector {
             self.candidates
                 .search(edge, frames, &predicted.size, candidates);
             for number in first..candidates.len() {
-                if is_sure && self.is_known((edge, frames), &candidates[number]) {
+                if self.is_known((edge, frames), &candidates[number]) {
                     candidates[number].verdict = Verdict::SamePlace;
                     continue;
                 }
@@ -234,39 +235,38 @@ impl Detector {
         }
     }
 
-    /// Whether a candidate lies where the likeliest detection so far does and is as large: its fit would find that again.
+    /// Whether a candidate lies where a sure detection does and is as large: its fit would find that again.
     fn is_known(
         &self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
         candidate: &Candidate,
     ) -> bool {
-        let by_ratio =
-            |a: &&Detection, b: &&Detection| a.coarse_log_ratio().total_cmp(&b.coarse_log_ratio());
-        let (Some(position_m), Some(known)) = (
-            candidate.position_m,
-            self.detections().iter().max_by(by_ratio),
-        ) else {
+        let Some(position_m) = candidate.position_m else {
             return false;
         };
         let (reach, most) = (self.tuning.distinct_diameters, self.tuning.same_size_factor);
-        let Some(blob) = candidate.origin.blob() else {
-            let off_m = (Vector3::from(position_m) - Vector3::from(known.position_m())).norm();
-            let resized = (candidate.log_scale - known.log_scale()).abs();
-            return off_m < reach * known.scale() * self.shape.diameter_m()
-                && resized < libm::log(most);
+        let is_same = |known: &Detection| {
+            let Some(blob) = candidate.origin.blob() else {
+                let off_m = Vector3::from(position_m) - Vector3::from(known.position_m());
+                let resized = (candidate.log_scale - known.log_scale()).abs();
+                return off_m.norm() < reach * known.scale() * self.shape.diameter_m()
+                    && resized < libm::log(most);
+            };
+            let camera = candidate.origin.camera().map(CameraId::index);
+            let mut frames = frames.iter();
+            let frame = frames.find(|frame| Some(frame.camera()) == camera);
+            let disc = frame.and_then(|frame| edge.disc_px(frame, known));
+            disc.is_some_and(|(middle_px, area_px)| {
+                let [u, v] = [0, 1].map(|i| blob.centroid_px[i] - middle_px[i]);
+                let diameter_px = 2.0 * (area_px / std::f64::consts::PI).sqrt();
+                let ratio = (blob.area_px / area_px).max(area_px / blob.area_px);
+                libm::hypot(u, v) < reach * diameter_px && ratio < most * most
+            })
         };
-        let is_camera = |frame: &&EdgeFrame| {
-            let camera = candidate.origin.camera();
-            camera.is_some_and(|camera| camera.index() == frame.camera())
-        };
-        let disc = frames.iter().find(is_camera);
-        let Some((middle_px, area_px)) = disc.and_then(|frame| edge.disc_px(frame, known)) else {
-            return false;
-        };
-        let [u, v] = [0, 1].map(|i| blob.centroid_px[i] - middle_px[i]);
-        let diameter_px = 2.0 * (area_px / std::f64::consts::PI).sqrt();
-        let ratio = blob.area_px / area_px;
-        libm::hypot(u, v) < reach * diameter_px && ratio < most * most && ratio * most * most > 1.0
+        let sure = self.tuning.sure_log_ratio;
+        let detections = self.detections().iter();
+        let mut sure = detections.filter(|known| known.coarse_log_ratio() > sure);
+        sure.any(is_same)
     }
 
     /// Fits the candidate of this number, unless it is ruled out already, with a prior of its position if there is one and of its size, as an outline with this
