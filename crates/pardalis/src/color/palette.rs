@@ -221,9 +221,9 @@ impl PixelKind {
     pub fn full_range_yuv(self, bytes: [u8; 3]) -> [f32; 3] {
         let full = YuvEncoding::default();
         match self {
-            Self::Rgb => full_range_yuv_from_rgb(bytes),
+            Self::Rgb => full_range_yuv_from_rgb(bytes.map(f32::from)),
             Self::Yuv(encoding) if encoding == full => bytes.map(f32::from),
-            Self::Yuv(_) => self.full_range_yuv_of_mean(bytes.map(f64::from)),
+            Self::Yuv(encoding) => full_range_yuv_from_rgb(encoding.single_rgb_from_yuv(bytes)),
         }
     }
 
@@ -235,8 +235,13 @@ impl PixelKind {
     ) -> [[f32; N]; 3] {
         // The kind is matched once per block.
         match self {
-            Self::Rgb => of_block(bytes, full_range_yuv_from_rgb),
-            Self::Yuv(_) => of_block(bytes, |bytes| self.full_range_yuv(bytes)),
+            Self::Rgb => of_block(bytes, |bytes| full_range_yuv_from_rgb(bytes.map(f32::from))),
+            Self::Yuv(encoding) if encoding == YuvEncoding::default() => {
+                of_block(bytes, |bytes| bytes.map(f32::from))
+            }
+            Self::Yuv(encoding) => of_block(bytes, |bytes| {
+                full_range_yuv_from_rgb(encoding.single_rgb_from_yuv(bytes))
+            }),
         }
     }
 
@@ -301,8 +306,7 @@ fn of_block<const N: usize>(
 
 /// The same as [`YuvEncoding::yuv_from_rgb`] of the default encoding, in single precision: every pixel near an outline is converted.
 #[inline(always)]
-fn full_range_yuv_from_rgb(rgb: [u8; 3]) -> [f32; 3] {
-    let [red, green, blue] = rgb.map(f32::from);
+fn full_range_yuv_from_rgb([red, green, blue]: [f32; 3]) -> [f32; 3] {
     let luma = 0.299 * red + 0.587 * green + 0.114 * blue;
     let difference = |channel: f32, share: f32| 128.0 + (channel - luma) * (0.5 / (1.0 - share));
     [luma, difference(blue, 0.114), difference(red, 0.299)].map(|value| value.clamp(0.0, 255.0))

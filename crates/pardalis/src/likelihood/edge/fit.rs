@@ -290,7 +290,7 @@ impl EdgeCue {
                     break;
                 }
             }
-            if moved_px < settled_px {
+            if moved_px < settled_px && round > 0 {
                 break;
             }
         }

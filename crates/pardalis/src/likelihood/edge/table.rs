@@ -102,27 +102,32 @@ impl Table {
         at_rest_px: impl Fn(f32) -> f32,
         log_ratios: &mut [f32; SHIFTS],
     ) {
-        const STEPS: usize = (SHIFTS - 1) / SHIFTS_A_PX;
+        const WHOLE: usize = (SHIFTS - 1) / SHIFTS_A_PX;
         let row = self.row(pixel);
-        let last = (EdgeProfile::DISTANCES - 1) as f32;
-        let log_ratio = |distance_px: f32| {
-            let steps = SHIFTS_A_PX as f32 * (distance_px + EdgeProfile::REACH_PX);
-            let steps = steps.clamp(0.0, last);
-            let first = steps as usize;
-            let [here, next] = [first, first + 1].map(|step| row[place(step)]);
-            here + (steps - first as f32) * (next - here)
-        };
-        let mut from_px = at_rest_px(-REACH_PX);
-        log_ratios[0] += log_ratio(from_px);
-        for step in 0..STEPS {
-            let to_px = at_rest_px((step + 1) as f32 - REACH_PX);
-            for part in 1..=SHIFTS_A_PX {
-                let share = part as f32 / SHIFTS_A_PX as f32;
-                let distance_px = from_px + share * (to_px - from_px);
-                log_ratios[step * SHIFTS_A_PX + part] += log_ratio(distance_px);
-            }
-            from_px = to_px;
-        }
+        let at_whole_px: [f32; WHOLE + 1] =
+            std::array::from_fn(|shift| at_rest_px(shift as f32 - REACH_PX));
+        self.level.run(
+            #[inline(always)]
+            || {
+                let mut steps = [0_f32; SHIFTS];
+                for i in 0..SHIFTS - 1 {
+                    let share = (i % SHIFTS_A_PX) as f32 / SHIFTS_A_PX as f32;
+                    let [from_px, to_px] = [0, 1].map(|next| at_whole_px[i / SHIFTS_A_PX + next]);
+                    steps[i] = from_px + share * (to_px - from_px);
+                }
+                steps[SHIFTS - 1] = at_whole_px[WHOLE];
+                let last = (EdgeProfile::DISTANCES - 1) as f32;
+                for step in &mut steps {
+                    let profile_px = *step + EdgeProfile::REACH_PX;
+                    *step = (SHIFTS_A_PX as f32 * profile_px).clamp(0.0, last);
+                }
+                for (log_ratio, step) in log_ratios.iter_mut().zip(steps) {
+                    let first = (step as usize).min(EdgeProfile::DISTANCES - 1);
+                    let [here, next] = [first, first + 1].map(|step| row[place(step)]);
+                    *log_ratio += here + (step - first as f32) * (next - here);
+                }
+            },
+        );
     }
 }
 
