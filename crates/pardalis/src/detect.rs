@@ -14,7 +14,7 @@ use pardalis_core::simd::Level;
 /// The least distance between the rows and columns whose pixels image statistics sample, pixels. Hand-set: 640 x 480 pixels still give 19 200 samples. All targets share the
 /// statistics.
 const LEAST_SAMPLING_STEP_PX: usize = 4;
-/// The greatest number of samples. Hand-set: more say little else of an image, and take time.
+/// About the greatest number of samples. Hand-set: more say little else of an image, and take time.
 const MAX_SAMPLES: usize = 40_000;
 /// The number of pixels that are compared with the target's colours at once.
 const CHUNK: usize = 16;
@@ -133,9 +133,9 @@ impl BinCounts {
 
 /// Returns the distance between the rows and columns whose pixels image statistics sample, pixels.
 pub(crate) fn sampling_step_px(frame: &Frame) -> usize {
-    let samples = |step: &usize| frame.width().div_ceil(*step) * frame.height().div_ceil(*step);
-    let enough = (LEAST_SAMPLING_STEP_PX..).find(|step| samples(step) <= MAX_SAMPLES);
-    enough.unwrap_or(LEAST_SAMPLING_STEP_PX)
+    let pixels = frame.width() * frame.height();
+    let enough = (pixels as f64 / MAX_SAMPLES as f64).sqrt().ceil() as usize;
+    enough.max(LEAST_SAMPLING_STEP_PX)
 }
 
 /// Returns the mean Y, U and V of an image's unmasked pixels, of every `step_px`th pixel of every `step_px`th row.

@@ -372,13 +372,14 @@ fn principal_axes(
     (axes, [0, 1, 2].map(|axis| matrix[axis][axis]))
 }
 
+/// The greatest logarithm of a share that does not change a sum. Derivation: less than half a unit in the last place of 1. Most parts of a mixture are far away.
+const NEGLIGIBLE_LOG: f64 = -45.0;
+
 /// Returns ln(eᵃ + eᵇ).
 pub(super) fn log_add(a: f64, b: f64) -> f64 {
     let (less, more) = if a < b { (a, b) } else { (b, a) };
-    // Less than half a unit in the last place of 1: most parts of a mixture are far away.
-    const NEGLIGIBLE: f64 = -45.0;
     // Both may be -∞.
-    if less == f64::NEG_INFINITY || less - more < NEGLIGIBLE {
+    if less == f64::NEG_INFINITY || less - more < NEGLIGIBLE_LOG {
         more
     } else {
         more + libm::log1p(libm::exp(less - more))

@@ -106,6 +106,19 @@ struct Slope {
     px_per_unit: [f64; 4],
 }
 
+impl Prior {
+    /// The logarithm of its density at a detection, and of those of the cameras' offsets.
+    fn log_density(&self, detection: &Detection) -> f64 {
+        let place = detection.place();
+        let mut log_density = self.form.log_density(place[FORM]) + detection.offsets_log_density();
+        if let Some((mean, information)) = self.gaussian {
+            let off = place - mean;
+            log_density -= 0.5 * (off.transpose() * information * off)[0];
+        }
+        log_density
+    }
+}
+
 /// The index of the form.
 const FORM: usize = 3;
 
@@ -261,7 +274,7 @@ impl EdgeCue {
             let fixed = [prior.is_planar, !self.fits_form(prior, detection)];
             let mut damping = FIRST_DAMPING;
             let mut slope = self.slope(frames, detection);
-            let mut value = self.value(&slope, detection, prior);
+            let mut value = slope.log_ratio + prior.log_density(detection);
             let mut moved_px = 0.0_f64;
             for _ in 0..steps {
                 let here = detection.place();
@@ -276,7 +289,7 @@ impl EdgeCue {
                 detection.step_offsets(&step, max_shift_px);
                 detection.set_place(&(here + step));
                 let new_slope = self.slope(frames, detection);
-                let new_value = self.value(&new_slope, detection, prior);
+                let new_value = new_slope.log_ratio + prior.log_density(detection);
                 if new_value > value {
                     (slope, value) = (new_slope, new_value);
                     damping *= DAMPING_FACTORS[0];
@@ -382,17 +395,6 @@ impl EdgeCue {
             }
         };
         is_seen && !detection.is_streak()
-    }
-
-    /// Returns the log-likelihood ratio at a detection, at which the lines have this slope, plus the prior's log-density there.
-    fn value(&self, slope: &Slope, detection: &Detection, prior: &Prior) -> f64 {
-        let place = detection.place();
-        let mut value = prior.form.log_density(place[FORM]) + detection.offsets_log_density();
-        if let Some((mean, information)) = prior.gaussian {
-            let off = place - mean;
-            value -= 0.5 * (off.transpose() * information * off)[0];
-        }
-        value + slope.log_ratio
     }
 
     /// Returns gradient and curvature with the prior's.

@@ -7,8 +7,8 @@ use pardalis_core::simd::Level;
 /// How far a patch reaches beyond the pixels that are asked for, in pixels of the octave. Hand-set: outlines seldom move farther during a fit.
 const MARGIN_PX: usize = 4;
 
-/// Larger patches are not kept: most of their pixels are far from the outline. Hand-set: 2 MiB.
-const MAX_PIXELS: usize = 1 << 17;
+/// There is room for this many pixels; those of larger patches, most of which are far from the outline, are not kept. Hand-set: half a MiB.
+const MAX_PIXELS: usize = 1 << 15;
 
 /// The pixels of a row that are converted at once.
 pub(super) const CHUNK: usize = 16;
@@ -29,13 +29,10 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    /// Pixels that there is room for in advance. Hand-set: enough for outlines of the octaves in which they are judged.
-    const PIXELS: usize = 8192;
-
     pub(super) fn with_room() -> Self {
         Self {
-            pixels: Vec::with_capacity(Self::PIXELS / CHUNK),
-            converted: Vec::with_capacity(Self::PIXELS / CHUNK),
+            pixels: Vec::with_capacity(MAX_PIXELS / CHUNK),
+            converted: Vec::with_capacity(MAX_PIXELS / CHUNK),
             ..Self::default()
         }
     }
@@ -86,11 +83,11 @@ impl Patch {
         column: usize,
         row: usize,
     ) -> Option<([f32; 3], bool)> {
-        let [column, row] = [column - self.columns.start, row - self.rows.start];
-        let (number, at) = (row * self.chunks_a_row() + column / CHUNK, column % CHUNK);
         let known = if self.converted.is_empty() {
-            self.convert(frame, level, [column - at, row])[at]
+            frame.pixels(level, self.octave, [column, row], 1)[0]
         } else {
+            let [column, row] = [column - self.columns.start, row - self.rows.start];
+            let (number, at) = (row * self.chunks_a_row() + column / CHUNK, column % CHUNK);
             if !self.converted[number] {
                 self.pixels[number] = self.convert(frame, level, [column - at, row]);
                 self.converted[number] = true;

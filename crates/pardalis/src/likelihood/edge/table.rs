@@ -83,7 +83,7 @@ impl Table {
         let steps = SHIFTS_A_PX as f32 * (distance_px - BAND_PX.start());
         let first = (steps as usize).min(BAND_STEPS);
         let part = steps - first as f32;
-        let row = &row[place(first + 1)..][..SHIFTS + 1];
+        let row = &row[place(first + 1)..][..=SHIFTS];
         self.level.run(
             #[inline(always)]
             || {
