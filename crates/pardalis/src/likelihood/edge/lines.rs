@@ -239,7 +239,7 @@ impl CorrespondenceLines {
         let colors = self.sum_pixels(frame, (&surroundings, table), buffers, (weight, tuning));
         self.find_visible(frame, &colors, tuning);
         let exponent = settings.likelihood_exponent as f32;
-        // Shifts are compared before the exponent applies.
+        // The curvature is that with the exponent of the settings.
         self.likelihood_exponent = exponent;
         let shared = self.curvature() * (settings.shared_sigma_px as f32).powi(2);
         self.replace_exponent(exponent / (1.0 + shared), table.level());
