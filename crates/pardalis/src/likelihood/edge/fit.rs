@@ -259,7 +259,6 @@ impl EdgeCue {
             steps,
             min_shift_px,
             max_shift_px,
-            settled_px,
             ..
         } = self.tuning;
         for round in 0..=rounds {
@@ -303,7 +302,7 @@ impl EdgeCue {
                     break;
                 }
             }
-            if moved_px < settled_px && round > 0 {
+            if moved_px < min_shift_px && round > 0 {
                 break;
             }
         }

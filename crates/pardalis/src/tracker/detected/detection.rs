@@ -235,13 +235,14 @@ impl Detector {
         }
     }
 
-    /// Whether a candidate lies where a sure detection does and is as large: its fit would find that again.
+    /// Whether a candidate lies where a sure detection of several cameras does and is as large: its fit would find that again.
     fn is_known(
         &self,
         (edge, frames): (&mut EdgeCue, &[EdgeFrame]),
         candidate: &Candidate,
     ) -> bool {
-        let Some(position_m) = candidate.position_m else {
+        // Of a single camera, a fit without the prior of the prediction may find another distance.
+        let (Some(position_m), true) = (candidate.position_m, frames.len() > 1) else {
             return false;
         };
         let (reach, most) = (self.tuning.distinct_diameters, self.tuning.same_size_factor);
