@@ -221,7 +221,7 @@ impl PixelKind {
     pub fn full_range_yuv(self, bytes: [u8; 3]) -> [f32; 3] {
         let full = YuvEncoding::default();
         match self {
-            Self::Rgb => full_range_yuv_from_rgb(bytes.map(f32::from)),
+            Self::Rgb => self.full_range_yuv_of_mean(bytes.map(f64::from)),
             Self::Yuv(encoding) if encoding == full => bytes.map(f32::from),
             Self::Yuv(encoding) => full_range_yuv_from_rgb(encoding.single_rgb_from_yuv(bytes)),
         }
@@ -235,7 +235,9 @@ impl PixelKind {
     ) -> [[f32; N]; 3] {
         // The kind is matched once per block.
         match self {
-            Self::Rgb => of_block(bytes, |bytes| full_range_yuv_from_rgb(bytes.map(f32::from))),
+            Self::Rgb => of_block(bytes, |bytes| {
+                Self::Rgb.full_range_yuv_of_mean(bytes.map(f64::from))
+            }),
             Self::Yuv(encoding) if encoding == YuvEncoding::default() => {
                 of_block(bytes, |bytes| bytes.map(f32::from))
             }
@@ -304,7 +306,7 @@ fn of_block<const N: usize>(
     block
 }
 
-/// The same as [`YuvEncoding::yuv_from_rgb`] of the default encoding, in single precision: every pixel near an outline is converted.
+/// The same as [`YuvEncoding::yuv_from_rgb`] of the default encoding, in single precision and without divisions: pixels of videos are converted twice.
 #[inline(always)]
 fn full_range_yuv_from_rgb([red, green, blue]: [f32; 3]) -> [f32; 3] {
     let luma = 0.299 * red + 0.587 * green + 0.114 * blue;
