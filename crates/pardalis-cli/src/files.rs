@@ -81,6 +81,24 @@ pub(crate) fn refuse_links(folder: &Path) -> Result<()> {
     }
 }
 
+/// Fails if there is a file at the path that an option names for a result, unless the result may replace it: most likely the path is
+/// that of something else, such as an input. An empty file, a device and a pipe take any result.
+pub(crate) fn refuse_foreign(
+    option: &str,
+    path: &Path,
+    what: &str,
+    is_own: impl Fn(&Path) -> bool,
+) -> Result<()> {
+    let is_empty = |path: &Path| fs::metadata(path).is_ok_and(|metadata| metadata.len() == 0);
+    if !path.is_file() || is_empty(path) || is_own(path) {
+        return Ok(());
+    }
+    Err(user_error!(
+        "{option} {}: exists and holds no {what}; choose another name, or remove it",
+        path.shown()
+    ))
+}
+
 /// A table that grows by whole rows, whatever fails.
 pub(crate) struct RowFile {
     out: Out,

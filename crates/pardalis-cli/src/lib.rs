@@ -23,6 +23,7 @@ mod progress;
 mod rectangle;
 mod rig;
 mod scene;
+mod shell_word;
 mod sight;
 mod source;
 mod tables;

@@ -10,6 +10,7 @@ use crate::arguments::Threads;
 use crate::numbers::counted;
 use crate::output::{Shown, note, print};
 use crate::platforms;
+use crate::shell_word::shell_word;
 use crate::tracking::agreement;
 use crate::tracking::radius::EstimatedRadius;
 use crate::tracking::{
@@ -203,7 +204,7 @@ fn reasons(run: &Run, number: usize) -> Vec<String> {
         } else {
             format!(
                 "next: run `pardalis track {} --explain --annotate`, look at the annotated frames, and read docs/not-found.md",
-                run.scene_path.shown()
+                shell_word(&run.scene_path)
             )
         });
     }

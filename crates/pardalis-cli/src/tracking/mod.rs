@@ -228,17 +228,7 @@ pub(crate) fn run_steps(
     step: Step,
 ) -> Result<Run> {
     interrupt::listen();
-    if let Output::Folder(folder) = &options.output {
-        refuse_links(folder)?;
-    }
-    if options.previous == Previous::Keep {
-        if let Output::Folder(folder) = &options.output {
-            previous::keep_results(folder)?;
-        }
-        if let Some(particles) = &options.particles {
-            previous::keep_rows(particles)?;
-        }
-    }
+    make_way(options)?;
     let mut rows = Rows::create(&options.output, open.scene.targets.clone())?;
     if let Output::Folder(folder) = &options.output {
         remove_old(folder);
@@ -329,22 +319,53 @@ pub(crate) fn run_steps(
     })
 }
 
+/// Makes sure that results replace nothing but those of an earlier run, and keeps its rows if that is asked for.
+fn make_way(options: &Options) -> Result<()> {
+    let folder = match &options.output {
+        Output::Folder(folder) => Some(&**folder),
+        Output::Stdout => None,
+    };
+    if let Some(folder) = folder {
+        refuse_links(folder)?;
+    }
+    if let Some(particles) = &options.particles {
+        particle_rows::check_path(particles, folder, &RESULTS)?;
+    }
+    if options.previous == Previous::Keep {
+        if let Some(folder) = folder {
+            previous::keep_results(folder)?;
+        }
+        if let Some(particles) = &options.particles {
+            previous::keep_rows(particles)?;
+        }
+    }
+    Ok(())
+}
+
+/// The file of the rows.
+const ROWS: &str = "tracks.csv";
+
+/// The files of results in a folder, besides pictures and particles.
+const RESULTS: [&str; 6] = [
+    ROWS,
+    summary::FILE,
+    CandidateRows::FILE,
+    CrossingRows::FILE,
+    smoothed::FILTERED,
+    smoothed::EVENTS,
+];
+
 /// Removes the summary, the pictures, the candidates, the unsmoothed rows, the events and the particles of an earlier run, which would not be of
 /// the new rows.
 fn remove_old(folder: &Path) {
     let plots = TRACK_PLOTS
         .iter()
         .flat_map(|name| ["svg", "png"].map(|ending| format!("{name}.{ending}")));
-    let tables = [
-        summary::FILE,
-        CandidateRows::FILE,
-        CrossingRows::FILE,
-        smoothed::FILTERED,
-        smoothed::EVENTS,
-    ];
     let particles = particle_rows::files_in(folder).into_iter();
     let particles = particles.filter(|file| !previous::is_previous(file));
-    let names = plots.chain(tables.map(str::to_owned));
+    // The rows of this run are there already.
+    let others = RESULTS.iter().filter(|name| **name != ROWS);
+    let names = plots.chain(others.map(|&name| name.to_owned()));
     for file in names.map(|name| folder.join(name)).chain(particles) {
         // Usually there is none.
         let _ = std::fs::remove_file(file);

@@ -11,13 +11,34 @@ use pardalis_filter::Particles;
 use pardalis_scene::{Scene, TargetConfig};
 
 use super::{Instant, Sink, Tracked};
-use crate::files::RowFile;
+use crate::files::{RowFile, refuse_foreign};
+use crate::output::Shown;
+use crate::user_error::user_error;
 
 /// The header line. Later versions may append columns.
 const HEADER: &str =
     "frame,time_s,target,landmark,particle,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps,weight\n";
 /// Number of columns of position and velocity; a motion model without velocities has only the first three.
 const STATE_COLUMNS: usize = 6;
+
+/// Fails if a path for particles is that of a file with something else, or of another result, of these names, in this folder.
+pub(super) fn check_path(path: &Path, folder: Option<&Path>, results: &[&str]) -> Result<()> {
+    refuse_foreign("--particles", path, "particles", has_header)?;
+    let place = |path: &Path| {
+        let found = fs::canonicalize(path);
+        found.or_else(|_| std::path::absolute(path)).ok()
+    };
+    let parent = path.parent().filter(|parent| *parent != Path::new(""));
+    let parent = place(parent.unwrap_or(Path::new(".")));
+    let is_there = folder.is_some_and(|folder| place(folder) == parent);
+    if is_there && results.iter().any(|name| path.ends_with(name)) {
+        return Err(user_error!(
+            "--particles {}: is the name of another result; choose another, such as particles.csv",
+            path.shown()
+        ));
+    }
+    Ok(())
+}
 
 /// Returns the files of particles in a folder. The user names them, so they are known by their header.
 pub(super) fn files_in(folder: &Path) -> Vec<PathBuf> {

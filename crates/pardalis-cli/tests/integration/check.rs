@@ -217,7 +217,7 @@ fn colours_that_do_not_occur_and_guesses_are_warned_of() {
         &[
             "  its colours do not occur in the first frame of cam1",
             "  not found in the first frames: nothing in the image has its colours (no-colors)",
-            "scene.toml: no problems",
+            "scene.toml: no errors, 2 warnings",
         ],
     );
 }

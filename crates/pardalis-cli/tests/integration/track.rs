@@ -413,6 +413,37 @@ fn rows_of_an_earlier_run_are_kept() {
 }
 
 #[test]
+fn particles_replace_no_file_of_anything_else() {
+    let place = Workplace::with_frames(2);
+    let track = |particles: &str| {
+        let arguments = ["-o", "out", "--explain", "--particles", particles];
+        place.track_with(SCENE, &arguments)
+    };
+    place.write("mine.csv", "mine\n");
+    for input in ["mine.csv", "scene.toml", "images/000000.jpg"] {
+        let before = (input != "scene.toml").then(|| fs::read(place.path(input)).unwrap());
+        track(input).refused(&[
+            &format!("--particles {input}: exists and holds no particles"),
+            "choose another name",
+        ]);
+        assert!(before.is_none_or(|before| fs::read(place.path(input)).unwrap() == before));
+    }
+    assert!(!place.path("out").exists());
+    // Results that are not there yet.
+    for result in ["tracks.csv", "candidates.csv", "summary.json"] {
+        track(&format!("out/{result}")).refused(&[
+            &format!("--particles out/{result}: is the name of another result"),
+            "particles.csv",
+        ]);
+    }
+    // Its own file, an empty one and names like those of results elsewhere are fine.
+    place.write("empty.csv", "");
+    for name in ["empty.csv", "out/cloud.csv", "out/cloud.csv", "tracks.csv"] {
+        track(name).fine();
+    }
+}
+
+#[test]
 fn nothing_of_an_earlier_run_stays_beside_other_rows() {
     let place = Workplace::with_frames(4);
     let (detected, _) = SCENE.split_once("contour = ").unwrap();

@@ -26,7 +26,7 @@ pub(super) struct Found {
 
 /// The measured time of a step, and what the first frames showed.
 pub(super) struct Cost {
-    /// What the first frame of each camera showed of each target.
+    /// What the frames showed of each target: the first that did, or else the last.
     pub(super) found: Vec<Found>,
     /// The most frames that were taken from a camera.
     frames: usize,
@@ -49,20 +49,22 @@ pub(super) fn measure(
 ) -> Result<Cost> {
     let pool = threads.start()?;
     let mut times_s = Vec::new();
-    let mut found = Vec::new();
-    let mut is_unseen = vec![true; firsts.len()];
-    let mut sets = sets_of(firsts).peekable();
-    while let Some(set) = sets.next() {
+    let mut found: Vec<Found> = Vec::new();
+    for set in sets_of(firsts) {
         let watch = Stopwatch::start();
         platforms::tell(&mut open.platforms, &mut open.tracker, set.time_s)?;
         pool.install(|| open.tracker.observe(&set.without_frozen()?))?;
         times_s.push(watch.elapsed_s());
-        for (camera, _) in &set.frames {
-            is_unseen[*camera] = false;
+        let now = all_found(&open.tracker, set.time_s)?;
+        if found.is_empty() {
+            found = now;
+            continue;
         }
-        let is_last = sets.peek().is_none();
-        if found.is_empty() && (is_last || !is_unseen.contains(&true)) {
-            found = all_found(&open.tracker, set.time_s)?;
+        // Some targets are found in a later frame only, such as those that one camera does not show.
+        for (known, now) in found.iter_mut().zip(now) {
+            if known.estimate.kinematics.is_none() || now.members > known.members {
+                *known = now;
+            }
         }
     }
     let (first_s, later_s) = match &times_s[..] {

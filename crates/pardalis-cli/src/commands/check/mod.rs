@@ -10,6 +10,7 @@ use anyhow::Result;
 use pardalis::Frame;
 
 use crate::arguments::Threads;
+use crate::numbers::counted;
 use crate::output::{Shown, print, warn};
 use crate::scene::open_parts;
 use camera::Seen;
@@ -83,6 +84,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         warnings.extend(cost.warning(path));
     }
     warnings.iter().for_each(warn);
-    print(format!("{}: no problems", path.shown()));
+    let verdict = match warnings.len() as u64 {
+        0 => "no problems".to_owned(),
+        count => format!("no errors, {}", counted(count, "warning")),
+    };
+    print(format!("{}: {verdict}", path.shown()));
     Ok(())
 }

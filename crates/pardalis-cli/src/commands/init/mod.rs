@@ -17,6 +17,7 @@ use crate::files::write_file;
 use crate::focal_length::{exif_fov_deg, parse_fov_deg};
 use crate::output::{Shown, in_line, print, warn};
 use crate::scene::{read_calibration, read_text};
+use crate::shell_word::shell_word;
 use crate::source::{Source, SourceConfig, SourceKind, Timing};
 use crate::user_error::user_error;
 use sequence::Recording;
@@ -201,12 +202,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if !colors.exists() {
         print(format!(
             "  pardalis learn … -o {}    (how: pardalis learn --help)",
-            colors.shown()
+            shell_word(&colors)
         ));
     }
-    print(format!("  pardalis check {}", output.shown()));
+    print(format!("  pardalis check {}", shell_word(output)));
     let command = if is_single { "locate" } else { "track" };
-    print(format!("  pardalis {command} {}", output.shown()));
+    print(format!("  pardalis {command} {}", shell_word(output)));
     Ok(())
 }
 

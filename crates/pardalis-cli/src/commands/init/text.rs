@@ -98,7 +98,10 @@ impl CameraText {
                 let (fov_deg, origin, center) = match fov {
                     Fov::Given(fov_deg) => (
                         *fov_deg,
-                        format!("{fov_deg} degrees across the longer side"),
+                        format!(
+                            "{} degrees across the longer side",
+                            (100.0 * fov_deg).round() / 100.0
+                        ),
                         known,
                     ),
                     Fov::Exif(fov_deg, image) => (

@@ -10,8 +10,8 @@ use pardalis::Frame;
 use pardalis_scene::{FrameRange, VideoInput};
 
 use super::label::Label;
-use super::shell_word::shell_word;
 use crate::output::{Shown, in_line};
+use crate::shell_word::shell_word;
 use crate::source::decode::decode_image;
 use crate::source::{Delivery, Source, SourceConfig, SourceKind};
 use crate::user_error::user_error;

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use super::shell_word::shell_word;
 use crate::output::Shown;
+use crate::shell_word::shell_word;
 use crate::source::decode::decode_mask;
 use crate::user_error::user_error;
 

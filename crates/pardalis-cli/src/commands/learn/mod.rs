@@ -9,13 +9,13 @@ mod palette;
 mod pictures;
 mod remedy;
 mod report;
-mod shell_word;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use pardalis::color::ColorModel;
 
-use crate::files::write_file;
+use crate::files::{refuse_foreign, write_file};
 use crate::output::{Shown, print};
 use crate::user_error::user_error;
 use check::Check;
@@ -123,8 +123,13 @@ fn check_output(path: &Path) -> Result<()> {
             "--output {name}: the folder {} does not exist; create it, or choose another",
             folder.shown()
         )),
-        _ => Ok(()),
+        _ => refuse_foreign("--output", path, "colour model", is_model),
     }
+}
+
+fn is_model(path: &Path) -> bool {
+    let text = std::fs::read_to_string(path);
+    text.is_ok_and(|text| ColorModel::from_text(&text).is_ok())
 }
 
 /// Returns `orange-learnt`, next to `orange.colors.toml`.

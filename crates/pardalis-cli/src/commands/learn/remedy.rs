@@ -12,7 +12,7 @@ use super::evidence::Evidence;
 use super::inputs::LabelledFile;
 use super::label::Label;
 use super::palette::words_of;
-use super::shell_word::shell_word;
+use crate::shell_word::shell_word;
 
 /// The options of other palettes that are tried.
 const PALETTES: [(&str, Palette); 3] = [

@@ -9,7 +9,7 @@ use pardalis::shape::Stance;
 use pardalis::start::{PixelStart, Start};
 use pardalis::{TargetId, Tracker};
 use pardalis_filter::gaussian::GaussianStart;
-use pardalis_scene::{FrameRange, Input, Scene, TargetConfig, TrackingConfig};
+use pardalis_scene::{FrameRange, Input, Scene, TargetConfig};
 
 use crate::output::Shown;
 use crate::scene::OpenScene;
@@ -257,8 +257,8 @@ impl Starts {
         Ok(())
     }
 
-    /// Says how far a detected target was found from the start given for it, which does not guide its detection; `None` if
-    /// it is not farther away than its diameter.
+    /// Says how far a target was found from the start given for it, which does not guide detection, and need not be where the published
+    /// cues find it; `None` if it is not farther away than its diameter.
     pub(super) fn far_from(
         &self,
         tracker: &Tracker,
@@ -269,9 +269,6 @@ impl Starts {
         let [body] = &target.bodies[..] else {
             return None;
         };
-        if !matches!(body.tracking, TrackingConfig::Detected { .. }) {
-            return None;
-        }
         let rough_start = match self {
             Self::Scene => return None,
             Self::Same(rough_start) => *rough_start,

@@ -5,12 +5,13 @@ use super::*;
 /// Asserts that each run fails with the given texts in its message, and leaves an older model intact.
 fn assert_refused(folder: &TempDir, runs: &[(&[&str], &[&str], &[&str])]) {
     let path = folder.path().join("m.toml");
-    fs::write(&path, "an older model").unwrap();
+    let older = fs::read_to_string(data("colors/orange-ball.hsi.colors.toml")).unwrap();
+    fs::write(&path, &older).unwrap();
     for (inputs, options, expected) in runs {
         let message = error_message(folder, &[*inputs, *options, &["-o", "m.toml"]].concat());
         assert_contains(&message, expected);
         let kept = fs::read_to_string(&path).unwrap();
-        assert_eq!(kept, "an older model", "{options:?}");
+        assert_eq!(kept, older, "{options:?}");
     }
 }
 
@@ -233,6 +234,18 @@ fn invalid_images_are_rejected() {
             ),
         ],
     );
+}
+
+#[test]
+fn only_models_are_replaced() {
+    let folder = small_images();
+    let scene = "[cameras.cam1]\nimages = \"a\"\n";
+    fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let message = error_message(&folder, &[LABELLED_A, &["-o", "scene.toml"]].concat());
+    let expected = "--output scene.toml: exists and holds no colour model; choose another name";
+    assert_contains(&message, &[expected]);
+    let kept = fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+    assert_eq!(kept, scene);
 }
 
 #[test]

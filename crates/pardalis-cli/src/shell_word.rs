@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::output::in_line;
 
 /// Formats a path as one word of a command, in quotes if a shell would take it apart.
-pub(super) fn shell_word(path: &Path) -> String {
+pub(crate) fn shell_word(path: &Path) -> String {
     let text = path.to_string_lossy().into_owned();
     let is_plain = |c: char| c.is_alphanumeric() || "/\\:._-+,@%".contains(c);
     if !text.is_empty() && text.chars().all(is_plain) {
